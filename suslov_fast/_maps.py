@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._bodies.base import Body
+from ._bodies.base import Body, mapping
 from ._bodies.body_3d import Suslov3D, SuslovGyrostat
 from ._bodies.body_nd import SuslovND, are_solved
 from ._bodies.field import QuadraticField
-from ._checks import FloatArray, instance, one_of
+from ._checks import FloatArray, one_of
 from ._docs import filled
 from ._engine.execution import Output, Problem, Span
 from ._engine.layout import flat_parameter, for_kernel, for_loops
@@ -211,6 +211,5 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     >>> body_from_dict(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]).to_dict())
     SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
     """
-    instance("parameters", parameters, Mapping)
     kinds = _classes()
-    return kinds[one_of("body", parameters.get("body"), [*kinds])].from_dict(parameters)
+    return kinds[one_of("body", mapping(parameters).get("body"), [*kinds])].from_dict(parameters)

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from .._checks import FloatArray, common_shape, instance, real_array, without_labels, wrong
+from .._checks import FloatArray, common_shape, real_array, without_labels, wrong
 from .._docs import filled
 
 # Length of a line of text that represents a body.
@@ -178,14 +178,25 @@ class Body:
         Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
         """
         names = [field.name for field in fields(cls)]
-        instance("parameters", parameters, Mapping)
-        parameters = dict(parameters)
+        parameters = dict(mapping(parameters))
         kind = parameters.pop("body", None)
         if kind != cls.__name__:
             raise wrong("body", repr(cls.__name__), repr(kind))
-        if not set(cls._required()) <= set(parameters) <= set(names):
-            raise wrong("parameters", f"the names {names}", sorted(map(str, parameters)))
+        missing = ", ".join(name for name in cls._required() if name not in parameters)
+        unknown = ", ".join(str(name) for name in parameters if name not in names)
+        if missing or unknown:
+            what = f"missing: {missing}" if missing else f"unknown: {unknown}"
+            raise ValueError(f"parameters: expected those of {cls.__name__}, {what}")
         return cls(**parameters)
+
+
+def mapping(parameters: Any) -> Mapping[str, Any]:
+    """Return the argument of `from_dict`; TypeError if it is no dictionary."""
+    if isinstance(parameters, Mapping):
+        return parameters
+    text = isinstance(parameters, (str, bytes))
+    received = "text: pass json.loads(text)" if text else type(parameters).__name__
+    raise wrong("parameters", "a dictionary, as to_dict() returns it", received, TypeError)
 
 
 def _frozen(array: FloatArray) -> float | FloatArray:

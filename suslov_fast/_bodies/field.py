@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from .._checks import (
     FloatArray,
     check_labels,
-    instance,
     integer,
     real_array,
     vectors,
@@ -38,7 +37,7 @@ from .algebra import (
     rational,
     values_of,
 )
-from .base import Body
+from .base import Body, mapping
 
 IntArray = NDArray[np.int64]
 # Numbers of axes of the coefficients.
@@ -363,8 +362,8 @@ class QuadraticField(Body):
     @classmethod
     def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
         """Return the field that :meth:`to_dict` describes."""
-        instance("parameters", parameters, Mapping)
-        given = {k: each if k == "body" else from_plain(k, each) for k, each in parameters.items()}
+        items = mapping(parameters).items()
+        given = {k: each if k == "body" else from_plain(k, each) for k, each in items}
         if "H" in given:
             given["H"] = Polynomial({tuple(powers): rational("H", c) for c, *powers in given["H"]})
         return super().from_dict({"linear": None, "constant": None} | given)

@@ -222,7 +222,7 @@ COMMANDS = {
         {
             "eps": {"default": 0.05, "help": "step size (%(default)s)"},
             "omega0": {"action": "store", "help": "initial state (near a steady rotation)"},
-            "steps": {"default": 440, "type": _integer(1)},
+            "steps": {"default": 440, "type": _integer(1, 10**5)},
             "output": {"required": True, "type": _file(".gif", ".mp4")},
             "dpi": {"default": 100},
         },
@@ -288,7 +288,9 @@ def _check_words(words: Sequence[str], options: dict[str, dict[str, argparse.Act
     if command not in options:
         choices = [*options, "--help", "--version", "-V"]
         expected = f"expected a command, {', '.join(options)}, got {command}"
-        raise UsageError(expected + _meant(command, choices))
+        saved = command.endswith((".npz", ".zarr"))
+        hint = f"; did you mean: suslov-fast info {command}" if saved else _meant(command, choices)
+        raise UsageError(expected + hint)
     if {"-h", "--help", "--"} & {*rest}:
         return
     known, groups = options[command], [("", [""][:0])]
@@ -303,7 +305,8 @@ def _check_words(words: Sequence[str], options: dict[str, dict[str, argparse.Act
         groups.append((name, [word[length:]] if word[length:] else []))
     for name, values in () if "" in known else groups:
         takes = int(bool(name) and known[name].nargs != 0)
-        if takes and len(values) > 1 and known[name].type in (_list, _list_or_table):
+        numbers = all(re.match(r"=?[-+]?\.?\d", each) for each in values)
+        if numbers and len(values) > takes > 0 and known[name].type in (_list, _list_or_table):
             line = f"{name} {','.join(each.strip('=,') for each in values)}"
             raise UsageError(f"argument {name}: expected numbers separated by commas, as {line}")
         if len(values) > takes:
@@ -313,7 +316,7 @@ def _check_words(words: Sequence[str], options: dict[str, dict[str, argparse.Act
 def _meant(word: str, choices: Iterable[str]) -> str:
     """Return a question for the most similar of some words, if there is one."""
     lower = {each.lower(): each for each in choices}
-    close = get_close_matches(word.lower(), lower, 1)
+    close = get_close_matches(word.lower(), lower, 1, 0.65)
     return f"; did you mean {lower[close[0]]}?" if close else ""
 
 

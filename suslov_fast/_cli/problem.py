@@ -30,6 +30,8 @@ def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | No
     names = {name for kind in body_classes() for name in kind._names()}
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     swept = {name: low for name, low, *_ in getattr(options, "sweep", [])}
+    if len(swept) < len(getattr(options, "sweep", [])):
+        raise UsageError("argument --sweep: expected each name once, got one twice")
     if twice := swept.keys() & {*given, *(["eps"] if options.eps is not None else [])}:
         raise UsageError(f"argument --sweep: expected {twice.pop()} given once, got it twice")
     if options.axis is not None and not (options.inertia or options.mass_tensor):
@@ -79,6 +81,9 @@ def _require_positive(given: dict[str, Any]) -> None:
 
 def _with_parameters(base: Any, given: dict[str, Any]) -> Any:
     """Return the first body that has the given parameters and those of a base, if any."""
+    if base is not None and type(base) not in body_classes():
+        words = " ".join(map(flag, given))
+        raise UsageError(f"argument {words}: expected none beside a {type(base).__name__}")
     values: dict[str, Any] = (base._values if base is not None else {}) | given
     required = {kind: kind._required() for kind in body_classes()}
     having = [kind for kind in required if values.keys() <= {*kind._names()}]
@@ -88,10 +93,8 @@ def _with_parameters(base: Any, given: dict[str, Any]) -> Any:
         missing = [flag(name) for name in required[having[0]] if name not in values]
         hint = f"those of {having[0].__name__}, missing: {' '.join(missing)}"
         if {*given} <= PICTURES[DEFAULT_PICTURE].body._values.keys():
-            words = (f"{flag(name)} {value:g}" for name, value in given.items())
-            hint += (
-                f"; or those of a picture, changed: --picture {DEFAULT_PICTURE} {' '.join(words)}"
-            )
+            words = " ".join(f"{flag(name)} {value:g}" for name, value in given.items())
+            hint += f"; or change a picture: --picture {DEFAULT_PICTURE} {words}"
         raise UsageError(f"expected all parameters of a body, {hint}")
     if not kinds:
         known = " or ".join(" ".join(map(flag, names)) for names in required.values())
@@ -104,9 +107,13 @@ def _with_parameters(base: Any, given: dict[str, Any]) -> Any:
 def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:
     source = options.inertia or options.mass_tensor
     build: Any = Suslov3D.from_inertia if options.inertia else SuslovND.from_mass_tensor
-    with about("argument --inertia" if options.inertia else "argument --mass-tensor"):
+    name = "argument --inertia" if options.inertia else "argument --mass-tensor"
+    with about(source if isinstance(source, Path) else name):
         tensor = read_table(source) if isinstance(source, Path) else _symmetric(source)
-        tensor = inertia_matrix("I", tensor)  # a single one
+        tensor = inertia_matrix("I", tensor, 3 if options.inertia else None)  # a single one
+        if options.axis and (len(options.axis) != len(tensor) or not any(options.axis)):
+            expected = f"expected {len(tensor)} numbers other than 0,...,0"
+            raise UsageError(f"argument --axis: {expected}, got {options.axis}")
         body, rotation = build(tensor, options.axis or np.eye(len(tensor))[-1])
     return body, None if (rotation == np.eye(len(rotation))).all() else rotation
 
@@ -125,10 +132,15 @@ def starts_of(options: argparse.Namespace, body: Any) -> Any:
     used = [name for name in sources if getattr(options, name) is not None]
     if len(used) > 1 and used[0] in ("omega0", "initial"):
         raise UsageError(f"expected either {flag(used[0])} or {flag(used[1])}, got both")
+    components = map_of(body).components(body)
+    for state in options.omega0 or ():
+        if len(state) != len(components):
+            expected = f"expected the {len(components)} numbers {','.join(components)}"
+            raise UsageError(f"argument --omega0: {expected}, got {len(state)}")
     if options.omega0 is not None:
         return options.omega0
     if options.initial is not None:
-        return read_table(options.initial, map_of(body).components(body))
+        return read_table(options.initial, components)
     count, extent = options.trajectories or TRAJECTORIES, options.extent
     with about("argument --extent"):
         return RandomStarts(count, EXTENT if extent is None else extent, options.seed or 0)
@@ -153,6 +165,11 @@ def read_table(path: Path, components: tuple[str, ...] = ()) -> FloatArray:
     with about(path):
         if path.suffix.lower() == ".npy":
             array: FloatArray = np.atleast_2d(open_npy(path))
+            if array.dtype.kind not in "iuf":
+                raise ValueError(f"expected real numbers, got an array of {array.dtype}")
+            if components and array.shape[-1] != len(components):
+                columns = f"the {len(components)} columns {','.join(components)}"
+                raise ValueError(f"expected {columns}, got an array of shape {array.shape}")
             _require_finite(array)
             return array
         lines = [*enumerate(_text(path).splitlines(), start=1)]

@@ -17,6 +17,7 @@ import numpy as np
 
 import suslov_fast as sf
 
+from .._engine.memory import require
 from .._jit import compile_timer
 from .._runs.files import place_for
 from .._runs.schema import entries_of
@@ -71,7 +72,9 @@ def _in_parts_instead() -> Iterator[None]:
     try:
         yield
     except MemoryError as error:
-        raise CommandError(f"run: {error}; -o FILE.zarr writes a run of any size") from error
+        text = str(error).partition(";")[0]
+        how = "-o FILE.zarr writes a run of any size, a larger --save-every less"
+        raise CommandError(f"run: {text}; {how}") from error
 
 
 def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
@@ -129,6 +132,7 @@ def _swept(body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]) -> 
     """Return the body and the step sizes with an axis for each sweep, before that of the states."""
     names = [name for name in body._names() if not body._axes(name)]
     for k, (name, low, high, count) in enumerate(sweeps):
+        require(16 * count, "fewer values of --sweep need less")
         values = np.linspace(low, high, count).reshape(-1, *(1,) * (len(sweeps) - k))
         with about("argument --sweep"):
             if name == "eps":

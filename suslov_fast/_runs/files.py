@@ -66,8 +66,9 @@ def _entries(path: PathLike) -> Entries:
     except MemoryError:
         raise
     except Exception as error:  # readers raise various errors for damaged files
+        received = "another file, or a damaged one"
         raise ValueError(
-            f"expected a .npz file that Trajectories.save wrote, got: {error}"
+            f"expected a .npz file that Trajectories.save wrote, got {received}"
         ) from error
 
 

@@ -157,7 +157,9 @@ def body_of(map: Map, entries: Mapping[str, NDArray[Any]]) -> Any:
 
 def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the header as numbers and strings; ValueError if it is of another version."""
-    written = str(values.get("format", "none"))
+    if "format" not in values:
+        raise ValueError("expected a run of this package, got other arrays")
+    written = str(values["format"])
     if written != str(FORMAT):
         of = f", of suslov_fast {values['version']}" if "version" in values else ""
         is_old = written < str(FORMAT)

@@ -24,7 +24,7 @@ periodic = body.k**2 > A2
 figure, axes = plt.subplots(figsize=(6, 5.6), layout="constrained")
 grid = np.linspace(-2.6, 2.6, 300)
 F = first_integral(body, np.stack(np.meshgrid(grid, grid), axis=-1), eps)
-levels = np.unique(first_integral(body, starts[:7], eps))
+levels = np.unique(first_integral(body, starts, eps))
 axes.contour(grid, grid, F, levels=levels, colors="gray", linewidths=0.5)
 axes.plot([], [], color="gray", linewidth=0.5, label="levels of $F$")
 for chosen, marker, color, label in (

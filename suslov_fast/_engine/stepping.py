@@ -83,7 +83,9 @@ def iterate_nd(
     of_body = () if shared else (lanes,)
     of_lanes = np.empty((tasks, 2, M, *of_body)), np.empty((tasks, 2, M, lanes))
     advice = "method='rank2', fewer threads, or shorter steps"
-    matrices = _aligned((tasks, m, m + 1, lanes), advice) if eliminates else None
+    matrices = None
+    if eliminates:
+        matrices = _aligned((tasks, m, m + 1, lanes), advice), *for_one_system(tasks, m, 1)
     before = (*problem.parameters, problem.omega0)
     after = output.saved, turning, results, (*of_lanes, matrices)
     for stretch, work in stretches_of(problem, span, step, LANES_ND):
@@ -101,6 +103,7 @@ def iterate_field(problem: Problem, span: Span, output: Output) -> Indices:
     lanes = WIDEST if D <= _FEW and size >= WIDEST else WIDTH
     tasks = min(problem.threads or numba.get_num_threads(), max(-(-size // lanes), 1))
     memory = _aligned((tasks, 2, D, D + 1, lanes)), _aligned((tasks, 2, D, lanes))
+    memory = *memory, *for_one_system(tasks, D, 2)
     before, after = (*problem.parameters, problem.omega0), (output.saved, None, results, memory)
     for stretch, work in stretches_of(problem, span, step, lanes):
         _threads.run(blocks_nd.field, work, problem.threads, before, stretch, *after)
@@ -129,6 +132,11 @@ def _tasks_and_lanes(size: int, threads: int | None, eliminates: bool) -> tuple[
     blocks = -(-blocks // tasks) * tasks
     lanes = -(-max(size, 1) // (blocks * LINE)) * LINE
     return tasks, lanes
+
+
+def for_one_system(tasks: int, m: int, right_sides: int) -> tuple[FloatArray, FloatArray]:
+    """Return memory in which each task solves one system of m equations, see `solve_system`."""
+    return np.empty((tasks, 2, m, m + right_sides)), np.empty((tasks, 2, m))
 
 
 def _aligned(shape: tuple[int, ...], advice: str = "fewer threads") -> FloatArray:

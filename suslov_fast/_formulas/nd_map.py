@@ -5,15 +5,11 @@ omega_next - omega.
 """
 
 from .._jit import formula, select
-from .elementary import larger, smaller
+from .elementary import smaller
 
 # The O(n) step loses less than two digits where all |d_i| / J_i are above this, and the determinant
 # of its two equations is above the square of this in units of its terms.
 FAR = 0.25
-# Bound of the second smallest |d_i| / J_i if the component of the smallest is a third unknown.
-FAR_ENOUGH = 0.1
-# A pivot of the three equations this much smaller than those before it costs three digits.
-TOO_SMALL = 1e-3
 # A step is small if eps |I| |omega| / min J is below this, which limits cancellation between omega
 # and its increment.
 SMALL = 64.0
@@ -57,40 +53,6 @@ def solve2(eps, p, square, alpha, beta, gamma):
     r = 1.0 / det
     I_delta, omega_delta = (a22 * b1 - a12 * b2) * r, (a11 * b2 - a21 * b1) * r
     return h * (2.0 * p + I_delta), eps * (square + omega_delta), abs(det), size
-
-
-@formula
-def solve_bordered(J_k, I_k, omega_k, eps, p, square, alpha, beta, gamma):
-    """Solve for I.delta, omega.delta and delta_k; component k, whose d may be 0, is in no sum.
-
-    Returns the factors like `solve2`, delta_k, and True if no pivot is too small.
-    """
-    h = 0.5 * eps
-    a = 1.0 - h * alpha, eps * beta, -I_k, eps * (p * alpha - square * beta)
-    b = -h * gamma, 1.0 + eps * alpha, -omega_k, eps * (p * gamma - square * alpha)
-    c = (
-        -h * omega_k / J_k,
-        eps * I_k / J_k,
-        1.0 - h * p / J_k,
-        eps * (p * omega_k - I_k * square) / J_k,
-    )
-    if abs(b[0]) > abs(a[0]):
-        a, b = b, a
-    if abs(c[0]) > abs(a[0]):
-        a, c = c, a
-    f, g = b[0] / a[0], c[0] / a[0]
-    b = 0.0, b[1] - f * a[1], b[2] - f * a[2], b[3] - f * a[3]
-    c = 0.0, c[1] - g * a[1], c[2] - g * a[2], c[3] - g * a[3]
-    if abs(c[1]) > abs(b[1]):
-        b, c = c, b
-    f = c[1] / b[1]
-    last = c[2] - f * b[2]
-    z = (c[3] - f * b[3]) / last
-    y = (b[3] - b[2] * z) / b[1]
-    x = (a[3] - a[2] * z - a[1] * y) / a[0]
-    first, second = abs(a[0]), abs(b[1])
-    regular = (second > TOO_SMALL * first) & (abs(last) > TOO_SMALL * larger(first, second))
-    return h * (2.0 * p + x), eps * (square + y), z, regular
 
 
 @formula

@@ -1,69 +1,49 @@
-"""Gaussian elimination with partial pivoting: of several systems of equations side by side, and of
-one system with twice the digits, for systems that lose too many of them.
+"""Gaussian elimination: of many systems side by side, and of one system.
+
+Many systems are eliminated in the order of their unknowns. No rows are exchanged, so the units of
+the unknowns change no digit. Their pivots tell which systems lose digits in this order; these are
+solved again one by one, scaled, with partial pivoting.
 """
 
 import numpy as np
 
+from .._formulas.coordinates import ZERO_TO_ROUNDING
 from .._formulas.elementary import exponent, larger, smaller, two_to_the
-from .._formulas.twofold import difference, product, quotient
-from .._jit import LINE, formula, inner, select, stack, subtract_product
+from .._jit import LINE, inner, select, stack, subtract_product
 
 # Usual and largest numbers of systems side by side. 128 take 0.6 of the time for 3 equations, and
 # 0.9 for 12; matrices of 64 then leave the second cache.
 WIDTH, WIDEST = 32, 128
-# Elimination loses less than three digits if the ratio of the least to the largest pivot, and that
-# of the sizes of the unknowns, are above this.
-ACCURATE = 2.0**-10
-
-
-@inner
-def exchange_rows(matrix, k, beyond_1):
-    """Exchange rows in each system: the largest entry of column k below row k goes to row k."""
-    m, columns, width = matrix.shape
-    for l in range(width):
-        pivot = k
-        for i in range(k + 1, m):
-            if abs(matrix[i, k, l]) > abs(matrix[pivot, k, l]):
-                pivot = i
-        if pivot != k:
-            for j in range(k, columns):
-                matrix[k, j, l], matrix[pivot, j, l] = matrix[pivot, j, l], matrix[k, j, l]
-            if beyond_1 is not None:
-                beyond_1[k, l] = beyond_1[pivot, l] = np.nan
+# Elimination side by side is accurate if the ratio of `eliminate` is above this.
+ACCURATE = 2.0**-8
+# Rounds of `balance`, at most: two or three do, unless unknowns are coupled in one direction.
+ROUNDS = 20
 
 
 @inner
 def eliminate(matrix, ratio, beyond_1=None):
-    """Solve systems of m equations in place.
+    """Solve systems of m equations in place, with the diagonal as pivots.
 
     matrix      (m, m + r, width): the coefficients, and r right sides, which become the solutions;
                 the diagonal becomes that of inverse pivots, and the other coefficients are lost.
                 width is a multiple of WIDTH up to WIDEST.
-    ratio       (width,), filled with the ratio of the least pivot to the largest, or to 1 if that
-                is larger: the matrices are sums of the identity and other terms
+    ratio       (width,), filled with the ratio of the least pivot to the largest number that was
+                on the diagonal, or to 1 if that is larger: the matrices are sums of the identity
+                and other terms. Both are independent of the units of the unknowns.
     beyond_1    None, or (m, width): the diagonal less 1, more accurate than the diagonal itself if
-                that is near 1; it becomes the pivots less 1, NaN if rows were exchanged
+                that is near 1; it becomes the pivots less 1
     """
     m, columns, width = matrix.shape
-    largest, pivots, least = stack(WIDEST), stack(WIDEST), stack(WIDEST)
-    inverse, factor = stack(WIDEST), stack(WIDEST)
+    largest, least, inverse, factor = stack(WIDEST), stack(WIDEST), stack(WIDEST), stack(WIDEST)
     for l in range(width):
-        pivots[l], least[l] = 1.0, np.inf
+        largest[l], least[l] = 1.0, np.inf
+    for i in range(m):
+        for l in range(width):
+            # The sum avoids masked stores, which are slow.
+            largest[l] = larger(abs(matrix[i, i, l]), largest[l]) + 0.0
     for k in range(m):
         for l in range(width):
-            largest[l] = abs(matrix[k, k, l])
-        for i in range(k + 1, m):
-            for l in range(width):
-                # The sum avoids masked stores, which are slow.
-                largest[l] = larger(abs(matrix[i, k, l]), largest[l]) + 0.0
-        smaller_pivots = 0  # an integer: a sum of floats is one addition after the other
-        for l in range(width):
-            smaller_pivots += select(abs(matrix[k, k, l]) < largest[l], 1, 0)
-        # Near the identity no rows are exchanged.
-        if smaller_pivots > 0:
-            exchange_rows(matrix, k, beyond_1)
-        for l in range(width):
-            pivots[l], least[l] = larger(largest[l], pivots[l]), smaller(largest[l], least[l])
+            least[l] = smaller(abs(matrix[k, k, l]), least[l]) + 0.0
             inverse[l] = 1.0 / matrix[k, k, l]
             matrix[k, k, l] = inverse[l]
         for i in range(k + 1, m):
@@ -78,8 +58,10 @@ def eliminate(matrix, ratio, beyond_1=None):
                 for j in range(k + 1, columns):
                     for l in range(first, first + WIDTH, LINE):
                         subtract_product(matrix, (i, j, l), factor, (l,), matrix, (k, j, l))
+            for l in range(width):
+                largest[l] = larger(abs(matrix[i, i, l]), largest[l]) + 0.0
     for l in range(width):
-        ratio[l] = least[l] / pivots[l]
+        ratio[l] = least[l] / largest[l]
     for i in range(m - 1, -1, -1):
         for r in range(m, columns):
             for first in range(0, width, WIDTH):
@@ -90,57 +72,109 @@ def eliminate(matrix, ratio, beyond_1=None):
                 matrix[i, r, l] *= matrix[i, i, l]
 
 
-@formula
-def twofold(matrix, i, j):
-    return matrix[i, j, 0], matrix[i, j, 1]
-
-
-@formula
-def subtract(matrix, i, j, v):
-    """Subtract a number of twice the digits from an entry, see `eliminate_twofold`."""
-    matrix[i, j, 0], matrix[i, j, 1] = difference(twofold(matrix, i, j), v)
-    matrix[i, j, 2] += abs(v[0])
-
-
 @inner
-def eliminate_twofold(matrix, tolerance):
-    """Solve a system of m equations in place, with twice the digits; return k, for which |det| is
-    the product of the magnitudes of the diagonal and 2**k.
+def solve_system(system, scales):
+    """Solve one system of m equations, with a small error in each of its coefficients.
 
-    matrix      (m, m + r, 3 or more): numbers and their rounding errors, of coefficients and right
-                sides, and the sums of the magnitudes of their terms; the right sides become the
-                solutions, NaN if a pivot is 0, or below its terms times m and the tolerance: then
-                it is NaN
+    The matrix is the identity and other terms, as in `eliminate`. Unknowns and equations are scaled
+    by powers of two; pivots are chosen for rows of equal size; and each solution is refined once.
+
+    system   (2, m, m + r): in system[0] the coefficients and r right sides; these become the
+             solutions, and the diagonal the pivots, 0 or, if they are 0 to rounding, NaN. Solutions
+             are NaN then. system[1] is scratch.
+    scales   (2, m), scratch
     """
-    m, columns, _ = matrix.shape
-    power = 0.0
+    matrix, original, units, weights = system[0], system[1], scales[0], scales[1]
+    m, columns = matrix.shape
+    balance(matrix, units)
     for i in range(m):
         largest = 0.0
         for j in range(m):
-            largest = larger(abs(matrix[i, j, 0]), largest)
-        power += exponent(largest)
+            largest = larger(abs(matrix[i, j]), largest)
+        weights[i] = 1.0 / largest
         for j in range(columns):
-            for part in range(3):
-                matrix[i, j, part] *= two_to_the(-exponent(largest))
+            original[i, j] = matrix[i, j]
     for k in range(m):
-        pivot = k
+        exchange_rows(matrix, original, weights, k)
+        terms = 1.0 + abs(matrix[k, k])
+        for j in range(k):
+            terms += abs(matrix[k, j] * matrix[j, k])
+        if 0.0 < abs(matrix[k, k]) <= m * ZERO_TO_ROUNDING * terms:
+            matrix[k, k] = np.nan
         for i in range(k + 1, m):
-            if abs(matrix[i, k, 0]) > abs(matrix[pivot, k, 0]):
-                pivot = i
-        for j in range(columns):
-            for part in range(3):
-                above = matrix[k, j, part]
-                matrix[k, j, part], matrix[pivot, j, part] = matrix[pivot, j, part], above
-        if 0.0 < abs(matrix[k, k, 0]) <= m * tolerance * matrix[k, k, 2]:
-            matrix[k, k, 0] = np.nan
-        for i in range(k + 1, m):
-            factor = quotient(twofold(matrix, i, k), twofold(matrix, k, k))
-            for j in range(k + 1, columns):
-                subtract(matrix, i, j, product(factor, twofold(matrix, k, j)))
+            factor = matrix[i, k] / matrix[k, k]
+            matrix[i, k] = factor
+            for j in range(k + 1, m):
+                matrix[i, j] -= factor * matrix[k, j]
     for r in range(m, columns):
-        for i in range(m - 1, -1, -1):
-            for j in range(i + 1, m):
-                subtract(matrix, i, r, product(twofold(matrix, i, j), twofold(matrix, j, r)))
-            x = quotient(twofold(matrix, i, r), twofold(matrix, i, i))
-            matrix[i, r, 0], matrix[i, r, 1] = x
-    return power
+        substitute(matrix, matrix, r)
+        for i in range(m):
+            for j in range(m):
+                original[i, r] -= original[i, j] * matrix[j, r]
+        substitute(matrix, original, r)
+        for i in range(m):
+            change = original[i, r]
+            matrix[i, r] = (matrix[i, r] + select(abs(change) < np.inf, change, 0.0)) * units[i]
+
+
+@inner
+def balance(matrix, units):
+    """Change to units of the unknowns, powers of two, in which the largest entries beside the
+    diagonal are alike in the row and the column of each unknown.
+    """
+    m, columns = matrix.shape
+    for i in range(m):
+        units[i] = 1.0
+    for _ in range(ROUNDS):
+        changed = False
+        for i in range(m):
+            of_row, of_column = 0.0, 0.0
+            for j in range(m):
+                if j != i:
+                    of_row = larger(abs(matrix[i, j]), of_row)
+                    of_column = larger(abs(matrix[j, i]), of_column)
+            power = exponent(of_row) - exponent(of_column)
+            if of_row > 0.0 and of_column > 0.0:
+                power = np.floor(0.5 * power)
+            elif of_row > 0.0 or of_column > 0.0:
+                power = exponent(of_row) if of_row > 0.0 else -exponent(of_column)
+            if power != 0.0 and abs(power) <= 500.0:
+                changed = True
+                factor, inverse = two_to_the(power), two_to_the(-power)
+                units[i] *= factor
+                for j in range(columns):
+                    if j != i:
+                        matrix[i, j] *= inverse
+                for j in range(m):
+                    if j != i:
+                        matrix[j, i] *= factor
+        if not changed:
+            break
+
+
+@inner
+def exchange_rows(matrix, original, weights, k):
+    """Exchange row k with the one that has the largest entry of column k, relative to its row."""
+    pivot = k
+    for i in range(k + 1, len(weights)):
+        if abs(matrix[i, k]) * weights[i] > abs(matrix[pivot, k]) * weights[pivot]:
+            pivot = i
+    if pivot != k:
+        weights[k], weights[pivot] = weights[pivot], weights[k]
+        for j in range(matrix.shape[1]):
+            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+            original[k, j], original[pivot, j] = original[pivot, j], original[k, j]
+
+
+@inner
+def substitute(factors, matrix, r):
+    """Replace a right side, column r, by its solution, NaN if a pivot is 0."""
+    m = len(factors)
+    for i in range(m):
+        for j in range(i):
+            matrix[i, r] -= factors[i, j] * matrix[j, r]
+    for i in range(m - 1, -1, -1):
+        for j in range(i + 1, m):
+            matrix[i, r] -= factors[i, j] * matrix[j, r]
+        pivot = factors[i, i]
+        matrix[i, r] = select(pivot == 0.0, np.nan, matrix[i, r] / pivot)

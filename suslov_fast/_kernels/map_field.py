@@ -10,18 +10,18 @@ parameters   indices (3, T), i, j and k, where j <= k, and those with k = D are 
              v for a single field, or (T, B) for a batch, B a multiple of WIDEST; the step size, and
              the largest absolute value of a quadratic coefficient, (B,) or (1,); the states at
              step 0, (B, D)
-memory       for equations (tasks, 2, D, D + 1, lanes), and for states (tasks, 2, D, lanes)
+memory       for equations (tasks, 2, D, D + 1, lanes), for states (tasks, 2, D, lanes), and for
+             `solve_system` (tasks, 2, D, D + 2) and (tasks, 2, D)
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from .._formulas.coordinates import ZERO_TO_ROUNDING
-from .._formulas.elementary import exponent, scaled, within
-from .._jit import LINE, allocation, formula, inner, rows_of, select, subtract_product, two_product
+from .._formulas.elementary import exponent, larger, scaled, within
+from .._jit import LINE, allocation, formula, inner, rows_of, select, subtract_product
 from .codes import NONFINITE, OK, SINGULAR
-from .elimination import ACCURATE, WIDEST, eliminate, eliminate_twofold, subtract
+from .elimination import ACCURATE, WIDEST, eliminate, solve_system
 from .lanes import entry
 
 # States whose components add up to less than this are finite.
@@ -29,6 +29,8 @@ LARGEST = 1e307
 # |eps q| lies between the inverse of 2 to this power and that power, where q is the largest
 # quadratic coefficient: products of eps, q and states are in range if eps q x is.
 FAR = 500.0
+# A component that falls below this part of its increment has lost digits.
+CANCELLED = 2.0**-10
 
 
 class FieldComponents(NamedTuple):
@@ -40,6 +42,8 @@ class FieldComponents(NamedTuple):
     after: object  # the next states
     slopes: object  # half the step size times the terms with k = D, (D, D + 1, lanes)
     matrix: object  # A, and minus half the step size times f as the right side
+    system: object  # scratch of `solve_system`
+    scales: object
 
 
 class FieldLanes(NamedTuple):
@@ -49,7 +53,7 @@ class FieldLanes(NamedTuple):
     unit: object
     bound: object  # LARGEST in the unit of length
     size: object  # the sum of the absolute values of the components of the next state
-    way: object  # half the sum of the absolute values of the components of the increment
+    lost: object  # above 0 if a component is cancelled by its increment
     factor: object
     ratio: object  # of pivots, see `eliminate`
 
@@ -57,9 +61,11 @@ class FieldLanes(NamedTuple):
 @allocation
 def block(parameters, memory, task):
     """Return a block whose components are in the memory of a task."""
-    (indices, values, _, _, _), (systems, states) = parameters, memory
-    slopes, matrix, x, after = systems[task, 0], systems[task, 1], states[task, 0], states[task, 1]
-    return FieldComponents(indices, values, x, after, slopes, matrix), rows_of(FieldLanes, WIDEST)
+    (indices, values, _, _, _), (equations, states, systems, all_scales) = parameters, memory
+    x, after, slopes = states[task, 0], states[task, 1], equations[task, 0]
+    matrix, system, scales = equations[task, 1], systems[task], all_scales[task]
+    c = FieldComponents(indices, values, x, after, slopes, matrix, system, scales)
+    return c, rows_of(FieldLanes, WIDEST)
 
 
 @formula
@@ -120,25 +126,26 @@ def add(c, b):
     """Fill the next states; return how many are not finite, or not accurate."""
     D, width = c.x.shape
     for l in range(width):
-        b.size[l], b.way[l] = 0.0, 0.0
+        b.size[l], b.lost[l] = 0.0, 0.0
     for i in range(D):
         for l in range(width):
             x, half = c.x[i, l], c.matrix[i, D, l]  # minus half the increment
             c.after[i, l] = select(half == 0.0, x, x - 2.0 * half)  # -0.0 remains
-            b.size[l] += abs(c.after[i, l])
-            b.way[l] += abs(half)
+            size = abs(c.after[i, l])
+            b.size[l] += size
+            b.lost[l] = larger(CANCELLED * abs(half) - size, b.lost[l]) + 0.0
     failed = 0
     for l in range(width):
-        failed += select(is_accurate(b.size[l], b.way[l], b.bound[l], b.ratio[l]), 0, 1)
+        failed += select(is_accurate(b.size[l], b.lost[l], b.bound[l], b.ratio[l]), 0, 1)
     return failed
 
 
 @formula
-def is_accurate(size, way, bound, ratio):
-    """Test that a next state is finite, and that neither elimination nor the sum of the state and
-    its increment lose digits.
+def is_accurate(size, lost, bound, ratio):
+    """Test that a next state is finite, and that neither elimination nor the sums of components and
+    their increments lose digits.
     """
-    return (size <= bound) & (size >= ACCURATE * way) & (ratio > ACCURATE)
+    return (size <= bound) & (lost <= 0.0) & (ratio > ACCURATE)
 
 
 @formula
@@ -151,14 +158,16 @@ def take(c):
 
 @inner
 def settle(c, b, n, results, begin, end):
-    """Find next states that are not accurate with twice the digits, and end lanes without one."""
+    """Solve one by one for next states that are not accurate, and end lanes without one."""
     _, status, failed_at, _ = results
+    build(c, b, begin)
     for l in range(c.x.shape[1]):
-        if not is_accurate(b.size[l], b.way[l], b.bound[l], b.ratio[l]):
-            size = eliminate_lane(c, b, l, begin)
+        if not is_accurate(b.size[l], b.lost[l], b.bound[l], b.ratio[l]):
+            finite, size = solve_lane(c, l), 0.0
+            for i in range(c.x.shape[0]):
+                size += abs(c.after[i, l])
             if not size <= b.bound[l]:
                 if begin + l < end:
-                    finite = b.factor[l] == 0.0
                     status[begin + l] = SINGULAR if np.isnan(size) and finite else NONFINITE
                     failed_at[begin + l] = n
                 stop(c, b, l)
@@ -166,36 +175,29 @@ def settle(c, b, n, results, begin, end):
 
 
 @inner
-def eliminate_lane(c, b, l, begin):
-    """Find the next state of a lane from A x_next = x + (eps/2) l x + eps c with twice the digits,
-    and return its size, see `FieldLanes`; the factor becomes NaN unless all equations are finite.
+def solve_lane(c, l):
+    """Find the next state of a lane by `solve_system`; return True if its equations are finite.
+
+    A component that its increment cancels is taken from the equations for the next state itself,
+    A x_next = x + (eps/2) l x + eps c.
     """
-    indices, values, matrix, x = c.indices, c.values, c.matrix, c.x
-    D = len(x)
+    system, D = c.system[0], len(c.x)
+    poison = 0.0
     for i in range(D):
         for j in range(D + 1):
-            matrix[i, j, 0], matrix[i, j, 1], matrix[i, j, 2] = 0.0, 0.0, 0.0
-        subtract(matrix, i, i, (-1.0, 0.0))
-        subtract(matrix, i, D, (-x[i, l], 0.0))
-        subtract(matrix, i, D, (-2.0 * c.slopes[i, D, l], 0.0))
+            system[i, j] = c.matrix[i, j, l]
+        system[i, D + 1] = c.x[i, l] + 2.0 * c.slopes[i, D, l]
         for j in range(D):
-            subtract(matrix, i, j, (c.slopes[i, j, l], 0.0))
-            subtract(matrix, i, D, two_product(-c.slopes[i, j, l], x[j, l]))
-    for t in range(len(values)):
-        i, j, k = indices[0, t], indices[1, t], indices[2, t]
-        if k < D:
-            factor = b.half[l] * value(values, t, begin + l)
-            subtract(matrix, i, j, two_product(factor, x[k, l]))
-            subtract(matrix, i, k, two_product(factor, x[j, l]))
-    b.factor[l], size = 0.0, 0.0
+            system[i, D + 1] += c.slopes[i, j, l] * c.x[j, l]
+        for j in range(D + 2):
+            poison += 0.0 * system[i, j] if j != D else 0.0
+    solve_system(c.system, c.scales)
     for i in range(D):
-        for j in range(D + 1):
-            b.factor[l] += 0.0 * matrix[i, j, 0]
-    eliminate_twofold(matrix, ZERO_TO_ROUNDING)
-    for i in range(D):
-        c.after[i, l] = matrix[i, D, 0]
-        size += abs(c.after[i, l])
-    return size
+        x, half = c.x[i, l], system[i, D]
+        after = select(half == 0.0, x, x - 2.0 * half)
+        exact = (abs(after) >= CANCELLED * abs(half)) & (abs(half) < np.inf)
+        c.after[i, l] = select(exact, after, system[i, D + 1])
+    return poison == 0.0
 
 
 @inner

@@ -1,10 +1,10 @@
 """The n-dimensional map, for `blocks_nd`, in the symbols of `_formulas.nd_map`.
 
-A step in O(n) is `sums`, `solve`, `add` and `measure`. In lanes where `solve` is inaccurate,
-`repair` takes the step: `bordered` if one d is small, else elimination (`eliminate_lanes`), with
-twice the digits where that is inaccurate (`eliminate_lane`). After that, `settle` ends lanes or
-renews their units. States have m = n - 1 components, and arrays of a block M rows: m, and if m is
-odd one more component, with J = infinity and I = omega = 0.
+A step in O(n) is `sums`, `solve`, `add` and `measure`. In lanes where `solve` is inaccurate, as
+where a d is small, `repair` takes the step by elimination: `eliminate_lanes`, and `solve_lane`
+where that is inaccurate, too. After that, `settle` ends lanes or renews their units. States have
+m = n - 1 components, and arrays of a block M rows: m, and if m is odd one more component, with
+J = infinity and I = omega = 0.
 
 parameters   J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
 results      those of `blocks_nd`, with the states in units of 2**exponent, and exponent (B,)
@@ -21,21 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._formulas.coordinates import ZERO_TO_ROUNDING
 from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
-from .._formulas.nd_map import (
-    FAR,
-    FAR_ENOUGH,
-    SMALL,
-    bounds,
-    matrix_row,
-    slope_of_itself,
-    solve2,
-    solve_bordered,
-)
-from .._jit import allocation, formula, inner, rows_of, select, stack, two_product
+from .._formulas.nd_map import FAR, SMALL, bounds, matrix_row, slope_of_itself, solve2
+from .._jit import allocation, formula, inner, rows_of, select, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
-from .elimination import ACCURATE, WIDTH, eliminate, eliminate_twofold, subtract
+from .elimination import ACCURATE, WIDTH, eliminate, solve_system
 from .units_nd import unit_of, unit_of_moments
 
 # Trajectories of a block, at most: enough to prevent sums over components from stalling on memory
@@ -45,7 +35,6 @@ LANES = 64
 SOLVED = 0.0  # the increment of `solve2` is accurate
 SOLVED_IF_FAR = 1.0  # the same, provided that no d is small
 OPEN = 2.0  # neither
-DONE = 3.0  # `bordered` has taken the step
 
 
 class Components(NamedTuple):
@@ -55,7 +44,7 @@ class Components(NamedTuple):
     I: object
     omega: object  # (M, lanes)
     inverse: object  # 1 / d
-    matrices: object  # those of all tasks, or None, see `memory`
+    elimination: object  # of all tasks, or None, see `memory`
     task: int
 
 
@@ -81,17 +70,17 @@ class Lanes(NamedTuple):
     gamma: object
     of_omega: object  # this and `of_I` are the factors in delta, see `solve2`
     of_I: object
-    outcome: object  # SOLVED, SOLVED_IF_FAR, OPEN or DONE
+    outcome: object  # SOLVED, SOLVED_IF_FAR or OPEN
     ratio: object  # of pivots, see `eliminate`
-    least_ratio: object  # elimination is accurate above this
 
 
 @allocation
 def block(parameters, memory, task):
     """Return the components, in the memory of a task, and the numbers of a block."""
-    bodies, states, matrices = memory
-    J, I, omega, inverse = bodies[task, 0], bodies[task, 1], states[task, 0], states[task, 1]
-    return Components(J, I, omega, inverse, matrices, task), rows_of(Lanes, LANES)
+    bodies, states, elimination = memory
+    body, state = bodies[task], states[task]
+    c = Components(body[0], body[1], state[0], state[1], elimination, task)
+    return c, rows_of(Lanes, LANES)
 
 
 @formula
@@ -114,7 +103,7 @@ def advance(c, b, begin):
     """Make a step in O(n)."""
     sums(c, b)
     if not solve(c, b):
-        repair(c, b, c.matrices)
+        repair(c, b, c.elimination)
     add(c, b)
     measure(c, b)
     return units_fit(c, b)
@@ -194,19 +183,22 @@ def measure(c, b):
 
 
 @inner
-def repair(c, b, matrices):
+def repair(c, b, elimination):
     """Take the step in lanes that are not solved, and set the increments that `add` adds to 0.
 
-    Without matrices, trajectories that need elimination end; another driver restarts them.
-    `matrices` is an argument of its own so that Numba removes the branches for None.
+    Without memory for elimination, trajectories that need it end; another driver restarts them.
+    `elimination` is an argument of its own so that Numba removes the branches for None.
     """
     M, lanes = c.omega.shape
     any_open = False
     for l in range(lanes):
-        if b.outcome[l] != SOLVED:
-            b.outcome[l] = bordered(c, b, l)
-            any_open |= b.outcome[l] == OPEN
-    if matrices is None:
+        if b.outcome[l] == SOLVED_IF_FAR:
+            b.outcome[l] = SOLVED
+            for i in range(M):
+                if abs(1.0 - b.half[l] / at(c.J, i, l)) <= FAR:
+                    b.outcome[l] = OPEN
+        any_open |= b.outcome[l] == OPEN
+    if elimination is None:
         for l in range(lanes):
             if b.outcome[l] == OPEN:
                 # By NaN `units_fit` fails, and `settle` ends the lane.
@@ -214,130 +206,64 @@ def repair(c, b, matrices):
     elif any_open:
         eliminate_lanes(c, b)
     for l in range(lanes):
-        if b.outcome[l] != SOLVED:
+        if b.outcome[l] == OPEN:
             b.of_omega[l], b.of_I[l] = 0.0, 0.0
             for i in range(M):
                 c.inverse[i, l] = 0.0
 
 
 @inner
-def bordered(c, b, l):
-    """Take the step in a lane by the bordered system, unless `solve2` is accurate after all; return
-    the outcome, OPEN if neither is accurate.
-    """
-    M = c.omega.shape[0]
-    eps, half, p, square = b.eps[l], b.half[l], b.p[l], b.square[l]
-    j, least, second = 0, np.inf, np.inf
-    for i in range(M):
-        ratio = abs(1.0 - half / at(c.J, i, l))
-        if ratio < least:
-            j, least, second = i, ratio, least
-        else:
-            second = min(second, ratio)
-    if b.outcome[l] == SOLVED_IF_FAR and least > FAR:
-        return SOLVED
-    alpha, beta, gamma = 0.0, 0.0, 0.0
-    for i in range(M):
-        if i != j:
-            I_i, w, r = at(c.I, i, l), c.omega[i, l], c.inverse[i, l]
-            alpha += I_i * r * w
-            beta += I_i * r * I_i
-            gamma += w * r * w
-    of_omega, of_I, delta, regular = solve_bordered(
-        at(c.J, j, l), at(c.I, j, l), c.omega[j, l], eps, p, square, alpha, beta, gamma
-    )
-    if not (regular and second > FAR_ENOUGH and square < b.longest[l]):
-        return OPEN
-    for i in range(M):
-        if i != j:
-            c.omega[i, l] += (of_omega * c.omega[i, l] - of_I * at(c.I, i, l)) * c.inverse[i, l]
-    c.omega[j, l] += delta
-    return DONE
-
-
-@inner
 def eliminate_lanes(c, b):
     """Take the step by elimination in open lanes."""
-    matrix = c.matrices[c.task]
+    matrix = c.elimination[0][c.task]
     m, _, lanes = matrix.shape
     fill_matrix(c, b)
     eliminate(matrix, b.ratio)
     inaccurate = 0
     for l in range(WIDTH):  # a constant; to `lanes`, the loop took a third of a step for small m
-        inaccurate += select(b.ratio[l] > b.least_ratio[l], 0, 1)
+        inaccurate += select(b.ratio[l] > ACCURATE, 0, 1)
     for i in range(m):
         for l in range(lanes):
-            solved = (b.outcome[l] == OPEN) & (b.ratio[l] > b.least_ratio[l])
+            solved = (b.outcome[l] == OPEN) & (b.ratio[l] > ACCURATE)
             c.omega[i, l] = select(solved, matrix[i, m, l], c.omega[i, l])
     if inaccurate > 0:
+        fill_matrix(c, b)
         for l in range(lanes):
-            if b.outcome[l] == OPEN and not b.ratio[l] > b.least_ratio[l]:
-                eliminate_lane(c, b, l)
+            if b.outcome[l] == OPEN and not b.ratio[l] > ACCURATE:
+                solve_lane(c, l)
 
 
 @inner
-def eliminate_lane(c, b, l):
-    """Take the step in a lane by elimination with twice the digits.
-
-    The equations are J A omega_next = J omega, whose coefficients are exact sums of products if
-    eps I is. The unknowns are scaled to the same order in the norm of the energy.
-    """
-    matrix = c.matrices[c.task]
+def solve_lane(c, l):
+    """Take the step in a lane by `solve_system`."""
+    matrix, system = c.elimination[0][c.task], c.elimination[1][c.task]
     m = len(matrix)
     for i in range(m):
-        w, e = c.omega[i, l], b.eps[l] * c.I[i, l]
         for j in range(m + 1):
-            matrix[i, j, 0], matrix[i, j, 1], matrix[i, j, 2] = 0.0, 0.0, 0.0
-        subtract(matrix, i, i, (-c.J[i, l], 0.0))
-        subtract(matrix, i, m, two_product(-c.J[i, l], w))
-        for j in range(m):
-            if j != i:
-                of_j, w_j = 0.5 * (b.eps[l] * c.I[j, l]), c.omega[j, l]
-                subtract(matrix, i, i, two_product(of_j, w_j))
-                subtract(matrix, i, j, two_product(of_j, w))
-                subtract(matrix, i, j, two_product(-e, w_j))
-    for j in range(m):
-        for i in range(m):
-            for part in range(3):
-                matrix[i, j, part] *= inverse_root(c.J[j, l])
-    eliminate_twofold(matrix, ZERO_TO_ROUNDING)
+            system[0, i, j] = matrix[i, j, l]
+    solve_system(system, c.elimination[2][c.task])
     for i in range(m):
-        c.omega[i, l] = matrix[i, m, 0] * inverse_root(c.J[i, l])
-
-
-@formula
-def inverse_root(J):
-    """Return a power of two of the order of J**(-1/2)."""
-    return two_to_the(np.floor(-0.5 * exponent(J)))
+        c.omega[i, l] = system[0, i, m]
 
 
 @inner
 def fill_matrix(c, b):
     """Fill A(omega), and omega as the right side."""
-    matrix = c.matrices[c.task]
+    matrix = c.elimination[0][c.task]
     m, _, lanes = matrix.shape
-    of_omega, of_I = stack(LANES), stack(LANES)
-    diagonal, others = stack(LANES), stack(LANES)
-    for l in range(lanes):
-        others[l] = 0.0
-    for i in range(m - 1, -1, -1):
-        for l in range(lanes):
-            matrix[i, m, l] = others[l]  # until omega stands there: terms of p after component i
-            others[l] = others[l] + c.I[i, l] * c.omega[i, l]
-    for l in range(lanes):
-        others[l] = 0.0  # and before it
+    of_omega, of_I, others = stack(LANES), stack(LANES), stack(LANES)
     for i in range(m):
         for l in range(lanes):
-            J_i, I_i, w_i, eps = c.J[i, l], c.I[i, l], c.omega[i, l], b.eps[l]
-            of_omega[l], of_I[l] = matrix_row(J_i, I_i, w_i, eps)
-            diagonal[l] = 1.0 - slope_of_itself(J_i, others[l] + matrix[i, m, l], eps)
-            others[l] = others[l] + I_i * w_i
-            matrix[i, m, l] = w_i
+            of_omega[l], of_I[l] = matrix_row(c.J[i, l], c.I[i, l], c.omega[i, l], b.eps[l])
+            others[l], matrix[i, m, l] = 0.0, c.omega[i, l]
         for j in range(m):
-            for l in range(lanes):
-                matrix[i, j, l] = -of_omega[l] * c.omega[j, l] - of_I[l] * c.I[j, l]
+            if j != i:
+                for l in range(lanes):
+                    I_j, w_j = c.I[j, l], c.omega[j, l]
+                    matrix[i, j, l] = -of_omega[l] * w_j - of_I[l] * I_j
+                    others[l] = others[l] + I_j * w_j
         for l in range(lanes):
-            matrix[i, i, l] = diagonal[l]
+            matrix[i, i, l] = 1.0 - slope_of_itself(c.J[i, l], others[l], b.eps[l])
 
 
 @formula
@@ -397,18 +323,15 @@ def enter_body(c, b, l, J, I, eps):
     exponent_J = unit_of_moments(J)
     exponent_I = unit_of(I, exponent_J)
     factor_J, factor_I = two_to_the(-exponent_J), two_to_the(-exponent_I)
-    smallest, largest, I_square = np.inf, 0.0, 0.0
+    smallest, I_square = np.inf, 0.0
     for i in range(c.omega.shape[0]):
         J_i, I_i = np.inf, 0.0
         if i < J.size:
             J_i, I_i = J[i] * factor_J, I[i] * factor_I
-            largest = larger(J_i, largest)
         set_at(c.J, i, l, J_i)
         set_at(c.I, i, l, I_i)
         smallest = smaller(J_i, smallest)
         I_square += I_i * I_i
-    # With moments far apart no ratio is above this.
-    b.least_ratio[l] = select(smallest > ACCURATE * ACCURATE * largest, ACCURATE, 1.0)
     b.near[l], b.reach[l] = (1.0 - FAR) * smallest, SMALL * smallest / np.sqrt(I_square)
     b.eps_input[l] = 0.0 if I_square == 0.0 else eps
     b.body_exponent[l] = exponent_I - exponent_J

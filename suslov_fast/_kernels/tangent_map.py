@@ -2,15 +2,9 @@
 
 import numpy as np
 
-from .._formulas.elementary import exponent, larger, logarithm, smaller, two_to_the
-from .._formulas.twofold import product
+from .._formulas.elementary import exponent, logarithm, smaller, two_to_the
 from .._jit import LINE, inner, kernel, select, share, stack, subtract_product
-from .elimination import WIDTH, eliminate, eliminate_twofold, subtract, twofold
-
-# Where terms cancel to this part of them, twice the digits may not suffice.
-UNKNOWN = 2.0**-50
-# The logarithm of a pivot above this part of its terms is known.
-NEGLIGIBLE = 2.0**-60
+from .elimination import ACCURATE, WIDTH, eliminate, solve_system
 
 
 @inner
@@ -18,8 +12,8 @@ def add_log_det(matrix, beyond_1, sign, totals):
     """Add sign times log |det| of eliminated systems, -inf if one is singular."""
     for i in range(matrix.shape[0]):
         for l in range(WIDTH):
-            pivot, beyond = abs(1.0 / matrix[i, i, l]), beyond_1[i, l]
-            distance = select(beyond > -1.0, -beyond, 1.0 - pivot)
+            pivot = abs(1.0 / matrix[i, i, l])
+            distance = select(beyond_1[i, l] > -1.0, -beyond_1[i, l], 1.0 - pivot)
             log = select(pivot > 0.0, logarithm(pivot, distance), -np.inf)
             totals[l] += sign * log
 
@@ -31,15 +25,17 @@ def differentiate(part, parts, slopes, following, derivatives, logarithms, ratio
     slopes        (count, D, D): S = (eps/2) f' at states
     following     (count, D, D): S_next, the same at the next states
     derivatives   (count, D, D)
-    logarithms    (count,)
+    logarithms    (count,); NaN if all digits of a determinant cancel
     ratios        (count,), of the pivots, see `eliminate`
-    scratch       for matrices (parts, D, 2 D, WIDTH) and (parts, D, D, WIDTH), and for their
-                  diagonals less 1 (parts, 2, D, WIDTH)
+    scratch       for matrices (parts, D, 2 D, WIDTH) and (parts, D, D, WIDTH), for their
+                  diagonals less 1 (parts, 2, D, WIDTH), and for `solve_system` (parts, 2, D, 2 D),
+                  (parts, 2, D, D) and (parts, 2, D)
     """
     count, D, _ = slopes.shape
     of_ahead, of_back, totals = scratch[2][part, 0], scratch[2][part, 1], stack(WIDTH)
     of_steps, ratio = stack(WIDTH), stack(WIDTH)
     ahead, back = scratch[0][part], scratch[1][part]
+    step, inverse, scales = scratch[3][part], scratch[4][part], scratch[5][part]
     blocks = (count + WIDTH - 1) // WIDTH
     first, last = share(blocks, part, parts)
     for block in range(first, last):
@@ -60,110 +56,41 @@ def differentiate(part, parts, slopes, following, derivatives, logarithms, ratio
         add_log_det(back, of_back, 1.0, totals)
         add_log_det(ahead, of_ahead, -1.0, totals)
         for l in range(min(WIDTH, count - begin)):
-            logarithms[begin + l] = totals[l]
-            ratios[begin + l] = smaller(of_steps[l], ratio[l])
+            k = begin + l
+            logarithms[k], ratios[k] = totals[l], smaller(of_steps[l], ratio[l])
             for i in range(D):
                 for j in range(D):
-                    derivatives[begin + l, i, j] = ahead[i, D + j, l]
+                    derivatives[k, i, j] = ahead[i, D + j, l]
+            if not ratios[k] > ACCURATE:
+                logarithms[k] = differentiate_one(
+                    slopes[k], following[k], derivatives[k], step, inverse, scales
+                )
 
 
 @inner
-def fill(matrix, first, terms, mass, values, half, state, lost):
-    """Fill columns from `first` on with the mass times 1 - half f' at a state and its rounding."""
-    D = len(mass)
+def differentiate_one(slopes, following, derivative, step, inverse, scales):
+    """Find the derivative of one step by `solve_system`, and return the logarithm of |det|."""
+    D = len(slopes)
     for i in range(D):
-        for j in range(first, first + D):
-            matrix[i, j, 0], matrix[i, j, 1], matrix[i, j, 2] = 0.0, 0.0, 0.0
-        subtract(matrix, i, first + i, (-mass[i], 0.0))
-    for t in range(len(values)):
-        i, j, k, factor = terms[0, t], terms[1, t], terms[2, t], (half * values[t], 0.0)
-        if k < D:
-            subtract(matrix, i, first + j, product(factor, (state[k], lost[k])))
-            subtract(matrix, i, first + k, product(factor, (state[j], lost[j])))
-        elif j < D:
-            subtract(matrix, i, first + j, factor)
-
-
-@kernel
-def differentiate_twofold(
-    part, parts, terms, half, mass, unit, values, states, derivatives, logarithms, scratch
-):
-    """Find what `differentiate` does with twice the digits, from the terms of a field.
-
-    terms         (3, T): i, j, k of the terms v x_j x_k of the mass times f_i, as in `map_field`
-    half          (count,), half the step size
-    mass, unit    (count, D), that of each equation, and the unit of each unknown
-    values        (count, T), of v
-    states        (count, D)
-    derivatives   (count, D, D)
-    logarithms    (count,)
-    scratch       (parts, D, 2 D + 1, 3) and (parts, 3, D)
-    """
-    count, D = states.shape
-    matrix, (zero, following, lost) = scratch[0][part], scratch[1][part]
-    tangent, system = matrix[:, : 2 * D], matrix[:, : D + 1]
-    begin, end = share(count, part, parts)
-    for n in range(begin, end):
-        step = terms, mass[n], values[n], half[n]
-        back = terms, mass[n], values[n], -half[n]
-        # A(x) x_next = A(0; -eps) x + eps c
-        zero[:] = 0.0
-        fill(matrix, D + 1, *back, zero, zero)
-        matrix[:, D] = 0.0
-        for i in range(D):
-            for j in range(D):
-                subtract(matrix, i, D, product(twofold(matrix, i, D + 1 + j), (-states[n, j], 0.0)))
-        for t in range(terms.shape[1]):
-            if terms[1, t] == D:
-                subtract(matrix, terms[0, t], D, (-2.0 * half[n] * values[n, t], 0.0))
-        fill(matrix, 0, *step, states[n], zero)
-        scale(matrix, unit[n])
-        eliminate_twofold(system, UNKNOWN)
-        for i in range(D):
-            following[i], lost[i] = matrix[i, D, 0] * unit[n, i], matrix[i, D, 1] * unit[n, i]
-        fill(matrix, 0, *back, following, lost)
-        scale(matrix, unit[n])
-        log = log_det(system)
-        fill(matrix, 0, *step, states[n], zero)
-        fill(matrix, D, *back, following, lost)
-        scale(matrix, unit[n])
-        known = is_known(tangent)
-        logarithms[n] = log - log_det(tangent)
-        for i in range(D):
-            for j in range(D):
-                value = matrix[i, D + j, 0] * unit[n, i]
-                derivatives[n, i, j] = value if known else np.nan
-
-
-@inner
-def scale(matrix, unit):
-    """Multiply the first columns by the units of the unknowns, powers of two."""
-    for j in range(len(unit)):
-        for i in range(len(unit)):
-            for part in range(3):
-                matrix[i, j, part] *= unit[j]
-
-
-@inner
-def is_known(tangent):
-    """Test that the right sides are not small differences of their terms."""
-    D, largest, terms = len(tangent), 0.0, 0.0
+        for j in range(D):
+            unit = 1.0 if i == j else 0.0
+            step[0, i, j] = unit - slopes[i, j]
+            step[0, i, D + j] = inverse[0, i, j] = unit + following[i, j]
+    solve_system(step, scales)
+    solve_system(inverse, scales)
     for i in range(D):
-        for j in range(D, 2 * D):
-            largest = larger(abs(tangent[i, j, 0]), largest)
-            terms = larger(tangent[i, j, 2], terms)
-    return largest > UNKNOWN * terms
+        for j in range(D):
+            derivative[i, j] = step[0, i, D + j]
+    return log_det(inverse[0]) - log_det(step[0])
 
 
 @inner
 def log_det(matrix):
-    """Eliminate, and return log |det|, -inf if the matrix is singular, NaN if it may be."""
-    log = eliminate_twofold(matrix, NEGLIGIBLE) * np.log(2.0)
+    """Return log |det| of a matrix with these pivots, NaN if one is 0 to rounding."""
+    log = 0.0
     for i in range(len(matrix)):
-        pivot = abs(matrix[i, i, 0])
-        if pivot == 0.0:
-            return -np.inf
-        log += logarithm(pivot, 1.0 - pivot)
+        pivot = abs(matrix[i, i])
+        log += logarithm(pivot, 1.0 - pivot) if pivot != 0.0 else -np.inf
     return log
 
 

@@ -13,13 +13,8 @@ from .._bodies.field import QuadraticField
 from .._checks import FloatArray
 from .._engine.arguments import States
 from .._engine.evaluation import SLAB, by_slabs
-from .decimals import modified_energy_and_density
+from .._kernels.elimination import ROUNDS
 from .step_derivatives import jacobian_by, next_states
-
-# Results that may be this part of their terms, or less, are computed in decimals.
-LOST = 2.0**-26
-# Numbers below this part of others are small beside them.
-UNEVEN = 2.0**-10
 
 
 def _of_states(
@@ -69,61 +64,45 @@ def _matrix(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
     return np.eye(body.dimension) - _slopes(body, x, eps)
 
 
-def _energy(body: QuadraticField, x: FloatArray, eps: Any, of_term: Any = np.asarray) -> FloatArray:
+def _energy(body: QuadraticField, x: FloatArray, eps: Any) -> FloatArray:
     total = np.zeros(x.shape[:-1])
     for powers, c in sorted(body.hamiltonian.terms.items()):
-        total += of_term(math.prod((x[..., i] for i in powers), start=float(c)))
+        total += math.prod((x[..., i] for i in powers), start=float(c))
     return total
 
 
 def _modified_energy(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
     """Return H(x) + (eps/3) grad H(x).A(x)**-1 f(x)."""
     gradient, following = _vector_field(body.gradient, x, None), next_states(body, x, eps)
-    work = gradient * (following - x)
-    energy: FloatArray = _energy(body, x, None) + work.sum(axis=-1) / 3.0
-    # The first bound is the same for all states, and fast.
-    largest, *others = (abs(each).max(initial=0.0) for each in (gradient, x, following))
-    doubtful = np.asarray(~(LOST * largest * max(others) <= abs(energy)))
-    if not doubtful.any():
-        return energy
-    # The error of a next state is relative to its largest component.
-    some = np.maximum(abs(x[doubtful]), abs(following[doubtful])).max(axis=-1)
-    some *= abs(gradient[doubtful]).max(axis=-1)
-    terms = _energy(body, x[doubtful], None, abs)
-    sizes = [abs(float(c)) for c in body.hamiltonian.terms.values()]
-    # Otherwise the result depends as strongly on the last digits of x.
-    uneven = (terms < UNEVEN * some) & (min(sizes, default=0.0) < UNEVEN * max(sizes, default=0.0))
-    uneven |= terms < abs(work[doubtful]).sum(axis=-1)
-    doubtful[doubtful] = uneven & (abs(np.asarray(energy)[doubtful]) < LOST * some)
-    return _repaired(0, energy, doubtful, body, x, eps)
+    return _energy(body, x, None) + (gradient * (following - x)).sum(axis=-1) / 3.0
 
 
 def _invariant_density(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
     """Return 1 / det A(x)."""
     assert body.hamiltonian
-    matrix = _matrix(body, x, eps)
-    density: FloatArray = 1.0 / np.linalg.det(matrix)
-    D, largest = body.dimension, max(matrix.max(initial=0.0), -matrix.min(initial=0.0))
-    if LOST * (D * largest) ** D * abs(density).max(initial=0.0) <= 1.0:
-        return density
-    density = np.asarray(density)
-    doubtful = np.asarray(abs(matrix).sum(axis=-1).prod(axis=-1) * abs(density) * LOST > 1.0)
-    doubtful &= abs(matrix).max(axis=(-2, -1)) * UNEVEN > 1.0  # else a pole is near
-    if doubtful.any():  # where small changes of entries, here of any sign and size, matter
-        some = matrix[doubtful]
-        some *= 1.0 + LOST**1.5 * np.cos(np.arange(D * D)).reshape(D, D)
-        doubtful[doubtful] = abs(np.linalg.det(some) * density[doubtful] - 1.0) > LOST
-    return _repaired(1, density, doubtful, body, x, eps)
+    return np.asarray(1.0 / np.linalg.det(_balanced(_matrix(body, x, eps))))
 
 
-def _repaired(
-    quantity: int, found: FloatArray, doubtful: Any, body: Any, x: FloatArray, eps: FloatArray
-) -> FloatArray:
-    """Return a quantity whose doubtful values are replaced."""
-    found = np.asarray(found)
-    for index in map(tuple, np.argwhere(doubtful)):
-        found[index] = modified_energy_and_density(body, x[index], eps[index])[quantity]
-    return found
+def _balanced(matrix: FloatArray) -> FloatArray:
+    """Return matrices (..., D, D) in other units of the unknowns, as `elimination.balance`.
+
+    In the units of the components LAPACK's choice of pivots may cost all digits of a determinant.
+    """
+    for _ in range(ROUNDS):
+        before = matrix
+        for i in range(matrix.shape[-1]):
+            size = abs(matrix)
+            size[..., i, i] = 0.0
+            of_row, of_column = size[..., i, :].max(axis=-1), size[..., :, i].max(axis=-1)
+            power = (np.frexp(of_row)[1] - np.frexp(of_column)[1]) // 2
+            power = np.where((of_row > 0.0) & (of_column > 0.0), power, 0)[..., np.newaxis]
+            if power.any():
+                matrix = matrix.copy()
+                matrix[..., i, :] = np.ldexp(matrix[..., i, :], -power)
+                matrix[..., i] = np.ldexp(matrix[..., i], power)
+        if matrix is before:
+            break
+    return matrix
 
 
 _SLOPES = partial(_of_states, _slopes, 2)

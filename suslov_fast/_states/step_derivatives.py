@@ -1,4 +1,4 @@
-"""Derivatives of steps in n dimensions and of fields, with twice the digits where many are lost."""
+"""Derivatives of steps in n dimensions and of fields."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._bodies.body_nd import SuslovND, is_solved
-from .._bodies.rigid import in_units
 from .._checks import FloatArray
 from .._engine import threads as _threads
 from .._engine.arguments import States
@@ -18,11 +17,11 @@ from .._engine.execution import ONE_STEP, execute, problem_of
 from .._engine.reduced_runs import Reduced, reduce
 from .._kernels import quantities_3d as kernels_3d
 from .._kernels.elimination import ACCURATE, WIDTH
-from .._kernels.tangent_map import differentiate, differentiate_twofold
+from .._kernels.tangent_map import differentiate
 from .._maps import map_of
 
-# Cost of an entry of a derivative per equation, in steps of the 3D map.
-_COST = 200
+# Derivatives of solved bodies are those in three dimensions where |1 - Y| is below this.
+_NEAR = 2.0**-10
 
 
 def jacobian_by(
@@ -47,45 +46,17 @@ def derivatives_of(
     D = slopes.shape[-1]
     before, after = slopes.reshape(-1, D, D), following.reshape(-1, D, D)
     derivatives, logarithms, ratios = np.empty(before.shape), *np.empty((2, len(before)))
-    scratch = tuple(np.empty((TASKS, *shape, WIDTH)) for shape in ((D, 2 * D), (D, D), (2, D)))
+    scratch = (
+        *(np.empty((TASKS, *shape, WIDTH)) for shape in ((D, 2 * D), (D, D), (2, D))),
+        *(np.empty((TASKS, 2, *shape)) for shape in ((D, 2 * D), (D, D), (D,))),
+    )
     arguments = before, after, derivatives, logarithms, ratios, scratch
     _threads.run(differentiate, 2 * before.size * D, states.threads, *arguments)
-    doubtful = np.flatnonzero(_are_doubtful(states, ratios))
-    if doubtful.size:
-        _improve(states, doubtful, derivatives, logarithms)
-        if isinstance(states.body, SuslovND) and D > 2:
+    if isinstance(states.body, SuslovND) and D > 2:
+        doubtful = np.flatnonzero(~(ratios > ACCURATE))
+        if doubtful.size:
             _reduce(states, doubtful, derivatives, logarithms)
     return derivatives, logarithms
-
-
-def _are_doubtful(states: States, ratios: FloatArray) -> NDArray[np.bool_]:
-    """Return where elimination with these ratios of pivots lost digits, flat."""
-    body = states.body
-    doubtful: NDArray[np.bool_] = ratios <= ACCURATE
-    # `min` and `max` of all numbers, which are fast, come first.
-    if isinstance(body, SuslovND) and body.J.min() < ACCURATE**2 * body.J.max():
-        uneven = body.J.min(axis=-1) < ACCURATE**2 * body.J.max(axis=-1)
-        doubtful |= np.broadcast_to(uneven, states.batch).ravel()
-    return doubtful
-
-
-def _improve(
-    states: States, chosen: NDArray[np.intp], derivatives: FloatArray, logarithms: FloatArray
-) -> None:
-    """Replace chosen derivatives (count, D, D), and logarithms (count,) of their |det|."""
-    body, omega, eps, batch, threads, *_ = states
-    fill = _terms_nd if isinstance(body, SuslovND) else _terms_of_field
-    terms, half, *vectors = fill(body, omega, np.asarray(eps))
-    D = body.dimension
-    some = (
-        np.broadcast_to(half, batch).ravel()[chosen],
-        *(_rows(each, batch, chosen) for each in vectors),
-    )
-    better = np.empty((len(chosen), D, D)), np.empty(len(chosen))
-    scratch = np.empty((TASKS, D, 2 * D + 1, 3)), np.empty((TASKS, 3, D))
-    work = _COST * len(chosen) * D**3
-    _threads.run(differentiate_twofold, work, threads, terms, *some, *better, scratch)
-    derivatives[chosen], logarithms[chosen] = better
 
 
 def _reduce(
@@ -103,7 +74,7 @@ def _reduce(
     reduced = reduce((J, I, eps), omega, threads)
     with np.errstate(all="ignore"):
         _, a, _, I23, step = reduced.three.T
-        near = reduced.fits & (abs(1.0 - 0.5 * step * I23 * reduced.state[:, 0] / a) < ACCURATE)
+        near = reduced.fits & (abs(1.0 - 0.5 * step * I23 * reduced.state[:, 0] / a) < _NEAR)
         if near.any():
             better, logs = _of_solved(Reduced(*(each[near] for each in reduced)), threads)
             exists, chosen = np.isfinite(logs), chosen[near]
@@ -141,21 +112,3 @@ def _rows(vectors: FloatArray, batch: tuple[int, ...], chosen: NDArray[np.intp])
     """Return those of chosen states from vectors (..., k) that broadcast to a batch."""
     rows: FloatArray = np.broadcast_to(vectors, (*batch, vectors.shape[-1]))
     return rows.reshape(-1, vectors.shape[-1])[chosen]
-
-
-def _terms_nd(body: SuslovND, omega: FloatArray, eps: FloatArray) -> tuple[Any, ...]:
-    """Return the terms of J f, half the step size, J, units of omega, coefficients, and states."""
-    J, I, _, moments, products = in_units(body)
-    i, k = np.nonzero(~np.eye(body.dimension, dtype=bool))
-    terms = np.stack([np.concatenate(each) for each in ((i, i), (i, k), (k, k))])
-    power = np.frexp(abs(omega).max(axis=-1))[1]
-    half = np.ldexp(0.5 * eps, (products - moments)[..., 0] + power)
-    unit = np.ldexp(1.0, -(np.frexp(J)[1] // 2))
-    state = np.ldexp(omega, -power[..., np.newaxis])
-    return terms, half, J, unit, np.concatenate([I[..., k], -I[..., i]], axis=-1), state
-
-
-def _terms_of_field(body: Any, omega: FloatArray, eps: FloatArray) -> tuple[Any, ...]:
-    terms, values = body.terms
-    one = np.ones(body.dimension)
-    return terms, 0.5 * eps, one, one, values, omega

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._kernels.elimination import ACCURATE, WIDEST, WIDTH, eliminate, solve_system
+from suslov_fast._kernels.elimination import ACCURATE, WIDEST, WIDTH, eliminate
+from suslov_fast._kernels.one_system import solve_system
 
 METHODS = ("rank2", "gauss")
 every_method = pytest.mark.parametrize("method", METHODS)

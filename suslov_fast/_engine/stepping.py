@@ -102,8 +102,8 @@ def iterate_field(problem: Problem, span: Span, output: Output) -> Indices:
     step = D**3 / 3.0 + len(problem.parameters[1])
     lanes = WIDEST if D <= _FEW and size >= WIDEST else WIDTH
     tasks = min(problem.threads or numba.get_num_threads(), max(-(-size // lanes), 1))
-    memory = _aligned((tasks, 2, D, D + 1, lanes)), _aligned((tasks, 2, D, lanes))
-    memory = *memory, *for_one_system(tasks, D, 2)
+    of_lanes = _aligned((tasks, 2, D, D + 1, lanes)), _aligned((tasks, 2, D, lanes))
+    memory = *of_lanes, *for_one_system(tasks, D, 2)
     before, after = (*problem.parameters, problem.omega0), (output.saved, None, results, memory)
     for stretch, work in stretches_of(problem, span, step, lanes):
         _threads.run(blocks_nd.field, work, problem.threads, before, stretch, *after)

@@ -21,8 +21,9 @@ import numpy as np
 from .._formulas.elementary import exponent, larger, scaled, within
 from .._jit import LINE, allocation, formula, inner, rows_of, select, subtract_product
 from .codes import NONFINITE, OK, SINGULAR
-from .elimination import ACCURATE, WIDEST, eliminate, solve_system
+from .elimination import ACCURATE, WIDEST, eliminate
 from .lanes import entry
+from .one_system import solve_system
 
 # States whose components add up to less than this are finite.
 LARGEST = 1e307

@@ -25,7 +25,8 @@ from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
 from .._formulas.nd_map import FAR, SMALL, bounds, matrix_row, slope_of_itself, solve2
 from .._jit import allocation, formula, inner, rows_of, select, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
-from .elimination import ACCURATE, WIDTH, eliminate, solve_system
+from .elimination import ACCURATE, WIDTH, eliminate
+from .one_system import solve_system
 from .units_nd import unit_of, unit_of_moments
 
 # Trajectories of a block, at most: enough to prevent sums over components from stalling on memory

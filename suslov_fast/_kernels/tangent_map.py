@@ -4,7 +4,8 @@ import numpy as np
 
 from .._formulas.elementary import exponent, logarithm, smaller, two_to_the
 from .._jit import LINE, inner, kernel, select, share, stack, subtract_product
-from .elimination import ACCURATE, WIDTH, eliminate, solve_system
+from .elimination import ACCURATE, WIDTH, eliminate
+from .one_system import solve_system
 
 
 @inner

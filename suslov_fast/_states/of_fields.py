@@ -13,7 +13,7 @@ from .._bodies.field import QuadraticField
 from .._checks import FloatArray
 from .._engine.arguments import States
 from .._engine.evaluation import SLAB, by_slabs
-from .._kernels.elimination import ROUNDS
+from .._kernels.one_system import ROUNDS
 from .step_derivatives import jacobian_by, next_states
 
 
@@ -74,7 +74,8 @@ def _energy(body: QuadraticField, x: FloatArray, eps: Any) -> FloatArray:
 def _modified_energy(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
     """Return H(x) + (eps/3) grad H(x).A(x)**-1 f(x)."""
     gradient, following = _vector_field(body.gradient, x, None), next_states(body, x, eps)
-    return _energy(body, x, None) + (gradient * (following - x)).sum(axis=-1) / 3.0
+    work: FloatArray = (gradient * (following - x)).sum(axis=-1)
+    return _energy(body, x, None) + work / 3.0
 
 
 def _invariant_density(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
@@ -84,7 +85,7 @@ def _invariant_density(body: QuadraticField, x: FloatArray, eps: FloatArray) -> 
 
 
 def _balanced(matrix: FloatArray) -> FloatArray:
-    """Return matrices (..., D, D) in other units of the unknowns, as `elimination.balance`.
+    """Return matrices (..., D, D) in other units of the unknowns, as `one_system.balance`.
 
     In the units of the components LAPACK's choice of pivots may cost all digits of a determinant.
     """

@@ -16,10 +16,10 @@ from ._runs.iterate import iterate as iterate
 from ._runs.iterate import iterate_full as iterate_full
 from ._runs.iterate import step as step
 from ._runs.iterate import step_full as step_full
+from ._runs.running import SingularStepError as SingularStepError
 from ._runs.solution import exact as exact
 from ._runs.solution import flow as flow
 from ._runs.solution import limits as limits
-from ._runs.trajectories import SingularStepError as SingularStepError
 from ._runs.trajectories import Trajectories as Trajectories
 from ._show.explore.server import explore as explore
 from ._show.plots import animate_body as animate_body

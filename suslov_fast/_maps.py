@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import copyreg
 import math
-import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import partial
-from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,65 +16,12 @@ from ._bodies.body_nd import SuslovND, are_solved
 from ._bodies.field import QuadraticField
 from ._checks import FloatArray, one_of
 from ._docs import filled
-from ._engine.execution import Output, Problem, Span
 from ._engine.layout import flat_parameter, for_kernel, for_loops
-from ._engine.methods import gyrostat_steps, run_3d, run_nd
+from ._engine.methods import drivers_3d, drivers_nd, gyrostat_steps
+from ._engine.problem import Driver, Kept, Map
 from ._engine.stepping import iterate, iterate_field
 from ._kernels.blocks import full
 from ._kernels.elimination import WIDEST
-
-
-class Kept(NamedTuple):
-    """An array needed to resume a run, in addition to its states at step 0."""
-
-    name: str
-    # Its axes: "flat" (trajectories), "component", "space" (one more), or fixed lengths.
-    dims: tuple[str | int, ...]
-    dtype: str = "float64"
-    attitude: bool = False  # only runs with an orientation have it
-
-
-# Per-trajectory arrays that kernels write and resume from; files hold them as results.
-STATUSES = Kept("status", ("flat",), "int8"), Kept("failed_at", ("flat",), "int64")
-
-
-@dataclass(frozen=True)
-class Map:
-    """A map of the package."""
-
-    name: str  # in files
-    body: type[Any]  # the class of its bodies
-    title: str  # of datasets, for people
-    run: Callable[[Problem, Span, Output], object]  # fills the output of a run
-    kept: tuple[Kept, ...]  # what is needed to resume a run, in addition to `STATUSES`
-    # Bodies, each with a state, at a pole of eps = 1 if there is one: calls with them need all
-    # kernels of the map.
-    samples: tuple[tuple[Any, tuple[float, ...]], ...]
-    methods: tuple[str, ...] = ("auto",)  # values of the argument `method`, the default first
-    # The flat arrays for kernels, of (body, eps, batch).
-    parameters: Callable[[Any, float | FloatArray, tuple[int, ...]], tuple[Any, ...]] = for_loops
-    # The functions of (body, omega, eps) whose drift the summary of a run of a body reports.
-    conserved: Callable[[Any], tuple[str, ...]] = lambda body: ()
-    # The name of a state in `Trajectories`, datasets, files and stores, and what it means.
-    variable: str = "omega"
-    meaning: str = "angular velocity"
-    components: Callable[[Any], tuple[str, ...]] = attrgetter("_labels")  # labels of components
-
-    @property
-    def carries_attitude(self) -> bool:
-        """True if runs can include the orientation."""
-        return any(each.attitude for each in self.kept)
-
-    @property
-    def resume(self) -> tuple[Kept, ...]:
-        """All arrays needed to resume a run."""
-        return *self.kept, *STATUSES
-
-    def symbols(self, body: Any) -> list[str]:
-        r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
-        labels = (re.fullmatch(r"(\D+)(.*)", label) for label in self.components(body))
-        words = (("\\" * (len(found[1]) > 1) + found[1], found[2]) for found in labels if found)
-        return [f"${word}_{{{index}}}$" for word, index in words]
 
 
 def _with_I3(body: Suslov3D, eps: float | FloatArray, batch: tuple[int, ...]) -> tuple[Any, ...]:
@@ -108,7 +52,7 @@ _RECORDS = (
         body=Suslov3D,
         title="Discrete Suslov problem",
         methods=("auto", "canonical", "ds2"),
-        run=run_3d,
+        drivers=drivers_3d,
         kept=(Kept("state", ("flat", 2)), Kept("turn", ("flat", 4), attitude=True)),
         samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),),
         conserved=lambda body: ("first_integral",),
@@ -118,7 +62,7 @@ _RECORDS = (
         body=SuslovND,
         title="Discrete Suslov problem in n dimensions",
         methods=("auto", "gauss", "rank2"),
-        run=run_nd,
+        drivers=drivers_nd,
         kept=(
             Kept("state", ("flat", "component")),
             Kept("exponent", ("flat",)),
@@ -136,7 +80,7 @@ _RECORDS = (
         body=Suslov3D,
         title="Suslov problem in three components",
         parameters=_with_I3,
-        run=partial(iterate, kernel=full, step=2.0),
+        drivers=lambda problem, span: (Driver(partial(iterate, kernel=full, step=2.0)),),
         kept=(Kept("state", ("flat", 3)),),
         samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0, 0.5)),),
         components=lambda body: ("Omega1", "Omega2", "Omega3"),
@@ -146,7 +90,7 @@ _RECORDS = (
         body=SuslovGyrostat,
         title="Discrete Suslov gyrostat",
         methods=("auto", "canonical"),
-        run=partial(run_3d, by_steps=gyrostat_steps),
+        drivers=partial(drivers_3d, by_steps=gyrostat_steps),
         kept=(Kept("state", ("flat", 4)), Kept("turn", ("flat", 4), attitude=True)),
         samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
         conserved=lambda body: ("first_integral",),
@@ -156,7 +100,7 @@ _RECORDS = (
         body=QuadraticField,
         title="Kahan map of a quadratic field",
         parameters=of_field,
-        run=iterate_field,
+        drivers=lambda problem, span: (Driver(iterate_field),),
         kept=(Kept("state", ("flat", "component")),),
         # x' = x**2, whose map has a pole at 1 / eps.
         samples=((QuadraticField([[[1]]]), (1.0,)),),

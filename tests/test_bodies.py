@@ -233,5 +233,7 @@ def test_a_body_with_a_field_has_what_all_fields_have(rng, pole):
     for function in (sf.first_integral, sf.criticality):
         with pytest.raises(TypeError, match=r"body: expected Suslov3D or .*, got Quadratic"):
             function(top, x, eps)
-    with pytest.raises(TypeError, match="body: expected one with a quadratic vector field, got"):
+    with pytest.raises(TypeError, match=r"body: expected Suslov3D or .*, got Body"):
         sf.jacobian(Body(), x, eps)
+    with pytest.raises(TypeError, match="body: expected one with a quadratic vector field, got"):
+        sf.QuadraticField.of(Body())

@@ -51,7 +51,7 @@ def test_round_trip_and_continuation(name, tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
     further = loaded.extend(5, on_singular="ignore")
     assert_same_run(run.extend(5, on_singular="ignore"), further)
-    further.save(path)
+    further.save(path, overwrite=True)
     assert_same_run(further, sf.Trajectories.load(path))
 
 
@@ -148,6 +148,22 @@ ENTRIES = [
 ]
 
 
+@pytest.mark.parametrize("name", ["not_saved", "nd_bodies", "gyrostat", "field", "last_few"])
+def test_files_without_what_resumes_a_run(name, tmp_path):
+    run, path = run_of(name), tmp_path / "run.npz"
+    kept = [f"resume/{each.name}" for each in run._map.kept if each.name in run._resume]
+    for absent in (kept, kept[-1:]):
+        run.save(path, overwrite=True)
+        altered(path, **dict.fromkeys(absent))
+        refused(path, f"with what resumes it, got one without {', '.join(absent)}")
+
+
+def test_an_entry_that_is_there_twice(path):
+    with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
+        archive.writestr("eps.npy", archive.read("eps.npy"))
+    refused(path, r"run\.npz: .*eps twice")
+
+
 @pytest.mark.parametrize(("name", "value", "message"), ENTRIES)
 def test_inconsistent_entries(name, value, message, tmp_path):
     path = tmp_path / "run.npz"
@@ -186,11 +202,16 @@ def test_a_failed_write_keeps_the_old_file(path, tmp_path, monkeypatch):
 
     monkeypatch.setattr(files, "os", SimpleNamespace(**vars(os) | {"replace": fail}))
     with pytest.raises(KeyboardInterrupt):
-        run_of("turning").save(path)
+        run_of("turning").save(path, overwrite=True)
     monkeypatch.undo()
     assert_same_run(run_of("batch"), sf.Trajectories.load(path))
+    with pytest.raises(
+        FileExistsError, match=r"the name of a new file, or overwrite=True, .*run\.npz"
+    ):
+        run_of("turning").save(path)
+    assert_same_run(run_of("batch"), sf.Trajectories.load(path))
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
-    run_of("turning").save(path)
+    run_of("turning").save(path, overwrite=True)
     assert_same_run(run_of("turning"), sf.Trajectories.load(path))
 
 
@@ -206,7 +227,7 @@ def test_modes(tmp_path):
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
     for mode in (0o600, 0o444):
         path.chmod(mode)
-        run_of("batch").save(path)
+        run_of("batch").save(path, overwrite=True)
         assert stat.S_IMODE(path.stat().st_mode) == mode
     assert_same_run(run_of("batch"), sf.Trajectories.load(path))
 
@@ -217,7 +238,7 @@ def test_links(tmp_path):
     target, link = tmp_path / "there" / "target.npz", tmp_path / "link.npz"
     link.symlink_to(target)
     for run in (run_of("batch"), run_of("turning")):  # a missing target, then an existing one
-        run.save(link)
+        run.save(link, overwrite=target.exists())
         assert link.is_symlink()
         assert_same_run(run, sf.Trajectories.load(target))
     assert [entry.name for entry in (tmp_path / "there").iterdir()] == [target.name]

@@ -11,7 +11,8 @@ import suslov_fast as sf
 from suslov_fast._bodies.base import Body
 from suslov_fast._cli import main
 from suslov_fast._engine import arguments
-from suslov_fast._maps import MAPS, Kept, Map, map_named, map_of
+from suslov_fast._engine.problem import NO_TRAJECTORIES, Driver, Kept, Map
+from suslov_fast._maps import MAPS, map_named, map_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,11 +48,13 @@ def grow(problem, span, output):
     output.status[:] = np.where(failed, sf.Status.NONFINITE, sf.Status.OK)
     output.failed_at[failed] = 0
     output.final[:], output.resume["state"] = state, state
+    return NO_TRAJECTORIES
 
 
 GROWTH = Map(
-    name="growth", body=Growth, title="Growth", run=grow, variable="x", meaning="size",
-    kept=(Kept("state", ("flat", "component")),), samples=((Growth(2.0, -0.5), (1.0, 2.0)),),
+    name="growth", body=Growth, title="Growth", variable="x", meaning="size",
+    drivers=lambda problem, span: [Driver(grow)], kept=(Kept("state", ("flat", "component")),),
+    samples=((Growth(2.0, -0.5), (1.0, 2.0)),),
 )  # fmt: skip
 
 
@@ -182,5 +185,7 @@ def test_objects_of_a_subclass_are_bodies():
     assert map_of(own) is map_of(body)
     for function in (sf.step, sf.first_integral, sf.jacobian):
         np.testing.assert_array_equal(function(own, [1, 0.5], 0.2), function(body, [1, 0.5], 0.2))
-    with pytest.raises(TypeError, match=r"body: expected Suslov3D or SuslovND or .*, got Body"):
+    with pytest.raises(
+        TypeError, match=r"body: expected Suslov3D or SuslovND or .*, got RigidBody"
+    ):
         sf.step(sf.SuslovND.__base__(), [1, 0.5], 0.2)

@@ -91,17 +91,11 @@ def test_only_allocations_return_memory_on_the_stack():
 
 
 def importing(path):
-    """Yield the modules that a file imports from, except those for type checkers only."""
-    checking = {
-        id(inner)
-        for node in NODES[path]
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-        for inner in ast.walk(node)
-    }
+    """Yield the modules that a file imports from, also for type checkers only."""
     for node in NODES[path]:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name == PACKAGE.name)
-        if isinstance(node, ast.ImportFrom) and id(node) not in checking:
+        if isinstance(node, ast.ImportFrom):
             base = parts_of(path)[: -node.level] if node.level else []
             base += filter(None, [node.module])
             for alias in node.names:
@@ -120,7 +114,7 @@ EXCEPTIONS = {("_runs", "_show")}
 
 
 def test_imports_follow_the_layers_without_cycles():
-    """Indirect imports and imports in functions count, too; any module may import the version."""
+    """Imports in functions and for types count, too; any module may import the version."""
     of_package = {n for n, path in FILES.items() if PACKAGE.name in importing(path)}
     assert {name.split(".")[1] for name in of_package} == {"_cli"}
     ours = FILES.keys() - {PACKAGE.name}

@@ -1,7 +1,7 @@
 """`Trajectories`: methods, and conversion to labelled arrays."""
 
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache, partial
 
 import numpy as np
@@ -9,6 +9,7 @@ import pytest
 import xarray
 
 import suslov_fast as sf
+from suslov_fast._runs.schema import FORMAT
 
 BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 BODY_ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -256,7 +257,7 @@ def spoil(**changes):
     [
         (lambda data: data.omega, TypeError, "expected an xarray.Dataset, got DataArray"),
         (lambda data: data.drop_vars("I1"), ValueError, "got one without I1"),
-        (lambda data: data.drop_attrs(), ValueError, "format: expected 4, that of .*, got none"),
+        (lambda data: data.drop_attrs(), ValueError, f"format: expected {FORMAT}, .*, got none"),
         (lambda data: data.isel(n=[0]), ValueError, r"expected shape \(2, 3, 2, 2\)"),
         (lambda data: data.isel(component=[0]), ValueError, "omega: expected 2 components"),
         (lambda data: data.isel(component=[1, 0]), ValueError, "dataset: expected the components"),
@@ -303,5 +304,49 @@ def test_a_run_as_an_array():
     assert run != replace(run, attitude=np.ones(3))
     with pytest.raises(TypeError, match="unhashable"):
         hash(run)
+    for index in (2, -1, slice(None, None, 2), (..., 1), (slice(2), 0), run.n % 2 == 0, [0, 3]):
+        assert same(run[index], run.states[index])
+    assert [state.tobytes() for state in run] == [state.tobytes() for state in run.states]
+    with pytest.raises(IndexError):
+        _ = run[6]
     with pytest.raises(AttributeError, match="x: expected omega or states"):
         _ = run.x
+
+
+@pytest.mark.parametrize(
+    "name", ["not_saved", "turning", "nd_turning", "gyrostat", "fields", "full"]
+)
+def test_an_extended_run_stays_as_it_is(name):
+    """It can be extended again, and differently."""
+    run = run_of(name)
+    once = run.extend(5, on_singular="ignore")
+    assert_same_run(once, run.extend(5, on_singular="ignore"))
+    assert_same_run(once, run.extend(2).extend(3, on_singular="ignore"))
+    assert_same_run(run, RUNS[name]())
+
+
+def test_the_last_orientation_is_that_of_a_run_that_saves_all():
+    for name, body, states, eps, steps in (
+        ("nd_last", BODY_ND, FOURS, 0.1, 6), ("turning_last", BODY, STARTS, 0.2, 7),
+    ):  # fmt: skip
+        whole = sf.iterate(body, states, eps, steps, attitude=True)
+        assert same(run_of(name).attitude[-1], whole.attitude[-1])
+
+
+def test_as_many_steps_as_there_can_be(tmp_path):
+    run = sf.iterate(BODY, [1.0, 0.5], 0.2, 2**53, save_every=2**52)
+    assert run.n.tolist() == [0, 2**52, 2**53]
+    assert len(run) == len(run.time) == 3
+    run.save(tmp_path / "run.npz")
+    assert_same_run(run, sf.Trajectories.load(tmp_path / "run.npz"))
+
+
+@pytest.mark.parametrize("name", ["gyrostat", "hamiltonian", "nd", "full"])
+def test_copies_with_other_attributes_have_no_future(name):
+    run = run_of(name)
+    plain = asdict(run)
+    assert same(plain["states"], run.states)
+    assert plain["body"].keys() >= {*run.body._names()}
+    for other in (replace(run, eps=0.5), replace(run, steps=run.steps + 1), replace(run)):
+        with pytest.raises(ValueError, match=r"extend: expected a run of iterate, .* other attr"):
+            other.extend(1)

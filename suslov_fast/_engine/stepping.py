@@ -19,9 +19,9 @@ from .._kernels.elimination import WIDEST, WIDTH
 from .._kernels.lanes import LANES
 from .._kernels.map_nd import LANES as LANES_ND
 from . import threads as _threads
-from .execution import NONE, Indices, Output, Problem, Span
 from .layout import alike
 from .memory import require
+from .problem import NO_TRAJECTORIES, Indices, Output, Problem, Span
 
 _NO_TURN = 1.0, 0.0, 0.0, 0.0
 # Largest number of equations of which WIDEST systems fit in the second cache.
@@ -56,7 +56,7 @@ def iterate(
         _threads.run(
             kernel, work, problem.threads, *before, stretch, output.saved, turning, results
         )
-    return NONE
+    return NO_TRAJECTORIES
 
 
 def iterate_nd(
@@ -107,7 +107,7 @@ def iterate_field(problem: Problem, span: Span, output: Output) -> Indices:
     before, after = (*problem.parameters, problem.omega0), (output.saved, None, results, memory)
     for stretch, work in stretches_of(problem, span, step, lanes):
         _threads.run(blocks_nd.field, work, problem.threads, before, stretch, *after)
-    return NONE
+    return NO_TRAJECTORIES
 
 
 def _carried(span: Span, output: Output, **starts: FloatArray) -> list[FloatArray]:

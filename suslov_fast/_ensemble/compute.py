@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, instance, wrong
 from .._engine.arguments import States
-from .._engine.execution import Output, Span, execute, problem_of, span_of
+from .._engine.execution import execute
+from .._engine.problem import Output, Span, problem_of
 from .._engine.progress import Progress, reporter
 from .._engine.random_starts import RandomStarts
 from .job import Job, step_work
@@ -111,7 +112,7 @@ def _pieces(
         if every is not None:  # the states of a piece fill one chunk at most
             row = start // every + 1 if start else 0
             stop = min(stop, max((row // job.rows + 1) * job.rows * every - every, start + 1))
-        span = span_of(stop, every, start, resume)
+        span = Span(stop, every, start, resume)
         begin = time.perf_counter()
         output = execute(problem, span)
         # With the closed form steps are free, and one piece soon contains them all.

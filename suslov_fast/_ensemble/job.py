@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import FloatArray, integer, wrong
-from .._engine.execution import numbers_of_saved
 from .._engine.layout import alike
+from .._engine.problem import Map, numbers_of_saved
 from .._engine.random_starts import Slices
-from .._maps import Map, map_of
+from .._maps import map_of
 from .reductions import Monitors, reductions_of
 from .reductions import described as monitor_described
 from .starts import Source, described, part_of

@@ -12,7 +12,8 @@ import numpy as np
 
 from .._bodies.body_nd import NotIntegrableError
 from .._checks import FloatArray, wrong
-from .._maps import Map, map_of
+from .._engine.problem import Map
+from .._maps import map_of
 from .._runs.labelled import TAKEN
 from .._runs.schema import HEADER, schema_of
 from .._states.conserved import energy, first_integral, modified_energy

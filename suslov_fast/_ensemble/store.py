@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from .._checks import wrong
-from .._engine.execution import numbers_of_saved
+from .._engine.problem import numbers_of_saved
 from .._kernels.codes import NOT_COMPUTED
 from .._maps import map_named
 from .._runs import labelled

@@ -32,6 +32,9 @@ class Kernel:
         self.names = function.__globals__ | names if names else function.__globals__
         self._addresses = {}
 
+    def __deepcopy__(self, memo):
+        return self
+
     @functools.cached_property
     def compiled(self):
         """The function, compiled when it is first called."""

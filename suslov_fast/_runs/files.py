@@ -24,15 +24,18 @@ PathLike = str | os.PathLike[str]
 
 
 @contextmanager
-def place_for(path: PathLike) -> Iterator[Callable[..., None]]:
+def place_for(path: PathLike, overwrite: bool = True) -> Iterator[Callable[..., None]]:
     """Yield a function that writes the entries of a run, its keywords, to `path`, atomically."""
     _check_name(path)
+    if not overwrite and os.path.isfile(path):
+        message = "expected the name of a new file, or overwrite=True, got one that exists"
+        raise FileExistsError(errno.EEXIST, message, os.fspath(path))
     with replacing(path) as new, open(new, "wb") as file:
         yield partial(np.savez, file)
 
 
-def read(path: PathLike) -> dict[str, Any]:
-    """Return the attributes of the run in a file; ValueErrors get the name of the file."""
+def read(path: PathLike) -> tuple[Entries, dict[str, Any]]:
+    """Return what `run_of` finds in a file; ValueErrors get the name of the file."""
     _check_name(path)
     try:
         # Reading a pipe or a device may never end; the system reports a missing file.
@@ -62,7 +65,10 @@ def _entries(path: PathLike) -> Entries:
             members = archive.infolist()
             nbytes = sum(each.file_size for each in members)
             require(nbytes, "the run in this file is too large for this machine")
-            return {each.filename.removesuffix(".npy"): _array(archive, each) for each in members}
+            names = [each.filename.removesuffix(".npy") for each in members]
+            if twice := sorted({name for name in names if names.count(name) > 1}):
+                raise ValueError(f"{', '.join(twice)} twice")
+            return dict(zip(names, (_array(archive, each) for each in members), strict=True))
     except MemoryError:
         raise
     except Exception as error:  # readers raise various errors for damaged files

@@ -11,11 +11,12 @@ from .._bodies.body_3d import Suslov3D
 from .._checks import FloatArray, instance, one_of
 from .._docs import filled
 from .._engine.arguments import BodyOrField, check, orientations_of, refuse_rotor
-from .._engine.execution import Problem, problem_of
+from .._engine.problem import Problem, problem_of
 from .._engine.progress import Progress
 from .._engine.random_starts import RandomStarts
 from .._maps import map_named, map_of
-from .trajectories import OnSingular, Trajectories, finish, one_step
+from .running import OnSingular, finish, one_step
+from .trajectories import Trajectories
 
 Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
 
@@ -127,7 +128,8 @@ def iterate(
         arguments |= orientations_of(body, map.carries_attitude, attitude)
     states = check(body, (), arguments, threads)
     one_of("method", method, map.methods)
-    return finish(problem_of(map, states, method), steps, save_every, on_singular, progress, out)
+    problem = problem_of(map, states, method)
+    return finish(Trajectories._of, problem, steps, save_every, on_singular, progress, out)
 
 
 @filled
@@ -211,7 +213,7 @@ def iterate_full(
     array([ 0.1, -0.1,  0.1, -0.1])
     """
     problem = _problem(body, {"omega0": omega0, "eps": eps}, I3, threads)
-    return finish(problem, steps, save_every, on_singular, progress, out)
+    return finish(Trajectories._of, problem, steps, save_every, on_singular, progress, out)
 
 
 def _problem(

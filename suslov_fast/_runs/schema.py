@@ -12,17 +12,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._checks import one_of, real_array, wrong
-from .._engine.execution import numbers_of_saved
-from .._maps import STATUSES, Map, map_named
-
-if TYPE_CHECKING:
-    from .trajectories import Trajectories
+from .._engine.problem import STATUSES, Map, Problem, Span, numbers_of_saved
+from .._maps import map_named
+from .running import resumed
 
 Entries = dict[str, NDArray[Any]]
 
@@ -99,7 +97,8 @@ def header_of(body: Any, map: Map, method: str, steps: int, save_every: int | No
     return {name: np.asarray(value) for name, value in header if value is not None}
 
 
-def entries_of(run: Trajectories) -> Entries:
+def entries_of(run: Any) -> Entries:
+    """Return the entries of `Trajectories`."""
     results = "eps", *(each.name for each in STATUSES), "attitude"
     last_is_saved = run.save_every is None or run.steps % run.save_every == 0
     arrays = {
@@ -114,14 +113,14 @@ def entries_of(run: Trajectories) -> Entries:
     return header | {name: np.asarray(a) for name, a in arrays.items() if a is not None}
 
 
-def run_of(entries: Entries) -> dict[str, Any]:
-    """Return the attributes of `Trajectories`; ValueError if the entries do not form a run."""
+def run_of(entries: Entries) -> tuple[Entries, dict[str, Any]]:
+    """Return what resumes a run, and its attributes; ValueError if the entries form none."""
     header = read_header(entries)
     map = map_named(header["map"])
     steps, every = header["steps"], header.get("save_every")
     _check_arrays(entries, map, 1 if every is None else steps // every + 1)
     states, eps, n = np.ascontiguousarray(entries[map.variable]), entries["eps"], entries["n"]
-    one_of("method", header["method"], map.methods)
+    method, batch = one_of("method", header["method"], map.methods), entries["status"].shape
     real_array("eps", eps)
     if not np.array_equal(n, numbers_of_saved(steps, every)):
         expected = f"the saved steps of a run of {steps} steps with save_every={every}"
@@ -134,19 +133,33 @@ def run_of(entries: Entries) -> dict[str, Any]:
     resume = {name[start:]: each for name, each in entries.items() if name.startswith(RESUME)}
     if "state" in resume:
         resume |= {each.name: entries[each.name].reshape(-1) for each in STATUSES}
-    return {
+    step_size = float(eps) if eps.ndim == 0 else eps
+    if "omega0" in resume:
+        problem = resumed(map, body, step_size, batch, method, resume)
+        _check_resume(map, resume, problem, Span(steps, every))
+    return resume, {
         **{name: entries[name] for name in ("status", "failed_at")},
         "states": states,
-        "eps": float(eps) if eps.ndim == 0 else eps,
+        "eps": step_size,
         "body": body,
         "final": entries.get("final", states[-1]),
-        "method": header["method"],
+        "method": method,
         "steps": steps,
         "save_every": every,
         "attitude": entries.get("attitude"),
         "_map": map,
-        "_resume": resume,
     }
+
+
+def _check_resume(map: Map, resume: Entries, problem: Problem, span: Span) -> None:
+    """Raise ValueError if arrays are absent from which a run continues."""
+    kept = [each.name for each in map.kept if not each.attitude or "R0" in resume]
+    absent = [RESUME + name for name in kept if name not in resume]
+    # Either all are there, or none if the first driver, which computes all it can, needs none.
+    needs = map.drivers(problem, span)[0].keeps
+    if absent and (needs or len(absent) < len(kept)):
+        expected = f"a run of the map {map.name} with what resumes it"
+        raise ValueError(f"expected {expected}, got one without {', '.join(absent)}")
 
 
 def body_of(map: Map, entries: Mapping[str, NDArray[Any]]) -> Any:

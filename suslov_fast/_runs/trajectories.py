@@ -3,54 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import FloatArray, check_labels, first_index, integer, one_of, spell, warn
+from .._checks import FloatArray, check_labels, integer
 from .._docs import filled
-from .._engine.arguments import BodyOrField, States, thread_count
-from .._engine.execution import (
-    ONE_STEP,
-    Output,
-    Problem,
-    execute,
-    numbers_of_saved,
-    problem_of,
-    span_of,
-)
-from .._engine.layout import checked_out
-from .._engine.progress import Progress, check_progress
-from .._engine.status import SingularStepWarning, Status
-from .._maps import Map, map_of
+from .._engine.arguments import BodyOrField, thread_count
+from .._engine.problem import Map, numbers_of_saved
+from .._engine.progress import Progress
+from .._maps import map_of
+from .running import OnSingular, finish, resumed
 
 if TYPE_CHECKING:
     import xarray
-
-
-OnSingular = Literal["warn", "raise", "ignore"]
-
-
-class SingularStepError(ArithmeticError):
-    """Some trajectories of a batch failed before their last step.
-
-    Attributes
-    ----------
-    trajectories : Trajectories
-        The finished batch, including failed trajectories.
-    """
-
-    def __init__(self, message: str, trajectories: Trajectories) -> None:
-        super().__init__(message)
-        self.trajectories = trajectories
-
-    def __reduce__(self) -> tuple[type, tuple[str, Trajectories]]:
-        return type(self), (str(self), self.trajectories)
 
 
 def _quantity(
@@ -102,7 +73,8 @@ class Trajectories:
 
     Notes
     -----
-    ``len(run)`` is the number of saved states. Runs are equal if all of the above is equal, where
+    ``len(run)`` is the number of saved states, ``run[k]`` is ``run.states[k]`` for any index of
+    NumPy, and a run iterates over its states. Runs are equal if all of the above is equal, where
     NaN equals NaN; they are not hashable.
 
     Examples
@@ -125,9 +97,15 @@ class Trajectories:
     steps: int
     save_every: int | None
     attitude: FloatArray | Any = None  # with `Any`, callers need no test of None
-    # The map, and the arrays from which `extend` continues.
     _map: Map = field(kw_only=True)
-    _resume: dict[str, NDArray[Any]] = field(default_factory=dict)
+    # The arrays from which `extend` continues; `dataclasses.replace` makes a run without them.
+    _resume: dict[str, NDArray[Any]] = field(init=False, default_factory=dict)
+
+    @classmethod
+    def _of(cls, resume: Mapping[str, NDArray[Any]], **attributes: Any) -> Trajectories:
+        run = cls(**attributes)
+        run._resume.update(resume)
+        return run
 
     @filled
     def extend(
@@ -165,15 +143,13 @@ class Trajectories:
         if "omega0" not in self._resume:
             raise ValueError(
                 "extend: expected a run of iterate, or one that Trajectories.load read; a dataset "
-                "of to_xarray does not hold the data needed to resume"
+                "of to_xarray, or a copy with other attributes, does not hold the data needed to "
+                "resume"
             )
-        batch, R0 = self.status.shape, self._resume.get("R0")
-        omega0 = self._resume["omega0"].reshape(self.final.shape)
-        if R0 is not None:
-            R0 = R0.reshape((*batch, *R0.shape[1:]))
-        states = States(self.body, omega0, self.eps, batch, thread_count(threads), orientation=R0)
-        problem = problem_of(self._map, states, self.method)
-        return finish(problem, steps, self.save_every, on_singular, progress, earlier=self)
+        run = self._map, self.body, self.eps, self.status.shape, self.method, self._resume
+        problem = resumed(*run, thread_count(threads))
+        options = self.save_every, on_singular, progress
+        return finish(Trajectories._of, problem, steps, *options, earlier=self)
 
     @property
     def omega(self) -> FloatArray:
@@ -196,6 +172,12 @@ class Trajectories:
 
     def __len__(self) -> int:
         return len(self.states)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.states[index]
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        return iter(self.states)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is None:  # which NumPy 1.26 does not take
@@ -347,24 +329,27 @@ class Trajectories:
         from .labelled import entries_of_dataset
         from .schema import run_of
 
-        run = cls(**run_of(entries_of_dataset(dataset)))
+        run = cls._of({}, **run_of(entries_of_dataset(dataset))[1])
         states = dataset[run._map.variable].isel(n=0).transpose(..., "component")
         check_labels("dataset", states, run._map.components(run.body))
         return run
 
     @filled
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
         """Write the run to a file that :meth:`load` reads, without loss.
 
-        The file appears under its name only when it is complete. It replaces an existing file with
-        the same mode, or the target of a link.
+        The file appears under its name only when it is complete.
 
-        %(Parameters: path)s
+        Parameters
+        ----------
+        %(path)s
+        overwrite : bool
+            True replaces an existing file, whose mode is kept, or the target of a link.
 
         Raises
         ------
         OSError
-            If the file cannot be written.
+            If the file cannot be written; FileExistsError if it exists and is not to be replaced.
         TypeError, ValueError
             If the name ends otherwise. ``run.to_xarray().to_netcdf(path)`` writes NetCDF, and
             :func:`ensemble` a Zarr store.
@@ -372,7 +357,7 @@ class Trajectories:
         from .files import place_for
         from .schema import entries_of
 
-        with place_for(path) as put:
+        with place_for(path, overwrite) as put:
             put(**entries_of(self))
 
     @classmethod
@@ -397,7 +382,8 @@ class Trajectories:
         """
         from .files import read
 
-        return cls(**read(path))
+        resume, attributes = read(path)
+        return cls._of(resume, **attributes)
 
     def __repr__(self) -> str:
         failed, n = np.count_nonzero(self.status < 0), self.n
@@ -419,71 +405,3 @@ def _range(eps: float | FloatArray) -> str:
         return "none"
     low, high = np.min(eps), np.max(eps)
     return f"{low:g}" if low == high else f"{low:g} ... {high:g}"
-
-
-def finish(
-    problem: Problem,
-    steps: int,
-    save_every: int | None,
-    on_singular: OnSingular,
-    progress: Progress,
-    out: FloatArray | None = None,
-    earlier: Trajectories | None = None,
-) -> Trajectories:
-    """Check the other arguments of `iterate`, compute the run, from `earlier` on, and warn."""
-    one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
-    steps = integer("steps", steps, 0)
-    if save_every is not None:
-        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    check_progress(progress)
-    span, before, since = span_of(steps, save_every), None, 0
-    if earlier is not None:
-        start, before = earlier.steps, (earlier.states, earlier.attitude)
-        span, since = span_of(start + steps, save_every, start, earlier._resume), start + 1
-    if out is not None:
-        out = checked_out(out, (span.rows or 1, *problem.batch, problem.omega0.shape[1]))
-    output = execute(problem, span, progress, out, before)
-    run = Trajectories(
-        output.saved,
-        problem.eps,
-        problem.body,
-        output.status,
-        output.failed_at,
-        output.final,
-        problem.method,
-        span.steps,
-        span.save_every,
-        output.turns,
-        output.resume,
-        _map=problem.map,
-    )
-    if on_singular != "ignore" and (message := failures(output, since)):
-        if on_singular == "raise":
-            raise SingularStepError(message, run)
-        warn(message, SingularStepWarning)
-    return run
-
-
-def one_step(problem: Problem) -> FloatArray:
-    """Return the next states, and warn of those that do not exist."""
-    output = execute(problem, ONE_STEP)
-    # Failures at step 0 are NaN in the input, which are not reported.
-    if message := failures(output, 1):
-        warn(message, SingularStepWarning)
-    return output.final
-
-
-def failures(output: Output, since: int) -> str:
-    """Return a count of the trajectories that failed at step `since` or later, "" if none did."""
-    if output.worst >= 0:
-        return ""
-    failed, parts = output.failed_at >= since, []
-    for code, what in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
-        of_code = failed & (output.status == code)
-        if of_code.any():
-            index = first_index(of_code)
-            parts.append(
-                f"{np.count_nonzero(of_code)} of {failed.size} trajectories: {what}, "
-                f"first: {spell(index)} at step {output.failed_at[index]}"
-            )
-    return "; ".join(parts)

@@ -15,7 +15,8 @@ from .._checks import FloatArray, integer
 from .._engine import threads as _threads
 from .._engine.arguments import States, check
 from .._engine.evaluation import TASKS, warn_of_missing
-from .._engine.execution import Problem, execute, problem_of, span_of
+from .._engine.execution import execute
+from .._engine.problem import Problem, Span, problem_of
 from .._jit import LINE
 from .._kernels.tangent_map import orthonormalise
 from .._maps import map_of
@@ -86,7 +87,7 @@ def lyapunov_exponents(
     if 0 in states.batch:
         return np.empty((*states.batch, body.dimension))
     if transient:
-        later = execute(problem, span_of(transient, None)).final
+        later = execute(problem, Span(transient, None)).final
         problem = problem_of(map_of(body), states._replace(omega=later))
     with np.errstate(all="ignore"):
         lengths, of_det = _sums(problem, steps, body.dimension - 1)
@@ -125,11 +126,11 @@ def _slabs(problem: Problem, steps: int) -> Iterator[FloatArray]:
     """Yield all states (..., D) of a run in parts; the first state of a part is the last before."""
     size = max(problem.omega0.size * problem.omega0.shape[1], 1)
     length = max(_SLAB // size, 1)
-    found = execute(problem, span_of(min(length, steps), 1))
+    found = execute(problem, Span(min(length, steps), 1))
     yield found.saved
     for start in range(length, steps, length):
         last = found.saved[-1:]
-        found = execute(problem, span_of(min(start + length, steps), 1, start, found.resume))
+        found = execute(problem, Span(min(start + length, steps), 1, start, found.resume))
         yield np.concatenate([last, found.saved])
 
 

@@ -13,7 +13,8 @@ from .._checks import FloatArray
 from .._engine import threads as _threads
 from .._engine.arguments import States
 from .._engine.evaluation import TASKS, of_state
-from .._engine.execution import ONE_STEP, execute, problem_of
+from .._engine.execution import ONE_STEP, execute
+from .._engine.problem import problem_of
 from .._engine.reduced_runs import Reduced, reduce
 from .._kernels import quantities_3d as kernels_3d
 from .._kernels.elimination import ACCURATE, WIDTH

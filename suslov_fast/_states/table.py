@@ -61,9 +61,9 @@ def described(function: F, quantity: str = "") -> F:
 
 
 def with_table(body: Any) -> Any:
-    """Return a body whose class is in the table: the body, or its field."""
+    """Return the body, or its field, if it has one, for a class that is not in the table."""
     is_other = isinstance(body, Body) and not isinstance(body, tuple(TABLE))
-    return body.field() if is_other else body
+    return body.field() if is_other and type(body).field is not Body.field else body
 
 
 def evaluation_of(quantity: str, body: Any) -> Evaluation:

@@ -66,8 +66,8 @@ def _entries(path: PathLike) -> Entries:
             nbytes = sum(each.file_size for each in members)
             require(nbytes, "the run in this file is too large for this machine")
             names = [each.filename.removesuffix(".npy") for each in members]
-            if twice := sorted({name for name in names if names.count(name) > 1}):
-                raise ValueError(f"{', '.join(twice)} twice")
+            if len({*names}) < len(names):
+                raise ValueError("an entry is there twice")
             return dict(zip(names, (_array(archive, each) for each in members), strict=True))
     except MemoryError:
         raise

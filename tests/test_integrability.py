@@ -1,5 +1,6 @@
 """Exact computations for Kahan maps, against published results and SymPy."""
 
+import json
 import math
 import random
 from fractions import Fraction as F
@@ -10,6 +11,7 @@ import pytest
 import sympy
 
 from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
+from suslov_fast._cli import main
 from suslov_fast.integrability import (
     _exact,
     _growth,
@@ -19,6 +21,8 @@ from suslov_fast.integrability import (
     growth,
     hk_bases,
     kahan,
+    report,
+    zoo,
 )
 
 BODY = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
@@ -240,6 +244,83 @@ def test_cofactors():
     assert float(sympy.sympify(str(C)).subs({"x1": x[0], "x2": x[1]})) == float(C(x))
 
 
+PLANAR = zoo()["generic planar field"][0]
+ENERGY = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+
+
+@pytest.mark.parametrize(
+    ("body", "degree", "kind", "integrals", "measures", "planes", "left"),
+    [
+        (BODY, 3, "linear", [2], 3, ["2*x1 + x2"], 1),
+        (CYCLE, 3, "quadratic", [1, 3], 3, ["x1", "x2", "x3", "x1 + x2 + x3"], 1),
+        # The map sends the line det A = 0 to infinity.
+        (ENERGY, 1, "quadratic", [3], 1, [], 1),
+        (PLANAR, 3, "exponential", [], None, [], 2),
+    ],
+)
+def test_report(body, degree, kind, integrals, measures, planes, left):
+    found, map = report(body, EPS, degree), kahan(of(body), EPS)
+    x = [F(k, 7) for k in range(2, 2 + map.dimension)]
+    assert (found.growth.kind, found.dimension, found.finished) == (kind, left, True)
+    assert [each.degree for each in found.integrals] == integrals
+    assert [str(each) for each in found.hyperplanes] == planes
+    assert all(f(map(x)) == f(x) for f in found.integrals)
+    assert all(f(map(x)) * map.determinant(x) == f(x) for f in found.measures)
+    assert all(P(map(x)) == P.cofactor(x) * P(x) for P in found.polynomials)
+    assert [f.degree for f in found.measures[:1]] == ([measures] if measures else [])
+    for each in (*found.integrals, *found.measures, *found.polynomials):
+        assert each.basis == "identity"
+        parameters = dict(zip(sympy.symbols("x1 x2 x3"), map_to_sympy(x), strict=False))
+        assert sympy.sympify(str(each)).subs(parameters) == sympy.Rational(str(each(x)))
+    text = repr(found)
+    assert 8 <= len(text.splitlines()) <= 12
+    assert max(len(line) for line in text.splitlines()) < 340
+    assert text.count(f"none found up to degree {degree}") == (0 if integrals else 3)
+    assert ("evidence, not a proof" in text, "proved" in text) == (True, bool(integrals))
+    assert (
+        found._repr_latex_().count("&=") == 1 + len(integrals) + len(found.polynomials) + left % 2
+    )
+    plain = json.loads(json.dumps(found.to_dict()))
+    assert [each["degree"] for each in plain["integrals"]] == integrals
+    assert QuadraticField.from_dict(plain["field"]) == of(body)
+    assert repr(report(body, EPS, degree, seed=5)) == text
+
+
+def map_to_sympy(x):
+    return [sympy.Rational(a.numerator, a.denominator) for a in x]
+
+
+def test_a_report_that_is_cut_short():
+    assert not report(CYCLE, EPS, time_limit=0).finished
+
+    def interrupt(done, parts):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        report(CYCLE, EPS, progress=interrupt)
+    found = stopped.value.report
+    assert (found.growth.kind, found.relations, found.integrals) == ("quadratic", 2, ())
+    assert "Not finished" in repr(found)
+    assert "0.1 is taken exactly" in repr(report(BODY, 0.1, 1))
+    assert "Fraction(1, 10)" in repr(report(BODY, 0.1, 1))
+
+
+def test_the_command(tmp_path, capsys):
+    path = tmp_path / "field.json"
+    path.write_text(json.dumps(CYCLE.to_dict()))
+    command = ["report", "--body", str(path), "--eps", "1/4", "--degree", "1"]
+    for more, status in (([], 0), (["--json"], 0), (["--degree", "99"], 2), (["--eps", "1/0"], 2)):
+        with pytest.raises(SystemExit) as end:
+            main([*command, *more])
+        assert end.value.code == status
+        printed, error = capsys.readouterr()
+        assert ("expected" in error) == bool(status)
+        if not status:
+            whole = json.loads(printed) if more else {"integrals": [{"formula": printed}]}
+            assert "x1 + x2 + x3" in whole["integrals"][0]["formula"]
+
+
 def test_relations_without_a_quotient():
     units = np.eye(6, dtype=int)
     squares, mixed = 2 * units, units[:3] + units[3:]
@@ -292,16 +373,16 @@ def test_exceptional_primes_and_lines_are_drawn_again(monkeypatch):
         assert degrees(map, 5) == [2, 4, 6, 8, 10]
         assert hk_bases(map, 2).dimension == 1
         assert len(darboux_polynomials(map, 3)) == 2
-    true, calls = _growth._degrees_on_a_line, []
+    true, calls = _growth.degrees_on_a_line, []
 
     def exceptional(map, p, rng):
         calls.append(p)
         return true(map, p, rng) if len(calls) > 1 else iter([1] * 9)
 
-    monkeypatch.setattr(_growth, "_degrees_on_a_line", exceptional)
+    monkeypatch.setattr(_growth, "degrees_on_a_line", exceptional)
     assert degrees(MAP, 4) == [2, 4, 6, 8]
     assert len({*calls}) == 3
-    monkeypatch.setattr(_growth, "_degrees_on_a_line", lambda map, p, rng: iter([p]))
+    monkeypatch.setattr(_growth, "degrees_on_a_line", lambda map, p, rng: iter([p]))
     with pytest.raises(ArithmeticError, match="do not agree"):
         degrees(MAP, 1)
 
@@ -336,6 +417,12 @@ class Quantity(float):
         (lambda: hk_bases(MAP, 2.5), TypeError, "monomials: .*a degree or a list.*2.5"),
         (lambda: hk_bases(MAP, [(1, 0), (1, 0)]), ValueError, "monomials: .*none twice"),
         (lambda: hk_bases(MAP, [(1, 0, 0)]), ValueError, r"monomials: expected 2 .*\(1, 0, 0\)"),
+        (lambda: report(Suslov3D([1, 2], 1, 0, 1), 1), ValueError, r"field: .*shape \(2,\)"),
+        (lambda: report(BODY, EPS, 0), ValueError, "degree: .*got 0"),
+        (lambda: report(CLEBSCH.field, 1, 5), ValueError, "at most 4 for 6 variables .*210.*462"),
+        (lambda: report(BODY, EPS, time_limit="x"), TypeError, "time_limit"),
+        (lambda: report(1, EPS), TypeError, "body: .*got int"),
+        (lambda: cofactors(CLEBSCH, -1), ValueError, "degree: .*got -1"),
         (lambda: darboux_polynomials(MAP, 1, "x"), TypeError, "cofactor: .*got str"),
         (lambda: darboux_polynomials(MAP, 1, lambda x: 0.5), TypeError, "cofactor: .*got float"),
         (lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0)), ArithmeticError, "undefined"),

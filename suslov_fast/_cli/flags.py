@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
+from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, get_args
@@ -86,6 +87,13 @@ def _check_address(text: str) -> str:
     return text
 
 
+def _read_fraction(text: str) -> Fraction:
+    try:
+        return Fraction(text)
+    except ZeroDivisionError as error:
+        raise ValueError from error
+
+
 def _list_or_table(text: str) -> Any:
     return (_table if re.search(r"\.[A-Za-z]\w*$", text) else _list)(text)
 
@@ -94,6 +102,7 @@ _SWEEP = "NAME=LOW:HIGH:COUNT"
 _sweep = _value(_SWEEP, _split_sweep)
 _address = _value("an address such as tcp://127.0.0.1:8786", _check_address)
 _number = _value("a finite number", _finite)
+_fraction = _value("a number such as 1/3 or 0.25", _read_fraction)
 _list = _value(
     "finite numbers separated by commas without spaces",
     lambda text: [*map(_finite, text.split(","))],
@@ -147,6 +156,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "compression": _option("compression of the store", choices=("lz4", "zstd")),
     "reduce": _repeated("store first_integral_drift, ...; may be repeated", metavar="NAME"),
     "verify": _flag("verify the store and recompute damaged data"),
+    "degree": _option("largest degree of polynomials (%(default)s)", _integer(1), default=3),
+    "time_limit": _option("seconds after which it prints what it found", _number, "SECONDS"),
     "file": _option(".npz or .zarr files", _result, "FILE", nargs="+"),
     "format": _option("format (%(default)s)", choices=("png", "pdf", "svg"), default="png"),
     "dpi": _option("dots per inch (%(default)s)", _integer(1, 2400), "N", default=160),
@@ -212,6 +223,17 @@ COMMANDS = {
         "Draw the paper's four pictures. The gallery of the documentation has scripts of others.",
         {"": "output format dpi letters force"},
         {"output": {"metavar": "DIR", "help": "a folder (this one)", "default": Path()}},
+    ),
+    "report": Command(
+        "report_command.report",
+        "Report what is there of the integrability of a Kahan map. Degrees of iterates and their "
+        "growth, first integrals, invariant measures and Darboux polynomials are exact; a decimal "
+        "such as 0.1 is 1/10. Needs python-flint.",
+        {"": "body eps degree time_limit json"},
+        {
+            "body": {"required": True, "help": "body or field, as its to_dict() was written"},
+            "eps": {"required": True, "help": "step size, as 1/3 or 0.25", "type": _fraction},
+        },
     ),
     "animate": Command(
         "pictures.animate",

@@ -31,6 +31,8 @@ from ._integrals import cofactors
 from ._maps import KahanMap, kahan
 from ._projective import RationalFunction
 from ._relations import HKBasis, darboux_polynomials, hk_bases
+from ._report import Report, report
+from ._zoo import zoo
 
 __all__ = [
     "Growth",
@@ -38,10 +40,13 @@ __all__ = [
     "KahanMap",
     "QuadraticField",
     "RationalFunction",
+    "Report",
     "cofactors",
     "darboux_polynomials",
     "degrees",
     "growth",
     "hk_bases",
     "kahan",
+    "report",
+    "zoo",
 ]

@@ -34,16 +34,16 @@ class InvariantSpace:
 
 
 def invariant_spaces(
-    map: Projective, degree: int, pulse: Pulse = lambda: None
+    map: Projective, degree: int, affine: int, pulse: Pulse = lambda: None
 ) -> tuple[InvariantSpace, ...]:
     """Return the spaces of Darboux polynomials of a degree over the rationals.
 
-    The factors of the map must be known. Polynomials of lower degree are among them if the
-    hyperplane at infinity is invariant.
+    The factors of the map must be known. A polynomial of lower degree, of at most `affine` if that
+    is less than `degree`, has powers of the hyperplane at infinity as a factor.
     """
-    if degree not in map.spaces:
+    if (degree, affine) not in map.spaces:
         rng, spaces = random.Random(degree), []
-        pullbacks = cache(partial(_Pullbacks, map, degree))
+        pullbacks = cache(partial(_Pullbacks, map, degree, affine))
         first = pullbacks(_exact.random_prime(rng))
         for powers, c in [*first.search(pulse)]:
 
@@ -54,16 +54,16 @@ def invariant_spaces(
             if rows := _exact.over_rationals(random.Random(degree), residues):
                 polynomials = _exact.polynomials_with(rows, first.exponents)
                 spaces.append(InvariantSpace(degree, powers, polynomials))
-        map.spaces[degree] = tuple(spaces)
-    return map.spaces[degree]
+        map.spaces[degree, affine] = tuple(spaces)
+    return map.spaces[degree, affine]
 
 
 class _Pullbacks:
     """Pullbacks of the polynomials of a degree, modulo a prime; columns are monomials."""
 
-    def __init__(self, map: Projective, degree: int, p: int) -> None:
+    def __init__(self, map: Projective, degree: int, affine: int, p: int) -> None:
         self.map, self.degree, self.p, self.rng = map, degree, p, random.Random(p)
-        self.exponents = _exact.exponents_up_to(degree, map.D)
+        self.exponents = _exact.exponents_up_to(affine, map.D)
         self.monomials = tuple((degree - sum(e), *e) for e in self.exponents)
         self.everything = self._matrix(np.eye(len(self.exponents), dtype=int).tolist())
         self.forms = Arithmetic(map.map, p).forward

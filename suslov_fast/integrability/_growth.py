@@ -52,10 +52,10 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
     """
     instance("map", map, KahanMap)
     n, rng = integer("n", n, 0), random.Random(seed)
-    return list(confirmed(rng, lambda p: list(islice(_degrees_on_a_line(map, p, rng), n))))
+    return list(confirmed(rng, lambda p: list(islice(degrees_on_a_line(map, p, rng), n))))
 
 
-def _degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[int]:
+def degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[int]:
     forms = Arithmetic(map, p).forward
     line = [[rng.randrange(p), rng.randrange(p)] for _ in range(map.dimension)]
     x = [flint.nmod_poly(each, p) for each in ([1], *line)]

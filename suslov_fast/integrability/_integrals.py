@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import random
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, reduce
@@ -32,6 +32,12 @@ class Found(RationalFunction):
     basis: str = MODULAR
     cofactor: RationalFunction | None = None
 
+    @property
+    def maps_to_infinity(self) -> bool:
+        """True if the map sends the zeros of a Darboux polynomial to infinity."""
+        factors = () if self.cofactor is None else self.cofactor.factors
+        return any(e < 0 and f % self.numerator == 0 for f, e in factors)
+
 
 Key = tuple[tuple[int, ...], Fraction]  # the exponents and the constant of a cofactor
 
@@ -46,38 +52,64 @@ class Darboux:
 
 
 class Invariants:
-    """The Darboux polynomials of a map up to a degree, and what follows from them."""
+    """The Darboux polynomials of a map, degree by degree, and what follows from them."""
 
-    def __init__(self, map: Projective, degree: int, pulse: Pulse = lambda: None) -> None:
+    def __init__(self, map: Projective, pulse: Pulse = lambda: None) -> None:
         self.map, self.pulse = map, pulse
         self.generators: list[Darboux] = []
         self.keys: list[Key] = []  # of all cofactors
-        self.integrals: list[Found] = []  # not independent
+        self.integrals: list[Found] = []  # quotients of equal cofactor, not independent
         self.densities: list[Found] = []
-        for k in range(1, degree + 1):
-            self._of_degree(k)
-        keys = [g.key for g in self.generators]
-        for powers in _relations(keys):
-            self.integrals.append(self._power_product(powers))
-        if not self.densities:
-            measures = [row for row in _relations([self.determinant, *keys]) if abs(row[0]) == 1]
-            self.densities = [
-                self._power_product([a * b for b in rest]) for a, *rest in measures[:1]
-            ]
 
-    def _of_degree(self, k: int) -> None:
-        for space in invariant_spaces(self.map, k, self.pulse):
+    def up_to(self, degree: int) -> Invariants:
+        for _ in self.steps(degree):
+            pass
+        return self
+
+    def steps(self, degree: int) -> Iterator[int]:
+        """Find the polynomials up to a degree, and yield each degree when it is done."""
+        for k in range(1, degree + 1):
+            self._of_degree(k, k)
+            yield k
+        # The map may permute a hypersurface and the hyperplane at infinity: their union is
+        # invariant.
+        self._of_degree(degree + 1, degree)
+
+    @property
+    def products(self) -> list[Found]:
+        """First integrals that are products of powers of Darboux polynomials."""
+        return [self._power_product(row) for row in _relations([g.key for g in self.generators])]
+
+    @property
+    def measures(self) -> list[Found]:
+        """Densities of invariant measures, from one cofactor or else from several."""
+        keys = [self.determinant, *(g.key for g in self.generators)]
+        found = [row for row in _relations(keys) if abs(row[0]) == 1]
+        products = [self._power_product([a * b for b in rest]) for a, *rest in found[:1]]
+        return self.densities or products
+
+    @property
+    def polynomials(self) -> list[Found]:
+        """The Darboux polynomials, without products of others."""
+        found = (
+            Found(((g.P, 1),), basis=g.basis, cofactor=self.function(g.key))
+            for g in self.generators
+        )
+        return sorted(found, key=lambda f: _size(f.numerator))
+
+    def _of_degree(self, k: int, affine: int) -> None:
+        for space in invariant_spaces(self.map, k, affine, self.pulse):
             self.pulse()
             proofs = {self.basis_of(P, k, space.powers) for P in space.polynomials}
             basis = IDENTITY if proofs == {IDENTITY} else MODULAR
             pairs = zip(space.powers[1:], self.map.of_denominator, strict=True)
             key = self._key(tuple(a - k * b for a, b in pairs), space.polynomials[0])
             self.keys.append(key)
-            span = self._span(k, key)
+            span = self._span(affine, key)
             for P in sorted(space.polynomials, key=_size):
                 if _rank([*span, P]) > len(span):
                     self.generators.append(Darboux(P, key, basis))
-                    span = self._span(k, key)
+                    span = self._span(affine, key)
             span.sort(key=_size)
             self.integrals += [quotient(P, span[0], basis) for P in span[1:]]
             if not self.densities and key == self.determinant:
@@ -126,18 +158,23 @@ class Invariants:
         if self.map.terms(degree) > TERMS:
             return MODULAR
         factors = zip(self.map.factors or (), powers[1:], strict=True)
-        expected, found = (
-            math.prod((f**e for f, e in factors), start=P),
-            self.map.pullback(P, degree),
-        )
-        if found * expected.leading_coefficient() != expected * found.leading_coefficient():
-            raise ArithmeticError(f"{P}: expected a multiple of itself as pullback")
+        product = math.prod((f**e for f, e in factors), start=P)
+        require_multiple(self.map.pullback(P, degree), product)
         return IDENTITY
+
+    def density(self, P: Any) -> Found:
+        """Return 1 / P, and whether it is proved to be the density of an invariant measure."""
+        degree, v = int(P.total_degree()), self.map.valuation
+        known = zip(v(self.map.pullback(P, degree)), self.map.of_denominator, v(P), strict=True)
+        powers = tuple(a - degree * b - c for a, b, c in known)
+        product = math.prod((f**a for f, a in zip(self.map.factors or (), v(P), strict=True)))
+        proved = self._key(powers, P) == self.determinant and (P // product).is_constant()
+        return quotient(self.map.ring.constant(1), P, IDENTITY if proved else MODULAR)
 
     def _power_product(self, powers: Sequence[int]) -> Found:
         chosen = [(g, e) for g, e in zip(self.generators, powers, strict=True) if e]
         basis = MODULAR if any(g.basis == MODULAR for g, _ in chosen) else IDENTITY
-        return Found(tuple((g.P, e) for g, e in chosen), basis=basis)
+        return Found(_sorted((g.P, e) for g, e in chosen), basis=basis)
 
 
 def independent(candidates: Iterable[Found]) -> tuple[Found, ...]:
@@ -159,6 +196,11 @@ def independent(candidates: Iterable[Found]) -> tuple[Found, ...]:
     return tuple(chosen)
 
 
+def require_multiple(P: Any, Q: Any) -> None:
+    if P * Q.leading_coefficient() != Q * P.leading_coefficient():
+        raise ArithmeticError(f"{Q}: expected a constant multiple of it, got {P}")
+
+
 def rank_of_quotients(polynomials: Sequence[Any]) -> int:
     """Return the number of independent quotients of polynomials."""
     first, *others = polynomials or (None,)
@@ -175,18 +217,19 @@ def common_denominator(functions: Iterable[Found]) -> Polynomials:
 
 
 def quotient(P: Any, Q: Any, basis: str) -> Found:
-    """Return a quotient of polynomials, in irreducible factors."""
+    """Return a quotient of polynomials in irreducible factors, without a constant."""
     exponents: dict[str, int] = {}
-    polynomials, constant = {}, Fraction(1)
+    polynomials = {}
     for each, sign in ((P, 1), (Q, -1)):
-        content, factors = each.factor()
-        constant *= Fraction(int(content)) ** sign
-        for f, e in factors:
+        for f, e in each.factor()[1]:
             polynomials[str(f)] = f
             exponents[str(f)] = exponents.get(str(f), 0) + sign * int(e)
-    ordered = sorted(exponents, key=lambda name: (int(polynomials[name].total_degree()), name))
-    factors = tuple((polynomials[name], exponents[name]) for name in ordered if exponents[name])
-    return Found(factors, constant, basis)
+    powers = ((f, exponents[name]) for name, f in polynomials.items() if exponents[name])
+    return Found(_sorted(powers), basis=basis)
+
+
+def _sorted(powers: Iterable[tuple[Any, int]]) -> tuple[tuple[Any, int], ...]:
+    return tuple(sorted(powers, key=lambda power: _size(power[0])))
 
 
 def _size(P: Any) -> tuple[int, int, str]:
@@ -262,7 +305,7 @@ def cofactors(map: KahanMap, degree: int) -> tuple[RationalFunction, ...]:
     -(3*x1 + x2 + 1)/(x1 - 3*x2 - 3) (x2,)
     """
     instance("map", map, KahanMap)
-    found = Invariants(factored(map), integer("degree", degree, 0))
+    found = Invariants(factored(map)).up_to(integer("degree", degree, 0))
     one = (tuple(0 for _ in found.map.of_denominator), Fraction(1))
     return tuple(
         found.function(key) for key in dict.fromkeys([one, found.determinant, *found.keys])

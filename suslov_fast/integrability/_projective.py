@@ -15,6 +15,7 @@ from . import _exact
 from ._maps import Arithmetic, KahanMap, cramer, evaluate
 
 TERMS = 20_000  # of the largest polynomial that is written out
+_SPARSE = 100  # terms of a component; of sparse maps all polynomials are
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,6 +65,8 @@ class RationalFunction:
 
     def _text(self, sign: int, number: str) -> str:
         chosen = [(P, sign * e) for P, e in self.factors if sign * e > 0]
+        if number == "1" and self.constant == 1 and [e for _, e in self.factors] == [1] == [sign]:
+            return str(chosen[0][0])
         texts = [f"({P})" if len(P.to_dict()) > 1 else f"{P}" for P, _ in chosen]
         powers = [f"{t}^{e}" if e > 1 else t for t, (_, e) in zip(texts, chosen, strict=True)]
         whole = "*".join([number] * (number not in ("1", "-1")) + powers) or number
@@ -115,7 +118,7 @@ class Projective:
         self.F = [each // common for each in forward]
         self.delta = max(int(each.total_degree()) for each in self.F)
         self.determinant = forward[0]  # of A, up to a constant
-        self.spaces: dict[int, tuple[Any, ...]] = {}  # of Darboux polynomials, by degree
+        self.spaces: dict[tuple[int, int], tuple[Any, ...]] = {}  # of Darboux polynomials
 
     def _integral(self, forms: Any) -> list[list[Any]]:
         """Return the equations, without fractions, as polynomials."""
@@ -138,10 +141,13 @@ class Projective:
     @cached_property
     def factors(self) -> tuple[Any, ...] | None:
         """Irreducible factors of the denominator and of det DPhi; None if they are too large."""
+        if self.backward == 0 or self.delta == 0:  # there is no inverse
+            return None
+        sparse = max(len(F.to_dict()) for F in self.F) <= _SPARSE
         found = [*self.F[0].factor()[1], *self.determinant.factor()[1]]
         for P, _ in self.backward.factor()[1]:
             degree = P.total_degree()
-            if self.terms(degree) > TERMS:
+            if self.terms(degree) > TERMS and not sparse:
                 return None
             found += self.pullback(P, degree).factor()[1]
         different = {str(f): f for f, _ in found}.values()

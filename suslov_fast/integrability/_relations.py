@@ -116,7 +116,7 @@ def hk_bases(
     sets = [exponents]
     if isinstance(monomials, int | np.integer):
         sets = [_exact.exponents_up_to(d, map.dimension) for d in range(1, degree + 1)] or sets
-    search = _Relations(map, rng)
+    search = Relations(map, rng)
     independent = search.independent(exponents)
     integrals: Polynomials = ()
     for exponents in sets if independent else sets[-1:]:
@@ -128,7 +128,7 @@ def hk_bases(
     degree = max(sum(e) for e in exponents)
     if rank_of_quotients(integrals) < independent and sets[0] is not sets[-1]:
         with contextlib.suppress(ArithmeticError):  # too long
-            found = common_denominator(Invariants(factored(map), degree).integrals)
+            found = common_denominator(Invariants(factored(map)).up_to(degree).integrals)
             if rank_of_quotients(found) > rank_of_quotients(integrals):
                 integrals = found
     basis: Matrix | None = ()
@@ -142,7 +142,7 @@ def hk_bases(
     )
 
 
-class _Relations:
+class Relations:
     """Relations between monomials along random orbits."""
 
     def __init__(self, map: KahanMap, rng: random.Random) -> None:

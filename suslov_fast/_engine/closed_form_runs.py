@@ -44,24 +44,32 @@ class Orbits(NamedTuple):
     omega: FloatArray
     flow: bool
     ends: Ends
+    # 1 for trajectories of the blocks that the kernel of orbits that rest or pass leaves.
+    left: NDArray[np.int8]
     # Numbers of missing states so far, a row for each thread: at a step, between, and out of range.
     missing: FloatArray
     threads: int | None
 
     def run(
         self,
-        kernel: Kernel,
+        kernels: tuple[Kernel, Kernel],
         sign: float,
         which: tuple[Any, Any],
         lanes: Range,
         work: int,
         out: FloatArray,
     ) -> None:
-        """Call a kernel for some trajectories; `work` is that of one after it is entered."""
-        parameters, omega, flow, ends, missing, threads = self
+        """Call a kernel for some trajectories, and the next for those that it leaves.
+
+        `work` is that of a trajectory after it is entered.
+        """
+        parameters, omega, flow, ends, left, missing, threads = self
         work = (lanes[1] - lanes[0]) * (_ENTERING + work)
-        before = (sign, flow), parameters, omega, *which
-        _threads.run(kernel, work, threads, *before, lanes, out, ends, missing)
+        arguments = (sign, flow), parameters, omega, *which, lanes, out, ends, left, missing
+        passing, others = kernels
+        _threads.run(passing, work, threads, *arguments)
+        if left[slice(*lanes)].any():
+            _threads.run(others, work, threads, *arguments)
 
 
 def orbits_of(
@@ -72,7 +80,8 @@ def orbits_of(
     ends: Ends = _NO_ENDS,
 ) -> Orbits:
     missing = np.zeros((numba.config.NUMBA_NUM_THREADS, 3))
-    return Orbits(with_rotor(parameters), omega, flow, ends, missing, threads)
+    left = np.zeros(len(omega), np.int8)
+    return Orbits(with_rotor(parameters), omega, flow, ends, left, missing, threads)
 
 
 class Rows(NamedTuple):
@@ -144,7 +153,7 @@ def fill_states(
     """Fill row to[j] of `out`, (N, B, 2), with the states at sign * times[j]."""
     for lanes, (begin, end) in slices(len(orbits.omega), times.size):
         which, work = (times[begin:end], to[begin:end]), (end - begin) * _ANY
-        orbits.run(kernels.fill_states, sign, which, lanes, work, out)
+        orbits.run(kernels.states, sign, which, lanes, work, out)
 
 
 def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray) -> None:
@@ -152,7 +161,7 @@ def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray) -> None:
     for lanes, (begin, end) in slices(len(orbits.omega), rows.end - low):
         numbers = max(low + begin, rows.begin), low + end, rows.origin, rows.direction
         which, work = ((rows.first, rows.every), numbers), (end - begin) * _ROW
-        orbits.run(kernels.fill_rows, rows.sign, which, lanes, work, out)
+        orbits.run(kernels.rows, rows.sign, which, lanes, work, out)
 
 
 def rows_of(times: FloatArray, flow: bool) -> list[Rows]:

@@ -1,31 +1,37 @@
 """The closed form of the map and of the flow of the gyrostat; k = 0 is the Suslov body.
 
-With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
-e = eps / (2 sqrt(I1 I2)) and l = I13 Omega1 + I23 Omega2 + k, the discrete equations are
-z_next / (1 + i e l_next) = z / (1 - i e l). So R = |z| / sqrt(1 + (e l)**2) is conserved and, with
-psi = arg(z / (1 - i e l)) - arg(g) and (p, q) = (sin(psi/2), cos(psi/2)), a step is linear up to a
-common factor:
+Let z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
+e = eps / (2 sqrt(I1 I2)) and l = I13 Omega1 + I23 Omega2 + k. With X = e l, Y = -e Im(conj(g) z),
+K = e k, U + i V = z |g| / g, R = |z| / sqrt(1 + X**2) and T = e R |g| state n is
 
-(p, q) -> (1 + G) (p, q),   G = ((0, T + K), (T - K, 0)),   T = e R |g|,   K = e k.
+    square = (X**2 - K * X * (2 + K * X) + Y**2) / (1 + X**2)
+    L = sqrt(abs(square))
+    if square > 0:
+        r = ((1 - L) / (1 + L)) ** n
+        c, s = (1 + r) / 2, (1 - r) / (2 * L)
+    elif square < 0:
+        c, s = cos(n * arctan(L)), sin(n * arctan(L)) / L
+    else:
+        c, s = 1, n
+    d = c**2 - 2 * Y * c * s + (2 * K * X + square) * s**2
+    U_n = (U * c**2 - 2 * K * V * c * s - (K**2 * U + T * R * (X + K)) * s**2) / d
+    V_n = (V * c**2 + 2 * (T * R + K * U) * c * s + square * V * s**2) / d
 
-For e < 0, -g stands in place of g, so that T >= 0. G**2 = T**2 - K**2 = L**2. The state is
-U + i V = z |g| / g, and X = e l and Y = -e Im(conj(g) z) are its dimensionless coordinates. The
-components of state n are quotients of quadratic forms in coordinates (c, s) of the plane of (p, q).
-docs/theory/gyrostat.md derives them under "The forms that are computed"; its delta, chi and A are
-e, g and R |g|. Each kind of orbit that moves has its own:
+because a step is linear in the half-angle plane: (p, q) -> (1 + G) (p, q) with G**2 = square, up to
+a common factor; docs/theory/gyrostat.md derives it. What these lines lack is the subject of the
+rest:
 
-PASSES       From one steady state to the other. (c, s) = (w_n, 1): w_n = w_0 r**n is the ratio of
-             the coordinates of (p_n, q_n) in the eigenbasis of G, and r = (1 - L)/(1 + L).
-PASSES_NEAR  The same near L = 0 or a pole, where w cancels. (1 + G)**n = c_n + s_n G, and
-             (c, s) = (c_n - L s_n, s_n) = (r**n, (1 - r**n)/(2 L)), up to a common factor.
-TURNS        K > T. (c, s) = (c_n, s_n) = (cos(n b), sin(n b)/m), m**2 = K**2 - T**2 and
-             b = arctan(m). Both b and the phase n b have twice the digits of a float.
+units   Parameters and states in any unit; orbits so slow that X, Y and K underflow; the flow.
+        `discrete` is the factor of terms of higher order in e: 1 for the map, and 0 for the flow
+        and for slow orbits.
+digits  Orbits that pass from one steady state to another, and begin next to the first or have gone
+        far: here (c, s) is (w_n, 1), and w_n = w_0 r**n is the ratio of the coordinates of
+        (p_n, q_n) in the eigenbasis of G. The logarithm of r is a sum of two numbers.
+rows    A geometric sequence takes one product for each state, and the state one division.
 
-The inverse map changes the sign of Y; X and K may change their signs together, and K >= 0 here.
-Terms of higher order in e have the factor `discrete`: 1 for the map, and 0 for the flow and for
-states so slow that the map equals the flow to rounding.
-
-This module computes the constants of an orbit, and `closed_form_states` its states.
+These are the orbits that pass. The others, which turn, come close to |k| = A or have T >= 1, are
+those of `other_orbits`. K >= 0 and T >= 0 here: X and K may change their signs together, the
+inverse map changes that of Y, and for e < 0 -g stands in place of g.
 """
 
 from collections import namedtuple
@@ -57,34 +63,25 @@ from .elementary import (
 
 # The exponential of smaller numbers underflows to 0.
 NO_POWER = -1e5
-# Exponents of the largest of X, Y and K: below the first the flow is as good as the map; below the
-# second nothing moves; above the third squares leave the range of float64.
-SLOW, MOTIONLESS, FAST = -200.0, -930.0, 333.0
+# Exponents of the largest of X, Y and K: below the first the flow is as good as the map, below the
+# second nothing moves; above the third squares leave the range of float64, and above the fourth the
+# closed form of orbits with T >= 1 may lose digits.
+SLOW, MOTIONLESS, FASTEST, FAST = -200.0, -930.0, 100.0, 20.0
 # A flow is out of range if `time_power` of its `Start` is larger in size.
 LONGEST_UNIT = 960.0
 # `Forms` contain the unit of states, 2**power, up to this |power|: more would take them out of the
 # range of float64. The rest, 2**power_left, multiplies states last.
 PART_OF_COEFFICIENTS = 300.0
-# Where L and |Y| / L are both above this, an orbit stays next to a pole, where the coordinates of
-# PASSES cancel.
-LARGE_ROOT = 8.0
+# For orbits that pass w_n is below 2**LARGEST_RATIO / LEAST_RATIO, also at real n below 1.
+LARGEST_RATIO, LEAST_RATIO = 200.0, 2.0**-200
 # |L| is at least this part of T: nearer to 0 (1 - r**n)/(2 L) is n to rounding.
 LEAST_ROOT = 2.0**-100
-# States larger than R by this factor may be at a pole.
-NEAR_POLE = 2.0**20
 # Values of |g| below this, in units in which k is of the order of 1, are taken for 0.
 UNCOUPLED = 1e-150
-# 2 / pi, as a sum of two numbers.
-TWO_OVER_PI = 0.6366197723675814, -3.935735335036497e-17
 
-# Fates of orbits.
-OUT_OF_RANGE = -3.0  # of float64
-UNKNOWN = -2.0  # state 0 is NaN
-UNDEFINED = -1.0  # at state 0 the map is 0 / 0
-REGULAR = 0.0  # no pole can be met
-SUPERCRITICAL = 1.0  # T >= 1
-# Kinds of orbits.
-RESTS, PASSES, PASSES_NEAR, TURNS = 0.0, 1.0, 2.0, 3.0
+# Fates of orbits: beyond the range, state 0 is NaN, at state 0 the map is 0 / 0, no pole can be
+# met, and T >= 1.
+OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0, 1.0
 
 # A `units.Body`, its e as a sum of two numbers, and 1 / sqrt(I1) and 1 / sqrt(I2).
 Body = namedtuple("Body", (*units.Body._fields, "e", "e_lost", "of_1", "of_2"))
@@ -99,17 +96,19 @@ Start = namedtuple(
     "X X_lost Y Y_lost K K_lost U V coupling f11 f12 f21 f22 power discrete time_power fate",
 )
 # R, T, L**2 (`square`), L (`root` + `root_lost`), L - |Y| (`gap`) and r. Where L**2 < 0, `root` is
-# m, and r has no meaning.
+# that of -L**2, and r has no meaning.
 Levels = namedtuple("Levels", "R T square root root_lost gap r")
 # Constants of (c, s) after n steps.
 #
+# kind       RESTS or PASSES, or one of `other_orbits`
 # log_r      log |r|, as the sum of this and `log_lost`; if `discrete` is 0, where r is 1,
 #            -2 L 2**time_power
-# v          of PASSES: w_n = v 2**power r**(n - lag)
-# root       L, or m of TURNS
-# m_square   m**2 of TURNS, else 0
-# turns      b of TURNS in quarter turns, else 0, as the sum of this and `turns_lost`
-Steps = namedtuple("Steps", "kind r log_r log_lost v power lag root m_square turns turns_lost")
+# v          w_n = v 2**power r**(n - lag)
+# root       L, or the root of -L**2 of an orbit that turns
+# square     L**2 where the product of two (c, s) contains it, else 0
+# turns      of an orbit that turns: the angle of a step in quarter turns, with `turns_lost`
+Steps = namedtuple("Steps", "kind r log_r log_lost v power lag root square turns turns_lost")
+RESTS, PASSES = 0.0, 1.0
 # omega = (x c**2 + y c s + z s**2) / (d11 c**2 + d12 c s + d22 s**2).
 Forms = namedtuple("Forms", "d11 d12 d22 x1 y1 z1 x2 y2 z2")
 
@@ -135,70 +134,72 @@ def start(back, flows, body, omega1, omega2):
 
     back    -1 for the inverse map and the flow backward in time, else 1
     """
-    # X, Y, K and u, the part of X without the rotor.
     p, unit = units.of_state(body, omega1, omega2)
-    e, eps, of_1, of_2 = (body.e, body.e_lost), body.eps, body.of_1, body.of_2
-    _, Y, Y_lost, _ = dimensionless(p.I1, p.I2, p.I13, p.I23, p.k, eps, p.omega1, p.omega2)
-    l = rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2)
-    X, X_lost = twofold.product(e, l)
+    e, of_1, of_2 = (body.e, body.e_lost), body.of_1, body.of_2
+    _, Y, Y_lost, _ = dimensionless(p.I1, p.I2, p.I13, p.I23, p.k, body.eps, p.omega1, p.omega2)
+    X, X_lost = twofold.product(e, rotor_twofold(p.I13, p.I23, p.k, p.omega1, p.omega2))
     K, K_lost = twofold.product(e, (p.k, 0.0))
-    u = e[0] * sum_of_products(p.I13, p.omega1, p.I23, p.omega2)
 
-    # Exponents: of the unit of X, Y and K so far, and of the largest of them.
+    # The unit of time: exponents of the unit of X, Y and K so far, and of the largest of them.
     of_step = body.E + unit.P + unit.W - unit.M
     size = exponent(larger(larger(abs(X), abs(Y)), abs(K)))
     slow = flows | (of_step + size < SLOW)
     factor = two_to_the(select(slow, -size, within(of_step, 1022.0)))
     time_power = select(slow, of_step + size, 0.0)
 
-    # The frame, and U and V: they take the signs, so that K >= 0 and T >= 0.
-    sign_of_eps, sign_of_K = select(eps < 0.0, -1.0, 1.0), select(K < 0.0, -1.0, 1.0)
+    # The frame: the direction of g, or any if g = 0, and U + i V.
     g1, g2 = p.I13 * of_1, p.I23 * of_2
     g = np.sqrt(g1 * g1 + g2 * g2)
-    coupled, coupling = g > UNCOUPLED, sign_of_eps * (e[0] * g)
+    coupled, sign_of_eps = g > UNCOUPLED, select(body.eps < 0.0, -1.0, 1.0)
+    coupling = select(coupled, sign_of_eps * (e[0] * g), 0.0)
     inverse = 1.0 / select(coupled, coupling, 1.0)
-    # The direction of g, or any if g = 0.
     g1 = select(coupled, g1 * (e[0] * inverse), sign_of_eps)
     g2 = select(coupled, g2 * (e[0] * inverse), 0.0)
-    U = sign_of_K * select(coupled, u * inverse, sign_of_eps * (p.I1 * of_1 * p.omega1))
-    V = back * select(coupled, -Y * inverse, sign_of_eps * (p.I2 * of_2 * p.omega2))
-    of_X, of_Y = sign_of_K * factor, back * factor
+    without_rotor = e[0] * sum_of_products(p.I13, p.omega1, p.I23, p.omega2)
+    U = select(coupled, without_rotor * inverse, sign_of_eps * (p.I1 * of_1 * p.omega1))
+    V = select(coupled, -Y * inverse, sign_of_eps * (p.I2 * of_2 * p.omega2))
+
+    # The reflections: K >= 0, and time runs forward.
+    mirror = select(K < 0.0, -1.0, 1.0)
+    of_X, of_Y = mirror * factor, back * factor
     X, X_lost, K, K_lost = X * of_X, X_lost * of_X, K * of_X, K_lost * of_X
     Y, Y_lost = Y * of_Y, Y_lost * of_Y
 
-    # The fate.
-    c, Z = shifted(Y, Y_lost)
-    undefined = (~slow) & (X == 0.0) & (c == 1.0) & (Z == 0.0)
-    rests = (X == 0.0) | (eps == 0.0) | (omega1 == 0.0) & (omega2 == 0.0)
+    rests = (X == 0.0) | (body.eps == 0.0) | (omega1 == 0.0) & (omega2 == 0.0)
     rests = rests | (~flows) & slow & (time_power < MOTIONLESS)
-    far = (~rests) & select(slow, abs(time_power) > LONGEST_UNIT, of_step + size > FAST)
-    # T**2 >= 1, to rounding with a rotor: at T = 1 poles can be met.
-    slack = select(K == 0.0, 0.0, ZERO_TO_ROUNDING * (1.0 + abs(K) * (2.0 * abs(X) + abs(K))))
-    supercritical = coupled & (~slow) & (Y * Y + slack >= 1.0 + K * (2.0 * X - K))
-    fate = select(supercritical, SUPERCRITICAL, REGULAR)
-    fate = select(undefined, UNDEFINED, fate)
+    fate = fate_of_map(X, Y, Y_lost, K)
+    fate = select(slow | (fate == SUPERCRITICAL) & ~coupled, REGULAR, fate)
+    fastest = select(fate == SUPERCRITICAL, FAST, FASTEST)
+    far = (~rests) & select(slow, abs(time_power) > LONGEST_UNIT, of_step + size > fastest)
     total = X + Y + e[0]  # not a number if a parameter is out of range
     fate = select(far | (total != total), OUT_OF_RANGE, fate)
     fate = select(omega1 + omega2 != omega1 + omega2, UNKNOWN, fate)
     return Start(
-        X=select(rests, 0.0, X),
-        X_lost=X_lost,
-        Y=Y,
-        Y_lost=Y_lost,
-        K=K,
-        K_lost=K_lost,
-        U=U,
-        V=V,
-        coupling=select(coupled, coupling, 0.0) * factor,
-        f11=sign_of_K * g1 * of_1,
-        f12=-back * g2 * of_1,
-        f21=sign_of_K * g2 * of_2,
-        f22=back * g1 * of_2,
+        select(rests, 0.0, X), X_lost, Y, Y_lost, K, K_lost, mirror * U, back * V,
+        coupling=coupling * factor,
+        f11=mirror * g1 * of_1, f12=-back * g2 * of_1,
+        f21=mirror * g2 * of_2, f22=back * g1 * of_2,
         power=unit.W,
         discrete=select(slow, 0.0, 1.0),
         time_power=time_power,
         fate=fate,
-    )
+    )  # fmt: skip
+
+
+@formula
+def fate_of_map(X, Y, Y_lost, K):
+    """REGULAR, SUPERCRITICAL for T >= 1, to rounding with a rotor, or UNDEFINED."""
+    slack = select(K == 0.0, 0.0, ZERO_TO_ROUNDING * (1.0 + abs(K) * (2.0 * abs(X) + abs(K))))
+    supercritical = Y * Y + slack >= 1.0 + K * (2.0 * X - K)
+    c, Z = shifted(Y, Y_lost)
+    undefined = (X == 0.0) & (c == 1.0) & (Z == 0.0)
+    return select(undefined, UNDEFINED, select(supercritical, SUPERCRITICAL, REGULAR))
+
+
+@formula
+def is_missing(start):
+    """Test that an orbit has no states."""
+    return (start.fate != REGULAR) & (start.fate != SUPERCRITICAL)
 
 
 @formula
@@ -231,31 +232,6 @@ def levels(start):
 def cancels(levels):
     """Test that L**2 = T**2 - K**2 loses digits: next to |k| = A, and where an orbit turns."""
     return levels.square < 0.25 * levels.T * levels.T
-
-
-@formula
-def accurate_levels(start, levels):
-    """`levels` with L, or m, to twice the digits."""
-    # L**2 = (X**2 - K X (2 + K X) + Y**2) / (1 + X**2), where X and Y are divided by a power of two
-    # if X is large, and 1 by its square: (K X)**2 may leave the range of float64.
-    one = two_to_the(-exponent(larger(abs(start.X), 1.0)))
-    X, Y = (one * start.X, one * start.X_lost), (one * start.Y, one * start.Y_lost)
-    K, discrete = (start.K, start.K_lost), (start.discrete, 0.0)
-    KX, XX = twofold.product(K, X), twofold.square(X)
-    above = twofold.difference(XX, (2.0 * one * KX[0], 2.0 * one * KX[1]))
-    above = twofold.difference(above, twofold.product(discrete, twofold.square(KX)))
-    below = twofold.plus((one * one, 0.0), twofold.product(discrete, XX))
-    square, lost = twofold.quotient(twofold.plus(above, twofold.square(Y)), below)
-    least = (LEAST_ROOT * levels.T) * (LEAST_ROOT * levels.T)
-    known = abs(square) > least
-    square, lost = select(known, square, least), select(known, lost, 0.0)
-    root, root_lost = twofold.root((abs(square), select(square < 0.0, -lost, lost)))
-    # L**2 - Y**2 = (X**2 (1 - Y**2) - K X (2 + K X)) / (1 + X**2), and r.
-    XY = twofold.product(X, (start.discrete * start.Y, start.discrete * start.Y_lost))
-    gap = twofold.difference(above, twofold.square(XY))[0] / below[0] / (root + abs(start.Y))
-    L, L_lost = start.discrete * root, start.discrete * root_lost
-    r = ((1.0 - L) - L_lost) / (1.0 + L)
-    return Levels(levels.R, levels.T, square, root, root_lost, gap, r)
 
 
 @formula
@@ -296,65 +272,37 @@ def larger_sum(start, levels):
 
 @formula
 def steps(start, levels):
-    """The `Steps` of an orbit, of which `logarithm_of_ratio` and `turning` replace some."""
+    """The `Steps` of an orbit that rests or passes; those of a map take `with_logarithm`, too."""
     X, T, L, r, discrete = start.X, levels.T, levels.root, levels.r, start.discrete
-    # w cancels next to L = 0, except for r < 0, and next to poles for large L; the coordinates of
-    # PASSES_NEAR do not.
-    apart = (levels.square >= 0.25 * T * T) | (discrete * levels.square >= 1.0)
-    apart = apart & ((discrete * L < LARGE_ROOT) | (abs(start.Y) < LARGE_ROOT * L))
-    kind = select(apart, PASSES, select(levels.square > 0.0, PASSES_NEAR, TURNS))
-    kind = select((X == 0.0) | (start.fate < 0.0), RESTS, kind)
-    passes, decays = kind == PASSES, (kind == PASSES) | (kind == PASSES_NEAR)
-    unit, ends = -2.0 * two_to_the(start.time_power), decays & (r == 0.0)
-
+    rests = (X == 0.0) | is_missing(start)
+    unit, ends = -2.0 * two_to_the(start.time_power), r == 0.0
     # w_0 = X T (1 + L) / (S - L Y), or w_1 = (S + L Y) / (X T (1 + L)).
     total, from_0 = larger_sum(start, levels)
-    factor = select(passes, X, 1.0)
-    power = exponent(factor)
-    other = factor * two_to_the(-power) * T * (1.0 + discrete * L)
+    power = exponent(X)
+    other = X * two_to_the(-power) * T * (1.0 + discrete * L)
     v = select(from_0, other, total) / select(from_0, total, other)
     v_power = exponent(v)
     return Steps(
-        kind=kind,
-        r=select(decays, r, 1.0),
-        log_r=select(ends, NO_POWER, select(decays, L * unit, 0.0)),
-        log_lost=select(decays & ~ends, levels.root_lost * unit, 0.0),
-        v=select(passes, v * two_to_the(-v_power), select(decays, 1.0, 0.0)),
-        power=select(passes, select(from_0, power, -power) + v_power, 0.0),
-        lag=select(passes & ~from_0, discrete, 0.0),
+        kind=select(rests, RESTS, PASSES),
+        r=select(rests, 1.0, r),
+        log_r=select(rests, 0.0, select(ends, NO_POWER, L * unit)),
+        log_lost=select(rests | ends, 0.0, levels.root_lost * unit),
+        v=select(rests, 0.0, v * two_to_the(-v_power)),
+        power=select(rests, 0.0, select(from_0, power, -power) + v_power),
+        lag=select(rests | from_0, 0.0, discrete),
         root=L,
-        m_square=0.0,
+        square=0.0,
         turns=0.0,
         turns_lost=0.0,
     )
 
 
 @formula
-def turning_tangent(levels):
-    """tan(b / 8) for b = arctan(m), or if m > 1 for b = arctan(1 / m), to twice the digits."""
-    m, m_lost = levels.root, levels.root_lost
-    inverse, lost = twofold.quotient((1.0, 0.0), (m, m_lost))
-    return twofold.eighth_tangent((select(m > 1.0, inverse, m), select(m > 1.0, lost, m_lost)))
-
-
-@formula
-def turning(start, levels, tangent):
-    """b of an orbit that turns in quarter turns, as a sum of two numbers."""
-    # The angle of the flow is m, and of the map the arctangent.
-    m, slow = (levels.root, levels.root_lost), start.discrete == 0.0
-    unit = two_to_the(start.time_power)
-    angle, lost = twofold.angle_of_eighth(tangent)
-    angle, lost = select(slow, m[0] * unit, angle), select(slow, m[1] * unit, lost)
-    angle, lost = twofold.product((angle, lost), TWO_OVER_PI)
-    above, rest = twofold.difference((1.0, 0.0), (angle, lost))
-    large = (m[0] > 1.0) & ~slow
-    return select(large, above, angle), select(large, rest, lost)
-
-
-@formula
-def has_two_forms(steps):
-    """Test that odd n have other `Forms`."""
-    return (steps.kind == PASSES_NEAR) & (steps.r < 0.0)
+def with_logarithm(start, levels, log_r, log_lost):
+    """`log_r` and `log_lost` of an orbit, from those of `steps`: of the map the logarithm of r."""
+    high, low = logarithm_of_ratio(levels.root, levels.root_lost, levels.r)
+    of_map = (start.discrete > 0.0) & (log_r < 0.0) & (levels.r != 0.0)
+    return select(of_map, high, log_r), select(of_map, low, log_lost)
 
 
 @formula
@@ -371,85 +319,35 @@ def power_left(power):
 
 
 @formula
-def resting_forms(start, given):
-    """The `Forms` of an orbit that rests, or has no states: (c, s) is (0, 1)."""
-    d22 = select(start.fate < 0.0, np.nan, 1.0)
-    return Forms(0.0, 0.0, d22, 0.0, 0.0, given.omega1, 0.0, 0.0, given.omega2)
-
-
-@formula
-def passing_forms(start, levels):
-    """The `Forms` of PASSES."""
+def forms(start, levels, given):
+    """The `Forms` of an orbit that passes, or rests at a given state; NaN if it has no states."""
     K, T, L, r = start.K, levels.T, levels.root, levels.r
     inverse, of_one = 1.0 / T, 1.0 / (1.0 + start.discrete * L)
     f11, f12, f21, f22 = frame(start, levels.R * inverse)
     y = 2.0 * T * of_one
+    missing = is_missing(start)
+    rests = (start.X == 0.0) | missing
+    rest1, rest2 = select(missing, np.nan, given.omega1), select(missing, np.nan, given.omega2)
     return Forms(
-        d11=r, d12=-2.0 * K * inverse * of_one, d22=1.0,
-        x1=r * (f12 * L - f11 * K), y1=f11 * y, z1=-f12 * L - f11 * K,
-        x2=r * (f22 * L - f21 * K), y2=f21 * y, z2=-f22 * L - f21 * K,
-    )  # fmt: skip
+        d11=select(rests, 0.0, r),
+        d12=select(rests, 0.0, -2.0 * K * inverse * of_one),
+        d22=1.0,
+        x1=select(rests, 0.0, r * (f12 * L - f11 * K)),
+        y1=select(rests, 0.0, f11 * y),
+        z1=select(rests, rest1, -f12 * L - f11 * K),
+        x2=select(rests, 0.0, r * (f22 * L - f21 * K)),
+        y2=select(rests, 0.0, f21 * y),
+        z2=select(rests, rest2, -f22 * L - f21 * K),
+    )
 
 
 @formula
-def turning_forms(start, levels, steps):
-    """The `Forms` of TURNS."""
-    X, Y, K, U, V, R = start.X, start.Y, start.K, start.U, start.V, levels.R
-    f11, f12, f21, f22 = frame(start, 1.0)
-    # T R + K U cancels next to a steady state, unless it is formed from terms that are small there:
-    # R**2 - U**2 = V**2 - (R X)**2, and K - T = m**2 / (K + T).
-    TR, RX = levels.T * R, start.discrete * R * X
-    first = K * ((V - RX) * (V + RX) / (R + abs(U)))
-    second = R * (steps.m_square / (K + levels.T))
-    small = (U < 0.0) & (abs(first) + second < 0.01 * TR)
-    total = select(small, first - second, TR + K * U)
-    y_u, y_v = -2.0 * K * V, -2.0 * total
-    z_u, z_v = -(K * total + TR * X), V * steps.m_square
-    return Forms(
-        d11=1.0, d12=-2.0 * Y, d22=2.0 * K * X - steps.m_square,
-        x1=f11 * U - f12 * V, y1=f11 * y_u + f12 * y_v, z1=f11 * z_u + f12 * z_v,
-        x2=f21 * U - f22 * V, y2=f21 * y_u + f22 * y_v, z2=f21 * z_u + f22 * z_v,
-    )  # fmt: skip
-
-
-@formula
-def near_forms(start, levels, sign):
-    """The `Forms` of PASSES_NEAR, for even n (the sign is 1.0) or odd n (-1.0).
-
-    Where r < 0, (c, s) is that of |r|**n; odd n, for which r**n has the other sign, start from
-    (-X, Y) / (1 + 2 K X / L**2).
-    """
-    X, Y, K, T, L = start.X, start.Y, start.K, levels.T, levels.root
-    gap = select(Y < 0.0, L + abs(Y), levels.gap)  # L - Y
-    XT = X * T * (1.0 + start.discrete * L)
-    total, is_first = larger_sum(start, levels)
-    minus = 2.0 * select(is_first, total, levels.r * (XT / total) * XT)  # 2 (S - L Y)
-    more = select(sign < 0.0, 2.0 * (K * X / L), 0.0)
-    gap, one = gap + more, 1.0 + more / L
-    f11, f12, f21, f22 = frame(start, levels.R / T)
-    x_u, y_u = sign * X - K * one, 2.0 * (sign * L * X - K * gap)
-    z_u, z_v = -minus * K, -minus * L
-    return Forms(
-        d11=one, d12=2.0 * gap, d22=minus,
-        x1=f11 * x_u + f12 * Y, y1=f11 * y_u - f12 * minus, z1=f11 * z_u + f12 * z_v,
-        x2=f21 * x_u + f22 * Y, y2=f21 * y_u - f22 * minus, z2=f21 * z_u + f22 * z_v,
-    )  # fmt: skip
-
-
-@formula
-def usual_after(start, steps):
-    """0, or 1 where `Forms` lose digits of state 1, (c, s) = (1, 1): large Y and K X cancel."""
-    cancels = 4.0 * (1.0 + abs(start.Y - start.K * start.X)) < abs(start.Y)
-    return select(cancels & (steps.kind != RESTS), start.discrete, 0.0)
-
-
-@formula
-def recompute_from(start, levels, steps):
-    """The size from which on states are computed again one by one: from there on they may be at a
-    pole. 0 for orbits with two forms or without states.
-    """
-    f11, f12, f21, f22 = frame(start, levels.R)
-    size = larger(larger(abs(f11), abs(f12)), larger(abs(f21), abs(f22)))
-    may_meet = (steps.kind != RESTS) & (start.fate == SUPERCRITICAL)
-    size = select(may_meet, NEAR_POLE * size * (1.0 + levels.T + start.K), np.inf)
-    return select((start.fate < 0.0) | has_two_forms(steps), 0.0, size)
+def is_other(start, levels, steps):
+    """Test that an orbit is one of `other_orbits`."""
+    moves = (steps.kind == PASSES) & (
+        cancels(levels)
+        | (abs(start.power) > PART_OF_COEFFICIENTS)
+        | (steps.power >= LARGEST_RATIO)
+        | (levels.r < LEAST_RATIO)
+    )
+    return moves | ((start.fate != REGULAR) & (start.fate != UNKNOWN))

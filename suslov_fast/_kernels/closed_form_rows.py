@@ -3,10 +3,9 @@
 A row of the output is a state of each trajectory, and a lane of a block is a trajectory at a row or
 a time: few trajectories fill it with several rows. At equal steps (c, s) is computed directly every
 GROUP rows, and multiplied twice in between: a state depends only on its orbit and its index. Blocks
-of orbits, and the states that are not computed in this way, are those of `orbits`.
-
-`any_kind` is False where all orbits pass or rest: loops then compute no sines. It is a constant in
-each call, so that the compiler makes two loops of one.
+of orbits, and the states that are not computed in this way, are those of `orbits` and
+`other_orbits`: each loop is two kernels, for either of these modules, of which the first marks the
+trajectories that it leaves.
 
 Arguments of kernels, over a batch of B trajectories:
 
@@ -19,6 +18,7 @@ trajectories the first to compute, and the one after the last
 out          (N, B, 2), the states; NaN if a state does not exist
 ends         status, failed_at and the last step of a run whose trajectories end at a pole; for
              empty arrays the closed form continues past it
+left         (B,), 1 for trajectories of the blocks that are left to `other_orbits`, at first 0
 missing      (parts, 3), incremented by the numbers of NaN states of orbits whose state 0 is not
              NaN, in columns: at a step, between two steps, and out of the range of float64 or of
              known phases
@@ -28,14 +28,17 @@ from collections import namedtuple
 
 import numpy as np
 
-from .._formulas import closed_form_states as formulas
 from .._formulas.closed_form import PASSES
+from .._formulas.closed_form_states import omega_of
 from .._formulas.coordinates import NEGLIGIBLE
 from .._formulas.elementary import smaller
-from .._jit import formula, kernel, lane, rows_of, select, share, stack
+from .._jit import Kernel, formula, lane, namespace, put, rows_of, select, share, stack
+from . import orbits, other_orbits
 from .lanes import all_share, whole
-from .orbits import LANES, RowLanes, block, correct, count_unusual, enter, enter_bodies, write_ends
+from .orbits import LANES, RowLanes, block, enter_bodies
 from .tiles import lead_of, shortening_of_first_block, write_row
+
+kind = namespace("kind")  # `orbits` or `other_orbits`
 
 BASE, GROUP = 8, 64  # rows; GROUP = BASE**2
 _TILE = 2 * LANES
@@ -109,82 +112,23 @@ def not_negligible(v):
 
 
 @formula
-def enter_growth(b, lanes, growth, used, abreast, every, any_kind):
-    """Fill the entries of the growth that blocks of `abreast` rows use."""
-    for k in range(_ENTRIES):
-        distance = min(abreast, BASE) if k < BASE else max(abreast // BASE, 1)
-        if k % distance != 0:
-            continue
-        for l in range(used):
-            offset, eights = lanes.offset[l], BASE * np.floor(lanes.offset[l] / BASE)
-            rows = select(k < BASE, k + (offset - eights), BASE * (k - BASE) + eights)
-            c, s = formulas.growth(rows * every, lane(b.steps, l), any_kind)
-            growth.c[k, l] = not_negligible(c)
-            if any_kind:
-                growth.s[k, l] = s
-
-
-@formula
-def enter_table(b, lanes, used, first_number, every, top, any_kind):
-    """Fill the seeds of the groups of rows from `top` on: that of group i in the lanes at place i.
-
-    Return True if a seed is not finite: unknown, or a ratio too large for one number.
-    """
-    unusual = 0
-    for l in range(used):
-        steps, number = lane(b.steps, l), first_number + every * (top + GROUP * lanes.place[l])
-        c, s = formulas.pair(number, steps, any_kind)
-        c = select((steps.kind == PASSES) & (s < 1.0), np.inf, c)
-        lanes.table_c[l], lanes.table_s[l] = not_negligible(c), s
-        lanes.seed_c[l], lanes.seed_s[l] = not_negligible(c), s  # of the only group if abreast == 1
-        unusual += select(abs(c) < np.inf, 0, 1)
-    return unusual > 0
-
-
-@formula
-def take_seeds(lanes, group, width, abreast, used, any_kind):
+def take_seeds(lanes, group, width, abreast, used):
     """Take the seeds of one group of rows from the tables."""
     for i in range(width):
-        c = lanes.table_c[group * width + i]
+        c, s = lanes.table_c[group * width + i], lanes.table_s[group * width + i]
         for place in range(abreast):
-            lanes.seed_c[place * width + i] = c
-    for i in range(width if any_kind else 0):
-        s = lanes.table_s[group * width + i]
-        for place in range(abreast):
-            lanes.seed_s[place * width + i] = s
+            lanes.seed_c[place * width + i], lanes.seed_s[place * width + i] = c, s
     for l in range(width * abreast, used):
         lanes.seed_c[l], lanes.seed_s[l] = 0.0, 0.0
 
 
 @formula
-def fill_tile(b, lanes, growth, used, row, any_kind, tile):
-    """Compute the states of a row of a group, and of those beside it."""
-    if row % BASE == 0:
-        for l in range(used):
-            next_c = growth.c[BASE + row // BASE, l]
-            seed_c, seed_s = lanes.seed_c[l], lanes.seed_s[l]
-            c = seed_c * next_c
-            if any_kind:
-                next_s, m_square = growth.s[BASE + row // BASE, l], b.steps.m_square[l]
-                c, lanes.s[l] = formulas.combined(seed_c, seed_s, next_c, next_s, m_square)
-            lanes.c[l], lanes.c_or_0[l] = not_negligible(c), formulas.squarable(c)
+def take_states_0(b, used, lanes, tile):
+    """Take the states that are given as those at step 0."""
     for l in range(used):
-        next_c, s = growth.c[row % BASE, l], 1.0
-        c, c_or_0 = lanes.c[l] * next_c, lanes.c_or_0[l] * next_c
-        if any_kind:
-            next_s, m_square = growth.s[row % BASE, l], b.steps.m_square[l]
-            c, s = formulas.combined(lanes.c[l], lanes.s[l], next_c, next_s, m_square)
-            c_or_0 = formulas.squarable(c)
-        tile[2 * l], tile[2 * l + 1] = formulas.omega_of(c, c_or_0, s, lane(b.forms, l))
-
-
-@formula
-def fill_tile_at_times(b, lanes, used, any_kind, tile):
-    """Compute the states at the times of the lanes."""
-    for l in range(used):
-        c, s = formulas.pair(lanes.number[l], lane(b.steps, l), any_kind)
-        omega = formulas.omega_of(c, formulas.squarable(c), s, lane(b.forms, l))
-        tile[2 * l], tile[2 * l + 1] = omega
+        is_0 = lanes.number[l] == 0.0
+        tile[2 * l] = select(is_0, b.problem.omega1[l], tile[2 * l])
+        tile[2 * l + 1] = select(is_0, b.problem.omega2[l], tile[2 * l + 1])
 
 
 @formula
@@ -199,9 +143,8 @@ def write_asked(tile, flat, lead, batch, rows, i, abreast, first, width):
     write_row(tile, 2 * width * skip, flat, target, size, stride, lead)
 
 
-@kernel
 def fill_rows(
-    part, parts, motion, parameters, omega, numbering, rows, trajectories, out, ends, missing
+    part, parts, motion, parameters, omega, numbering, rows, trajectories, out, ends, left, missing
 ):
     """Fill rows: state number first + every i goes to row origin + direction i, begin <= i < end.
 
@@ -220,44 +163,62 @@ def fill_rows(
     entered = 0
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, trajectories)
+        if not kind.takes(left, first, width):
+            continue
         used = fill_lanes(b, lanes, omega, first, width, abreast, direction)
         if used > entered or not all_share(parameters):  # else lanes keep theirs
             enter_bodies(b, parameters, first, width, used)
             entered = used
-        any_kind, any_recomputed = enter(b, lanes, motion, used)
-        any_recomputed |= write_ends(b, lanes, first, width, used, ends)
-        if any_kind:
-            enter_growth(b, lanes, growth, used, abreast, every, True)
-        else:
-            enter_growth(b, lanes, growth, used, abreast, every, False)
+        if not kind.enter(b, lanes, motion, left, first, width, used):
+            continue
+        kind.write_ends(b, lanes, first, width, used, ends)
+        corrects = kind.corrects(b, lanes, used)
+        for k in range(_ENTRIES):  # those that blocks of `abreast` rows use
+            if k % (min(abreast, BASE) if k < BASE else max(abreast // BASE, 1)) == 0:
+                for l in range(used):
+                    offset, eights = lanes.offset[l], BASE * np.floor(lanes.offset[l] / BASE)
+                    after = select(k < BASE, k + (offset - eights), BASE * (k - BASE) + eights)
+                    c, growth.s[k, l] = kind.pairs.growth(after * every, lane(b.steps, l))
+                    growth.c[k, l] = not_negligible(c)
         first_row = first_group + skipped
         for top in range(first_row, min(first_row + plan.rows_per_task, end), GROUP * abreast):
-            if any_kind:
-                unusual = enter_table(b, lanes, used, first_number, every, top, True)
-            else:
-                unusual = enter_table(b, lanes, used, first_number, every, top, False)
+            unusual = 0  # seeds: unknown, or a ratio too large for one number
+            for l in range(used):  # that of group i in the lanes at place i
+                steps, group = lane(b.steps, l), top + GROUP * lanes.place[l]
+                c, s = kind.pairs.pair(first_number + every * group, steps)
+                c = not_negligible(select((steps.kind == PASSES) & (s < 1.0), np.inf, c))
+                lanes.table_c[l], lanes.table_s[l] = c, s
+                lanes.seed_c[l], lanes.seed_s[l] = c, s  # of the only group if abreast == 1
+                unusual += select(abs(c) < np.inf, 0, 1)
             for i in range(top, min(top + GROUP * abreast, end), abreast):
                 row = (i - top) % GROUP
                 if row == 0 and abreast > 1:
-                    take_seeds(lanes, (i - top) // GROUP, width, abreast, used, any_kind)
-                if any_kind:
-                    fill_tile(b, lanes, growth, used, row, True, tile)
-                else:
-                    fill_tile(b, lanes, growth, used, row, False, tile)
+                    take_seeds(lanes, (i - top) // GROUP, width, abreast, used)
+                if row % BASE == 0:
+                    for l in range(used):
+                        k, square = BASE + row // BASE, b.steps.square[l]
+                        c, lanes.s[l] = kind.pairs.combined(
+                            lanes.seed_c[l], lanes.seed_s[l], growth.c[k, l], growth.s[k, l], square
+                        )
+                        lanes.c[l] = not_negligible(c)
+                for l in range(used):
+                    k, square = row % BASE, b.steps.square[l]
+                    c, s = kind.pairs.combined(
+                        lanes.c[l], lanes.s[l], growth.c[k, l], growth.s[k, l], square
+                    )
+                    put(tile, 2 * l, omega_of(c, s, lane(b.forms, l)))
                 if i + abreast <= begin:  # these only advance c and s
                     continue
-                if any_recomputed or unusual or (i == 0 and first_number == 0.0):
+                if corrects or unusual > 0 or i == 0:
                     for l in range(used):
                         lanes.number[l] = first_number + every * (i + lanes.offset[l])
-                    for l in range(width * abreast if count_unusual(lanes, used, tile) else 0):
-                        if begin <= i + lanes.offset[l] < end:
-                            correct(b, lanes, l, tile, counts)
+                    take_states_0(b, used, lanes, tile)
+                    kind.correct(b, lanes, (begin - i, end - i), width * abreast, tile, counts)
                 write_asked(tile, flat, lead, out.shape[1], rows, i, abreast, first, width)
 
 
-@kernel
 def fill_states(
-    part, parts, motion, parameters, omega, times, to, trajectories, out, ends, missing
+    part, parts, motion, parameters, omega, times, to, trajectories, out, ends, left, missing
 ):
     """Fill row to[j] with the states at times[j]: numbers of steps, or times of the flow."""
     plan = plan_of(trajectories, out, times.size, 1)
@@ -268,22 +229,35 @@ def fill_states(
     entered = 0
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, trajectories)
+        if not kind.takes(left, first, width):
+            continue
         used = fill_lanes(b, lanes, omega, first, width, abreast, 1)
         if used > entered or not all_share(parameters):  # else lanes keep theirs
             enter_bodies(b, parameters, first, width, used)
             entered = used
-        any_kind, _ = enter(b, lanes, motion, used)
-        write_ends(b, lanes, first, width, used, ends)
+        if not kind.enter(b, lanes, motion, left, first, width, used):
+            continue
+        kind.write_ends(b, lanes, first, width, used, ends)
         for j in range(skipped, min(skipped + plan.rows_per_task, times.size), abreast):
             for l in range(used):
                 lanes.number[l] = times[min(j + int(lanes.offset[l]), times.size - 1)]
-            if any_kind:
-                fill_tile_at_times(b, lanes, used, True, tile)
-            else:
-                fill_tile_at_times(b, lanes, used, False, tile)
+            for l in range(used):
+                c, s = kind.pairs.pair(lanes.number[l], lane(b.steps, l))
+                put(tile, 2 * l, omega_of(c, s, lane(b.forms, l)))
+            take_states_0(b, used, lanes, tile)
             count = width * min(abreast, times.size - j)
-            for l in range(count if count_unusual(lanes, used, tile) else 0):
-                correct(b, lanes, l, tile, counts)
+            kind.correct(b, lanes, (0, abreast), count, tile, counts)
             for i in range(count // width):
                 target = 2 * (to[j + i] * out.shape[1] + first)
                 write_row(tile, 2 * width * i, flat, target, 2 * width, 0, lead)
+
+
+# For orbits that rest or pass, and for the others.
+rows = (
+    Kernel(fill_rows, "fill_rows", kind=orbits),
+    Kernel(fill_rows, "fill_other_rows", kind=other_orbits),
+)
+states = (
+    Kernel(fill_states, "fill_states", kind=orbits),
+    Kernel(fill_states, "fill_other_states", kind=other_orbits),
+)

@@ -19,7 +19,7 @@ from .._engine.status import SingularStepWarning
 _REASONS = (
     ("no state there, a pole of the map", SingularStepWarning),
     ("no state between two steps where t >= 1", RuntimeWarning),
-    ("the state or an intermediate result exceeds the range of float64", RuntimeWarning),
+    ("beyond the range of float64, or of the closed form: use iterate", RuntimeWarning),
 )
 _RANGE = 2  # the last of them
 
@@ -43,7 +43,8 @@ def exact(
     ndarray(float, shape=(..., D) or (N, ..., D))
         The states. They are NaN directly after a pole, with a :class:`SingularStepWarning`; and,
         with a `RuntimeWarning`, for non-integer n and for ``|n| > 2**53`` if t >= 1, for
-        ``|n| > 2**50`` where a gyrostat is periodic, and out of the range of float64.
+        ``|n| > 2**50`` where a gyrostat is periodic, out of the range of float64, and where t >= 1
+        and X, Y, e l or e k is above 2e6 (then use :func:`iterate`).
 
     Raises
     ------

@@ -11,6 +11,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from types import CodeType
 from typing import Any, get_args
 
@@ -377,9 +378,19 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
         return np.broadcast_shapes(*shapes.values())
     except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
         received = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise ValueError(
-            f"expected batch shapes that broadcast against each other, got {received}"
-        ) from error
+        expected = "expected batch shapes that broadcast against each other"
+        raise ValueError(f"{expected}, got {received}{_axes_that_fit(shapes)}") from error
+
+
+def _axes_that_fit(shapes: dict[str, tuple[int, ...]]) -> str:
+    """Return a hint if one argument, with more axes, gives all combinations."""
+    for name, shape in reversed(shapes.items()):
+        for more in range(1, max(map(len, shapes.values())) + 1):
+            if name != "body" and name.isidentifier() and len(shape) == 1:
+                with suppress(ValueError):
+                    np.broadcast_shapes(*(shapes | {name: shape + (1,) * more}).values())
+                    return f"; {name}[:{', None' * more}] would fit"
+    return ""
 
 
 def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
@@ -412,7 +423,10 @@ def instance(name: str, value: Any, expected: Any) -> None:
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         names = " or ".join(each.__name__ for each in classes)
-        raise wrong(name, names, getattr(value, "_kind", type(value).__name__), TypeError)
+        received = getattr(value, "_kind", type(value).__name__)
+        if isinstance(value, type):
+            received = f"the class {value.__name__}"
+        raise wrong(name, names, received, TypeError)
 
 
 def _short(value: Any) -> str:

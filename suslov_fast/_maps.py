@@ -129,7 +129,8 @@ def map_of(body: Any) -> Map:
     for record in MAPS.values():
         if isinstance(body, record.body):
             return record
-    raise TypeError(f"body: expected {' or '.join(_classes())}, got {type(body).__name__}")
+    received = f"the class {body.__name__}" if isinstance(body, type) else type(body).__name__
+    raise TypeError(f"body: expected {' or '.join(_classes())}, got {received}")
 
 
 def _classes() -> dict[str, Any]:

@@ -284,7 +284,7 @@ MISTAKES = """
 1 | run --body missing.json --eps 1 | missing.json: No such file
 1 | run --body cut.json --eps 1 | cut.json: expected JSON, .* an error in line 1, column 10
 1 | run --body wrong.json --eps 1 | wrong.json: I1: expected a positive moment of inertia, got -4.0
-1 | run --body short.json --eps 1 | short.json: parameters: expected those of Suslov3D, missing: I23
+1 | run --body short.json --eps 1 | short.json: parameters: expected the names .* missing: I23
 1 | run --body more.json --eps 1 | more.json: parameters: .* unknown: mass
 1 | run --body list.json --eps 1 | list.json: parameters: expected a dictionary, .* got list
 1 | run --body binary.json --eps 1 | binary.json: expected text in UTF-8

@@ -1,5 +1,7 @@
 """Bad input raises a clear error, and changes nothing."""
 
+import json
+import re
 import sys
 from fractions import Fraction
 from importlib import import_module
@@ -147,6 +149,71 @@ BAD_CALLS = [
 @pytest.mark.parametrize(("call", "message"), BAD_CALLS)
 def test_other_functions(body, call, message):
     with pytest.raises((TypeError, ValueError), match=message):
+        call(body)
+
+
+OPERATIONS = "f: expected polynomials of degree at most 2, by .* got another operation on x"
+AUTONOMOUS = "a field is autonomous: add the time as a variable, t' = 1, or a forcing as two"
+FIELD = sf.QuadraticField.from_function(lambda x: (x[0] * x[1], -x[0]), 2)
+BAD_FUNCTIONS = [
+    (lambda x: (x[0] * x[1], x[0]), 3, "f: expected 3 components, got 2 in 3 dimensions"),
+    (lambda x: (x[0] * x[2], x[0]), 2, r"f: expected x\[0\] to x\[1\]: the dimension is 2"),
+    (lambda x, t: (x[0] * t, x[1]), 2, AUTONOMOUS),
+    (lambda x: (np.sin(x[0]), x[1]), 2, OPERATIONS),
+    (np.sin, 2, OPERATIONS),
+    (lambda x: (1 / x[0], x[1]), 2, OPERATIONS),
+    (lambda x: (max(x[0], 0), x[1]), 2, OPERATIONS),
+    (lambda x: (float(x[0]), x[1]), 2, OPERATIONS),
+    (lambda x: (x[0] ** 0.5, x[1]), 2, "f: power: expected a small integer of at least 0, got 0.5"),
+    (lambda x: (x[0] * NAN, x[1]), 2, "f: .*expected finite numbers, got nan"),
+    (lambda x: (x[0] ** 3, x[1]), 2, "got degree 3; x.3 is x y with a variable y = x.2, .*, which steps keep to order eps.2$"),
+    (lambda x: None, 2, "f: expected a tuple of 2 components, got None"),
+    (lambda x: x[0] * x[1], 2, r"f: expected a tuple of 2 components, got x1\*x2"),
+    (lambda x: {x[0], x[1]}, 2, "f: expected a tuple of 2 components, got {x1, x2}"),
+    (lambda x: (None, x[0]), 2, "the value of f: expected polynomials or numbers, got NoneType"),
+    (None, 2, "f: expected a function of x, the tuple of variables, got NoneType"),
+    ([FIELD, FIELD], 2, "f: expected a function of x, the tuple of variables, got list"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("f", "dimension", "message"), BAD_FUNCTIONS)
+def test_functions_that_are_no_fields(f, dimension, message):
+    with pytest.raises((TypeError, ValueError), match=message) as caught:
+        sf.QuadraticField.from_function(f, dimension)
+    assert not re.search("Polynomial|ufunc|lambda|\n", str(caught.value))
+
+
+STATES = np.ones((3, 2))
+FIRST_HOUR = [
+    (lambda b: sf.QuadraticField.from_hamiltonian(None, 2), "H: expected a function .* got NoneType"),
+    (lambda b: sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 4, 2), "H: .* degree at most 3, got degree 4$"),
+    (lambda b: sf.QuadraticField.from_hamiltonian(lambda q, p: q * p, 2), "H: expected .*time as a variable"),
+    (lambda b: sf.QuadraticField.from_hamiltonian(lambda x: (x[0], x[1]), 2), "the value of H: expected polynomials or numbers, got tuple"),
+    (lambda b: sf.iterate(b, STATES, [0.1, 0.2], 3), r"got body \(\), omega0 \(3,\), eps \(2,\); eps\[:, None\] would fit"),
+    (lambda b: sf.energy(sf.Suslov3D([4, 3], 1, 0, 0), STATES), r"omega\[:, None\] would fit"),
+    (lambda b: sf.step(b, np.ones((4, 3, 2)), [1, 2, 3, 4, 5]), r"eps\[:, None, None\] would fit"),
+    (lambda b: sf.Suslov3D([4, 3], [1, 2, 3], 0, 0), r"I2\[:, None\] would fit"),
+    (lambda b: sf.Suslov3D(np.ones((2, 1)), np.ones((3, 2)), 0, 0), r"I13 \(\), I23 \(\)$"),
+    (lambda b: sf.to_vector(ND, [1, 2, 3]), "expected one in three dimensions, got SuslovND: use to_matrix"),
+    (lambda b: sf.from_vector(ND, [1, 2, 3]), "got SuslovND: use from_matrix"),
+    (lambda b: sf.body_from_dict(json.dumps(b.to_dict())), r"expected a dictionary, .* got text: pass json\.loads"),
+    (lambda b: sf.Suslov3D.from_dict("{}"), r"got text: pass json\.loads"),
+    (lambda b: sf.QuadraticField.from_dict([]), "expected a dictionary, .* got list"),
+    (lambda b: sf.body_from_dict({"body": "Suslov3D", "I1": 4, "I2": 1}), "expected the names .* missing: I13, I23"),
+    (lambda b: sf.body_from_dict({**b.to_dict(), "mass": 3}), "expected the names .* unknown: mass"),
+    (lambda b: sf.iterate(sf.Suslov3D, [1, 2], 0.1, 3), "body: expected .* got the class Suslov3D"),
+    (lambda b: sf.exact(FIELD, [1, 2], 0.1, 3), "got QuadraticField; fields have step, iterate"),
+    (lambda b: sf.energy(FIELD, [1, 2]), "a field made by QuadraticField.from_hamiltonian, got"),
+    (lambda b: sf.iterate(FIELD, [1, 2], 0.1, 3).omega, "omega: expected x or states, .* a run of QuadraticField"),
+    (lambda b: sf.iterate(FIELD, [1, 2], 0.1, 3, attitude=True), "states of QuadraticField have no orientation"),
+    (lambda b: sf.iterate(b, [1, 2], 0.1, 3).x, "x: expected omega or states, .* a run of Suslov3D"),
+    (lambda b: sf.ensemble(b, __file__, 0.1, 3, store="no.zarr"), "omega0: expected the name of a .npy file"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "message"), FIRST_HOUR)
+def test_the_first_hour(body, call, message):
+    with pytest.raises((TypeError, ValueError, AttributeError), match=message):
         call(body)
 
 

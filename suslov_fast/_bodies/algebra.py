@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from itertools import permutations
@@ -191,15 +192,37 @@ def values_of(
     """Return the polynomials in n variables that a function of the user returns."""
     kinds = f"polynomials of degree at most {degree}"
     try:
-        found = [*f(Polynomial.variables(n))]
+        found = f(Polynomial.variables(n))
     except TypeError as error:
+        if "not callable" in str(error):
+            kind = str(error).split("'")[1]
+            raise wrong(name, "a function of x, the tuple of variables", kind, TypeError) from error
+        if re.search("(positional|keyword) argument", str(error)):
+            how = "a field is autonomous: add the time as a variable, t' = 1, or a forcing as two"
+            received = f"other arguments; {how}"
+            expected = "a function of x and of parameters given by name"
+            raise wrong(name, expected, received, TypeError) from error
         how = f"{kinds}, by +, -, * and divisions by numbers"
-        raise wrong(name, how, f"an error: {error}", TypeError) from error
+        ufunc = re.search(r"callable (\w+) method", str(error))
+        examples = ufunc[1] if ufunc else "a function, a comparison or a quotient"
+        received = f"another operation on x, such as {examples}"
+        raise wrong(name, how, received, TypeError) from error
+    except IndexError as error:
+        raise wrong(name, f"x[0] to x[{n - 1}]: the dimension is {n}", "a larger index") from error
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
+    if not isinstance(found, (tuple, list, np.ndarray)):
+        raise wrong(name, f"a tuple of {count} components", f"{found!r:.60}", TypeError)
     if len(found) != count:
-        raise wrong(name, f"{count} components", len(found))
-    polynomials = tuple(Polynomial.of(f"the value of {name}", each) for each in found)
+        raise wrong(name, f"{count} components", f"{len(found)} in {n} dimensions")
+    for each in found:
+        if not isinstance(each, Polynomial | _NUMBERS):
+            kind = type(each).__name__
+            raise wrong(f"the value of {name}", "polynomials or numbers", kind, TypeError)
+    polynomials = tuple(Polynomial.of(name, each) for each in found)
     if (highest := max(each.degree for each in polynomials)) > degree:
-        raise wrong(name, kinds, f"degree {highest}")
+        how = "; x^3 is x y with a variable y = x^2, y' = 2 x x', which steps keep to order eps^2"
+        raise wrong(name, kinds, f"degree {highest}{how * (degree == 2)}")
     return polynomials
 
 

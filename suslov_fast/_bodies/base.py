@@ -186,7 +186,7 @@ class Body:
         unknown = ", ".join(str(name) for name in parameters if name not in names)
         if missing or unknown:
             what = f"missing: {missing}" if missing else f"unknown: {unknown}"
-            raise ValueError(f"parameters: expected those of {cls.__name__}, {what}")
+            raise ValueError(f"parameters: expected the names {names}, {what}")
         return cls(**parameters)
 
 

@@ -97,8 +97,8 @@ class QuadraticField(Body):
     _meanings: ClassVar[dict[str, str]] = {name: f"{name} coefficients" for name in _AXES}
     # What messages say of fields in place of bodies.
     _kind: ClassVar[str] = (
-        "QuadraticField; fields have step, iterate, vector_field, jacobian, matrix and "
-        "lyapunov_exponents, and those from a Hamiltonian energy, modified_energy and "
+        "QuadraticField; fields have step, iterate, vector_field, jacobian, matrix, multipliers "
+        "and lyapunov_exponents, and those from a Hamiltonian energy, modified_energy and "
         "invariant_density"
     )
     # Its components, if it is a single one.

@@ -166,7 +166,7 @@ class Trajectories:
         if name != own:
             raise AttributeError(
                 f"{name}: expected {own} or states, the names of the states of a run of "
-                f"{self._map.name}"
+                f"{type(self.body).__name__}"
             )
         return self.states
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.body_3d import SuslovGyrostat
+from .._bodies.body_nd import SuslovND
 from .._checks import FloatArray, aligned, common_shape, instance, square_matrices, vectors, wrong
 from .._docs import filled
 from .._engine.arguments import AnyBody, BodyIn3D, check
@@ -132,6 +133,7 @@ def to_vector(
     >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([2., 5., 0.])
     """
+    _require_3d(body, "to_matrix")
     omega, rotation, attitude = _aligned(body, BodyIn3D, omega, rotation, attitude)
     _, state, _, batch, *_ = check(body, BodyIn3D, {"omega": omega})
     vector = np.empty((*batch, 3))
@@ -168,6 +170,7 @@ def from_vector(
     >>> from_vector(body, [1.0, 0.0, 0.5], rotation=rotation).shape
     (2,)
     """
+    _require_3d(body, "from_matrix")
     instance("body", body, BodyIn3D)
     vector, rotation = aligned({"vector": vector, "rotation": rotation}).values()
     array = vectors("vector", vector, 3, allow_nan=True)
@@ -230,6 +233,11 @@ def momentum(
         product = state[..., :, np.newaxis] * body.I[..., np.newaxis, :]
         matrix = _antisymmetric(body.J * state, product - product.swapaxes(-2, -1))
     return _turned(matrix, turn)
+
+
+def _require_3d(body: object, instead: str) -> None:
+    if isinstance(body, SuslovND):
+        raise wrong("body", "one in three dimensions", f"SuslovND: use {instead}", TypeError)
 
 
 def _aligned(body: AnyBody, kinds: Any, omega: Any, rotation: Any, attitude: Any) -> Any:

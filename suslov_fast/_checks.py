@@ -227,7 +227,7 @@ def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[s
             expected = f"axes among {tuple(whole)}, those of {longest}"
             raise wrong(name, expected, f"{tuple(dims)}: pass values without labels")
         own = _own_axes(value, components)
-        if own or name not in ("eps", "c"):
+        if own or name != "eps":
             check_labels(name, value, components)
         first = min(map(whole.index, dims), default=len(whole))
         absent = [dim for dim in whole[first:] if dim not in dims]

@@ -103,7 +103,6 @@ BAD_CALLS = [
     (lambda b: sf.scattering_angle(ROTOR), "without a rotor, got .*use iterate or flow"),
     (lambda b: sf.step_full(ROTOR, [1, 2, 0], 0.1), "without a rotor, got .*use iterate or flow"),
     (lambda b: sf.iterate_full(ROTOR, [1, 2, 0], 0.1, 3), "without a rotor, got .*use iterate or flow"),
-    (lambda b: sf.multipliers(ROTOR, 1.0, 0.1), "without a rotor, got .*use jacobian"),
     (lambda b: sf.RandomStarts(3, 1.0).states(-1), "count: expected an integer of at least 0, got -1"),
     (lambda b: sf.scattering_angle(ND), "body: expected Suslov3D, got SuslovND"),
     (lambda b: sf.lyapunov_exponents(b, [1, 2], 0.1, 0), "steps: expected an integer of at least 1, got 0"),

@@ -89,4 +89,4 @@ def _arguments(body: Any, pole: Any, count: int, full: bool) -> dict[str, Any]:
     if not full:
         states = sf.iterate(body, starts, 1.0, 8, on_singular="ignore").states
     common = {"body": body, "eps": 1.0, "steps": _STEPS, "n": _STEPS, "time": 0.5}
-    return {**common, "omega": states, "omega0": starts, "xy": states, "c": np.linspace(0.1, 1, 3)}
+    return {**common, "omega": states, "omega0": starts, "xy": states}

@@ -18,14 +18,13 @@ from .random_starts import RandomStarts
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
 BodyOrField = AnyBody | QuadraticField
-WithoutRotor = Suslov3D | SuslovND
 
 
 class States(NamedTuple):
     """States of a body, checked."""
 
     body: Any
-    omega: FloatArray  # (..., D); of `multipliers` c (...)
+    omega: FloatArray  # (..., D)
     eps: float | FloatArray  # 0 if there is no step size
     batch: tuple[int, ...]  # to which all broadcast
     threads: int | None = None
@@ -78,8 +77,8 @@ def check(
     """Check the arguments of a public function.
 
     The body is one of `kinds`, if any are given. Arguments are states, which have the components of
-    the body or those given, and may be NaN, by any name; `eps`, or `c` in place of states; and the
-    rotation `attitude`. Scalars become floats; `later` is that of `_checks.states`.
+    the body or those given, and may be NaN, by any name; `eps`; and the rotation `attitude`.
+    Scalars become floats; `later` is that of `_checks.states`.
     """
     if kinds:
         instance("body", body, kinds)
@@ -92,9 +91,6 @@ def check(
         if name == "eps":
             eps = real_number(name, value)
             shapes[name] = () if type(eps) is float else eps.shape
-        elif name == "c":
-            omega = np.asarray(real_number(name, value))
-            shapes[name] = omega.shape
         elif name == "attitude":
             orientation = rotations(name, value, body.dimension + 1)
             shapes[name] = orientation.shape[:-2]

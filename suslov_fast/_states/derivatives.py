@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from .._bodies.base import Body
-from .._bodies.rigid import in_units
 from .._checks import FloatArray
-from .._docs import filled
-from .._engine.arguments import WithoutRotor, check, refuse_rotor
-from .._kernels.elimination import ACCURATE
 from .table import described, evaluate
 
 
@@ -141,8 +136,7 @@ def matrix(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from suslov_fast import Suslov3D, matrix, step
+    >>>     >>> from suslov_fast import Suslov3D, matrix, step
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> A = matrix(body, [1.0, 0.5], eps=0.2)
     >>> A.round(6)
@@ -154,89 +148,45 @@ def matrix(
     return evaluate("matrix", body, {"omega": omega, "eps": eps}, threads)
 
 
-@filled
-def multipliers(body: WithoutRotor, c: ArrayLike, eps: ArrayLike) -> FloatArray:
-    """Eigenvalues of the derivative of the map at the steady state c (I23, -I13), or c I.
+@described
+def multipliers(body: Body, x: ArrayLike, eps: ArrayLike) -> FloatArray:
+    """Eigenvalues of the derivative of the map at a fixed point.
 
     Parameters
     ----------
-    body : Suslov3D or SuslovND
-        A single one, or a batch.
-    c : array_like(float, shape=(...))
-        Position on the line of steady states, in the unit of omega over that of inertia.
+    %(body)s
+    x : array_like(float, shape=(..., D))
+        Fixed points of the map: steady states of a body, zeros of a field.
     %(eps)s
 
     Returns
     -------
-    ndarray(float, shape=(..., D))
-        Dimensionless. The first is 1, for the direction along the line; the others multiply the
-        distance from it, and are infinite at a pole.
+    ndarray(float or complex, shape=(..., D))
+        Dimensionless, in descending order of their moduli, of a conjugate pair the one with the
+        positive imaginary part first; floats for a Suslov body, complex for a gyrostat or a field.
+        On a line of steady states of a body, that along the line is 1 exactly. Infinite at a pole;
+        NaN for states that are NaN.
 
-    %(Raises: invalid)s
+    Raises
+    ------
+    %(invalid)s
+    ValueError
+        If a component of the vector field at a state is above 1e-8 of the sum of the moduli of its
+        terms. :func:`jacobian` is the derivative at any state.
 
     Notes
     -----
-    By equation (8) of the paper at x = 0, y = c D, the multiplier is (1 + Y) / (1 - Y) with
-    Y = eps c D / (2 I1 I2), D = I13**2 I2 + I23**2 I1. In n dimensions Y = eps c s / 2 for the
-    eigenvalues s, in ascending order, of ``J**-1 (|I|**2 Id - I I^T)``.
+    At a fixed point the derivative of the map is (1 - eps f' / 2)**-1 (1 + eps f' / 2), so that an
+    eigenvalue mu of f' gives the multiplier (1 + eps mu / 2) / (1 - eps mu / 2). On the line
+    x = 0 of equation (8) of the paper this is (1 + Y) / (1 - Y) with Y = eps y / (2 I1 I2). In n
+    dimensions mu = c s at omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Examples
     --------
     >>> from suslov_fast import Suslov3D, multipliers
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> multipliers(body, c=[-2.0, 2.0], eps=0.2).round(6)
+    >>> multipliers(body, [[0.6, -1.0], [-0.6, 1.0]], eps=0.2).round(6)
     array([[1.      , 0.940805],
-           [1.      , 1.062919]])
+           [1.062919, 1.      ]])
     """
-    refuse_rotor(body, "multipliers", "jacobian at the steady state")
-    _, where, step_size, batch, *_ = check(body, WithoutRotor, {"c": c, "eps": eps})
-    J, I, _, moments, products = in_units(body)
-    spectrum = _spectrum(J, I)
-    with np.errstate(all="ignore"):
-        where, step_size = (np.asarray(each)[..., np.newaxis] for each in (where, step_size))
-        speed = np.ldexp(where, products) * np.ldexp(step_size, products - moments)
-        Y = 0.5 * speed * spectrum
-        result = np.where(abs(Y) < 1.0, (1.0 + Y) / (1.0 - Y), (1.0 / Y + 1.0) / (1.0 / Y - 1.0))
-    full = np.ones((*batch, body.dimension))
-    full[..., 1:] = result
-    return full
-
-
-def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
-    """Return the spectrum of J**-1 (|I|**2 Id - I I^T), ascending, without the 0 of I."""
-    if J.shape[-1] == 2:
-        trace: FloatArray = (I * (I / J[..., ::-1])).sum(axis=-1, keepdims=True)
-        return trace
-    # J**-1/2 (|I|**2 Id - I I^T) J**-1/2 is symmetric, maps sqrt(J) I to 0, and has no negative
-    # eigenvalues.
-    square, across = I * I, I / np.sqrt(J)
-    diagonal = np.eye(I.shape[-1], dtype=bool)
-    others = np.where(diagonal, 0.0, square[..., np.newaxis, :]).sum(axis=-1)
-    symmetric = np.where(
-        diagonal,
-        (others / J)[..., np.newaxis],
-        -across[..., :, np.newaxis] * across[..., np.newaxis, :],
-    )
-    # Each eigenvalue lies between two of the |I|**2 / J_i.
-    poles = square.sum(axis=-1, keepdims=True) / J
-    bounds = np.sort(poles, axis=-1)
-    found = np.clip(np.linalg.eigvalsh(symmetric)[..., 1:], bounds[..., :-1], bounds[..., 1:])
-    uneven = bounds[..., 0] < ACCURATE**2 * bounds[..., -1]
-    if uneven.any():
-        found[uneven] = _zeros(np.broadcast_to(square, poles.shape)[uneven], poles[uneven])
-    return found
-
-
-def _zeros(square: FloatArray, poles: FloatArray) -> FloatArray:
-    """Return the s between poles for which the sum of I_i**2 / (pole_i - s) is 0, by bisection.
-
-    The errors of `eigvalsh` are relative to the largest s, those of this to each.
-    """
-    bounds, square, poles = np.sort(poles, axis=-1), square[:, np.newaxis], poles[:, np.newaxis]
-    low, high = bounds[:, :-1], bounds[:, 1:]
-    with np.errstate(all="ignore"):
-        for _ in range(80):
-            middle = np.where(high > 4.0 * low, np.sqrt(low) * np.sqrt(high), 0.5 * (low + high))
-            above = (square / (poles - middle[..., np.newaxis])).sum(axis=-1) < 0.0
-            low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return high
+    return evaluate("multipliers", body, {"x": x, "eps": eps}, None)

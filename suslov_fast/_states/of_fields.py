@@ -14,6 +14,7 @@ from .._checks import FloatArray
 from .._engine.arguments import States
 from .._engine.evaluation import SLAB, by_slabs
 from .._kernels.one_system import ROUNDS
+from .of_fixed_points import in_order, of_rates, refuse_moving
 from .step_derivatives import jacobian_by, next_states
 
 
@@ -41,8 +42,8 @@ def _sums(terms: FloatArray, places: Any, size: int) -> FloatArray:
     """Return numbers (..., size), each the sum of the terms (..., T) at its place."""
     shape = *terms.shape[:-1], size
     first = size * np.arange(math.prod(shape[:-1]))[:, np.newaxis]
-    sums = np.bincount((first + places).ravel(), terms.ravel(), math.prod(shape))
-    return np.reshape(sums, shape)
+    found = np.bincount((first + places).ravel(), terms.ravel(), math.prod(shape))
+    return np.reshape(found, shape)
 
 
 def _vector_field(body: QuadraticField, x: FloatArray, eps: Any) -> FloatArray:
@@ -57,7 +58,7 @@ def _slopes(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
     slopes = np.concatenate([along_j, along_k], axis=-1)
     slopes = _sums(slopes, np.concatenate([i * (D + 1) + j, i * (D + 1) + k]), D * (D + 1))
     half = 0.5 * np.asarray(eps)[..., np.newaxis, np.newaxis]
-    return np.asarray(half * slopes.reshape(*x.shape, D + 1)[..., :D])
+    return np.asarray(half * slopes.reshape(*slopes.shape[:-1], D, D + 1)[..., :D])
 
 
 def _matrix(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
@@ -106,6 +107,18 @@ def _balanced(matrix: FloatArray) -> FloatArray:
     return matrix
 
 
+def _multipliers(states: States) -> Any:
+    body, x = states.body, states.omega
+    with np.errstate(all="ignore"):
+        i, *_, terms = _terms(body, x)
+        field, sizes = (_sums(each, i, body.dimension) for each in (terms, abs(terms)))
+        refuse_moving(states, field, sizes)
+        slopes = _slopes(body, x, np.asarray(states.eps))
+        finite = np.asarray(np.isfinite(slopes).all(axis=(-2, -1), keepdims=True))
+        found = of_rates(np.linalg.eigvals(np.where(finite, slopes, 0.0)).astype(complex))
+        return in_order(states, np.where(finite[..., 0], found, np.nan))
+
+
 _SLOPES = partial(_of_states, _slopes, 2)
 QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
     "energy": partial(_of_states, _energy, 0),
@@ -115,4 +128,5 @@ QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
     "jacobian": partial(_of_states, partial(jacobian_by, _SLOPES), 2, warn=True),
     "matrix": partial(_of_states, _matrix, 2),
     "slopes": _SLOPES,
+    "multipliers": _multipliers,
 }

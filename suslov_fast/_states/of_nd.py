@@ -15,6 +15,7 @@ from .._engine.reduced_runs import in_3d, reduced_of
 from .._jit import Kernel
 from .._kernels import quantities_3d as kernels_3d
 from .._kernels import quantities_nd as kernels
+from .of_fixed_points import of_rigid_body
 from .step_derivatives import jacobian_by, next_states
 
 
@@ -69,4 +70,5 @@ QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
     "jacobian": partial(by_slabs, partial(jacobian_by, _SLOPES), 2, warn=True),
     "matrix": partial(of_state_nd, kernels.matrix, 2),
     "slopes": _SLOPES,
+    "multipliers": of_rigid_body,
 }

@@ -18,6 +18,7 @@ from .._engine.arguments import States, check
 from .._engine.evaluation import of_state
 from .._kernels import quantities_3d as kernels
 from . import of_fields, of_nd
+from .of_fixed_points import of_gyrostat, of_rigid_body
 
 Evaluation = Callable[[States], FloatArray]
 
@@ -41,9 +42,10 @@ TABLE: dict[type[Any], dict[str, Evaluation]] = {
         "to_xy": partial(of_state, kernels.to_xy, (2,)),
         "from_xy": partial(of_state, kernels.from_xy, (2,)),
         "closed_form": partial(of_state, kernels.constants, (4,)),
+        "multipliers": of_rigid_body,
     },
     SuslovND: of_nd.QUANTITIES,
-    SuslovGyrostat: _WITH_ROTOR,
+    SuslovGyrostat: {**_WITH_ROTOR, "multipliers": of_gyrostat},
     QuadraticField: of_fields.QUANTITIES,
 }
 

@@ -106,6 +106,45 @@ def test_in_n_dimensions(rng, m):
     assert sf.modified_energy(body, np.zeros(m), 0.3) == 0
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_measures_of_bodies_along_an_axis(rng, axis):
+    """rho(next) det DPhi = rho in 60 digits; its sign, its poles, and eps = 0."""
+    I = np.zeros(3)
+    for _ in range(5):
+        J, omega, eps = rng.uniform(0.5, 4, 3), rng.normal(size=3), rng.uniform(-1, 1)
+        I[axis] = rng.normal()
+        found = [sf.invariant_density(sf.SuslovND(J, I), omega, eps)]
+        following = naive.step_nd(J, I, eps, naive.exactly(*omega))
+        derivative = naive.derivative(partial(naive.step_nd, J, I, eps), omega)
+        det = mpmath.det(mpmath.matrix(derivative))
+        exact = [density_along(J, I, eps, v) for v in (naive.exactly(*omega), following)]
+        assert abs(exact[1] * det - exact[0]) < 1e-35 * abs(exact[0])
+        assert error(found, exact[:1]) < 1e-14 / min(1, abs(exact[0]))
+    rest = np.roll([0.5, 1.0, -0.25], axis)
+    assert sf.invariant_density(sf.SuslovND(J, I), rest, 0.0) == -4
+    rest[axis - 1] = 0.0
+    assert sf.invariant_density(sf.SuslovND(J, I), rest, 0.3) == np.inf
+
+
+def density_along(J, I, eps, omega):
+    (a,) = np.flatnonzero(I)
+    b, c = (k for k in range(3) if k != a)
+    eps, (Ja, Jb, Jc), (u, v, w) = mpmath.mpf(eps), J[[a, b, c]], (omega[k] for k in (a, b, c))
+    part = (Ja * u**2 - (mpmath.mpf(Jc) - Jb) * (v**2 - w**2)) / (4 * mpmath.mpf(Ja) * Jb * Jc)
+    return 1 / (v * w * (1 - (eps * I[a]) ** 2 * part))
+
+
+def test_bodies_with_a_measure():
+    axes, omega = [[0, 0.5, 0], [0.1, 0.5, 0]], [0.3, 0.9, -0.6]
+    with pytest.raises(sf.NotIntegrableError, match=r"^invariant_density: .* body 1 is not"):
+        sf.invariant_density(sf.SuslovND([1, 2, 3], axes), omega, 0.1)
+    with pytest.raises(sf.NotIntegrableError, match=r"body 0 is not.*use jacobian"):
+        sf.invariant_density(sf.SuslovND([1, 2, 3, 4], [0, 0, 1, 0]), [*omega, 1], 0.1)
+    three = sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovND([4, 1], [-0.3, 0.5])
+    values = [sf.invariant_density(body, [1.0, 0.5], 0.2) for body in three]
+    assert values[0] == values[1]
+
+
 def test_the_vector_field_where_components_are_far_apart():
     """The terms of p and |omega|**2 of a component cancel in its own equation."""
     problem = [1e-15, 1e15, 1.0], [1e-12, 1e3, 2.0], [1e20, 1e-10, 3.0]

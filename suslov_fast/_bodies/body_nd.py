@@ -192,3 +192,17 @@ def check_solved(body: SuslovND, function: str) -> None:
             f"J equal; body {which} is not, and no closed form is known for it: "
             f"use {_INSTEAD[function]}"
         )
+
+
+def check_measure(body: SuslovND, function: str) -> None:
+    """Raise an error that names the function unless all bodies have a known invariant measure."""
+    size = abs(body.I)
+    along_axis = (size > _ROUNDING * size.max(axis=-1, keepdims=True)).sum(axis=-1) <= 1
+    known = (along_axis & (body.dimension == 3)) | (body.dimension == 2)
+    if not known.all():
+        which = spell(first_index(~np.atleast_1d(known)))
+        raise NotIntegrableError(
+            f"{function}: expected a body with n = 3, or with n = 4 and I along one axis; body "
+            f"{which} is not, and no invariant measure is known for it: use jacobian, whose "
+            "determinant is the factor by which a step changes volumes"
+        )

@@ -129,6 +129,23 @@ def fill_matrix(s, eps, out):
         out[i * (s.J.size + 1)] += 1.0
 
 
+@inner
+def fill_invariant_density(s, eps, out):
+    """Fill the density for n = 4 and I along axis a: with other axes b and c and h = eps I_a / 2
+    1 / (w_b w_c (1 - h**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c))).
+    """
+    a = 0
+    for i in range(3):
+        a = i if abs(s.I[i]) > abs(s.I[a]) else a
+    b, c, h = (a + 1) % 3, (a + 2) % 3, 0.5 * eps * s.I[a]
+    w_b, w_c = s.omega[b], s.omega[c]
+    along, across = h * s.omega[a] / s.J[b], h * (s.J[c] - s.J[b]) / s.J[b]
+    ratio = 1.0 - along * (h * s.omega[a] / s.J[c])
+    ratio += across / s.J[a] * (h / s.J[c]) * ((w_b - w_c) * (w_b + w_c))
+    below = w_b * w_c * ratio
+    out[0] = select(below == 0.0, np.inf, 1.0 / below)
+
+
 @formula
 def driven_by(s, i, j, p, p_next):
     """I_j slope_i - I_i slope_j without the terms with |omega|**2, which cancel if J_i = J_j."""
@@ -227,6 +244,7 @@ def of_body(name, fill, *dimension):
 
 energy = of_body("energy_nd", fill_energy, 1, 0, 2)
 modified_energy = of_body("modified_energy_nd", fill_modified_energy, 1, 0, 2)
+invariant_density = of_body("invariant_density_nd", fill_invariant_density, 0, 0, -2)
 vector_field = of_body("vector_field_nd", fill_vector_field, -1, 1, 2)
 matrix = of_body("matrix_nd", fill_matrix, 0, 0, 0)
 slopes = of_body("slopes_nd", fill_slopes, 0, 0, 0)

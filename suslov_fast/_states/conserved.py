@@ -173,26 +173,36 @@ def rotation_number(
 def invariant_density(
     body: Body, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """Density of the invariant measure of the map, in (Omega1, Omega2).
+    """Density of an invariant measure of the map.
 
-    rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat).
-    With the :func:`jacobian` J at omega, rho(next omega) det J = rho(omega), signs included. For
-    eps = 0 it is a density of the continuous motion.
+    rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat), in
+    (Omega1, Omega2). For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. In
+    n dimensions one is known for n = 3, and for n = 4 with I along one axis. With the
+    :func:`jacobian` J at omega, rho(next omega) det J = rho(omega), signs included. For eps = 0 it
+    is a density of the continuous motion.
 
     %(Parameters: body, omega, eps, threads)s
 
     Returns
     -------
     ndarray(float, shape=(...))
-        In the unit of 1 / omega over that of inertia to the third power. It has the sign of x, and
-        is infinite on the line x = 0 of steady states.
+        In three dimensions in the unit of 1 / omega over that of inertia to the third power, with
+        the sign of x, and infinite on the line x = 0 of steady states. For n = 4 in the unit of
+        1 / omega squared. Dimensionless for a field.
 
-    %(Raises: invalid)s
+    Raises
+    ------
+    %(invalid)s
+    NotIntegrableError
+        If no invariant measure is known for the body.
 
     Notes
     -----
-    The measure is not in the paper. A density is determined up to a constant factor; with this one,
-    rho is also the density in the coordinates (x, y) of :func:`to_xy`.
+    The measures are not in the paper. A density is determined up to a constant factor; in three
+    dimensions with this one rho is also the density in the coordinates (x, y) of :func:`to_xy`.
+    For n = 4 and I = (I1, 0, 0) it is
+    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))), infinite
+    where the denominator is 0; for another axis the indices are permuted.
 
     Examples
     --------

@@ -136,7 +136,8 @@ def matrix(
 
     Examples
     --------
-    >>>     >>> from suslov_fast import Suslov3D, matrix, step
+    >>> import numpy as np
+    >>> from suslov_fast import Suslov3D, matrix, step
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> A = matrix(body, [1.0, 0.5], eps=0.2)
     >>> A.round(6)

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from .._bodies.body_nd import SuslovND, check_solved
+from .._bodies.body_nd import SuslovND, check_measure, check_solved
 from .._checks import FloatArray
 from .._engine.arguments import States
 from .._engine.evaluation import by_slabs, of_state, of_state_nd
@@ -51,6 +51,13 @@ def _criticality(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArr
     return of_state(kernels_3d.criticality, (), three).reshape(batch)
 
 
+def _invariant_density(states: States) -> FloatArray:
+    check_measure(states.body, "invariant_density")
+    if states.body.dimension == 2:
+        return of_state(kernels_3d.invariant_density, (), in_3d(states))
+    return of_state_nd(kernels.invariant_density, 0, states)
+
+
 def _discrete_reaction(body: SuslovND, omega: FloatArray, eps: FloatArray) -> FloatArray:
     states = States(body, np.ascontiguousarray(omega), eps, omega.shape[:-1])
     return of_state_nd(kernels.reaction, 2, states, following=next_states(body, omega, eps))
@@ -64,6 +71,7 @@ QUANTITIES: dict[str, Callable[[States], FloatArray]] = {
     ),
     "modified_energy": partial(of_state_nd, kernels.modified_energy, 0),
     "criticality": partial(_of_solved, "criticality", kernels_3d.criticality, _criticality),
+    "invariant_density": _invariant_density,
     "vector_field": partial(of_state_nd, kernels.vector_field, 1),
     "reaction": partial(of_state_nd, kernels.reaction, 2),
     "discrete_reaction": partial(by_slabs, _discrete_reaction, 2, warn=True),

@@ -65,6 +65,9 @@ _SHARED = {
     A name that ends in .npz.""",
     "dimension": """dimension : int
     The number of variables, D.""",
+    "named": """**parameters : float or array_like(float, shape=(...))
+    Named parameters, passed to the function. Arrays broadcast, and make a batch of fields; single
+    numbers remain exact.""",
     "seed": """seed : int, optional
     Seed of the random primes, points and lines.""",
     # Errors

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
@@ -58,6 +58,15 @@ class Body:
     def _besides(self) -> dict[str, Any]:
         """Plain values on which results depend besides `_arrays`, by name."""
         return {}
+
+    @property
+    def _coordinates(self) -> dict[str, FloatArray]:
+        """Named parameters other than the fields of the class: coordinates of datasets."""
+        return {}
+
+    def _swept(self: Kind, name: str, values: FloatArray) -> Kind:
+        """Return the body with other values of a parameter."""
+        return replace(self, **{name: values})
 
     @cached_property
     def parameters(self) -> tuple[Any, ...]:

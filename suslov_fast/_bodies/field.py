@@ -6,7 +6,7 @@ import json
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from numbers import Rational
 from typing import Any, ClassVar
 
@@ -23,6 +23,7 @@ from .._checks import (
     wrong,
 )
 from .._docs import filled
+from . import named
 from .algebra import (
     Monomial,
     Polynomial,
@@ -76,6 +77,9 @@ class QuadraticField(Body):
         The coefficients, read-only: of fractions for a single field, of floats for a batch.
     H, K
         The Hamiltonian, which can be called, and the matrix (D, D), or None.
+    parameters : dict
+        The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`. They are
+        coordinates of datasets and stores; ``==`` and hash do not look at them.
 
     Examples
     --------
@@ -101,6 +105,9 @@ class QuadraticField(Body):
         "and lyapunov_exponents, and those from a Hamiltonian energy, modified_energy and "
         "invariant_density"
     )
+    # Named parameters, and how the coefficients depend on them.
+    _parameters: ClassVar[dict[str, Any]] = {}
+    _affine: ClassVar[dict[str, Any]] = {}
     # Its components, if it is a single one.
     polynomials: ClassVar[tuple[Polynomial, ...]] = ()
 
@@ -140,15 +147,19 @@ class QuadraticField(Body):
 
     @classmethod
     @filled
-    def from_function(cls, f: Callable[[Any], Any], dimension: int) -> QuadraticField:
-        """Return the field with components ``f(x)``.
+    def from_function(
+        cls, f: Callable[..., Any], dimension: int, **parameters: Any
+    ) -> QuadraticField:
+        """Return the field with components ``f(x, **parameters)``.
 
         Parameters
         ----------
         f : callable
             It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
-            symbolic variables, so its coefficients remain exact; floats are binary numbers.
+            symbolic variables, so its coefficients remain exact; floats are binary numbers. With
+            arrays of parameters it is called for each of their values.
         %(dimension)s
+        %(named)s
 
         Returns
         -------
@@ -161,16 +172,40 @@ class QuadraticField(Body):
         >>> from suslov_fast import QuadraticField
         >>> QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
         QuadraticField(x1' = -x1*x2 + x1, x2' = x1*x2 - x2)
+        >>> fields = QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[1, 2, 3])
+        >>> fields.shape, fields.parameters
+        ((3,), {'a': array([1., 2., 3.])})
         """
         n = integer("dimension", dimension, 1)
-        return cls._of_components(values_of("f", f, n, n, 2))
+
+        def polynomials(of: Callable[[Any], Any], more: int = 0) -> tuple[Polynomial, ...]:
+            return values_of("f", of, n + more, n, 2 + more)
+
+        return cls._named(f, polynomials, named.checked(parameters), n)
+
+    @classmethod
+    def _named(
+        cls, f: Any, polynomials: Any, values: dict[str, Any], n: int, H: Any = None, K: Any = None
+    ) -> QuadraticField:
+        """Return the field whose components are those polynomials of a function, with its names."""
+        if any(map(np.ndim, values.values())):
+            self = cls(**named.batch_of(f, polynomials, values, n))
+        else:
+            self = cls._of_components(polynomials(partial(f, **values)), H, K)
+        return self._with_names(values, named.affine_in(f, polynomials, values, n))
+
+    def _with_names(self, values: dict[str, Any], affine: dict[str, Any]) -> QuadraticField:
+        vars(self).update(_parameters=values, _affine=affine)
+        return self
 
     @classmethod
     @filled
     def from_hamiltonian(
-        cls, H: Callable[[Any], Any], dimension: int, K: Any = None
+        cls, H: Callable[..., Any], dimension: int, K: Any = None, **parameters: Any
     ) -> QuadraticField:
-        """Return the field ``x' = K grad H(x)``, which carries H and K.
+        """Return the field ``x' = K grad H(x, **parameters)``, which carries H and K.
+
+        With arrays of parameters it is a batch of fields, which does not carry them.
 
         Parameters
         ----------
@@ -181,6 +216,7 @@ class QuadraticField(Body):
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default, for even D, it is the
             canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
+        %(named)s
 
         Returns
         -------
@@ -196,12 +232,22 @@ class QuadraticField(Body):
         """
         n = integer("dimension", dimension, 1)
         K = antisymmetric(K, n)
-        (energy,) = values_of("H", lambda x: (H(x),), n, 1, 3)
-        gradient = [energy.derivative(i) for i in range(n)]
-        components = (
-            sum((gradient[j] * row[j] for j in np.flatnonzero(row)), Polynomial({})) for row in K
-        )
-        return cls._of_components(tuple(components), energy, K)
+        energy = Polynomial({})
+
+        def polynomials(of: Callable[[Any], Any], more: int = 0) -> tuple[Polynomial, ...]:
+            nonlocal energy
+            (energy,) = values_of("H", lambda x: (of(x),), n + more, 1, 3 + more)
+            gradient = [energy.derivative(i) for i in range(n)]
+            return tuple(
+                sum((gradient[j] * row[j] for j in np.flatnonzero(row)), Polynomial({}))
+                for row in K
+            )
+
+        values = named.checked(parameters)
+        if any(map(np.ndim, values.values())):
+            return cls._named(H, polynomials, values, n)
+        polynomials(partial(H, **values))
+        return cls._named(H, polynomials, values, n, energy, K)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
@@ -238,7 +284,32 @@ class QuadraticField(Body):
         return cls(**values)
 
     @property
+    def parameters(self) -> dict[str, Any]:  # type: ignore[override]
+        """The named parameters: numbers, and read-only arrays whose shapes broadcast."""
+        return dict(self._parameters)
+
+    @property
+    def _coordinates(self) -> dict[str, FloatArray]:
+        return named.arrays_of(self._parameters)
+
+    def _swept(self, name: str, values: FloatArray) -> QuadraticField:
+        if name not in self._affine.get("parameters", ()):
+            known = ", ".join(self._affine.get("parameters", ())) or "none"
+            expected = f"a parameter in which the coefficients are affine ({known})"
+            raise wrong("body", expected, name)
+        parameters = self._parameters | {name: values}
+        swept = type(self)(**named.evaluated(self._affine, parameters))
+        return swept._with_names(parameters, self._affine)
+
+    @property
     def _text(self) -> str | None:
+        names = named.described(self._parameters, self._affine)
+        if self.shape and names:  # arrays are stored as such
+            single = {k: v for k, v in names["parameters"].items() if not isinstance(v, list)}
+            names["parameters"] = dict.fromkeys(names["parameters"]) | single
+            return json.dumps({"body": type(self).__name__, **names})
+        if names:
+            return json.dumps(self.to_dict())
         numbers = () if self.shape else (c for p in self.polynomials for c in p.terms.values())
         if self.H is None and all(isinstance(plain(c), float) for c in numbers):
             return None
@@ -335,9 +406,10 @@ class QuadraticField(Body):
         return self.polynomials, self.H, None if self.K is None else tuple(self.K.flat)
 
     def __reduce__(self) -> tuple[Any, ...]:
+        make, arguments = self._of_components, (self.polynomials, self.H, self.K)
         if self.shape:
-            return super().__reduce__()
-        return self._of_components, (self.polynomials, self.H, self.K)
+            make, arguments = super().__reduce__()
+        return _unpickled, (make, arguments, self._parameters, self._affine)
 
     def __repr__(self) -> str:
         if self.shape:
@@ -351,13 +423,16 @@ class QuadraticField(Body):
         """Return the coefficients as nested lists, without loss, for JSON.
 
         Numbers that are not floats are strings "p/q". A field made from a Hamiltonian also has K,
-        and H as a list of terms [c, i, j, k], each for c x[i] x[j] x[k].
+        and H as a list of terms [c, i, j, k], each for c x[i] x[j] x[k]. Named parameters are under
+        "parameters", and, under "affine", the coefficients of products of those in which the field
+        is affine.
         """
+        names = named.described(self._parameters, self._affine)
         if self.shape:
-            return super().to_dict()
+            return super().to_dict() | names
         values: dict[str, Any] = {"body": type(self).__name__}
         values |= {name: plain_lists(each) for name, each in self._values.items()}
-        return values | self._besides
+        return values | self._besides | names
 
     @classmethod
     def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
@@ -366,4 +441,26 @@ class QuadraticField(Body):
         given = {k: each if k == "body" else from_plain(k, each) for k, each in items}
         if "H" in given:
             given["H"] = Polynomial({tuple(powers): rational("H", c) for c, *powers in given["H"]})
-        return super().from_dict({"linear": None, "constant": None} | given)
+        values, affine = given.pop("parameters", {}), given.pop("affine", {})
+        instance("parameters", values, Mapping)
+        values = named.checked({name: from_plain(name, each) for name, each in values.items()})
+        field = super().from_dict({"linear": None, "constant": None} | given)
+        if affine and not field._agrees(affine, values):
+            raise ValueError("affine: expected that of the coefficients, got another")
+        return field._with_names(values, affine)
+
+    def _agrees(self, affine: dict[str, Any], values: dict[str, Any]) -> bool:
+        """Return whether parameters and a dependence on them give the coefficients."""
+        try:
+            found = named.evaluated(affine, values)
+        except (LookupError, TypeError, AttributeError) as error:
+            raise wrong("affine", "products of parameters", f"an error: {error!r}") from error
+        pairs = [(np.asarray(found[name], np.float64), self._arrays[name]) for name in _AXES]
+        return all(
+            np.allclose(a, b, rtol=1e-9, atol=1e-9 * abs(b).max(initial=0)) for a, b in pairs
+        )
+
+
+def _unpickled(make: Any, arguments: Any, values: Any, affine: Any) -> QuadraticField:
+    field: QuadraticField = make(*arguments)
+    return field._with_names(values, affine)

@@ -46,6 +46,7 @@ def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | No
     elif options.picture or not given:
         picture = PICTURES[int(options.picture or DEFAULT_PICTURE)]
         body, eps = picture.body, picture.eps if eps is None else eps
+    names -= body._coordinates.keys() if body is not None else set()
     given |= {name: low for name, low in swept.items() if name in names}
     if given:
         body = _with_parameters(body, given)

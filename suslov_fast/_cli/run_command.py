@@ -7,7 +7,6 @@ import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import replace
 from functools import partial
 from inspect import signature
 from typing import Any
@@ -130,7 +129,7 @@ def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -
 
 def _swept(body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]) -> tuple[Any, Any]:
     """Return the body and the step sizes with an axis for each sweep, before that of the states."""
-    names = [name for name in body._names() if not body._axes(name)]
+    names = [name for name in body._names() if not body._axes(name)] + [*body._coordinates]
     for k, (name, low, high, count) in enumerate(sweeps):
         require(16 * count, "fewer values of --sweep need less")
         values = np.linspace(low, high, count).reshape(-1, *(1,) * (len(sweeps) - k))
@@ -138,7 +137,7 @@ def _swept(body: Any, eps: Any, sweeps: list[tuple[str, float, float, int]]) -> 
             if name == "eps":
                 eps = values
             elif name in names:
-                body = replace(body, **{name: values})
+                body = body._swept(name, values)
             else:
                 raise ValueError(f"expected one of {', '.join(['eps', *names])}, got {name}")
     return body, eps

@@ -18,7 +18,7 @@ from .._checks import FloatArray
 from .._ensemble.reductions import REDUCTIONS
 from .._ensemble.store import open_dataset, resolved
 from .._maps import map_named
-from .._runs.labelled import unvarying
+from .._runs.labelled import named_in, unvarying
 from .._runs.schema import body_of
 from .flags import CommandError
 from .terminal import about, progress_bar
@@ -75,6 +75,7 @@ def _run_in(dataset: Any) -> sf.Trajectories:
     batch, map = tuple(dataset["status"].dims), map_named(dataset.attrs["map"])
     names = [name for name in ("eps", *map.body._names()) if name in dataset]
     values = {name: unvarying(dataset, name, batch) for name in names}
+    values |= named_in(dataset, dataset.attrs, batch)
     body, states = body_of(map, dataset.attrs | values), dataset.get(map.variable, np.empty(0))
     found = {name: dataset.get(name) for name in ("status", "failed_at", "final", "attitude")}
     found |= {name: dataset.attrs.get(name) for name in ("method", "steps", "save_every")}
@@ -96,6 +97,7 @@ def _tiles(dataset: Any) -> Iterator[Any]:
 def _header(run: sf.Trajectories) -> Facts:
     return {
         "body": {"body": type(run.body).__name__, **_parameters(run.body)},
+        "parameters": {name: _brief(each) for name, each in run.body._coordinates.items()},
         "eps": _brief(run.eps),
         "trajectories": run.status.size,
         "steps": run.steps,
@@ -169,6 +171,9 @@ def _lines(facts: Facts) -> Iterator[tuple[str, object]]:
     body = facts["body"]
     values = (f"{name} = {_spell(each)}" for name, each in body.items() if name != "body")
     yield "body", body.get("text") or ", ".join(values)
+    if facts["parameters"]:
+        named = (f"{name} = {_spell(each)}" for name, each in facts["parameters"].items())
+        yield "parameters", ", ".join(named)
     if facts.get("rotation"):
         yield "rotation", "to the adapted basis of states; --json has it"
     yield "step size", f"eps = {_spell(facts['eps'])}"

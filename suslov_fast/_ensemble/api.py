@@ -27,6 +27,7 @@ from .starts import source_of
 from .store import (
     check_names,
     dataset_of,
+    names_in,
     only_writer,
     open_dataset,
     prepare,
@@ -156,7 +157,8 @@ def ensemble(
     if compression is not None:
         one_of("compression", compression, ("lz4", "zstd"))
     names, monitors = checked(body, reductions)
-    dims = batch_names(dims, len(batch), monitors)
+    dims = names_in(store) if dims is None else dims
+    dims = batch_names(dims, batch, monitors, body._coordinates)
     run = body, step_size, source, orientation, batch, steps, save_every, method, names, monitors
     job = cut(Job(*run, dims, store, compression), chunk)
     check_names("dims", job, job.dims)

@@ -33,7 +33,7 @@ from .._engine.problem import numbers_of_saved
 from .._kernels.codes import NOT_COMPUTED
 from .._maps import map_named
 from .._runs import labelled
-from .._runs.schema import header_of, schema_of
+from .._runs.schema import header_of, parameters_of, schema_of
 from .job import Job, require_same
 from .reductions import reductions_of
 
@@ -197,6 +197,11 @@ def _progress(store: Any) -> tuple[int, Any]:
     return notes["steps"], np.asarray(root[MARKS][...])
 
 
+def names_in(store: Any) -> Any:
+    """Return the names of the axes of the batch in a store; None if there is none."""
+    return _described(store).get("run", {}).get("dims")
+
+
 def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> Job:
     """Create, extend or repair the store of a run; return the job with the chunks of the store.
 
@@ -218,6 +223,8 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
         _write(job, made)
         return job
     require_same(identity, notes["run"], store)
+    if "body" in notes["attributes"]:  # with the names of parameters that it has
+        dataset.attrs["body"] = notes["attributes"]["body"]
     if notes["steps"] > job.steps:
         raise wrong("steps", f"at least the {notes['steps']} of the run in {store}", job.steps)
     tile, rows, compression = tuple(notes["tile"]), notes["rows"], notes["compression"]
@@ -241,7 +248,7 @@ def _kept(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
     for name in sorted(set(notes["known"]) - set(dataset.variables)):
         try:
             array = zarr.open_array(_place(job.store) / name, mode="r", zarr_format=3)
-            variable = array.metadata.dimension_names, array[...], dict(array.attrs)
+            variable = array.metadata.dimension_names or (), array[...], dict(array.attrs)
         except (FileNotFoundError, *_DAMAGE) as error:
             raise wrong("coords", f"{name}, which {job.store} has lost", "none") from error
         dataset = dataset.assign_coords({name: variable})
@@ -381,7 +388,7 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
 
     batch, D = job.batch, job.body.dimension
     entries = header_of(job.body, job.map, job.method, job.steps, job.save_every)
-    entries |= {"eps": job.eps, **job.body._arrays}
+    entries |= {"eps": job.eps, **parameters_of(job.body)}
     if job.keeps_states:
         entries["n"] = job.numbers
     sizes = {"n": len(job.numbers), "component": D, "space": D + 1, "body": D + 1}

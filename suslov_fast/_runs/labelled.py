@@ -12,7 +12,19 @@ from numpy.typing import NDArray
 from .._checks import wrong
 from .._engine.status import Status
 from .._maps import map_named
-from .schema import COMPONENTS, HEADER, RESUME, Entries, Entry, body_of, read_header, schema_of
+from .schema import (
+    COMPONENTS,
+    HEADER,
+    NAMED,
+    RESUME,
+    Entries,
+    Entry,
+    body_of,
+    names_in,
+    read_header,
+    schema_of,
+    with_names,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -41,20 +53,23 @@ def dataset_of(
     xarray = import_xarray()
     header = read_header(entries)
     map = map_named(header["map"])
-    schema = schema_of(map)
-    batch = _names_of(dims, entries, schema)
+    body = body_of(map, entries)
+    schema = with_names(schema_of(map), body._coordinates)
+    entries = {**entries, **body._coordinates}
+    batch = _names_of(dims, entries, schema, body)
     variables = {
         name: _variable(name, entries[name], schema[name], batch)
         for name in schema
         if name in entries and not name.startswith(RESUME)
     }
     # Strings of variable length: Zarr format 3 has none of fixed length.
-    labels = np.array(map.components(body_of(map, entries)), dtype=object)
+    labels = np.array(map.components(body), dtype=object)
     dataset = xarray.Dataset(
         variables,
         coords={"component": ("component", labels, {"long_name": f"component of {map.meaning}"})},
         attrs={"title": map.title, **header},
     )
+    dataset = dataset.set_coords([*body._coordinates])
     for variable in dataset.variables.values():
         if variable.dtype.kind == "f":
             # Otherwise NaN becomes a fill value, which readers replace by another NaN.
@@ -90,12 +105,24 @@ def _variable(name: str, array: NDArray[Any], entry: Entry, batch: tuple[str, ..
 
 
 def batch_names(
-    dims: str | Sequence[str] | None, axes: int, taken: Iterable[str] = ()
+    dims: str | Sequence[str] | None,
+    batch: tuple[int, ...],
+    taken: Iterable[str] = (),
+    coordinates: Mapping[str, Any] | None = None,
 ) -> tuple[str, ...]:
-    """Return a name for each axis of the batch, not among those in use."""
+    """Return a name for each axis of the batch, not among those in use.
+
+    By default an axis has the name of the first of these coordinates that varies along it alone.
+    """
+    axes = len(batch)
     if dims is None:
-        return ("trajectory",) if axes == 1 else tuple(f"batch_{k}" for k in range(axes))
-    names = (dims,) if isinstance(dims, str) else tuple(dims)
+        names = ["trajectory"] if axes == 1 else [f"batch_{k}" for k in range(axes)]
+        for name, array in reversed([*(coordinates or {}).items()]):
+            varying = [k - array.ndim for k, length in enumerate(array.shape) if length > 1]
+            if len(varying) == 1:
+                names[varying[0]] = name
+        return tuple(names)
+    names = [dims] if isinstance(dims, str) else list(dims)
     if not all(isinstance(name, str) for name in names):
         raise wrong("dims", "names", repr(dims), TypeError)
     clashing = sorted({*TAKEN, *HEADER, *taken} & set(names))
@@ -103,16 +130,16 @@ def batch_names(
         but = f", of which {', '.join(clashing)} is taken" if clashing else ""
         expected = f"a distinct name for each of the {axes} axes of the batch"
         raise wrong("dims", expected, f"{dims!r}{but}")
-    return names
+    return tuple(names)
 
 
 def _names_of(
-    dims: str | Sequence[str] | None, entries: Entries, schema: dict[str, Entry]
+    dims: str | Sequence[str] | None, entries: Entries, schema: dict[str, Entry], body: Any
 ) -> tuple[str, ...]:
     """Return names for the axes of a batch; a parameter may name its only varying axis."""
     batch = entries["status"].shape
     parameters = {name for name, entry in schema.items() if entry.varying and name in entries}
-    names = batch_names(dims, len(batch), set(entries) - parameters)
+    names = batch_names(dims, batch, set(entries) - parameters, body._coordinates)
     for axis, name in enumerate(names):
         if name in parameters:
             shape = entries[name].shape
@@ -157,7 +184,13 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
             received = f"it along {', '.join(map(str, variable.dims)) or 'nothing'}"
             raise wrong("dataset", f"{name} along {', '.join(order) or 'nothing'}", received)
         entries[name] = variable.transpose(*order).values
-    return entries
+    return entries | named_in(dataset, header, batch)
+
+
+def named_in(dataset: xarray.Dataset, header: Mapping[str, Any], batch: tuple[str, ...]) -> Entries:
+    """Return the named parameters of the body of a dataset."""
+    names = filter(dataset.variables.__contains__, names_in(header))
+    return {NAMED + name: unvarying(dataset, name, batch) for name in names}
 
 
 def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:

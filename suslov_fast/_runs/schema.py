@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +27,8 @@ Entries = dict[str, NDArray[Any]]
 # Version of this format.
 FORMAT = 5
 RESUME = "resume/"
+# So begin the names of arrays of named parameters.
+NAMED = "parameter/"
 # Entries of one number or one string.
 _NUMBERS, _TEXTS = ("format", "steps", "save_every"), ("version", "map", "method", "body")
 HEADER = (*_NUMBERS, *_TEXTS)
@@ -88,6 +90,22 @@ def schema_of(map: Map) -> dict[str, Entry]:
     return {map.variable: states, **_OF_ALL_MAPS, **parameters, **orientations, **resume}
 
 
+def parameters_of(body: Any) -> Entries:
+    """Return the parameters of a body, and the named ones that are coordinates of datasets."""
+    return {**body._arrays, **{NAMED + name: each for name, each in body._coordinates.items()}}
+
+
+def names_in(header: Mapping[str, Any]) -> list[str]:
+    """Return the named parameters of the body in a header."""
+    return list(json.loads(header.get("body", "{}")).get("parameters", {}))
+
+
+def with_names(schema: dict[str, Entry], names: Iterable[str]) -> dict[str, Entry]:
+    """Return a schema with entries of named parameters."""
+    entry = Entry(("batch",), meaning="parameter", varying=True, optional=True)
+    return {**schema, **dict.fromkeys(names, entry)}
+
+
 def header_of(body: Any, map: Map, method: str, steps: int, save_every: int | None) -> Entries:
     """Return the header of a run, with the body as text if its arrays round it."""
     from .. import __version__
@@ -106,7 +124,7 @@ def entries_of(run: Any) -> Entries:
         "n": run.n,
         **{name: getattr(run, name) for name in results},
         "final": None if last_is_saved else run.final,
-        **run.body._arrays,
+        **parameters_of(run.body),
         **{RESUME + name: a for name, a in run._resume.items() if name not in results},
     }
     header = header_of(run.body, run._map, run.method, run.steps, run.save_every)
@@ -162,10 +180,15 @@ def _check_resume(map: Map, resume: Entries, problem: Problem, span: Span) -> No
         raise ValueError(f"expected {expected}, got one without {', '.join(absent)}")
 
 
-def body_of(map: Map, entries: Mapping[str, NDArray[Any]]) -> Any:
-    if "body" in entries:
-        return map.body.from_dict(json.loads(str(entries["body"])))
-    return map.body(**{name: entries[name] for name in map.body._names() if name in entries})
+def body_of(map: Map, entries: Mapping[str, Any]) -> Any:
+    values = {name: entries[name] for name in map.body._names() if name in entries}
+    if "body" not in entries:
+        return map.body(**values)
+    given = json.loads(str(entries["body"]))
+    for name, value in given.get("parameters", {}).items():
+        if value is None:
+            given["parameters"][name] = entries[NAMED + name]
+    return map.body.from_dict(values | given)
 
 
 def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -191,8 +214,8 @@ def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _check_arrays(entries: Entries, map: Map, rows: int) -> None:
     """Raise ValueError if arrays are absent, unknown or of other shapes; `rows` are saved."""
-    schema = schema_of(map)
     arrays = {name: each for name, each in entries.items() if name not in HEADER}
+    schema = with_names(schema_of(map), (name for name in arrays if name.startswith(NAMED)))
     absent = [name for name, each in schema.items() if not (each.optional or name in arrays)]
     unknown = [name for name in arrays if name not in schema]
     if absent or unknown:

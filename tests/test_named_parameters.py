@@ -1,0 +1,158 @@
+"""Named parameters of fields, in batches, copies, files, datasets, stores and the command."""
+
+import json
+import pickle
+from fractions import Fraction as F
+
+import numpy as np
+import pytest
+import xarray
+from test_cli import succeed
+
+import suslov_fast as sf
+from suslov_fast import QuadraticField, Trajectories, ensemble, iterate
+from suslov_fast._bodies.named import _RESERVED
+from suslov_fast._ensemble.reductions import reductions_of
+from suslov_fast._maps import MAPS
+from suslov_fast._runs.labelled import TAKEN
+from suslov_fast._runs.schema import HEADER, schema_of
+
+VALUES = np.linspace(1.0, 6.0, 11)
+
+
+def dynamo(x, a, mu=F(1, 3)):
+    """The two-disc dynamo of Rikitake."""
+    return -mu * x[0] + x[1] * x[2], -mu * x[1] + (x[2] - a) * x[0], 1 - x[0] * x[1]
+
+
+def cubic(x, a, b=2):
+    return x[1] ** 2 / 2 + a * x[0] ** 2 - b * a * x[0] ** 3 / 7
+
+
+BATCH = QuadraticField.from_function(dynamo, 3, a=VALUES, mu=0.5)
+GRID = QuadraticField.from_function(dynamo, 3, a=VALUES[:, None], mu=[0.5, 1.0])
+SINGLE = QuadraticField.from_hamiltonian(cubic, 2, a=F(1, 3))
+RUN = [1.0, 0.5, 2.0], 0.01, 20
+
+
+def assert_named(field, other):
+    assert field == other
+    assert hash(field) == hash(other)
+    assert list(field.parameters) == list(other.parameters)
+    for name, value in other.parameters.items():
+        assert np.array_equal(field.parameters[name], value)
+
+
+@pytest.mark.parametrize("make", ["from_function", "from_hamiltonian"])
+def test_a_batch_has_the_coefficients_of_single_fields(make):
+    f, D = (dynamo, 3) if make == "from_function" else (cubic, 2)
+    fields = getattr(QuadraticField, make)(f, D, a=VALUES)
+    singles = [getattr(QuadraticField, make)(f, D, a=a) for a in VALUES]
+    for name in ("quadratic", "linear", "constant"):
+        expected = [np.asarray(getattr(each, name), float) for each in singles]
+        assert np.array_equal(getattr(fields, name), expected)
+    assert fields == QuadraticField(fields.quadratic, fields.linear, fields.constant)
+    assert GRID.shape == (11, 2)
+    with pytest.raises(ValueError, match="read-only"):
+        fields.parameters["a"][0] = 0.0
+
+
+def test_single_numbers_remain_exact():
+    field = QuadraticField.from_function(dynamo, 3, a=F(2, 7))
+    assert field.linear[1, 0] == -F(2, 7)
+    assert field.parameters == {"a": F(2, 7)}
+    assert SINGLE.H([F(1), F(0)]) == F(1, 3) - F(2, 21)
+
+
+@pytest.mark.parametrize("field", [BATCH, GRID, SINGLE], ids=["batch", "grid", "single"])
+def test_copies_keep_names(field, tmp_path):
+    text = json.loads(json.dumps(field.to_dict()))
+    for copy in (sf.body_from_dict(text), pickle.loads(pickle.dumps(field, 0))):
+        assert_named(copy, field)
+        assert copy.to_dict() == text
+    starts = [0.1, 0.2, 0.3][: field.dimension]
+    run = iterate(field, starts, 0.01, 20)
+    run.save(tmp_path / "run.npz")
+    assert_named(Trajectories.load(tmp_path / "run.npz").extend(3).body, field)
+    assert_named(Trajectories.from_xarray(run.to_xarray()).body, field)
+
+
+def test_coordinates_of_datasets(tmp_path):
+    data = iterate(BATCH, *RUN).to_xarray()
+    store = ensemble(BATCH, *RUN, store=tmp_path / "a.zarr", save_every=1)
+    for each in (data, store, xarray.open_zarr(tmp_path / "a.zarr")):
+        some = each.sel(a=2.4, method="nearest")
+        assert (some.a, some.mu) == (2.5, 0.5)
+        assert np.array_equal(some.x, iterate(BATCH, *RUN).x[:, 3])
+        part = Trajectories.from_xarray(each.isel(a=slice(2, 5))).body
+        assert_named(part, QuadraticField.from_function(dynamo, 3, a=VALUES[2:5], mu=0.5))
+        one = Trajectories.from_xarray(each.isel(a=2)).body
+        assert_named(one, QuadraticField.from_function(dynamo, 3, a=2.0, mu=0.5))
+    dims = ("start", "a", "mu")
+    starts = sf.RandomStarts((3, 1, 1), 1.0)
+    grid = ensemble(GRID, starts, 0.01, 5, store=tmp_path / "b.zarr", dims=dims)
+    assert grid.final.sel(a=2.5, mu=1.0).dims == ("start", "component")
+
+
+def test_a_store_keeps_the_names_that_it_has(tmp_path):
+    plain = QuadraticField(BATCH.quadratic, BATCH.linear, BATCH.constant)
+    for first, second, dims in ((BATCH, plain, ("a",)), (plain, BATCH, ("trajectory",))):
+        store = tmp_path / f"{dims[0]}.zarr"
+        ensemble(first, *RUN, store=store)
+        for verify in (False, True):
+            longer = ensemble(second, *RUN[:2], 30, store=store, verify=verify)
+            assert longer.status.dims == dims
+            assert_named(Trajectories.from_xarray(longer).body, BATCH)
+
+
+def test_the_command_sweeps_affine_parameters(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def rates(x, a, b, c):
+        return a * b * x[0] + F(1, 3) * b + c**2 * x[1], -x[1] - a * x[0] * x[1]
+
+    field = QuadraticField.from_function(rates, 2, a=1, b=F(1, 7), c=2)
+    (tmp_path / "f.json").write_text(json.dumps(field.to_dict()))
+    line = "run --body f.json --eps 0.1 --steps 5 --omega0 1,2 -o {}.zarr --sweep {}"
+    said = succeed(line.format("ab", "a=1:2:3 --sweep b=0.5:1:2"))
+    assert "a = 1 ... 2 (3, 1, 1), b = 0.5 ... 1 (2, 1), c = 2" in said
+    final = sf.open_ensemble("ab.zarr").final.sel(a=1.5, b=0.5).values
+    other = QuadraticField.from_function(rates, 2, a=1.5, b=0.5, c=2)
+    np.testing.assert_allclose(final[0], iterate(other, [1, 2], 0.1, 5).final, rtol=1e-14)
+    for name, reason in (("c", "affine (a, b), got c"), ("d", "one of eps, a, b, c, got d")):
+        with pytest.raises(SystemExit, match="2"):
+            sf._cli.main(line.format("no", f"{name}=1:2:3").split())
+        assert reason in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("f", "value"),
+    [
+        (lambda x, a: (np.sin(a) * x[0],), 1.5), (lambda x, a: (x[0] / a,), 2),
+        (lambda x, a: ((1 if a > 1 else 2) * x[0],), 2), (lambda x, a: (a * a * x[0],), [1, 2]),
+    ],
+)  # fmt: skip
+def test_other_functions_of_parameters(f, value):
+    field = QuadraticField.from_function(f, 1, a=value)
+    assert "affine" not in field.to_dict()
+    expected = [f([1.0], a)[0] for a in np.atleast_1d(value)]
+    np.testing.assert_allclose(np.atleast_1d(field.linear[..., 0, 0]).astype(float), expected)
+
+
+def test_bad_parameters():
+    map = MAPS["quadratic"]
+    assert {*schema_of(map), *HEADER, *TAKEN, *reductions_of(map)} - {"resume/state"} - {
+        name for name in schema_of(map) if name.startswith("resume/")
+    } <= _RESERVED
+    for name in (*(_RESERVED - {"f", "dimension"}), "a b"):
+        with pytest.raises(ValueError, match=f"parameters: expected .*{name!r}"):
+            QuadraticField.from_function(lambda x, **given: (x[0],), 1, **{name: 2})
+    for value in ("1", True, np.inf, [np.nan], [1j], [[1], [2, 3]]):
+        with pytest.raises((TypeError, ValueError), match="a: expected"):
+            QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=value)
+    with pytest.raises(ValueError, match=r"got a \(2,\), b \(3,\)"):
+        QuadraticField.from_function(lambda x, a, b: (a * x[0],), 1, a=[1, 2], b=[1, 2, 3])
+    changed = SINGLE.to_dict()
+    changed["affine"]["products"]["a"]["linear"][1][0] = 5.0
+    with pytest.raises(ValueError, match="affine: expected that of the coefficients"):
+        QuadraticField.from_dict(changed)

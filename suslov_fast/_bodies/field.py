@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .._checks import (
     FloatArray,
     check_labels,
+    instance,
     integer,
     real_array,
     vectors,

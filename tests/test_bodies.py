@@ -74,7 +74,7 @@ def test_equality_copies_and_immutability(body):
         type(body).from_dict(plain | {"body": "Other"})
     with pytest.raises(ValueError, match=r"body: expected one of 'Suslov3D', .* got 'Other'"):
         sf.body_from_dict(plain | {"body": "Other"})
-    with pytest.raises(TypeError, match="parameters: expected a dictionary, .* got list"):
+    with pytest.raises(TypeError, match=r"parameters: expected a dictionary, .* got list"):
         type(body).from_dict([1])
 
 

@@ -25,6 +25,8 @@ SLICE = 2**24
 SHORTEST = 32
 # Least number of rows of a call: entering a trajectory costs some 100 states.
 _WORTH_ENTERING = 2**12
+# Number of trajectories that are tried first, and the part of them above which most are left.
+_PROBE, _MOST = 2**10, 0.75
 # Costs of entering an orbit, of a state in equal steps, and of a state at an arbitrary time, in
 # steps of the map.
 _ENTERING, _ROW, _ANY = 64, 1, 8
@@ -61,15 +63,30 @@ class Orbits(NamedTuple):
     ) -> None:
         """Call a kernel for some trajectories, and the next for those that it leaves.
 
-        `work` is that of a trajectory after it is entered.
+        If it leaves most of the first _PROBE, it is not called for the rest: the next kernel
+        computes the same bits. `work` is that of a trajectory after it is entered.
         """
         parameters, omega, flow, ends, left, missing, threads = self
-        work = (lanes[1] - lanes[0]) * (_ENTERING + work)
-        arguments = (sign, flow), parameters, omega, *which, lanes, out, ends, left, missing
-        passing, others = kernels
-        _threads.run(passing, work, threads, *arguments)
-        if left[slice(*lanes)].any():
-            _threads.run(others, work, threads, *arguments)
+
+        def call(kernel: Kernel, begin: int, end: int) -> None:
+            arguments = (sign, flow), parameters, omega, *which, (begin, end), out, ends
+            total = (end - begin) * (_ENTERING + work)
+            _threads.run(kernel, total, threads, *arguments, left, missing)
+
+        (passing, others), (begin, end) = kernels, lanes
+        if left.size == 1:  # `any` would take a tenth of a call
+            call(passing, begin, end)
+            found = left.item() == 1
+        else:
+            probed = begin + _PROBE if end - begin > 4 * _PROBE else end
+            call(passing, begin, probed)
+            if probed < end and left[begin:probed].mean() > _MOST:
+                left[probed:end] = 1
+            elif probed < end:
+                call(passing, probed, end)
+            found = bool(left[begin:end].any())
+        if found:
+            call(others, begin, end)
 
 
 def orbits_of(

@@ -377,6 +377,15 @@ def test_mistakes(bad_files, monkeypatch, mistake):
     assert Path("good.npz").read_text() == "precious"
 
 
+def test_a_full_disk_is_noticed_before_the_run(monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=10_000))
+    line = "run --trajectories 20 --steps 40 --save-every 2 --attitude -o o.npz"
+    needed = f"{8 * 20 * 21 * (2 + 9):,}"
+    check_error(run(line), 1, f"of which 10,000 bytes are free, got {needed} bytes; raise --save")
+    assert os.listdir() == []
+    succeed(line.replace("40", "4"))
+
+
 @pytest.mark.compiled
 @posix
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import math
 import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from functools import partial
 from inspect import signature
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -76,6 +78,18 @@ def _in_parts_instead() -> Iterator[None]:
         raise CommandError(f"run: {text}; {how}") from error
 
 
+def _require_space(path: Path, shape: tuple[int, ...], options: argparse.Namespace) -> None:
+    """Raise CommandError before the run if its states do not fit on the disk."""
+    rows = options.steps // options.save_every + 1 if options.save_every else 1
+    turned = options.attitude or options.orientation is not None
+    numbers = shape[-1] + turned * (shape[-1] + 1) ** 2
+    needed = 8 * rows * math.prod(shape[:-1]) * numbers
+    free = shutil.disk_usage(path.absolute().parent).free
+    if needed > free:
+        expected = f"expected a disk with space for the run, of which {free:,} bytes are free"
+        raise CommandError(f"{path}: {expected}, got {needed:,} bytes; raise --save-every")
+
+
 def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
     path = options.output
     if path is not None:
@@ -85,6 +99,8 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
         with about("run"), _in_parts_instead(), progress_bar("iterating") as progress:
             if isinstance(starts, sf.RandomStarts):
                 starts = starts.states(starts.shape[0], dimension=body.dimension)
+            if path is not None:
+                _require_space(path, np.shape(starts), options)
             settings = {**_settings(sf.iterate, options), "on_singular": "ignore"}
             for _ in range(2):
                 with compile_timer() as compiling:

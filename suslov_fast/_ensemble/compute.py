@@ -43,7 +43,7 @@ Piece = tuple[Span, Output, Values]
 
 # Duration of a piece in seconds, which limits the wait after Ctrl-C, and the work of the
 # first one, in trajectory-steps of the 3D map.
-_DURATION, _FIRST = 1.0, 2**26
+_DURATION, _FIRST = 0.5, 2**26
 # Number of times that Dask recomputes a tile after an error, and tiles queued per thread of a
 # worker: no thread is idle, and few initial states are in memory.
 _RETRIES, _WAITING = 2, 2

@@ -111,7 +111,7 @@ def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:
     name = "argument --inertia" if options.inertia else "argument --mass-tensor"
     with about(source if isinstance(source, Path) else name):
         tensor = read_table(source) if isinstance(source, Path) else _symmetric(source)
-        tensor = inertia_matrix("I", tensor, 3 if options.inertia else None)  # a single one
+        tensor = inertia_matrix("I", tensor)  # a single one
         if options.axis and (len(options.axis) != len(tensor) or not any(options.axis)):
             expected = f"expected {len(tensor)} numbers other than 0,...,0"
             raise UsageError(f"argument --axis: {expected}, got {options.axis}")

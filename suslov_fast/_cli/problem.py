@@ -101,8 +101,12 @@ def _with_parameters(base: Any, given: dict[str, Any]) -> Any:
         known = " or ".join(" ".join(map(flag, names)) for names in required.values())
         received = " ".join(map(flag, values))
         raise UsageError(f"expected the parameters of one body, {known}, got {received}")
+    kind = kinds[0]
+    for name, value in values.items():  # an option is a list if a body with this name has vectors
+        if isinstance(value, list) and len(value) == 1 and not kind._axes(name):
+            values[name] = value[0]
     with about("body"):
-        return kinds[0](**values)
+        return kind(**values)
 
 
 def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:

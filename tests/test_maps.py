@@ -1,7 +1,9 @@
 """The contract of every map of the package, and of one that a test registers."""
 
 import json
+from copy import copy
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,6 +14,7 @@ from suslov_fast._bodies.base import Body
 from suslov_fast._cli import main
 from suslov_fast._engine import arguments
 from suslov_fast._engine.problem import NO_TRAJECTORIES, Driver, Kept, Map
+from suslov_fast._kernels import blocks, blocks_nd, map_canonical
 from suslov_fast._maps import MAPS, map_named, map_of
 
 
@@ -52,7 +55,7 @@ def grow(problem, span, output):
 
 
 GROWTH = Map(
-    name="growth", body=Growth, title="Growth", variable="x", meaning="size",
+    name="growth", body=Growth, title="Growth", variable="weights", meaning="size",
     drivers=lambda problem, span: [Driver(grow)], kept=(Kept("state", ("flat", "component")),),
     samples=((Growth(2.0, -0.5), (1.0, 2.0)),),
 )  # fmt: skip
@@ -79,6 +82,10 @@ def test_steps_runs_and_continuation(record, problem):
     run = iterate(body, starts, 0.1, 6)
     assert run._map is record
     assert getattr(run, record.variable) is run.states is np.asarray(run)
+    for name in {"omega", "x", "weights"} - {record.variable}:
+        with pytest.raises(AttributeError, match=name):
+            getattr(run, name)
+    assert getattr(copy(run), record.variable) is run.states
     np.testing.assert_allclose(run.states[1:], step(body, run.states[:-1], 0.1), rtol=1e-12)
     assert (run.states[0] == starts).all()
     for save_every, rows in ((1, [0, 1, 2, 3, 4, 5, 6]), (4, [0, 4]), (None, [6])):
@@ -189,3 +196,30 @@ def test_objects_of_a_subclass_are_bodies():
         TypeError, match=r"body: expected Suslov3D or SuslovND or .*, got RigidBody"
     ):
         sf.step(sf.SuslovND.__base__(), [1, 0.5], 0.2)
+
+
+def test_modules_of_maps_are_checked():
+    """Functions are missing, misspelled, or take other arguments than the loop passes."""
+    good = {name: each for name, each in vars(map_canonical).items() if name[:2] != "__"}
+
+    def module(**changes):
+        made = ModuleType(map_canonical.__name__)
+        contents = {name: each for name, each in (good | changes).items() if each is not None}
+        vars(made).update(contents)
+        return made
+
+    def ours(function):
+        function.__module__ = map_canonical.__name__
+        return function
+
+    blocks.map_kernel("good", module(settle=None, guarded=None))
+    for changes, message in (
+        ({"advance": None}, "no advance"),
+        ({"cause": None, "show": None}, "no show, no cause"),
+        ({"setle": good["settle"], "settle": None}, "also setle"),
+        ({"guarded": ours(lambda k, s, n: s)}, "guarded of 3 arguments"),
+    ):
+        with pytest.raises(TypeError, match=rf"map_canonical: expected enter\(.*, got {message}"):
+            blocks.map_kernel("bad", module(**changes))
+    with pytest.raises(TypeError, match=r"expected block\(parameters, memory, task\), .* no block"):
+        blocks_nd.map_kernel("bad", module())

@@ -12,7 +12,7 @@ from .instructions import (
     subtract_product,
     two_product,
 )
-from .kernels import Kernel, kernel, namespace, share
+from .kernels import Kernel, checked, kernel, namespace, share
 from .llvm import LINE
 from .options import allocation, formula, inner
 
@@ -20,6 +20,7 @@ __all__ = [
     "LINE",
     "Kernel",
     "allocation",
+    "checked",
     "compile_timer",
     "expect_store",
     "formula",

@@ -7,6 +7,7 @@ the arguments too, because `prange` passes no nested tuples to its body.
 """
 
 import functools
+import inspect
 from types import FunctionType, ModuleType
 
 import numba
@@ -76,6 +77,33 @@ def namespace(name, **contents):
     module = ModuleType(name)
     vars(module).update(contents)
     return module
+
+
+def checked(module, arguments, optional=None):
+    """Return the public names of a map's module; TypeError if its functions do not fit a loop.
+
+    `arguments` names those of each function. Those that the module may lack are in `optional`, with
+    what replaces them; all other functions of such a module begin with "_", so that a misspelled
+    name is not ignored.
+    """
+    names = {name: each for name, each in vars(module).items() if not name.startswith("_")}
+    own = {
+        name: len(inspect.signature(getattr(each, "py_func", each)).parameters)
+        for name, each in names.items()
+        if getattr(each, "__module__", "") == module.__name__ and not isinstance(each, type)
+    }
+    names = (optional or {}) | names
+    received = [f"no {name}" for name in arguments if name not in names]
+    received += [f"also {name}" for name in own if optional and name not in arguments]
+    received += [
+        f"{name} of {own[name]} arguments"
+        for name in own.keys() & arguments.keys()
+        if own[name] != len(arguments[name].split())
+    ]
+    if received:
+        calls = ", ".join(f"{name}({', '.join(each.split())})" for name, each in arguments.items())
+        raise TypeError(f"{module.__name__}: expected {calls}, got {', '.join(received)}")
+    return names
 
 
 @formula

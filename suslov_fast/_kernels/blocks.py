@@ -16,7 +16,7 @@ cause(k, s)                       Return the status of a trajectory whose next s
 
 The first number of a state is NaN if there is none, and `show` then returns NaN. Blocks are tested
 for this, and take all steps by `guarded`, only if `enter` returns True for one of their lanes.
-Optional, by default `advance`, and no change:
+Optional, by default `advance`, and no change (other functions of the module begin with "_"):
 
 guarded(k, s)                     Make one step of any trajectory: NaN where no next state exists,
                                   else bit-identical to `advance`.
@@ -38,7 +38,7 @@ results      final (B, D), state `stop`; status (B,); failed_at (B,), written wh
 
 import numpy as np
 
-from .._jit import Kernel, formula, lane, namespace, put, rows_of, select, share, stack
+from .._jit import Kernel, checked, formula, lane, namespace, put, rows_of, select, share, stack
 from . import codes, map_canonical, map_full, map_gyrostat, map_printed
 from .lanes import LANES, whole
 from .tiles import lead_of, shortening_of_first_block, write_row
@@ -46,6 +46,9 @@ from .turning_3d import enter_turns, leave_turns, start_turns, turn_on, turns_bl
 
 map = namespace("map")  # of the map that a kernel iterates
 
+# The arguments of the functions of a map.
+_FUNCTIONS = {"enter": "parameters omega i"}
+_FUNCTIONS |= dict.fromkeys(("advance", "show", "cause", "guarded", "settle"), "k s")
 _TILE = 3 * LANES
 # Number of steps between tests for failure; after a failure the last of them are repeated.
 CHECK_EVERY = 256
@@ -170,9 +173,8 @@ def run_blocks(part, parts, parameters, omega, stretch, saved, turning, results)
 
 def map_kernel(name, module):
     """Build the kernel of a map from its module."""
-    optional = {"guarded": module.advance, "settle": unchanged}
-    of_map = {each: value for each, value in vars(module).items() if not each.startswith("_")}
-    return Kernel(run_blocks, name, map=namespace(name, **optional | of_map))
+    optional = {"guarded": getattr(module, "advance", None), "settle": unchanged}
+    return Kernel(run_blocks, name, map=namespace(name, **checked(module, _FUNCTIONS, optional)))
 
 
 canonical = map_kernel("canonical", map_canonical)

@@ -18,11 +18,21 @@ leave(c, b, results, begin, end)
     Write the states in the units of the lanes, and what else is carried on.
 """
 
-from .._jit import Kernel, namespace, share
+from .._jit import Kernel, checked, namespace, share
 from . import map_field, map_nd
 from .turning_nd import turn_lanes, write_turns
 
 map = namespace("map")  # of the map that a kernel iterates
+
+# The arguments of the functions of a map.
+_FUNCTIONS = {
+    "block": "parameters memory task",
+    "enter": "c b parameters start results begin end",
+    "advance": "c b begin",
+    "settle": "c b n results begin end",
+    "write": "c b parameters begin end n target",
+    "leave": "c b results begin end",
+}
 
 
 def run_blocks(part, parts, parameters, stretch, saved, turning, results, memory):
@@ -70,7 +80,11 @@ def run_blocks(part, parts, parameters, stretch, saved, turning, results, memory
             map.leave(c, b, results, begin, end)
 
 
-_eliminating = vars(map_nd) | {"advance": map_nd.advance_by_elimination}
-field = Kernel(run_blocks, "field", map=map_field)
-rank2 = Kernel(run_blocks, "rank2", map=map_nd)
-gauss = Kernel(run_blocks, "gauss", map=namespace("gauss", **_eliminating))
+def map_kernel(name, module, **others):
+    """Build the kernel of a map from its module, with other functions in place of some."""
+    return Kernel(run_blocks, name, map=namespace(name, **checked(module, _FUNCTIONS) | others))
+
+
+field = map_kernel("field", map_field)
+rank2 = map_kernel("rank2", map_nd)
+gauss = map_kernel("gauss", map_nd, advance=map_nd.advance_by_elimination)

@@ -66,7 +66,7 @@ def enter(parameters, omega, i):
 
 
 @formula
-def squarable(X):
+def _squarable(X):
     """X, or 0 if its square is subnormal."""
     return select(abs(X) < SMALLEST_SQUARED, 0.0, X)
 
@@ -74,14 +74,14 @@ def squarable(X):
 @formula
 def advance(k, s):
     """Equation (8), with c = 0."""
-    double = 2.0 * squarable(s.X)
+    double = 2.0 * _squarable(s.X)
     X = s.X * (1.0 - s.Z) / ((1.0 + s.Z) + double * s.X)
     return X, s.Z + double * X
 
 
 @formula
 def guarded(k, s):
-    X0 = squarable(s.X)
+    X0 = _squarable(s.X)
     d, double = denominator(X0, k.c, s.Z, 0.0), 2.0 * X0
     X = s.X * ((1.0 + k.c) - s.Z) / d
     # c - (Y (1 - Y) - 2 X**2) / (1 - Y + 2 X**2), which then cancels nowhere.
@@ -100,7 +100,7 @@ def show(k, s):
 
 @formula
 def cause(k, s):
-    is_pole = np.isnan(denominator(squarable(s.X), k.c, s.Z, 0.0))
+    is_pole = np.isnan(denominator(_squarable(s.X), k.c, s.Z, 0.0))
     return codes.SINGULAR if is_pole and np.isfinite(s.X * s.X + s.Z) else codes.NONFINITE
 
 

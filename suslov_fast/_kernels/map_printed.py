@@ -43,7 +43,7 @@ def enter(parameters, omega, i):
 
 
 @formula
-def denominator(k, s):
+def _denominator(k, s):
     """Return Delta of equation (5), and True if it is finite and differs from 0 beyond rounding."""
     product = (k.k1 * s.omega1 + k.k3 * s.omega2) * (k.k4 * s.omega1 + k.k2 * s.omega2)
     delta = (1.0 + k.k1 * s.omega2) * (1.0 - k.k2 * s.omega1) + product
@@ -55,7 +55,7 @@ def denominator(k, s):
 @formula
 def advance(k, s):
     """Next state by equation (5)."""
-    delta, regular = denominator(k, s)
+    delta, regular = _denominator(k, s)
     omega1, omega2, k1, k2 = s.omega1, s.omega2, k.k1, k.k2
     next1 = omega1 - k2 * omega1 * omega1 - k1 * omega1 * omega2 - k.k3 * omega2 * omega2
     next2 = omega2 + k1 * omega2 * omega2 + k2 * omega1 * omega2 + k.k4 * omega1 * omega1
@@ -71,5 +71,5 @@ def show(k, s):
 
 @formula
 def cause(k, s):
-    delta, regular = denominator(k, s)
+    delta, regular = _denominator(k, s)
     return codes.SINGULAR if np.isfinite(delta) and not regular else codes.NONFINITE

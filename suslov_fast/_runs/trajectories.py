@@ -161,6 +161,14 @@ class Trajectories:
         """The saved states, if they are those of a field."""
         return self._states_called("x")
 
+    if not TYPE_CHECKING:  # any attribute would have a type
+
+        def __getattr__(self, name: str) -> FloatArray:
+            """Return the saved states, if the map calls them so."""
+            if name == getattr(vars(self).get("_map"), "variable", None):
+                return self.states
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
     def _states_called(self, name: str) -> FloatArray:
         own = self._map.variable
         if name != own:

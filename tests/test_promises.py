@@ -7,7 +7,8 @@ the axes of the batch first, then time, then components.
 import inspect
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numba
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast import _checks
+from suslov_fast._bodies.base import Body
 from suslov_fast._engine import closed_form_runs, evaluation, methods, threads
 from suslov_fast._engine import execution as engine
 from suslov_fast._kernels import blocks, tiles
@@ -38,6 +40,26 @@ def nd(rng, shape, J, m):
     return sf.SuslovND(J * np.ones(m), rng.uniform(-1, 1, (*shape, m)))
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Chain(Body):
+    """A body with a field alone, x_i' = growth x_i + prey x_i (x_(i+1) - x_(i-1)) of three x_i."""
+
+    growth: Any
+    prey: Any
+
+    _meanings: ClassVar = {"growth": "rate", "prey": "rate for each"}
+    dimension, _labels = 3, ("a", "b", "c")
+
+    def __post_init__(self):
+        self._set(growth=self.growth, prey=self.prey)
+
+    def field(self):
+        one = np.eye(3)
+        q = one[:, :, None] * (np.roll(one, 1, axis=1) - np.roll(one, -1, axis=1))[:, None]
+        growth, prey = (np.asarray(each)[..., None, None] for each in self.parameters)
+        return sf.QuadraticField(prey[..., None] * q, growth * one)
+
+
 # Functions of (rng, shape) that make sample bodies, and the number of components of a state.
 KINDS = {
     "3D": (body_3d, 2),
@@ -56,6 +78,7 @@ KINDS = {
         ),
         5,
     ),
+    "own": (lambda r, shape: Chain(*r.normal(size=(2, *shape)) / 10), 3),
 }
 
 
@@ -127,11 +150,11 @@ ROWS = {
     "invariant_density": of_steps(sf.invariant_density, "3D gyrostat", (-2, -1, -1)),
     "to_xy": of_states(sf.to_xy, "3D", [(0, 1, 1), (1, 1, 1)]),
     "from_xy": of_states(sf.from_xy, "3D", name="xy"),
-    "vector_field": of_states(sf.vector_field, "3D gyrostat nD field", (-1, 1, 2)),
+    "vector_field": of_states(sf.vector_field, "3D gyrostat nD field own", (-1, 1, 2)),
     "reaction": of_states(sf.reaction, "3D gyrostat nD", (1, None, 2)),
     "discrete reaction": of_steps(sf.reaction, "3D gyrostat nD", (1, None, 2)),
-    "jacobian": of_steps(sf.jacobian, "3D gyrostat nD field", (0, 0, 0)),
-    "matrix": of_steps(sf.matrix, "3D gyrostat nD field", (0, 0, 0)),
+    "jacobian": of_steps(sf.jacobian, "3D gyrostat nD field own", (0, 0, 0)),
+    "matrix": of_steps(sf.matrix, "3D gyrostat nD field own", (0, 0, 0)),
     "closed_form": of_steps(
         sf.closed_form, "3D", (0, 2, 2), (-1, 1, 1), (0, 0, 0), (0, 0, 0), name="omega0"
     ),
@@ -157,7 +180,7 @@ ROWS = {
     "attitude": of_steps(orientations, "3D gyrostat nD", TURNS, timed=(0,), name="omega0"),
     "lyapunov_exponents": of_steps(
         lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o),
-        "3D gyrostat nD field", (0, 0, 0), name="omega0",
+        "3D gyrostat nD field own", (0, 0, 0), name="omega0",
     ),
     "to_matrix": of_states(sf.to_matrix, "3D gyrostat nD", (0, 0, 1), threads=False),
     "to_vector": of_states(sf.to_vector, "3D gyrostat", (0, 0, 1), threads=False),
@@ -272,11 +295,15 @@ UNITS = [
 UNITS_OF_RUNS = [*UNITS, (0, 0, 990), (0, 0, -990)]
 
 
-def in_units(body, moments, products, rotor):
-    powers = dict.fromkeys(body._names(), products) | dict.fromkeys(body._positive, moments)
-    powers["k"] = rotor
-    powers["quadratic"], powers["linear"] = products - moments, rotor - moments
-    powers["constant"] = 2 * rotor - products - moments
+# The exponents of the units of moments, products and omega in parameters, by name.
+UNITS_OF = dict.fromkeys(("I1", "I2", "I3", "J"), (1, 0, 0)) | {
+    **dict.fromkeys(("I13", "I23", "I"), (0, 1, 0)), "k": (0, 1, 1), "quadratic": (-1, 1, 0),
+    "linear": (-1, 1, 1), "constant": (-1, 1, 2), "growth": (-1, 1, 1), "prey": (-1, 1, 0),
+}  # fmt: skip
+
+
+def in_units(body, units):
+    powers = {name: int(np.dot(UNITS_OF[name], units)) for name in body._values}
     return type(body)(**{n: np.ldexp(v, powers[n]) for n, v in body._values.items()})
 
 
@@ -291,7 +318,7 @@ def test_units(rng, name, kind):
     far = kind == "3D" and name.startswith("iterate")
     for units in UNITS_OF_RUNS if far else UNITS:
         moments, products, omegas = units
-        other = in_units(body, moments, products, products + omegas)
+        other = in_units(body, units)
         moved = np.ldexp(omega, omegas), np.ldexp(eps, moments - products - omegas)
         after = row.values(other, *moved)
         for one, two, unit in zip(before, after, row.units, strict=False):
@@ -535,7 +562,7 @@ def test_units_of_hard_problems(rng, make, method, m, k):
         for units in ((0, 0, k), (k, k, 0), (0, k, 0)):
             moments, products, omegas = units
             moved = np.ldexp(omega, omegas), np.ldexp(eps, moments - products - omegas)
-            far = run(in_units(body, moments, products, 0), *moved, 40, **options)
+            far = run(in_units(body, units), *moved, 40, **options)
             np.testing.assert_array_equal(np.ldexp(far.omega, -omegas), expected.omega)
             assert (far.status == expected.status).all()
 

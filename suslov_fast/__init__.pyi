@@ -42,6 +42,7 @@ from ._states.derivatives import matrix as matrix
 from ._states.derivatives import multipliers as multipliers
 from ._states.derivatives import reaction as reaction
 from ._states.derivatives import vector_field as vector_field
+from ._states.fixed_points import fixed_points as fixed_points
 from ._states.lyapunov import lyapunov_exponents as lyapunov_exponents
 from ._states.paper_coordinates import ClosedForm as ClosedForm
 from ._states.paper_coordinates import closed_form as closed_form

@@ -1,0 +1,86 @@
+"""Fixed points of fields, against points that are known in closed form."""
+
+import math
+from fractions import Fraction as F
+from itertools import product
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast import QuadraticField, fixed_points
+
+SQUARES = 2**0.5, 3**0.5, 5**0.5
+BIG = 10**60
+KNOWN = [
+    (lambda x: (x[0] ** 2 - 2,), [[-SQUARES[0]], [SQUARES[0]]]),
+    (lambda x: (x[0] ** 2 - 10**20 * x[0] + 1,), [[1e-20], [1e20]]),
+    (lambda x: ((x[0] - F(1, 3)) ** 2,), [[1 / 3]]), (lambda x: (2 * x[0] - 3,), [[1.5]]),
+    (lambda x: (x[0] ** 2 - 3 * x[0],), [[0], [3]]), (lambda x: (x[0] ** 2 + 2,), []),
+    (lambda x: (5 + 0 * x[0],), []),
+    (lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), [[0, 0], [1, 1]]),
+    (lambda x: (x[0] + x[1], x[0] - x[1] + 3), [[-1.5, 1.5]]),
+    (lambda x: (x[0] + x[1], x[0] + x[1] + 3), []),
+    (lambda x: (x[0] ** 2 - 2, x[1] ** 2 - x[0]), [[2**0.5, -(2**0.25)], [2**0.5, 2**0.25]]),
+    (lambda x: (x[0] ** 2, x[1] ** 2), [[0, 0]]),  # four times
+    (lambda x: (x[0] ** 2 + x[1] ** 2, -2 * x[0] ** 2 - 2 * x[1] ** 2), [[0, 0]]),
+    (lambda x: (x[0] ** 2 + x[1] ** 2 + 1, 3 * x[0] ** 2 + 3 * x[1] ** 2 + 3), []),
+    (lambda x: (x[1] - BIG * x[0], x[0] ** 2 - F(1, BIG)), [[-1e-30, -1e30], [1e-30, 1e30]]),
+    (lambda x: [a**2 - k for a, k in zip(x, (2, 3, 5), strict=True)],
+     [*product(*((-a, a) for a in SQUARES))]),
+    (lambda x: (x[0] ** 2, x[1] ** 2, x[2] ** 2 - x[0]), [[0, 0, 0]]),
+    (lambda x: ((x[0] - 2 * x[2]) ** 2 + (x[1] - 1) ** 2, x[2], x[0]), [[0, 1, 0]]),
+    (lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - F(8, 3) * x[2]),
+     [[-(72**0.5), -(72**0.5), 27], [0, 0, 0], [72**0.5, 72**0.5, 27]]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("f", "expected"), KNOWN)
+def test_known_fixed_points(f, expected):
+    D = next(D for D in (1, 2, 3) if _takes(f, D))
+    found = fixed_points(QuadraticField.from_function(f, D))
+    assert found.shape == (len(expected), D)
+    np.testing.assert_array_max_ulp(found, np.reshape(expected, (-1, D)).astype(float), 1)
+
+
+def _takes(f, D):
+    try:
+        return len(f((0,) * D)) == D
+    except (IndexError, ValueError):
+        return False
+
+
+@pytest.mark.parametrize("D", [1, 2, 3])
+def test_planted_fixed_points_in_other_coordinates(rng, D):
+    for _ in range(5):
+        ends = np.sort(rng.choice(40, (D, 2), replace=False) / 8 - 2, axis=1)
+        T = rng.integers(-4, 5, (D, D)) + 10 * np.eye(D, dtype=int)
+
+        def f(x, ends=ends, T=T):
+            y = [sum(int(a) * b for a, b in zip(row, x, strict=True)) for row in T]
+            g = [(a - low) * (a - high) for a, (low, high) in zip(y, ends.tolist(), strict=True)]
+            return [sum(int(a) * b for a, b in zip(row, g, strict=True)) for row in T.T]
+
+        field = QuadraticField.from_function(f, D)
+        expected = np.linalg.solve(T, np.array([*product(*ends)]).T).T
+        found = fixed_points(field)
+        np.testing.assert_allclose(found, sorted(expected.tolist()), rtol=1e-13, atol=1e-14)
+        assert found.tolist() == sorted(found.tolist())
+        speed = sf.vector_field(field, found)
+        assert abs(speed).max() <= 1e-12 * abs(np.asarray(field.constant, float)).max()
+
+
+def test_a_batch_of_cases_that_are_refused():
+    several = QuadraticField.from_function(lambda x, a: (a - x[0],), 1, a=[1.0, 2.0])
+    cases = [
+        (several, "a single one, got a batch"), (QuadraticField(np.ones((4, 4, 4))), "root"),
+        (QuadraticField([[[0]]]), "infinitely many: scipy.optimize.root"),
+        (QuadraticField.of(sf.Suslov3D(4, 1, -0.5, -0.3)), "infinitely many"),
+        (sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3]), "infinitely many"),
+        (QuadraticField.from_function(lambda x: (x[0] * x[1], x[0] * (x[1] - 1)), 2), "infinitely"),
+        (QuadraticField([[[1]]], constant=[-F(10) ** 700]), "range of float64"),
+    ]  # fmt: skip
+    for field, message in cases:
+        with pytest.raises(ValueError, match=f"field: expected .*{message}"):
+            fixed_points(field)
+    assert math.isclose(fixed_points(QuadraticField([[[1]]], constant=[-(10**600)]))[1, 0], 1e300)

@@ -244,7 +244,36 @@ def solve_lane(c, l):
             system[0, i, j] = matrix[i, j, l]
     solve_system(system, c.elimination[2][c.task])
     for i in range(m):
+        project(c, l, system[0], i)
+    for i in range(m):
         c.omega[i, l] = system[0, i, m]
+
+
+@inner
+def project(c, l, system, i):
+    """Project the next components whose J is J_i, if i is the first of three or more, to the plane
+    of those of I and omega, where they lie; A is nearly singular across it if d is small.
+    """
+    m, count = len(system), 0
+    II, Iw, Ix, ww, wx = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(m):
+        if c.J[j, l] == c.J[i, l]:
+            count = count + 1 if j >= i else -m
+            II += c.I[j, l] * c.I[j, l]
+            Iw += c.I[j, l] * c.omega[j, l]
+            Ix += c.I[j, l] * system[j, m]
+    if count > 2:
+        of_I, of_x = (Iw / II, Ix / II) if II > 0.0 else (0.0, 0.0)
+        for j in range(m):
+            if c.J[j, l] == c.J[i, l]:
+                w = c.omega[j, l] - of_I * c.I[j, l]
+                ww += w * w
+                wx += w * system[j, m]
+        across = wx / ww if ww > 0.0 else 0.0
+        for j in range(m):
+            if c.J[j, l] == c.J[i, l]:
+                w = c.omega[j, l] - of_I * c.I[j, l]
+                system[j, m] = of_x * c.I[j, l] + across * w
 
 
 @inner

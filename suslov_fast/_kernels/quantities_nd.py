@@ -131,8 +131,10 @@ def fill_matrix(s, eps, out):
 
 @inner
 def fill_invariant_density(s, eps, out):
-    """Fill the density for n = 4 and I along axis a: with other axes b and c and h = eps I_a / 2
-    1 / (w_b w_c (1 - h**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c))).
+    """Fill the density for n = 4 and I along axis a.
+
+    With the other axes b and c and h = eps I_a / 2 its inverse is
+    w_b w_c (1 - h**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)).
     """
     a = 0
     for i in range(3):

@@ -126,7 +126,7 @@ def _floats(name: str, value: Any) -> FloatArray:
     if array.dtype.kind == "O":
         for item in array.flat:
             refuse_units(name, item)
-            if not isinstance(item, numbers.Real) or isinstance(item, (bool, np.bool_)):
+            if not isinstance(item, numbers.Real):
                 received = f"{_short(item)} of type {type(item).__name__}"
                 raise wrong(name, "real numbers", received, TypeError)
         try:
@@ -156,7 +156,7 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
 
 
 def refuse_units(name: str, value: Any) -> None:
-    """Raise an error for tables, masked arrays and quantities with units, alone or in lists."""
+    """Raise an error for booleans, tables, masked arrays and quantities, alone or in lists."""
     for each in _unpacked(value):
         _refuse_units(name, each)
 
@@ -172,6 +172,8 @@ def _unpacked(value: Any) -> Iterator[Any]:
 
 
 def _refuse_units(name: str, value: Any) -> None:
+    if isinstance(value, (bool, np.bool_)) or getattr(value, "dtype", None) == np.bool_:
+        raise wrong(name, "real numbers", f"{_short(value)} of dtype bool", TypeError)
     if type(value) in _PLAIN:
         return
     # `numpy.ma` is imported only if the array may be masked.

@@ -401,3 +401,27 @@ def test_labels_that_cannot_be_honoured():
     with pytest.raises(ValueError, match=r"time: .* without labels, .* the axes \('a',\)"):
         sf.flow(body, starts, sizes)
     assert sf.flow(body, starts, sizes.rename(a="time")).shape == (2, 2, 2)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda b: sf.step(b, [True, 0.5], 0.2),
+        lambda b: sf.step(b, [[1.0, 0.5], (np.True_, 2)], 0.2),
+        lambda b: sf.step(b, np.array([1.0, False], object), 0.2),
+        lambda b: sf.iterate(b, [np.array([True, False])], 0.2, 3),
+        lambda b: sf.exact(b, [1.0, 0.5], [0.2, True], 3),
+        lambda b: sf.exact(b, [1.0, 0.5], 0.2, [1, True]),
+        lambda b: sf.flow(b, [1.0, 0.5], (0.5, False)),
+        lambda b: sf.Suslov3D([4, True], 1, -0.5, -0.3),
+        lambda b: sf.SuslovND([1.0, True], [0.5, 0.5]),
+        lambda b: sf.Suslov3D.from_inertia([[4, 0, 0], [0, 3, 0], [0, False, 2]], [0, 0, 1]),
+        lambda b: sf.QuadraticField([[[True]]]),
+        lambda b: sf.QuadraticField(np.array([[[True]]])),
+        lambda b: sf.QuadraticField.from_function(lambda x: (True,), 1),
+        lambda b: sf.QuadraticField([[[1]]])([True]),
+    ],
+)
+def test_booleans_are_no_numbers(body, call):
+    with pytest.raises(TypeError, match=r"expected .*(numbers|fractions).*, got .*bool"):
+        call(body)

@@ -22,7 +22,8 @@ _NUMBERS = Rational | float | np.integer | np.floating
 def rational(name: str, value: Any, exact: bool = False) -> Fraction:
     """Return a number as a fraction; floats raise an error if `exact`."""
     number = value.item() if isinstance(value, np.generic) else value
-    if not isinstance(number, Rational if exact else Rational | float | np.floating):
+    allowed = Rational if exact else Rational | float | np.floating
+    if not isinstance(number, allowed) or isinstance(number, bool):
         kinds = "integers or fractions" if exact else "integers, fractions or floats"
         raise wrong(name, kinds, type(value).__name__, TypeError)
     if not isinstance(number, Rational) and not math.isfinite(number):

@@ -161,22 +161,20 @@ class Trajectories:
         """The saved states, if they are those of a field."""
         return self._states_called("x")
 
-    if not TYPE_CHECKING:  # any attribute would have a type
-
-        def __getattr__(self, name: str) -> FloatArray:
-            """Return the saved states, if the map calls them so."""
-            if name == getattr(vars(self).get("_map"), "variable", None):
-                return self.states
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-
     def _states_called(self, name: str) -> FloatArray:
-        own = self._map.variable
-        if name != own:
+        """Return the saved states by the name that the map gives them."""
+        own = getattr(vars(self).get("_map"), "variable", "states")
+        if name == own:
+            return self.states
+        if name in ("omega", "x"):
             raise AttributeError(
                 f"{name}: expected {own} or states, the names of the states of a run of "
                 f"{type(self.body).__name__}"
             )
-        return self.states
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    if not TYPE_CHECKING:  # for which every name would be one of the states
+        __getattr__ = _states_called
 
     def __len__(self) -> int:
         return len(self.states)

@@ -6,7 +6,7 @@ import json
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from numbers import Rational
 from typing import Any, ClassVar
 
@@ -192,7 +192,7 @@ class QuadraticField(Body):
         if any(map(np.ndim, values.values())):
             self = cls(**named.batch_of(f, polynomials, values, n))
         else:
-            self = cls._of_components(polynomials(partial(f, **values)), H, K)
+            self = cls._of_components(polynomials(lambda x: f(x, **values)), H, K)
         return self._with_names(values, named.affine_in(f, polynomials, values, n))
 
     def _with_names(self, values: dict[str, Any], affine: dict[str, Any]) -> QuadraticField:
@@ -247,7 +247,7 @@ class QuadraticField(Body):
         values = named.checked(parameters)
         if any(map(np.ndim, values.values())):
             return cls._named(H, polynomials, values, n)
-        polynomials(partial(H, **values))
+        polynomials(lambda x: H(x, **values))
         return cls._named(H, polynomials, values, n, energy, K)
 
     @classmethod

@@ -176,8 +176,11 @@ def test_named_tests_and_files_exist():
     text = (DOCS / "theory" / "paper.md").read_text(encoding="utf-8")
     for file, test in re.findall(r"`(test_\w+\.py)::(\w+)`", text):
         assert f"def {test}(" in (Path(__file__).parent / file).read_text(encoding="utf-8"), test
-    for file in re.findall(r"`(_\w+/\w+\.py)`", text):
-        assert (Path(suslov_fast.__file__).parent / file).exists(), file
+    for file, function in re.findall(r"`(_\w+/\w+\.py)(?:::(\w+))?`", text):
+        source = (Path(suslov_fast.__file__).parent / file).read_text(encoding="utf-8")
+        assert not function or f"def {function}(" in source, (file, function)
+    for function in re.findall(r"\{(?:func|class)\}`~suslov_fast\.(\w+)`", text):
+        assert function in suslov_fast.__all__
 
 
 @pytest.mark.compiled

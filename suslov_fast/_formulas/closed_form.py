@@ -17,9 +17,9 @@ K = e k, U + i V = z |g| / g, R = |z| / sqrt(1 + X**2) and T = e R |g| state n i
     U_n = (U * c**2 - 2 * K * V * c * s - (K**2 * U + T * R * (X + K)) * s**2) / d
     V_n = (V * c**2 + 2 * (T * R + K * U) * c * s + square * V * s**2) / d
 
-because a step is linear in the half-angle plane: (p, q) -> (1 + G) (p, q) with G**2 = square, up to
-a common factor; docs/theory/gyrostat.md derives it. What these lines lack is the subject of the
-rest:
+because a step is linear in the half-angle plane: (p, q) -> (1 + e G) (p, q) with (e G)**2 = square,
+up to a common factor; docs/theory/gyrostat.md derives it. What these lines lack is the subject of
+the rest:
 
 units   Parameters and states in any unit; orbits so slow that X, Y and K underflow; the flow.
         `discrete` is the factor of terms of higher order in e: 1 for the map, and 0 for the flow

@@ -6,7 +6,7 @@ Each kind has its own (c, s), in which the quadratic forms do not cancel:
 PASSES  (w_n, 1), as in `closed_form`; a large w is stored as (f, 2**-k). Where r < 0 the sign of w
         alternates, and only integers n have states.
 NEAR    The same near L = 0, where w cancels: (c_n - L s_n, s_n) = (r**n, (1 - r**n)/(2 L)) for
-        (1 + G)**n = c_n + s_n G, up to a common factor.
+        (1 + e G)**n = c_n + s_n e G, up to a common factor.
 TURNS   K > T. (c_n, s_n) = (cos(n b), sin(n b)/m), m**2 = K**2 - T**2 and b = arctan(m). Both b and
         the phase n b have twice the digits of a float.
 """
@@ -203,7 +203,7 @@ def growth(n, steps):
 @formula
 def combined(c, s, next_c, next_s, square):
     """(c, s) after the steps of two pairs: (c c', s) for PASSES, (c c', s + c s') for NEAR, and the
-    product of c + s G and c' + s' G, with G**2 = square, for TURNS.
+    product of c + s e G and c' + s' e G, with (e G)**2 = square, for TURNS.
     """
     of_s = select(square != 0.0, next_c, 1.0)
     return c * next_c + square * (s * next_s), s * of_s + c * next_s

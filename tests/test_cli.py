@@ -153,7 +153,7 @@ def test_info(rng, monkeypatch):
         (sf.iterate(nd, starts, 0.3, 11, save_every=2), {"E_mod": sf.modified_energy}),
         (sf.iterate(nd, starts, 0.1, 9, save_every=None), {}),
     ):
-        orbits.save("o.npz")
+        orbits.save("o.npz", overwrite=True)
         states = np.concatenate([orbits.omega, orbits.final[None]])
         values = {name: f(orbits.body, states, orbits.eps) for name, f in drifts.items()}
         if "E_mod" in drifts:
@@ -270,7 +270,7 @@ MISTAKES = """
 2 | run --picture 1 --J 4,5 | or --J --I or .* got --I1 --I2 --I13 --I23 --J
 2 | run --body field.json --eps 1 --k 3 | argument --k: expected none beside a QuadraticField
 2 | run --steps -1 | --steps: expected an integer of at least 0 and below 2**62, got '-1'
-1 | run --steps 1000000000 --save-every 1 -o o.npz | run: .* -o FILE.zarr writes a run
+1 | run --steps 1000000000 --save-every 1 -o o.npz | o.npz: expected a disk with space
 1 | run --trajectories 1e12 --steps 9 | in memory, .* -o FILE.zarr writes a run of
 2 | run --threads 100000 | argument --threads: expected at most .* got 100000
 2 | run --eps inf | argument --eps: expected a finite number, got 'inf'
@@ -319,6 +319,8 @@ MISTAKES = """
 1 | info foreign.npz good.npz | foreign.npz: expected a run of this package, .* good.npz: expected
 1 | pictures | picture1.png: expected a new name, got one that exists; --force replaces it
 2 | pictures --dpi 1e9 | --dpi: expected an integer of at least 1 and at most 2400, got '1e9'
+1 | report --body cut.json --eps 1/3 | cut.json: expected JSON, .* line 1, column 10
+2 | report --body good.json --eps x | argument --eps: expected a number such as 1/3
 2 | explore http://127.0.0.1:1/?I1=4 | argument LINK: parameters: expected each of I1, I2
 2 | explore --port 65536 | --port: expected an integer of at least 0 and at most 65535, got '65536'
 """

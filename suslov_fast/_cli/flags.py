@@ -315,7 +315,8 @@ def _check_words(words: Sequence[str], options: dict[str, dict[str, argparse.Act
         raise UsageError(expected + hint)
     if {"-h", "--help", "--"} & {*rest}:
         return
-    known, groups = options[command], [("", [""][:0])]
+    known = options[command]
+    groups: list[tuple[str, list[str]]] = [("", [])]
     for word in rest:
         if not re.match(r"-[A-Za-z-]", word):
             groups[-1][1].append(word)

@@ -39,8 +39,7 @@ def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | No
     _require_positive(given)
     body, rotation, eps = None, None, options.eps if options.eps is not None else swept.get("eps")
     if options.body:
-        with about(options.body):
-            body = body_from_dict(_json(options.body))
+        body = read_body(options.body)
     elif options.inertia or options.mass_tensor:
         body, rotation = _of_tensor(options)
     elif options.picture or not given:
@@ -56,12 +55,15 @@ def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | No
     return body, eps, rotation
 
 
-def _json(path: Path) -> Any:
-    try:
-        return json.loads(_text(path))
-    except json.JSONDecodeError as error:
-        received = f"an error in line {error.lineno}, column {error.colno}"
-        raise ValueError(f"expected JSON, as json.dumps(body.to_dict()), got {received}") from error
+def read_body(path: Path) -> Any:
+    """Return the body or field in a file of JSON."""
+    with about(path):
+        try:
+            return body_from_dict(json.loads(_text(path)))
+        except json.JSONDecodeError as error:
+            received = f"an error in line {error.lineno}, column {error.colno}"
+            expected = "expected JSON, as json.dumps(body.to_dict())"
+            raise ValueError(f"{expected}, got {received}") from error
 
 
 def _text(path: Path) -> str:

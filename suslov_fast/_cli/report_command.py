@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 
-from .._maps import body_from_dict
 from .flags import INTERRUPTED, CommandError
+from .problem import read_body
 from .terminal import about, progress_bar
 
 
@@ -17,8 +17,7 @@ class _Interrupted(CommandError):
 def report(options: argparse.Namespace) -> str:
     from ..integrability import report as report_of  # needs python-flint
 
-    with about(options.body):
-        body = body_from_dict(json.loads(options.body.read_text(encoding="utf-8-sig")))
+    body = read_body(options.body)
     limits = {"time_limit": options.time_limit}
     try:
         with about("report"), progress_bar("searching") as progress:

@@ -75,7 +75,7 @@ def _call(function: Callable[..., Any], body: Any, pole: Any, count: int) -> int
     ]
     calls = 0
     for chosen in itertools.product(*varied):
-        with suppress(sf.NotIntegrableError, TypeError):  # not of this body
+        with suppress(ValueError, TypeError):  # not of this body
             function(**arguments | dict(chosen))
             calls += 1
     return calls
@@ -89,4 +89,4 @@ def _arguments(body: Any, pole: Any, count: int, full: bool) -> dict[str, Any]:
     if not full:
         states = sf.iterate(body, starts, 1.0, 8, on_singular="ignore").states
     common = {"body": body, "eps": 1.0, "steps": _STEPS, "n": _STEPS, "time": 0.5}
-    return {**common, "omega": states, "omega0": starts, "xy": states}
+    return {**common, "omega": states, "omega0": starts, "xy": states, "x": 0 * starts}

@@ -475,17 +475,7 @@ def test_warm_up_calls_all_functions(monkeypatch):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sf.SingularStepWarning)
         called = {name for name, job in warm_up._jobs() if job()}
-    others = (
-        "plot",
-        "animate",
-        "ensemble",
-        "open",
-        "from_m",
-        "from_v",
-        "explore",
-        "body_",
-        "fixed",
-    )
+    others = tuple("plot animate ensemble open from_m from_v explore body_ fixed".split())
     functions = {name for name in dir(sf) if inspect.isfunction(getattr(sf, name))}
     assert {name for name in functions - called if not name.startswith(others)} == set()
 

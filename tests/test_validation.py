@@ -157,7 +157,7 @@ FIELD = sf.QuadraticField.from_function(lambda x: (x[0] * x[1], -x[0]), 2)
 BAD_FUNCTIONS = [
     (lambda x: (x[0] * x[1], x[0]), 3, "f: expected 3 components, got 2 in 3 dimensions"),
     (lambda x: (x[0] * x[2], x[0]), 2, r"f: expected x\[0\] to x\[1\]: the dimension is 2"),
-    (lambda x, t: (x[0] * t, x[1]), 2, AUTONOMOUS),
+    (lambda x, t: (x[0] * t, x[1]), 2, f"got other arguments t; {AUTONOMOUS}"),
     (lambda x: (np.sin(x[0]), x[1]), 2, OPERATIONS),
     (np.sin, 2, OPERATIONS),
     (lambda x: (1 / x[0], x[1]), 2, OPERATIONS),
@@ -185,6 +185,9 @@ def test_functions_that_are_no_fields(f, dimension, message):
 STATES = np.ones((3, 2))
 FIRST_HOUR = [
     (lambda b: sf.QuadraticField.from_hamiltonian(None, 2), "H: expected a function .* got NoneType"),
+    (lambda b: sf.QuadraticField.from_function(None, 2, a=[3.0]), "f: expected a function .* got NoneType"),
+    (lambda b: sf.ensemble(b, OMEGA, 0.2, 3, store="no.zarr", scheduler="foo"), "scheduler: expected an address .* got 'foo'"),
+    (lambda b: sf.ensemble(b, OMEGA, 0.2, 3, store=3), "store: expected the name of a folder, .* got 3"),
     (lambda b: sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 4, 2), "H: .* degree at most 3, got degree 4$"),
     (lambda b: sf.QuadraticField.from_hamiltonian(lambda q, p: q * p, 2), "H: expected .*time as a variable"),
     (lambda b: sf.QuadraticField.from_hamiltonian(lambda x: (x[0], x[1]), 2), "the value of H: expected polynomials or numbers, got tuple"),

@@ -187,6 +187,12 @@ def coefficients_of(polynomials: tuple[Polynomial, ...]) -> list[NDArray[Any]]:
     return arrays
 
 
+def require_function(name: str, f: Any) -> None:
+    if not callable(f):
+        expected = "a function of x, the tuple of variables"
+        raise wrong(name, expected, type(f).__name__, TypeError)
+
+
 def values_of(
     name: str, f: Callable[[Any], Any], n: int, count: int, degree: int
 ) -> tuple[Polynomial, ...]:
@@ -195,12 +201,10 @@ def values_of(
     try:
         found = f(Polynomial.variables(n))
     except TypeError as error:
-        if "not callable" in str(error):
-            kind = str(error).split("'")[1]
-            raise wrong(name, "a function of x, the tuple of variables", kind, TypeError) from error
         if re.search("(positional|keyword) argument", str(error)):
             how = "a field is autonomous: add the time as a variable, t' = 1, or a forcing as two"
-            received = f"other arguments; {how}"
+            others = ", ".join(re.findall(r"'(\w+)'", str(error)))
+            received = f"other arguments {others}; {how}"
             expected = "a function of x and of parameters given by name"
             raise wrong(name, expected, received, TypeError) from error
         how = f"{kinds}, by +, -, * and divisions by numbers"

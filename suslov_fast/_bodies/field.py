@@ -37,6 +37,7 @@ from .algebra import (
     plain_lists,
     polynomials_of,
     rational,
+    require_function,
     values_of,
 )
 from .base import Body, mapping
@@ -177,6 +178,7 @@ class QuadraticField(Body):
         >>> fields.shape, fields.parameters
         ((3,), {'a': array([1., 2., 3.])})
         """
+        require_function("f", f)
         n = integer("dimension", dimension, 1)
 
         def polynomials(of: Callable[[Any], Any], more: int = 0) -> tuple[Polynomial, ...]:
@@ -231,6 +233,7 @@ class QuadraticField(Body):
         >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
+        require_function("H", H)
         n = integer("dimension", dimension, 1)
         K = antisymmetric(K, n)
         energy = Polynomial({})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,7 +77,9 @@ class RandomStarts:
         """Return the states (..., D) of a part of the batch."""
         if not where:
             return self.states(1, 0, dimension).reshape(dimension)
-        states = np.empty((*(each.stop - each.start for each in where), dimension))
+        shape = (*(each.stop - each.start for each in where), dimension)
+        require(16 * math.prod(shape), "fewer initial states, or `ensemble`, need less")
+        states = np.empty(shape)
         first = [each.start for each in where]
         for index in np.ndindex(states.shape[:-2]):
             start = int(np.ravel_multi_index(np.add(first, (*index, 0)), self.shape))

@@ -273,7 +273,11 @@ def _wait_for(address: str) -> None:
     protocol, location = parse_address(address)
     if protocol not in ("tcp", "tls"):
         return
-    place, answered = parse_host_port(location), Event()
+    try:
+        place, answered = parse_host_port(location), Event()
+    except ValueError as error:
+        expected = "an address such as tcp://127.0.0.1:8786"
+        raise wrong("scheduler", expected, repr(address)) from error
     seconds = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect", "30s"))
 
     def attempt() -> None:

@@ -62,8 +62,8 @@ Arrays = dict[str, Any]
 
 def resolved(store: Any) -> Any:
     """Return a store that other processes can open: folders and their URLs as absolute paths."""
-    if store is None:
-        raise wrong("store", "the name of a folder, a URL or a Zarr store", store, TypeError)
+    if store is None or isinstance(store, (int, float, bytes)):
+        raise wrong("store", "the name of a folder, a URL or a Zarr store", repr(store), TypeError)
     labelled.import_xarray("dask.array", "filelock", "zarr", extra="large")
     if isinstance(store, str) and store.startswith(("file:", "local:")):
         from fsspec.core import url_to_fs

@@ -98,6 +98,17 @@ def test_next_to_t_1(body, gap, eps):
     assert abs(total - (logs[0] - logs[-1]) / steps) < 1e-14 * modulus
 
 
+@pytest.mark.parametrize("k", [1e-3, -1.0, 1e3, -1e5, 1e7])
+def test_the_sum_of_a_gyrostat_with_a_large_momentum(k):
+    """u = e (l - k) is a small part of X = e l, and the determinant depends on u."""
+    body, omega, eps, steps = (1.25, 1.5, 0.5, -0.5), [2.0**-7, 2.0**-9], 0.125, 12
+    states = naive.orbit(*body, eps, omega, steps, k)
+    logs = [naive.mpmath.log(abs(naive.invariant_density(*body, eps, w, k))) for w in states]
+    modulus = sum(abs(v - w) for v, w in zip(logs[1:], logs, strict=False)) / steps
+    total = sf.lyapunov_exponents(sf.SuslovGyrostat(*body, k), omega, eps, steps).sum()
+    assert abs(total - (logs[0] - logs[-1]) / steps) < 1e-14 * modulus
+
+
 @pytest.mark.parametrize("eps", [1e-9, 1e-5, -0.01])
 def test_small_steps(rng, eps):
     """The sum of one step is eps times the divergence, with an error of order eps**2."""

@@ -17,13 +17,17 @@ def random_problem(rng):
     return parameters, eps, rng.normal(size=2) * 10 ** rng.uniform(-1, 2.3)
 
 
-@pytest.mark.parametrize("gap", [0, 1e-15, -1e-15, 1e-12, -1e-8, 1e-4])
+@pytest.mark.parametrize("gap", [0, 1e-15, -3e-16, 1e-12, -1e-8, 1e-4])
 def test_on_and_next_to_the_critical_line(unit, gap):
     """The critical line is |y| = 2 I1 I2 / |eps|, which is exact for the unit body."""
     for x, y, eps in product((1e-9, 1e-3, 0.3, 5.0, 1e5), (2, -2), (1, -1)):
         omega = [x, -y * (1 + gap)]
         exact = naive.orbit(1, 1, 1, 0, eps, omega, 4)
         assert naive.worst_error(sf.exact(unit, omega, eps, np.arange(5)), exact) < 2e-15
+        if abs(omega[1]) < 2:  # no pole, however small 1 - Y is
+            for body in (unit, sf.SuslovGyrostat(1, 1, 1, 0, 0)):
+                states = sf.iterate(body, omega, eps, 4, method="canonical").omega
+                assert naive.worst_error(states, exact) < 2e-15
 
 
 def test_limits_against_the_paper(rng):
@@ -274,3 +278,12 @@ def test_a_batch_without_other_orbits_takes_the_first_kernel_only(body, monkeypa
         sf.flow(each, omega, 2.0)
     with pytest.raises(AttributeError):
         sf.exact(gyrostat, [1.0, 0.5], 0.2, 1)
+
+
+def test_a_large_batch_that_begins_with_other_orbits(body):
+    """The first orbits decide which kernel takes the others, and change no bit."""
+    k, omega = np.repeat([3.0, 0.1], [1100, 4000]), np.random.default_rng(0).normal(size=(5100, 2))
+    whole = sf.exact(sf.SuslovGyrostat(*body.parameters, k), omega, 0.2, [1, 7])
+    for part in (slice(0, 1100), slice(1100, 2000), slice(2000, 5100)):
+        gyrostat = sf.SuslovGyrostat(*body.parameters, k[part])
+        np.testing.assert_array_equal(sf.exact(gyrostat, omega[part], 0.2, [1, 7]), whole[:, part])

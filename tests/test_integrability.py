@@ -286,6 +286,21 @@ def test_report(body, degree, kind, integrals, measures, planes, left):
     assert repr(report(body, EPS, degree, seed=5)) == text
 
 
+def test_reports_beyond_the_degree_and_with_long_numbers():
+    """The quadratic integrals have irrational coefficients; those of degree 4 are norms of them."""
+
+    def nambu(x):
+        a, b = (2 * x[0], 4 * x[1], 6 * x[2]), (x[1], x[0], 2 * x[2] + 1)
+        return [a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3)]
+
+    found = report(field_of(nambu, 3), F(1, 3), 2)
+    assert (found.relations, [each.degree for each in found.integrals]) == (2, [4, 4])
+    assert "up to degree 4, since relations show more" in repr(found)
+    map = kahan(of(Suslov3D(2.3, 1.4, 0.5, -0.7)), EPS)
+    (energy,) = report(map.field, EPS, 4).integrals
+    assert energy(map([1, 2])) == energy([1, 2])
+
+
 def map_to_sympy(x):
     return [sympy.Rational(a.numerator, a.denominator) for a in x]
 

@@ -61,6 +61,26 @@ def exponents_up_to(degree: int, n: int) -> Exponents:
     )
 
 
+def rational(P: Any) -> Any:
+    """Return a polynomial with integer coefficients as one over the rationals."""
+    ring = polynomial_ring(P.context().nvars(), flint.fmpq_mpoly_ctx)
+    return ring.from_dict({e: flint.fmpq(c) for e, c in P.to_dict().items()})
+
+
+def factors(P: Any) -> list[tuple[Any, int]]:
+    """Return the primitive irreducible factors of a polynomial, and their powers.
+
+    python-flint 0.9 sorts factors over the integers, and fails if a coefficient is large.
+    """
+    found = []
+    for factor, power in rational(P).factor()[1]:
+        scale = math.lcm(*(int(c.q) for c in factor.coeffs()))
+        terms = {e: (c * scale).p for e, c in factor.to_dict().items()}
+        f = P.context().from_dict(terms).primitive()[1]
+        found.append((-f if f.leading_coefficient() < 0 else f, int(power)))
+    return found
+
+
 def modulo(P: Any, p: int) -> Any:
     """Return a polynomial with integer coefficients modulo a prime."""
     ring = polynomial_ring(P.context().nvars(), flint.nmod_mpoly_ctx, modulus=p)

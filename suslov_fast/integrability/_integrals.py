@@ -69,11 +69,11 @@ class Invariants:
     def steps(self, degree: int) -> Iterator[int]:
         """Find the polynomials up to a degree, and yield each degree when it is done."""
         for k in range(1, degree + 1):
-            self._of_degree(k, k)
+            self.of_degree(k, k)
             yield k
         # The map may permute a hypersurface and the hyperplane at infinity: their union is
         # invariant.
-        self._of_degree(degree + 1, degree)
+        self.of_degree(degree + 1, degree)
 
     @property
     def products(self) -> list[Found]:
@@ -97,7 +97,7 @@ class Invariants:
         )
         return sorted(found, key=lambda f: _size(f.numerator))
 
-    def _of_degree(self, k: int, affine: int) -> None:
+    def of_degree(self, k: int, affine: int) -> None:
         for space in invariant_spaces(self.map, k, affine, self.pulse):
             self.pulse()
             proofs = {self.basis_of(P, k, space.powers) for P in space.polynomials}
@@ -221,9 +221,9 @@ def quotient(P: Any, Q: Any, basis: str) -> Found:
     exponents: dict[str, int] = {}
     polynomials = {}
     for each, sign in ((P, 1), (Q, -1)):
-        for f, e in each.factor()[1]:
+        for f, e in _exact.factors(each):
             polynomials[str(f)] = f
-            exponents[str(f)] = exponents.get(str(f), 0) + sign * int(e)
+            exponents[str(f)] = exponents.get(str(f), 0) + sign * e
     powers = ((f, exponents[name]) for name, f in polynomials.items() if exponents[name])
     return Found(_sorted(powers), basis=basis)
 

@@ -32,7 +32,7 @@ class RationalFunction:
     def __call__(self, x: Sequence[Any]) -> Fraction:
         """Return the value at a point."""
         point = [_exact.fmpq(a) for a in x]
-        values = [_exact.fraction(_over_q(P)(*point)) ** e for P, e in self.factors]
+        values = [_exact.fraction(_exact.rational(P)(*point)) ** e for P, e in self.factors]
         return math.prod(values, start=self.constant)
 
     @property
@@ -95,11 +95,6 @@ def latex(f: Any) -> str:
     return text
 
 
-def _over_q(P: Any) -> Any:
-    context = _exact.polynomial_ring(P.context().nvars(), flint.fmpq_mpoly_ctx)
-    return context.from_dict({e: flint.fmpq(c) for e, c in P.to_dict().items()})
-
-
 class Projective:
     """The map as D + 1 polynomials without a common factor, F_i / F_0 being its components.
 
@@ -144,12 +139,12 @@ class Projective:
         if self.backward == 0 or self.delta == 0:  # there is no inverse
             return None
         sparse = max(len(F.to_dict()) for F in self.F) <= _SPARSE
-        found = [*self.F[0].factor()[1], *self.determinant.factor()[1]]
-        for P, _ in self.backward.factor()[1]:
+        found = _exact.factors(self.F[0]) + _exact.factors(self.determinant)
+        for P, _ in _exact.factors(self.backward):
             degree = P.total_degree()
             if self.terms(degree) > TERMS and not sparse:
                 return None
-            found += self.pullback(P, degree).factor()[1]
+            found += _exact.factors(self.pullback(P, degree))
         different = {str(f): f for f, _ in found}.values()
         return tuple(sorted(different, key=lambda f: (f.total_degree(), len(f.to_dict()), str(f))))
 

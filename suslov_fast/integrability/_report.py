@@ -24,7 +24,7 @@ from ._maps import kahan
 from ._projective import TERMS, Projective, latex, projective
 from ._relations import Relations, hk_bases
 
-_UNKNOWNS = 300  # coefficients of a polynomial
+_UNKNOWNS, _FEW = 300, 80  # coefficients of a polynomial, and if it has more than the degree
 _ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
 _LARGEST = 15_000  # degree
 _WIDTH = 110  # of a line of the text
@@ -224,6 +224,21 @@ class _Work:
             self.searched = [each for each in self.searched if not each.startswith("Darboux")]
             self.searched.append(f"{text} of det DPhi ({many}) as cofactors")
             yield
+        self._more_than_searched(self.invariants)
+
+    def _more_than_searched(self, invariants: Invariants) -> None:
+        """Search higher degrees for integrals that relations show.
+
+        Those of lower degree may have irrational coefficients, and a rational norm.
+        """
+        D, k = self.field.dimension, self.degree + 1
+        while math.comb(D + k, D) <= _FEW and k <= 2 * self.degree:
+            found = self.integrals + invariants.integrals + invariants.products
+            if len(independent(found)) >= (self.relations or 0):
+                break
+            invariants.of_degree(k, k)
+            self.searched.append(f"the same up to degree {k}, since relations show more integrals")
+            k += 1
 
     def _without_factors(self, map: Projective) -> None:
         found = hk_bases(self.map, self.degree, seed=self.seed).integrals

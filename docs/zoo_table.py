@@ -1,22 +1,24 @@
-"""Write the table of the page "A zoo of Kahan maps": `python docs/zoo_table.py`."""
+"""Write the tables of the page "A zoo of Kahan maps": `python docs/zoo_table.py`."""
 
 import re
 from pathlib import Path
 
 DOCS = Path(__file__).parent
 PAGE = DOCS / "theory" / "zoo.md"
-TABLE = re.compile(r"(?<=\| ---: \|\n)(\|.*\|\n)+")
+TABLE = re.compile(r"(?<=\| ---: \|\n)(\|.*\|\n)+")  # the integrable maps, and the others
 
 
-def rows():
-    """Names of the fields, and the function that computes a row of the table."""
-    script = (DOCS / "examples" / "zoo.py").read_text(encoding="utf-8")
+def script():
+    """The names that the script of the gallery defines before it prints."""
+    text = (DOCS / "examples" / "zoo.py").read_text(encoding="utf-8")
     names = {"__name__": "zoo"}
-    exec(compile(script.partition("# %%\n")[0], "zoo.py", "exec"), names)
-    return names["ZOO"], names["row"]
+    exec(compile(text.partition("# %%\n")[0], "zoo.py", "exec"), names)
+    return names
 
 
 if __name__ == "__main__":
-    fields, row = rows()
-    table = "".join(f"{row(name)}\n" for name in fields)
-    PAGE.write_text(TABLE.sub(lambda _: table, PAGE.read_text("utf-8")), encoding="utf-8")
+    names = script()
+    rows = [names["row"](name) + "\n" for name in names["ZOO"]]
+    count = names["INTEGRABLE"]
+    tables = iter(("".join(rows[:count]), "".join(rows[count:])))
+    PAGE.write_text(TABLE.sub(lambda _: next(tables), PAGE.read_text("utf-8")), encoding="utf-8")

@@ -252,7 +252,7 @@ ENERGY = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] *
     ("body", "degree", "kind", "integrals", "measures", "planes", "left"),
     [
         (BODY, 3, "linear", [2], 3, ["2*x1 + x2"], 1),
-        (CYCLE, 3, "quadratic", [1, 3], 3, ["x1", "x2", "x3", "x1 + x2 + x3"], 1),
+        (CYCLE, 3, "quadratic", [1, 3], 2, ["x1", "x2", "x3", "x1 + x2 + x3"], 1),
         # The map sends the line det A = 0 to infinity.
         (ENERGY, 1, "quadratic", [3], 1, [], 1),
         (PLANAR, 3, "exponential", [], None, [], 2),
@@ -303,6 +303,77 @@ def test_reports_beyond_the_degree_and_with_long_numbers():
 
 def map_to_sympy(x):
     return [sympy.Rational(a.numerator, a.denominator) for a in x]
+
+
+def other_point(curves, center, x):
+    """The other point of the line through x and the center on the curve of x."""
+    X, Y, Z = center
+    step = (F(X), F(Y)) if Z == 0 else tuple(F(c, Z) - a for c, a in zip((X, Y), x, strict=True))
+    P, Q = curves
+    c = value(P, x) / value(Q, x)
+
+    def on_line(t):
+        y = [a + t * b for a, b in zip(x, step, strict=True)]
+        return value(P, y) - c * value(Q, y)
+
+    if curves[0].total_degree() == 2 or Z == 0:  # the value is t (a + b t)
+        a, b = (on_line(1) - on_line(-1)) / 2, (on_line(1) + on_line(-1)) / 2
+        t = -a / b
+    else:  # it is a t (t - 1) (t - b), with the base point at t = 1
+        ratio = on_line(2) / on_line(-1)  # (2 - b) / (1 + b)
+        t = (2 - ratio) / (1 + ratio)
+    return [a + t * b for a, b in zip(x, step, strict=True)]
+
+
+NAHM = zoo()["Nahm, octahedral"][0]
+LINES = QuadraticField.from_hamiltonian(lambda x: x[0] * x[1] * (x[0] + x[1] - 1), 2)
+
+
+@pytest.mark.parametrize(
+    ("body", "degree", "genus", "rational", "involutions"),
+    [
+        (BODY, 2, 0, 0, True),
+        (ROTOR, 2, 0, 0, True),
+        (LINES, 3, 1, 9, True),
+        (NAHM, 4, 1, 16, False),
+    ],
+)
+def test_pencils(body, degree, genus, rational, involutions):
+    found, map = report(body, EPS, degree).pencil, kahan(of(body), EPS)
+    assert (found.degree, found.genus, found.irrational) == (degree, genus, degree**2 - rational)
+    curves = found.P, found.Q
+    for (X, Y, Z), _ in found.base_points:
+        for P in curves:  # in homogeneous coordinates
+            terms = P.to_dict().items()
+            assert sum(int(c) * X**i * Y**j * Z ** (degree - i - j) for (i, j), c in terms) == 0
+    assert sum(m for _, m in found.base_points) == rational
+    assert bool(found.involutions) == involutions
+    if involutions:
+        last, first = found.involutions
+        for x in ([F(1, 3), F(2, 5)], [F(-7, 4), F(3)]):
+            assert tuple(other_point(curves, last, other_point(curves, first, x))) == map(x)
+    if body is BODY:
+        # At infinity of the line of steady states, and where the map is undefined.
+        D = body.I13**2 * body.I2 + body.I23**2 * body.I1
+        scale = F(2 * body.I1 * body.I2 / D) / EPS
+        X, Y, Z = first
+        assert (F(X, Z), F(Y, Z)) == (F(body.I23) * scale, -F(body.I13) * scale)
+        assert last[0] * body.I13 == -last[1] * body.I23
+        assert last[2] == 0
+
+
+def test_singular_curves():
+    """The curves through the product of three lines, and those of the Suslov body, by hand."""
+    pencil = report(LINES, EPS, 3).pencil
+    x1, x2, c = sympy.symbols("x1 x2 c")
+    P, Q = (sympy.sympify(str(each).replace("^", "**")) for each in (pencil.P, pencil.Q))
+    member = P - c * Q
+    for f in pencil.singular:
+        (value_of_c,) = sympy.solve(sympy.sympify(str(f).replace("x1", "c")), c)
+        curve = member.subs(c, value_of_c)
+        singular = sympy.solve([curve, curve.diff(x1), curve.diff(x2)], [x1, x2], dict=True)
+        assert singular
+    assert len(pencil.singular) == 4
 
 
 def test_a_report_that_is_cut_short():

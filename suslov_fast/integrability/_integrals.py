@@ -114,7 +114,7 @@ class Invariants:
             self.integrals += [quotient(P, span[0], basis) for P in span[1:]]
             if not self.densities and key == self.determinant:
                 densities = (quotient(self.map.ring.constant(1), P, basis) for P in span)
-                self.densities = sorted(densities, key=lambda f: len(str(f)))
+                self.densities = sorted(densities, key=lambda f: (f.degree, len(str(f))))
 
     def _span(self, degree: int, key: Key) -> list[Any]:
         """Return independent products of generators up to a degree that have a cofactor."""

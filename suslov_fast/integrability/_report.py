@@ -21,12 +21,13 @@ from ._darboux import Pulse
 from ._growth import Growth, degrees_on_a_line, growth
 from ._integrals import IDENTITY, MODULAR, Found, Invariants, independent, quotient
 from ._maps import kahan
+from ._planar import Pencil, pencil
 from ._projective import TERMS, Projective, latex, projective
 from ._relations import Relations, hk_bases
 
 _UNKNOWNS, _FEW = 300, 80  # coefficients of a polynomial, and if it has more than the degree
 _ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
-_LARGEST = 15_000  # degree
+_LARGE, _LARGEST = 3_000, 25_000  # degrees, likewise
 _WIDTH = 110  # of a line of the text
 _LONG = 2**30  # denominators of floats such as 0.1
 _PROOF = {IDENTITY: "proved", MODULAR: f"checked {MODULAR}"}
@@ -50,6 +51,7 @@ class Report:
     integrals: tuple[Found, ...]  # independent
     measures: tuple[Found, ...]
     polynomials: tuple[Found, ...]
+    pencil: Pencil | None  # of invariant curves, of a planar map with an integral
     relations: int | None  # the number of independent integrals that relations on orbits show
     searched: tuple[str, ...]
     notes: tuple[str, ...]
@@ -92,6 +94,7 @@ class Report:
             lines.append(f"Relations along orbits up to degree {d} show {text}.")
         if self.integrals or self.relations:
             lines.append(f"Level sets of the integrals have dimension {self.dimension} of {D}.")
+        lines += [f"Pencil: {self.pencil}"] if self.pencil else []
         lines += [f"Searched: {'; '.join(self.searched)}.", *self.notes]
         return "\n".join(textwrap.shorten(line, 3 * _WIDTH, placeholder=" ...") for line in lines)
 
@@ -121,6 +124,7 @@ class Report:
             "degrees": self.degrees,
             "growth": self.growth._asdict() | {"entropy": entropy, "entropy_error": error},
             **found,
+            "pencil": self.pencil and self.pencil.to_dict(),
             "relations": self.relations,
             "dimension": self.dimension,
             "searched": [*self.searched],
@@ -187,9 +191,11 @@ class _Work:
             for each in degrees_on_a_line(self.map, p, rng):
                 self.pulse()
                 found.append(each)
-                settled = len(found) >= _ENOUGH and growth(found).entropy_error == 0
-                large = each**2 > _LARGEST * found[-2:][0]  # the next one is
-                if settled or large or len(found) == _DEGREES:
+                following = each**2 / max(1, found[-2:][0])
+                settled = len(found) >= _ENOUGH or following > _LARGE
+                if settled and growth(found).entropy_error == 0:
+                    break
+                if following > _LARGEST or len(found) == _DEGREES:
                     break
             return found
 
@@ -252,15 +258,21 @@ class _Work:
             measures += self.invariants.measures
             polynomials = self.invariants.polynomials
         different = {str(f): f for f in measures}
+        chosen = independent(integrals)
+        curves = None
+        if finished and len(chosen) == 1 and self.field.dimension == 2:
+            lines = [f.numerator for f in polynomials if f.degree == 1]
+            curves = pencil(self.projective, chosen[0], lines)
         return Report(
             self.field,
             self.map.eps,
             self.degree,
             self.degrees,
             growth(self.degrees),
-            independent(integrals),
+            chosen,
             tuple(different.values()),
             tuple(polynomials),
+            curves,
             self.relations,
             tuple(self.searched),
             (*_floats(self.field, self.map.eps), *([] if finished else ["Not finished."])),

@@ -101,7 +101,7 @@ def zoo() -> dict[str, tuple[QuadraticField, F]]:
         "Zhukovsky-Volterra, three betas": (of(_rotors(1, 2, 3), 3), F(1)),
         "Volterra chain, N = 5": (of(_chain(5), 5), F(3, 4)),
         "body in a fluid": (of(_in_fluid((1, 2, 4), (1, 3, 2)), 6), quarter),
-        "Henon-Heiles": (hamiltonian(_henon_heiles, 4), half),
+        "Henon-Heiles": (hamiltonian(_henon_heiles, 4), quarter),
         "Lorenz": (
             of(
                 lambda x: (

@@ -320,8 +320,8 @@ def other_point(curves, center, x):
         a, b = (on_line(1) - on_line(-1)) / 2, (on_line(1) + on_line(-1)) / 2
         t = -a / b
     else:  # it is a t (t - 1) (t - b), with the base point at t = 1
-        ratio = on_line(2) / on_line(-1)  # (2 - b) / (1 + b)
-        t = (2 - ratio) / (1 + ratio)
+        ratio = on_line(2) / on_line(-1)  # (b - 2) / (b + 1)
+        t = (2 + ratio) / (1 - ratio)
     return [a + t * b for a, b in zip(x, step, strict=True)]
 
 

@@ -318,9 +318,8 @@ def report(
 
     First integrals come from the Hamiltonian structure of the field, from quotients of Darboux
     polynomials of equal cofactor, and from products of powers of Darboux polynomials whose
-    cofactors multiply to 1. All rational integrals P / Q with polynomials up to `degree` are among
-    them, except that polynomials over the rationals are sought. Relations between monomials along
-    orbits are an independent count. A float is taken exactly.
+    cofactors multiply to 1. The polynomials have rational coefficients. Relations between monomials
+    along orbits count integrals in another way. A float is taken exactly.
 
     Parameters
     ----------

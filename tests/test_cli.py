@@ -249,6 +249,7 @@ MISTAKES = """
 2 | good.npz | did you mean: suslov-fast info good.npz
 2 | run --stpes 3 | run: expected one of its options, got --stpes; did you mean --steps?
 2 | run --Steps=3 | got --Steps; did you mean --steps?
+2 | run --step-size=3 | got --step-size; did you mean --eps?
 2 | run --dt 3 | got --dt; suslov-fast run --help lists all
 2 | animate --outptu a.gif | got --outptu; did you mean --output?
 2 | run 10 | run: expected options, got '10'

@@ -304,7 +304,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
 def _check_words(words: Sequence[str], options: dict[str, dict[str, argparse.Action]]) -> None:
     """Raise UsageError for an unknown command or option, and for words that belong to none."""
     command, *rest = words
-    if owners := [name for name in options if command.partition("=")[0] in options[name]]:
+    owners = [name for name in options if command.partition("=")[0] in options[name]]
+    if command and owners:
         line = f"suslov-fast {owners[0]} {' '.join(words)}"
         raise UsageError(f"expected a command before {command}, got none; did you mean: {line}")
     if command not in options:
@@ -324,6 +325,10 @@ def _check_words(words: Sequence[str], options: dict[str, dict[str, argparse.Act
         length = word.find("=") if "=" in word else len(word) if word.startswith("--") else 2
         if (name := word[:length]) not in known:
             hint = _meant(name, known) or f"; suslov-fast {command} --help lists all"
+            words = name.strip("-").replace("-", " ")  # --step-size is the help of --eps
+            for other in known if " " in words else ():
+                if (known[other].help or "").startswith(words):
+                    hint = f"; did you mean {other}?"
             raise UsageError(f"{command}: expected one of its options, got {name}{hint}")
         groups.append((name, [word[length:]] if word[length:] else []))
     for name, values in () if "" in known else groups:

@@ -95,7 +95,7 @@ def _with_parameters(base: Any, given: dict[str, Any]) -> Any:
     if not kinds and having:
         missing = [flag(name) for name in required[having[0]] if name not in values]
         hint = f"those of {having[0].__name__}, missing: {' '.join(missing)}"
-        if {*given} <= PICTURES[DEFAULT_PICTURE].body._values.keys():
+        if not having[0]._own_axes:
             words = " ".join(f"{flag(name)} {value:g}" for name, value in given.items())
             hint += f"; or change a picture: --picture {DEFAULT_PICTURE} {words}"
         raise UsageError(f"expected all parameters of a body, {hint}")

@@ -2,19 +2,19 @@
 
 A quadratic vector field and a step size define a birational map. Its degrees and their growth,
 Hirota-Kimura bases, which give first integrals, and Darboux polynomials, which give invariant
-measures and first integrals, are evidence for or against integrability::
+measures and first integrals, are evidence for or against integrability. `report` finds all::
 
     from suslov_fast import Suslov3D
     from suslov_fast.integrability import *
 
     map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
+    report(map.field, map.eps)
     growth(degrees(map, 20))
     hk_bases(map, 2).integrals
     darboux_polynomials(map, 3)
 
-All arithmetic is exact: Darboux polynomials are found over the rationals, all else modulo random
-primes of 62 bits, two of which must agree on each result. A seed determines primes, points and
-lines. The module needs python-flint (extra `algebra`).
+All arithmetic is exact, over the rationals or modulo random primes of 62 bits, two of which must
+agree on each result. A seed determines primes, points and lines. The module needs python-flint (extra `algebra`).
 """
 
 try:
@@ -29,6 +29,7 @@ from .._bodies.field import QuadraticField
 from ._growth import Growth, degrees, growth
 from ._integrals import cofactors
 from ._maps import KahanMap, kahan
+from ._planar import Pencil
 from ._projective import RationalFunction
 from ._relations import HKBasis, darboux_polynomials, hk_bases
 from ._report import Report, report
@@ -38,6 +39,7 @@ __all__ = [
     "Growth",
     "HKBasis",
     "KahanMap",
+    "Pencil",
     "QuadraticField",
     "RationalFunction",
     "Report",

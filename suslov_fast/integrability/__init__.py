@@ -14,7 +14,8 @@ measures and first integrals, are evidence for or against integrability. `report
     darboux_polynomials(map, 3)
 
 All arithmetic is exact, over the rationals or modulo random primes of 62 bits, two of which must
-agree on each result. A seed determines primes, points and lines. The module needs python-flint (extra `algebra`).
+agree on each result. A seed determines primes, points and lines. The module needs python-flint
+(extra `algebra`).
 """
 
 try:

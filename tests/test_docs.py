@@ -3,6 +3,7 @@
 import contextlib
 import importlib.util
 import io
+import linecache
 import math
 import re
 import shlex
@@ -56,6 +57,8 @@ def blocks(path, language):
 
 def run(code, name, names):
     printed = io.StringIO()
+    # The source of functions is part of the identity of a store.
+    linecache.cache[name] = len(code), None, code.splitlines(keepends=True), name
     with contextlib.redirect_stdout(printed):
         exec(compile(code, name, "exec"), names)
     return printed.getvalue()

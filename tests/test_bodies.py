@@ -230,6 +230,8 @@ def test_a_body_with_a_field_has_what_all_fields_have(rng, pole):
     assert np.isfinite(exponents).all()
     with pytest.raises(ValueError, match="the components"):
         sf.jacobian(top, states[::-1], eps)
+    rest = np.array([2.0, 0.0, 0.0])
+    assert (sf.multipliers(top, rest, 0.1) == sf.multipliers(field, rest, 0.1)).all()
     for function in (sf.first_integral, sf.criticality):
         with pytest.raises(TypeError, match=r"body: expected Suslov3D or .*, got Quadratic"):
             function(top, x, eps)

@@ -22,6 +22,8 @@ _REASONS = (
     ("beyond the range of float64, or of the closed form: use iterate", RuntimeWarning),
 )
 _RANGE = 2  # the last of them
+# Of `flow`, in place of a step size: its times are those of the user.
+_UNIT_OF_TIME = 1.0
 
 
 @filled
@@ -117,7 +119,7 @@ def flow(
     >>> energy(body, states).round(12)
     array([2.125, 2.125, 2.125])
     """
-    start = check(body, AnyBody, {"omega0": omega0, "eps": 1.0}, threads)
+    start = check(body, AnyBody, {"omega0": omega0, "eps": _UNIT_OF_TIME}, threads)
     states, missing = _solve("flow", start, _times("time", time))
     _warn(missing, states, _RANGE)
     return states

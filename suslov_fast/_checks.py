@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 # Arrays larger than this take longer to check than to compute with.
-LARGE = 2**14
+LARGE_ARRAY = 2**14
 _FLOAT64 = np.dtype(np.float64)
 # Up to this size the sum in Python is faster than two calls of NumPy.
 _FEW = 64
@@ -94,11 +94,11 @@ def states(name: str, value: ArrayLike, labels: Sequence[str], later: bool = Fal
     """Return states; if one component is NaN, set all components of that state to NaN.
 
     `labels` are the names of the components.
-    With `later`, a LARGE array is not checked here; the caller calls `real_array` if it finds
+    With `later`, a LARGE_ARRAY array is not checked here; the caller calls `real_array` if it finds
     infinite numbers.
     """
     array = _vectors(name, value, len(labels), labels)
-    if (later and array.size > LARGE) or _all_finite(name, array, allow_nan=True):
+    if (later and array.size > LARGE_ARRAY) or _all_finite(name, array, allow_nan=True):
         return array
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
 

@@ -375,7 +375,7 @@ def test_infinite_states_are_errors(rng, monkeypatch, name, kind, many):
     """Infinite states raise an error; in arrays of LARGE size, kernels detect them."""
     if many:
         for module in (_checks, evaluation):
-            monkeypatch.setattr(module, "LARGE", 64)
+            monkeypatch.setattr(module, "LARGE_ARRAY", 64)
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (9,), (10, 9), ())
     omega[3, 2, 1] = -np.inf
     with pytest.raises(ValueError, match=rf"{row.name}: .* got -inf at index \(3, 2, 1\)"):

@@ -6,6 +6,7 @@ import graphlib
 import importlib
 import inspect
 import re
+from collections import Counter
 from pathlib import Path
 from types import NoneType
 from typing import get_args
@@ -126,6 +127,25 @@ def test_imports_follow_the_layers_without_cycles():
         for other in {each.split(".")[1] for each in graph[name]} - {own}:
             down = LAYERS.index(other) < LAYERS.index(own)
             assert down or (own, other) in EXCEPTIONS, f"{name} imports from {other}"
+
+
+# What every map, and every class of bodies, has under the same name.
+OF_EACH = {"D", "State", "Constants", "QUANTITIES"}
+
+
+def names_defined(node):
+    if isinstance(node, ast.ClassDef):
+        return [node.name]
+    stored = ast.walk(node) if isinstance(node, (ast.Assign, ast.AnnAssign)) else ()
+    return [each.id for each in stored if isinstance(getattr(each, "ctx", None), ast.Store)]
+
+
+def test_classes_and_constants_of_one_name_are_defined_once():
+    nodes = (node for text in TEXTS.values() for node in ast.parse(text).body)
+    defined = Counter(name for node in nodes for name in names_defined(node))
+    ours = {name for name in defined if name[0] != "_" and name != name.lower()} - OF_EACH
+    assert len(ours) > 100
+    assert {name for name in ours if defined[name] > 1} == set()
 
 
 def test_the_reference_imports_nothing_from_the_package():

@@ -25,7 +25,6 @@ from .algebra import (
 Values = dict[str, Any]
 # The names of parameters, and the coefficients of their products "", "a", "a*b" ..., for JSON.
 Affine = dict[str, Any]
-Polynomials = tuple[Polynomial, ...]
 
 _NAMES = "quadratic", "linear", "constant"
 # Names that functions, datasets, stores and files use.
@@ -65,7 +64,10 @@ def arrays_of(values: Values) -> dict[str, FloatArray]:
 
 
 def batch_of(
-    f: Callable[..., Any], polynomials: Callable[..., Polynomials], values: Values, D: int
+    f: Callable[..., Any],
+    polynomials: Callable[..., tuple[Polynomial, ...]],
+    values: Values,
+    D: int,
 ) -> dict[str, FloatArray]:
     """Return the coefficients of the fields for all values of the parameters."""
     arrays = np.broadcast_arrays(*arrays_of(values).values())
@@ -87,7 +89,10 @@ def batch_of(
 
 
 def affine_in(
-    f: Callable[..., Any], polynomials: Callable[..., Polynomials], values: Values, D: int
+    f: Callable[..., Any],
+    polynomials: Callable[..., tuple[Polynomial, ...]],
+    values: Values,
+    D: int,
 ) -> Affine:
     """Return how coefficients depend on the parameters in which they are affine; {} for none.
 

@@ -12,7 +12,7 @@ from .algebra import exact_array
 from .base import Body
 from .field import QuadraticField
 
-IntArray = NDArray[np.intc]
+PowerArray = NDArray[np.intc]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,7 +37,7 @@ class RigidBody(Body):
         return QuadraticField(q, turn * (k / J)[..., np.newaxis])
 
 
-def in_units(body: RigidBody) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, IntArray]:
+def in_units(body: RigidBody) -> tuple[FloatArray, FloatArray, FloatArray, PowerArray, PowerArray]:
     """Return J, I and k of a body, of the order of 1, and the exponents of J, and of I and k."""
     J, I, k = body.J_I_k()
     ends = (np.frexp(each(axis=-1, keepdims=True))[1] for each in (J.max, J.min))

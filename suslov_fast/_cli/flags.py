@@ -123,7 +123,7 @@ def _flag(help: str) -> dict[str, Any]:
 
 _repeated = partial(_option, action="append")
 # Settings by name; arguments of `iterate` and `ensemble` have the same names there.
-OPTIONS: dict[str, dict[str, Any]] = {
+SETTINGS: dict[str, dict[str, Any]] = {
     "picture": _option(
         "picture of the paper; parameters given beside it replace its own "
         f"({DEFAULT_PICTURE} if no body is given)",
@@ -371,7 +371,7 @@ def _fill(parser: argparse.ArgumentParser, command: Command) -> list[argparse.Ac
             names = word.split("|")
             place = group.add_mutually_exclusive_group() if len(names) > 1 else group
             for name in names:
-                settings = {**OPTIONS[name], **command.changes.get(name, {})}
+                settings = {**SETTINGS[name], **command.changes.get(name, {})}
                 actions.append(place.add_argument(*_NAMES.get(name, [flag(name)]), **settings))
     return actions
 

@@ -140,7 +140,7 @@ def states_at(start: States, times: FloatArray, flow: bool) -> tuple[FloatArray,
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)
     require(16 * moments.size * len(omega), "the states are {}: compute fewer at a time", shape)
     states = np.empty((moments.size, len(omega), 2))
-    if runs := rows_of(moments, flow):
+    if runs := equal_steps(moments, flow):
         for rows in runs:
             fill_rows(orbits, rows, states)
     else:
@@ -181,7 +181,7 @@ def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray) -> None:
         orbits.run(kernels.rows, rows.sign, which, lanes, work, out)
 
 
-def rows_of(times: FloatArray, flow: bool) -> list[Rows]:
+def equal_steps(times: FloatArray, flow: bool) -> list[Rows]:
     """Return the rows of equal steps that times consist of, for each sign, or none.
 
     A state of the map does not depend on the other times: beyond t = 1 the next float after a whole
@@ -196,7 +196,7 @@ def rows_of(times: FloatArray, flow: bool) -> list[Rows]:
     if every < 0.0:
         return [
             rows._replace(origin=size - 1 - rows.origin, direction=-rows.direction)
-            for rows in rows_of(times[::-1], flow)
+            for rows in equal_steps(times[::-1], flow)
         ]
     if not abs(float(times[1]) - float(times[0]) - every) <= abs(every) * 1e-6:
         return []

@@ -9,7 +9,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from .._checks import LARGE, FloatArray, real_array, spell, warn
+from .._checks import LARGE_ARRAY, FloatArray, real_array, spell, warn
 from .._jit import Kernel
 from .._kernels import quantities_3d as kernels
 from .._kernels.lanes import LANES
@@ -51,7 +51,7 @@ def of_state(kernel: Kernel, shape: tuple[int, ...], states: States) -> FloatArr
         counts = np.zeros((tasks, 3), np.int64)
         out_part = results[begin : begin + count]
         _threads.run(kernel, work, states.threads, parameters, some, out_part, period, counts)
-        if states.omega.size > LARGE and counts[:, kernels.INFINITE].any():
+        if states.omega.size > LARGE_ARRAY and counts[:, kernels.INFINITE].any():
             real_array(states.name, states.omega, allow_nan=True)
         missing += [(begin + first, n) for n, first, _ in counts.tolist() if n]
     if missing:
@@ -74,7 +74,7 @@ def of_state_nd(
         scratch, infinite = np.empty((tasks, ROWS, m)), np.zeros(tasks, np.int8)
         arguments = parameters, some, after, results[begin:end], scratch, infinite
         _threads.run(kernel, work, states.threads, *arguments)
-        if states.omega.size > LARGE and infinite.any():
+        if states.omega.size > LARGE_ARRAY and infinite.any():
             real_array("omega", states.omega, allow_nan=True)
     return out[()]
 

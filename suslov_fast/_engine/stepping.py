@@ -17,7 +17,7 @@ from .._kernels import blocks_nd
 from .._kernels.codes import NEEDS_ELIMINATION
 from .._kernels.elimination import WIDEST, WIDTH
 from .._kernels.lanes import LANES
-from .._kernels.map_nd import LANES as LANES_ND
+from .._kernels.map_nd import LANES_ND
 from . import threads as _threads
 from .layout import alike
 from .memory import require

@@ -38,8 +38,8 @@ from .store import MARKS, RECORDS, Arrays, advice, open_arrays, withdraw
 
 # Called with a tile and the number of its stored steps.
 Stored = Callable[[int, int], object]
-Values = dict[str, NDArray[Any]]
-Piece = tuple[Span, Output, Values]
+ByName = dict[str, NDArray[Any]]
+Piece = tuple[Span, Output, ByName]
 
 # Duration of a piece in seconds, which limits the wait after Ctrl-C, and the work of the
 # first one, in trajectory-steps of the 3D map.
@@ -156,7 +156,7 @@ def _records(job: Job, tile: int, arrays: Arrays) -> Any:
     return np.ascontiguousarray(arrays[RECORDS][job.where(tile)]).view(job.record)[..., 0]
 
 
-def _left(job: Job, tile: int, arrays: Arrays) -> tuple[int, Values, Values]:
+def _left(job: Job, tile: int, arrays: Arrays) -> tuple[int, ByName, ByName]:
     """Return the step from which to resume a tile, and the data of earlier steps."""
     with advice(job.store):
         records = _records(job, tile, arrays)

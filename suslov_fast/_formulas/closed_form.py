@@ -66,7 +66,7 @@ NO_POWER = -1e5
 # Exponents of the largest of X, Y and K: below the first the flow is as good as the map, below the
 # second nothing moves; above the third squares leave the range of float64, and above the fourth the
 # closed form of orbits with T >= 1 may lose digits.
-SLOW, MOTIONLESS, FASTEST, FAST = -200.0, -930.0, 100.0, 20.0
+SLOW, MOTIONLESS_POWER, FASTEST, FAST = -200.0, -930.0, 100.0, 20.0
 # A flow is out of range if `time_power` of its `Start` is larger in size.
 LONGEST_UNIT = 960.0
 # `Forms` contain the unit of states, 2**power, up to this |power|: more would take them out of the
@@ -81,10 +81,10 @@ UNCOUPLED = 1e-150
 
 # Fates of orbits: beyond the range, state 0 is NaN, at state 0 the map is 0 / 0, no pole can be
 # met, and T >= 1.
-OUT_OF_RANGE, UNKNOWN, UNDEFINED, REGULAR, SUPERCRITICAL = -3.0, -2.0, -1.0, 0.0, 1.0
+BEYOND_RANGE, UNKNOWN, UNDEFINED, REGULAR, JUMPING = -3.0, -2.0, -1.0, 0.0, 1.0
 
-# A `units.Body`, its e as a sum of two numbers, and 1 / sqrt(I1) and 1 / sqrt(I2).
-Body = namedtuple("Body", (*units.Body._fields, "e", "e_lost", "of_1", "of_2"))
+# A `units.ScaledBody`, its e as a sum of two numbers, and 1 / sqrt(I1) and 1 / sqrt(I2).
+OrbitBody = namedtuple("OrbitBody", (*units.ScaledBody._fields, "e", "e_lost", "of_1", "of_2"))
 # Coordinates of state 0, and a matrix f: omega = (f (U, V)) 2**power. X, Y and K are dimensionless,
 # and sums of two numbers (`_lost` is the smaller); X is 0 for a state at rest.
 #
@@ -115,14 +115,14 @@ Forms = namedtuple("Forms", "d11 d12 d22 x1 y1 z1 x2 y2 z2")
 
 @formula
 def body(given):
-    """The `Body` of a `units.Problem` in the units of the user.
+    """The `OrbitBody` of a `units.ScaledState` in the units of the user.
 
     The exponent of eps is kept apart: for a slow orbit X, Y and K would underflow.
     """
     own = units.of_body(given.I1, given.I2, given.I13, given.I23, given.k, given.eps)
     e = twofold.root(twofold.quotient((0.5, 0.0), two_product(2.0 * own.I1, own.I2)))
     e, e_lost = twofold.product(e, (own.eps, 0.0))
-    return Body(
+    return OrbitBody(
         own.I1, own.I2, own.I13, own.I23, own.k, own.eps, own.M, own.P, own.Q, own.E,
         e, e_lost, 1.0 / np.sqrt(own.I1), 1.0 / np.sqrt(own.I2),
     )  # fmt: skip
@@ -166,13 +166,13 @@ def start(back, flows, body, omega1, omega2):
     Y, Y_lost = Y * of_Y, Y_lost * of_Y
 
     rests = (X == 0.0) | (body.eps == 0.0) | (omega1 == 0.0) & (omega2 == 0.0)
-    rests = rests | (~flows) & slow & (time_power < MOTIONLESS)
+    rests = rests | (~flows) & slow & (time_power < MOTIONLESS_POWER)
     fate = fate_of_map(X, Y, Y_lost, K)
-    fate = select(slow | (fate == SUPERCRITICAL) & ~coupled, REGULAR, fate)
-    fastest = select(fate == SUPERCRITICAL, FAST, FASTEST)
+    fate = select(slow | (fate == JUMPING) & ~coupled, REGULAR, fate)
+    fastest = select(fate == JUMPING, FAST, FASTEST)
     far = (~rests) & select(slow, abs(time_power) > LONGEST_UNIT, of_step + size > fastest)
     total = X + Y + e[0]  # not a number if a parameter is out of range
-    fate = select(far | (total != total), OUT_OF_RANGE, fate)
+    fate = select(far | (total != total), BEYOND_RANGE, fate)
     fate = select(omega1 + omega2 != omega1 + omega2, UNKNOWN, fate)
     return Start(
         select(rests, 0.0, X), X_lost, Y, Y_lost, K, K_lost, mirror * U, back * V,
@@ -188,18 +188,18 @@ def start(back, flows, body, omega1, omega2):
 
 @formula
 def fate_of_map(X, Y, Y_lost, K):
-    """REGULAR, SUPERCRITICAL for T >= 1, to rounding with a rotor, or UNDEFINED."""
+    """REGULAR, JUMPING for T >= 1, to rounding with a rotor, or UNDEFINED."""
     slack = select(K == 0.0, 0.0, ZERO_TO_ROUNDING * (1.0 + abs(K) * (2.0 * abs(X) + abs(K))))
     supercritical = Y * Y + slack >= 1.0 + K * (2.0 * X - K)
     c, Z = shifted(Y, Y_lost)
     undefined = (X == 0.0) & (c == 1.0) & (Z == 0.0)
-    return select(undefined, UNDEFINED, select(supercritical, SUPERCRITICAL, REGULAR))
+    return select(undefined, UNDEFINED, select(supercritical, JUMPING, REGULAR))
 
 
 @formula
 def is_missing(start):
     """Test that an orbit has no states."""
-    return (start.fate != REGULAR) & (start.fate != SUPERCRITICAL)
+    return (start.fate != REGULAR) & (start.fate != JUMPING)
 
 
 @formula

@@ -8,9 +8,9 @@ from .closed_form import NO_POWER
 from .elementary import exponential, scaled, smaller
 
 # Larger numbers of steps and longer times are replaced by this: `two_product` does not overflow.
-LONGEST = 2.0**990
+LARGEST_TIME = 2.0**990
 # Numbers of steps above this are not known to be even or odd.
-EXACT = 2.0**53
+LARGEST_COUNT = 2.0**53
 # Squares of smaller w and s are negligible; if subnormal, they would be slow.
 NO_SQUARE = 1e-100
 
@@ -27,7 +27,7 @@ def power_of_ratio(n, steps):
 @formula
 def pair(n, steps):
     """(c, s) after n steps."""
-    p, power = power_of_ratio(smaller(n, LONGEST) - steps.lag, steps)
+    p, power = power_of_ratio(smaller(n, LARGEST_TIME) - steps.lag, steps)
     return scaled(steps.v + steps.v * p, power + steps.power), 1.0
 
 

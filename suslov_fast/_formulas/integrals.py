@@ -18,7 +18,7 @@ BELOW_ONE = 1.0 - 2.0**-53
 # T below this: artanh(T) / T is 1, and T may have lost digits.
 TINY = 1e-150
 # s above this: s**2 + 1 is s**2.
-LARGE = 1e8
+LOSES_ONE = 1e8
 
 
 @formula
@@ -98,10 +98,10 @@ def rotation_number(I1, I2, I13, I23, k, eps, omega1, omega2):
 @formula
 def inverse_hyperbolic_sine(s):
     size = abs(s)
-    root = select(size > LARGE, size, np.sqrt(1.0 + size * size))
+    root = select(size > LOSES_ONE, size, np.sqrt(1.0 + size * size))
     # log(size + root), as minus the log of the inverse, which is 1 minus an accurate number.
     inverse = 1.0 / (root + size)
-    less = select(size > LARGE, size, size + size * size / (root + 1.0))
+    less = select(size > LOSES_ONE, size, size + size * size / (root + 1.0))
     value = -logarithm(inverse, less * inverse)
     value = select(size < np.inf, value, size)
     return select(s < 0.0, -value, value)

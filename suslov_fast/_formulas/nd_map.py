@@ -9,15 +9,15 @@ from .elementary import smaller
 
 # The O(n) step loses less than two digits where all |d_i| / J_i are above this, and the determinant
 # of its two equations is above the square of this in units of its terms.
-FAR = 0.25
+FAR_FROM_0 = 0.25
 # A step is small if eps |I| |omega| / min J is below this, which limits cancellation between omega
 # and its increment.
-SMALL = 64.0
+SMALL_STEP = 64.0
 # A unit remains valid while |omega|**2 lies between the inverse of this and this: products of four
 # components are in range.
 SPREAD = 2.0**200
 # Bound of |omega| below which states are finite.
-LARGEST = 2.0**1023
+LARGEST_NORM = 2.0**1023
 
 
 @formula
@@ -59,8 +59,8 @@ def solve2(eps, p, square, alpha, beta, gamma):
 def bounds(reach, eps, largest, unit):
     """Bounds of |omega|**2: the upper one of small steps, and both of a valid unit.
 
-    reach = SMALL min J / |I|; largest = max |omega_i|; any unit is valid if omega = 0.
+    reach = SMALL_STEP min J / |I|; largest = max |omega_i|; any unit is valid if omega = 0.
     """
-    longest, finite = reach / eps, LARGEST / unit
+    longest, finite = reach / eps, LARGEST_NORM / unit
     low = select(largest > 0.0, 1.0 / SPREAD, -1.0)
     return longest * longest, low, smaller(finite * finite, SPREAD)

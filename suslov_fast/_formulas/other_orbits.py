@@ -18,11 +18,11 @@ import numpy as np
 from .._jit import formula, select, two_product
 from . import twofold
 from .closed_form import (
+    JUMPING,
     LARGEST_RATIO,
     LEAST_ROOT,
     PASSES,
     RESTS,
-    SUPERCRITICAL,
     Forms,
     Levels,
     Steps,
@@ -30,7 +30,7 @@ from .closed_form import (
     frame,
     larger_sum,
 )
-from .closed_form_states import EXACT, LONGEST, power_of_ratio
+from .closed_form_states import LARGEST_COUNT, LARGEST_TIME, power_of_ratio
 from .coordinates import ZERO_TO_ROUNDING, shifted
 from .elementary import (
     TO_INTEGER,
@@ -163,7 +163,7 @@ def recompute_from(start, levels, steps):
     """The size from which on states are computed again one by one: they may be at a pole."""
     f11, f12, f21, f22 = frame(start, levels.R)
     size = larger(larger(abs(f11), abs(f12)), larger(abs(f21), abs(f22)))
-    may_meet = (steps.kind != RESTS) & (start.fate == SUPERCRITICAL)
+    may_meet = (steps.kind != RESTS) & (start.fate == JUMPING)
     return select(may_meet, NEAR_POLE * size * (1.0 + levels.T + start.K), np.inf)
 
 
@@ -187,9 +187,9 @@ def multiples(n, v, power, steps):
 @formula
 def pair(n, steps):
     """(c, s) after n steps; NaN where there is no such state."""
-    c, s = multiples(smaller(n, LONGEST) - steps.lag, steps.v, steps.power, steps)
+    c, s = multiples(smaller(n, LARGEST_TIME) - steps.lag, steps.v, steps.power, steps)
     # Where r < 0, only integers: n - lag may round a fraction away.
-    unknown = (steps.r < 0.0) & (n < np.inf) & (~is_integer(n) | (n > EXACT))
+    unknown = (steps.r < 0.0) & (n < np.inf) & (~is_integer(n) | (n > LARGEST_COUNT))
     return select(unknown, np.nan, c), s
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from .._jit import formula, select
 
 # Below this the square of b is in range; above it 1 + b**2 rounds to b**2, a half-turn.
-LARGE = 2.0**500
+HALF_TURN = 2.0**500
 
 
 @formula
@@ -22,7 +22,7 @@ def mean(omega, following):
 @formula
 def is_large(total):
     """Test that a turn is a half-turn to rounding, from the sum of all |b_i|; True for NaN."""
-    return not total < LARGE
+    return not total < HALF_TURN
 
 
 @formula

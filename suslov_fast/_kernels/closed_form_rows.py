@@ -35,13 +35,13 @@ from .._formulas.elementary import smaller
 from .._jit import Kernel, formula, lane, namespace, put, rows_of, select, share, stack
 from . import orbits, other_orbits
 from .lanes import all_share, whole
-from .orbits import LANES, RowLanes, block, enter_bodies
+from .orbits import ROW_LANES, RowLanes, block, enter_bodies
 from .tiles import lead_of, shortening_of_first_block, write_row
 
 kind = namespace("kind")  # `orbits` or `other_orbits`
 
 BASE, GROUP = 8, 64  # rows; GROUP = BASE**2
-_TILE = 2 * LANES
+_TILE = 2 * ROW_LANES
 _ENTRIES = 2 * BASE  # of the growth
 # States of one task.
 TASK = 2**16
@@ -51,11 +51,11 @@ TASK = 2**16
 # abreast   number of rows, or times, side by side in a block
 # shift     number of lanes by which the first block is shorter
 Plan = namedtuple("Plan", "tasks tasks_per_block rows_per_task abreast shift")
-# The `growth` of (c, s), (_ENTRIES, LANES): entries b < BASE are those over b rows, and entries
+# The `growth` of (c, s), (_ENTRIES, ROW_LANES): entries b < BASE are those over b rows, and entries
 # BASE + a those over BASE a rows. The (c, s) of row GROUP g + BASE a + b is
 # seed[g] growth[BASE + a] growth[b], products as in `combined`. The growth includes the offset of
 # the lane: what is left modulo BASE is added to b, the rest to BASE a.
-Growth = namedtuple("Growth", "c s")
+GrowthTable = namedtuple("GrowthTable", "c s")
 
 
 @formula
@@ -66,13 +66,13 @@ def plan_of(trajectories, out, count, length):
     """
     batch, shift, abreast = trajectories[1] - trajectories[0], 0, 1
     # Rows lie side by side only if they are neighbours in the output.
-    while 2 * abreast * batch <= LANES and abreast < count and batch == out.shape[1]:
+    while 2 * abreast * batch <= ROW_LANES and abreast < count and batch == out.shape[1]:
         abreast *= 2
     if abreast == 1:
         shift = shortening_of_first_block(lead_of(out), out.shape[1], 2)
-    blocks = (batch + shift + LANES - 1) // LANES
+    blocks = (batch + shift + ROW_LANES - 1) // ROW_LANES
     at_once = abreast * length
-    rows_per_task = max(TASK // (at_once * max(min(batch, LANES), 1)), 1) * at_once
+    rows_per_task = max(TASK // (at_once * max(min(batch, ROW_LANES), 1)), 1) * at_once
     tasks_per_block = (count + rows_per_task - 1) // rows_per_task
     return Plan(blocks * tasks_per_block, tasks_per_block, rows_per_task, abreast, shift)
 
@@ -82,8 +82,8 @@ def task_of(task, plan, trajectories):
     """Return the first trajectory of a task, their number, and how many rows precede its own."""
     begin, end = trajectories
     block, part = task // plan.tasks_per_block, task % plan.tasks_per_block
-    first = begin + max(block * LANES - plan.shift, 0)
-    width = min(begin + (block + 1) * LANES - plan.shift, end) - first
+    first = begin + max(block * ROW_LANES - plan.shift, 0)
+    width = min(begin + (block + 1) * ROW_LANES - plan.shift, end) - first
     return first, width, part * plan.rows_per_task
 
 
@@ -156,8 +156,8 @@ def fill_rows(
     first_group = begin // GROUP * GROUP
     plan = plan_of(trajectories, out, end - first_group, GROUP)
     abreast = plan.abreast
-    b, lanes = block(), rows_of(RowLanes, LANES)
-    growth = Growth(stack(_ENTRIES, LANES), stack(_ENTRIES, LANES))
+    b, lanes = block(), rows_of(RowLanes, ROW_LANES)
+    growth = GrowthTable(stack(_ENTRIES, ROW_LANES), stack(_ENTRIES, ROW_LANES))
     flat, lead, tile = out.reshape(out.size), lead_of(out), stack(_TILE)
     counts, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
     entered = 0
@@ -169,7 +169,7 @@ def fill_rows(
         if used > entered or not all_share(parameters):  # else lanes keep theirs
             enter_bodies(b, parameters, first, width, used)
             entered = used
-        if not kind.enter(b, lanes, motion, left, first, width, used):
+        if not kind.fill_block(b, lanes, motion, left, first, width, used):
             continue
         kind.write_ends(b, lanes, first, width, used, ends)
         corrects = kind.corrects(b, lanes, used)
@@ -223,7 +223,7 @@ def fill_states(
     """Fill row to[j] with the states at times[j]: numbers of steps, or times of the flow."""
     plan = plan_of(trajectories, out, times.size, 1)
     abreast = plan.abreast
-    b, lanes, tile = block(), rows_of(RowLanes, LANES), stack(_TILE)
+    b, lanes, tile = block(), rows_of(RowLanes, ROW_LANES), stack(_TILE)
     flat, lead = out.reshape(out.size), lead_of(out)
     counts, (first_task, last_task) = missing[part], share(plan.tasks, part, parts)
     entered = 0
@@ -235,7 +235,7 @@ def fill_states(
         if used > entered or not all_share(parameters):  # else lanes keep theirs
             enter_bodies(b, parameters, first, width, used)
             entered = used
-        if not kind.enter(b, lanes, motion, left, first, width, used):
+        if not kind.fill_block(b, lanes, motion, left, first, width, used):
             continue
         kind.write_ends(b, lanes, first, width, used, ends)
         for j in range(skipped, min(skipped + plan.rows_per_task, times.size), abreast):

@@ -42,7 +42,7 @@ Constants = namedtuple("Constants", "c m11 m12 m21 m22 rest1 rest2 scale bound")
 def enter(parameters, omega, i):
     I1, I2, I13, I23, eps = body_at(parameters, i)
     omega1, omega2 = omega[i, 0], omega[i, 1]
-    p, u = units.enter(I1, I2, I13, I23, 0.0, eps, omega1, omega2)
+    p, u = units.scaled_state(I1, I2, I13, I23, 0.0, eps, omega1, omega2)
     X, Y, lost, _ = coordinates.dimensionless(*p)
     m11, m12, m21, m22 = coordinates.from_canonical(p.I1, p.I2, p.I13, p.I23, p.eps)
     # The identity map (I13 = I23 = 0, or eps = 0) has no such matrix: the state does not change.

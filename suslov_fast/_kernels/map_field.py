@@ -26,7 +26,7 @@ from .lanes import entry
 from .one_system import solve_system
 
 # States whose components add up to less than this are finite.
-LARGEST = 1e307
+LARGEST_SUM = 1e307
 # |eps q| lies between the inverse of 2 to this power and that power, where q is the largest
 # quadratic coefficient: products of eps, q and states are in range if eps q x is.
 FAR = 500.0
@@ -52,7 +52,7 @@ class FieldLanes(NamedTuple):
 
     half: object  # half the step size times the unit of length
     unit: object
-    bound: object  # LARGEST in the unit of length
+    bound: object  # LARGEST_SUM in the unit of length
     size: object  # the sum of the absolute values of the components of the next state
     lost: object  # above 0 if a component is cancelled by its increment
     factor: object
@@ -232,7 +232,7 @@ def enter(c, b, parameters, start, results, begin, end):
             stop(c, b, l)
             continue
         b.half[l], b.unit[l] = scaled(half, power), scaled(1.0, power)
-        b.bound[l] = scaled(LARGEST, -power)
+        b.bound[l] = scaled(LARGEST_SUM, -power)
         for t in range(len(values)):
             j = indices[1, t]
             if indices[2, t] == D:

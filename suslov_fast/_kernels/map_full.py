@@ -6,7 +6,7 @@ import numpy as np
 
 from .._formulas.coordinates import ZERO_TO_ROUNDING, sum_of_products
 from .._formulas.elementary import exponent, larger, scaled, two_to_the
-from .._formulas.units import bound_in
+from .._formulas.units import LOG_OF_ZERO, bound_in
 from .._jit import formula, select
 from . import codes
 from .lanes import body_at, entry
@@ -18,13 +18,11 @@ State = namedtuple("State", "omega1 omega2 omega3")
 # The coefficients of two equations, see `row`; half the step size, or any for a step of 0, whose
 # exponent is in these; the unit of states, and their bound.
 Constants = namedtuple("Constants", "one1 a1 b1 d1 t1 i1 one2 a2 b2 d2 t2 i2 h unit bound")
-# The logarithm of the unit of 0.
-NONE = -1e4
 
 
 @formula
 def _exponent_or_none(v):
-    return select(v == 0.0, NONE, exponent(v))
+    return select(v == 0.0, LOG_OF_ZERO, exponent(v))
 
 
 @formula
@@ -55,7 +53,7 @@ def enter(parameters, omega, i):
     W, E = exponent(larger(larger(abs(omega1), abs(omega2)), abs(omega3))), exponent(eps)
     unknown, unit = omega1 + omega2 + omega3 != omega1 + omega2 + omega3, two_to_the(W)
     h = select(eps == 0.0, 1.0, 0.5 * (eps * two_to_the(-E)))
-    H = select(eps == 0.0, NONE, E + W)
+    H = select(eps == 0.0, LOG_OF_ZERO, E + W)
     inverse = two_to_the(-W)
     one1, a1, b1, d1, t1, i1 = _row(I1, I13, I23, I3 - I2, 2.0 * I13, I3, H)
     one2, a2, b2, d2, t2, i2 = _row(I2, I13, I23, I1 - I3, 2.0 * I23, I3, H)

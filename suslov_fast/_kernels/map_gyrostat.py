@@ -35,7 +35,7 @@ Constants = namedtuple("Constants", "ratio inverse K c unit bound")
 @formula
 def enter(parameters, omega, i):
     I1, I2, I13, I23, k, eps = parameters
-    p, u = units.enter(
+    p, u = units.scaled_state(
         entry(I1, i), entry(I2, i), entry(I13, i), entry(I23, i), entry(k, i), entry(eps, i),
         omega[i, 0], omega[i, 1],
     )  # fmt: skip

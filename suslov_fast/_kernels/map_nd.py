@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
-from .._formulas.nd_map import FAR, SMALL, bounds, matrix_row, slope_of_itself, solve2
+from .._formulas.nd_map import FAR_FROM_0, SMALL_STEP, bounds, matrix_row, slope_of_itself, solve2
 from .._jit import allocation, formula, inner, rows_of, select, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
 from .elimination import ACCURATE, WIDTH, eliminate
@@ -31,7 +31,7 @@ from .units_nd import unit_of, unit_of_moments
 
 # Trajectories of a block, at most: enough to prevent sums over components from stalling on memory
 # just written. Blocks of a run that eliminates have `elimination.WIDTH`.
-LANES = 64
+LANES_ND = 64
 # Outcomes in a lane.
 SOLVED = 0.0  # the increment of `solve2` is accurate
 SOLVED_IF_FAR = 1.0  # the same, provided that no d is small
@@ -54,7 +54,9 @@ class Lanes(NamedTuple):
 
     eps_input: object  # 0 if all states are fixed
     body_exponent: object  # of the unit of I / J
-    near: object  # (1 - FAR) times the least J: d is far from 0 where eps p / 2 is below this
+    near: (
+        object  # (1 - FAR_FROM_0) times the least J: d is far from 0 where eps p / 2 is below this
+    )
     reach: object  # see `bounds`
     eps: object  # in the unit of omega; 0 for fixed states and ended lanes
     exponent: object  # of the unit of omega
@@ -81,7 +83,7 @@ def block(parameters, memory, task):
     bodies, states, elimination = memory
     body, state = bodies[task], states[task]
     c = Components(body[0], body[1], state[0], state[1], elimination, task)
-    return c, rows_of(Lanes, LANES)
+    return c, rows_of(Lanes, LANES_ND)
 
 
 @formula
@@ -151,7 +153,7 @@ def solve(c, b):
         of_omega, of_I, det, size = solve2(
             b.eps[l], b.p[l], b.square[l], b.alpha[l], b.beta[l], b.gamma[l]
         )
-        accurate = (det > FAR * FAR * size) & (b.square[l] < b.longest[l])
+        accurate = (det > FAR_FROM_0 * FAR_FROM_0 * size) & (b.square[l] < b.longest[l])
         solved = accurate & (b.half[l] < b.near[l])
         unsolved += select(solved, 0, 1)
         b.outcome[l] = select(solved, SOLVED, select(accurate, SOLVED_IF_FAR, OPEN))
@@ -196,7 +198,7 @@ def repair(c, b, elimination):
         if b.outcome[l] == SOLVED_IF_FAR:
             b.outcome[l] = SOLVED
             for i in range(M):
-                if abs(1.0 - b.half[l] / at(c.J, i, l)) <= FAR:
+                if abs(1.0 - b.half[l] / at(c.J, i, l)) <= FAR_FROM_0:
                     b.outcome[l] = OPEN
         any_open |= b.outcome[l] == OPEN
     if elimination is None:
@@ -281,7 +283,7 @@ def fill_matrix(c, b):
     """Fill A(omega), and omega as the right side."""
     matrix = c.elimination[0][c.task]
     m, _, lanes = matrix.shape
-    of_omega, of_I, others = stack(LANES), stack(LANES), stack(LANES)
+    of_omega, of_I, others = stack(LANES_ND), stack(LANES_ND), stack(LANES_ND)
     for i in range(m):
         for l in range(lanes):
             of_omega[l], of_I[l] = matrix_row(c.J[i, l], c.I[i, l], c.omega[i, l], b.eps[l])
@@ -362,7 +364,7 @@ def enter_body(c, b, l, J, I, eps):
         set_at(c.I, i, l, I_i)
         smallest = smaller(J_i, smallest)
         I_square += I_i * I_i
-    b.near[l], b.reach[l] = (1.0 - FAR) * smallest, SMALL * smallest / np.sqrt(I_square)
+    b.near[l], b.reach[l] = (1.0 - FAR_FROM_0) * smallest, SMALL_STEP * smallest / np.sqrt(I_square)
     b.eps_input[l] = 0.0 if I_square == 0.0 else eps
     b.body_exponent[l] = exponent_I - exponent_J
 

@@ -23,7 +23,7 @@ Constants = namedtuple("Constants", "k1 k2 k3 k4 unit bound")
 def enter(parameters, omega, i):
     I1, I2, I13, I23, eps = body_at(parameters, i)
     omega1, omega2 = omega[i, 0], omega[i, 1]
-    p, u = units.enter(I1, I2, I13, I23, 0.0, eps, omega1, omega2)
+    p, u = units.scaled_state(I1, I2, I13, I23, 0.0, eps, omega1, omega2)
     _, Y, _, _ = coordinates.dimensionless(*p)
     rests, unit = (eps == 0.0) | (I13 == 0.0) & (I23 == 0.0), two_to_the(u.W)
     constants = Constants(

@@ -9,13 +9,13 @@ from collections import namedtuple
 
 from .._formulas import closed_form as formulas
 from .._formulas import closed_form_states
-from .._formulas.units import Problem
+from .._formulas.units import ScaledState
 from .._jit import allocation, formula, lane, put, rows_of, select
 from . import codes
 from .lanes import spread
 
 # A block of 64 orbits takes 60 KB.
-LANES = 64
+ROW_LANES = 64
 
 # What is known of the orbit of each lane: tuples of arrays. A `lane` of it is called an orbit.
 Block = namedtuple("Block", "problem body start levels steps forms")
@@ -37,12 +37,12 @@ RowLanes = namedtuple(
 @allocation
 def block():
     return Block(
-        rows_of(Problem, LANES),
-        rows_of(formulas.Body, LANES),
-        rows_of(formulas.Start, LANES),
-        rows_of(formulas.Levels, LANES),
-        rows_of(formulas.Steps, LANES),
-        rows_of(formulas.Forms, LANES),
+        rows_of(ScaledState, ROW_LANES),
+        rows_of(formulas.OrbitBody, ROW_LANES),
+        rows_of(formulas.Start, ROW_LANES),
+        rows_of(formulas.Levels, ROW_LANES),
+        rows_of(formulas.Steps, ROW_LANES),
+        rows_of(formulas.Forms, ROW_LANES),
     )
 
 
@@ -106,7 +106,7 @@ def takes(left, first, width):
 
 
 @formula
-def enter(b, lanes, motion, left, first, width, used):
+def fill_block(b, lanes, motion, left, first, width, used):
     """Fill a block of orbits; return False if it is left."""
     if enter_orbits(b, motion, used) > 0:
         for l in range(width):

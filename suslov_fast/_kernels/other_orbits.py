@@ -26,7 +26,7 @@ def takes(left, first, width):
 
 
 @formula
-def enter(b, lanes, motion, left, first, width, used):
+def fill_block(b, lanes, motion, left, first, width, used):
     enter_orbits(b, motion, used)
     cancels, turning = 0, 0
     for l in range(used):
@@ -97,13 +97,13 @@ def end_of(orbit, power_left, stop):
     """Return the status of an orbit at step `stop`, and the index of its first missing state."""
     problem, _, start, levels, steps, _ = orbit
     fate, rests = start.fate, steps.kind == formulas.RESTS
-    if fate == formulas.OUT_OF_RANGE:
+    if fate == formulas.BEYOND_RANGE:
         return codes.NEEDS_STEPS, np.inf
     if fate == formulas.UNKNOWN:
         return codes.NONFINITE, 0.0
     if fate == formulas.UNDEFINED:
         return codes.SINGULAR, 1.0
-    if fate == formulas.SUPERCRITICAL:
+    if fate == formulas.JUMPING:
         if rests:
             return codes.SUPERCRITICAL, np.inf
         if steps.kind == others.TURNS:  # which of its steps comes next to a pole is not known
@@ -190,8 +190,8 @@ def corrected(orbit, at, omega1, omega2):
         unknown_phase = (
             steps.kind == others.TURNS and others.LONGEST_PHASE <= n * steps.turns < np.inf
         )
-        if start.fate == formulas.OUT_OF_RANGE or size == np.inf or unknown_phase:
+        if start.fate == formulas.BEYOND_RANGE or size == np.inf or unknown_phase:
             column = 2
         elif start.fate != formulas.UNKNOWN:
-            column = 0 if np.floor(n) == n and n <= states.EXACT else 1
+            column = 0 if np.floor(n) == n and n <= states.LARGEST_COUNT else 1
     return omega1, omega2, column

@@ -24,13 +24,13 @@ MISSING, FIRST, INFINITE = range(3)
 _MOST = 4 * LANES  # results
 
 # What a quantity provides: `size`, the number of its results; `enter`, from the parameters of a
-# body to a `units.Body`; `at_state`, from that and a state to the results.
+# body to a `units.ScaledBody`; `at_state`, from that and a state to the results.
 quantity = namespace("quantity")
 
 
 def evaluate(part, parts, parameters, omega, out, period, counts):
     """Evaluate a quantity in a part of the tasks."""
-    bodies, tile = rows_of(units.Body, LANES), stack(_MOST)
+    bodies, tile = rows_of(units.ScaledBody, LANES), stack(_MOST)
     flat, results = omega.reshape(omega.size), out.reshape(out.size)
     count, tasks, shared = len(omega), len(counts), all_share(parameters)
     times = (count + period - 1) // period
@@ -125,7 +125,7 @@ def of_reaction(name, evaluated):
 @formula
 def as_given(I1, I2, I13, I23, k, eps):
     """A body in the units of the user."""
-    return units.Body(I1, I2, I13, I23, k, eps, 0.0, 0.0, 0.0, 0.0)
+    return units.ScaledBody(I1, I2, I13, I23, k, eps, 0.0, 0.0, 0.0, 0.0)
 
 
 def energy_at_state(body, omega1, omega2):

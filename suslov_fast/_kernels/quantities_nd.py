@@ -20,18 +20,18 @@ from .._formulas.units import Units, leave
 from .._jit import Kernel, formula, inner, namespace, select, share
 from .units_nd import unit_of, unit_of_moments
 
-# Number of rows of `Problem`.
+# Number of rows of `BodyAndState`.
 ROWS = 10
 # A change in a step that differs from that of the states by more than this part of them is wrong.
 DIFFERENT = 2.0**-40
 # A difference below this part of its terms has lost digits.
-CANCELLED = 2.0**-8
+CANCELLED_RATE = 2.0**-8
 
 # What a quantity provides: at_state(s, eps, unit, out), which fills `out` from a problem.
 quantity = namespace("quantity")
 
 
-class Problem(NamedTuple):
+class BodyAndState(NamedTuple):
     """A body, a state and the next one in one system of units, and the vector field."""
 
     J: object  # all (m,)
@@ -176,7 +176,7 @@ def fill_reaction(s, eps, unit, out):
         out[i * m + i] = 0.0 * s.slope[i]
         for j in range(i):
             driven = s.I[j] * s.slope[i] - s.I[i] * s.slope[j]
-            if abs(driven) < CANCELLED * abs(s.I[j] * s.slope[i]) and not any_differs:
+            if abs(driven) < CANCELLED_RATE * abs(s.I[j] * s.slope[i]) and not any_differs:
                 driven = driven_by(s, i, j, p, p_next)
             gyration = s.omega[i] * s.following[j] + s.following[i] * s.omega[j]
             gyration = 0.5 * (s.J[j] - s.J[i]) * gyration
@@ -213,7 +213,7 @@ def evaluate(part, parts, parameters, omega, following, out, scratch, infinite):
     first_task, last_task = share(tasks, part, parts)
     for task in range(first_task, last_task):
         memory, body, M, P, infinite[task] = scratch[task], -1, 0.0, 0.0, 0
-        s = Problem(
+        s = BodyAndState(
             memory[0], memory[1], memory[2], memory[3], memory[4],
             memory[5], memory[6], memory[7], memory[8], memory[9],
         )  # fmt: skip

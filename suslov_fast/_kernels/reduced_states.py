@@ -15,7 +15,7 @@ from .units_nd import unit_of, unit_of_moments
 
 # The largest exponents of states, step sizes and ratios of J for which all numbers are far from the
 # limits of float64, also at poles.
-LARGEST, LONGEST, FARTHEST = 900.0, 200.0, 300.0
+LARGEST_POWER, LONGEST_POWER, FARTHEST = 900.0, 200.0, 300.0
 # The unit in the last place of numbers from 2 to 4.
 _LAST_PLACE = 2.0**-51
 
@@ -119,8 +119,8 @@ def reduce(part, parts, parameters, omega, three, state, along, across, unit, fi
         put(three[b], 0, (of_k, of_others, 0.0, I23, step))
         put(state[b], 0, (omega1, omega2))
         apart = abs(exponent(of_k) - exponent(of_others))
-        in_range = apart <= FARTHEST and abs(own) + apart <= LARGEST and undefined == 0.0
-        unit[b], fits[b] = M, in_range and exponent(step) <= LONGEST
+        in_range = apart <= FARTHEST and abs(own) + apart <= LARGEST_POWER and undefined == 0.0
+        unit[b], fits[b] = M, in_range and exponent(step) <= LONGEST_POWER
 
 
 @kernel

@@ -20,7 +20,7 @@ _BEYOND = "scipy.optimize.root(lambda x: vector_field(field, x), x0) finds one n
 # Bits of the numbers from which coordinates are rounded, and the most that are tried.
 _BITS, _MOST_BITS = 192, 2**16
 
-Exponents = tuple[int, ...]
+PowersOfTerm = tuple[int, ...]
 
 
 @filled
@@ -157,7 +157,7 @@ def _solutions(equations: Sequence[Polynomial], D: int) -> list[tuple[float, ...
     places = {m: k for k, m in enumerate(below)}
 
     @cache
-    def reduced(monomial: Exponents) -> Any:
+    def reduced(monomial: PowersOfTerm) -> Any:
         """Return the remainder of a monomial as a row of coefficients of those in `below`."""
         row = flint.fmpq_mat(1, len(below))
         if monomial in places:
@@ -172,7 +172,7 @@ def _solutions(equations: Sequence[Polynomial], D: int) -> list[tuple[float, ...
             row = times(reduced(tuple(np.subtract(monomial, unit).tolist())), unit)
         return row
 
-    def times(row: Any, unit: Exponents) -> Any:
+    def times(row: Any, unit: PowersOfTerm) -> Any:
         parts = ((m, row[0, k]) for m, k in places.items() if row[0, k])
         rows = (reduced(tuple(np.add(m, unit).tolist())) * c for m, c in parts)
         return sum(rows, flint.fmpq_mat(1, len(below)))

@@ -137,7 +137,8 @@ def names_defined(node):
     if isinstance(node, ast.ClassDef):
         return [node.name]
     stored = ast.walk(node) if isinstance(node, (ast.Assign, ast.AnnAssign)) else ()
-    return [each.id for each in stored if isinstance(getattr(each, "ctx", None), ast.Store)]
+    names = (each for each in stored if isinstance(each, ast.Name))
+    return [each.id for each in names if isinstance(each.ctx, ast.Store)]
 
 
 def test_classes_and_constants_of_one_name_are_defined_once():

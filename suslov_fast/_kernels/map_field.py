@@ -159,13 +159,22 @@ def take(c):
 
 @inner
 def settle(c, b, n, results, begin, end):
-    """Solve one by one for next states that are not accurate, and end lanes without one."""
+    """Solve one by one for next states that are not accurate, and end lanes without one.
+
+    A component that its increment cancels is taken from the equations for the next state itself.
+    """
     _, status, failed_at, _ = results
-    build(c, b, begin)
+    D, system = len(c.x), c.system[0]
     for l in range(c.x.shape[1]):
         if not is_accurate(b.size[l], b.lost[l], b.bound[l], b.ratio[l]):
-            finite, size = solve_lane(c, l), 0.0
-            for i in range(c.x.shape[0]):
+            finite, size = fill_system(c, b, l, begin), 0.0
+            # Not in a function of its own, which LLVM would optimise once more.
+            solve_system(c.system, c.scales)
+            for i in range(D):
+                x, half = c.x[i, l], system[i, D]
+                after = select(half == 0.0, x, x - 2.0 * half)
+                exact = (abs(after) >= CANCELLED * abs(half)) & (abs(half) < np.inf)
+                c.after[i, l] = select(exact, after, system[i, D + 1])
                 size += abs(c.after[i, l])
             if not size <= b.bound[l]:
                 if begin + l < end:
@@ -176,28 +185,32 @@ def settle(c, b, n, results, begin, end):
 
 
 @inner
-def solve_lane(c, l):
-    """Find the next state of a lane by `solve_system`; return True if its equations are finite.
+def fill_system(c, b, l, begin):
+    """Fill the equations of a lane; return True if those for the next state are finite.
 
-    A component that its increment cancels is taken from the equations for the next state itself,
-    A x_next = x + (eps/2) l x + eps c.
+    The right sides are minus half the step size times f, and that of the equations for the next
+    state itself, A x_next = x + (eps/2) l x + eps c.
     """
-    system, D = c.system[0], len(c.x)
+    indices, values, system, D = c.indices, c.values, c.system[0], len(c.x)
+    for i in range(D):
+        constant = c.slopes[i, D, l]
+        system[i, D], system[i, D + 1] = -constant, c.x[i, l] + 2.0 * constant
+        for j in range(D):
+            slope = c.slopes[i, j, l]
+            system[i, j] = (1.0 if i == j else 0.0) - slope
+            system[i, D] -= slope * c.x[j, l]
+            system[i, D + 1] += slope * c.x[j, l]
+    for t in range(len(values)):
+        i, j, k = indices[0, t], indices[1, t], indices[2, t]
+        if k < D:
+            factor = b.half[l] * value(values, t, begin + l)
+            system[i, j] -= factor * c.x[k, l]
+            system[i, k] -= factor * c.x[j, l]
+            system[i, D] -= factor * c.x[k, l] * c.x[j, l]
     poison = 0.0
     for i in range(D):
-        for j in range(D + 1):
-            system[i, j] = c.matrix[i, j, l]
-        system[i, D + 1] = c.x[i, l] + 2.0 * c.slopes[i, D, l]
-        for j in range(D):
-            system[i, D + 1] += c.slopes[i, j, l] * c.x[j, l]
         for j in range(D + 2):
             poison += 0.0 * system[i, j] if j != D else 0.0
-    solve_system(c.system, c.scales)
-    for i in range(D):
-        x, half = c.x[i, l], system[i, D]
-        after = select(half == 0.0, x, x - 2.0 * half)
-        exact = (abs(after) >= CANCELLED * abs(half)) & (abs(half) < np.inf)
-        c.after[i, l] = select(exact, after, system[i, D + 1])
     return poison == 0.0
 
 

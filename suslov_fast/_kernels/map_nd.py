@@ -36,6 +36,8 @@ LANES_ND = 64
 SOLVED = 0.0  # the increment of `solve2` is accurate
 SOLVED_IF_FAR = 1.0  # the same, provided that no d is small
 OPEN = 2.0  # neither
+# Rounding errors that a |d| / J below this amplifies are removed, see `project`.
+NEARLY_0 = 2.0**-10
 
 
 class Components(NamedTuple):
@@ -233,11 +235,11 @@ def eliminate_lanes(c, b):
         fill_matrix(c, b)
         for l in range(lanes):
             if b.outcome[l] == OPEN and not b.ratio[l] > ACCURATE:
-                solve_lane(c, l)
+                solve_lane(c, b, l)
 
 
 @inner
-def solve_lane(c, l):
+def solve_lane(c, b, l):
     """Take the step in a lane by `solve_system`."""
     matrix, system = c.elimination[0][c.task], c.elimination[1][c.task]
     m = len(matrix)
@@ -246,7 +248,8 @@ def solve_lane(c, l):
             system[0, i, j] = matrix[i, j, l]
     solve_system(system, c.elimination[2][c.task])
     for i in range(m):
-        project(c, l, system[0], i)
+        if abs(1.0 - b.half[l] / c.J[i, l]) < NEARLY_0:
+            project(c, l, system[0], i)
     for i in range(m):
         c.omega[i, l] = system[0, i, m]
 
@@ -265,17 +268,16 @@ def project(c, l, system, i):
             Iw += c.I[j, l] * c.omega[j, l]
             Ix += c.I[j, l] * system[j, m]
     if count > 2:
-        of_I, of_x = (Iw / II, Ix / II) if II > 0.0 else (0.0, 0.0)
-        for j in range(m):
-            if c.J[j, l] == c.J[i, l]:
-                w = c.omega[j, l] - of_I * c.I[j, l]
-                ww += w * w
-                wx += w * system[j, m]
-        across = wx / ww if ww > 0.0 else 0.0
-        for j in range(m):
-            if c.J[j, l] == c.J[i, l]:
-                w = c.omega[j, l] - of_I * c.I[j, l]
-                system[j, m] = of_x * c.I[j, l] + across * w
+        of_I, along = (Iw / II, Ix / II) if II > 0.0 else (0.0, 0.0)
+        for turn in range(2):
+            for j in range(m):
+                if c.J[j, l] == c.J[i, l]:
+                    w = c.omega[j, l] - of_I * c.I[j, l]
+                    if turn == 0:
+                        ww += w * w
+                        wx += w * system[j, m]
+                    else:
+                        system[j, m] = along * c.I[j, l] + (wx / ww * w if ww > 0.0 else 0.0)
 
 
 @inner

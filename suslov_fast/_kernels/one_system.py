@@ -4,7 +4,7 @@ import numpy as np
 
 from .._formulas.coordinates import ZERO_TO_ROUNDING
 from .._formulas.elementary import exponent, larger, two_to_the
-from .._jit import inner, select
+from .._jit import inner
 
 # Rounds of `balance`, at most: two or three do, unless unknowns are coupled in one direction.
 ROUNDS = 20
@@ -45,14 +45,19 @@ def solve_system(system, scales):
             for j in range(k + 1, m):
                 matrix[i, j] -= factor * matrix[k, j]
     for r in range(m, columns):
-        substitute(matrix, matrix, r)
         for i in range(m):
-            for j in range(m):
-                original[i, r] -= original[i, j] * matrix[j, r]
-        substitute(matrix, original, r)
+            matrix[i, r] = 0.0
+        for refined in range(2):
+            for i in range(m):
+                weights[i] = original[i, r]
+                for j in range(m):
+                    weights[i] -= original[i, j] * matrix[j, r]
+            substitute(matrix, weights)
+            for i in range(m):
+                keep = refined == 1 and not abs(weights[i]) < np.inf
+                matrix[i, r] += 0.0 if keep else weights[i]
         for i in range(m):
-            change = original[i, r]
-            matrix[i, r] = (matrix[i, r] + select(abs(change) < np.inf, change, 0.0)) * units[i]
+            matrix[i, r] *= units[i]
 
 
 @inner
@@ -105,14 +110,14 @@ def exchange_rows(matrix, original, weights, k):
 
 
 @inner
-def substitute(factors, matrix, r):
-    """Replace a right side, column r, by its solution, NaN if a pivot is 0."""
-    m = len(factors)
+def substitute(factors, right):
+    """Replace a right side by the solution, NaN if a pivot is 0."""
+    m = len(right)
     for i in range(m):
         for j in range(i):
-            matrix[i, r] -= factors[i, j] * matrix[j, r]
+            right[i] -= factors[i, j] * right[j]
     for i in range(m - 1, -1, -1):
         for j in range(i + 1, m):
-            matrix[i, r] -= factors[i, j] * matrix[j, r]
+            right[i] -= factors[i, j] * right[j]
         pivot = factors[i, i]
-        matrix[i, r] = select(pivot == 0.0, np.nan, matrix[i, r] / pivot)
+        right[i] = right[i] / pivot if pivot != 0.0 else np.nan

@@ -376,6 +376,23 @@ def test_singular_curves():
     assert len(pencil.singular) == 4
 
 
+@pytest.mark.parametrize(
+    ("field", "integrals"),
+    [
+        (QuadraticField([[[0]]], [[-8]], [1]), []),  # every point has the same image
+        (QuadraticField.from_hamiltonian(lambda x: 0 * x[0] + 1, 2), [1, 1]),
+        (field_of(lambda x: (x[1] ** 2, 1), 2), [3]),
+        (field_of(lambda x: (x[1], -x[0]), 2), [2]),
+    ],
+)
+def test_reports_of_simple_fields(field, integrals):
+    found = report(field, EPS)
+    assert (found.growth.kind, [f.degree for f in found.integrals]) == ("bounded", integrals)
+    map = kahan(field, EPS)
+    x = [F(k, 7) for k in range(2, 2 + map.dimension)]
+    assert all(f(map(x)) == f(x) for f in found.integrals)
+
+
 def test_a_report_that_is_cut_short():
     assert not report(CYCLE, EPS, time_limit=0).finished
 

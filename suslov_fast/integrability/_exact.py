@@ -91,7 +91,8 @@ def monomial_values(exponents: Exponents, x: Any) -> Any:
     """Return the monomials at a point, whose coordinates may be of any type of numbers."""
     values = np.ones(len(exponents), object)
     for a, e in zip(x, np.array(exponents).T, strict=True):
-        values *= np.array([a**k for k in range(int(e.max()) + 1)], object)[e]
+        # NumPy takes univariate polynomials in a list for sequences.
+        values *= np.fromiter((a**k for k in range(int(e.max()) + 1)), object)[e]
     return values
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -84,15 +86,8 @@ def latex(f: Any) -> str:
             powers = tuple((P, sign * e) for P, e in f.factors if sign * e > 0)
             parts.append(latex(RationalFunction(powers, Fraction(number))))
         return f"\\frac{{{parts[0]}}}{{{parts[1]}}}"
-    text = str(f).replace("*", " ")
-    for name, digits in (("x", "_"), ("^", "^")):
-        pieces = text.split(name)
-        for k, piece in enumerate(pieces[1:], start=1):
-            count = len(piece) - len(piece.lstrip("0123456789"))
-            head = "x" if name == "x" else ""
-            pieces[k] = f"{head}{digits}{{{piece[:count]}}}{piece[count:]}"
-        text = "".join(pieces)
-    return text
+    text = re.sub(r"x(\d+)", r"x_{\1}", str(f).replace("*", " "))
+    return re.sub(r"\^(\d+)", r"^{\1}", text)
 
 
 class Projective:
@@ -107,8 +102,10 @@ class Projective:
         self.map, self.D = map, map.dimension
         self.ring = _exact.polynomial_ring(self.D, flint.fmpz_mpoly_ctx)
         arithmetic = Arithmetic(map)
-        systems = [self._integral(arithmetic.forward), self._integral(arithmetic.backward)]
-        forward, (self.backward, *_) = (cramer(each) for each in systems)
+        forward = cramer(self._integral(arithmetic.forward))
+        self.backward = self.ring.constant(0)
+        with contextlib.suppress(ZeroDivisionError):  # there is no inverse
+            self.backward = cramer(self._integral(arithmetic.backward))[0]
         common = reduce(lambda a, b: a.gcd(b), forward)
         self.F = [each // common for each in forward]
         self.delta = max(int(each.total_degree()) for each in self.F)
@@ -136,7 +133,7 @@ class Projective:
     @cached_property
     def factors(self) -> tuple[Any, ...] | None:
         """Irreducible factors of the denominator and of det DPhi; None if they are too large."""
-        if self.backward == 0 or self.delta == 0:  # there is no inverse
+        if self.backward == 0 or self.delta == 0:
             return None
         sparse = max(len(F.to_dict()) for F in self.F) <= _SPARSE
         found = _exact.factors(self.F[0]) + _exact.factors(self.determinant)

@@ -169,19 +169,24 @@ class _Work:
         """Do the work, and yield after each part."""
         self._find_degrees()
         yield
+        self.projective = projective(self.map)
+        if self.projective.backward == 0:
+            self.searched.append("nothing else: the map has no inverse, since det DPhi = 0")
+            return
         D, d = self.field.dimension, self.degree
         N = math.comb(D + d, d)
         search = Relations(self.map, random.Random(self.seed))
         self.relations = search.independent(_exact.exponents_up_to(d, D))
         self.searched.append(f"relations between the {N} monomials up to degree {d}")
         yield
-        self.projective = projective(self.map)
         if self.field.H is not None:
             self._of_hamiltonian(self.projective)
         if self.projective.factors is not None:
             yield from self._darboux(self.projective)
         else:
-            self._without_factors(self.projective)
+            found = hk_bases(self.map, self.degree, seed=self.seed).integrals
+            self.integrals += [quotient(P, found[0], MODULAR) for P in found[1:]]
+            self.searched.append("no Darboux polynomials, since det DPhi is too long")
         yield
 
     def _find_degrees(self) -> None:
@@ -207,15 +212,15 @@ class _Work:
         H, x = _integral(self.field.hamiltonian, map.ring), map.ring.gens()
         steps = (F - a * map.F[0] for F, a in zip(map.F[1:], x, strict=True))
         change = sum((H.derivative(i) * step for i, step in enumerate(steps)), 0 * H)
+        if H.is_constant():
+            return
         modified = quotient(3 * H * map.F[0] + change, 3 * map.F[0], MODULAR)
-        P, Q = modified.numerator, modified.denominator
-        k = modified.degree
-        basis = MODULAR
-        if map.terms(k) + math.comb(map.D + k, k) <= TERMS:
-            if map.pullback(P, k) * Q != map.pullback(Q, k) * P:
+        if k := modified.degree:
+            P, Q = modified.numerator, modified.denominator
+            short = map.terms(k) + math.comb(map.D + k, k) <= TERMS
+            if short and map.pullback(P, k) * Q != map.pullback(Q, k) * P:
                 raise ArithmeticError(f"{modified}: expected an integral")
-            basis = IDENTITY
-        self.integrals.append(quotient(P, Q, basis))
+            self.integrals.append(quotient(P, Q, IDENTITY if short else MODULAR))
         one = map.ring.constant(1)
         self.measures.append(quotient(one, map.determinant, MODULAR))
         if map.factors is not None:
@@ -245,11 +250,6 @@ class _Work:
             invariants.of_degree(k, k)
             self.searched.append(f"the same up to degree {k}, since relations show more integrals")
             k += 1
-
-    def _without_factors(self, map: Projective) -> None:
-        found = hk_bases(self.map, self.degree, seed=self.seed).integrals
-        self.integrals += [quotient(P, found[0], MODULAR) for P in found[1:]]
-        self.searched.append("no Darboux polynomials: det DPhi is 0, or too long")
 
     def report(self, finished: bool) -> Report:
         integrals, measures, polynomials = [*self.integrals], [*self.measures], []

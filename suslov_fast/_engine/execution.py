@@ -7,7 +7,7 @@ import numpy as np
 from .._checks import EXACT, FloatArray, wrong
 from .._kernels import codes
 from .memory import require
-from .problem import NO_TRAJECTORIES, Output, Problem, Span
+from .problem import NO_TRAJECTORIES, Driver, Indices, Output, Problem, Span
 from .progress import Progress, reporter
 
 # Numbers of states that are copied at a time for drivers of some trajectories.
@@ -19,25 +19,32 @@ def drive(problem: Problem, span: Span, output: Output) -> None:
     """Fill an output: each driver computes the trajectories that those before it left."""
     left = None  # all
     for driver in problem.map.drivers(problem, span):
-        own = span.from_0 if driver.from_0 else span
+        steps = span.from_0 if driver.from_0 else span
         if left is None:
-            left = driver.fill(problem, own, output)
+            left = driver.fill(problem, steps, output)
         else:
-            computing, left = left, NO_TRAJECTORIES
-            together = max(_COPIED // (problem.omega0.shape[1] * (own.rows + 1)), 1)
-            for begin in range(0, computing.size, together):
-                chosen = computing[begin : begin + together]
-                some = problem.take(chosen)
-                part = Output.of_part(some, own)
-                resume = {name: array[chosen] for name, array in own.resume.items()}
-                rest = driver.fill(some, own._replace(resume=resume), part)
-                if not driver.keeps:
-                    part.resume.clear()
-                if rest.size < chosen.size:
-                    output.put(chosen, part)
-                left = np.append(left, chosen[rest]) if rest.size else left
+            todo, left = left, NO_TRAJECTORIES
+            together = max(_COPIED // (problem.omega0.shape[1] * (steps.rows + 1)), 1)
+            for begin in range(0, todo.size, together):
+                chosen = todo[begin : begin + together]
+                left = np.append(left, _drive_part(driver, problem, steps, output, chosen))
         if not left.size:
             return
+
+
+def _drive_part(
+    driver: Driver, problem: Problem, span: Span, output: Output, chosen: Indices
+) -> Indices:
+    """Compute some trajectories in memory of their own; return those that the driver leaves."""
+    part = problem.take(chosen)
+    results = Output.of_part(part, span)
+    resume = {name: array[chosen] for name, array in span.resume.items()}
+    left = driver.fill(part, span._replace(resume=resume), results)
+    if not driver.keeps:
+        results.resume.clear()
+    if left.size < chosen.size:
+        output.put(chosen, results)
+    return chosen[left]
 
 
 def execute(

@@ -40,7 +40,8 @@ _SHARED = {
     "progress": """progress : bool or callable, optional
     True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.""",
     "dims": """dims : str or sequence of str, optional
-    Names for the axes of the batch; by default "trajectory", or "batch_0", "batch_1", ... The
+    Names for the axes of the batch; by default those of named parameters of a field, each along
+    the axis along which it varies alone, and "trajectory", or "batch_0", "batch_1", ... The
     name of a parameter that varies along this axis alone, such as "eps" or "I13", makes it the
     coordinate: ``data.sel(eps=0.2)``.""",
     "coords": """coords : mapping, optional

@@ -372,8 +372,9 @@ class QuadraticField(Body):
     def hamiltonian(self) -> Polynomial:
         """H; TypeError for a field without one."""
         if self.H is None:
-            expected = "a field made by QuadraticField.from_hamiltonian"
-            raise wrong("body", expected, "a field without a Hamiltonian", TypeError)
+            expected = "a single field made by QuadraticField.from_hamiltonian"
+            received = "a batch of fields" if self.shape else "a field without a Hamiltonian"
+            raise wrong("body", expected, received, TypeError)
         return self.H
 
     @property

@@ -127,6 +127,17 @@ def test_equal_fields_have_equal_hamiltonians_and_matrices():
     assert not of_hamiltonian(lambda x: x[0] ** 2, 1, [[0]]).linear.any()
 
 
+def test_the_structure_of_a_hamiltonian_field():
+    """K is part of a field, also where grad H = (1, 0, 0) does not see all of it."""
+    K = np.array([[0, 1, 2], [-1, 0, 3], [-2, -3, 0]])
+    field, twin = (of_hamiltonian(lambda x: x[0], 3, k) for k in (K, np.where(abs(K) == 3, -K, K)))
+    assert (field.constant == twin.constant).all()
+    assert field != twin
+    with pytest.raises(ValueError, match=r"dimension: expected .*even.*got 1"):
+        of_hamiltonian(lambda x: x[0] ** 2, 1)
+    assert sf.step(of_hamiltonian(lambda x: x[0] ** 2, 1, [[0]]), [2.0], 0.1) == 2.0
+
+
 def test_what_is_printed():
     assert repr(LORENZ) == (
         "QuadraticField(x1' = -10*x1 + 10*x2, x2' = -x1*x3 + 28*x1 - x2, "

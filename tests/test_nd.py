@@ -70,6 +70,18 @@ def test_derivatives_where_all_d_are_small(rng, m, along, gap):
     assert abs(sf.lyapunov_exponents(body, omega, eps, 1).sum() - log) < 1e-14 * abs(log)
 
 
+@pytest.mark.parametrize("gap", [1e-4, 1e-6, 1e-9])
+def test_derivatives_where_three_d_are_small(rng, gap):
+    """The condition of A is of the order of 1 / gap, and the problem is not solved."""
+    for _ in range(2):
+        J, I, eps, omega = random_problem(rng, 5)
+        J[:3] = J[0]
+        omega = with_small_d(J, I, eps, omega, 0, gap)
+        exact = naive.derivative(lambda v: naive.step_nd(J, I, eps, v), omega)  # noqa: B023
+        found = sf.jacobian(sf.SuslovND(J, I), omega, eps)
+        assert naive.relative_error(found.ravel(), sum(exact, ())) < 1e-13 / gap
+
+
 @pytest.mark.parametrize(
     ("J", "I", "omega"),
     [

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from naive import mpf, mpmath
 
-from suslov_fast._formulas import closed_form, elementary
+from suslov_fast._formulas import elementary, twofold
 
 
 def callable_from_python(formula):
@@ -16,7 +16,7 @@ def callable_from_python(formula):
 
 exponential = callable_from_python(elementary.exponential)
 logarithm_beyond = callable_from_python(elementary.logarithm_beyond)
-logarithm_of_ratio = callable_from_python(closed_form.logarithm_of_ratio)
+logarithm_of_ratio = callable_from_python(twofold.logarithm_of_ratio)
 
 
 def relative_error(computed, exact):

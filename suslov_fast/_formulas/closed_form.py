@@ -47,19 +47,8 @@ from .coordinates import (
     shifted,
     sum_of_ordered,
     sum_of_products,
-    two_sum,
 )
-from .elementary import (
-    LN2_HIGH,
-    LN2_LOW,
-    exponent,
-    halvings,
-    larger,
-    logarithm_beyond,
-    smaller,
-    two_to_the,
-    within,
-)
+from .elementary import exponent, larger, smaller, two_to_the, within
 
 # The exponential of smaller numbers underflows to 0.
 NO_POWER = -1e5
@@ -235,32 +224,6 @@ def cancels(levels):
 
 
 @formula
-def logarithm_of_ratio(L, L_lost, r):
-    """log |r| as a sum of two numbers, r = (1 - L) / (1 + L)."""
-    power = halvings(abs(r))
-    d, d_lost = two_sum(1.0, -L)
-    # Near L = 1 only r has the digits of 1 - L, unless L_lost has them.
-    near = (L_lost == 0.0) & (abs(d) < 0.5)
-    d, d_lost = select(near, r * (1.0 + L), d), select(near, 0.0, d_lost)
-    s, s_lost = two_sum(1.0, L)
-    # r = 2**power f, and log f = 2 artanh(q), q = (f - 1)/(f + 1).
-    scale = two_to_the(-power)
-    scale = select(r < 0.0, -scale, scale)
-    d, d_lost = scale * d, scale * d_lost
-    # L_lost is added last, since it may exceed 1. For large L, where scale = -1, it cancels in the
-    # first sum, like L.
-    above, lost = two_sum(d, -s)
-    above, above_lost = two_sum(above, (lost + (d_lost - s_lost)) - (scale + 1.0) * L_lost)
-    below, lost = two_sum(d, s)
-    below, below_lost = two_sum(below, (lost + (d_lost + s_lost)) - (scale - 1.0) * L_lost)
-    q, q_lost = twofold.quotient((above, above_lost), (below, below_lost))
-    total, lost = sum_of_ordered(power * LN2_HIGH, 2.0 * q)
-    lost = lost + ((2.0 * q_lost + logarithm_beyond(q)) + power * LN2_LOW)
-    high = total + lost
-    return high, lost - (high - total)
-
-
-@formula
 def larger_sum(start, levels):
     """The larger in size of S - L Y and S + L Y, S = L**2 + K X, and True if that is the first.
 
@@ -300,7 +263,7 @@ def steps(start, levels):
 @formula
 def with_logarithm(start, levels, log_r, log_lost):
     """`log_r` and `log_lost` of an orbit, from those of `steps`: of the map the logarithm of r."""
-    high, low = logarithm_of_ratio(levels.root, levels.root_lost, levels.r)
+    high, low = twofold.logarithm_of_ratio(levels.root, levels.root_lost, levels.r)
     of_map = (start.discrete > 0.0) & (log_r < 0.0) & (levels.r != 0.0)
     return select(of_map, high, log_r), select(of_map, low, log_lost)
 

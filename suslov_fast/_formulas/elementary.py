@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from .._jit import formula, select
+from .._jit import formula, select, two_product
 
 LOG2_E = 1.4426950408889634
 # log 2 as two numbers; the first has few bits, and its products with integers are exact.
@@ -17,6 +17,8 @@ LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 TO_INTEGER = 1.5 * 2.0**52
 BITS_OF_TO_INTEGER = 0x4338000000000000
 BITS_OF_ROOT_HALF = 0x3FE6A09E667F3BCD
+# Phases of this many quarter turns or more are not known.
+LONGEST_PHASE = 2.0**52
 
 
 @formula
@@ -140,6 +142,15 @@ def of_quarter_turns(q, lost):
     cosine = 1.0 - 0.5 * s * (1.0 - s * (1.0 / 12.0) * cosine)
     odd = 0.5 * whole != (0.5 * whole + TO_INTEGER) - TO_INTEGER
     return select(odd, cosine, sine), select(odd, -sine, cosine)
+
+
+@formula
+def sine_and_cosine(n, turns, turns_lost):
+    """Sine and cosine of n times some quarter turns, up to a common sign; NaN if n is too large."""
+    high, low = two_product(n, turns)
+    half = select(abs(high) < LONGEST_PHASE, 0.5 * high, np.nan)
+    whole = (half + TO_INTEGER) - TO_INTEGER
+    return of_quarter_turns(2.0 * (half - whole), low + n * turns_lost)
 
 
 @formula

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from .._jit import formula, select, two_product
+from .._jit import formula, select
 from . import twofold
 from .closed_form import (
     JUMPING,
@@ -32,22 +32,12 @@ from .closed_form import (
 )
 from .closed_form_states import LARGEST_COUNT, LARGEST_TIME, power_of_ratio
 from .coordinates import ZERO_TO_ROUNDING, shifted
-from .elementary import (
-    TO_INTEGER,
-    is_integer,
-    larger,
-    of_quarter_turns,
-    scaled,
-    smaller,
-    two_to_the,
-)
+from .elementary import is_integer, larger, scaled, sine_and_cosine, smaller, two_to_the
 from .equations import denominator
 
 NEAR, TURNS = 2.0, 3.0
 # States larger than R by this factor may be at a pole.
 NEAR_POLE = 2.0**20
-# Phases of this many quarter turns or more are not known.
-LONGEST_PHASE = 2.0**52
 # 2 / pi, as a sum of two numbers.
 TWO_OVER_PI = 0.6366197723675814, -3.935735335036497e-17
 
@@ -207,15 +197,6 @@ def combined(c, s, next_c, next_s, square):
     """
     of_s = select(square != 0.0, next_c, 1.0)
     return c * next_c + square * (s * next_s), s * of_s + c * next_s
-
-
-@formula
-def sine_and_cosine(n, turns, turns_lost):
-    """Sine and cosine of n times some quarter turns, up to a common sign; NaN if n is too large."""
-    high, low = two_product(n, turns)
-    half = select(abs(high) < LONGEST_PHASE, 0.5 * high, np.nan)
-    whole = (half + TO_INTEGER) - TO_INTEGER
-    return of_quarter_turns(2.0 * (half - whole), low + n * turns_lost)
 
 
 @formula

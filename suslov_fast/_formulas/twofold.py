@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from .._jit import formula, two_product
+from .._jit import formula, select, two_product
 from .coordinates import sum_of_ordered, two_sum
+from .elementary import LN2_HIGH, LN2_LOW, halvings, logarithm_beyond, two_to_the
 
 ONE = 1.0, 0.0
 
@@ -90,3 +91,29 @@ def angle_of_eighth(t):
     total = term(1.0, q, term(3.0, q, term(5.0, q, term(7.0, q, total))))
     high, low = product(t, total)
     return 8.0 * high, 8.0 * low
+
+
+@formula
+def logarithm_of_ratio(L, L_lost, r):
+    """log |r| as a sum of two numbers, r = (1 - L) / (1 + L)."""
+    power = halvings(abs(r))
+    d, d_lost = two_sum(1.0, -L)
+    # Near L = 1 only r has the digits of 1 - L, unless L_lost has them.
+    near = (L_lost == 0.0) & (abs(d) < 0.5)
+    d, d_lost = select(near, r * (1.0 + L), d), select(near, 0.0, d_lost)
+    s, s_lost = two_sum(1.0, L)
+    # r = 2**power f, and log f = 2 artanh(q), q = (f - 1)/(f + 1).
+    scale = two_to_the(-power)
+    scale = select(r < 0.0, -scale, scale)
+    d, d_lost = scale * d, scale * d_lost
+    # L_lost is added last, since it may exceed 1. For large L, where scale = -1, it cancels in the
+    # first sum, like L.
+    above, lost = two_sum(d, -s)
+    above, above_lost = two_sum(above, (lost + (d_lost - s_lost)) - (scale + 1.0) * L_lost)
+    below, lost = two_sum(d, s)
+    below, below_lost = two_sum(below, (lost + (d_lost + s_lost)) - (scale - 1.0) * L_lost)
+    q, q_lost = quotient((above, above_lost), (below, below_lost))
+    total, lost = sum_of_ordered(power * LN2_HIGH, 2.0 * q)
+    lost = lost + ((2.0 * q_lost + logarithm_beyond(q)) + power * LN2_LOW)
+    high = total + lost
+    return high, lost - (high - total)

@@ -5,7 +5,7 @@ import numpy as np
 from .._formulas import closed_form as formulas
 from .._formulas import closed_form_states as states
 from .._formulas import other_orbits as others
-from .._formulas.elementary import exponent, scaled
+from .._formulas.elementary import LONGEST_PHASE, exponent, scaled
 from .._jit import formula, inner, lane, put, select
 from . import codes
 from .lanes import whole
@@ -187,9 +187,7 @@ def corrected(orbit, at, omega1, omega2):
         omega1, omega2 = np.nan, np.nan
     elif not size < np.inf:
         omega1, omega2 = np.nan, np.nan
-        unknown_phase = (
-            steps.kind == others.TURNS and others.LONGEST_PHASE <= n * steps.turns < np.inf
-        )
+        unknown_phase = steps.kind == others.TURNS and LONGEST_PHASE <= n * steps.turns < np.inf
         if start.fate == formulas.BEYOND_RANGE or size == np.inf or unknown_phase:
             column = 2
         elif start.fate != formulas.UNKNOWN:

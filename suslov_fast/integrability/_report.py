@@ -74,7 +74,9 @@ class Report:
 
     def __repr__(self) -> str:
         d, D = self.degree, self.field.dimension
-        none = f"none found up to degree {d}"
+        none = f"none found up to degree {d}" if self.finished else "none found so far"
+        if self.finished and self.relations is None:
+            none = "not sought"
         error = f" +- {self.growth.entropy_error:.2g}" if self.growth.entropy_error else ""
         entropy = "" if math.isnan(self.entropy) else f", entropy {self.entropy:.4g}{error}"
         plane = {1: "points", 2: "lines", 3: "planes"}.get(D, "hyperplanes")
@@ -86,8 +88,7 @@ class Report:
             *_listed("First integrals", self.integrals, none, 4),
             *_listed("Densities of measures", self.measures, none, 1),
             *_listed("Darboux polynomials", self.polynomials, none, 4),
-            f"Invariant {plane}: "
-            + ("; ".join(f"{P} = 0" for P in self.hyperplanes) or "none found"),
+            f"Invariant {plane}: " + ("; ".join(f"{P} = 0" for P in self.hyperplanes) or none),
         ]
         if self.relations is not None and self.relations > len(self.integrals):
             text = f"{self.relations} independent integrals, {MODULAR}"
@@ -95,7 +96,7 @@ class Report:
         if self.integrals or self.relations:
             lines.append(f"Level sets of the integrals have dimension {self.dimension} of {D}.")
         lines += [f"Pencil: {self.pencil}"] if self.pencil else []
-        lines += [f"Searched: {'; '.join(self.searched)}.", *self.notes]
+        lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         return "\n".join(textwrap.shorten(line, 3 * _WIDTH, placeholder=" ...") for line in lines)
 
     def _repr_latex_(self) -> str:

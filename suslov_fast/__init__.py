@@ -24,12 +24,13 @@ _MODULE_OF = {
     for alias in node.names
 }
 __all__ = sorted(_MODULE_OF)
+_MODULES = ("compiled", "integrability")
 
 
 def __getattr__(name: str) -> object:
     """Import the module of a public name when the name is first used."""
-    if name == "integrability":
-        return import_module(".integrability", __name__)
+    if name in _MODULES:
+        return import_module(f".{name}", __name__)
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:
@@ -40,4 +41,4 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__", "integrability"]
+    return [*__all__, *_MODULES, "__version__"]

@@ -108,7 +108,7 @@ def importing(path):
 # Layers from the bottom up: a module imports only from its own layer and those below.
 LAYERS = """
     _docs _checks _jit _formulas _kernels _bodies _engine _maps _states _space _runs _ensemble _show
-    integrability _cli __main__
+    compiled integrability _cli __main__
 """.split()
 # The method `Trajectories.plot`.
 EXCEPTIONS = {("_runs", "_show")}
@@ -221,7 +221,8 @@ def test_names_are_imported_when_they_are_asked_for():
         ours = "_runs.iterate", "_cli", "_ensemble", "_show", "_states", "_runs.schema"
         late = {"matplotlib", "scipy.linalg", "tqdm"} | {f"suslov_fast.{name}" for name in ours}
         assert not late & sys.modules.keys()
-        assert set(dir(suslov_fast)) == {*suslov_fast.__all__, "__version__", "integrability"}
+        modules = "compiled", "integrability"
+        assert set(dir(suslov_fast)) == {*suslov_fast.__all__, "__version__", *modules}
         assert "suslov_fast._space.vectors" not in sys.modules
         momentum = suslov_fast.momentum
         assert momentum is sys.modules["suslov_fast._space.vectors"].momentum

@@ -2,6 +2,7 @@
 
 from .cache import compile_timer
 from .instructions import (
+    borrowed,
     expect_store,
     lane,
     put,
@@ -14,15 +15,17 @@ from .instructions import (
 )
 from .kernels import Kernel, checked, kernel, namespace, share
 from .llvm import LINE
-from .options import allocation, formula, inner
+from .options import allocation, for_users, formula, inner
 
 __all__ = [
     "LINE",
     "Kernel",
     "allocation",
+    "borrowed",
     "checked",
     "compile_timer",
     "expect_store",
+    "for_users",
     "formula",
     "inner",
     "kernel",

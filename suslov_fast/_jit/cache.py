@@ -19,15 +19,15 @@ from numba.core import event
 
 _PACKAGE = Path(__file__).parent.parent
 _DIGITS = 12
-_SUBPACKAGES = ("_jit", "_formulas", "_kernels")
+_COMPILED = ("_jit/*.py", "_formulas/*.py", "_kernels/*.py", "compiled.py")
 
 
 @functools.cache
 def digests():
     """Digests of the sources of all kernels, and of the versions of what compiles them."""
     sources = hashlib.sha256()
-    for name in _SUBPACKAGES:
-        for path in sorted((_PACKAGE / name).glob("*.py")):
+    for pattern in _COMPILED:
+        for path in sorted(_PACKAGE.glob(pattern)):
             sources.update(path.read_bytes())
     versions = f"{numba.__version__} {version('llvmlite')} {np.__version__}".encode()
     return tuple(d.hexdigest()[:_DIGITS] for d in (sources, hashlib.sha256(versions)))

@@ -101,6 +101,16 @@ def _place(context, builder, kinds, values):
     return builder.gep(builder.bitcast(byte, _DOUBLE.as_pointer()), indices[-1:])
 
 
+@intrinsic
+def borrowed(typing, array):
+    def emit(context, builder, signature, arguments):
+        view = context.make_array(array)(context, builder, arguments[0])
+        view.meminfo = ir.Constant(view.meminfo.type, None)
+        return view._getvalue()
+
+    return array(array), emit
+
+
 @type_callable(operator.getitem)
 @type_callable(operator.setitem)
 def _type_of_item(context):

@@ -1,5 +1,8 @@
 """Every option of Numba that the package uses, with the reason for it."""
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import numba
 
 from .cache import enable_cache
@@ -17,6 +20,9 @@ OPTIONS = {
 _INNER = OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
+Function = TypeVar("Function", bound=Callable)
+
+
 def called_from_python(function, parallel=False):
     """Compile a function with a Python wrapper."""
     return numba.njit(parallel=parallel, **OPTIONS)(function)
@@ -30,6 +36,12 @@ def inner(function):
 def formula(function):
     """Compile a formula: LLVM inlines it, so a loop over lanes that calls it becomes SIMD."""
     return enable_cache(function, numba.njit(forceinline=True, **_INNER))
+
+
+def for_users(function: Function) -> Function:
+    """Compile a `formula` that users call, from their own compiled loops and from Python."""
+    options = OPTIONS | {"no_cfunc_wrapper": True}
+    return enable_cache(function, numba.njit(forceinline=True, **options))
 
 
 def allocation(function):

@@ -1,0 +1,333 @@
+"""Functions for your own compiled loops: ``njit`` functions, which also work from Python.
+
+In three dimensions :func:`frame` makes the constants of a body, or of a gyrostat, and a step size.
+A loop carries two numbers: :func:`enter` makes them of omega, :func:`advance` takes them one step
+further, and :func:`leave` turns them back. In n dimensions and for fields :func:`system` makes the
+constants, :func:`work` the memory of a thread, and :func:`step_system` takes a step.
+
+They serve ordinary range: dimensionless numbers of moduli below 1e100. What does not exist is NaN.
+
+Examples
+--------
+>>> from numba import njit
+>>> from suslov_fast import Suslov3D
+>>> from suslov_fast.compiled import advance, enter, frame
+>>> @njit
+... def steps_to_the_line(frame, omega1, omega2):
+...     u, v = enter(frame, omega1, omega2)
+...     n = 0
+...     while abs(u) > 1e-9:
+...         u, v = advance(frame, u, v)
+...         n += 1
+...     return n
+>>> steps_to_the_line(frame(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), eps=0.2), 1.0, 0.5)
+218
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ._bodies.base import Body
+from ._bodies.body_3d import Suslov3D, SuslovGyrostat
+from ._bodies.body_nd import SuslovND
+from ._bodies.field import QuadraticField
+from ._checks import FloatArray, instance, real_number, wrong
+from ._formulas import coordinates, equations, integrals
+from ._jit import borrowed, for_users, formula, stack
+from ._kernels import one_state
+
+# Fields of up to this dimension are compiled for it.
+_MOST, _MOST_1 = 4, 5
+
+
+class Frame(NamedTuple):
+    """A body without a rotor and a step size: (u, v) = (X, Y) of the theory pages."""
+
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    eps: float
+    # (X, Y) = (x1 omega1 + x2 omega2, y1 omega1 + y2 omega2), and back.
+    x1: float
+    x2: float
+    y1: float
+    y2: float
+    omega1_x: float
+    omega1_y: float
+    omega2_x: float
+    omega2_y: float
+
+    labels = property(lambda self: ("Omega1", "Omega2"))  # of the components of a state
+
+
+class GyrostatFrame(NamedTuple):
+    """A gyrostat and a step size: u + i v = eps / 2 (omega1 + i sqrt(I2 / I1) omega2)."""
+
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    k: float
+    eps: float
+    half: float  # eps / 2
+    ratio: float  # sqrt(I2 / I1)
+    # X = K + a u + b v, Y = b u - a v.
+    K: float
+    a: float
+    b: float
+
+    labels = property(lambda self: ("Omega1", "Omega2"))  # of the components of a state
+
+
+class NDSystem(NamedTuple):
+    """A body in n dimensions and a step size."""
+
+    J: FloatArray
+    I: FloatArray
+    eps: float
+    # Below these eps p / 2 and the square of the modulus of omega, a step in O(n) is accurate.
+    near: float
+    longest: float
+
+    labels = property(lambda self: tuple(f"Omega{i + 1}n" for i in range(len(self.J))))
+
+
+class FieldSystem(NamedTuple):
+    """A quadratic field and a step size, for f = q(x, x) + l x + c."""
+
+    quadratic: FloatArray  # eps q, (D, D, D)
+    slopes: FloatArray  # eps l / 2, and eps c / 2 in the last column, (D, D + 1)
+    size: FloatArray  # empty, with D axes, so that Numba knows D, or _MOST + 1 if D is larger
+
+    labels = property(lambda self: tuple(f"x{i + 1}" for i in range(len(self.slopes))))
+
+
+# Numba resolves the length of a tuple as it compiles, and drops the branch for the other kind.
+_GYROSTAT, _FIELD = len(GyrostatFrame._fields), len(FieldSystem._fields)
+
+
+def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFrame:
+    """Return the constants of one body and one step size, for loops in three dimensions.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovGyrostat
+        A single body. For other bodies, and for fields, see :func:`system`.
+    eps : float
+        Step size, positive or negative, in the unit of time of the body.
+
+    Returns
+    -------
+    NamedTuple of float
+        An argument of any compiled function. Its `labels` are those of the components.
+
+    Raises
+    ------
+    TypeError
+        If the body is of another class, or the step size is no real number.
+    ValueError
+        If there are several bodies or step sizes, or if the map is the identity.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D
+    >>> from suslov_fast.compiled import frame, step
+    >>> constants = frame(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), eps=0.2)
+    >>> omega1, omega2 = step(constants, 1.0, 0.5)
+    >>> round(omega1, 6), round(omega2, 6)
+    (1.013781, 0.372248)
+    """
+    if isinstance(body, (SuslovND, QuadraticField)):
+        expected = "Suslov3D or SuslovGyrostat, or system(body, eps) in place of frame"
+        raise wrong("body", expected, type(body).__name__, TypeError)
+    instance("body", body, (Suslov3D, SuslovGyrostat))
+    name = type(body).__name__
+    eps = _single(
+        body,
+        eps,
+        f"[frame({name}(*each), eps) for *each, eps in np.broadcast(*body.parameters, eps)]",
+    )
+    I1, I2, I13, I23, *rotor = body.parameters
+    k = rotor[0] if rotor else 0.0
+    if eps == 0.0 or I13 == I23 == k == 0.0:
+        expected = "eps != 0, and I13, I23 or k != 0"
+        raise wrong("body, eps", expected, f"{body!r}, eps = {eps!r}: the map is the identity")
+    if isinstance(body, SuslovGyrostat):
+        mean = math.sqrt(I1) * math.sqrt(I2)
+        more = 0.5 * eps, math.sqrt(I2 / I1), 0.5 * eps * k / mean, I13 / mean, I23 / I2
+        made: Frame | GyrostatFrame = GyrostatFrame(I1, I2, I13, I23, k, eps, *more)
+    else:
+        made = Frame(I1, I2, I13, I23, eps, *map(float, _matrices(I1, I2, I13, I23, eps)))
+    if not all(map(math.isfinite, made)):
+        raise wrong("body, eps", "numbers of ordinary range", f"{body!r}, eps = {eps!r}")
+    return made
+
+
+def _single(body: Any, eps: ArrayLike, loop: str) -> float:
+    """Return the step size; ValueError for several bodies or step sizes."""
+    number = real_number("eps", eps)
+    shape = np.broadcast_shapes(body.shape, np.shape(number))
+    if shape or not isinstance(number, float):
+        raise wrong("body, eps", "one body and one step size", f"the shape {shape}: loop, {loop}")
+    return number
+
+
+@for_users
+def _matrices(I1, I2, I13, I23, eps):
+    x1, y1, _, _ = coordinates.dimensionless(I1, I2, I13, I23, 0.0, eps, 1.0, 0.0)
+    x2, y2, _, _ = coordinates.dimensionless(I1, I2, I13, I23, 0.0, eps, 0.0, 1.0)
+    return x1, x2, y1, y2, *coordinates.from_canonical(I1, I2, I13, I23, eps)
+
+
+@for_users
+def enter(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
+    """Return the numbers u and v of a state, dimensionless and linear in omega."""
+    if len(frame) == _GYROSTAT:
+        return frame.half * omega1, frame.half * frame.ratio * omega2
+    return frame.x1 * omega1 + frame.x2 * omega2, frame.y1 * omega1 + frame.y2 * omega2
+
+
+@for_users
+def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
+    """Return u and v one step further, with one division; NaN where there is no next state."""
+    if len(frame) == _GYROSTAT:
+        return one_state.advance_gyrostat(frame.K, frame.a, frame.b, u, v)
+    return one_state.advance(u, v)
+
+
+@for_users
+def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
+    """Return (omega1, omega2), the inverse of :func:`enter`."""
+    if len(frame) == _GYROSTAT:
+        return u / frame.half, v / (frame.half * frame.ratio)
+    return (
+        frame.omega1_x * u + frame.omega1_y * v,
+        frame.omega2_x * u + frame.omega2_y * v,
+    )
+
+
+@for_users
+def step(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
+    """Return the next state; NaN where there is none."""
+    u, v = enter(frame, omega1, omega2)
+    u, v = advance(frame, u, v)
+    return leave(frame, u, v)
+
+
+@for_users
+def vector_field(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
+    """Return the derivatives of omega1 and omega2, as :func:`suslov_fast.vector_field`."""
+    f, k = frame, frame.k if len(frame) == _GYROSTAT else 0.0
+    return equations.vector_field(f.I1, f.I2, f.I13, f.I23, k, f.eps, omega1, omega2)
+
+
+@for_users
+def energy(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
+    """Return the energy, as :func:`suslov_fast.energy`."""
+    return integrals.energy(frame.I1, frame.I2, omega1, omega2)
+
+
+@for_users
+def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
+    """Return F of Lemma 1, as :func:`suslov_fast.first_integral`."""
+    f, k = frame, frame.k if len(frame) == _GYROSTAT else 0.0
+    return integrals.first_integral(f.I1, f.I2, f.I13, f.I23, k, f.eps, omega1, omega2)
+
+
+def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
+    """Return the constants of one body or field and one step size, for loops in n dimensions.
+
+    Parameters
+    ----------
+    body : SuslovND, QuadraticField, or a body in three dimensions
+        A single body, or a field. For bodies in three dimensions a :func:`frame` is faster.
+    eps : float
+        Step size, in the unit of time of the body.
+
+    Returns
+    -------
+    NamedTuple of arrays and float
+        An argument of any compiled function. Its `labels` are those of the components.
+
+    Raises
+    ------
+    TypeError
+        If `body` is neither a body nor a field, or the step size is no real number.
+    ValueError
+        If there are several bodies or step sizes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from suslov_fast import SuslovND
+    >>> from suslov_fast.compiled import step_system, system, work
+    >>> constants = system(SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5]), eps=0.4)
+    >>> omega, memory = np.array([0.3, 0.9, -0.6]), work(constants)
+    >>> step_system(constants, omega, omega, memory)  # Status.OK; out may be the state itself
+    0
+    >>> omega.round(6)
+    array([ 0.09633 ,  0.914132, -0.609721])
+    """
+    instance("body", body, Body)
+    if isinstance(body, SuslovND):
+        loop = "[system(SuslovND(J, I), eps) for J, I in zip(body.J, body.I)]"
+        eps = _single(body, eps, loop)
+        J, I = body.J, body.I
+        with np.errstate(divide="ignore"):
+            longest = 4.0 * J.min() / np.sqrt(I @ I) / abs(eps)
+        return NDSystem(J, I, eps, 0.5 * float(J.min()), float(longest * longest))
+    loop = "[system(QuadraticField(*each), eps) for each in zip(field.quadratic, field.linear)]"
+    eps, field = _single(body, eps, loop), body.field()
+    D, (indices, values) = field.dimension, field.terms
+    table = np.zeros((D, D + 1, D + 1))
+    table[tuple(indices)] = 0.5 * eps * values
+    slopes = table[:, :, D].copy()
+    quadratic = (table + table.swapaxes(1, 2))[:, :D, :D].copy()
+    return FieldSystem(quadratic, slopes, np.empty((0,) * min(D, _MOST_1)))
+
+
+@for_users
+def work(system: NDSystem | FieldSystem) -> tuple[FloatArray, ...]:
+    """Return memory for :func:`step_system`: one for each thread. Nothing else allocates."""
+    m = len(system[0])
+    right_sides = 2 if len(system) == _FIELD else 1
+    return np.empty(m), np.empty((2, m, m + right_sides)), np.empty((2, m))
+
+
+@for_users
+def step_system(
+    system: NDSystem | FieldSystem, x: FloatArray, out: FloatArray, work: tuple[FloatArray, ...]
+) -> int:
+    """Write the state that follows x (D,) to `out` (D,), which may be x; return its Status.
+
+    Where there is no next state, the status is negative and `out` is NaN.
+    """
+    inverse, equations, scales = borrowed(work[0]), borrowed(work[1]), borrowed(work[2])
+    x, out, first, second = borrowed(x), borrowed(out), borrowed(system[0]), borrowed(system[1])
+    D, matrix = len(x), equations[0]
+    if len(system) == _FIELD:
+        if _step_of_field(borrowed(system.size), first, second, x, out, matrix):
+            return 0
+        return one_state.solve_field(first, second, x, out, equations, scales)
+    eps, near, longest = system.eps, system.near, system.longest
+    if one_state.step_nd(first, second, eps, near, longest, x, out, inverse):
+        return 0
+    one_state.fill_nd(first, second, eps, x, matrix)
+    status = one_state.solve(equations, scales)
+    for i in range(D):
+        out[i] = matrix[i, D]
+    return status
+
+
+@formula
+def _step_of_field(size, quadratic, slopes, x, out, matrix):
+    """Take a step: if Numba knows D, in memory on the stack, which it keeps in registers."""
+    if size.ndim == _MOST_1:
+        return one_state.step_of_field(len(x), quadratic, slopes, x, out, matrix)
+    return one_state.step_of_field(size.ndim, quadratic, slopes, x, out, stack(_MOST, _MOST_1))

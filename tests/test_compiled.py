@@ -1,0 +1,243 @@
+"""Functions for loops of users, called from compiled code and from Python."""
+
+import pickle
+
+import children
+import naive
+import numpy as np
+import pytest
+from numba import njit, prange
+
+from suslov_fast import (
+    QuadraticField,
+    Status,
+    Suslov3D,
+    SuslovGyrostat,
+    SuslovND,
+    compiled,
+    energy,
+    first_integral,
+    iterate,
+    jacobian,
+    step,
+    vector_field,
+)
+from suslov_fast.compiled import advance, enter, frame, leave, step_system, system, work
+
+BODY, EPS = Suslov3D(4, 3, -0.4, -0.2), 0.2
+GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+
+
+def lorenz(x):
+    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+def chain(x):
+    return [x[i] * (x[(i + 1) % 6] - x[i - 1]) for i in range(6)]
+
+
+@njit(parallel=True)
+def after(frame, omega, steps):
+    """States after some steps, and their integrals."""
+    out = np.empty((len(omega), 3))
+    for i in prange(len(omega)):
+        u, v = enter(frame, omega[i, 0], omega[i, 1])
+        for _ in range(steps):
+            u, v = advance(frame, u, v)
+        out[i, 0], out[i, 1] = leave(frame, u, v)
+        out[i, 2] = compiled.first_integral(frame, out[i, 0], out[i, 1])
+    return out
+
+
+@njit(parallel=True)
+def system_after(system, x, steps):
+    """Take some steps of states (batch, D), in place; return the last statuses."""
+    status = np.zeros(len(x))
+    for k in prange(len(x)):
+        memory = work(system)
+        for _ in range(steps):
+            status[k] = step_system(system, x[k], x[k], memory)
+    return status
+
+
+def condition(body, state, eps, following):
+    found = np.linalg.norm(jacobian(body, state, eps)) * np.linalg.norm(state)
+    return max(1.0, found / np.linalg.norm(following))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        BODY,
+        Suslov3D(1, 1, 1, 0),
+        Suslov3D(0.3, 7, 1e-3, 2),
+        GYROSTAT,
+        SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 1e6),
+        SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 1e-9),
+        SuslovGyrostat(2.3, 1.4, 0, 0, 3),
+    ],
+    ids=repr,
+)
+def test_a_step_is_accurate(body, rng):
+    """Also far from the line, where the increment cancels the state, and for negative eps."""
+    *inertia, k = (*body.parameters, 0.0)[:5]
+    worst = 0.0
+    for scale in (1e-3, 1.0, 30.0, 1e6):
+        for eps in (0.2, -1.5):
+            omega = rng.normal(size=2) * scale
+            exact = naive.step(*inertia, eps, omega, k=k)
+            computed = compiled.step(frame(body, eps), *omega)
+            size = condition(body, omega, eps, np.array(exact, float))
+            worst = max(worst, naive.relative_error(computed, exact) / size)
+    assert worst < 8 * 2.0**-52
+
+
+@pytest.mark.parametrize(
+    ("body", "size", "eps"),
+    [
+        (SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), 1.0, 0.4),
+        (SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), 10.0, -3.0),  # by elimination
+        (SuslovND([1.0], [2.0]), 1.0, 0.25),
+        (QuadraticField.from_function(lorenz, 3), 10.0, 1 / 64),
+        (QuadraticField.from_function(lorenz, 3), 1.0, 0.5),  # with other pivots
+        (QuadraticField.from_function(chain, 6), 1.0, 0.125),
+        (QuadraticField.of(GYROSTAT), 1.0, 0.35),
+    ],
+    ids=["nd", "nd-elimination", "n=2", "lorenz", "lorenz-pivots", "chain", "gyrostat"],
+)
+def test_a_step_in_any_dimension_is_accurate(body, size, eps, rng):
+    constants, worst = system(body, eps), 0.0
+    memory = work(constants)
+    for _ in range(10):
+        x = rng.normal(size=body.dimension) * size
+        given, out = x.copy(), np.empty_like(x)
+        assert step_system(constants, x, out, memory) == Status.OK
+        assert (x == given).all()
+        if isinstance(body, SuslovND):
+            exact = naive.step_nd(body.J, body.I, eps, x)
+        else:
+            exact = naive.kahan_step(body, eps, x)
+        error = naive.relative_error(out, exact)
+        worst = max(worst, error / condition(body, x, eps, out))
+        assert step_system(constants, x, x, memory) == Status.OK
+        assert (x == out).all()  # in place
+    assert worst < 8 * 2.0**-52
+
+
+def test_loops_of_users_follow_orbits(rng):
+    omega = rng.uniform(-2, 2, (65, 2))
+    for body in (BODY, GYROSTAT):
+        *inertia, k = (*body.parameters, 0.0)[:5]
+        found = after(frame(body, EPS), omega, 50)
+        exact = naive.orbit(*inertia, EPS, omega[7], 50, k=k)[-1]
+        assert naive.relative_error(found[7, :2], exact) < 1e-14
+        F = first_integral(body, omega, EPS)
+        np.testing.assert_allclose(found[:, 2], F, rtol=1e-13)
+    body, x = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), np.array([[0.3, 0.9, -0.6]] * 3)
+    exact = naive.orbit_nd(body.J, body.I, 0.4, x[0], 10)[-1]
+    assert (system_after(system(body, 0.4), x, 10) == Status.OK).all()
+    assert naive.relative_error(x[2], exact) < 1e-14
+    for f, dimension in ((lorenz, 3), (chain, 6)):
+        field, x = QuadraticField.from_function(f, dimension), np.ones((3, dimension))
+        x += np.arange(dimension)
+        last = iterate(field, x, 1 / 64, 10, save_every=None).final
+        assert (system_after(system(field, 1 / 64), x, 10) == Status.OK).all()
+        np.testing.assert_allclose(x, last, rtol=1e-13)
+
+
+def test_a_long_orbit_comes_to_rest_without_subnormal_numbers():
+    constants = frame(BODY, EPS)
+    u, v = enter(constants, 1.0, 0.5)
+    for _ in range(20_000):
+        u, v = advance(constants, u, v)
+        assert u == 0.0 or abs(u) > 1e-300
+    assert u == 0.0
+    F = first_integral(BODY, [1.0, 0.5], EPS)
+    assert compiled.first_integral(constants, *leave(constants, u, v)) == pytest.approx(
+        F, rel=1e-13
+    )
+
+
+def test_quantities_are_those_of_the_package():
+    for body in (BODY, GYROSTAT):
+        constants, omega = frame(body, EPS), (1.1, -0.4)
+        assert compiled.vector_field(constants, *omega) == tuple(vector_field(body, omega))
+        assert compiled.energy(constants, *omega) == energy(body, omega)
+        expected = first_integral(body, omega, EPS)
+        assert compiled.first_integral(constants, *omega) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
+def test_what_does_not_exist_is_nan():
+    unit = frame(Suslov3D(1, 1, 1, 0), 2.0)  # X = Omega1, Y = -Omega2: poles are Y = 1 + 2 X**2
+    for X in np.array([0.0, 0.25, 1 / 3, 3.0, 1e8]):
+        u, v = enter(unit, X, -(1 + 2 * X * X))
+        assert np.isnan(advance(unit, u, v)).all()
+        assert np.isnan(compiled.step(unit, X, -(1 + 2 * X * X))).all()
+    assert np.isnan(advance(unit, *advance(unit, np.nan, 1.0))).all()
+    pole = SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875), 1.0
+    with pytest.warns(match="singular step"):
+        assert np.isnan(step(*pole)).all()
+    assert np.isnan(compiled.step(frame(pole[0], pole[2]), *pole[1])).all()
+    square = system(QuadraticField([[[1]]]), 0.5)  # x' = x**2
+    nd = system(SuslovND([1.0, 1.0, 1.0], [0.5, -0.75, 0.5]), 1.0)
+    for constants, x, status in (
+        (square, [2.0], Status.SINGULAR),
+        (square, [np.nan], Status.NONFINITE),
+        (nd, [1.0, -1.0, 1.5], Status.SINGULAR),
+        (nd, [1.0, np.nan, 1.5], Status.NONFINITE),
+    ):
+        out = np.array(x)
+        assert step_system(constants, out, out, work(constants)) == status
+        assert np.isnan(out).all()
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
+def test_errors_and_the_loops_to_write():
+    for call, error, words in (
+        (lambda: frame(SuslovND([1, 2], [1, 1]), 0.1), TypeError, r"system\(body, eps\)"),
+        (lambda: frame(4, 0.1), TypeError, "got int"),
+        (lambda: system(4, 0.1), TypeError, "got int"),
+        (lambda: frame(BODY, np.inf), ValueError, "finite"),
+        (lambda: frame(BODY, "0.1"), TypeError, "eps"),
+        (lambda: frame(BODY, 0.0), ValueError, "identity"),
+        (lambda: frame(Suslov3D(1, 2, 0, 0), 0.1), ValueError, "identity"),
+        (lambda: frame(BODY, 1e-320), ValueError, "ordinary range"),
+        (lambda: system(SuslovND([[1, 2]] * 3, [1, 1]), 0.1), ValueError, r"\(3,\): loop"),
+    ):
+        with pytest.raises(error, match=words):
+            call()
+    bodies = Suslov3D([4, 3], 1, -0.5, -0.3)
+    with pytest.raises(ValueError, match="loop") as raised:
+        frame(bodies, [[0.1], [0.2]])
+    names = {"np": np, "frame": frame, "Suslov3D": Suslov3D, "body": bodies, "eps": [[0.1], [0.2]]}
+    frames = eval(str(raised.value).partition("loop, ")[2], names)
+    assert frames == [frame(Suslov3D(I1, 1, -0.5, -0.3), e) for e in (0.1, 0.2) for I1 in (4, 3)]
+
+
+def test_frames_and_systems_are_plain_data():
+    for made in (frame(BODY, EPS), frame(GYROSTAT, EPS)):
+        assert pickle.loads(pickle.dumps(made)) == made
+        assert all(type(number) is float for number in made)
+        assert made.labels == ("Omega1", "Omega2")
+        assert (made.I1, made.eps) == (dict(zip(made._fields, made, strict=True))["I1"], EPS)
+    nd = system(SuslovND([1.3, 2.1], [0.4, -0.7]), 0.4)
+    field = system(QuadraticField.from_function(lorenz, 3), 0.1)
+    assert (nd.labels, field.labels) == (("Omega1n", "Omega2n"), ("x1", "x2", "x3"))
+    assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
+    assert repr(field).startswith("FieldSystem(quadratic=array(")
+
+
+@pytest.mark.compiled
+def test_a_second_process_finds_the_functions_compiled(tmp_path):
+    """And a changed package does not."""
+    code = """
+        import suslov_fast as s
+        from suslov_fast._jit import cache
+        from suslov_fast.compiled import advance, frame
+        advance(frame(s.Suslov3D(4, 3, -0.4, -0.2), 0.2), 0.1, 0.2)
+        print(sum(advance.stats.cache_hits.values()), advance.__qualname__)
+    """
+    first, second = (children.run(code, NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
+    assert (first[0], second[0]) == ("0", "1")
+    assert first[1] == second[1]

@@ -1,6 +1,7 @@
 """The tools that report and compare benchmarks, on invented results: nothing is timed."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -72,9 +73,10 @@ def test_benchmarks_are_timed_if_an_option_asks_for_it(options, timed, tmp_path)
         "no:cacheprovider",
     ]
     storage = f"--benchmark-storage={tmp_path}" if timed else "-q"
-    run = subprocess.run(
-        [*command, *options, storage], cwd=results.BENCH.parent, capture_output=True, text=True
-    )
+    # Without the variables that tell a child it is a worker of this run.
+    env = {name: each for name, each in os.environ.items() if not name.startswith("PYTEST_")}
+    where = {"cwd": results.BENCH.parent, "env": env}
+    run = subprocess.run([*command, *options, storage], capture_output=True, text=True, **where)
     assert run.returncode == 0, run.stdout + run.stderr
     assert "1 passed" in run.stdout
     assert ("benchmark 'processes': 1 tests" in run.stdout) == timed

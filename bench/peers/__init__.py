@@ -1,4 +1,6 @@
-"""Other implementations, one module per library; those without their library are skipped.
+"""Other implementations, one module per library, and loops of users over `suslov_fast.compiled`.
+
+Those without their library are skipped.
 
 Errors of peers that iterate the map are relative to its orbit, those of integrators relative to
 the continuous motion at the same time.
@@ -12,6 +14,7 @@ from work import Case, dimensions, fields, jumps, last_states, motions, quantiti
 
 FREE, PRANGE = "C, parameter-free", "Numba, naive: `prange` over trajectories"
 BATCH, FOUR = "NumPy, over the batch", "one division per four steps"
+OWN = "your own `prange` loop over `compiled."
 CASES = []
 
 
@@ -20,6 +23,7 @@ def add(table, function, key, label, make, on_one_thread=False, **more):
     library = function.removeprefix("fields.in_")
     of_numpy = library.startswith("numpy") and "python" not in function
     whose = "C" if library.partition(".")[0] == "c" else "NumPy" if of_numpy else "others"
+    whose = "this package" if library.startswith("own_loops") else whose
     threads = "one" if on_one_thread or library.startswith(("numpy", "scipy")) else "all"
     CASES.append(Case(table, key, label, make, whose=whose, threads=threads, **more))
 
@@ -31,6 +35,9 @@ for function, key, label, part, divisions in (
     ("c.as_printed", "c-printed", "C, as printed, two divisions", 1, 2),
     ("c.as_printed_once", "c-printed-once", "C, as printed, one division", 1, 1),
     ("blocked_numba.final", "numba-blocks", "Numba, parameter-free, in blocks", 1, 1),
+    ("own_loops.in_lanes", "own-lanes", f"{OWN}advance`, 64 orbits at once", 1, 1),
+    ("own_loops.one_by_one", "own-advance", f"{OWN}advance`", 16, None),
+    ("own_loops.step_by_step", "own-step", f"{OWN}step`", 16, None),
     ("naive_numba.final", "numba", PRANGE, 16, None),
     ("numpy_batch.final", "numpy", BATCH, 64, None),
     ("numpy_batch.final_python", "python", "Python", 1024, None),
@@ -68,6 +75,7 @@ for function, key, label in (
 
 for function, key, label, part in (
     ("fields.in_c", "c-field", "C: Lorenz written out, the chain by elimination", 1),
+    ("own_loops.of_field", "own-system", f"{OWN}step_system`", 1),
     ("fields.in_numba", "numba-solve", f"{PRANGE}, `linalg.solve`", 4),
     ("fields.in_numpy", "numpy-solve", "NumPy, `linalg.solve`", 16),
 ):

@@ -10,6 +10,8 @@ import xarray as xr
 
 import suslov_fast as sf
 from suslov_fast._bodies.base import Body
+from suslov_fast._engine.problem import Map
+from suslov_fast._maps import MAPS, map_named
 
 
 def random_inertia(rng, shape=()):
@@ -239,3 +241,16 @@ def test_a_body_with_a_field_has_what_all_fields_have(rng, pole):
         sf.jacobian(Body(), x, eps)
     with pytest.raises(TypeError, match="body: expected one with a quadratic vector field, got"):
         sf.QuadraticField.of(Body())
+
+
+def test_a_body_with_a_field_needs_no_kernel(monkeypatch, tmp_path):
+    """Its record names what fields have."""
+    of = vars(map_named("quadratic"))
+    record = Map(**of | {"name": "top", "body": Top, "title": "Top", "variable": "spin"})
+    monkeypatch.setitem(MAPS, "top", record)
+    top, starts = Top(1.0, 2.0, 4.0), np.array([[1.5, -0.5, 2.0], [0.3, 1.0, -1.0]])
+    run = sf.iterate(top, starts, 0.1, 7)
+    assert (run.spin == sf.iterate(top.field(), starts, 0.1, 7).x).all()
+    assert (sf.step(top, run.spin[:-1], 0.1) == run.spin[1:]).all()
+    run.save(tmp_path / "run.npz")
+    assert sf.Trajectories.load(tmp_path / "run.npz").extend(3) == run.extend(3)

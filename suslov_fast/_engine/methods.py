@@ -95,9 +95,9 @@ def closed_form(problem: Problem, span: Span, output: Output) -> Indices:
     last = float(span.steps)
     ends = output.status, output.failed_at, last
     orbits = orbits_of(problem.parameters, problem.omega0, False, problem.threads, ends)
-    if span.rows:
+    if rows := len(output.saved):
         first, every = span.rows_before, float(span.every)
-        fill_rows(orbits, Rows(every, first, first + span.rows, -first), output.saved)
+        fill_rows(orbits, Rows(every, first, first + rows, -first), output.saved)
     if not span.saves_last:
         to = np.zeros(1, np.intp)
         fill_states(orbits, 1.0, np.array([last]), to, output.final[np.newaxis])

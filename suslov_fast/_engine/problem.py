@@ -97,7 +97,9 @@ class Span(NamedTuple):
     @property
     def saves_last(self) -> bool:
         """True if the last state is one of those saved in this span."""
-        return self.rows > 0 and self.steps % self.every == 0
+        if not self.save_every or self.steps % self.save_every:
+            return False
+        return self.start == 0 or self.start < self.steps
 
     @property
     def from_0(self) -> Span:
@@ -132,7 +134,7 @@ class Output(NamedTuple):
         status, failed_at = np.empty(size, np.int8), np.empty(size, np.int64)
         status.fill(codes.NOT_COMPUTED)
         failed_at.fill(-1)
-        return cls(states[: span.rows], turns, final, status, failed_at, {})
+        return cls(states if span.save_every else states[:0], turns, final, status, failed_at, {})
 
     @classmethod
     def of_part(cls, problem: Problem, span: Span) -> Output:

@@ -134,7 +134,7 @@ class Output(NamedTuple):
         status, failed_at = np.empty(size, np.int8), np.empty(size, np.int64)
         status.fill(codes.NOT_COMPUTED)
         failed_at.fill(-1)
-        return cls(states if span.save_every else states[:0], turns, final, status, failed_at, {})
+        return cls(states[: span.rows], turns, final, status, failed_at, {})
 
     @classmethod
     def of_part(cls, problem: Problem, span: Span) -> Output:

@@ -94,7 +94,10 @@ for name in ZOO:
 # The picture. Axes show the middle of the orbits; some of them come close to poles.
 
 figure = plt.figure(figsize=(7.4, 11), layout="constrained")
-kinds = ("integrable", list(ZOO)[:INTEGRABLE], 3), ("not integrable", list(ZOO)[INTEGRABLE:], 2)
+kinds = (
+    ("integrable", list(ZOO)[:INTEGRABLE], 3),
+    ("exponential growth of degrees", list(ZOO)[INTEGRABLE:], 2),
+)
 parts = figure.subfigures(2, 1, height_ratios=[3, 2], hspace=0.03)
 for part, (kind, names, rows) in zip(parts, kinds, strict=True):
     part.suptitle(kind, fontsize=10, weight="bold")

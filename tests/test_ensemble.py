@@ -129,6 +129,9 @@ def test_sources_of_initial_states(tmp_path):
     for name, omega0 in sources.items():
         store = tmp_path / f"{name}.zarr"
         assert_same(ensemble(BODY, omega0, 0.2, 20, store=store, chunk=9), orbits)
+    for size in (0, (2, 0), (0, 2)):
+        shape = np.shape(np.empty(size))
+        assert iterate(BODY, RandomStarts(size, 2.0), 0.2, 3).states.shape == (4, *shape, 2)
     cube = RandomStarts((2, 3, 4), 2.0, seed=5)
     stored = ensemble(BODY, cube, 0.2, 0, store=tmp_path / "cube.zarr", chunk=2)
     assert np.array_equal(stored.final, array.reshape(-1, 2)[:24].reshape(2, 3, 4, 2))

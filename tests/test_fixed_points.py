@@ -30,6 +30,10 @@ KNOWN = [
      [*product(*((-a, a) for a in SQUARES))]),
     (lambda x: (x[0] ** 2, x[1] ** 2, x[2] ** 2 - x[0]), [[0, 0, 0]]),
     (lambda x: ((x[0] - 2 * x[2]) ** 2 + (x[1] - 1) ** 2, x[2], x[0]), [[0, 1, 0]]),
+    # Complex lines, which have single real points: a sphere and a plane that touches it.
+    (lambda x: (x[0] ** 2 + x[1] ** 2 + x[2] ** 2 - 1, x[2] - 1, 0 * x[0]), [[0, 0, 1]]),
+    (lambda x: (x[0] ** 2 + x[1] ** 2 + x[2] * (x[2] - 1), x[2] * (x[2] - 1), 0 * x[0]),
+     [[0, 0, 0], [0, 0, 1]]),
     (lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - F(8, 3) * x[2]),
      [[-(72**0.5), -(72**0.5), 27], [0, 0, 0], [72**0.5, 72**0.5, 27]]),
 ]  # fmt: skip

@@ -156,3 +156,17 @@ def test_bad_parameters():
     changed["affine"]["products"]["a"]["linear"][1][0] = 5.0
     with pytest.raises(ValueError, match="affine: expected that of the coefficients"):
         QuadraticField.from_dict(changed)
+
+
+@pytest.mark.parametrize("a", [2.0, [1.0, 2.0]])
+def test_a_function_that_compares_a_parameter_is_not_taken_as_affine(a):
+    """Symbols are not equal to 2, so the branch for all other values would be stored."""
+    field = QuadraticField.from_function(lambda x, a: ((a if a == 2 else -a) * x[0],), 1, a=a)
+    assert "affine" not in field.to_dict()
+    assert_named(QuadraticField.from_dict(field.to_dict()), field)
+
+
+def test_a_dependence_without_its_parts_is_refused():
+    given = SINGLE.to_dict() | {"affine": {"parameters": ["a"], "products": {}}}
+    with pytest.raises(ValueError, match="affine: expected products of parameters"):
+        QuadraticField.from_dict(given)

@@ -195,7 +195,9 @@ class QuadraticField(Body):
             self = cls(**named.batch_of(f, polynomials, values, n))
         else:
             self = cls._of_components(polynomials(lambda x: f(x, **values)), H, K)
-        return self._with_names(values, named.affine_in(f, polynomials, values, n))
+        # A function that looks at a parameter, as `a if a else 1`, does not see symbols as values.
+        affine = named.affine_in(f, polynomials, values, n)
+        return self._with_names(values, affine if affine and self._agrees(affine, values) else {})
 
     def _with_names(self, values: dict[str, Any], affine: dict[str, Any]) -> QuadraticField:
         vars(self).update(_parameters=values, _affine=affine)
@@ -457,10 +459,12 @@ class QuadraticField(Body):
     def _agrees(self, affine: dict[str, Any], values: dict[str, Any]) -> bool:
         """Return whether parameters and a dependence on them give the coefficients."""
         try:
-            found = named.evaluated(affine, values)
+            found = named.evaluated(affine, {name: values[name] for name in affine["parameters"]})
+            pairs = [(np.asarray(found[name], np.float64), self._arrays[name]) for name in _AXES]
         except (LookupError, TypeError, AttributeError) as error:
             raise wrong("affine", "products of parameters", f"an error: {error!r}") from error
-        pairs = [(np.asarray(found[name], np.float64), self._arrays[name]) for name in _AXES]
+        except OverflowError:  # beyond the range of runs
+            return False
         return all(
             np.allclose(a, b, rtol=1e-9, atol=1e-9 * abs(b).max(initial=0)) for a, b in pairs
         )

@@ -80,6 +80,8 @@ class RandomStarts:
         shape = (*(each.stop - each.start for each in where), dimension)
         require(16 * math.prod(shape), "fewer initial states, or `ensemble`, need less")
         states = np.empty(shape)
+        if not states.size:
+            return states
         first = [each.start for each in where]
         for index in np.ndindex(states.shape[:-2]):
             start = int(np.ravel_multi_index(np.add(first, (*index, 0)), self.shape))

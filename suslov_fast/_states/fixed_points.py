@@ -149,7 +149,9 @@ def _solutions(equations: Sequence[Polynomial], D: int) -> list[tuple[float, ...
     units = [tuple(int(i == k) for k in range(D)) for i in range(D)]
     bounds = [[sum(m) for m in leading if sum(m) == m[i]] for i in range(D)]
     if not all(bounds):
-        return None
+        known = [_quadratic(each) for each in basis if each.total_degree() <= 2]
+        fewer = _without_squares(known, D)
+        return None if fewer == known else _solutions([*equations, *fewer], D)
     ranges = np.ndindex(*(min(each) for each in bounds))
     below = [m for m in ranges if not any(_divides(head, m) for head in leading)]
     if not below:
@@ -216,6 +218,16 @@ def _integral(equation: Polynomial, context: Any, D: int) -> Any:
     return context.from_dict(
         {tuple(map(powers.count, range(D))): int(c * scale) for powers, c in equation.terms.items()}
     )
+
+
+def _quadratic(each: Any) -> Polynomial:
+    """Return a polynomial of degree 2 or less of the other library."""
+    terms = {}
+    for powers, c in each.terms():
+        terms[tuple(i for i, power in enumerate(powers) for _ in range(int(power)))] = Fraction(
+            int(c)
+        )
+    return Polynomial(terms)
 
 
 def _real_points(minimal: Any, traces: Sequence[Any]) -> list[tuple[float, ...]]:

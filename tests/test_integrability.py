@@ -526,6 +526,7 @@ class Quantity(float):
         (lambda: report(BODY, EPS, 0), ValueError, "degree: .*got 0"),
         (lambda: report(CLEBSCH.field, 1, 5), ValueError, "at most 4 for 6 variables .*210.*462"),
         (lambda: report(BODY, EPS, time_limit="x"), TypeError, "time_limit"),
+        (lambda: report(BODY, EPS, time_limit=-1), ValueError, "seconds of at least 0, got -1"),
         (lambda: report(1, EPS), TypeError, "body: .*got int"),
         (lambda: cofactors(CLEBSCH, -1), ValueError, "degree: .*got -1"),
         (lambda: darboux_polynomials(MAP, 1, "x"), TypeError, "cofactor: .*got str"),

@@ -144,7 +144,7 @@ def test_bad_parameters():
     assert {*schema_of(map), *HEADER, *TAKEN, *reductions_of(map)} - {"resume/state"} - {
         name for name in schema_of(map) if name.startswith("resume/")
     } <= _RESERVED
-    for name in (*(_RESERVED - {"f", "dimension"}), "a b"):
+    for name in (*(_RESERVED - {"dimension"}), "a b"):
         with pytest.raises(ValueError, match=f"parameters: expected .*{name!r}"):
             QuadraticField.from_function(lambda x, **given: (x[0],), 1, **{name: 2})
     for value in ("1", True, np.inf, [np.nan], [1j], [[1], [2, 3]]):

@@ -150,7 +150,7 @@ class QuadraticField(Body):
     @classmethod
     @filled
     def from_function(
-        cls, f: Callable[..., Any], dimension: int, **parameters: Any
+        cls, f: Callable[..., Any], /, dimension: int, **parameters: Any
     ) -> QuadraticField:
         """Return the field with components ``f(x, **parameters)``.
 
@@ -206,7 +206,7 @@ class QuadraticField(Body):
     @classmethod
     @filled
     def from_hamiltonian(
-        cls, H: Callable[..., Any], dimension: int, K: Any = None, **parameters: Any
+        cls, H: Callable[..., Any], /, dimension: int, K: Any = None, **parameters: Any
     ) -> QuadraticField:
         """Return the field ``x' = K grad H(x, **parameters)``, which carries H and K.
 

@@ -373,7 +373,10 @@ def report(
         raise wrong("degree", expected, f"{degree} ({unknowns} coefficients)")
     deadline = math.inf
     if time_limit is not None:
-        deadline = time.monotonic() + float(real_array("time_limit", time_limit))
+        seconds = float(real_array("time_limit", time_limit))
+        if seconds < 0:
+            raise wrong("time_limit", "None or a number of seconds of at least 0", seconds)
+        deadline = time.monotonic() + seconds
 
     def pulse() -> None:
         if time.monotonic() > deadline:

@@ -1,4 +1,4 @@
-"""What drivers compute: a problem, a span of its steps, and the output that they fill; and maps."""
+"""Problems, spans of steps, and the outputs that drivers fill; the class of the records of maps."""
 
 from __future__ import annotations
 

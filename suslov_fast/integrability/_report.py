@@ -35,7 +35,7 @@ _PROOF = {IDENTITY: "proved", MODULAR: f"checked {MODULAR}"}
 
 @dataclass(frozen=True, repr=False)
 class Report:
-    """What is known of a Kahan map, as `report` returns it.
+    """Results of `report` for a Kahan map.
 
     Each of `integrals`, `measures` (densities) and `polynomials` (Darboux polynomials) can be
     called with a point; `str` gives its formula, and its `basis` says what it rests on: "identity",

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from dataclasses import replace
 from fractions import Fraction as F
 
 import numpy as np
@@ -152,10 +153,27 @@ def test_bad_parameters():
             QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=value)
     with pytest.raises(ValueError, match=r"got a \(2,\), b \(3,\)"):
         QuadraticField.from_function(lambda x, a, b: (a * x[0],), 1, a=[1, 2], b=[1, 2, 3])
-    changed = SINGLE.to_dict()
-    changed["affine"]["products"]["a"]["linear"][1][0] = 5.0
-    with pytest.raises(ValueError, match="affine: expected that of the coefficients"):
-        QuadraticField.from_dict(changed)
+    assert SINGLE.to_dict()["affine"] == [[[1.0, 1]], [[-2.0, 0, "a"], ["6/7", 0, 0, "a"]]]
+    for terms, message in (
+        ([[[1.0, 1]], [[5.0, 0, "a"], ["6/7", 0, 0, "a"]]], "that of the coefficients"),
+        ([[[1.0, 1]], [[-2.0, 0, "b"], ["6/7", 0, 0, "b"]]], "terms .* got an error: KeyError"),
+        ([[[1.0, 5]], []], "terms .* got an error: IndexError"),
+        ([[[1.0, 1]]], "that of the coefficients"),
+        ({"a": 3}, "terms .* got an error"),
+    ):
+        with pytest.raises(ValueError, match=f"affine: expected {message}"):
+            QuadraticField.from_dict(SINGLE.to_dict() | {"affine": terms})
+    for values in ({"a": [1.0, 2.0]}, {"a": 1.0, "b": [1.0, 2.0, 3.0]}):
+        with pytest.raises(ValueError, match=r"parameters: expected shapes that broadcast to \(\)"):
+            QuadraticField.from_dict(SINGLE.to_dict() | {"parameters": values})
+
+
+def test_replaced_coefficients_need_not_be_those_of_the_parameters():
+    same = replace(SINGLE)
+    assert (same, same.H, same.parameters) == (SINGLE, SINGLE.H, {})
+    assert replace(BATCH, constant=np.zeros(3)).parameters == {}
+    with pytest.raises(ValueError, match="H, K: expected those of the coefficients, got others"):
+        replace(SINGLE, linear=np.eye(2))
 
 
 @pytest.mark.parametrize("a", [2.0, [1.0, 2.0]])
@@ -164,9 +182,3 @@ def test_a_function_that_compares_a_parameter_is_not_taken_as_affine(a):
     field = QuadraticField.from_function(lambda x, a: ((a if a == 2 else -a) * x[0],), 1, a=a)
     assert "affine" not in field.to_dict()
     assert_named(QuadraticField.from_dict(field.to_dict()), field)
-
-
-def test_a_dependence_without_its_parts_is_refused():
-    given = SINGLE.to_dict() | {"affine": {"parameters": ["a"], "products": {}}}
-    with pytest.raises(ValueError, match="affine: expected products of parameters"):
-        QuadraticField.from_dict(given)

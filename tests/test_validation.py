@@ -169,7 +169,7 @@ BAD_FUNCTIONS = [
     (lambda x: None, 2, "f: expected a tuple of 2 components, got None"),
     (lambda x: x[0] * x[1], 2, r"f: expected a tuple of 2 components, got x1\*x2"),
     (lambda x: {x[0], x[1]}, 2, "f: expected a tuple of 2 components, got {x1, x2}"),
-    (lambda x: (None, x[0]), 2, "the value of f: expected polynomials or numbers, got NoneType"),
+    (lambda x: (None, x[0]), 2, "the value of f: expected integers, fractions or floats, got NoneType"),
     (None, 2, "f: expected a function of x, the tuple of variables, got NoneType"),
     ([FIELD, FIELD], 2, "f: expected a function of x, the tuple of variables, got list"),
 ]  # fmt: skip
@@ -190,7 +190,7 @@ FIRST_HOUR = [
     (lambda b: sf.ensemble(b, OMEGA, 0.2, 3, store=3), "store: expected the name of a folder, .* got 3"),
     (lambda b: sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 4, 2), "H: .* degree at most 3, got degree 4$"),
     (lambda b: sf.QuadraticField.from_hamiltonian(lambda q, p: q * p, 2), "H: expected .*time as a variable"),
-    (lambda b: sf.QuadraticField.from_hamiltonian(lambda x: (x[0], x[1]), 2), "the value of H: expected polynomials or numbers, got tuple"),
+    (lambda b: sf.QuadraticField.from_hamiltonian(lambda x: (x[0], x[1]), 2), "the value of H: expected integers, fractions or floats, got tuple"),
     (lambda b: sf.iterate(b, STATES, [0.1, 0.2], 3), r"got body \(\), omega0 \(3,\), eps \(2,\); eps\[:, None\] would fit"),
     (lambda b: sf.energy(sf.Suslov3D([4, 3], 1, 0, 0), STATES), r"omega\[:, None\] would fit"),
     (lambda b: sf.step(b, np.ones((4, 3, 2)), [1, 2, 3, 4, 5]), r"eps\[:, None, None\] would fit"),

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
-from itertools import permutations
 from numbers import Rational
 from typing import Any
 
@@ -37,18 +36,17 @@ def numbers(name: str, value: Any) -> NDArray[Any]:
     return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
 
 
-def exact_array(name: str, value: Any, shape: Any, exact: bool = False) -> NDArray[Any]:
-    """Return an array of fractions; floats raise an error if `exact`."""
+def exact_array(name: str, value: Any, shape: Any) -> NDArray[Any]:
+    """Return an array of fractions."""
     given = numbers(name, value)
     if given.shape != shape:
         raise wrong(name, f"shape {shape}", given.shape)
-    some = given.flat if given.dtype == object else given.ravel()[:1]
-    for each in {type(each): each for each in some}.values():  # the types of zeros, too
+    samples = given.flat if given.dtype == object else given.ravel()[:1]
+    for each in {type(each): each for each in samples}.values():  # the types of zeros, too
         refuse_units(name, each)
-        rational(name, each, exact)
+        rational(name, each)
     array = np.full(shape, Fraction(0))
-    for index in map(tuple, np.argwhere(given).tolist()):
-        array[index] = rational(name, given[index], exact)
+    array[given != 0] = [rational(name, each) for each in given[given != 0]]
     return array
 
 
@@ -62,8 +60,6 @@ def plain(a: Fraction) -> float | str:
 
 class Polynomial:
     """A polynomial in x1, x2, ..., exact: `terms` maps monomials to coefficients."""
-
-    __slots__ = ("terms",)
 
     def __init__(self, terms: dict[Monomial, Fraction]) -> None:
         self.terms = {powers: c for powers, c in terms.items() if c}
@@ -138,9 +134,6 @@ class Polynomial:
             raise wrong("power", "a small integer of at least 0", power)
         return math.prod([self] * int(power), start=Polynomial({(): Fraction(1)}))
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Polynomial, (self.terms,)
-
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Polynomial) and self.terms == other.terms
 
@@ -167,30 +160,25 @@ def polynomials_of(arrays: Mapping[str, NDArray[Any]]) -> tuple[Polynomial, ...]
     for name, array in arrays.items():
         exact = exact_array(name, array, array.shape)
         of = [terms.setdefault(i, {}) for i in range(len(array))]
-        for i, *powers in np.argwhere(array).tolist():
+        for i, *powers in np.argwhere(exact).tolist():
             monomial = tuple(sorted(powers))
             of[i][monomial] = of[i].get(monomial, Fraction(0)) + exact[(i, *powers)]
     return tuple(map(Polynomial, terms.values()))
 
 
-def coefficients_of(polynomials: tuple[Polynomial, ...]) -> list[NDArray[Any]]:
-    """Return c_i, l_ij and q_ijk = q_ikj of polynomials f_i of degree at most 2, read-only."""
-    D = len(polynomials)
-    arrays = [np.full((D,) * axes, Fraction(0)) for axes in (1, 2, 3)]
-    for i, each in enumerate(polynomials):
-        for powers, c in each.terms.items():
-            places = {*permutations(powers)}
-            for place in places:
-                arrays[len(powers)][(i, *place)] = c / len(places)
-    for array in arrays:
-        array.flags.writeable = False
-    return arrays
+def fill(table: NDArray[Any], components: Iterable[Mapping[Monomial, Any]]) -> None:
+    """Set the entries (..., i, j, k) of a table to those of the terms of f_i, with x_D = 1."""
+    D = table.shape[-3]
+    for i, terms in enumerate(components):
+        for powers, c in terms.items():
+            j, k = (*powers, D, D)[:2]
+            table[..., i, j, k] = table[..., i, k, j] = c / 2 if j != k and k < D else c
 
 
-def require_function(name: str, f: Any) -> None:
-    if not callable(f):
-        expected = "a function of x, the tuple of variables"
-        raise wrong(name, expected, type(f).__name__, TypeError)
+def coefficients_in(table: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Return q_ijk = q_ikj, l_ij and c_i in a table, by name."""
+    q, slopes, c = table[..., :-1, :-1], table[..., :-1, -1], table[..., -1, -1]
+    return {"quadratic": q, "linear": slopes, "constant": c}
 
 
 def values_of(
@@ -220,11 +208,7 @@ def values_of(
         raise wrong(name, f"a tuple of {count} components", f"{found!r:.60}", TypeError)
     if len(found) != count:
         raise wrong(name, f"{count} components", f"{len(found)} in {n} dimensions")
-    for each in found:
-        if not isinstance(each, Polynomial | _NUMBERS):
-            kind = type(each).__name__
-            raise wrong(f"the value of {name}", "polynomials or numbers", kind, TypeError)
-    polynomials = tuple(Polynomial.of(name, each) for each in found)
+    polynomials = tuple(Polynomial.of(f"the value of {name}", each) for each in found)
     if (highest := max(each.degree for each in polynomials)) > degree:
         how = "; x^3 is x y with a variable y = x^2, y' = 2 x x', which steps keep to order eps^2"
         raise wrong(name, kinds, f"degree {highest}{how * (degree == 2)}")

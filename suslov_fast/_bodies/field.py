@@ -6,7 +6,8 @@ import json
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from fractions import Fraction
+from functools import cached_property, partial
 from numbers import Rational
 from typing import Any, ClassVar
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from .._checks import (
     FloatArray,
     check_labels,
+    common_shape,
     instance,
     integer,
     real_array,
@@ -29,15 +31,15 @@ from .algebra import (
     Monomial,
     Polynomial,
     antisymmetric,
-    coefficients_of,
+    coefficients_in,
     exact_array,
+    fill,
     from_plain,
     numbers,
     plain,
     plain_lists,
     polynomials_of,
     rational,
-    require_function,
     values_of,
 )
 from .base import Body, mapping
@@ -81,7 +83,8 @@ class QuadraticField(Body):
         The Hamiltonian, which can be called, and the matrix (D, D), or None.
     parameters : dict
         The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`. They are
-        coordinates of datasets and stores; ``==`` and hash do not look at them.
+        coordinates of datasets and stores; ``==`` and hash do not look at them, and
+        `dataclasses.replace` drops them, as other coefficients need not be theirs.
 
     Examples
     --------
@@ -109,7 +112,7 @@ class QuadraticField(Body):
     )
     # Named parameters, and how the coefficients depend on them.
     _parameters: ClassVar[dict[str, Any]] = {}
-    _affine: ClassVar[dict[str, Any]] = {}
+    _affine: ClassVar[named.Affine] = []
     # Its components, if it is a single one.
     polynomials: ClassVar[tuple[Polynomial, ...]] = ()
 
@@ -178,28 +181,27 @@ class QuadraticField(Body):
         >>> fields.shape, fields.parameters
         ((3,), {'a': array([1., 2., 3.])})
         """
-        require_function("f", f)
-        n = integer("dimension", dimension, 1)
+        n = _dimension("f", f, dimension)
 
-        def polynomials(of: Callable[[Any], Any], more: int = 0) -> tuple[Polynomial, ...]:
+        def components(of: Callable[[Any], Any], more: int) -> tuple[Polynomial, ...]:
             return values_of("f", of, n + more, n, 2 + more)
 
-        return cls._named(f, polynomials, named.checked(parameters), n)
+        return cls._named(f, components, named.check_parameters(parameters), n)
 
     @classmethod
     def _named(
-        cls, f: Any, polynomials: Any, values: dict[str, Any], n: int, H: Any = None, K: Any = None
+        cls, f: Any, components: named.Components, values: named.Values, n: int
     ) -> QuadraticField:
-        """Return the field whose components are those polynomials of a function, with its names."""
+        """Return the field with the components of a function of x and parameters."""
         if any(map(np.ndim, values.values())):
-            self = cls(**named.batch_of(f, polynomials, values, n))
+            self = cls(**named.coefficients_for(f, components, values, n))
         else:
-            self = cls._of_components(polynomials(lambda x: f(x, **values)), H, K)
+            self = cls._of_components(components(partial(f, **values), 0))
         # A function that looks at a parameter, as `a if a else 1`, does not see symbols as values.
-        affine = named.affine_in(f, polynomials, values, n)
-        return self._with_names(values, affine if affine and self._agrees(affine, values) else {})
+        affine = named.affine_terms(f, components, values, n)
+        return self._with_names(values, affine if self._agrees(affine, values) else [])
 
-    def _with_names(self, values: dict[str, Any], affine: dict[str, Any]) -> QuadraticField:
+    def _with_names(self, values: named.Values, affine: named.Affine) -> QuadraticField:
         vars(self).update(_parameters=values, _affine=affine)
         return self
 
@@ -210,7 +212,8 @@ class QuadraticField(Body):
     ) -> QuadraticField:
         """Return the field ``x' = K grad H(x, **parameters)``, which carries H and K.
 
-        With arrays of parameters it is a batch of fields, which does not carry them.
+        With arrays of parameters it is a batch of fields, which does not carry them: it has no
+        `energy`, `modified_energy` or `invariant_density`.
 
         Parameters
         ----------
@@ -235,25 +238,24 @@ class QuadraticField(Body):
         >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
-        require_function("H", H)
-        n = integer("dimension", dimension, 1)
-        K = antisymmetric(K, n)
-        energy = Polynomial({})
+        n = _dimension("H", H, dimension)
+        K, values = antisymmetric(K, n), named.check_parameters(parameters)
 
-        def polynomials(of: Callable[[Any], Any], more: int = 0) -> tuple[Polynomial, ...]:
-            nonlocal energy
-            (energy,) = values_of("H", lambda x: (of(x),), n + more, 1, 3 + more)
-            gradient = [energy.derivative(i) for i in range(n)]
+        def energy(of: Callable[[Any], Any], more: int) -> Polynomial:
+            return values_of("H", lambda x: (of(x),), n + more, 1, 3 + more)[0]
+
+        def components(of: Callable[[Any], Any], more: int) -> tuple[Polynomial, ...]:
+            whole = energy(of, more)
+            gradient = [whole.derivative(i) for i in range(n)]
             return tuple(
                 sum((gradient[j] * row[j] for j in np.flatnonzero(row)), Polynomial({}))
                 for row in K
             )
 
-        values = named.checked(parameters)
-        if any(map(np.ndim, values.values())):
-            return cls._named(H, polynomials, values, n)
-        polynomials(lambda x: H(x, **values))
-        return cls._named(H, polynomials, values, n, energy, K)
+        self = cls._named(H, components, values, n)
+        if not self.shape:
+            vars(self).update(H=energy(partial(H, **values), 0), K=K)
+        return self
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
@@ -273,12 +275,13 @@ class QuadraticField(Body):
         return self
 
     @classmethod
-    def _of_components(
-        cls, components: tuple[Polynomial, ...], H: Polynomial | None = None, K: Any = None
-    ) -> QuadraticField:
+    def _of_components(cls, components: tuple[Polynomial, ...]) -> QuadraticField:
         self = object.__new__(cls)
-        vars(self).update(zip(_AXES, reversed(coefficients_of(components)), strict=True))
-        vars(self).update(polynomials=components, H=H, K=K)
+        D = len(components)
+        table = np.full((D, D + 1, D + 1), Fraction(0))
+        fill(table, (each.terms for each in components))
+        table.flags.writeable = False
+        vars(self).update(coefficients_in(table), polynomials=components, H=None, K=None)
         return self
 
     @classmethod
@@ -296,30 +299,34 @@ class QuadraticField(Body):
 
     @property
     def _coordinates(self) -> dict[str, FloatArray]:
-        return named.arrays_of(self._parameters)
+        return {name: np.asarray(each, np.float64) for name, each in self._parameters.items()}
 
     def _swept(self, name: str, values: FloatArray) -> QuadraticField:
-        if name not in self._affine.get("parameters", ()):
-            known = ", ".join(self._affine.get("parameters", ())) or "none"
-            expected = f"a parameter in which the coefficients are affine ({known})"
-            raise wrong("body", expected, name)
+        factors = {each for terms in self._affine for _, *factors in terms for each in factors}
+        if name not in factors:
+            names = filter(factors.__contains__, self._parameters)
+            expected = "a parameter in which the coefficients are affine"
+            raise wrong("body", f"{expected} ({', '.join(names) or 'none'})", name)
         parameters = self._parameters | {name: values}
-        swept = type(self)(**named.evaluated(self._affine, parameters))
+        swept = type(self)(**named.coefficients_at(self._affine, parameters, self.dimension))
         return swept._with_names(parameters, self._affine)
 
     @property
+    def _names_and_values(self) -> dict[str, Any]:
+        """The named parameters for JSON."""
+        return named.plain_parameters(self._parameters, self._affine)
+
+    @property
     def _text(self) -> str | None:
-        names = named.described(self._parameters, self._affine)
+        names = self._names_and_values
         if self.shape and names:  # arrays are stored as such
-            single = {k: v for k, v in names["parameters"].items() if not isinstance(v, list)}
-            names["parameters"] = dict.fromkeys(names["parameters"]) | single
+            values = names["parameters"]
+            names["parameters"] = {k: None if np.ndim(v) else v for k, v in values.items()}
             return json.dumps({"body": type(self).__name__, **names})
-        if names:
+        exact = (plain(c) for each in self.polynomials for c in each.terms.values())
+        if names or self.H is not None or not all(isinstance(c, float) for c in exact):
             return json.dumps(self.to_dict())
-        numbers = () if self.shape else (c for p in self.polynomials for c in p.terms.values())
-        if self.H is None and all(isinstance(plain(c), float) for c in numbers):
-            return None
-        return json.dumps(self.to_dict())
+        return None
 
     @property
     def _besides(self) -> dict[str, Any]:
@@ -367,7 +374,7 @@ class QuadraticField(Body):
     @cached_property
     def gradient(self) -> QuadraticField:
         """The gradient of H, as a field."""
-        slopes = (self.hamiltonian.derivative(i) for i in range(self.dimension))
+        slopes = map(self.hamiltonian.derivative, range(self.dimension))
         return self._of_components(tuple(slopes))
 
     @property
@@ -413,10 +420,8 @@ class QuadraticField(Body):
         return self.polynomials, self.H, None if self.K is None else tuple(self.K.flat)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        make, arguments = self._of_components, (self.polynomials, self.H, self.K)
-        if self.shape:
-            make, arguments = super().__reduce__()
-        return _unpickled, (make, arguments, self._parameters, self._affine)
+        values = {"body": type(self).__name__} | self._values | self._besides
+        return self.from_dict, (values | self._names_and_values,)
 
     def __repr__(self) -> str:
         if self.shape:
@@ -434,7 +439,7 @@ class QuadraticField(Body):
         "parameters", and, under "affine", the coefficients of products of those in which the field
         is affine.
         """
-        names = named.described(self._parameters, self._affine)
+        names = self._names_and_values
         if self.shape:
             return super().to_dict() | names
         values: dict[str, Any] = {"body": type(self).__name__}
@@ -444,32 +449,40 @@ class QuadraticField(Body):
     @classmethod
     def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
         """Return the field that :meth:`to_dict` describes."""
-        items = mapping(parameters).items()
-        given = {k: each if k == "body" else from_plain(k, each) for k, each in items}
+        given = dict(mapping(parameters))
+        values, affine = given.pop("parameters", {}), given.pop("affine", [])
+        given |= {name: from_plain(name, each) for name, each in given.items() if name != "body"}
         if "H" in given:
             given["H"] = Polynomial({tuple(powers): rational("H", c) for c, *powers in given["H"]})
-        values, affine = given.pop("parameters", {}), given.pop("affine", {})
-        instance("parameters", values, Mapping)
-        values = named.checked({name: from_plain(name, each) for name, each in values.items()})
         field = super().from_dict({"linear": None, "constant": None} | given)
+        instance("parameters", values, Mapping)
+        plain_values = {name: from_plain(name, each) for name, each in values.items()}
+        values = named.check_parameters(plain_values)
+        shapes = {name: np.shape(each) for name, each in values.items()}
+        if common_shape({"body": field.shape, **shapes}) != field.shape:
+            raise wrong("parameters", f"shapes that broadcast to {field.shape}", f"{shapes}")
         if affine and not field._agrees(affine, values):
             raise ValueError("affine: expected that of the coefficients, got another")
         return field._with_names(values, affine)
 
-    def _agrees(self, affine: dict[str, Any], values: dict[str, Any]) -> bool:
+    def _agrees(self, affine: named.Affine, values: named.Values) -> bool:
         """Return whether parameters and a dependence on them give the coefficients."""
         try:
-            found = named.evaluated(affine, {name: values[name] for name in affine["parameters"]})
-            pairs = [(np.asarray(found[name], np.float64), self._arrays[name]) for name in _AXES]
-        except (LookupError, TypeError, AttributeError) as error:
-            raise wrong("affine", "products of parameters", f"an error: {error!r}") from error
+            found = named.coefficients_at(affine, values, self.dimension)
+        except (LookupError, TypeError, ValueError) as error:
+            expected = "terms [c, indices and names of parameters] for each component"
+            raise wrong("affine", expected, f"an error: {error!r}") from error
         except OverflowError:  # beyond the range of runs
             return False
         return all(
-            np.allclose(a, b, rtol=1e-9, atol=1e-9 * abs(b).max(initial=0)) for a, b in pairs
+            np.allclose(found[name], a, rtol=1e-9, atol=1e-9 * abs(a).max(initial=0))
+            for name, a in self._arrays.items()
         )
 
 
-def _unpickled(make: Any, arguments: Any, values: Any, affine: Any) -> QuadraticField:
-    field: QuadraticField = make(*arguments)
-    return field._with_names(values, affine)
+def _dimension(name: str, f: Any, dimension: int) -> int:
+    """Return the dimension of the field that a function gives, both of which it checks."""
+    if not callable(f):
+        expected = "a function of x, the tuple of variables"
+        raise wrong(name, expected, type(f).__name__, TypeError)
+    return integer("dimension", dimension, 1)

@@ -12,21 +12,14 @@ from typing import Any
 import numpy as np
 
 from .._checks import FloatArray, common_shape, real_array, refuse_units, without_labels, wrong
-from .algebra import (
-    Polynomial,
-    coefficients_of,
-    exact_array,
-    from_plain,
-    plain,
-    plain_lists,
-    rational,
-)
+from .algebra import Polynomial, coefficients_in, fill, plain, rational
 
 Values = dict[str, Any]
-# The names of parameters, and the coefficients of their products "", "a", "a*b" ..., for JSON.
-Affine = dict[str, Any]
+# For each component its terms [c, 0, "a", ...], each for c x[0] a ..., for JSON.
+Affine = list[list[list[Any]]]
+# The components of the field that a function makes of x, or of x and more symbols.
+Components = Callable[[Callable[[Any], Any], int], tuple[Polynomial, ...]]
 
-_NAMES = "quadratic", "linear", "constant"
 # Names that functions, datasets, stores and files use.
 _RESERVED = frozenset(
     "x f H K dimension eps n time flat component component_j component_k space body trajectory "
@@ -35,7 +28,7 @@ _RESERVED = frozenset(
 )
 
 
-def checked(parameters: Mapping[str, Any]) -> Values:
+def check_parameters(parameters: Mapping[str, Any]) -> Values:
     """Return parameters by name: numbers as they are, and read-only arrays of floats."""
     found: Values = {}
     for name, value in parameters.items():
@@ -45,122 +38,16 @@ def checked(parameters: Mapping[str, Any]) -> Values:
         refuse_units(name, value)
         without_labels({name: value})
         if isinstance(value, list | tuple) or np.ndim(value):
-            array = np.array(real_array(name, value))
-            array.flags.writeable = False
-            found[name] = array
-            continue
-        number = value.item() if isinstance(value, np.ndarray | np.generic) else value
-        if isinstance(number, bool):
-            raise wrong(name, "a number", number, TypeError)
-        rational(name, number)
-        found[name] = number
+            found[name] = np.array(real_array(name, value))
+            found[name].flags.writeable = False
+        else:
+            found[name] = value.item() if isinstance(value, np.ndarray | np.generic) else value
+            rational(name, found[name])
     common_shape({name: np.shape(value) for name, value in found.items()})
     return found
 
 
-def arrays_of(values: Values) -> dict[str, FloatArray]:
-    """Return parameters as floats, by name."""
-    return {name: np.asarray(value, np.float64) for name, value in values.items()}
-
-
-def batch_of(
-    f: Callable[..., Any],
-    polynomials: Callable[..., tuple[Polynomial, ...]],
-    values: Values,
-    D: int,
-) -> dict[str, FloatArray]:
-    """Return the coefficients of the fields for all values of the parameters."""
-    arrays = np.broadcast_arrays(*arrays_of(values).values())
-    shape = arrays[0].shape
-    table = np.zeros((math.prod(shape), D, D + 1, D + 1))
-    columns = (
-        each.ravel().tolist() if np.ndim(values[name]) else repeat(values[name])
-        for name, each in zip(values, arrays, strict=True)
-    )
-    for row, numbers in zip(table, zip(*columns, strict=False), strict=True):
-        given = partial(f, **dict(zip(values, numbers, strict=True)))
-        for i, each in enumerate(polynomials(given)):
-            for powers, c in each.terms.items():
-                j, k = (*powers, D, D)[:2]
-                row[i, j, k] = row[i, k, j] = float(c / 2 if j != k and k < D else c)
-    table = table.reshape(*shape, D, D + 1, D + 1)
-    parts = table[..., :D, :D], table[..., :D, D], table[..., D, D]
-    return dict(zip(_NAMES, parts, strict=True))
-
-
-def affine_in(
-    f: Callable[..., Any],
-    polynomials: Callable[..., tuple[Polynomial, ...]],
-    values: Values,
-    D: int,
-) -> Affine:
-    """Return how coefficients depend on the parameters in which they are affine; {} for none.
-
-    Symbols for these parameters are variables after those of the state.
-    """
-    known = [(name, value) for name, value in values.items() if np.size(value)]
-    first = {name: np.ravel(value)[0] if np.ndim(value) else value for name, value in known}
-
-    def attempt(*names: str) -> Affine:
-        others = {name: value for name, value in first.items() if name not in names}
-        try:
-            found = polynomials(
-                lambda x: f(x[:D], **others, **dict(zip(names, x[D:], strict=True))), len(names)
-            )
-        except Exception:  # of functions that compare parameters, take roots of them, and so on
-            return {}
-        parts: dict[str, list[dict[Any, Any]]] = {"": [{} for _ in found]}
-        for i, each in enumerate(found):
-            for powers, c in each.terms.items():
-                factors = [names[k - D] for k in powers if k >= D]
-                if len({*factors}) < len(factors):
-                    return {}
-                part = parts.setdefault("*".join(factors), [{} for _ in found])
-                part[i][tuple(k for k in powers if k < D)] = c
-        products = {
-            product: {
-                name: plain_lists(array)
-                for name, array in zip(
-                    reversed(_NAMES), coefficients_of(tuple(map(Polynomial, part))), strict=True
-                )
-            }
-            for product, part in parts.items()
-        }
-        return {"parameters": list(names), "products": products}
-
-    if whole := attempt(*values) if values else {}:
-        return whole
-    names = [name for name in values if attempt(name)]
-    if any(np.ndim(values[name]) for name in values if name not in names):
-        return {}
-    return attempt(*names) if names else {}
-
-
-def evaluated(affine: Affine, values: Values) -> dict[str, Any]:
-    """Return coefficients at values of the parameters: exact for single numbers, else floats."""
-    is_single = not any(map(np.ndim, values.values()))
-    total: dict[str, Any] = {}
-    for product, arrays in affine["products"].items():
-        numbers = [values[name] for name in product.split("*") if name]
-        for name, nested in arrays.items():
-            exact = exact_array(name, from_plain(name, nested), np.shape(nested))
-            if is_single:
-                factor = math.prod(map(partial(rational, name), numbers), start=Fraction(1))
-                total[name] = total.get(name, 0) + exact * factor
-            else:
-                several = math.prod(numbers, start=np.float64(1.0))
-                whole = np.multiply.outer(several, exact.astype(np.float64))
-                total[name] = total.get(name, 0.0) + whole
-    shape = np.broadcast_shapes(*map(np.shape, values.values()))
-    if not is_single:
-        axes = np.ndim(affine["products"][""]["constant"])
-        total["constant"] = np.broadcast_to(
-            total["constant"], (*shape, *total["constant"].shape[-axes:])
-        )
-    return total
-
-
-def described(values: Values, affine: Affine) -> dict[str, Any]:
+def plain_parameters(values: Values, affine: Affine) -> dict[str, Any]:
     """Return parameters for JSON, exact numbers without loss."""
     if not values:
         return {}
@@ -169,3 +56,72 @@ def described(values: Values, affine: Affine) -> dict[str, Any]:
         for name, value in values.items()
     }
     return {"parameters": found} | ({"affine": affine} if affine else {})
+
+
+def coefficients_for(
+    f: Callable[..., Any], components: Components, values: Values, D: int
+) -> dict[str, FloatArray]:
+    """Return the coefficients of the fields for all values of the parameters."""
+    arrays = np.broadcast_arrays(*values.values())
+    columns = (
+        array.ravel().tolist() if np.ndim(value) else repeat(value)
+        for value, array in zip(values.values(), arrays, strict=True)
+    )
+    shape = arrays[0].shape
+    tables = np.zeros((math.prod(shape), D, D + 1, D + 1))
+    for table, numbers in zip(tables, zip(*columns, strict=False), strict=True):
+        given = dict(zip(values, numbers, strict=True))
+        fill(table, (each.terms for each in components(partial(f, **given), 0)))
+    return coefficients_in(tables.reshape(*shape, D, D + 1, D + 1))
+
+
+def affine_terms(f: Callable[..., Any], components: Components, values: Values, D: int) -> Affine:
+    """Return the terms of the components, with the parameters in which they are affine as factors.
+
+    Symbols for these parameters are variables after those of the state. Without such parameters, or
+    if an array is not one of them, there are no terms.
+    """
+    first = {
+        name: np.ravel(value)[0] if np.ndim(value) else value
+        for name, value in values.items()
+        if np.size(value)
+    }
+
+    def attempt(*names: str) -> Affine:
+        factors = [*range(D), *names]
+        try:
+            found = components(
+                lambda x: f(x[:D], **first | dict(zip(names, x[D:], strict=True))), len(names)
+            )
+        except Exception:  # of functions that compare parameters, take roots of them, and so on
+            return []
+        for powers in (powers for each in found for powers in each.terms):
+            symbols = [k for k in powers if k >= D]
+            if len({*symbols}) < len(symbols) or len(powers) - len(symbols) > 2:
+                return []
+        return [
+            [[plain(c), *(factors[k] for k in powers)] for powers, c in each.terms.items()]
+            for each in found
+        ]
+
+    if whole := attempt(*values) if values else []:
+        return whole
+    names = [name for name in values if attempt(name)]
+    if not names or any(np.ndim(values[name]) for name in values if name not in names):
+        return []
+    return attempt(*names)
+
+
+def coefficients_at(affine: Affine, values: Values, D: int) -> dict[str, FloatArray]:
+    """Return the coefficients at values of the parameters."""
+    shape = np.broadcast_shapes(*map(np.shape, values.values()))
+    components: list[dict[tuple[int, ...], Any]] = [{} for _ in affine]
+    for terms, component in zip(affine, components, strict=True):
+        for c, *factors in terms:
+            powers = tuple(k for k in factors if isinstance(k, int))
+            names = (name for name in factors if isinstance(name, str))
+            term = math.prod((values[name] for name in names), start=1.0) * float(Fraction(c))
+            component[powers] = component.get(powers, 0.0) + term
+    table = np.zeros((*shape, D, D + 1, D + 1))
+    fill(table, components)
+    return coefficients_in(table)

@@ -14,7 +14,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from .._bodies.algebra import exact_array
+from .._bodies.algebra import exact_array, rational
 from .._checks import instance, integer, wrong
 from .._docs import filled
 from . import _exact
@@ -284,7 +284,7 @@ def darboux_polynomials(
     for _ in range(2 * (len(exponents) + _MORE)):
         x = tuple(Fraction(rng.randrange(-(2**12), 2**12)) for _ in range(map.dimension))
         with contextlib.suppress(ZeroDivisionError):  # at poles
-            image, c = map(x), exact_array("cofactor", C(x), (), exact=True).item()
+            image, c = map(x), rational("cofactor", C(x), exact=True)
             # With image = numerators / d, the equations times d**degree have integer coefficients.
             d = math.lcm(*(a.denominator for a in image))
             before = d**degree * _exact.monomial_values(exponents, [int(a) for a in x])

@@ -5,14 +5,9 @@ from collections import defaultdict
 import numba
 import numpy as np
 import pytest
-from hypothesis import settings
 
 from suslov_fast import Suslov3D, SuslovND
 from suslov_fast._engine import stepping as engine
-
-# No deadline, since the first call of a kernel compiles it.
-settings.register_profile("suslov_fast", deadline=None, derandomize=True, max_examples=50)
-settings.load_profile("suslov_fast")
 
 # Processes started in the background ignore Ctrl-C, and so would their children.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

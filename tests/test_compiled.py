@@ -137,12 +137,10 @@ def test_loops_of_users_follow_orbits(rng):
     exact = naive.orbit_nd(body.J, body.I, 0.4, x[0], 10)[-1]
     assert (system_after(system(body, 0.4), x, 10) == Status.OK).all()
     assert naive.relative_error(x[2], exact) < 1e-14
-    for f, dimension in ((lorenz, 3), (chain, 6)):
-        field, x = QuadraticField.from_function(f, dimension), np.ones((3, dimension))
-        x += np.arange(dimension)
-        last = iterate(field, x, 1 / 64, 10, save_every=None).final
-        assert (system_after(system(field, 1 / 64), x, 10) == Status.OK).all()
-        np.testing.assert_allclose(x, last, rtol=1e-13)
+    field, x = QuadraticField.from_function(lorenz, 3), np.array([[1.0, 2.0, 3.0]] * 3)
+    last = iterate(field, x, 1 / 64, 10, save_every=None).final
+    assert (system_after(system(field, 1 / 64), x, 10) == Status.OK).all()
+    np.testing.assert_allclose(x, last, rtol=1e-13)
 
 
 def test_a_long_orbit_comes_to_rest_without_subnormal_numbers():

@@ -197,10 +197,20 @@ def test_systems_side_by_side(rng, m, width):
         assert error < 5e-15 * np.linalg.cond(matrix[each])
 
 
+@numba.njit
+def eliminated(systems, ratio):
+    eliminate(systems, ratio)
+
+
+@numba.njit
+def solved(system, scales):
+    solve_system(system, scales)
+
+
 def solved_together(systems, ratios):
     systems, ratio = np.ascontiguousarray(systems), np.empty(systems.shape[2])
     with np.errstate(all="ignore"):
-        numba.njit(lambda systems, ratio: eliminate(systems, ratio))(systems, ratio)
+        eliminated(systems, ratio)
     ratios.append(ratio)
     return systems
 
@@ -208,7 +218,6 @@ def solved_together(systems, ratios):
 @pytest.mark.parametrize("m", [1, 2, 3, 8])
 def test_one_system(rng, m):
     """Entries over ten orders of magnitude, in units far apart, have a small relative change."""
-    solve = numba.njit(lambda system, scales: solve_system(system, scales))
     for _ in range(30):
         units = 10.0 ** rng.uniform(-20, 20, m)
         matrix = rng.normal(size=(m, m)) * 10.0 ** rng.uniform(-5, 5, (m, m))
@@ -217,7 +226,7 @@ def test_one_system(rng, m):
         system = np.empty((2, m, m + 2))
         system[0] = np.concatenate([matrix, right], axis=1)
         with np.errstate(all="ignore"):
-            solve(system, np.empty((2, m)))
+            solved(system, np.empty((2, m)))
         exactly = np.vectorize(naive.mpf, otypes=[object])
         solution, matrix, right = map(exactly, (system[0, :, m:], matrix, right))
         terms = abs(matrix) @ abs(solution) + abs(right)
@@ -229,7 +238,7 @@ def test_singular_systems(rows, pivot):
     m = len(rows)
     system = np.array([np.column_stack([rows, np.ones(m)])] * 2)
     with np.errstate(all="ignore"):
-        numba.njit(lambda system, scales: solve_system(system, scales))(system, np.empty((2, m)))
+        solved(system, np.empty((2, m)))
     assert system[0, m - 1, m - 1] == pivot
     assert np.isnan(system[0, :, m]).all() == (pivot == 0)
 

@@ -204,7 +204,11 @@ def test_without_docstrings(tmp_path):
                 print("status", end.code)
     """
     words = "run --I1=4 --I2=1 --I13=-0.5 --I23=-0.3 --omega0=1,0.5 --eps=0.2 --steps=40 -o"
-    text = children.run(code, *words.split(), tmp_path / "run.npz", PYTHONOPTIMIZE="2")
+    settings = {
+        "PYTHONOPTIMIZE": "2",
+        "NUMBA_DISABLE_JIT": "1",
+    }  # other code would be compiled anew
+    text = children.run(code, *words.split(), tmp_path / "run.npz", **settings)
     assert text.count("None") > len(PUBLIC) // 2, text
     assert text.count("status 0") == 3, text
     assert (tmp_path / "run.npz").exists()

@@ -34,6 +34,10 @@ KNOWN = [
     (lambda x: (x[0] ** 2 + x[1] ** 2 + x[2] ** 2 - 1, x[2] - 1, 0 * x[0]), [[0, 0, 1]]),
     (lambda x: (x[0] ** 2 + x[1] ** 2 + x[2] * (x[2] - 1), x[2] * (x[2] - 1), 0 * x[0]),
      [[0, 0, 0], [0, 0, 1]]),
+    (lambda x: (x[0] * x[1], x[0] * x[2], x[1] ** 2 + x[2] ** 2 + 1 - x[0]), [[1, 0, 0]]),
+    (lambda x: (x[0] * x[2] + x[1], x[1] * x[2] - x[0], x[0] ** 2 + x[1] ** 2 - x[2] ** 2 - 1), []),
+    (lambda x: (x[0] ** 2 - BIG * x[1] ** 2, (x[1] - 1) * (x[1] - 2) * BIG),
+     [[-2e30, 2], [-1e30, 1], [1e30, 1], [2e30, 2]]),
     (lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - F(8, 3) * x[2]),
      [[-(72**0.5), -(72**0.5), 27], [0, 0, 0], [72**0.5, 72**0.5, 27]]),
 ]  # fmt: skip
@@ -79,6 +83,7 @@ def test_a_batch_of_cases_that_are_refused():
     cases = [
         (several, "a single one, got a batch"), (QuadraticField(np.ones((4, 4, 4))), "root"),
         (QuadraticField([[[0]]]), "infinitely many: scipy.optimize.root"),
+        (QuadraticField(np.zeros((2, 2, 2))), "infinitely many"),
         (QuadraticField.of(sf.Suslov3D(4, 1, -0.5, -0.3)), "infinitely many"),
         (sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3]), "infinitely many"),
         (QuadraticField.from_function(lambda x: (x[0] * x[1], x[0] * (x[1] - 1)), 2), "infinitely"),

@@ -310,7 +310,7 @@ MISTAKES = """
 1 | run -o good.npz | good.npz: expected a new name, got one that exists; --force replaces it
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
 2 | run --scheduler here -o o.zarr | --scheduler: expected an address such as tcp://127.0.0.1
-1 | run -o folder.zarr --force | expected a new name or a store in format 5, got another
+1 | run -o folder.zarr --force | a store written by ensemble, .* got other data in
 2 | run -o o.zarr --sweep mass=1:2:3 | --sweep: expected one of eps, I1, I2, I13, I23, I3, got mass
 2 | run -o o.zarr --sweep eps=1:2:3 --eps 1 | --sweep: expected eps given once, got it twice
 2 | run -o o.zarr --sweep eps=1:2:3 --sweep eps=1:2:3 | --sweep: expected each name once

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -26,13 +25,12 @@ from .reductions import checked
 from .starts import source_of
 from .store import (
     check_names,
-    dataset_of,
-    names_in,
+    lazy_dataset,
     only_writer,
     open_dataset,
     prepare,
-    require_space,
     resolved,
+    stored_dims,
 )
 
 if TYPE_CHECKING:
@@ -157,17 +155,14 @@ def ensemble(
     if compression is not None:
         one_of("compression", compression, ("lz4", "zstd"))
     names, monitors = checked(body, reductions)
-    dims = names_in(store) if dims is None else dims
+    dims = stored_dims(store) if dims is None else dims
     dims = batch_names(dims, batch, monitors, body._coordinates)
     run = body, step_size, source, orientation, batch, steps, save_every, method, names, monitors
     job = cut(Job(*run, dims, store, compression), chunk)
     check_names("dims", job, job.dims)
     check_names("reductions", replace(job, monitors={}), monitors)
-    if not os.path.lexists(store):
-        require_space(job)
-    advice = "raise save_every or chunk, or divide the batch"
-    require(8 * job.saved + 64 * math.prod(job.grid), advice)
-    identity, dataset = job.identity(), dataset_of(job, coords)
+    require(8 * job.saved, "raise save_every")
+    identity, dataset = job.identity(), lazy_dataset(job, coords)
     with client_of(scheduler) as client, only_writer(job.store):
         job = prepare(job, identity, dataset, verify)
         finish(job, client, verify, progress)

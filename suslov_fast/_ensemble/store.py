@@ -7,9 +7,9 @@ group "progress" holds the data for resumption; its attributes describe the run,
     record        for each trajectory the data from which the next piece starts, as `Job.record`
 
 An absent chunk reads as not computed: NaN, or the status PENDING. Each chunk has a checksum,
-which Zarr verifies when it reads. The root group holds a copy of all metadata ("consolidated") and
-is written last, as one object: readers see either all old or all new shapes while a run is
-extended, and each file of metadata is compared with its copy.
+which Zarr verifies when it reads. All metadata are read from their copy in the root group
+("consolidated"), which is written last, as one object: while a run is extended, readers see either
+all old or all new shapes. The files of the members serve repairs and other programs.
 """
 
 from __future__ import annotations
@@ -29,9 +29,8 @@ from typing import Any
 import numpy as np
 
 from .._checks import wrong
-from .._engine.problem import numbers_of_saved
+from .._engine.memory import require
 from .._kernels.codes import NOT_COMPUTED
-from .._maps import map_named
 from .._runs import labelled
 from .._runs.schema import header_of, parameters_of, schema_of
 from .job import Job, require_same
@@ -53,6 +52,9 @@ _DAMAGE = (
     ArithmeticError,
     RuntimeError,
 )
+
+# What a name may be to create or to complete a store.
+_NEW = "a new name or a store written by ensemble"
 
 # Number of tiles whose marks share a chunk, which is rewritten for each, and of steps in one of n.
 _TOGETHER = 4096
@@ -114,28 +116,23 @@ def _group(store: Any, path: str = "", copies: bool = False, mode: Any = "r") ->
     return group if group.metadata.zarr_format == 3 else None  # not that of a damaged one
 
 
-def _metadata(group: Any, name: str) -> dict[str, Any]:
-    """Return the metadata of a member of a group; empty if they are damaged or absent."""
-    try:
-        found: dict[str, Any] = group[name].metadata.to_dict()
-    except _DAMAGE:
-        return {}
-    return found if found["zarr_format"] == 3 else {}
-
-
 def _digest(notes: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(notes, sort_keys=True).encode()).hexdigest()
 
 
-def _notes(attributes: dict[str, Any]) -> dict[str, Any]:
-    """Return the description of the run in attributes; empty if it is damaged or absent."""
-    notes = {name: value for name, value in attributes.items() if name != "digest"}
-    return notes if attributes.get("digest") == _digest(notes) else {}
+def _notes(group: Any) -> dict[str, Any]:
+    """Return the description of the run in the group "progress"; empty if damaged or absent."""
+    attributes = {} if group is None else dict(group.attrs)
+    digest = attributes.pop("digest", None)
+    return attributes if digest == _digest(attributes) else {}
 
 
-def _notes_in(root: Any) -> dict[str, Any]:
-    """Return the description of the run in the group "progress", or in its copy."""
-    return _notes(_metadata(root, PROGRESS).get("attributes", {}))
+def _notes_in_root(root: Any) -> dict[str, Any]:
+    """Return the description of the run in the root group, opened by its copies."""
+    try:
+        return {} if root is None else _notes(root[PROGRESS])
+    except _DAMAGE:
+        return {}
 
 
 def _is_free(store: Any) -> bool:
@@ -145,61 +142,46 @@ def _is_free(store: Any) -> bool:
     return os.path.isdir(store) and all(name.endswith(".partial") for name in os.listdir(store))
 
 
-def _described(store: Any) -> dict[str, Any]:
-    """Return the description of the run in a store; empty if there is none, or one just begun."""
-    copies, root, own = _group(store, copies=True), _group(store), _group(store, PROGRESS)
-    about, stored = ({} if each is None else dict(each.attrs) for each in (root, own))
-    if about == _UNFINISHED or (root is own is None and _is_free(store)):
+def _described(store: Any, expected: str) -> dict[str, Any]:
+    """Return the description of the run in a store; empty if there is none, or one just begun.
+
+    A ValueError says what was `expected` if something else is there.
+    """
+    root, progress = _group(store), _group(store, PROGRESS)
+    about, stored = ({} if each is None else dict(each.attrs) for each in (root, progress))
+    if about == _UNFINISHED or (root is progress is None and _is_free(store)):
         return {}
-    if notes := _notes(stored) or _notes_in(copies):
+    if notes := _notes_in_root(_group(store, copies=True)) or _notes(progress):
         return notes
-    received = f"another: {store}"
+    received = f"other data in {store}"
     if "run" in stored:
         of = about.get("source", f"suslov_fast {about.get('version', 'unknown')}")
         received = f"format {stored.get('layout', 1)} of {of}: compute {store} anew"
-    raise wrong("store", f"a new name or a store in format {_LAYOUT}", received)
+    raise wrong("store", f"{expected}, in format {_LAYOUT}", received)
 
 
-def _progress(store: Any) -> tuple[int, Any]:
-    """Return the number of steps that readers see, and for each tile the number done.
-
-    Raises an error that names what is damaged. While a run is extended, files of metadata may have
-    more steps than their copies: at most those in "progress", which is written first and read last.
-    """
-    copies, root = _group(store, copies=True), _group(store)
-    notes = _notes_in(copies)
-    if not notes or dict(copies.attrs) != {**notes["attributes"], "steps": notes["steps"]}:
+def _checked_root(store: Any) -> Any:
+    """Return the root group of a store; ValueError if it or one of the parameters is damaged."""
+    root = _group(store, copies=True)
+    notes = _notes_in_root(root)
+    if not notes or dict(root.attrs) != {**notes["attributes"], "steps": notes["steps"]}:
         raise ValueError("zarr.json is damaged or missing")
-    names = (*notes["known"], *notes["computed"], MARKS, RECORDS)
-    arrays = {name: _metadata(root, name) for name in names}
-    latest = _notes_in(root)
-    growing = {"steps": 0, "known": []}
-    if not latest or latest | growing != notes | growing or latest["steps"] < notes["steps"]:
-        raise ValueError(f"{PROGRESS}/zarr.json is damaged or missing")
-    save_every = notes["attributes"].get("save_every")
-    numbers = [numbers_of_saved(each["steps"], save_every) for each in (notes, latest)]
-    for name, found in arrays.items():
-        expected = _metadata(copies, name)
-        if "shape" in found and expected.get("dimension_names", ())[:1] == ("n",):
-            rows, *shape = expected["shape"]
-            rows = min(max(rows, found["shape"][0]), len(numbers[1]))
-            expected["shape"] = rows, *shape
-        if found != expected:
-            raise ValueError(f"{name}/zarr.json is damaged or missing")
-    needed = ("eps", "n", "component", *map_named(notes["attributes"]["map"]).body._names())
     for name in notes["known"]:
-        values = np.asarray(root[name][...])  # raises an error if its checksum differs
-        lost = values == "" if values.dtype.kind in "OT" else values != values
-        if name == "n":  # absent numbers are 0
-            lost = np.array([not any(np.array_equal(values[: len(n)], n) for n in numbers)])
-        if name in needed and lost.any():
-            raise ValueError(f"a chunk of {name} is missing")
-    return notes["steps"], np.asarray(root[MARKS][...])
+        _values_of(root, name)
+    return root
 
 
-def names_in(store: Any) -> Any:
+def _values_of(root: Any, name: str) -> Any:
+    """Return the values of an array; ValueError if a chunk is damaged or missing."""
+    array = root[name]
+    if array.nchunks_initialized < array.nchunks:
+        raise ValueError(f"a chunk of {name} is missing")
+    return array[...]
+
+
+def stored_dims(store: Any) -> Any:
     """Return the names of the axes of the batch in a store; None if there is none."""
-    return _described(store).get("run", {}).get("dims")
+    return _described(store, _NEW).get("run", {}).get("dims")
 
 
 def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> Job:
@@ -211,16 +193,18 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
     import zarr
 
     store = job.store
-    notes = _described(store)
+    notes = _described(store, _NEW)
     if not notes:
         notes = {"layout": _LAYOUT, "run": identity, "known": [], "tile": list(job.tile)}
         notes |= {"rows": job.rows, "compression": job.compression}
-        made = _in_memory(job, dataset, notes)  # may raise an error, before anything is written
+        require_space(job, dataset)
+        require(64 * math.prod(job.grid), "divide the batch, or raise chunk")
+        made = _made_in_memory(job, dataset, notes)  # may raise an error, before a file is written
         options = {"zarr_format": 3, "use_consolidated": False, "attributes": _UNFINISHED}
         group = zarr.open_group(store, mode="a", **options)
         for name in list(group):
             del group[name]
-        _write(job, made)
+        _write_metadata(job, made)
         return job
     require_same(identity, notes["run"], store)
     if "body" in notes["attributes"]:  # with the names of parameters that it has
@@ -228,66 +212,57 @@ def prepare(job: Job, identity: dict[str, Any], dataset: Any, verify: bool) -> J
     if notes["steps"] > job.steps:
         raise wrong("steps", f"at least the {notes['steps']} of the run in {store}", job.steps)
     tile, rows, compression = tuple(notes["tile"]), notes["rows"], notes["compression"]
-    job, shown = replace(job, tile=tile, rows=rows, compression=compression), -1
+    job = replace(job, tile=tile, rows=rows, compression=compression)
     if not verify:
         with advice(store):
-            shown, done = _progress(store)
-            records = _group(store)[RECORDS]
-            for each in np.flatnonzero(done != job.steps).tolist():
-                records[job.where(each)]  # raises an error if its checksum differs
-        require_space(job)
-    if shown != job.steps:
-        _write(job, _in_memory(job, _kept(job, dataset, notes), notes))
+            _checked_root(store)
+        require_space(job, dataset)
+    if verify or notes["steps"] < job.steps:
+        dataset = _with_stored_coordinates(job, dataset, notes)
+        _write_metadata(job, _made_in_memory(job, dataset, notes))
     return job
 
 
-def _kept(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
+def _with_stored_coordinates(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
     """Return the dataset with the coordinates in the store that this call does not repeat."""
-    import zarr
-
+    root = _group(job.store, copies=True)
     for name in sorted(set(notes["known"]) - set(dataset.variables)):
         try:
-            array = zarr.open_array(_place(job.store) / name, mode="r", zarr_format=3)
-            variable = array.metadata.dimension_names or (), array[...], dict(array.attrs)
-        except (FileNotFoundError, *_DAMAGE) as error:
+            values, metadata = _values_of(root, name), root[name].metadata
+        except _DAMAGE as error:
             raise wrong("coords", f"{name}, which {job.store} has lost", "none") from error
+        variable = metadata.dimension_names or (), values, metadata.attributes
         dataset = dataset.assign_coords({name: variable})
     return dataset
 
 
-def _place(store: Any) -> Any:
-    """Return the path of a store for Zarr."""
-    import zarr
-
-    groups = (_group(store, path, mode="r+") for path in ("", PROGRESS))
-    group = next(each for each in groups if each is not None)
-    return zarr.storage.StorePath(group.store, group.path.removesuffix(PROGRESS))
-
-
-def _write(job: Job, made: Any) -> None:
+def _write_metadata(job: Job, made: Any) -> None:
     """Write all metadata, and all values that are not computed; chunks of results remain.
 
     All was made in memory, since Zarr removes the chunks of an array that it creates.
     """
     import zarr
 
-    place = _place(job.store)
-    nodes = sorted(made.members(max_depth=None), key=lambda node: node[0] != PROGRESS)
+    groups = (_group(job.store, path, mode="r+") for path in ("", PROGRESS))
+    group = next(each for each in groups if each is not None)
+    place = zarr.storage.StorePath(group.store, group.path.removesuffix(PROGRESS))
+    nodes = list(made.members(max_depth=None))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # an extension of Zarr's format
         nodes.append(("", zarr.consolidate_metadata(made.store, zarr_format=3)))
     known = made[PROGRESS].attrs["known"]
-    for name, node in nodes:
-        if isinstance(node, zarr.Group):
-            zarr.Group(zarr.AsyncGroup(node.metadata, place / name)).update_attributes({})
-        else:
-            array = zarr.Array(zarr.AsyncArray(node.metadata, place / name))
-            array.update_attributes({})
-            if name in known:
-                array[...] = node[...]
+    with zarr.config.set({"array.write_empty_chunks": True}):  # an absent chunk is a lost one
+        for name, node in nodes:
+            if isinstance(node, zarr.Group):
+                zarr.Group(zarr.AsyncGroup(node.metadata, place / name)).update_attributes({})
+            else:
+                array = zarr.Array(zarr.AsyncArray(node.metadata, place / name))
+                array.update_attributes({})
+                if name in known:
+                    array[...] = node[...]
 
 
-def _in_memory(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
+def _made_in_memory(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
     """Return a group in memory, with all metadata and the values that are not computed."""
     import zarr
     from zarr.codecs import BloscCodec, Crc32cCodec
@@ -318,8 +293,7 @@ def _in_memory(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
     group = zarr.open_group(store, mode="r+", use_consolidated=False)
     attributes = {name: value for name, value in group.attrs.items() if name != "steps"}
     known = sorted(set(map(str, dataset.variables)) - set(computed))
-    notes = {**notes, "attributes": attributes, "known": known, "computed": computed}
-    notes["steps"] = job.steps
+    notes = {**notes, "attributes": attributes, "known": known, "steps": job.steps}
     group.create_group(PROGRESS, attributes={**notes, "digest": _digest(notes)})
     size, tiles = job.record.itemsize, math.prod(job.grid)
     for name, shape, chunks, dtype, fill in (
@@ -342,34 +316,21 @@ def check_names(argument: str, job: Job, names: Iterable[Any]) -> None:
             raise wrong(argument, expected, repr(name))
 
 
-def _sizes(job: Job) -> dict[str, int]:
-    """Return the bytes of each computed array, by name."""
-    D, count, itemsize = job.body.dimension, math.prod(job.batch), 8
-    of_components = {name: reductions_of(job.map)[name].of_components for name in job.reductions}
-    numbers = {
-        job.map.variable: job.saved * D,
-        "attitude": job.saved * (D + 1) ** 2,
-        "final": D,
-        "failed_at": 1,
-        **{name: D if wide else 1 for name, wide in of_components.items()},
-        **dict.fromkeys(job.monitors, job.saved),
-    }
-    names = [name for name in (*job.states, *job.results) if name != "status"]
-    sizes = {name: itemsize * numbers[name] * count for name in names}
-    return {**sizes, "status": count, RECORDS: job.record.itemsize * count}
-
-
-def require_space(job: Job) -> None:
-    """Raise an OSError if the missing chunks of a folder may not fit on its disk."""
+def require_space(job: Job, dataset: Any) -> None:
+    """Raise OSError if the disk of a folder has no space for the arrays that it lacks."""
     if not _is_folder(job.store):
         return
-    folder, sizes = os.path.realpath(job.store), _sizes(job)
+    folder = os.path.realpath(job.store)
     while not os.path.exists(folder):
         folder = os.path.dirname(folder)
-    free, needed = shutil.disk_usage(folder).free, sum(sizes.values())
+    free = shutil.disk_usage(folder).free
+    sizes = {name: dataset[name].nbytes for name in (*job.states, *job.results)}
+    sizes[RECORDS] = job.record.itemsize * math.prod(job.batch)
+    needed = sum(sizes.values())
     if needed <= free:
         return
-    for name, size in sizes.items():  # compressed or not
+    # What is there needs no space; the chunks of an array are about alike.
+    for name, size in sizes.items():
         chunks = math.prod(job.grid) * (-(-job.saved // job.rows) if name in job.states else 1)
         found = sum(len(files) for *_, files in os.walk(os.path.join(job.store, name, "c")))
         needed -= size * min(found, chunks) // chunks
@@ -382,7 +343,7 @@ def require_space(job: Job) -> None:
         )
 
 
-def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
+def lazy_dataset(job: Job, coords: Mapping[Any, Any] | None) -> Any:
     """Return the dataset of a run, with placeholders without memory for results."""
     from dask.array import zeros
 
@@ -417,7 +378,7 @@ def dataset_of(job: Job, coords: Mapping[Any, Any] | None) -> Any:
 
 def open_arrays(job: Job) -> Arrays:
     """Return the arrays written during a run, by name."""
-    group = _group(job.store, mode="r+")
+    group = _group(job.store, copies=True, mode="r+")
     return {name: group[name] for name in (MARKS, RECORDS, *job.states, *job.results)}
 
 
@@ -438,12 +399,12 @@ def open_dataset(store: Any, with_dask: bool = True) -> Any:
     """Return the dataset of a store, lazy."""
     import xarray
 
-    if not _described(store):
-        received = f"none at {store}"
-        raise wrong("store", "a store written by ensemble", received, FileNotFoundError)
+    expected = "a store written by ensemble"
+    if not _described(store, expected):
+        raise wrong("store", expected, f"none at {store}", FileNotFoundError)
     with advice(store), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of files that are no part of the format
-        _, done = _progress(store)
+        done = np.asarray(_checked_root(store)[MARKS][...])
         # The copies agree with each other while the arrays are extended.
         options: dict[str, Any] = {"consolidated": True, "zarr_format": 3}
         dataset = xarray.open_zarr(store, chunks={} if with_dask else None, **options)

@@ -19,9 +19,9 @@ from .._engine.random_starts import RandomStarts
 from .._maps import map_of
 from .._runs.iterate import Method
 from .._runs.labelled import batch_names
-from .compute import client_of, finish
+from .compute import client_of, compute_tiles
 from .job import Job, cut
-from .reductions import checked
+from .reductions import checked_reductions
 from .starts import source_of
 from .store import (
     check_names,
@@ -154,7 +154,7 @@ def ensemble(
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     if compression is not None:
         one_of("compression", compression, ("lz4", "zstd"))
-    names, monitors = checked(body, reductions)
+    names, monitors = checked_reductions(body, reductions)
     dims = stored_dims(store) if dims is None else dims
     dims = batch_names(dims, batch, monitors, body._coordinates)
     run = body, step_size, source, orientation, batch, steps, save_every, method, names, monitors
@@ -165,7 +165,7 @@ def ensemble(
     identity, dataset = job.identity(), lazy_dataset(job, coords)
     with client_of(scheduler) as client, only_writer(job.store):
         job = prepare(job, identity, dataset, verify)
-        finish(job, client, verify, progress)
+        compute_tiles(job, client, verify, progress)
     return open_dataset(job.store)
 
 

@@ -33,7 +33,7 @@ from .._engine.problem import Output, Span, problem_of
 from .._engine.progress import Progress, reporter
 from .._engine.random_starts import RandomStarts
 from .job import Job, step_work
-from .reductions import evaluated, reductions_of
+from .reductions import reductions_of, values_of
 from .store import MARKS, RECORDS, Arrays, advice, open_arrays, withdraw
 
 # Called with a tile and the number of its stored steps.
@@ -51,7 +51,7 @@ _RETRIES, _WAITING = 2, 2
 _PAUSE = 0.05
 
 
-def finish(job: Job, client: Any, verify: bool, progress: Progress) -> None:
+def compute_tiles(job: Job, client: Any, verify: bool, progress: Progress) -> None:
     """Compute the unfinished tiles of a store; with `verify`, all that are damaged or missing."""
     arrays, tiles = open_arrays(job), range(math.prod(job.grid))
     marks = arrays[MARKS]
@@ -99,7 +99,7 @@ def _pieces(
 ) -> Iterator[Piece]:
     """Compute the missing pieces of a tile; `job` is the part of the run in it."""
     shape, D, every = job.shape(tile), job.body.dimension, job.every
-    start, resume, reduced = _left(job, tile, arrays)
+    start, resume, reduced = _resume_point(job, tile, arrays)
     omega0 = np.where(np.isnan(starts).any(axis=-1, keepdims=True), np.nan, starts)
     states = States(job.body, omega0, job.eps, shape, threads, orientation=job.orientation)
     problem = problem_of(job.map, states, job.method)
@@ -131,14 +131,14 @@ def _pieces(
         start = stop
 
 
-def _write(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
+def _write_piece(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
     span, output, reduced = piece
     where, last = job.where(tile), span.steps == job.steps
     rows = slice(span.rows_before, span.rows_before + len(output.saved))
     if len(output.saved) and (job.save_every is not None or last):
         states = {job.map.variable: output.saved, "attitude": output.turns}
         for name, function in job.monitors.items():
-            states[name] = evaluated(name, function, output.saved)
+            states[name] = values_of(name, function, output.saved)
         for name in job.states:
             arrays[name][(rows, *where)] = states[name]
     if last:
@@ -156,7 +156,7 @@ def _records(job: Job, tile: int, arrays: Arrays) -> Any:
     return np.ascontiguousarray(arrays[RECORDS][job.where(tile)]).view(job.record)[..., 0]
 
 
-def _left(job: Job, tile: int, arrays: Arrays) -> tuple[int, ByName, ByName]:
+def _resume_point(job: Job, tile: int, arrays: Arrays) -> tuple[int, ByName, ByName]:
     """Return the step from which to resume a tile, and the data of earlier steps."""
     with advice(job.store):
         records = _records(job, tile, arrays)
@@ -194,7 +194,7 @@ def _steps_stored(job: Job, tile: int, arrays: Arrays) -> int:
                 values = arrays[name][(rows, *where)]
                 if name in job.monitors:  # whose values may be NaN at states that are not
                     states = np.asarray(arrays[job.map.variable][(rows, *where)])
-                    known = np.isnan(evaluated(name, job.monitors[name], states))
+                    known = np.isnan(values_of(name, job.monitors[name], states))
                     whole &= np.array_equal(np.isnan(values), known)
                     continue
                 absent = np.isnan(values).reshape(len(n), *failed.shape, -1).any(axis=-1)
@@ -228,7 +228,7 @@ def _run_here(job: Job, arrays: Arrays, tiles: Sequence[int], stored: Stored, st
     """Compute tiles with all threads, each piece while the previous one is written."""
 
     def keep(tile: int, piece: Piece) -> None:
-        _write(job, tile, piece, arrays)
+        _write_piece(job, tile, piece, arrays)
         stored(tile, piece[0].steps)
 
     work = (
@@ -327,5 +327,5 @@ def _compute(part: Job, tile: int, starts: FloatArray | None) -> int:
     arrays = open_arrays(part)
     starts = part.starts(tile) if starts is None else starts
     for piece in _pieces(part, tile, starts, arrays, 1):
-        _write(part, tile, piece, arrays)
+        _write_piece(part, tile, piece, arrays)
     return tile

@@ -15,9 +15,8 @@ from .._engine.layout import alike
 from .._engine.problem import Map, numbers_of_saved
 from .._engine.random_starts import Slices
 from .._maps import map_of
-from .reductions import Monitors, reductions_of
-from .reductions import described as monitor_described
-from .starts import Source, described, part_of
+from .reductions import Monitors, identity_of_function, reductions_of
+from .starts import Source, part_of, values_or_digest
 
 # Bytes of the states in one chunk. Files of this size are read and written at full speed.
 _BYTES = 2**24
@@ -139,18 +138,21 @@ class Job:
         from .. import __version__
 
         assert self.source is not None
-        parameters = {name: described(value) for name, value in self.body._arrays.items()}
+        parameters = {name: values_or_digest(value) for name, value in self.body._arrays.items()}
         return {
             "body": {"map": self.map.name, **parameters, **self.body._besides},
-            "eps": described(self.eps),
+            "eps": values_or_digest(self.eps),
             "omega0": self.source._identity(),
             "batch": list(self.batch),
             "dims": list(self.dims),
             "method": self.method,
             "save_every": self.save_every,
-            "attitude": None if self.orientation is None else described(self.orientation),
+            "attitude": None if self.orientation is None else values_or_digest(self.orientation),
             "reductions": list(self.reductions)
-            or {name: monitor_described(each) for name, each in self.monitors.items()},
+            or {
+                name: identity_of_function(name, function, self.body.dimension)
+                for name, function in self.monitors.items()
+            },
             "version": __version__,
         }
 

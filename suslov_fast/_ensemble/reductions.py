@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from types import CodeType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,7 +63,7 @@ def reductions_of(map: Map) -> dict[str, Reduction]:
     return {**REDUCTIONS, **extremes}
 
 
-def checked(body: Any, given: Any) -> tuple[tuple[str, ...], Monitors]:
+def checked_reductions(body: Any, given: Any) -> tuple[tuple[str, ...], Monitors]:
     """Return names of reductions in alphabetical order, and functions of the user by name."""
     if given is None:
         return (), {}
@@ -74,7 +73,9 @@ def checked(body: Any, given: Any) -> tuple[tuple[str, ...], Monitors]:
         kinds = f"a list of {expected}, or a mapping of names to functions"
         raise wrong("reductions", kinds, repr(given), TypeError)
     if isinstance(given, Mapping) and given:
-        return (), {name: _checked_monitor(body, name, given[name]) for name in sorted(given)}
+        for name, function in given.items():
+            _check_function(body, name, function)
+        return (), {name: given[name] for name in sorted(given)}
     if not given or any(name not in known for name in given):
         raise wrong("reductions", expected, repr(given))
     for name in given:
@@ -86,22 +87,24 @@ def checked(body: Any, given: Any) -> tuple[tuple[str, ...], Monitors]:
     return tuple(sorted(set(given))), {}
 
 
-def _checked_monitor(body: Any, name: Any, function: Any) -> Callable[[FloatArray], Any]:
-    """Return a function of the user, after a call with states of other values and shapes."""
+def _check_function(body: Any, name: Any, function: Any) -> None:
+    """Check a function of the user, by calls with states of other values and shapes."""
     map = map_of(body)
     if name in {*reductions_of(map), *schema_of(map), *HEADER, *TAKEN}:
         raise wrong("reductions", "functions with names of their own", repr(name))
-    described(function)  # an error if it has no source
-    states = 1.0 + np.arange(6.0 * body.dimension).reshape(3, 2, body.dimension)
-    whole, parts = evaluated(name, function, states), evaluated(name, function, states[1:])
+    identity_of_function(name, function, body.dimension)  # an error if it has no source
+    states = _samples(body.dimension)
+    whole, parts = values_of(name, function, states), values_of(name, function, states[1:])
     if not np.allclose(whole[1:], parts, rtol=1e-6, equal_nan=True):
         received = f"{name} with values that depend on other states"
         raise wrong("reductions", "functions of one state", received)
-    checked: Callable[[FloatArray], Any] = function
-    return checked
 
 
-def evaluated(name: str, function: Callable[[FloatArray], Any], states: FloatArray) -> FloatArray:
+def _samples(dimension: int) -> FloatArray:
+    return 1.0 + np.arange(6.0 * dimension).reshape(3, 2, dimension)
+
+
+def values_of(name: str, function: Callable[[FloatArray], Any], states: FloatArray) -> FloatArray:
     """Return the values (...) of a function of the user at states (..., D)."""
     try:
         with np.errstate(all="ignore"):
@@ -118,33 +121,19 @@ def evaluated(name: str, function: Callable[[FloatArray], Any], states: FloatArr
     return values.astype(np.float64)
 
 
-def described(function: Any) -> dict[str, str]:
-    """Return the source of a function, and the values that it carries, as text."""
+def identity_of_function(name: str, function: Any, dimension: int) -> dict[str, str]:
+    """Return the source of a function, the values that it carries, and some of its results."""
     try:
         plain = inspect.unwrap(function)
-        text = "".join(inspect.findsource(plain)[0])
-        nodes = [each for each in ast.walk(ast.parse(text)) if _is_source(each, plain.__code__)]
+        if not inspect.isfunction(plain):
+            raise TypeError("no function written in Python")
+        source = textwrap.dedent(inspect.getsource(plain))
         bound = inspect.getclosurevars(plain).nonlocals
-    except (TypeError, AttributeError, OSError, SyntaxError) as error:
+    except (TypeError, OSError) as error:
         expected = "functions whose Python source can be read, as those in files and notebooks"
         raise wrong("reductions", expected, f"{function!r}: {error}", TypeError) from error
-    if len(nodes) != 1 or inspect.ismethod(plain):
-        expected = "functions of their own, and one lambda in a line"
-        raise wrong("reductions", expected, f"{function!r}", TypeError)
     with np.printoptions(threshold=2**31, floatmode="unique"):
         carried = repr((plain.__defaults__, plain.__kwdefaults__, bound))
-    return {"source": ast.unparse(nodes[0]), "values": carried}
-
-
-def _is_source(node: ast.AST, code: CodeType) -> bool:
-    """Return whether code was compiled from a node, as far as Python knows."""
-    if not isinstance(node, ast.FunctionDef | ast.Lambda):
-        return False
-    first = min([node.lineno, *(each.lineno for each in getattr(node, "decorator_list", ()))])
-    if first != code.co_firstlineno or isinstance(node, ast.Lambda) != (code.co_name == "<lambda>"):
-        return False
-    if not hasattr(code, "co_positions"):  # before Python 3.11
-        return True
-    begin, end = (node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)
-    known = [place for place in code.co_positions() if None not in place and place[3] != 0]
-    return all(begin <= place[::2] and place[1::2] <= end for place in known)
+    # The source of a lambda is its whole line, which may hold another one.
+    results = values_of(name, function, _samples(dimension)).ravel() + 0.0
+    return {"source": source, "values": carried, "results": " ".join(f"{v:.6g}" for v in results)}

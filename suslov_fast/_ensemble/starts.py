@@ -88,7 +88,7 @@ def part_of(shape: tuple[int, ...], where: Slices) -> Slices:
     )
 
 
-def described(array: FloatArray) -> Any:
+def values_or_digest(array: FloatArray) -> Any:
     """Return a small array as lists, and the digest of a large one."""
     if array.size <= 16:
         return array.tolist()

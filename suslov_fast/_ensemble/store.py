@@ -31,6 +31,7 @@ import numpy as np
 from .._checks import wrong
 from .._engine.memory import require
 from .._kernels.codes import NOT_COMPUTED
+from .._maps import map_named
 from .._runs import labelled
 from .._runs.schema import header_of, parameters_of, schema_of
 from .job import Job, require_same
@@ -166,17 +167,12 @@ def _checked_root(store: Any) -> Any:
     notes = _notes_in_root(root)
     if not notes or dict(root.attrs) != {**notes["attributes"], "steps": notes["steps"]}:
         raise ValueError("zarr.json is damaged or missing")
+    needed = {"eps", "n", "component", *map_named(notes["attributes"]["map"]).body._names()}
     for name in notes["known"]:
-        _values_of(root, name)
+        values = root[name][...]  # raises an error if its checksum differs
+        if name in needed and ((values == root[name].fill_value) | (values != values)).any():
+            raise ValueError(f"a chunk of {name} is missing")
     return root
-
-
-def _values_of(root: Any, name: str) -> Any:
-    """Return the values of an array; ValueError if a chunk is damaged or missing."""
-    array = root[name]
-    if array.nchunks_initialized < array.nchunks:
-        raise ValueError(f"a chunk of {name} is missing")
-    return array[...]
 
 
 def stored_dims(store: Any) -> Any:
@@ -228,7 +224,7 @@ def _with_stored_coordinates(job: Job, dataset: Any, notes: dict[str, Any]) -> A
     root = _group(job.store, copies=True)
     for name in sorted(set(notes["known"]) - set(dataset.variables)):
         try:
-            values, metadata = _values_of(root, name), root[name].metadata
+            values, metadata = root[name][...], root[name].metadata
         except _DAMAGE as error:
             raise wrong("coords", f"{name}, which {job.store} has lost", "none") from error
         variable = metadata.dimension_names or (), values, metadata.attributes
@@ -251,15 +247,14 @@ def _write_metadata(job: Job, made: Any) -> None:
         warnings.simplefilter("ignore", UserWarning)  # an extension of Zarr's format
         nodes.append(("", zarr.consolidate_metadata(made.store, zarr_format=3)))
     known = made[PROGRESS].attrs["known"]
-    with zarr.config.set({"array.write_empty_chunks": True}):  # an absent chunk is a lost one
-        for name, node in nodes:
-            if isinstance(node, zarr.Group):
-                zarr.Group(zarr.AsyncGroup(node.metadata, place / name)).update_attributes({})
-            else:
-                array = zarr.Array(zarr.AsyncArray(node.metadata, place / name))
-                array.update_attributes({})
-                if name in known:
-                    array[...] = node[...]
+    for name, node in nodes:
+        if isinstance(node, zarr.Group):
+            zarr.Group(zarr.AsyncGroup(node.metadata, place / name)).update_attributes({})
+        else:
+            array = zarr.Array(zarr.AsyncArray(node.metadata, place / name))
+            array.update_attributes({})
+            if name in known:
+                array[...] = node[...]
 
 
 def _made_in_memory(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
@@ -284,7 +279,7 @@ def _made_in_memory(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
             sizes = variable.sizes.items()
             options["chunks"] = tuple(lengths.get(dim, length) for dim, length in sizes)
         elif name == "n":  # the same chunks for any number of steps
-            options["chunks"] = (_TOGETHER,)
+            options |= {"chunks": (_TOGETHER,), "fill_value": -1}
     store = zarr.storage.MemoryStore()
     try:
         dataset.to_zarr(store, compute=False, consolidated=False, encoding=encoding, zarr_format=3)

@@ -61,8 +61,14 @@ def _integer(low: int, high: int = 2**62 - 1) -> Callable[[str], int]:
     return _value(f"an integer of at least {low} and {most}", convert)
 
 
-def _finite(text: str) -> float:
+def _finite_float(text: str) -> float:
     if not math.isfinite(value := float(text)):
+        raise ValueError
+    return value
+
+
+def _positive_float(text: str) -> float:
+    if (value := _finite_float(text)) <= 0:
         raise ValueError
     return value
 
@@ -79,12 +85,7 @@ def _file(*suffixes: str) -> Callable[[str], Path]:
 def _split_sweep(text: str) -> tuple[str, float, float, int]:
     name, _, values = text.partition("=")
     low, high, count = values.split(":")
-    return name, _finite(low), _finite(high), _integer(1)(count)
-
-
-def _check_address(text: str) -> str:
-    int(text.rpartition(":")[2])  # the port, without which Dask would hang
-    return text
+    return name, _finite_float(low), _finite_float(high), _integer(1)(count)
 
 
 def _read_fraction(text: str) -> Fraction:
@@ -100,12 +101,12 @@ def _list_or_table(text: str) -> Any:
 
 _SWEEP = "NAME=LOW:HIGH:COUNT"
 _sweep = _value(_SWEEP, _split_sweep)
-_address = _value("an address such as tcp://127.0.0.1:8786", _check_address)
-_number = _value("a finite number", _finite)
+_number = _value("a finite number", _finite_float)
+_positive = _value("a positive number", _positive_float)
 _fraction = _value("a number such as 1/3 or 0.25", _read_fraction)
 _list = _value(
     "finite numbers separated by commas without spaces",
-    lambda text: [*map(_finite, text.split(","))],
+    lambda text: [*map(_finite_float, text.split(","))],
 )
 _table, _result, _body = _file(".npy", ".csv"), _file(".npz", ".zarr"), _file(".json")
 
@@ -137,7 +138,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "omega0": _repeated("initial state; may be repeated", _list, "OMEGA1,..."),
     "initial": _option("file of initial states, one per row", _table, "FILE"),
     "trajectories": _option(f"number of random initial states ({TRAJECTORIES})", _integer(1), "N"),
-    "extent": _option(f"range [-EXTENT, EXTENT) of random components ({EXTENT:g})", _number),
+    "extent": _option(f"range [-EXTENT, EXTENT) of random components ({EXTENT:g})", _positive),
     "seed": _option("seed of the random initial states (0)", _integer(0)),
     "orientation": _option("rotation vector X,Y,Z in degrees, or a file", _list_or_table, "R0"),
     "steps": _option("number of steps (%(default)s)", _integer(0), "N", default=1000),
@@ -149,7 +150,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "force": _flag("replace existing files"),
     "json": _flag("print one JSON object, for programs"),
     "chunk": _option("trajectories computed at a time (a few MB)", _integer(1), "N"),
-    "scheduler": _option("address of a Dask scheduler", _address, "ADDRESS"),
+    "scheduler": _option("address of a Dask scheduler", metavar="ADDRESS"),
     "sweep": _repeated(
         "axis of eps or of a parameter (I13); may be repeated", _sweep, _SWEEP, default=[]
     ),
@@ -303,32 +304,25 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
 
 def _check_words(words: Sequence[str], options: dict[str, dict[str, argparse.Action]]) -> None:
     """Raise UsageError for an unknown command or option, and for words that belong to none."""
-    command, *rest = words
-    owners = [name for name in options if command.partition("=")[0] in options[name]]
-    if command and owners:
-        line = f"suslov-fast {owners[0]} {' '.join(words)}"
-        raise UsageError(f"expected a command before {command}, got none; did you mean: {line}")
+    command, *others = words
     if command not in options:
-        choices = [*options, "--help", "--version", "-V"]
-        expected = f"expected a command, {', '.join(options)}, got {command}"
-        saved = command.endswith((".npz", ".zarr"))
-        hint = f"; did you mean: suslov-fast info {command}" if saved else _meant(command, choices)
-        raise UsageError(expected + hint)
-    if {"-h", "--help", "--"} & {*rest}:
+        of_option = [name for name in options if command.partition("=")[0] in options[name]]
+        hint = _meant(command, [*options, "--help", "--version", "-V"])
+        if of_option or command.endswith((".npz", ".zarr")):
+            hint = f"; did you mean: suslov-fast {(*of_option, 'info')[0]} {' '.join(words)}"
+        raise UsageError(f"expected a command, {', '.join(options)}, got {command}{hint}")
+    if {"-h", "--help", "--"} & {*others}:
         return
     known = options[command]
     groups: list[tuple[str, list[str]]] = [("", [])]
-    for word in rest:
+    for word in others:
         if not re.match(r"-[A-Za-z-]", word):
             groups[-1][1].append(word)
             continue
         length = word.find("=") if "=" in word else len(word) if word.startswith("--") else 2
         if (name := word[:length]) not in known:
-            hint = _meant(name, known) or f"; suslov-fast {command} --help lists all"
-            words = name.strip("-").replace("-", " ")  # --step-size is the help of --eps
-            for other in known if " " in words else ():
-                if (known[other].help or "").startswith(words):
-                    hint = f"; did you mean {other}?"
+            hint = _meant({"--step-size": "--eps"}.get(name, name), known)
+            hint = hint or f"; suslov-fast {command} --help lists all"
             raise UsageError(f"{command}: expected one of its options, got {name}{hint}")
         groups.append((name, [word[length:]] if word[length:] else []))
     for name, values in () if "" in known else groups:
@@ -342,8 +336,8 @@ def _check_words(words: Sequence[str], options: dict[str, dict[str, argparse.Act
 
 
 def _meant(word: str, choices: Iterable[str]) -> str:
-    """Return a question for the most similar of some words, if there is one."""
-    lower = {each.lower(): each for each in choices}
+    """Return a question for the most similar of several words, if there is one."""
+    lower = {choice.lower(): choice for choice in choices}
     close = get_close_matches(word.lower(), lower, 1, 0.65)
     return f"; did you mean {lower[close[0]]}?" if close else ""
 
@@ -383,10 +377,11 @@ def _add_parameters(group: Any) -> list[argparse.Action]:
         for name in kind._names():
             classes.setdefault(name, []).append(kind)
     actions = []
-    for name, kinds in classes.items():
-        form = f"{name}1,..." if kinds[0]._axes(name) else name.upper()
-        meanings = "; ".join(dict.fromkeys(kind._meanings[name] for kind in kinds))
-        meanings += f" ({', '.join(kind.__name__ for kind in kinds)})"
-        kind = _list if kinds[0]._axes(name) else _number
+    for name, (first, *others) in classes.items():
+        form, kind = (f"{name}1,...", _list) if first._axes(name) else (name.upper(), _number)
+        if name in first._positive and kind is _number:
+            kind = _positive
+        meanings = "; ".join(dict.fromkeys(each._meanings[name] for each in (first, *others)))
+        meanings += f" ({', '.join(each.__name__ for each in (first, *others))})"
         actions.append(group.add_argument(f"--{name}", type=kind, metavar=form, help=meanings))
     return actions

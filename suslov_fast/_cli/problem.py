@@ -36,7 +36,6 @@ def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | No
         raise UsageError(f"argument --sweep: expected {twice.pop()} given once, got it twice")
     if options.axis is not None and not (options.inertia or options.mass_tensor):
         raise UsageError("expected --axis only with --inertia or --mass-tensor, got it alone")
-    _require_positive(given)
     body, rotation, eps = None, None, options.eps if options.eps is not None else swept.get("eps")
     if options.body:
         body = read_body(options.body)
@@ -71,15 +70,6 @@ def _text(path: Path) -> str:
         return path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
     except UnicodeDecodeError as error:
         raise ValueError(f"expected text in UTF-8, got another byte at {error.start}") from error
-
-
-def _require_positive(given: dict[str, Any]) -> None:
-    """Raise UsageError for numbers that no body can have, whichever parameters are missing."""
-    for kind in body_classes():
-        for name in given.keys() & {*kind._positive}:
-            if np.min(given[name]) <= 0:
-                expected = f"expected a positive {kind._meanings[name]}, got {given[name]}"
-                raise UsageError(f"argument {flag(name)}: {expected}")
 
 
 def _with_parameters(base: Any, given: dict[str, Any]) -> Any:
@@ -149,8 +139,7 @@ def starts_of(options: argparse.Namespace, body: Any) -> Any:
     if options.initial is not None:
         return read_table(options.initial, components)
     count, extent = options.trajectories or TRAJECTORIES, options.extent
-    with about("argument --extent"):
-        return RandomStarts(count, EXTENT if extent is None else extent, options.seed or 0)
+    return RandomStarts(count, EXTENT if extent is None else extent, options.seed or 0)
 
 
 def orientation_of(options: argparse.Namespace) -> FloatArray | None:

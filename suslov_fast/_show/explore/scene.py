@@ -88,15 +88,15 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     of_flow[within] = flow(body, start, run.time[within])
     return {
         "parameters": parameters._asdict(),
-        "time": [_finite(each) for each in run.time],
-        "omega": _finite(run.omega),
-        "flow": _finite(of_flow),
-        "attitude": _finite(run.attitude.reshape(-1, 9)),
-        "spatial": _finite(to_vector(body, run.omega, attitude=run.attitude)),
+        "time": [_plain(each) for each in run.time],
+        "omega": _plain(run.omega),
+        "flow": _plain(of_flow),
+        "attitude": _plain(run.attitude.reshape(-1, 9)),
+        "spatial": _plain(to_vector(body, run.omega, attitude=run.attitude)),
         "line": line,
         "levels": {
-            "F": [_finite(branch) for branch in level(body, eps, R, _REACH)] if R > 0 else [],
-            "energy": _finite(level(body, 0.0, math.sqrt(2.0 * energy(body, start)))[0]),
+            "F": [_plain(branch) for branch in level(body, eps, R, _REACH)] if R > 0 else [],
+            "energy": _plain(level(body, 0.0, math.sqrt(2.0 * energy(body, start)))[0]),
         },
         "portrait": _portrait(parameters) if parameters.portrait else None,
         "ellipsoid": _ellipsoid(body),
@@ -107,16 +107,16 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "failed_at": int(run.failed_at) if status < 0 else None,
         },
         "numbers": {
-            "criticality": _finite(t),
-            "F": _finite(first_integral(body, start, eps)),
-            "drift": _finite(np.fmax.reduce(drift)),
-            "energy": _finite(energy(body, start)),
-            "omega_minus": _finite(minus),
-            "omega_plus": _finite(plus),
+            "criticality": _plain(t),
+            "F": _plain(first_integral(body, start, eps)),
+            "drift": _plain(np.fmax.reduce(drift)),
+            "energy": _plain(energy(body, start)),
+            "omega_minus": _plain(minus),
+            "omega_plus": _plain(plus),
             "scattering_angle": (
-                _finite(scattering_angle(body)) if isinstance(body, Suslov3D) else None
+                _plain(scattering_angle(body)) if isinstance(body, Suslov3D) else None
             ),
-            "I3": _finite(Suslov3D(*parameters[:4]).admissible_I3()),
+            "I3": _plain(Suslov3D(*parameters[:4]).admissible_I3()),
         },
         "python": (
             f"from suslov_fast import {type(body).__name__}, iterate\n\n"
@@ -161,8 +161,8 @@ def _portrait(parameters: Parameters) -> dict[str, Any] | None:
         levels += level(body, eps, R, _REACH)
     orbits = iterate(body, np.concatenate(starts), eps, steps, on_singular="ignore", threads=1)
     return {
-        "levels": [_finite(branch) for branch in levels],
-        "orbits": [_finite(orbit) for orbit in np.moveaxis(orbits.omega, 1, 0)],
+        "levels": [_plain(branch) for branch in levels],
+        "orbits": [_plain(orbit) for orbit in np.moveaxis(orbits.omega, 1, 0)],
     }
 
 
@@ -175,7 +175,7 @@ def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
     return {"I3": I3, "matter": admissible, "radii": radii.tolist(), "axes": axes.tolist()}
 
 
-def _finite(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     """Return a number, a row or a list of rows; None for numbers and rows that are not finite."""
     array = np.asarray(value)
     if array.ndim < 2:

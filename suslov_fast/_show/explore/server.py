@@ -1,4 +1,4 @@
-"""Local HTTP server that accepts only requests of its own page, and the page in a notebook."""
+"""Local HTTP server of the page, and the page in a notebook."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import json
 import os
 import sys
 import threading
-from http.server import BaseHTTPRequestHandler
-from importlib import resources
+from functools import partial
+from http.server import SimpleHTTPRequestHandler
+from pathlib import Path
 from socketserver import ThreadingTCPServer
 from typing import Any
 
@@ -17,23 +18,17 @@ from ... import __version__
 from ..._checks import instance
 from ..._docs import filled
 from ..._engine.arguments import BodyIn3D
-from .parameters import PRESETS, STEPS, Parameters, query_of, read
+from .parameters import PRESETS, STEPS, Parameters, parameters_in, query_of
 from .scene import scene
 
 _ADDRESS = "127.0.0.1"
-_ASSETS = {"index.html": "html", "style.css": "css", "explore.js": "javascript"}
-_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-    "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors"
-)
-# Notebooks in a browser, and those of editors.
-_NOTEBOOKS = "http://localhost:* http://127.0.0.1:* https://localhost:* vscode-webview: file:"
+_PAGE = Path(__file__).with_name("page")
 _HEADERS = {
     "Cache-Control": "no-store",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
+    # The browser refuses whatever the page would load from elsewhere.
+    "Content-Security-Policy": "default-src 'self'; img-src data:",
 }
+_REFUSALS = {403: "requests of other pages are refused", 404: "no such page"}
 _SETTINGS = {
     "version": __version__,
     "longest": STEPS,
@@ -45,23 +40,13 @@ class Server(ThreadingTCPServer):
     """HTTP server of the page on a local port; 0 selects a free one."""
 
     daemon_threads = True
-    block_on_close = False
     # On POSIX a second server on the same port is an error nevertheless.
     allow_reuse_address = os.name == "posix"
 
-    def __init__(self, port: int, parents: str = "'none'") -> None:
-        super().__init__((_ADDRESS, port), _Handler)
-        # The pages that may show this one in a frame.
-        self.headers = {**_HEADERS, "Content-Security-Policy": f"{_POLICY} {parents}"}
+    def __init__(self, port: int) -> None:
+        super().__init__((_ADDRESS, port), partial(_Handler, directory=_PAGE))
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
-        self.hosts = {f"{name}:{self.port}" for name in (_ADDRESS, "localhost")}
-        folder = resources.files(__package__) / "page"
-        self.assets = {
-            "/" + name: ((folder / name).read_bytes(), f"text/{kind}; charset=utf-8")
-            for name, kind in _ASSETS.items()
-        }
-        self.assets["/"] = self.assets.pop("/index.html")
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error, unless the browser has closed the connection."""
@@ -69,50 +54,45 @@ class Server(ThreadingTCPServer):
             super().handle_error(request, client_address)
 
 
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(SimpleHTTPRequestHandler):
     server: Server
-    server_version = f"suslov-fast/{__version__}"
-    sys_version = ""
     # Seconds; browsers open connections that they may never use.
     timeout = 10.0
 
     def do_GET(self) -> None:
         """Send a file of the page or numbers for it."""
         path, _, query = self.path.partition("?")
-        if not self._from_own_page():
-            self._send(403, b"suslov-fast: requests of other pages are refused\n")
-        elif path in self.server.assets:
-            self._send(200, *self.server.assets[path])
+        hosts = [f"{name}:{self.server.port}" for name in (_ADDRESS, "localhost")]
+        if self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
+            self.send_error(403)
         elif path in ("/settings", "/scene"):
             value = _SETTINGS if path == "/settings" else answer(query)
             text = json.dumps(value, allow_nan=False, separators=(",", ":"))
-            self._send(200, text.encode(), "application/json")
+            self._send(200, text, "application/json")
         else:
-            self._send(404, b"suslov-fast: no such page\n")
+            super().do_GET()
+
+    def do_HEAD(self) -> None:
+        self.send_error(501)
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """Answer other methods than GET, and requests that are not HTTP, in one line."""
+        """Answer in one line; but for two codes the request was not a GET."""
         self.close_connection = True
-        self._send(code, b"suslov-fast: expected a GET request\n")
+        text = _REFUSALS.get(code, "expected a GET request")
+        self._send(code, f"suslov-fast: {text}\n", "text/plain; charset=utf-8")
 
-    def _from_own_page(self) -> bool:
-        """Return False for requests from pages of other sites.
-
-        Their name may resolve to this machine (DNS rebinding), but the Host header reveals it.
-        """
-        if self.headers.get_all("Host", []) not in [[host] for host in self.server.hosts]:
-            return False
-        origin = self.headers.get("Origin")
-        return origin is None or origin in {f"http://{host}" for host in self.server.hosts}
-
-    def _send(self, status: int, body: bytes, kind: str = "text/plain; charset=utf-8") -> None:
+    def _send(self, status: int, text: str, kind: str) -> None:
+        body = text.encode()
         self.send_response(status)
-        for name, value in self.server.headers.items():
-            self.send_header(name, value)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
         self.wfile.write(body)
+
+    def end_headers(self) -> None:
+        for name, value in _HEADERS.items():
+            self.send_header(name, value)
+        super().end_headers()
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Log nothing: the page shows errors."""
@@ -121,7 +101,7 @@ class _Handler(BaseHTTPRequestHandler):
 def answer(query: str) -> dict[str, Any]:
     """Return the numbers for a query, or a message that the page shows."""
     try:
-        return scene(read(query))
+        return scene(parameters_in(query))
     except ValueError as error:
         # A message begins with the names of the fields that it is about.
         named = str(error).partition(":")[0].split(", ")
@@ -190,7 +170,7 @@ def explore(
     """
     instance("body", body, BodyIn3D)
     query = query_of(body, eps, omega0, steps)
-    server = Server(0, _NOTEBOOKS)
+    server = Server(0)
     serve: Any = server.serve_forever
     threading.Thread(target=serve, args=[0.1], daemon=True).start()
     return Page(server, query)

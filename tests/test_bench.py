@@ -2,8 +2,10 @@
 
 import json
 import os
+import runpy
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import compare
 import pytest
@@ -50,35 +52,27 @@ def test_each_case_has_a_table_and_a_name_of_its_own():
     assert not any(set(" ,[]") & set(name) for name in names + [case.group for case in CASES])
 
 
-@pytest.mark.parametrize(
-    ("options", "timed"),
-    [
-        ([], False),
-        (["--benchmark-only"], True),
-        (["--benchmark-autosave", "--benchmark-compare"], True),  # with nothing to compare with
-    ],
-)
-def test_benchmarks_are_timed_if_an_option_asks_for_it(options, timed, tmp_path):
+def benchmark_disabled(*options):
+    given = SimpleNamespace(args=options)
+    config = SimpleNamespace(invocation_params=given, option=SimpleNamespace())
+    runpy.run_path(str(results.BENCH / "conftest.py"))["pytest_configure"](config)
+    return getattr(config.option, "benchmark_disable", False)
+
+
+def test_benchmarks_are_timed_if_an_option_asks_for_it(tmp_path):
     """As users run them, from the folder of the project; the smallest case stands for all."""
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "bench",
-        "-k",
-        "processes-python",
-        "-p",
-        "no:cacheprovider",
-    ]
-    storage = f"--benchmark-storage={tmp_path}" if timed else "-q"
+    assert benchmark_disabled("-k", "rows")
+    assert not benchmark_disabled("--benchmark-only")
+    words = "-m pytest bench -k processes-python -p no:cacheprovider --benchmark-autosave"
+    words += " --benchmark-compare"  # with nothing to compare with
     # Without the variables that tell a child it is a worker of this run.
     env = {name: each for name, each in os.environ.items() if not name.startswith("PYTEST_")}
-    where = {"cwd": results.BENCH.parent, "env": env}
-    run = subprocess.run([*command, *options, storage], capture_output=True, text=True, **where)
+    command = [sys.executable, *words.split(), f"--benchmark-storage={tmp_path}"]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=results.BENCH.parent, env=env)
     assert run.returncode == 0, run.stdout + run.stderr
     assert "1 passed" in run.stdout
-    assert ("benchmark 'processes': 1 tests" in run.stdout) == timed
-    assert len(list(tmp_path.glob("*/*.json"))) == ("--benchmark-autosave" in options)
+    assert "benchmark 'processes': 1 tests" in run.stdout
+    assert len(list(tmp_path.glob("*/*.json"))) == 1
 
 
 @pytest.mark.compiled

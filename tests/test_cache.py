@@ -113,16 +113,12 @@ def test_later_processes_compile_edited_and_damaged_kernels_only(folder):
     assert len(cached(folder)) == len(before)  # files of the earlier source are deleted
 
 
-def test_checked_kernels_are_not_cached(folder):
+def test_environments_keep_their_own_files(folder):
+    """Those with other libraries; kernels whose indices are checked are not cached."""
     assert call(folder, "half") == ([HALF], 0)
     before = cached(folder)
     assert call(folder, "half", NUMBA_BOUNDSCHECK="1") == ([HALF], 0)
     assert cached(folder) == before
-
-
-def test_environments_with_other_libraries_keep_their_own_files(folder):
-    assert call(folder, "half") == ([HALF], 0)
-    before = cached(folder)
     cache = folder / "core" / "_jit" / "cache.py"
     cache.write_text(cache.read_text().replace("{numba.__version__}", "another"))
     assert call(folder, "half") == ([HALF], 0)

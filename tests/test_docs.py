@@ -22,6 +22,7 @@ import suslov_fast
 from suslov_fast import iterate
 from suslov_fast._cli import main, pictures
 from suslov_fast._engine import threads
+from suslov_fast.integrability import zoo
 
 DOCS = Path(__file__).parent.parent / "docs"
 README = DOCS.parent / "README.md"
@@ -211,29 +212,27 @@ def test_the_table_of_bodies():
     assert shown == script.table()
 
 
-def zoo():
-    """The names of the script of the tables, and the rows on the page."""
-    spec = importlib.util.spec_from_file_location("zoo_table", DOCS / "zoo_table.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    tables = script.TABLE.finditer(script.PAGE.read_text(encoding="utf-8"))
-    return script.script(), [table.group(0).splitlines() for table in tables]
-
-
-SOME = ("Suslov body", "Euler top", "Volterra chain, N = 4", "Lotka-Volterra", "Lorenz")
+SOME = ("Suslov gyrostat", "Euler top", "Zhukovsky-Volterra, two betas", "Lorenz")
 
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("names", [SOME, pytest.param((), marks=pytest.mark.slow, id="all")])
 def test_rows_of_the_zoo(names):
-    script, tables = zoo()
-    table = [line for each in tables for line in each]
-    assert len(tables[0]) == script["INTEGRABLE"]
-    assert [line.split(" | ")[0] for line in table] == [f"| {name}" for name in script["ZOO"]]
-    for name in names or script["ZOO"]:
-        assert script["row"](name) in table
-    field, _ = script["ZOO"]["Zhukovsky-Volterra, three betas"]
-    states = iterate(field, script["STARTS"]["Zhukovsky-Volterra, three betas"], 1.0, 20_000).x
+    script = script_of("zoo_table")
+    first, second = (m[0] for m in script.TABLE.finditer(script.PAGE.read_text(encoding="utf-8")))
+    example, table = script.script(), (first + second).splitlines()
+    assert first.count("\n") == example["INTEGRABLE"]
+    assert [line.split(" | ")[0] for line in table] == [f"| {name}" for name in example["ZOO"]]
+    for name in names or example["ZOO"]:
+        assert example["row"](name) in table
+
+
+@pytest.mark.compiled
+def test_a_cycle_of_three_states():
+    """The page says that orbits of this field at eps = 1 tend to one."""
+    field, _ = zoo()["Zhukovsky-Volterra, three betas"]
+    starts = np.random.default_rng(0).uniform(-2, 2, (10, 3))
+    states = iterate(field, starts, 1.0, 20_000).x
     np.testing.assert_allclose(states[-1], states[-4], rtol=1e-9)
     assert (abs(states[-1] - states[-2]).max(axis=-1) > 0.01).all()
 

@@ -1,6 +1,5 @@
 """The tutorial as a notebook, run by a Jupyter kernel."""
 
-import importlib.util
 import json
 import re
 import subprocess
@@ -9,12 +8,9 @@ import sys
 import children
 import nbformat
 import pytest
-from test_docs import DOCS
+from test_docs import script_of
 
-SCRIPT = DOCS / "as_notebook.py"
-SPEC = importlib.util.spec_from_file_location("as_notebook", SCRIPT)
-TUTORIAL = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(TUTORIAL)
+TUTORIAL = script_of("as_notebook")
 # Objects that a reader may display beside the pages.
 SHOWN = [
     "orbits",
@@ -35,7 +31,13 @@ nbformat.write(notebook, sys.argv[2])
 def test_all_pages_are_included(tmp_path):
     pages = TUTORIAL.pages()
     assert set(pages) == {path.stem for path in TUTORIAL.TUTORIAL.glob("*.md")} - {"index"}
-    command = [sys.executable, SCRIPT, tmp_path / "t.ipynb", "--scripts", tmp_path / "scripts"]
+    command = [
+        sys.executable,
+        TUTORIAL.__file__,
+        tmp_path / "t.ipynb",
+        "--scripts",
+        tmp_path / "scripts",
+    ]
     done = subprocess.run(command, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     notebook = nbformat.read(tmp_path / "t.ipynb", as_version=4)

@@ -34,11 +34,11 @@ for function, key, label, part, divisions in (
     ("c.parameter_free", "c-free", FREE, 1, 1),
     ("c.as_printed", "c-printed", "C, as printed, two divisions", 1, 2),
     ("c.as_printed_once", "c-printed-once", "C, as printed, one division", 1, 1),
-    ("blocked_numba.final", "numba-blocks", "Numba, parameter-free, in blocks", 1, 1),
+    ("numba_loops.in_blocks", "numba-blocks", "Numba, parameter-free, in blocks", 1, 1),
     ("own_loops.in_lanes", "own-lanes", f"{OWN}advance`, 64 orbits at once", 1, 1),
     ("own_loops.one_by_one", "own-advance", f"{OWN}advance`", 16, None),
     ("own_loops.step_by_step", "own-step", f"{OWN}step`", 16, None),
-    ("naive_numba.final", "numba", PRANGE, 16, None),
+    ("numba_loops.final", "numba", PRANGE, 16, None),
     ("numpy_batch.final", "numpy", BATCH, 64, None),
     ("numpy_batch.final_python", "python", "Python", 1024, None),
 ):
@@ -48,7 +48,7 @@ for function, key, label, part, divisions in (
 for function, key, label, part in (
     ("c.stored_streaming", "c-streaming", f"{FREE}, streaming stores", 1),
     ("c.stored", "c-plain", f"{FREE}, plain stores", 1),
-    ("naive_numba.stored", "numba", PRANGE, 4),
+    ("numba_loops.stored", "numba", PRANGE, 4),
     ("numpy_batch.stored", "numpy", BATCH, 16),
 ):
     make = saved_states(function, 65_536 // part)
@@ -76,7 +76,6 @@ for function, key, label in (
 for function, key, label, part in (
     ("fields.in_c", "c-field", "C: Lorenz written out, the chain by elimination", 1),
     ("own_loops.of_field", "own-system", f"{OWN}step_system`", 1),
-    ("fields.in_numba", "numba-solve", f"{PRANGE}, `linalg.solve`", 4),
     ("fields.in_numpy", "numpy-solve", "NumPy, `linalg.solve`", 16),
 ):
     for components in FIELDS:

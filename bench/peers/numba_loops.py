@@ -1,9 +1,11 @@
-"""Straightforward Numba: `prange` over trajectories."""
+"""Numba: straightforward `prange` over trajectories, and blocks of them, which become vectors."""
 
 import formulas
 import numba
 import numpy as np
+from formulas import Formulas
 
+LANES = 64
 _step = numba.njit(formulas.step_as_printed)
 
 
@@ -34,3 +36,23 @@ def stored(omega0, steps, threads, out):
     out = out.reshape(len(omega0), steps + 1, 2)
     _stored(omega0, steps, out)
     return out.swapaxes(0, 1)
+
+
+@numba.njit(parallel=True, error_model="numpy", cache=True)
+def _in_blocks(X, Y, steps):
+    for block in numba.prange((len(X) + LANES - 1) // LANES):
+        part = slice(block * LANES, (block + 1) * LANES)
+        x, y = X[part].copy(), Y[part].copy()
+        for _ in range(steps):
+            for l in range(len(x)):
+                after = x[l] * (1.0 + y[l]) / (1.0 - y[l] + x[l] * x[l])
+                y[l] -= x[l] * after
+                x[l] = after
+        X[part], Y[part] = x, y
+
+
+def in_blocks(omega0, steps, threads):
+    """Last states by the parameter-free map."""
+    states = Formulas().enter(*omega0.T)
+    _in_blocks(*states, steps)
+    return np.stack(Formulas().leave(*states), axis=-1)

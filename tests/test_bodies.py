@@ -201,9 +201,6 @@ class Top(Body):
     _meanings: ClassVar = dict.fromkeys(_positive, "moment of inertia")
     dimension, _labels = 3, ("p", "q", "r")
 
-    def __post_init__(self):
-        self._set(A=self.A, B=self.B, C=self.C)
-
     def field(self):
         return sf.QuadraticField.from_function(self.equations, 3)
 

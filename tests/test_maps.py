@@ -31,9 +31,6 @@ class Growth(Body):
     _meanings: ClassVar = {"m": "mass", "I": "rate"}
     _positive: ClassVar = ("m",)
 
-    def __post_init__(self):
-        self._set(m=self.m, I=self.I)
-
     @property
     def _labels(self):
         return "x1", "x2"

@@ -50,9 +50,6 @@ class Chain(Body):
     _meanings: ClassVar = {"growth": "rate", "prey": "rate for each"}
     dimension, _labels = 3, ("a", "b", "c")
 
-    def __post_init__(self):
-        self._set(growth=self.growth, prey=self.prey)
-
     def field(self):
         one = np.eye(3)
         q = one[:, :, None] * (np.roll(one, 1, axis=1) - np.roll(one, -1, axis=1))[:, None]

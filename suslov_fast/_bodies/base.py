@@ -28,6 +28,9 @@ class Body:
     _meanings: ClassVar[dict[str, str]] = {}
     _positive: ClassVar[tuple[str, ...]] = ()
 
+    def __post_init__(self) -> None:
+        self._set(**{name: getattr(self, name) for name in self._names()})
+
     @classmethod
     def _names(cls) -> list[str]:
         """Return the names of the parameters, optional ones last."""
@@ -186,7 +189,7 @@ class Body:
         >>> Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3})
         Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
         """
-        names = [field.name for field in fields(cls)]
+        names = [field.name for field in fields(cls)]  # also those that are no coefficients
         parameters = dict(mapping(parameters))
         kind = parameters.pop("body", None)
         if kind != cls.__name__:

@@ -36,7 +36,7 @@ class _In3D(RigidBody):
     }
 
     def __post_init__(self) -> None:
-        self._set(**{name: getattr(self, name) for name in self._names()})
+        super().__post_init__()
         values = self._arrays
         I1, I2 = values["I1"], values["I2"]
         if (abs(np.subtract(np.frexp(I1)[1], np.frexp(I2)[1])) > _APART).any():

@@ -8,16 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._checks import (
-    FloatArray,
-    first_index,
-    inertia_matrix,
-    real_array,
-    spell,
-    unit_axis,
-    without_labels,
-    wrong,
-)
+from .._checks import FloatArray, first_index, inertia_matrix, spell, unit_axis, wrong
 from .._docs import filled
 from .rigid import RigidBody, shortest_rotation_to_last
 
@@ -71,12 +62,11 @@ class SuslovND(RigidBody):
     _positive: ClassVar[tuple[str, ...]] = ("J",)
 
     def __init__(self, J: ArrayLike, I: ArrayLike) -> None:
-        without_labels({"J": J, "I": I})
-        J, I = real_array("J", J), real_array("I", I)
-        if J.ndim == 0 or I.ndim == 0 or J.shape[-1] != I.shape[-1] or J.shape[-1] == 0:
-            expected = "shapes (..., n - 1) with the same n > 1"
-            raise wrong("J, I", expected, f"{J.shape} and {I.shape}")
         self._set(J=J, I=I)
+        shapes = np.shape(self.J), np.shape(self.I)
+        if () in shapes or shapes[0][-1] != shapes[1][-1] or shapes[0][-1] == 0:
+            expected = "shapes (..., n - 1) with the same n > 1"
+            raise wrong("J, I", expected, f"{shapes[0]} and {shapes[1]}")
 
     @property
     def dimension(self) -> int:

@@ -10,7 +10,7 @@ import operator
 import os
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from types import CodeType
 from typing import Any, get_args
@@ -27,6 +27,7 @@ _FLOAT64 = np.dtype(np.float64)
 _FEW = 64
 # Integers up to this are exact as floats.
 EXACT = 2**53
+_NUMBERS = {float, int}
 # Types without labels and units.
 _PLAIN = {float, int, list, tuple, np.ndarray, type(None)}
 # Axes of the package's datasets after those of the batch.
@@ -157,18 +158,17 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
 
 def refuse_units(name: str, value: Any) -> None:
     """Raise an error for booleans, tables, masked arrays and quantities, alone or in lists."""
-    for each in _unpacked(value):
-        _refuse_units(name, each)
+    for item in _unusual(value):
+        _refuse_units(name, item)
 
 
-def _unpacked(value: Any) -> Iterator[Any]:
-    """Yield the items of nested lists that are not plain numbers, or the value itself."""
+def _unusual(value: Any) -> list[Any]:
+    """Return what is not a plain number in nested lists, with some that are, or the value."""
     if not isinstance(value, (list, tuple)):
-        yield value
-        return
-    for each in value:
-        if type(each) is not float and type(each) is not int:
-            yield from _unpacked(each)
+        return [value]
+    if _NUMBERS.issuperset(map(type, value)):
+        return []
+    return [item for each in value for item in _unusual(each)]
 
 
 def _refuse_units(name: str, value: Any) -> None:
@@ -186,14 +186,14 @@ def _refuse_units(name: str, value: Any) -> None:
         raise wrong(name, "an array", "Dataset: pass one variable, as dataset.omega", TypeError)
     if _is_xarray(value):
         value = getattr(value, "data", None)  # its attributes are annotations only
-    for attribute in ("unit", "units"):
-        if hasattr(value, attribute):
-            number = "magnitude" if hasattr(value, "magnitude") else "value"
-            received = (
-                f"{type(value).__name__} in {getattr(value, attribute)}: pass its number in the "
-                f"unit that all arguments share, as {name}.to(...).{number}"
-            )
-            raise wrong(name, "numbers without a unit", received, TypeError)
+    if hasattr(value, "unit") or hasattr(value, "units"):
+        unit = getattr(value, "unit", getattr(value, "units", None))
+        number = "magnitude" if hasattr(value, "magnitude") else "value"
+        received = (
+            f"{type(value).__name__} in {unit}: pass its number in the unit that all arguments "
+            f"share, as {name}.to(...).{number}"
+        )
+        raise wrong(name, "numbers without a unit", received, TypeError)
 
 
 def _is_xarray(value: Any) -> bool:
@@ -240,7 +240,7 @@ def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[s
 def without_labels(parameters: dict[str, Any]) -> None:
     """Raise ValueError for named axes, and for series of pandas whose indices differ."""
     indices: dict[str, Any] = {}
-    items = [(name, each) for name, value in parameters.items() for each in _unpacked(value)]
+    items = [(name, each) for name, value in parameters.items() for each in _unusual(value)]
     for name, value in items:
         if _is_xarray(value) and value.dims:
             expected = "an array without labels, as a body has none"
@@ -255,30 +255,27 @@ def without_labels(parameters: dict[str, Any]) -> None:
 def check_labels(name: str, value: Any, components: Sequence[str]) -> None:
     """Raise ValueError if components are not on the last axis, or not those named, in order."""
     if isinstance(value, (list, tuple)):
-        _check_list(name, value, components)
+        if not _NUMBERS.issuperset(map(type, value)):
+            for k, item in enumerate(value):
+                _check_item(name, item, k, components)
     elif _is_xarray(value):
         _check_axes(name, value, components)
-    elif hasattr(value, "index") and not callable(value.index) and np.ndim(value) == 1:
+    elif type(value).__name__ == "Series" and value.ndim == 1:
         _check_order(name, value.index, components)
 
 
-def _check_list(name: str, values: Sequence[Any], components: Sequence[str]) -> None:
-    """Check the labels of the items of a list, which must agree."""
-    first = None
-    for k, value in enumerate(values):
-        if type(value) is float or type(value) is int:
-            continue
-        check_labels(name, value, components)
-        if _is_xarray(value):
-            coords = getattr(value, "coords", {})
-            labels = [each.item() for each in coords.values() if value.ndim == each.ndim == 0]
-            for place, label in enumerate(components):
-                if label in labels and place != k:
-                    raise wrong(name, f"{label} at [{place}]", f"it at [{k}]: pass its values")
-            batch = [(dim, dim in coords and coords[dim].values.tolist()) for dim in value.dims]
-            if batch != (first := batch if first is None else first):
-                received = f"others at [{k}]: pass values without labels"
-                raise wrong(name, "the axes and coordinates of its first labelled item", received)
+def _check_item(name: str, item: Any, k: int, components: Sequence[str]) -> None:
+    """Check the labels of an item of a list, which has no axis but that of components."""
+    check_labels(name, item, components)
+    if _is_xarray(item):
+        if {*item.dims} - {*_own_axes(item, components)}:
+            received = f"one with the axes {item.dims} at [{k}]: pass its values"
+            raise wrong(name, "labelled items with an axis 'component' alone", received)
+        labels = (each.item() for each in getattr(item, "coords", {}).values() if item.ndim == 0)
+        for label in labels:
+            if label in components and components.index(label) != k:
+                place = components.index(label)
+                raise wrong(name, f"{label} at [{place}]", f"it at [{k}]: pass its values")
 
 
 def _own_axes(value: Any, components: Sequence[str]) -> list[Any]:
@@ -322,12 +319,11 @@ def _check_order(name: str, labels: Any, components: Sequence[str]) -> None:
 
 
 def inertia_matrix(name: str, value: ArrayLike, n: int | None = None) -> FloatArray:
-    """Return symmetric positive definite matrices (..., n, n), or a single one if n is None."""
+    """Return symmetric positive definite matrices (..., n, n), of any n by default."""
     matrix = real_array(name, value)
-    side = matrix.shape[-1] if n is None and matrix.ndim else n
-    if matrix.ndim < 2 or matrix.shape[-2:] != (side, side) or (n is None and matrix.ndim > 2):
-        shape = "(n, n)" if n is None else f"(..., {n}, {n})"
-        raise wrong(name, f"shape {shape}", matrix.shape)
+    side = n or (0, *matrix.shape)[-1]
+    if matrix.shape[-2:] != (side, side):
+        raise wrong(name, f"shape (..., {n or 'n'}, {n or 'n'})", matrix.shape)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
     if not (asymmetry <= 1e-12 * size).all():

@@ -315,7 +315,7 @@ LABELS = [
     (lambda: [SERIES], "in order, got .'Omega2', 'Omega1'."),
     (lambda: ([1.0, 0.5], SERIES), "in order, got .'Omega2', 'Omega1'."),
     (lambda: [IN_ORDER[0], IN_ORDER[1, ::-1]], "in order, got .'Omega2', 'Omega1'."),
-    (lambda: [IN_ORDER, IN_ORDER[::-1]], r"coordinates of its first labelled item, got others at \[1\]"),
+    (lambda: [IN_ORDER, IN_ORDER], r"got one with the axes \('start', 'component'\) at \[0\]: pass its values"),
     (lambda: [IN_ORDER[0, 1], 2.0], r"expected Omega2 at \[1\], got it at \[0\]"),
     (lambda: xarray.DataArray([OMEGA], dims=("start", "n", "component")), r"got \('start', 'n', 'component'\): pass omega\.transpose\('n', \.\.\., 'component'\)$"),
     (lambda: labelled(("start", "component"), component=["Omega2", "Omega1"]), "expected the components .'Omega1', 'Omega2'. in order, got .'Omega2', 'Omega1'."),

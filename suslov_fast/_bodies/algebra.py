@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import refuse_units, wrong
+from .._checks import refuse_units, without_labels, wrong
 
 Monomial = tuple[int, ...]  # the indices of the variables, in ascending order: (0, 0, 2) is x1^2*x3
 _NUMBERS = Rational | float | np.integer | np.floating
@@ -33,6 +33,7 @@ def rational(name: str, value: Any, exact: bool = False) -> Fraction:
 def numbers(name: str, value: Any) -> NDArray[Any]:
     """Return an array of the numbers as they are: one of integers and floats is one of objects."""
     refuse_units(name, value)
+    without_labels({name: value})
     return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
 
 

@@ -22,7 +22,6 @@ from .._checks import (
     integer,
     real_array,
     vectors,
-    without_labels,
     wrong,
 )
 from .._docs import filled
@@ -120,13 +119,11 @@ class QuadraticField(Body):
         self, quadratic: Any, linear: Any = None, constant: Any = None, H: Any = None, K: Any = None
     ) -> None:
         D = (0, *numbers("quadratic", quadratic).shape)[-1]
-        given = {
-            "quadratic": quadratic,
-            "linear": np.zeros((D, D)) if linear is None else linear,
-            "constant": np.zeros(D) if constant is None else constant,
+        given = zip(_AXES.items(), (quadratic, linear, constant), strict=True)
+        arrays = {
+            name: np.zeros((D,) * axes) if each is None else numbers(name, each)
+            for (name, axes), each in given
         }
-        without_labels(given)
-        arrays = {name: numbers(name, each) for name, each in given.items()}
         for name, axes in _AXES.items():
             if D == 0 or arrays[name].shape[-axes:] != (D,) * axes:
                 letter = "D" if name == "quadratic" else str(D)
@@ -136,7 +133,7 @@ class QuadraticField(Body):
             if H is not None or K is not None:
                 raise wrong("H, K", "None for a batch of fields", "others")
             half = 0.5 * real_array("quadratic", quadratic)
-            self._set(**given | {"quadratic": half + half.swapaxes(-2, -1)})
+            self._set(**arrays | {"quadratic": half + half.swapaxes(-2, -1)})
             return
         made = self._of_components(polynomials_of(arrays))
         if H is not None or K is not None:
@@ -318,15 +315,14 @@ class QuadraticField(Body):
 
     @property
     def _text(self) -> str | None:
-        names = self._names_and_values
-        if self.shape and names:  # arrays are stored as such
-            values = names["parameters"]
-            names["parameters"] = {k: None if np.ndim(v) else v for k, v in values.items()}
-            return json.dumps({"body": type(self).__name__, **names})
+        given = self._besides | self._names_and_values
+        if "parameters" in given:  # arrays are stored as such
+            values = given["parameters"].items()
+            given["parameters"] = {name: None if np.ndim(each) else each for name, each in values}
         exact = (plain(c) for each in self.polynomials for c in each.terms.values())
-        if names or self.H is not None or not all(isinstance(c, float) for c in exact):
-            return json.dumps(self.to_dict())
-        return None
+        if not all(isinstance(c, float) for c in exact):
+            given |= {name: plain_lists(each) for name, each in self._values.items()}
+        return json.dumps({"body": type(self).__name__} | given) if given else None
 
     @property
     def _besides(self) -> dict[str, Any]:
@@ -436,15 +432,12 @@ class QuadraticField(Body):
 
         Numbers that are not floats are strings "p/q". A field made from a Hamiltonian also has K,
         and H as a list of terms [c, i, j, k], each for c x[i] x[j] x[k]. Named parameters are under
-        "parameters", and, under "affine", the coefficients of products of those in which the field
-        is affine.
+        "parameters". Where the field is affine in some of them, the terms of its components are
+        under "affine", with the names of these as factors: [c, i, j, "a"] is c a x[i] x[j].
         """
-        names = self._names_and_values
-        if self.shape:
-            return super().to_dict() | names
-        values: dict[str, Any] = {"body": type(self).__name__}
-        values |= {name: plain_lists(each) for name, each in self._values.items()}
-        return values | self._besides | names
+        whole = super().to_dict() | self._besides | self._names_and_values
+        exact = {} if self.shape else self._values
+        return whole | {name: plain_lists(each) for name, each in exact.items()}
 
     @classmethod
     def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:

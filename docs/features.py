@@ -7,6 +7,7 @@ been called for samples of the bodies, and what they return compared before and 
 import re
 import warnings
 from inspect import signature
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,8 @@ BODIES = {
 }
 # What a row has, and its functions, which exist for the same bodies.
 ROWS = (
-    ("", ("step", "vector_field", "matrix", "jacobian", "lyapunov_exponents")),
+    ("", ("step", "vector_field", "matrix", "jacobian", "lyapunov_exponents", "multipliers")),
+    ("all fixed points, where there are finitely many", ("fixed_points",)),
     ("state n and limits, without steps", ("exact", "limits", "criticality")),
     ("the continuous motion, exactly", ("flow",)),
     ("", ("energy",)),
@@ -45,6 +47,8 @@ ROWS = (
     ("", ("to_vector", "plot_phase")),
     ("letters of the paper", ("to_xy", "closed_form")),
     ("limits in space", ("scattering_angle",)),
+    ("your own compiled loops, in two numbers", ("compiled.frame",)),
+    ("your own compiled loops, in arrays", ("compiled.system",)),
 )
 CONSERVED = {"energy", "modified_energy", "first_integral"}
 GIVEN = {"eps": 0.1, "n": 3, "time": 3.0, "steps": 3, "extent": 1.0}
@@ -52,20 +56,21 @@ GIVEN = {"eps": 0.1, "n": 3, "time": 3.0, "steps": 3, "extent": 1.0}
 
 def call(name, body, state):
     """Call a function of the package; None if it does not exist for this body."""
-    function = getattr(sf, name)
+    function = attrgetter(name)(sf)
     _, *parameters = signature(function).parameters.values()
     needed = [each.name for each in parameters if each.default is each.empty]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             return function(body, *(GIVEN.get(each, state) for each in needed))
-        except (TypeError, sf.NotIntegrableError):
+        except (TypeError, ValueError):
             return None
 
 
 def answer(name, body):
     """Cell of a function and a body."""
-    state = np.array([0.3, 0.9, -0.6])[: body.dimension]
+    # Multipliers are those of a fixed point; the state 0 is one of all these bodies.
+    state = np.array([0.3, 0.9, -0.6])[: body.dimension] * (name != "multipliers")
     first = call(name, body, state)
     if first is None or name not in CONSERVED:
         return "no" if first is None else "yes"

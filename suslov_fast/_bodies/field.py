@@ -187,7 +187,7 @@ class QuadraticField(Body):
 
     @classmethod
     def _named(
-        cls, f: Any, components: named.Components, values: named.Values, n: int
+        cls, f: Any, components: named.PolynomialsOf, values: named.Values, n: int
     ) -> QuadraticField:
         """Return the field with the components of a function of x and parameters."""
         if any(map(np.ndim, values.values())):

@@ -17,8 +17,8 @@ from .algebra import Polynomial, coefficients_in, fill, plain, rational
 Values = dict[str, Any]
 # For each component its terms [c, 0, "a", ...], each for c x[0] a ..., for JSON.
 Affine = list[list[list[Any]]]
-# The components of the field that a function makes of x, or of x and more symbols.
-Components = Callable[[Callable[[Any], Any], int], tuple[Polynomial, ...]]
+# The components of the field of a function of x, or of x and a number of symbols after it.
+PolynomialsOf = Callable[[Callable[[Any], Any], int], tuple[Polynomial, ...]]
 
 # Names that functions, datasets, stores and files use.
 _RESERVED = frozenset(
@@ -59,7 +59,7 @@ def plain_parameters(values: Values, affine: Affine) -> dict[str, Any]:
 
 
 def coefficients_for(
-    f: Callable[..., Any], components: Components, values: Values, D: int
+    f: Callable[..., Any], components: PolynomialsOf, values: Values, D: int
 ) -> dict[str, FloatArray]:
     """Return the coefficients of the fields for all values of the parameters."""
     arrays = np.broadcast_arrays(*values.values())
@@ -75,7 +75,9 @@ def coefficients_for(
     return coefficients_in(tables.reshape(*shape, D, D + 1, D + 1))
 
 
-def affine_terms(f: Callable[..., Any], components: Components, values: Values, D: int) -> Affine:
+def affine_terms(
+    f: Callable[..., Any], components: PolynomialsOf, values: Values, D: int
+) -> Affine:
     """Return the terms of the components, with the parameters in which they are affine as factors.
 
     Symbols for these parameters are variables after those of the state. Without such parameters, or

@@ -19,7 +19,7 @@ from ._docs import filled
 from ._engine.layout import flat_parameter, for_kernel, for_loops
 from ._engine.methods import drivers_3d, drivers_nd, gyrostat_steps
 from ._engine.problem import Driver, Kept, Map
-from ._engine.stepping import iterate, iterate_field
+from ._engine.stepping import iterate_3d, iterate_field
 from ._kernels.blocks import full
 from ._kernels.elimination import WIDEST
 
@@ -80,7 +80,7 @@ _RECORDS = (
         body=Suslov3D,
         title="Suslov problem in three components",
         parameters=_with_I3,
-        drivers=lambda problem, span: (Driver(partial(iterate, kernel=full, step=2.0)),),
+        drivers=lambda problem, span: (Driver(partial(iterate_3d, kernel=full, step=2.0)),),
         kept=(Kept("state", ("flat", 3)),),
         samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0, 0.5)),),
         components=lambda body: ("Omega1", "Omega2", "Omega3"),

@@ -52,7 +52,7 @@ class Orbits(NamedTuple):
     missing: FloatArray
     threads: int | None
 
-    def run(
+    def call(
         self,
         kernels: tuple[Kernel, Kernel],
         sign: float,
@@ -63,30 +63,33 @@ class Orbits(NamedTuple):
     ) -> None:
         """Call a kernel for some trajectories, and the next for those that it leaves.
 
-        If it leaves most of the first _PROBE, it is not called for the rest: the next kernel
-        computes the same bits. `work` is that of a trajectory after it is entered.
+        If it leaves most of the first _PROBE, the next kernel computes all others, too: the same
+        bits. `work` is that of a trajectory after it is entered.
         """
         parameters, omega, flow, ends, left, missing, threads = self
-
-        def call(kernel: Kernel, begin: int, end: int) -> None:
-            arguments = (sign, flow), parameters, omega, *which, (begin, end), out, ends
+        (passing, others), (begin, stop) = kernels, lanes
+        end, most_left = begin + _PROBE if stop - begin > 4 * _PROBE else stop, False
+        while begin < stop:
+            arguments = (
+                (sign, flow),
+                parameters,
+                omega,
+                *which,
+                (begin, end),
+                out,
+                ends,
+                left,
+                missing,
+            )
             total = (end - begin) * (_ENTERING + work)
-            _threads.run(kernel, total, threads, *arguments, left, missing)
-
-        (passing, others), (begin, end) = kernels, lanes
-        if left.size == 1:  # `any` would take a tenth of a call
-            call(passing, begin, end)
-            found = left.item() == 1
-        else:
-            probed = begin + _PROBE if end - begin > 4 * _PROBE else end
-            call(passing, begin, probed)
-            if probed < end and left[begin:probed].mean() > _MOST:
-                left[probed:end] = 1
-            elif probed < end:
-                call(passing, probed, end)
-            found = bool(left[begin:end].any())
-        if found:
-            call(others, begin, end)
+            if most_left:
+                left[begin:end] = 1
+            else:
+                _threads.run(passing, total, threads, *arguments)
+            if 1 in left[begin:end].tobytes():  # faster than `any` for one trajectory
+                _threads.run(others, total, threads, *arguments)
+                most_left = end < stop and left[begin:end].mean() > _MOST
+            begin, end = end, stop
 
 
 def orbits_of(
@@ -96,8 +99,7 @@ def orbits_of(
     threads: int | None,
     ends: Ends = _NO_ENDS,
 ) -> Orbits:
-    missing = np.zeros((numba.config.NUMBA_NUM_THREADS, 3))
-    left = np.zeros(len(omega), np.int8)
+    missing, left = np.zeros((numba.config.NUMBA_NUM_THREADS, 3)), np.zeros(len(omega), np.int8)
     return Orbits(with_rotor(parameters), omega, flow, ends, left, missing, threads)
 
 
@@ -113,18 +115,17 @@ class Rows(NamedTuple):
     sign: float = 1.0
 
 
-def slices(batch: int, rows: int, most: int | None = None) -> Sequence[tuple[Range, Range]]:
+def slices(batch: int, rows: int) -> Sequence[tuple[Range, Range]]:
     """Return the trajectories and rows of each call of a kernel.
 
     Trajectories begin at multiples of LANES, rows at multiples of GROUP. The batch is divided
     first, as long as the rows of a call outweigh the cost of entering trajectories.
     """
-    most = most or SLICE
-    if 0 < batch * rows <= most:
+    if batch * rows <= SLICE:
         return (((0, batch), (0, rows)),)
-    abreast = max(most // max(min(rows, _WORTH_ENTERING), 1), 1)
-    width = alike(batch, abreast, LANES) if batch else 1
-    height = (most // max(min(width, batch), 1) // kernels.GROUP + 1) * kernels.GROUP
+    abreast = max(SLICE // min(rows, _WORTH_ENTERING), 1)
+    width = alike(batch, abreast, LANES)
+    height = (SLICE // min(width, batch) // kernels.GROUP + 1) * kernels.GROUP
     return [
         ((lane, min(lane + width, batch)), (row, min(row + height, rows)))
         for lane in range(0, batch, width)
@@ -132,53 +133,46 @@ def slices(batch: int, rows: int, most: int | None = None) -> Sequence[tuple[Ran
     ]
 
 
-def states_at(start: States, times: FloatArray, flow: bool) -> tuple[FloatArray, FloatArray]:
+def states_at(states: States, times: FloatArray, flow: bool) -> tuple[FloatArray, FloatArray]:
     """Return states at times () or (N,), and `Orbits.missing`."""
-    body, omega, eps, batch, threads, *_ = start
+    body, omega, eps, batch, threads, *_ = states
     omega = flat_arrays(omega, batch)
     orbits = orbits_of(for_loops(body, eps, batch), omega, flow, threads)
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)
     require(16 * moments.size * len(omega), "the states are {}: compute fewer at a time", shape)
-    states = np.empty((moments.size, len(omega), 2))
+    out = np.empty((moments.size, len(omega), 2))
     if runs := equal_steps(moments, flow):
         for rows in runs:
-            fill_rows(orbits, rows, states)
+            at_equal_steps(orbits, rows, out)
+    elif moments.size == 1:
+        sign = -1.0 if moments.item() < 0.0 else 1.0
+        at_times(orbits, sign, abs(moments), np.zeros(1, np.intp), out)
     else:
-        for sign, some, places in _by_sign(moments):
-            fill_states(orbits, sign, some, places, states)
-    return states.reshape(shape), orbits.missing
+        for sign, chosen in ((1.0, moments >= 0.0), (-1.0, moments < 0.0)):
+            at_times(orbits, sign, abs(moments[chosen]), np.flatnonzero(chosen), out)
+    return out.reshape(shape), orbits.missing
 
 
 def with_rotor(parameters: tuple[FloatArray, ...]) -> tuple[FloatArray, ...]:
     """Return parameters with k, 0 for a body without a rotor."""
-    return (*parameters[:4], *(parameters[4:-1] or (NO_ROTOR,)), parameters[-1])
+    return parameters if len(parameters) > 5 else (*parameters[:4], NO_ROTOR, parameters[4])
 
 
-def _by_sign(moments: FloatArray) -> Sequence[tuple[float, FloatArray, NDArray[np.intp]]]:
-    """Return the absolute values and the indices of times >= 0, and of times < 0."""
-    if moments.size == 1:  # saves one call of the kernel
-        sign = -1.0 if moments.item() < 0.0 else 1.0
-        return ((sign, abs(moments), np.zeros(1, np.intp)),)
-    negative = moments < 0.0
-    places = ((1.0, np.flatnonzero(~negative)), (-1.0, np.flatnonzero(negative)))
-    return [(sign, abs(moments[each]), each) for sign, each in places if each.size]
-
-
-def fill_states(
+def at_times(
     orbits: Orbits, sign: float, times: FloatArray, to: NDArray[np.intp], out: FloatArray
 ) -> None:
     """Fill row to[j] of `out`, (N, B, 2), with the states at sign * times[j]."""
     for lanes, (begin, end) in slices(len(orbits.omega), times.size):
         which, work = (times[begin:end], to[begin:end]), (end - begin) * _ANY
-        orbits.run(kernels.states, sign, which, lanes, work, out)
+        orbits.call(kernels.states, sign, which, lanes, work, out)
 
 
-def fill_rows(orbits: Orbits, rows: Rows, out: FloatArray) -> None:
+def at_equal_steps(orbits: Orbits, rows: Rows, out: FloatArray) -> None:
     low = rows.begin // kernels.GROUP * kernels.GROUP
     for lanes, (begin, end) in slices(len(orbits.omega), rows.end - low):
         numbers = max(low + begin, rows.begin), low + end, rows.origin, rows.direction
         which, work = ((rows.first, rows.every), numbers), (end - begin) * _ROW
-        orbits.run(kernels.rows, rows.sign, which, lanes, work, out)
+        orbits.call(kernels.rows, rows.sign, which, lanes, work, out)
 
 
 def equal_steps(times: FloatArray, flow: bool) -> list[Rows]:

@@ -99,7 +99,7 @@ def by_slabs(
         for name, each in (body._arrays if body.shape else {}).items()
     }
     lost = np.zeros(batch, bool)
-    for part in _slabs(batch, most):
+    for part in _portions(batch, most):
         some = full[part]
         bodies = body
         if body.shape:
@@ -140,7 +140,7 @@ def _parts(states: States) -> Iterator[_Part]:
     ]
     values.append(np.broadcast_to(eps, batch))
     begin = 0
-    for part in _slabs(batch, max(NUMBERS // D, 1)):
+    for part in _portions(batch, max(NUMBERS // D, 1)):
         some = for_kernel(whole[part]).reshape(-1, D)
         parameters = _flat([each[part] for each in values], whole[part].ndim - 1)
         period = max(map(len, parameters))
@@ -164,7 +164,7 @@ def _flat(values: list[FloatArray], ndim: int) -> tuple[FloatArray, ...]:
     )
 
 
-def _slabs(batch: tuple[int, ...], most: int) -> Iterator[Index]:
+def _portions(batch: tuple[int, ...], most: int) -> Iterator[Index]:
     """Yield parts of a batch, in C order, of at most `most` elements."""
     inner = math.prod(batch[1:])
     if not batch:
@@ -177,5 +177,5 @@ def _slabs(batch: tuple[int, ...], most: int) -> Iterator[Index]:
             yield (slice(first, first + rows),)
     else:
         for i in range(batch[0]):
-            for part in _slabs(batch[1:], most):
+            for part in _portions(batch[1:], most):
                 yield (i, *part)

@@ -7,7 +7,7 @@ import numpy as np
 from .._checks import EXACT, FloatArray, wrong
 from .._kernels import codes
 from .memory import require
-from .problem import NO_TRAJECTORIES, Driver, Indices, Output, Problem, Span
+from .problem import Driver, Indices, Output, Problem, Span
 from .progress import Progress, reporter
 
 # Numbers of states that are copied at a time for drivers of some trajectories.
@@ -17,18 +17,17 @@ ONE_STEP = Span(1, None)
 
 def drive(problem: Problem, span: Span, output: Output) -> None:
     """Fill an output: each driver computes the trajectories that those before it left."""
-    left = None  # all
+    todo = None  # all
     for driver in problem.map.drivers(problem, span):
-        steps = span.from_0 if driver.from_0 else span
-        if left is None:
-            left = driver.fill(problem, steps, output)
+        steps = Span(span.steps, span.save_every) if driver.from_0 else span
+        if todo is None:
+            todo = driver.fill(problem, steps, output)
         else:
-            todo, left = left, NO_TRAJECTORIES
             together = max(_COPIED // (problem.omega0.shape[1] * (steps.rows + 1)), 1)
-            for begin in range(0, todo.size, together):
-                chosen = todo[begin : begin + together]
-                left = np.append(left, _drive_part(driver, problem, steps, output, chosen))
-        if not left.size:
+            parts = (todo[k : k + together] for k in range(0, todo.size, together))
+            left = [_drive_part(driver, problem, steps, output, part) for part in parts]
+            todo = np.concatenate(left)
+        if not todo.size:
             return
 
 
@@ -37,9 +36,10 @@ def _drive_part(
 ) -> Indices:
     """Compute some trajectories in memory of their own; return those that the driver leaves."""
     part = problem.take(chosen)
-    results = Output.of_part(part, span)
     resume = {name: array[chosen] for name, array in span.resume.items()}
-    left = driver.fill(part, span._replace(resume=resume), results)
+    span = Span(span.steps, span.save_every, span.start, resume)
+    results = Output.of_part(part, span)
+    left = driver.fill(part, span, results)
     if not driver.keeps:
         results.resume.clear()
     if left.size < chosen.size:

@@ -32,11 +32,11 @@ def require(nbytes: int, what_to_do: str, *values: object) -> None:
 
 def available(read: Reader | None = None) -> int | None:
     """Return the number of bytes that this process can still use; None if unknown."""
-    found = list(_left(read or (lambda path: Path(path).read_text("ascii", "replace"))))
+    found = list(_free(read or (lambda path: Path(path).read_text("ascii", "replace"))))
     return max(min(found), 0) if found else None
 
 
-def _left(read: Reader) -> Iterator[int]:
+def _free(read: Reader) -> Iterator[int]:
     """Yield the free bytes of the machine and of each control group (version 2) of this process."""
     with suppress(OSError, KeyError):
         yield int(_table(read("/proc/meminfo"))["MemAvailable:"]) * 1024

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,41 +69,29 @@ def problem_of(map: Map, states: States, method: str = "auto", continued: bool =
     )
 
 
-class Span(NamedTuple):
-    """Steps after state `start`, up to state `steps`; states 0, k, 2k, ... are saved, or none."""
+class Span:
+    """Steps after state `start`, up to state `steps`; states 0, k, 2k, ... are saved, or none.
 
-    steps: int
-    save_every: int | None
-    start: int = 0
-    # `Output.resume` of the span up to state `start`, if that is not 0.
-    resume: Resume = MappingProxyType({})
+    every         number of steps between saved states, more than all steps if none are saved
+    rows_before   number of states saved before this span
+    rows          number of states saved in it, with state 0 if it starts there
+    saves_last    True if the last state is one of these
+    resume        `Output.resume` of the span up to state `start`, if that is not 0
+    """
 
-    @property
-    def every(self) -> int:
-        """The number of steps between saved states, more than all steps if none are saved."""
-        return self.save_every or self.steps + 1
-
-    @property
-    def rows_before(self) -> int:
-        """The number of states saved before this span."""
-        return self.start // self.every + 1 if self.start and self.save_every else 0
-
-    @property
-    def rows(self) -> int:
-        """The number of states saved in this span, with state 0 if it starts there."""
-        return self.steps // self.every + 1 - self.rows_before if self.save_every else 0
-
-    @property
-    def saves_last(self) -> bool:
-        """True if the last state is one of those saved in this span."""
-        if not self.save_every or self.steps % self.save_every:
-            return False
-        return self.start == 0 or self.start < self.steps
-
-    @property
-    def from_0(self) -> Span:
-        """All steps up to the last of this span."""
-        return Span(self.steps, self.save_every)
+    def __init__(
+        self, steps: int, save_every: int | None, start: int = 0, resume: Resume | None = None
+    ) -> None:
+        self.steps, self.save_every, self.start, self.resume = (
+            steps,
+            save_every,
+            start,
+            resume or {},
+        )
+        self.every = save_every or steps + 1
+        self.rows_before = start // self.every + 1 if start and save_every else 0
+        self.rows = steps // self.every + 1 - self.rows_before if save_every else 0
+        self.saves_last = self.rows > 0 and steps % self.every == 0
 
 
 def numbers_of_saved(steps: int, save_every: int | None) -> NDArray[np.int64]:
@@ -216,7 +203,7 @@ class Map:
     @property
     def carries_attitude(self) -> bool:
         """True if runs can include the orientation."""
-        return any(each.attitude for each in self.kept)
+        return any(array.attitude for array in self.kept)
 
     @property
     def resume(self) -> tuple[Kept, ...]:

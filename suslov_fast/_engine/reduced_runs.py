@@ -40,7 +40,9 @@ class Reduced(NamedTuple):
         _threads.run(reduced_states.expand, work, threads, *arguments)
 
 
-def reduce(parameters: tuple[FloatArray, ...], omega: FloatArray, threads: int | None) -> Reduced:
+def reduction(
+    parameters: tuple[FloatArray, ...], omega: FloatArray, threads: int | None
+) -> Reduced:
     size, m = omega.shape
     three, state = np.empty((size, 5)), np.empty((size, 2))
     along, across = np.empty((size, m)), np.empty((size, m))
@@ -53,7 +55,7 @@ def reduce(parameters: tuple[FloatArray, ...], omega: FloatArray, threads: int |
 
 def reduced_of(states: States) -> Reduced:
     body, omega, eps, batch, threads, *_ = states
-    return reduce(for_loops(body, eps, batch), flat_arrays(omega, batch), threads)
+    return reduction(for_loops(body, eps, batch), flat_arrays(omega, batch), threads)
 
 
 def in_3d(states: States) -> States:

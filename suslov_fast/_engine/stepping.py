@@ -40,7 +40,7 @@ _SAVING = 8
 Stretch = tuple[int, int, int, int, int, int]
 
 
-def iterate(
+def iterate_3d(
     problem: Problem, span: Span, output: Output, kernel: Kernel, step: float = 1.0
 ) -> Indices:
     """Iterate by a kernel of `map_kernel`; `step` is the cost of a step, in those of the 3D map."""
@@ -85,7 +85,7 @@ def iterate_nd(
     advice = "method='rank2', fewer threads, or shorter steps"
     matrices = None
     if eliminates:
-        matrices = _aligned((tasks, m, m + 1, lanes), advice), *for_one_system(tasks, m, 1)
+        matrices = _on_a_cache_line((tasks, m, m + 1, lanes), advice), *for_one_system(tasks, m, 1)
     before = (*problem.parameters, problem.omega0)
     after = output.saved, turning, results, (*of_lanes, matrices)
     for stretch, work in stretches_of(problem, span, step, LANES_ND):
@@ -102,7 +102,7 @@ def iterate_field(problem: Problem, span: Span, output: Output) -> Indices:
     step = D**3 / 3.0 + len(problem.parameters[1])
     lanes = WIDEST if D <= _FEW and size >= WIDEST else WIDTH
     tasks = min(problem.threads or numba.get_num_threads(), max(-(-size // lanes), 1))
-    of_lanes = _aligned((tasks, 2, D, D + 1, lanes)), _aligned((tasks, 2, D, lanes))
+    of_lanes = _on_a_cache_line((tasks, 2, D, D + 1, lanes)), _on_a_cache_line((tasks, 2, D, lanes))
     memory = *of_lanes, *for_one_system(tasks, D, 2)
     before, after = (*problem.parameters, problem.omega0), (output.saved, None, results, memory)
     for stretch, work in stretches_of(problem, span, step, lanes):
@@ -139,7 +139,7 @@ def for_one_system(tasks: int, m: int, right_sides: int) -> tuple[FloatArray, Fl
     return np.empty((tasks, 2, m, m + right_sides)), np.empty((tasks, 2, m))
 
 
-def _aligned(shape: tuple[int, ...], advice: str = "fewer threads") -> FloatArray:
+def _on_a_cache_line(shape: tuple[int, ...], advice: str = "fewer threads") -> FloatArray:
     """Return memory for matrices that begins on a cache line."""
     require(8 * math.prod(shape), f"elimination works in {{}}: use {advice}", shape)
     memory = np.empty(math.prod(shape) + LINE)

@@ -15,7 +15,7 @@ from .._engine.arguments import States
 from .._engine.evaluation import TASKS, of_state
 from .._engine.execution import ONE_STEP, execute
 from .._engine.problem import problem_of
-from .._engine.reduced_runs import Reduced, reduce
+from .._engine.reduced_runs import Reduced, reduction
 from .._kernels import quantities_3d as kernels_3d
 from .._kernels.elimination import ACCURATE, WIDTH
 from .._kernels.tangent_map import differentiate
@@ -72,7 +72,7 @@ def _reduce(
         return
     J, I, omega = (_rows(each, batch, chosen) for each in (body.J, body.I, states.omega))
     eps = np.broadcast_to(states.eps, batch).ravel()[chosen]
-    reduced = reduce((J, I, eps), omega, threads)
+    reduced = reduction((J, I, eps), omega, threads)
     with np.errstate(all="ignore"):
         _, a, _, I23, step = reduced.three.T
         near = reduced.fits & (abs(1.0 - 0.5 * step * I23 * reduced.state[:, 0] / a) < _NEAR)

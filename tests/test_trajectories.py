@@ -258,11 +258,15 @@ def spoil(**changes):
         (lambda data: data.drop_vars("I1"), ValueError, "got one without I1"),
         (lambda data: data.drop_attrs(), ValueError, "expected a run of this package, got other"),
         (lambda data: data.isel(n=[0]), ValueError, r"expected shape \(2, 3, 2, 2\)"),
-        (lambda data: data.isel(component=[0]), ValueError, "omega: expected 2 components"),
+        (
+            lambda data: data.isel(component=[0]),
+            ValueError,
+            r"omega: expected shape \(2, 3, 2, 2\), got",
+        ),
         (lambda data: data.isel(component=[1, 0]), ValueError, "dataset: expected the components"),
         (spoil(n=("n", [0, 3])), ValueError, "n: expected the saved steps of a run of 5"),
         (lambda data: data.isel(n=0), ValueError, "expected omega along n, batch_0"),
-        (spoil(status=("x", [0])), ValueError, "expected omega along n, x, component, got it"),
+        (spoil(status=("x", [0])), ValueError, "expected eps along the batch, got batch_1"),
         (spoil(eps=("x", [0.1])), ValueError, "expected eps along the batch, got x"),
     ],
 )

@@ -18,7 +18,7 @@ from .._checks import FloatArray
 from .._ensemble.reductions import REDUCTIONS
 from .._ensemble.store import open_dataset, resolved
 from .._maps import map_named
-from .._runs.labelled import named_in, unvarying
+from .._runs.labelled import parameters_in
 from .._runs.schema import body_of
 from .flags import CommandError
 from .terminal import about, progress_bar
@@ -73,10 +73,8 @@ def facts_of_store(path: Path) -> Facts:
 def _run_in(dataset: Any) -> sf.Trajectories:
     """Return the run in a dataset, whose states, if it has any, are read when needed."""
     batch, map = tuple(dataset["status"].dims), map_named(dataset.attrs["map"])
-    names = [name for name in ("eps", *map.body._names()) if name in dataset]
-    values = {name: unvarying(dataset, name, batch) for name in names}
-    values |= named_in(dataset, dataset.attrs, batch)
-    body, states = body_of(map, dataset.attrs | values), dataset.get(map.variable, np.empty(0))
+    values = parameters_in(dataset, dataset.attrs, batch)
+    body, states = body_of(dataset.attrs, values), dataset.get(map.variable, np.empty(0))
     found = {name: dataset.get(name) for name in ("status", "failed_at", "final", "attitude")}
     found |= {name: dataset.attrs.get(name) for name in ("method", "steps", "save_every")}
     return sf.Trajectories(states=states, eps=values["eps"], body=body, **found, _map=map)

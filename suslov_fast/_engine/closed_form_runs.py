@@ -68,26 +68,16 @@ class Orbits(NamedTuple):
         """
         parameters, omega, flow, ends, left, missing, threads = self
         (passing, others), (begin, stop) = kernels, lanes
+        before, after = ((sign, flow), parameters, omega, *which), (out, ends, left, missing)
         end, most_left = begin + _PROBE if stop - begin > 4 * _PROBE else stop, False
         while begin < stop:
-            arguments = (
-                (sign, flow),
-                parameters,
-                omega,
-                *which,
-                (begin, end),
-                out,
-                ends,
-                left,
-                missing,
-            )
             total = (end - begin) * (_ENTERING + work)
             if most_left:
                 left[begin:end] = 1
             else:
-                _threads.run(passing, total, threads, *arguments)
+                _threads.run(passing, total, threads, *before, (begin, end), *after)
             if 1 in left[begin:end].tobytes():  # faster than `any` for one trajectory
-                _threads.run(others, total, threads, *arguments)
+                _threads.run(others, total, threads, *before, (begin, end), *after)
                 most_left = end < stop and left[begin:end].mean() > _MOST
             begin, end = end, stop
 
@@ -148,8 +138,10 @@ def states_at(states: States, times: FloatArray, flow: bool) -> tuple[FloatArray
         sign = -1.0 if moments.item() < 0.0 else 1.0
         at_times(orbits, sign, abs(moments), np.zeros(1, np.intp), out)
     else:
-        for sign, chosen in ((1.0, moments >= 0.0), (-1.0, moments < 0.0)):
-            at_times(orbits, sign, abs(moments[chosen]), np.flatnonzero(chosen), out)
+        for sign in (1.0, -1.0):
+            to = np.flatnonzero((moments < 0.0) == (sign < 0.0))
+            if to.size:
+                at_times(orbits, sign, abs(moments[to]), to, out)
     return out.reshape(shape), orbits.missing
 
 

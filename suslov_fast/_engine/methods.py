@@ -48,53 +48,6 @@ by_rank2_or_elimination = partial(iterate_nd, kernel=blocks_nd.rank2, eliminatio
 by_elimination = partial(iterate_nd, kernel=blocks_nd.gauss, elimination=1.0 / 3.0)
 
 
-def drivers_3d(
-    problem: Problem, span: Span, by_steps: Steps = canonical_steps
-) -> tuple[Driver, ...]:
-    """Return the drivers of a run of a body in three dimensions."""
-    if problem.method == "ds2":
-        by_steps = printed_steps
-    if _may_jump(problem, span) and not _is_short(span):
-        return Driver(closed_form, keeps=False), Driver(by_steps, from_0=True, keeps=False)
-    return (Driver(by_steps),)
-
-
-def drivers_nd(problem: Problem, span: Span) -> tuple[Driver, ...]:
-    """Return the drivers of a run in n dimensions.
-
-    The choice for a trajectory does not depend on the others.
-    """
-    if problem.method == "gauss":
-        return (Driver(by_elimination),)
-    steps = Driver(by_rank2), Driver(by_rank2_or_elimination)
-    if not _may_jump(problem, span):
-        return steps
-    jump = (
-        Driver(partial(in_three_dimensions, closed_form), keeps=False),
-        Driver(partial(in_three_dimensions, canonical_steps), from_0=True, keeps=False),
-    )
-    if _is_short(span):
-        # From step 0: the division of a run must not decide where the closed form is used, which is
-        # more accurate next to a pole than elimination.
-        first, last = (driver._replace(from_0=True) for driver in steps)
-        return first, *jump, last
-    return (*jump, *steps) if is_solved(*problem.parameters[:2]).any() else steps
-
-
-def _may_jump(problem: Problem, span: Span) -> bool:
-    """Return True if the closed form may be used."""
-    return problem.method == "auto" and problem.orientation is None and span.steps > 0
-
-
-def _is_short(span: Span) -> bool:
-    """Return True if iteration is faster: few steps, of which only the last state is saved.
-
-    Runs that save more states use the closed form for any number of steps, so that their states do
-    not depend on the division of a run.
-    """
-    return span.save_every is None and span.steps < JUMP
-
-
 def closed_form(problem: Problem, span: Span, output: Output) -> Indices:
     """Evaluate all states; return the orbits that must be iterated."""
     last = float(span.steps)
@@ -142,3 +95,53 @@ def in_three_dimensions(driver: Steps, problem: Problem, span: Span, output: Out
     # In n dimensions there is no status for t >= 1: most bodies have no t.
     np.minimum(output.status, codes.OK, out=output.status)
     return left
+
+
+def drivers_3d(
+    problem: Problem, span: Span, by_steps: Steps = canonical_steps
+) -> tuple[Driver, ...]:
+    """Return the drivers of a run of a body in three dimensions."""
+    if problem.method == "ds2":
+        by_steps = printed_steps
+    if _may_jump(problem, span) and not _is_short(span):
+        return Driver(closed_form, keeps=False), Driver(by_steps, from_0=True, keeps=False)
+    return (Driver(by_steps),)
+
+
+# Drivers in n dimensions: of solved bodies, and of all.
+_SOLVED = (
+    Driver(partial(in_three_dimensions, closed_form), keeps=False),
+    Driver(partial(in_three_dimensions, canonical_steps), from_0=True, keeps=False),
+)
+_STEPS = Driver(by_rank2), Driver(by_rank2_or_elimination)
+# From step 0: the division of a run must not decide where the closed form is used, which is more
+# accurate next to a pole than elimination.
+_FEW_STEPS = _STEPS[0]._replace(from_0=True), *_SOLVED, _STEPS[1]._replace(from_0=True)
+
+
+def drivers_nd(problem: Problem, span: Span) -> tuple[Driver, ...]:
+    """Return the drivers of a run in n dimensions.
+
+    The choice for a trajectory does not depend on the others.
+    """
+    if problem.method == "gauss":
+        return (Driver(by_elimination),)
+    if not _may_jump(problem, span):
+        return _STEPS
+    if _is_short(span):
+        return _FEW_STEPS
+    return (*_SOLVED, *_STEPS) if is_solved(*problem.parameters[:2]).any() else _STEPS
+
+
+def _may_jump(problem: Problem, span: Span) -> bool:
+    """Return True if the closed form may be used."""
+    return problem.method == "auto" and problem.orientation is None and span.steps > 0
+
+
+def _is_short(span: Span) -> bool:
+    """Return True if iteration is faster: few steps, of which only the last state is saved.
+
+    Runs that save more states use the closed form for any number of steps, so that their states do
+    not depend on the division of a run.
+    """
+    return span.save_every is None and span.steps < JUMP

@@ -33,7 +33,7 @@ from .._engine.memory import require
 from .._kernels.codes import NOT_COMPUTED
 from .._maps import map_named
 from .._runs import labelled
-from .._runs.schema import header_of, parameters_of, schema_of
+from .._runs.schema import header_of, schema_of
 from .job import Job, require_same
 from .reductions import reductions_of
 
@@ -344,14 +344,14 @@ def lazy_dataset(job: Job, coords: Mapping[Any, Any] | None) -> Any:
 
     batch, D = job.batch, job.body.dimension
     entries = header_of(job.body, job.map, job.method, job.steps, job.save_every)
-    entries |= {"eps": job.eps, **parameters_of(job.body)}
+    entries |= {"eps": job.eps, **job.body._arrays, **job.body._coordinates}
     if job.keeps_states:
         entries["n"] = job.numbers
     sizes = {"n": len(job.numbers), "component": D, "space": D + 1, "body": D + 1}
     for name, entry in schema_of(job.map).items():
         if name in (*job.states, *job.results):
             entries[name] = zeros(entry.axes(batch, sizes), dtype=entry.dtype, chunks=-1)
-    dataset = labelled.dataset_of(entries, job.dims, coords)
+    dataset = labelled.dataset_of(job.body, entries, job.dims, coords)
     check_names("coords", job, dataset.coords)
     dataset = dataset.assign_coords({name: each.load() for name, each in dataset.coords.items()})
     for name in job.monitors:

@@ -9,12 +9,10 @@ import stat
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._checks import wrong
 from .._engine.memory import require
@@ -30,19 +28,25 @@ def place_for(path: PathLike, overwrite: bool = True) -> Iterator[Callable[..., 
     if not overwrite and os.path.isfile(path):
         message = "expected the name of a new file, or overwrite=True, got one that exists"
         raise FileExistsError(errno.EEXIST, message, os.fspath(path))
-    with replacing(path) as new, open(new, "wb") as file:
-        yield partial(np.savez, file)
+
+    def put(**entries: Any) -> None:
+        for name, value in entries.items():  # of any name: `numpy.savez` has arguments, too
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, np.asanyarray(value), allow_pickle=False)
+
+    with replacing(path) as new, zipfile.ZipFile(new, "w") as archive:
+        yield put
 
 
-def read(path: PathLike) -> tuple[Entries, dict[str, Any]]:
-    """Return what `run_of` finds in a file; ValueErrors get the name of the file."""
+def read_run(path: PathLike) -> dict[str, Any]:
+    """Return what `run_of` finds in a file; errors get the name of the file."""
     _check_name(path)
     try:
         # Reading a pipe or a device may never end; the system reports a missing file.
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise ValueError("expected a file, got a folder, a pipe or a device")
         return run_of(_entries(path))
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, LookupError, ArithmeticError) as error:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
 
 
@@ -60,30 +64,23 @@ def _check_name(path: PathLike) -> None:
 
 def _entries(path: PathLike) -> Entries:
     """Return the arrays of a .npz, after a check of their sizes."""
+    entries: Entries = {}
     try:
         with zipfile.ZipFile(path) as archive:
-            members = archive.infolist()
-            nbytes = sum(each.file_size for each in members)
+            nbytes = sum(member.file_size for member in archive.infolist())
             require(nbytes, "the run in this file is too large for this machine")
-            names = [each.filename.removesuffix(".npy") for each in members]
-            if len({*names}) < len(names):
-                raise ValueError("an entry is there twice")
-            return dict(zip(names, (_array(archive, each) for each in members), strict=True))
+            for name in archive.namelist():
+                with archive.open(name) as file:
+                    array = np.lib.format.read_array(file, allow_pickle=False)
+                    if file.read(1):  # otherwise this reads the end, where the checksum is compared
+                        raise ValueError(f"{name}: more data than shape {array.shape} needs")
+                entries[name.removesuffix(".npy")] = array
     except MemoryError:
         raise
     except Exception as error:  # readers raise various errors for damaged files
-        received = "another file, or a damaged one"
-        raise ValueError(
-            f"expected a .npz file that Trajectories.save wrote, got {received}"
-        ) from error
-
-
-def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
-    with archive.open(info) as file:
-        array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
-        if file.read(1):  # otherwise this reads the end, where the checksum is compared
-            raise ValueError(f"{info.filename}: more data than shape {array.shape} needs")
-    return array
+        expected = "expected a .npz file that Trajectories.save wrote"
+        raise ValueError(f"{expected}, got another file, or a damaged one") from error
+    return entries
 
 
 @contextmanager

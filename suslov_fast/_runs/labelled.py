@@ -12,19 +12,7 @@ from numpy.typing import NDArray
 from .._checks import wrong
 from .._engine.status import Status
 from .._maps import map_named
-from .schema import (
-    COMPONENTS,
-    HEADER,
-    NAMED,
-    RESUME,
-    Entries,
-    Entry,
-    body_of,
-    names_in,
-    read_header,
-    schema_of,
-    with_names,
-)
+from .schema import COMPONENTS, HEADER, RESUME, Entries, Entry, read_header, schema_in
 
 if TYPE_CHECKING:
     import xarray
@@ -45,21 +33,19 @@ def import_xarray(*others: str, extra: str = "xarray") -> Any:
 
 
 def dataset_of(
+    body: Any,
     entries: Entries,
     dims: str | Sequence[str] | None = None,
     coords: Mapping[Any, Any] | None = None,
 ) -> xarray.Dataset:
     """Return the dataset of the entries of a run, without the data needed to resume it."""
     xarray = import_xarray()
-    header = read_header(entries)
-    map = map_named(header["map"])
-    body = body_of(map, entries)
-    schema = with_names(schema_of(map), body._coordinates)
-    entries = {**entries, **body._coordinates}
+    header = {name: entries[name] for name in HEADER if name in entries}
+    map, schema = map_named(header["map"]), schema_in(header)
     batch = _names_of(dims, entries, schema, body)
     variables = {
-        name: _variable(name, entries[name], schema[name], batch)
-        for name in schema
+        name: _variable(name, entries[name], entry, batch)
+        for name, entry in schema.items()
         if name in entries and not name.startswith(RESUME)
     }
     # Strings of variable length: Zarr format 3 has none of fixed length.
@@ -74,7 +60,7 @@ def dataset_of(
         if variable.dtype.kind == "f":
             # Otherwise NaN becomes a fill value, which readers replace by another NaN.
             variable.encoding["_FillValue"] = None
-    return _with_coordinates(dataset, coords)
+    return dataset if coords is None else _with_coordinates(dataset, coords)
 
 
 def with_time(dataset: xarray.Dataset) -> xarray.Dataset:
@@ -151,9 +137,7 @@ def _names_of(
     return names
 
 
-def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any] | None) -> xarray.Dataset:
-    if coords is None:
-        return dataset
+def _with_coordinates(dataset: xarray.Dataset, coords: Mapping[Any, Any]) -> xarray.Dataset:
     if not isinstance(coords, Mapping):
         raise wrong("coords", "a mapping of names to values", type(coords).__name__, TypeError)
     if taken := [str(name) for name in coords if name in {*dataset.variables, *TAKEN}]:
@@ -172,38 +156,35 @@ def entries_of_dataset(dataset: xarray.Dataset) -> Entries:
     if not isinstance(dataset, import_xarray().Dataset):
         raise wrong("dataset", "an xarray.Dataset", type(dataset).__name__, TypeError)
     header = read_header(dataset.attrs)
-    schema = schema_of(map_named(header["map"]))
-    entries = {name: np.asarray(value) for name, value in header.items()}
     batch = tuple(map(str, dataset["status"].dims)) if "status" in dataset else ()
-    for name in filter(dataset.variables.__contains__, schema):
-        if schema[name].varying:
-            entries[name] = unvarying(dataset, name, batch)
+    entries: Entries = {**header, **parameters_in(dataset, header, batch)}
+    for name, entry in schema_in(header).items():
+        if name in dataset.variables and not entry.varying:
+            variable, order = dataset[name], entry.axes(batch, {})
+            if {*variable.dims} != {*order}:
+                received = f"it along {', '.join(map(str, variable.dims)) or 'nothing'}"
+                raise wrong("dataset", f"{name} along {', '.join(order)}", received)
+            entries[name] = variable.transpose(*order).values
+    return entries
+
+
+def parameters_in(
+    dataset: xarray.Dataset, header: Mapping[str, Any], batch: tuple[str, ...]
+) -> Entries:
+    """Return eps and the parameters of a body in their shapes before axes were dropped."""
+    entries = {}
+    for name, entry in schema_in(header).items():
+        if not entry.varying or name not in dataset.variables:
             continue
-        variable, order = dataset[name], schema[name].axes(batch, {})
-        if set(variable.dims) != set(order):
-            received = f"it along {', '.join(map(str, variable.dims)) or 'nothing'}"
-            raise wrong("dataset", f"{name} along {', '.join(order) or 'nothing'}", received)
-        entries[name] = variable.transpose(*order).values
-    return entries | named_in(dataset, header, batch)
-
-
-def named_in(dataset: xarray.Dataset, header: Mapping[str, Any], batch: tuple[str, ...]) -> Entries:
-    """Return the named parameters of the body of a dataset."""
-    names = filter(dataset.variables.__contains__, names_in(header))
-    return {NAMED + name: unvarying(dataset, name, batch) for name in names}
-
-
-def unvarying(dataset: xarray.Dataset, name: str, batch: tuple[str, ...]) -> NDArray[Any]:
-    """Return a parameter in its shape before `dataset_of` dropped axes."""
-    variable = dataset[name]
-    components = tuple(dim for dim in COMPONENTS if dim in variable.dims)
-    along = [dim for dim in variable.dims if dim not in components]
-    if strangers := [str(dim) for dim in along if dim not in batch]:
-        raise wrong("dataset", f"{name} along the batch", ", ".join(strangers))
-    # A selected part of a batch may lack axes.
-    fewest = len(batch) - min((batch.index(str(dim)) for dim in along), default=len(batch))
-    axes = min(max(int(variable.attrs.get("batch_axes", 0)), fewest), len(batch))
-    names = batch[len(batch) - axes :]
-    absent = [dim for dim in names if dim not in along]
-    array: NDArray[Any] = variable.expand_dims(absent).transpose(*names, *components).values
-    return array
+        variable = dataset[name]
+        components = tuple(dim for dim in COMPONENTS if dim in variable.dims)
+        along = [dim for dim in variable.dims if dim not in components]
+        if strangers := [str(dim) for dim in along if dim not in batch]:
+            raise wrong("dataset", f"{name} along the batch", ", ".join(strangers))
+        # A selected part of a batch may lack axes.
+        fewest = len(batch) - min((batch.index(str(dim)) for dim in along), default=len(batch))
+        axes = min(max(int(variable.attrs.get("batch_axes", 0)), fewest), len(batch))
+        names = batch[len(batch) - axes :]
+        absent = [dim for dim in names if dim not in along]
+        entries[name] = variable.expand_dims(absent).transpose(*names, *components).values
+    return entries

@@ -48,7 +48,7 @@ def finish(
 ) -> Run:
     """Check the other arguments of `iterate`, compute the run, from `earlier` on, and warn.
 
-    `result` makes the run of what is needed to resume it, and of its attributes.
+    `result` makes the run of its attributes.
     """
     one_of("on_singular", on_singular, ("warn", "raise", "ignore"))
     steps = integer("steps", steps, 0)
@@ -63,7 +63,6 @@ def finish(
         out = checked_out(out, (span.rows or 1, *problem.batch, problem.omega0.shape[1]))
     output = execute(problem, span, progress, out, before)
     run = result(
-        output.resume,
         states=output.saved,
         eps=problem.eps,
         body=problem.body,
@@ -75,6 +74,7 @@ def finish(
         save_every=span.save_every,
         attitude=output.turns,
         _map=problem.map,
+        _resume=output.resume,
     )
     if on_singular != "ignore" and (message := failures(output, since)):
         if on_singular == "raise":

@@ -131,17 +131,18 @@ def states_at(states: States, times: FloatArray, flow: bool) -> tuple[FloatArray
     moments, shape = times.reshape(-1), (*times.shape, *batch, 2)
     require(16 * moments.size * len(omega), "the states are {}: compute fewer at a time", shape)
     out = np.empty((moments.size, len(omega), 2))
-    if runs := equal_steps(moments, flow):
-        for rows in runs:
-            at_equal_steps(orbits, rows, out)
-    elif moments.size == 1:
+    if moments.size == 1:  # the code below would take a third of a call
         sign = -1.0 if moments.item() < 0.0 else 1.0
         at_times(orbits, sign, abs(moments), np.zeros(1, np.intp), out)
-    else:
-        for sign in (1.0, -1.0):
-            to = np.flatnonzero((moments < 0.0) == (sign < 0.0))
-            if to.size:
-                at_times(orbits, sign, abs(moments[to]), to, out)
+        return out.reshape(shape), orbits.missing
+    negative = moments < 0.0
+    for sign, to in ((1.0, np.flatnonzero(~negative)), (-1.0, np.flatnonzero(negative))):
+        if to.size:
+            outward = abs(moments[to])
+            if rows := equal_steps(outward, to, sign, flow):
+                at_equal_steps(orbits, rows, out)
+            else:
+                at_times(orbits, sign, outward, to, out)
     return out.reshape(shape), orbits.missing
 
 
@@ -167,36 +168,23 @@ def at_equal_steps(orbits: Orbits, rows: Rows, out: FloatArray) -> None:
         orbits.call(kernels.rows, rows.sign, which, lanes, work, out)
 
 
-def equal_steps(times: FloatArray, flow: bool) -> list[Rows]:
-    """Return the rows of equal steps that times consist of, for each sign, or none.
+def equal_steps(times: FloatArray, to: NDArray[np.intp], sign: float, flow: bool) -> Rows | None:
+    """Return times >= 0, which belong to rows `to`, as rows of equal steps; None if they are not.
 
     A state of the map does not depend on the other times: beyond t = 1 the next float after a whole
     number of steps has no state. So steps are equal without rounding, and begin below every.
     """
-    size = times.size
-    if size < SHORTEST:
-        return []
-    every = (float(times[-1]) - float(times[0])) / (size - 1)
-    if every == 0.0 or not math.isfinite(every):
-        return []
-    if every < 0.0:
-        return [
-            rows._replace(origin=size - 1 - rows.origin, direction=-rows.direction)
-            for rows in equal_steps(times[::-1], flow)
-        ]
-    if not abs(float(times[1]) - float(times[0]) - every) <= abs(every) * 1e-6:
-        return []
-    negative = int(np.searchsorted(times, 0.0))
-    found = []
-    for sign, outward in ((-1, -times[:negative][::-1]), (1, times[negative:])):
-        if outward.size:
-            expected = outward[0] + every * np.arange(outward.size)
-            if (abs(outward - expected) > outward * (2.0**-52 if flow else 0.0)).any():
-                return []
-            nearest = float(outward[0])
-            skipped = 0 if flow or not every.is_integer() else int(nearest // every)
-            origin = (negative if sign > 0 else negative - 1) - sign * skipped
-            first, end = nearest - skipped * every, skipped + outward.size
-            rows = Rows(every, skipped, end, origin, direction=sign, first=first, sign=float(sign))
-            found.append(rows)
-    return found
+    size, direction = times.size, 1
+    if size < SHORTEST or to[-1] - to[0] != size - 1:
+        return None
+    if times[-1] < times[0]:
+        times, to, direction = times[::-1], to[::-1], -1
+    first, every = float(times[0]), float(times[-1] - times[0]) / (size - 1)
+    if not (0.0 < every < math.inf and abs(times[1] - first - every) <= every * 1e-6):
+        return None
+    expected = first + every * np.arange(size)
+    if (abs(times - expected) > times * (2.0**-52 if flow else 0.0)).any():
+        return None
+    skipped = 0 if flow or not every.is_integer() else int(first // every)
+    origin, first = int(to[0]) - direction * skipped, first - skipped * every
+    return Rows(every, skipped, skipped + size, origin, direction, first, sign)

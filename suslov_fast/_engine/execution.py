@@ -38,7 +38,7 @@ def _drive_part(
     part = problem.take(chosen)
     resume = {name: array[chosen] for name, array in span.resume.items()}
     span = Span(span.steps, span.save_every, span.start, resume)
-    results = Output.of_part(part, span)
+    results = Output.empty(part, span)
     left = driver.fill(part, span, results)
     if not driver.keeps:
         results.resume.clear()

@@ -80,7 +80,7 @@ def in_three_dimensions(driver: Steps, problem: Problem, span: Span, output: Out
         for begin in range(0, problem.size, together):
             end = min(begin + together, problem.size)
             part = three.take(np.arange(begin, end))
-            found = Output.of_part(part, span)._replace(
+            found = Output.empty(part, span)._replace(
                 status=output.status[begin:end], failed_at=output.failed_at[begin:end]
             )
             leaves[begin + driver(part, span, found)] = True

@@ -113,22 +113,24 @@ class Output(NamedTuple):
 
     @classmethod
     def empty(
-        cls, problem: Problem, span: Span, states: FloatArray, turns: FloatArray | None
+        cls,
+        problem: Problem,
+        span: Span,
+        states: FloatArray | None = None,
+        turns: FloatArray | None = None,
     ) -> Output:
         """Return an output that is not filled; without saved states, `states` is the last."""
+        size, turned = problem.size, problem.orientation
+        if states is None:  # memory of its own
+            rows = span.rows or 1
+            states = np.empty((rows, *problem.omega0.shape))
+            turns = None if turned is None else np.empty((rows, *turned.shape))
         is_last = span.save_every is None or span.saves_last
-        final, size = states[-1] if is_last else np.empty(problem.omega0.shape), problem.size
+        final = states[-1] if is_last else np.empty(problem.omega0.shape)
         status, failed_at = np.empty(size, np.int8), np.empty(size, np.int64)
         status.fill(codes.NOT_COMPUTED)
         failed_at.fill(-1)
         return cls(states[: span.rows], turns, final, status, failed_at, {})
-
-    @classmethod
-    def of_part(cls, problem: Problem, span: Span) -> Output:
-        """Return an output with memory of its own."""
-        rows, turned = span.rows or 1, problem.orientation
-        turns = None if turned is None else np.empty((rows, *turned.shape))
-        return cls.empty(problem, span, np.empty((rows, *problem.omega0.shape)), turns)
 
     @property
     def worst(self) -> int:

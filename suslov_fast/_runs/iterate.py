@@ -15,7 +15,7 @@ from .._engine.problem import Problem, problem_of
 from .._engine.progress import Progress
 from .._engine.random_starts import RandomStarts
 from .._maps import map_named, map_of
-from .running import OnSingular, finish, one_step
+from .running import OnSingular, compute_run, one_step
 from .trajectories import Trajectories
 
 Method = Literal["auto", "canonical", "ds2", "gauss", "rank2"]
@@ -129,7 +129,7 @@ def iterate(
     states = check(body, (), arguments, threads)
     one_of("method", method, map.methods)
     problem = problem_of(map, states, method)
-    return finish(Trajectories._of, problem, steps, save_every, on_singular, progress, out)
+    return compute_run(Trajectories._of, problem, steps, save_every, on_singular, progress, out)
 
 
 @filled
@@ -213,7 +213,7 @@ def iterate_full(
     array([ 0.1, -0.1,  0.1, -0.1])
     """
     problem = _problem(body, {"omega0": omega0, "eps": eps}, I3, threads)
-    return finish(Trajectories._of, problem, steps, save_every, on_singular, progress, out)
+    return compute_run(Trajectories._of, problem, steps, save_every, on_singular, progress, out)
 
 
 def _problem(

@@ -8,10 +8,9 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from .._checks import FloatArray, first_index, integer, one_of, spell, warn
-from .._engine.arguments import States
 from .._engine.execution import ONE_STEP, execute
 from .._engine.layout import checked_out
-from .._engine.problem import Map, Output, Problem, Resume, Span, problem_of
+from .._engine.problem import Output, Problem, Span
 from .._engine.progress import Progress, check_progress
 from .._engine.status import SingularStepWarning, Status
 
@@ -36,7 +35,7 @@ class SingularStepError(ArithmeticError):
         return type(self), (str(self), self.trajectories)
 
 
-def finish(
+def compute_run(
     result: Callable[..., Run],
     problem: Problem,
     steps: int,
@@ -81,23 +80,6 @@ def finish(
             raise SingularStepError(message, run)
         warn(message, SingularStepWarning)
     return run
-
-
-def resumed(
-    map: Map,
-    body: Any,
-    eps: float | FloatArray,
-    batch: tuple[int, ...],
-    method: str,
-    resume: Resume,
-    threads: int | None = None,
-) -> Problem:
-    """Return the problem of a run from its states and orientations at step 0."""
-    omega0, R0 = resume["omega0"], resume.get("R0")
-    omega0 = omega0.reshape((*batch, omega0.shape[-1]))
-    if R0 is not None:
-        R0 = R0.reshape((*batch, *R0.shape[1:]))
-    return problem_of(map, States(body, omega0, eps, batch, threads, orientation=R0), method)
 
 
 def one_step(problem: Problem) -> FloatArray:

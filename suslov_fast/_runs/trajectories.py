@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from .._checks import FloatArray, check_labels, instance, integer
 from .._docs import filled
-from .._engine.arguments import BodyOrField, thread_count
-from .._engine.problem import Map, numbers_of_saved
+from .._engine.arguments import BodyOrField, States, thread_count
+from .._engine.problem import Map, numbers_of_saved, problem_of
 from .._engine.progress import Progress
 from .._maps import map_of
-from .running import OnSingular, finish, resumed
+from .running import OnSingular, compute_run
 
 if TYPE_CHECKING:
     import xarray
@@ -146,10 +146,15 @@ class Trajectories:
                 "of to_xarray, or a copy with other attributes, does not hold the data needed to "
                 "resume"
             )
-        run = self._map, self.body, self.eps, self.status.shape, self.method, self._resume
-        problem = resumed(*run, thread_count(threads))
+        batch, omega0, R0 = self.status.shape, self._resume["omega0"], self._resume.get("R0")
+        omega0 = omega0.reshape(*batch, omega0.shape[-1])
+        if R0 is not None:
+            R0 = R0.reshape(*batch, *R0.shape[1:])
+        threads = thread_count(threads)
+        states = States(self.body, omega0, self.eps, batch, threads, orientation=R0)
+        problem = problem_of(self._map, states, self.method)
         options = self.save_every, on_singular, progress
-        return finish(Trajectories._of, problem, steps, *options, earlier=self)
+        return compute_run(Trajectories._of, problem, steps, *options, earlier=self)
 
     @property
     def omega(self) -> FloatArray:

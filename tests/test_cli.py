@@ -298,7 +298,7 @@ MISTAKES = """
 1 | run --initial swapped.csv | header: expected Omega1,Omega2 or none, got Omega2,Omega1
 1 | run --initial cut.npy | cut.npy: expected a .npy file with an array of numbers, got another file
 1 | run --initial text.npy | text.npy: expected a .npy file with an array of numbers, got another
-1 | run --initial nan.npy -o o.zarr | nan.npy: expected finite numbers, got nan at index (2, 1)
+2 | run --initial inf.npy -o o.zarr | omega0: expected finite real numbers, got inf at index (2, 1)
 1 | run --initial names.npy | names.npy: expected real numbers, got an array of <U1
 1 | run --initial three.npy | three.npy: expected the 2 columns Omega1,Omega2, got .* (4, 3)
 2 | run --initial starts.txt | --initial: expected the name of a .npy or .csv file, got 'starts.txt'
@@ -333,7 +333,7 @@ def bad_files(tmp_path_factory):
     (folder / "folder.zarr").mkdir()
     (folder / "folder.zarr" / "thesis.tex").touch()
     arrays = {
-        "good": np.ones((4, 2)), "nan": [[1, 2], [3, 4], [5, np.nan]], "names": [["a", "b"]],
+        "good": np.ones((4, 2)), "inf": [[1, 2], [3, 4], [5, np.inf]], "names": [["a", "b"]],
         "three": np.ones((4, 3)),
     }  # fmt: skip
     for name, array in arrays.items():

@@ -194,7 +194,7 @@ _BODY = {
 }
 COMMANDS = {
     "run": Command(
-        "run_command.run",
+        "run_command.summary_of_run",
         "Iterate a batch of trajectories and print a summary. The default is "
         f"{TRAJECTORIES:,} random initial states, the body and step size of the paper's picture "
         f"{DEFAULT_PICTURE}, and 1000 steps. For n = 3, the --mass-tensor of a body with the "
@@ -209,7 +209,7 @@ COMMANDS = {
         {"output": {"type": _result, "help": "write the run to a .npz or .zarr"}},
     ),
     "info": Command(
-        "summary.info",
+        "summary.summary_of_files",
         "Print a summary of saved runs. FILE was written by `suslov-fast run -o`, "
         "Trajectories.save or ensemble. The drift is the change since state 0, if that was saved.",
         {"": "file json"},
@@ -220,13 +220,13 @@ COMMANDS = {
         "kernels for every kind of body, and later processes need not compile.",
     ),
     "pictures": Command(
-        "pictures.pictures",
+        "pictures.draw_pictures",
         "Draw the paper's four pictures. The gallery of the documentation has scripts of others.",
         {"": "output format dpi letters force"},
         {"output": {"metavar": "DIR", "help": "a folder (this one)", "default": Path()}},
     ),
     "report": Command(
-        "report_command.report",
+        "report_command.text_of_report",
         "Report what is there of the integrability of a Kahan map. Degrees of iterates and their "
         "growth, first integrals, invariant measures and Darboux polynomials are exact; a decimal "
         "such as 0.1 is 1/10. Needs python-flint.",
@@ -237,7 +237,7 @@ COMMANDS = {
         },
     ),
     "animate": Command(
-        "pictures.animate",
+        "pictures.draw_animation",
         "Draw a moving body in space. The picture shows the ellipsoid of inertia, its axes e1 and "
         "e2, and the path of the constrained axis a. By default the body passes from one steady "
         "rotation to the opposite one. FILE ends in .gif, or in .mp4 if ffmpeg is installed.",
@@ -251,7 +251,7 @@ COMMANDS = {
         },
     ),
     "explore": Command(
-        "pictures.explore",
+        "pictures.serve",
         "Vary a body, a step size and an initial state on a browser page. The page shows the "
         "orbit, its regime and the body in space, and makes no other network requests. Ctrl-C "
         "ends the server.",

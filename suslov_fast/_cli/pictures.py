@@ -14,11 +14,11 @@ from .._show.explore.parameters import query_of_link
 from .._show.explore.server import Server
 from .._show.style import style
 from .flags import CommandError
-from .problem import orientation_of, problem_of
+from .problem import body_and_step_of, orientation_of
 from .terminal import about, progress_bar, require_new
 
 
-def pictures(options: argparse.Namespace) -> str:
+def draw_pictures(options: argparse.Namespace) -> str:
     """Draw the pictures of the paper, and return their names."""
     paths = [options.output / f"picture{number}.{options.format}" for number in PICTURES]
     for path in paths:
@@ -33,9 +33,9 @@ def pictures(options: argparse.Namespace) -> str:
     return "\n".join(map(str, paths))
 
 
-def animate(options: argparse.Namespace) -> str:
+def draw_animation(options: argparse.Namespace) -> str:
     """Write an animation, and return its name."""
-    body, eps, _ = problem_of(options)
+    body, eps, _ = body_and_step_of(options)
     orientation = orientation_of(options)
     path = options.output
     with style():  # which raises a helpful error without Matplotlib
@@ -54,7 +54,7 @@ def animate(options: argparse.Namespace) -> str:
     return str(path)
 
 
-def explore(options: argparse.Namespace) -> None:
+def serve(options: argparse.Namespace) -> None:
     """Serve the page until a signal ends it."""
     with about("argument LINK"):
         query = f"?{query_of_link(options.link)}" if options.link is not None else ""

@@ -14,18 +14,15 @@ import numpy as np
 from .._bodies.body_3d import Suslov3D
 from .._bodies.body_nd import SuslovND
 from .._bodies.paper import PICTURES
-from .._checks import FloatArray, first_index, inertia_matrix, wrong
+from .._checks import FloatArray, inertia_matrix, wrong
 from .._engine.random_starts import RandomStarts
 from .._ensemble.starts import open_npy
 from .._maps import body_from_dict, map_of
 from .flags import DEFAULT_PICTURE, ENTRIES, EXTENT, TRAJECTORIES, UsageError, body_classes, flag
 from .terminal import about
 
-# Number of states that are examined at a time.
-_READ = 2**20
 
-
-def problem_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | None]:
+def body_and_step_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | None]:
     """Return the body, with the first values of sweeps, the step size, and a tensor's rotation."""
     names = {name for kind in body_classes() for name in kind._names()}
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
@@ -58,14 +55,14 @@ def read_body(path: Path) -> Any:
     """Return the body or field in a file of JSON."""
     with about(path):
         try:
-            return body_from_dict(json.loads(_text(path)))
+            return body_from_dict(json.loads(_text_in(path)))
         except json.JSONDecodeError as error:
             received = f"an error in line {error.lineno}, column {error.colno}"
             expected = "expected JSON, as json.dumps(body.to_dict())"
             raise ValueError(f"{expected}, got {received}") from error
 
 
-def _text(path: Path) -> str:
+def _text_in(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")  # spreadsheets write a byte order mark
     except UnicodeDecodeError as error:
@@ -78,27 +75,22 @@ def _with_parameters(base: Any, given: dict[str, Any]) -> Any:
         words = " ".join(map(flag, given))
         raise UsageError(f"argument {words}: expected none beside a {type(base).__name__}")
     values: dict[str, Any] = (base._values if base is not None else {}) | given
-    required = {kind: kind._required() for kind in body_classes()}
-    having = [kind for kind in required if values.keys() <= {*kind._names()}]
+    having = [kind for kind in body_classes() if values.keys() <= {*kind._names()}]
+    if not having:
+        known = " or ".join(" ".join(map(flag, kind._required())) for kind in body_classes())
+        received = " ".join(map(flag, values))
+        raise UsageError(f"expected the parameters of one body, {known}, got {received}")
     # A picture with --k is a gyrostat.
-    kinds = [kind for kind in having if {*required[kind]} <= values.keys()]
-    if not kinds and having:
-        missing = [flag(name) for name in required[having[0]] if name not in values]
+    complete = [kind for kind in having if {*kind._required()} <= values.keys()]
+    if not complete:
+        missing = [flag(name) for name in having[0]._required() if name not in values]
         hint = f"those of {having[0].__name__}, missing: {' '.join(missing)}"
         if not having[0]._own_axes:
             words = " ".join(f"{flag(name)} {value:g}" for name, value in given.items())
             hint += f"; or change a picture: --picture {DEFAULT_PICTURE} {words}"
         raise UsageError(f"expected all parameters of a body, {hint}")
-    if not kinds:
-        known = " or ".join(" ".join(map(flag, names)) for names in required.values())
-        received = " ".join(map(flag, values))
-        raise UsageError(f"expected the parameters of one body, {known}, got {received}")
-    kind = kinds[0]
-    for name, value in values.items():  # an option is a list if a body with this name has vectors
-        if isinstance(value, list) and len(value) == 1 and not kind._axes(name):
-            values[name] = value[0]
     with about("body"):
-        return kind(**values)
+        return complete[0](**values)
 
 
 def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:
@@ -106,7 +98,7 @@ def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:
     build: Any = Suslov3D.from_inertia if options.inertia else SuslovND.from_mass_tensor
     name = "argument --inertia" if options.inertia else "argument --mass-tensor"
     with about(source if isinstance(source, Path) else name):
-        tensor = read_table(source) if isinstance(source, Path) else _symmetric(source)
+        tensor = read_table(source) if isinstance(source, Path) else _matrix_of_entries(source)
         tensor = inertia_matrix("I", tensor)  # a single one
         if options.axis and (len(options.axis) != len(tensor) or not any(options.axis)):
             expected = f"expected {len(tensor)} numbers other than 0,...,0"
@@ -115,7 +107,7 @@ def _of_tensor(options: argparse.Namespace) -> tuple[Any, FloatArray | None]:
     return body, None if (rotation == np.eye(len(rotation))).all() else rotation
 
 
-def _symmetric(entries: list[float]) -> FloatArray:
+def _matrix_of_entries(entries: list[float]) -> FloatArray:
     if len(entries) != 6:
         expected = f"six entries {ENTRIES} or the name of a .npy or .csv file"
         raise ValueError(f"expected {expected}, got {len(entries)} numbers")
@@ -166,32 +158,24 @@ def read_table(path: Path, components: tuple[str, ...] = ()) -> FloatArray:
             if components and array.shape[-1] != len(components):
                 columns = f"the {len(components)} columns {','.join(components)}"
                 raise ValueError(f"expected {columns}, got an array of shape {array.shape}")
-            _require_finite(array)
             return array
-        lines = [*enumerate(_text(path).splitlines(), start=1)]
+        lines = [*enumerate(_text_in(path).splitlines(), start=1)]
         lines = [(number, line) for number, line in lines if line.strip()]
-        if lines and components and _has_names(lines[0][1]):
-            header, expected = lines.pop(0)[1], ",".join(components)
-            if "".join(header.lstrip("#").split()).lower() != expected.lower():
-                raise wrong("header", f"{expected} or none", header)
+        expected, first = ",".join(components).lower(), lines[0][1] if lines else ""
+        header = re.sub(r"[#\s]", "", first).lower()  # NumPy writes names after a #
+        if components and sorted(header.split(",")) == sorted(expected.split(",")):
+            if header != expected:
+                raise wrong("header", f"{','.join(components)} or none", first)
+            del lines[0]
         rows = [(number, line) for number, line in lines if not line.lstrip().startswith("#")]
         if not rows:
             raise ValueError("expected at least one row of numbers, got none")
         width = len(components) or rows[0][1].count(",") + 1
-        return np.array([_row(number, line, width) for number, line in rows])
+        return np.array([_numbers_in(line, number, width) for number, line in rows])
 
 
-def _require_finite(array: FloatArray) -> None:
-    for k in range(0, len(array) if array.dtype.kind == "f" else 0, _READ):
-        finite = np.isfinite(array[k : k + _READ])
-        if not finite.all():
-            row, *others = first_index(~finite)
-            index = row + k, *others
-            raise ValueError(f"expected finite numbers, got {array[index]} at index {index}")
-
-
-def _row(number: int, line: str, width: int) -> list[float]:
-    """Return the numbers in a line of a .csv."""
+def _numbers_in(line: str, number: int, width: int) -> list[float]:
+    """Return the numbers in a line of a .csv; ValueError if there are others than `width`."""
     try:
         row = [*map(float, line.partition("#")[0].split(","))]
     except ValueError:
@@ -201,12 +185,3 @@ def _row(number: int, line: str, width: int) -> list[float]:
     kind = f"{width} finite numbers separated by commas" if width > 1 else "a finite number"
     comma = " without a comma" if width > 1 and "," not in line else ""
     raise ValueError(f"line {number}: expected {kind}, got {line.strip()!r:.60}{comma}")
-
-
-def _has_names(line: str) -> bool:
-    """Return True for the names of columns, which NumPy writes after a #."""
-    try:
-        float(re.split(r"[,;\s]", line.strip())[0])
-    except ValueError:
-        return "," in line or not line.lstrip().startswith("#")
-    return False

@@ -4,29 +4,23 @@ from __future__ import annotations
 
 import argparse
 import json
+from typing import Any
 
-from .flags import INTERRUPTED, CommandError
 from .problem import read_body
 from .terminal import about, progress_bar
 
 
-class _Interrupted(CommandError):
-    status = INTERRUPTED
+def text_of_report(options: argparse.Namespace) -> str:
+    """Return the report; after Ctrl-C print what was found so far."""
+    from ..integrability import report  # needs python-flint
 
+    def text_of(found: Any) -> str:
+        return json.dumps(found.to_dict()) if options.json else repr(found)
 
-def report(options: argparse.Namespace) -> str:
-    from ..integrability import report as report_of  # needs python-flint
-
-    body = read_body(options.body)
-    limits = {"time_limit": options.time_limit}
+    arguments = read_body(options.body), options.eps, options.degree
     try:
         with about("report"), progress_bar("searching") as progress:
-            found = report_of(body, options.eps, options.degree, **limits, progress=progress)
+            return text_of(report(*arguments, time_limit=options.time_limit, progress=progress))
     except KeyboardInterrupt as error:
-        print(_text(error.report, options.json), flush=True)  # type: ignore[attr-defined]
-        raise _Interrupted("interrupted: this is what was found so far") from error
-    return _text(found, options.json)
-
-
-def _text(found: object, as_json: bool) -> str:
-    return json.dumps(found.to_dict()) if as_json else repr(found)  # type: ignore[attr-defined]
+        print(text_of(error.report), flush=True)  # type: ignore[attr-defined]
+        raise KeyboardInterrupt("interrupted: this is what was found so far") from error

@@ -23,7 +23,7 @@ from .._jit import compile_timer
 from .._runs.files import place_for
 from .._runs.schema import entries_of
 from .flags import SAVED, STORE, CommandError, UsageError, flag
-from .problem import orientation_of, problem_of, starts_of
+from .problem import body_and_step_of, orientation_of, starts_of
 from .summary import Facts, facts_of, facts_of_store, text_of
 from .terminal import about, progress_bar, require_new
 
@@ -32,7 +32,7 @@ from .terminal import about, progress_bar, require_new
 _LONG = 0.5
 
 
-def run(options: argparse.Namespace) -> str:
+def summary_of_run(options: argparse.Namespace) -> str:
     in_store = options.output is not None and options.output.suffix.lower() == ".zarr"
     required = {} if in_store else dict.fromkeys(STORE.split(), "-o FILE.zarr")
     if options.output is None:
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> str:
         if getattr(options, name):
             given = options.output or "none"
             raise UsageError(f"argument {flag(name)}: expected {output} with it, got {given}")
-    body, eps, rotation = problem_of(options)
+    body, eps, rotation = body_and_step_of(options)
     if options.threads is not None:
         most = numba.config.NUMBA_NUM_THREADS
         if options.threads > most:
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> str:
             raise UsageError(f"argument --threads: {expected}, got {options.threads}")
         numba.set_num_threads(options.threads)
     starts = starts_of(options, body)
-    facts = (_in_store if in_store else _in_memory)(options, body, eps, starts)
+    facts = (_store_run if in_store else _hold_run)(options, body, eps, starts)
     facts |= {
         "rotation": None if rotation is None else rotation.tolist(),
         "threads": numba.get_num_threads(),
@@ -90,7 +90,7 @@ def _require_space(path: Path, shape: tuple[int, ...], options: argparse.Namespa
         raise CommandError(f"{path}: {expected}, got {needed:,} bytes; raise --save-every")
 
 
-def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
+def _hold_run(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
     path = options.output
     if path is not None:
         require_new(path, options.force)
@@ -118,7 +118,7 @@ def _in_memory(options: argparse.Namespace, body: Any, eps: float, starts: Any) 
     return {**facts_of(orbits, starts), "seconds": seconds, rate: steps / seconds}
 
 
-def _in_store(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
+def _store_run(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:
     """Create, complete or extend a store."""
     path, sweeps = options.output, options.sweep
     settings = {**_settings(sf.ensemble, options), "store": path, "reductions": options.reduce}

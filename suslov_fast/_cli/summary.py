@@ -31,7 +31,7 @@ _SLAB = 2**21
 _SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
 
 
-def info(options: argparse.Namespace) -> str:
+def summary_of_files(options: argparse.Namespace) -> str:
     """Return the summaries of saved runs; of several, each has the name of its file.
 
     Files that cannot be read are one error, after the summaries of the others.

@@ -10,7 +10,6 @@ import sys
 import warnings
 from contextlib import suppress
 from pathlib import Path
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -221,12 +220,6 @@ def test_failures_of_writes(tmp_path, monkeypatch, room):
     assert_same(ensemble(**small, steps=31, store=store), expected(31))
     assert_same(xarray.open_zarr(store), expected(31))
     assert left[0] < 0 or room > 60, "no write failed"
-
-
-def test_a_finished_store_in_a_read_only_folder_is_opened(finished, monkeypatch):
-    refuse = Mock(side_effect=OSError(errno.EROFS, "Read-only file system"))
-    monkeypatch.setattr("filelock.FileLock.acquire", refuse)
-    assert_same(ensemble(**ASKED, steps=20, store=finished), expected(20))
 
 
 def test_one_writer_for_all_names_of_a_store(tmp_path):

@@ -15,9 +15,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
-from itertools import islice
+from itertools import count, islice
 from logging import getLogger
 from threading import Event
 from types import FrameType
@@ -47,8 +47,8 @@ _DURATION, _FIRST = 0.5, 2**26
 # Number of times that Dask recomputes a tile after an error, and tiles queued per thread of a
 # worker: no thread is idle, and few initial states are in memory.
 _RETRIES, _WAITING = 2, 2
-# Seconds between attempts to reach a scheduler.
-_PAUSE = 0.05
+# Seconds for an attempt to reach a scheduler, and until the next one.
+_ATTEMPT, _PAUSE = 2.0, 0.05
 
 
 def compute_tiles(job: Job, client: Any, verify: bool, progress: Progress) -> None:
@@ -274,26 +274,25 @@ def _wait_for(address: str) -> None:
     if protocol not in ("tcp", "tls"):
         return
     try:
-        place, answered = parse_host_port(location), Event()
+        place = parse_host_port(location)
     except ValueError as error:
         expected = "an address such as tcp://127.0.0.1:8786"
         raise wrong("scheduler", expected, repr(address)) from error
     seconds = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect", "30s"))
-
-    def attempt() -> None:
-        while not answered.wait(_PAUSE):
-            with suppress(OSError), socket.create_connection(place, seconds):
-                answered.set()
-
-    threading.Thread(target=attempt, daemon=True).start()
-    try:
-        if not answered.wait(10.0 * _PAUSE):
-            getLogger("suslov_fast").warning("waiting for the scheduler %s", address)
-            if not answered.wait(seconds):
+    begin = time.monotonic()
+    for attempt in count():
+        try:
+            socket.create_connection(place, _ATTEMPT).close()
+            return
+        except OSError as error:
+            if time.monotonic() > begin + seconds:
                 received = f"none within {seconds:g} s"
-                raise wrong("scheduler", f"a Dask scheduler at {address}", received, OSError)
-    finally:
-        answered.set()  # ends the thread
+                raise wrong(
+                    "scheduler", f"a Dask scheduler at {address}", received, OSError
+                ) from error
+            if attempt == 0:
+                getLogger("suslov_fast").warning("waiting for the scheduler %s", address)
+            time.sleep(_PAUSE)
 
 
 def _run_on_workers(

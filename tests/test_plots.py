@@ -138,7 +138,9 @@ def test_animation(body):
 
 
 B = sf.Suslov3D(4, 2, -0.5, -0.3)
+LOGISTIC = sf.QuadraticField.from_function(lambda x: (x[0] - x[0] ** 2,), 1)
 BAD = [
+    (lambda: sf.iterate(LOGISTIC, [0.1], 0.1, 9).plot(), "plot: expected .* at least 2 components"),
     (lambda: sf.plot_phase(B, 10.0, 4.0), "extent: expected a criticality below 1"),
     (lambda: sf.plot_phase(B, 0, 4.0), "eps: expected a positive number, got 0"),
     (lambda: sf.plot_phase(B, 0.2, -4.0), "extent: expected a positive number, got -4.0"),

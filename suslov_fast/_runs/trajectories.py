@@ -267,6 +267,9 @@ class Trajectories:
         from .._show.style import style
 
         D = self.states.shape[-1]
+        if D == 1:
+            how = "draw run.states[..., 0] over run.time"
+            raise ValueError(f"plot: expected states with at least 2 components, got 1: {how}")
         expected = f"an integer from 0 to {D - 1}"
         first, second = (integer("components", each, 0, expected) for each in components)
         if max(first, second) >= D:

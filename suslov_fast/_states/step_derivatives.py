@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._bodies.body_nd import SuslovND, is_solved
 from .._checks import FloatArray
@@ -14,7 +13,7 @@ from .._engine import threads as _threads
 from .._engine.arguments import States
 from .._engine.evaluation import TASKS, of_state
 from .._engine.execution import ONE_STEP, execute
-from .._engine.problem import problem_of
+from .._engine.problem import Indices, problem_of
 from .._engine.reduced_runs import Reduced, reduction
 from .._kernels import quantities_3d as kernels_3d
 from .._kernels.elimination import ACCURATE, WIDTH
@@ -61,23 +60,22 @@ def derivatives_of(
 
 
 def _reduce(
-    states: States, chosen: NDArray[np.intp], derivatives: FloatArray, logarithms: FloatArray
+    states: States, chosen: Indices, derivatives: FloatArray, logarithms: FloatArray
 ) -> None:
     """Replace chosen derivatives of solved bodies with n > 3 next to Y = 1, where A is nearly
     singular, but the derivative is not large.
     """
-    body, batch, threads = states.body, states.batch, states.threads
-    chosen = chosen[is_solved(_rows(body.J, batch, chosen), _rows(body.I, batch, chosen))]
-    if not chosen.size:
+    problem = problem_of(map_of(states.body), states, continued=False).take(chosen)
+    solved = is_solved(*problem.parameters[:2])
+    if not solved.any():
         return
-    J, I, omega = (_rows(each, batch, chosen) for each in (body.J, body.I, states.omega))
-    eps = np.broadcast_to(states.eps, batch).ravel()[chosen]
-    reduced = reduction((J, I, eps), omega, threads)
+    reduced = reduction(problem.parameters, problem.omega0, states.threads)
     with np.errstate(all="ignore"):
         _, a, _, I23, step = reduced.three.T
-        near = reduced.fits & (abs(1.0 - 0.5 * step * I23 * reduced.state[:, 0] / a) < _NEAR)
+        near = abs(1.0 - 0.5 * step * I23 * reduced.state[:, 0] / a) < _NEAR
+        near &= reduced.fits & solved
         if near.any():
-            better, logs = _of_solved(Reduced(*(each[near] for each in reduced)), threads)
+            better, logs = _of_solved(Reduced(*(each[near] for each in reduced)), states.threads)
             exists, chosen = np.isfinite(logs), chosen[near]
             derivatives[chosen[exists]], logarithms[chosen[exists]] = better[exists], logs[exists]
 
@@ -107,9 +105,3 @@ def _of_solved(reduced: Reduced, threads: int | None) -> tuple[FloatArray, Float
         product = plane[i, :, :, np.newaxis] * plane[j, :, np.newaxis]
         derivatives += of_plane[:, i, j, np.newaxis, np.newaxis] * product
     return derivatives, logs
-
-
-def _rows(vectors: FloatArray, batch: tuple[int, ...], chosen: NDArray[np.intp]) -> FloatArray:
-    """Return those of chosen states from vectors (..., k) that broadcast to a batch."""
-    rows: FloatArray = np.broadcast_to(vectors, (*batch, vectors.shape[-1]))
-    return rows.reshape(-1, vectors.shape[-1])[chosen]

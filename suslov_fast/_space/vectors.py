@@ -49,13 +49,10 @@ def to_matrix(
            [ 0.,  0., -2.],
            [-5.,  2.,  0.]])
     """
-    omega, rotation, attitude = _aligned(body, AnyBody, omega, rotation, attitude)
-    _, state, _, batch, *_ = check(body, AnyBody, {"omega": omega})
-    turn = _turn(body.dimension + 1, rotation, attitude)
-    column = np.broadcast_to(state, (*batch, body.dimension))
+    column, turn = _states_and_turn(body, AnyBody, omega, rotation, attitude)
     if isinstance(body, BodyIn3D):
         column = np.stack([column[..., 1], -column[..., 0]], axis=-1)
-    return _turned(_antisymmetric(column, _zero(column)[..., np.newaxis, np.newaxis]), turn)
+    return _turned(_antisymmetric(column, _zero(column)[..., np.newaxis]), turn)
 
 
 @filled
@@ -134,11 +131,8 @@ def to_vector(
     array([2., 5., 0.])
     """
     _require_3d(body, "to_matrix")
-    omega, rotation, attitude = _aligned(body, BodyIn3D, omega, rotation, attitude)
-    _, state, _, batch, *_ = check(body, BodyIn3D, {"omega": omega})
-    vector = np.empty((*batch, 3))
-    vector[..., :2], vector[..., 2] = state, _zero(state)
-    return _turned_vector(vector, _turn(3, rotation, attitude))
+    state, turn = _states_and_turn(body, BodyIn3D, omega, rotation, attitude)
+    return _turned_vector(np.concatenate([state, _zero(state)], axis=-1), turn)
 
 
 @filled
@@ -219,9 +213,7 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    omega, rotation, attitude = _aligned(body, AnyBody, omega, rotation, attitude)
-    state = check(body, AnyBody, {"omega": omega}).omega
-    turn = _turn(body.dimension + 1, rotation, attitude)
+    state, turn = _states_and_turn(body, AnyBody, omega, rotation, attitude)
     with np.errstate(all="ignore"):
         if isinstance(body, BodyIn3D):
             w1, w2 = state[..., 0], state[..., 1]
@@ -240,10 +232,24 @@ def _require_3d(body: object, instead: str) -> None:
         raise wrong("body", "one in three dimensions", f"SuslovND: use {instead}", TypeError)
 
 
-def _aligned(body: AnyBody, kinds: Any, omega: Any, rotation: Any, attitude: Any) -> Any:
+def _states_and_turn(
+    body: AnyBody, kinds: Any, omega: Any, rotation: Any, attitude: Any
+) -> tuple[FloatArray, FloatArray | None]:
+    """Return states (..., D) of the whole batch, and the matrices that convert components from the
+    adapted basis to the requested one.
+    """
     instance("body", body, kinds)
-    arguments = {"omega": omega, "rotation": rotation, "attitude": attitude}
-    return aligned(arguments, body._labels).values()
+    if rotation is not None and attitude is not None:
+        raise wrong("rotation, attitude", "at most one of them", "both")
+    given = {"omega": omega, "rotation": rotation, "attitude": attitude}
+    omega, rotation, attitude = aligned(given, body._labels).values()
+    states, n = check(body, kinds, {"omega": omega}), body.dimension + 1
+    turn = None
+    if rotation is not None:
+        turn = square_matrices("rotation", rotation, n).swapaxes(-2, -1)
+    elif attitude is not None:
+        turn = square_matrices("attitude", attitude, n, allow_nan=True)
+    return np.broadcast_to(states.omega, (*states.batch, n - 1)), turn
 
 
 def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:
@@ -251,23 +257,14 @@ def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:
     batch = np.broadcast_shapes(column.shape[:-1], block.shape[:-2])
     n = column.shape[-1] + 1
     matrix = np.empty((*batch, n, n))
-    matrix[..., :-1, :-1], matrix[..., -1, -1] = block, _zero(block[..., 0])
+    matrix[..., :-1, :-1], matrix[..., -1, -1] = block, _zero(block[..., 0])[..., 0]
     matrix[..., :-1, -1], matrix[..., -1, :-1] = column, -column
     return matrix
 
 
 def _zero(state: FloatArray) -> FloatArray:
-    """Return zeros (...) for states (..., D), and NaN where these are NaN."""
-    return 0.0 * state[..., 0] + 0.0  # not -0.0
-
-
-def _turn(n: int, rotation: ArrayLike | None, attitude: ArrayLike | None) -> FloatArray | None:
-    """Return the matrices that convert components from the adapted basis to the requested one."""
-    if rotation is not None and attitude is not None:
-        raise wrong("rotation, attitude", "at most one of them", "both")
-    if rotation is not None:
-        return square_matrices("rotation", rotation, n).swapaxes(-2, -1)
-    return None if attitude is None else square_matrices("attitude", attitude, n, allow_nan=True)
+    """Return zeros (..., 1) for states (..., D), and NaN where these are NaN."""
+    return 0.0 * state[..., :1] + 0.0  # not -0.0
 
 
 def _product(left: FloatArray, right: FloatArray) -> FloatArray:

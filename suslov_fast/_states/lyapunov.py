@@ -165,7 +165,8 @@ def _canonical(states: States, G: FloatArray | None) -> tuple[FloatArray, FloatA
     more = (2.0 * Y - wide)[:-1] / ahead
     change = (u[1:] - u[:-1]) * (X[1:] + X[:-1]) / before
     ratio, less_1 = (1.0 + square[1:]) / before, more + change + more * change
-    logarithms = _logarithm(above[:-1] / ahead * ratio, less_1)
+    factor = above[:-1] / ahead * ratio  # log1p is accurate where it is near 1
+    logarithms = np.where(abs(less_1) < 0.5, np.log1p(less_1), np.log(abs(factor)))
     # A state without a next one has no derivative either.
     before = np.where(np.isnan(omega[1:]), np.nan, omega[:-1])
     jacobian = evaluation_of("jacobian", body)
@@ -176,11 +177,6 @@ def _by_slopes(states: States, _: Any) -> tuple[FloatArray, FloatArray, None]:
     found, before = evaluation_of("slopes", states.body)(states), states.omega[:-1]
     states = states._replace(omega=before, batch=before.shape[:-1])
     return *derivatives_of(states, found[:-1], found[1:]), None
-
-
-def _logarithm(value: FloatArray, less_1: FloatArray) -> FloatArray:
-    """Return log |value|, accurate for both a small value and a small value - 1."""
-    return np.where(abs(less_1) < 0.5, np.log1p(less_1), np.log(abs(value)))
 
 
 def _exact(*numbers: Fraction) -> float:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._bodies.body_3d import SuslovGyrostat
 from .._bodies.rigid import in_units
 from .._checks import FloatArray, real_array, spell
 from .._engine.arguments import States
@@ -37,17 +38,13 @@ def of_rigid_body(states: States) -> Any:
         factor, power = np.frexp(np.asarray(states.eps)[..., np.newaxis])
         half = 0.5 * factor
         power = power + products + unit - moments
-        found = np.ones((*states.batch, m), complex if k.any() else float)
+        found = np.ones((*states.batch, m), complex if isinstance(body, SuslovGyrostat) else float)
         found[..., 1:] = of_rates(np.ldexp(half * rates, power))
         if k.any():  # at rest, where the line of steady states is not, f' turns
             speed = half * k / (np.sqrt(J[..., :1]) * np.sqrt(J[..., 1:]))
             pair = of_rates(1j * np.ldexp(speed, power) * np.array([1.0, -1.0]))
             found = np.where((x == 0.0).all(axis=-1, keepdims=True) & (k != 0.0), pair, found)
     return in_order(states, found)
-
-
-def of_gyrostat(states: States) -> Any:
-    return of_rigid_body(states).astype(complex)
 
 
 def refuse_moving(states: States, field: FloatArray, terms: FloatArray) -> None:

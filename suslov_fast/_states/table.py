@@ -18,7 +18,7 @@ from .._engine.arguments import States, check
 from .._engine.evaluation import of_state
 from .._kernels import quantities_3d as kernels
 from . import of_fields, of_nd
-from .of_fixed_points import of_gyrostat, of_rigid_body
+from .of_fixed_points import of_rigid_body
 
 Evaluation = Callable[[States], FloatArray]
 
@@ -35,6 +35,7 @@ _WITH_ROTOR: dict[str, Evaluation] = {
     "discrete_reaction": partial(of_state, kernels.discrete_reaction, ()),
     "jacobian": partial(of_state, kernels.jacobian, (2, 2)),
     "matrix": partial(of_state, kernels.matrix, (2, 2)),
+    "multipliers": of_rigid_body,
 }
 TABLE: dict[type[Any], dict[str, Evaluation]] = {
     Suslov3D: {
@@ -42,10 +43,9 @@ TABLE: dict[type[Any], dict[str, Evaluation]] = {
         "to_xy": partial(of_state, kernels.to_xy, (2,)),
         "from_xy": partial(of_state, kernels.from_xy, (2,)),
         "closed_form": partial(of_state, kernels.constants, (4,)),
-        "multipliers": of_rigid_body,
     },
     SuslovND: of_nd.QUANTITIES,
-    SuslovGyrostat: {**_WITH_ROTOR, "multipliers": of_gyrostat},
+    SuslovGyrostat: _WITH_ROTOR,
     QuadraticField: of_fields.QUANTITIES,
 }
 

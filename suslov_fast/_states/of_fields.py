@@ -91,19 +91,14 @@ def _balanced(matrix: FloatArray) -> FloatArray:
     In the units of the components LAPACK's choice of pivots may cost all digits of a determinant.
     """
     for _ in range(ROUNDS):
-        before = matrix
-        for i in range(matrix.shape[-1]):
-            size = abs(matrix)
-            size[..., i, i] = 0.0
-            of_row, of_column = size[..., i, :].max(axis=-1), size[..., :, i].max(axis=-1)
-            power = (np.frexp(of_row)[1] - np.frexp(of_column)[1]) // 2
-            power = np.where((of_row > 0.0) & (of_column > 0.0), power, 0)[..., np.newaxis]
-            if power.any():
-                matrix = matrix.copy()
-                matrix[..., i, :] = np.ldexp(matrix[..., i, :], -power)
-                matrix[..., i] = np.ldexp(matrix[..., i], power)
-        if matrix is before:
+        size = abs(matrix) * (1.0 - np.eye(matrix.shape[-1]))
+        of_row, of_column = size.max(axis=-1), size.max(axis=-2)
+        # Changes of two units at a time, which are not to overshoot, are halved.
+        power = np.trunc(0.25 * np.subtract(np.frexp(of_row)[1], np.frexp(of_column)[1]))
+        power = np.where((of_row > 0.0) & (of_column > 0.0), power, 0.0).astype(np.intc)
+        if not power.any():
             break
+        matrix = np.ldexp(matrix, power[..., np.newaxis, :] - power[..., np.newaxis])
     return matrix
 
 

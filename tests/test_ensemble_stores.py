@@ -84,7 +84,6 @@ METADATA_HARMS = {
     "cut": lambda text: text[: len(text) // 2],
     "array": lambda text: "[1]",
     "group": lambda text: '{"zarr_format": 3, "node_type": "group", "attributes": {}}',
-    "other": lambda text: json.dumps({**json.loads(text), "zarr_format": 2}),
     "numbers": lambda text: json.dumps(other_numbers(json.loads(text)) | {"zarr_format": 3}),
     "attributes": lambda text: json.dumps({**json.loads(text), "attributes": {"a": 1}}),
 }

@@ -1,7 +1,7 @@
 """Creation, extension, repair and opening of the Zarr store of a run.
 
 The root group holds the results, with the names and attributes of `Trajectories.to_xarray`. The
-group "progress" holds the data for resumption; its attributes describe the run, with a digest:
+group "progress" holds the data for resumption; its attributes describe the run:
 
     steps_done    for each tile the number of steps of the run for which it was finished, or -1
     record        for each trajectory the data from which the next piece starts, as `Job.record`
@@ -15,8 +15,6 @@ all old or all new shapes. The files of the members serve repairs and other prog
 from __future__ import annotations
 
 import errno
-import hashlib
-import json
 import math
 import os
 import shutil
@@ -107,29 +105,19 @@ def _group(store: Any, path: str = "", copies: bool = False, mode: Any = "r") ->
 
     options = {"mode": mode, "zarr_format": 3, "use_consolidated": copies}
     try:
-        group = zarr.open_group(store, path=path, **options)
+        if copies:
+            root = zarr.open_group(store, **options)
+            return root[path] if path else root
+        return zarr.open_group(store, path=path, **options)
     except (FileNotFoundError, NotADirectoryError, *_DAMAGE):
         return None
-    return group if group.metadata.zarr_format == 3 else None  # not that of a damaged one
 
 
-def _digest(notes: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(notes, sort_keys=True).encode()).hexdigest()
-
-
-def _notes(group: Any) -> dict[str, Any]:
+def _notes(store: Any, copies: bool) -> dict[str, Any]:
     """Return the description of the run in the group "progress"; empty if damaged or absent."""
+    group = _group(store, PROGRESS, copies)
     attributes = {} if group is None else dict(group.attrs)
-    digest = attributes.pop("digest", None)
-    return attributes if digest == _digest(attributes) else {}
-
-
-def _notes_in_root(root: Any) -> dict[str, Any]:
-    """Return the description of the run in the root group, opened by its copies."""
-    try:
-        return {} if root is None else _notes(root[PROGRESS])
-    except _DAMAGE:
-        return {}
+    return attributes if attributes.get("layout") == _LAYOUT else {}
 
 
 def _is_free(store: Any) -> bool:
@@ -148,7 +136,7 @@ def _described(store: Any, expected: str) -> dict[str, Any]:
     about, stored = ({} if each is None else dict(each.attrs) for each in (root, progress))
     if about == _UNFINISHED or (root is progress is None and _is_free(store)):
         return {}
-    if notes := _notes_in_root(_group(store, copies=True)) or _notes(progress):
+    if notes := _notes(store, copies=True) or _notes(store, copies=False):
         return notes
     received = f"other data in {store}"
     if "run" in stored:
@@ -159,8 +147,7 @@ def _described(store: Any, expected: str) -> dict[str, Any]:
 
 def _checked_root(store: Any) -> Any:
     """Return the root group of a store; ValueError if it or one of the parameters is damaged."""
-    root = _group(store, copies=True)
-    notes = _notes_in_root(root)
+    root, notes = _group(store, copies=True), _notes(store, copies=True)
     if not notes or dict(root.attrs) != {**notes["attributes"], "steps": notes["steps"]}:
         raise ValueError("zarr.json is damaged or missing")
     needed = {"eps", "n", "component", *map_named(notes["attributes"]["map"]).body._names()}
@@ -285,7 +272,7 @@ def _made_in_memory(job: Job, dataset: Any, notes: dict[str, Any]) -> Any:
     attributes = {name: value for name, value in group.attrs.items() if name != "steps"}
     known = sorted(set(map(str, dataset.variables)) - set(computed))
     notes = {**notes, "attributes": attributes, "known": known, "steps": job.steps}
-    group.create_group(PROGRESS, attributes={**notes, "digest": _digest(notes)})
+    group.create_group(PROGRESS, attributes=notes)
     size, tiles = job.record.itemsize, math.prod(job.grid)
     for name, shape, chunks, dtype, fill in (
         (MARKS, (tiles,), (_TOGETHER,), "int64", -1),

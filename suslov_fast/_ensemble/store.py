@@ -20,7 +20,7 @@ import os
 import shutil
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from typing import Any
 
@@ -87,15 +87,19 @@ def only_writer(store: Any) -> Iterator[None]:
 
     name = f"{os.path.realpath(store)}.lock"
     try:
-        locked = FileLock(name).acquire(blocking=False)
+        locked: Any = FileLock(name).acquire(blocking=False)
     except Timeout:
         message = "expected a store without another writer, got one in use"
         raise BlockingIOError(errno.EAGAIN, message, store) from None
+    except OSError as error:
+        if error.errno not in (errno.EACCES, errno.EROFS) or not os.path.isdir(store):
+            raise
+        locked = nullcontext()  # a finished store can be opened; nothing else can be written
     with locked:
         try:
             yield
         finally:
-            with suppress(OSError):  # Windows removes it later
+            with suppress(OSError):  # Windows removes it later, a read-only folder has none
                 os.unlink(name)
 
 

@@ -32,7 +32,7 @@ _NUMBERS = {float, int}
 _NUMBERS = {float, int}
 _PLAIN = {float, int, list, tuple, np.ndarray, type(None)}
 # Axes of the package's datasets after those of the batch.
-_OWN_AXES = ("component", "space", "body")
+_AXES_OF_COMPONENTS = ("component", "space", "body")
 # Files whose frames lie between a warning and the line of the user: this package, and `replace`.
 _NOT_OF_USERS = (os.path.dirname(__file__) + os.sep, dataclasses.__file__, copy.__file__)
 
@@ -211,7 +211,7 @@ def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[s
     if _PLAIN.issuperset(map(type, arguments.values())):
         return arguments
     labelled = {
-        name: [dim for dim in value.dims if dim not in _own_axes(value, components)]
+        name: [dim for dim in value.dims if dim not in _axes_of_components(value, components)]
         for name, value in arguments.items()
         if _is_xarray(value)
     }
@@ -231,7 +231,7 @@ def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[s
         if not set(dims) <= set(whole):
             expected = f"axes among {tuple(whole)}, those of {longest}"
             raise wrong(name, expected, f"{tuple(dims)}: pass values without labels")
-        own = _own_axes(value, components)
+        own = _axes_of_components(value, components)
         if own or name != "eps":
             check_labels(name, value, components)
         first = min(map(whole.index, dims), default=len(whole))
@@ -271,7 +271,7 @@ def _check_item(name: str, item: Any, k: int, components: Sequence[str]) -> None
     """Check the labels of an item of a list, which has no axis but that of components."""
     check_labels(name, item, components)
     if _is_xarray(item):
-        if {*item.dims} - {*_own_axes(item, components)}:
+        if {*item.dims} - {*_axes_of_components(item, components)}:
             received = f"one with the axes {item.dims} at [{k}]: pass its values"
             raise wrong(name, "labelled items with an axis 'component' alone", received)
         labels = (each.item() for each in getattr(item, "coords", {}).values() if item.ndim == 0)
@@ -281,19 +281,19 @@ def _check_item(name: str, item: Any, k: int, components: Sequence[str]) -> None
                 raise wrong(name, f"{label} at [{place}]", f"it at [{k}]: pass its values")
 
 
-def _own_axes(value: Any, components: Sequence[str]) -> list[Any]:
+def _axes_of_components(value: Any, components: Sequence[str]) -> list[Any]:
     """Return the axes of components, by their names or by their labels."""
     coords = getattr(value, "coords", {})
     return [
         dim
         for dim in value.dims
-        if dim in _OWN_AXES
+        if dim in _AXES_OF_COMPONENTS
         or (components and dim in coords and {*coords[dim].values.tolist()} == {*components})
     ]
 
 
 def _check_axes(name: str, value: Any, components: Sequence[str]) -> None:
-    dims, own = list(value.dims), _own_axes(value, components)
+    dims, own = list(value.dims), _axes_of_components(value, components)
     if not dims:
         return
     if not own and dims[-1] != f"dim_{len(dims) - 1}":  # the name that xarray gives by default

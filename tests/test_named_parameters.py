@@ -151,6 +151,8 @@ def test_bad_parameters():
     for value in ("1", True, np.inf, [np.nan], [1j], [[1], [2, 3]]):
         with pytest.raises((TypeError, ValueError), match="a: expected"):
             QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=value)
+    with pytest.raises(ValueError, match="coefficients: expected the range of float64"):
+        QuadraticField.from_function(lambda x, a: (10**400 * x[0] * a,), 1, a=[1, 2])
     with pytest.raises(ValueError, match=r"got a \(2,\), b \(3,\)"):
         QuadraticField.from_function(lambda x, a, b: (a * x[0],), 1, a=[1, 2], b=[1, 2, 3])
     assert SINGLE.to_dict()["affine"] == [[[1.0, 1]], [[-2.0, 0, "a"], ["6/7", 0, 0, "a"]]]

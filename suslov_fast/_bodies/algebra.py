@@ -170,10 +170,13 @@ def polynomials_of(arrays: Mapping[str, NDArray[Any]]) -> tuple[Polynomial, ...]
 def fill(table: NDArray[Any], components: Iterable[Mapping[Monomial, Any]]) -> None:
     """Set the entries (..., i, j, k) of a table to those of the terms of f_i, with x_D = 1."""
     D = table.shape[-3]
-    for i, terms in enumerate(components):
-        for powers, c in terms.items():
-            j, k = (*powers, D, D)[:2]
-            table[..., i, j, k] = table[..., i, k, j] = c / 2 if j != k and k < D else c
+    try:
+        for i, terms in enumerate(components):
+            for powers, c in terms.items():
+                j, k = (*powers, D, D)[:2]
+                table[..., i, j, k] = table[..., i, k, j] = c / 2 if j != k and k < D else c
+    except OverflowError as error:
+        raise ValueError("coefficients: expected the range of float64, got larger ones") from error
 
 
 def coefficients_in(table: NDArray[Any]) -> dict[str, NDArray[Any]]:

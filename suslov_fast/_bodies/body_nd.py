@@ -174,14 +174,9 @@ def are_solved(body: SuslovND) -> NDArray[np.bool_]:
 
 def check_solved(body: SuslovND, function: str) -> None:
     """Raise an error that names the function unless all bodies are solved."""
-    solved = are_solved(body)
-    if not solved.all():
-        which = spell(first_index(~np.atleast_1d(solved)))
-        raise NotIntegrableError(
-            f"{function}: expected a body with all J equal, or with I along one axis and all other "
-            f"J equal; body {which} is not, and no closed form is known for it: "
-            f"use {_INSTEAD[function]}"
-        )
+    expected = "all J equal, or with I along one axis and all other J equal"
+    instead = f"no closed form is known for it: use {_INSTEAD[function]}"
+    _require(are_solved(body), function, expected, instead)
 
 
 def check_measure(body: SuslovND, function: str) -> None:
@@ -189,10 +184,15 @@ def check_measure(body: SuslovND, function: str) -> None:
     size = abs(body.I)
     along_axis = (size > _ROUNDING * size.max(axis=-1, keepdims=True)).sum(axis=-1) <= 1
     known = (along_axis & (body.dimension == 3)) | (body.dimension == 2)
+    instead = (
+        "no invariant measure is known for it: use jacobian, whose determinant is the factor by "
+        "which a step changes volumes"
+    )
+    _require(known, function, "n = 3, or with n = 4 and I along one axis", instead)
+
+
+def _require(known: NDArray[np.bool_], function: str, expected: str, instead: str) -> None:
     if not known.all():
         which = spell(first_index(~np.atleast_1d(known)))
-        raise NotIntegrableError(
-            f"{function}: expected a body with n = 3, or with n = 4 and I along one axis; body "
-            f"{which} is not, and no invariant measure is known for it: use jacobian, whose "
-            "determinant is the factor by which a step changes volumes"
-        )
+        message = f"expected a body with {expected}; body {which} is not, and {instead}"
+        raise NotIntegrableError(f"{function}: {message}")

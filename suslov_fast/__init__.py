@@ -33,10 +33,8 @@ def __getattr__(name: str) -> object:
         return import_module(f".{name}", __name__)
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    try:
-        value = globals()[name] = getattr(import_module(_MODULE_OF[name], __name__), name)
-    except AttributeError as error:  # which would read "cannot import name", without its cause
-        raise ImportError(f"{__name__}.{name}: {error}") from error
+    value: object = getattr(import_module(_MODULE_OF[name], __name__), name)
+    globals()[name] = value
     return value
 
 

@@ -12,7 +12,6 @@ import sys
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
-from types import CodeType
 from typing import Any, get_args
 
 import numpy as np
@@ -33,7 +32,8 @@ _NUMBERS = {float, int}
 _PLAIN = {float, int, list, tuple, np.ndarray, type(None)}
 # Axes of the package's datasets after those of the batch.
 _AXES_OF_COMPONENTS = ("component", "space", "body")
-# Files whose frames lie between a warning and the line of the user: this package, and `replace`.
+# Files whose frames lie between a warning and the line of the user, beside the constructors of
+# dataclasses: this package, and `replace`.
 _NOT_OF_USERS = (os.path.dirname(__file__) + os.sep, dataclasses.__file__, copy.__file__)
 
 
@@ -46,15 +46,12 @@ def wrong(
 def warn(message: str, category: type[Warning] = UserWarning) -> None:
     """Warn of the user's line: that of the first frame outside the package."""
     frame, level = sys._getframe(1), 2
-    while frame.f_back and _between(frame.f_code):
+    while frame.f_back and (
+        frame.f_code.co_filename.startswith(_NOT_OF_USERS)
+        or (frame.f_code.co_filename, frame.f_code.co_name) == ("<string>", "__init__")
+    ):
         frame, level = frame.f_back, level + 1
     warnings.warn(message, category, level)
-
-
-def _between(code: CodeType) -> bool:
-    """Return whether code lies between a warning and the user, as constructors of bodies do."""
-    of_dataclass = code.co_filename == "<string>" and code.co_name == "__init__"
-    return of_dataclass or code.co_filename.startswith(_NOT_OF_USERS)
 
 
 def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
@@ -66,8 +63,8 @@ def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArr
 
 def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     """Return a finite real number as a float, or an array; floats are much faster."""
-    if type(value) is int and abs(value) < EXACT:
-        return float(value)
+    if type(value) is np.float64 or (type(value) is int and abs(value) < EXACT):
+        value = float(value)
     if type(value) is not float:
         array = real_array(name, value)
         return array.item() if array.ndim == 0 else array
@@ -129,7 +126,7 @@ def _floats(name: str, value: Any) -> FloatArray:
         return array
     if array.dtype.kind == "O":
         for item in array.flat:
-            refuse_units(name, item)
+            _refuse_units(name, item)
             if not isinstance(item, numbers.Real):
                 received = f"{_short(item)} of type {type(item).__name__}"
                 raise wrong(name, "real numbers", received, TypeError)

@@ -5,7 +5,6 @@ import warnings
 from pathlib import Path
 
 import matplotlib
-import numpy as np
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx_gallery.scrapers import figure_rst
@@ -63,22 +62,15 @@ html_sidebars = {page: [] for page in wide.split()}
 copybutton_exclude = ".linenos, .gp, .go"
 
 
-def drawn(block, block_vars, gallery_conf):
-    """Save figures drawn by functions of the package, which pyplot does not know."""
-    names = block_vars["example_globals"]
-    if "animation" in names:
-        animation = names["animation"]
-        frames = list(animation.new_frame_seq())
-        animation._func(frames[len(frames) // 2])
-        figure = animation._fig
-    elif "axes" in names:
-        figure = np.ravel(np.asarray(names["axes"], dtype=object))[0].figure
-    else:
+def middle_frame(block, block_vars, gallery_conf):
+    """Save the middle frame of an animation, whose figure pyplot does not know."""
+    animation = block_vars["example_globals"].get("animation")
+    if animation is None:
         return ""
-    if hasattr(figure, "number"):
-        return ""
+    frames = list(animation.new_frame_seq())
+    animation._func(frames[len(frames) // 2])
     path = next(block_vars["image_path_iterator"])
-    figure.savefig(path, dpi=100)
+    animation._fig.savefig(path, dpi=100)
     return figure_rst([path], gallery_conf["src_dir"])
 
 
@@ -115,7 +107,7 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "plot_gallery": True,
     "remove_config_comments": True,
-    "image_scrapers": (drawn, "matplotlib"),
+    "image_scrapers": (middle_frame, "matplotlib"),
     "capture_repr": ("_repr_html_",),
 }
 suppress_warnings = ["config.cache"]

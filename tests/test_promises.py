@@ -462,13 +462,6 @@ HARD = [
 ]
 
 
-def cut_further(monkeypatch):
-    """Divide runs by the closed form into parts, too."""
-    monkeypatch.setattr(closed_form_runs, "SLICE", 2**12)
-    monkeypatch.setattr(methods, "_EXPANDED", 2**11)
-    monkeypatch.setattr(engine, "_COPIED", 2**12)
-
-
 def run(body, omega, eps, steps, **options):
     return sf.iterate(body, omega, eps, steps, on_singular="ignore", **options)
 
@@ -486,7 +479,7 @@ def assert_same_run(first, second, chosen=slice(None)):
 @pytest.mark.parametrize(("make", "method", "m"), HARD)
 @pytest.mark.parametrize("save_every", [1, 5, None])
 def test_hard_problems(rng, monkeypatch, request, make, method, m, save_every):
-    """Batch, order, parts, and saved states of a named method change no bit.
+    """Batch, order, parts, threads, and saved states of a named method change no bit.
 
     "auto" and "rank2" miss the same states.
     """
@@ -513,23 +506,15 @@ def test_hard_problems(rng, monkeypatch, request, make, method, m, save_every):
         alone = part(body, i, (100,)) if body.shape else body
         assert_same_run(run(alone, omega[i], eps[i], **options), whole, i)
     request.getfixturevalue("small_parts")
-    cut_further(monkeypatch)
+    monkeypatch.setattr(closed_form_runs, "SLICE", 2**12)
+    monkeypatch.setattr(methods, "_EXPANDED", 2**11)
+    monkeypatch.setattr(engine, "_COPIED", 2**12)
+    monkeypatch.setattr(threads, "CROSSOVER", 1)
     seen = []
-    parts = run(body, omega, eps, threads=1, progress=lambda *n: seen.append(n), **options)
+    parts = run(body, omega, eps, threads=2, progress=lambda *n: seen.append(n), **options)
     assert_same_run(parts, whole)
     assert seen == sorted(seen)
     assert seen[-1] == (options["steps"],) * 2
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
-@pytest.mark.parametrize("m", [2, 4])
-def test_threads_of_hard_problems(rng, monkeypatch, m):
-    problem = solved_and_others(rng, 150, m)
-    alone = run(*problem, 500, save_every=2, threads=1)
-    monkeypatch.setattr(threads, "CROSSOVER", 1)  # serial within one block
-    cut_further(monkeypatch)
-    assert_same_run(run(*problem, 500, save_every=2), alone)
 
 
 @pytest.mark.parametrize("k", [-1000, -600, 600, 1000])

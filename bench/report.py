@@ -10,25 +10,25 @@ import argparse
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 
 import charts
 import results
 import tables
 
 README = results.BENCH.parent / "README.md"
+FOLDER = results.BENCH / "results"
 # Short, consecutive passes, since the speed of a shared machine varies over seconds.
 PASSES = 3
 PYTEST = "-q --benchmark-only --benchmark-quiet --benchmark-min-rounds=3 --benchmark-max-time=0.1"
 
 
-def measure(passes, select):
+def measure():
     """Run several passes over all benchmarks, each in its own process, and merge the results."""
     several = []
-    command = [sys.executable, "-m", "pytest", results.BENCH, *PYTEST.split(), "-k", select]
+    command = [sys.executable, "-m", "pytest", results.BENCH, *PYTEST.split()]
     with tempfile.TemporaryDirectory() as folder:
-        for k in range(passes):
-            print(f"pass {k + 1} of {passes}", flush=True)
+        for k in range(PASSES):
+            print(f"pass {k + 1} of {PASSES}", flush=True)
             # The slow ones, processes that compile everything, are in the first pass only.
             more = [f"--benchmark-json={folder}/{k}.json", *(["-m", ""] if k == 0 else [])]
             subprocess.run([*command, *more], cwd=results.BENCH.parent, check=True)
@@ -36,25 +36,19 @@ def measure(passes, select):
     return results.merge(several)
 
 
-def main(arguments=None):
+def main():
     """Measure or load, print, draw, and write if requested."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", help="draw these results instead of measuring")
     parser.add_argument("--write", action="store_true", help="replace the table in README.md")
-    parser.add_argument("--passes", type=int, default=PASSES, help=f"how often ({PASSES})")
-    parser.add_argument("-k", dest="select", default="", help="only benchmarks that match")
-    parser.add_argument("--to", type=Path, default=results.BENCH / "results", help="folder")
-    options = parser.parse_args(arguments)
-    if options.files:
-        measured = results.merge([results.load(path) for path in options.files])
-    else:
-        measured = measure(options.passes, options.select)
-    options.to.mkdir(exist_ok=True)
-    results.dump(measured, options.to / "benchmarks.json")
+    options = parser.parse_args()
+    files = [results.load(path) for path in options.files]
+    measured = results.merge(files) if files else measure()
+    results.dump(measured, FOLDER / "benchmarks.json")
     text = tables.everything(measured)
     print(text)
-    (options.to / "tables.md").write_text(text, encoding="utf-8")
-    charts.draw(measured, options.to)
+    (FOLDER / "tables.md").write_text(text, encoding="utf-8")
+    charts.draw(measured, FOLDER)
     if options.write:
         page = tables.replace(README.read_text(encoding="utf-8"), tables.summary(measured))
         README.write_text(page, encoding="utf-8")

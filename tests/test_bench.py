@@ -14,8 +14,6 @@ import results
 import tables
 from bench_cases import CASES
 
-STORED = results.BENCH / "results"
-
 
 def test_files_contain_no_host_and_no_user(tmp_path):
     extra = {"table": "last states", "key": "auto", "label": "ours", "whose": "this package"}
@@ -37,10 +35,10 @@ def test_files_contain_no_host_and_no_user(tmp_path):
 
 
 def test_the_readme_and_the_page_show_the_stored_results():
-    stored = results.load(STORED / "benchmarks.json")
+    stored = results.load(report.FOLDER / "benchmarks.json")
     text = report.README.read_text(encoding="utf-8")
     assert tables.replace(text, tables.summary(stored)) == text
-    assert (STORED / "tables.md").read_text(encoding="utf-8") == tables.everything(stored)
+    assert (report.FOLDER / "tables.md").read_text(encoding="utf-8") == tables.everything(stored)
     with pytest.raises(ValueError, match="expected one"):
         tables.replace("no markers", "new")
 

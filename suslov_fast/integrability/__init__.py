@@ -27,11 +27,11 @@ except ImportError as error:
     ) from error
 
 from .._bodies.field import QuadraticField
+from ._functions import RationalFunction
 from ._growth import Growth, degrees, growth
-from ._integrals import cofactors
+from ._invariants import cofactors
 from ._maps import KahanMap, kahan
 from ._planar import Pencil
-from ._projective import RationalFunction
 from ._relations import HKBasis, darboux_polynomials, hk_bases
 from ._report import Report, report
 from ._zoo import zoo

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import cache, cached_property, partial
 from itertools import accumulate
@@ -14,48 +13,31 @@ import flint
 import numpy as np
 
 from . import _exact
-from ._exact import Polynomials, Residues
-from ._maps import Arithmetic, cramer, evaluate
+from ._exact import MORE, Polynomials, Residues
+from ._maps import Arithmetic, image_by_minors, random_line
 from ._projective import Projective
 
-Powers = tuple[int, ...]  # of the hyperplane at infinity and of the factors of the map
-Pulse = Callable[[], object]  # called often; it may raise an error
-_MORE = 10  # equations more than unknowns
+Powers = tuple[int, ...]  # of the factors of the map
 _ITERATES = 6  # of a point on a factor
 
 
-@dataclass(frozen=True)
-class InvariantSpace:
-    """All polynomials of a degree whose pullback is a constant times them and these powers."""
-
-    degree: int
-    powers: Powers
-    polynomials: Polynomials
-
-
 def invariant_spaces(
-    map: Projective, degree: int, affine: int, pulse: Pulse = lambda: None
-) -> tuple[InvariantSpace, ...]:
-    """Return the spaces of Darboux polynomials of a degree over the rationals.
+    map: Projective, degree: int, affine: int
+) -> Iterator[tuple[Powers, Polynomials]]:
+    """Yield the polynomials whose pullback is a constant times them and powers of the factors.
 
     The factors of the map must be known. A polynomial of lower degree, of at most `affine` if that
     is less than `degree`, has powers of the hyperplane at infinity as a factor.
     """
-    if (degree, affine) not in map.spaces:
-        rng, spaces = random.Random(degree), []
-        pullbacks = cache(partial(_Pullbacks, map, degree, affine))
-        first = pullbacks(_exact.random_prime(rng))
-        for powers, c in [*first.search(pulse)]:
+    rng, pullbacks = random.Random(degree), cache(partial(_Pullbacks, map, degree, affine))
+    first = pullbacks(_exact.random_prime(rng))
+    for powers, c in [*first.search()]:
 
-            def residues(p: int, powers: Powers = powers, c: Fraction | None = c) -> Residues:
-                pulse()
-                return pullbacks(p).space(powers, c)
+        def space(p: int, powers: Powers = powers, c: Fraction | None = c) -> Residues:
+            return pullbacks(p).space(powers, c)
 
-            if rows := _exact.over_rationals(random.Random(degree), residues):
-                polynomials = _exact.polynomials_with(rows, first.exponents)
-                spaces.append(InvariantSpace(degree, powers, polynomials))
-        map.spaces[degree, affine] = tuple(spaces)
-    return map.spaces[degree, affine]
+        if rows := _exact.over_rationals(random.Random(degree), space):
+            yield powers, _exact.polynomials_with(rows, first.exponents)
 
 
 class _Pullbacks:
@@ -64,120 +46,100 @@ class _Pullbacks:
     def __init__(self, map: Projective, degree: int, affine: int, p: int) -> None:
         self.map, self.degree, self.p, self.rng = map, degree, p, random.Random(p)
         self.exponents = _exact.exponents_up_to(affine, map.D)
-        self.monomials = tuple((degree - sum(e), *e) for e in self.exponents)
+        self.monomials = [(*e, degree - sum(e)) for e in self.exponents]
         self.everything = self._matrix(np.eye(len(self.exponents), dtype=int).tolist())
-        self.forms = Arithmetic(map.map, p).forward
-        self.F = [_exact.modulo(F, p) for F in map.F]
-        self.factors = [_exact.modulo(f, p) for f in map.factors or ()]
-        self._vanishing = cache(self._rows)
+        self._equations = cache(self._divisible_by)
 
     def _matrix(self, rows: Any) -> Any:
         return flint.nmod_mat(rows, self.p)
 
-    def _random(self) -> list[int]:
-        return [self.rng.randrange(self.p) for _ in range(self.map.D)]
-
-    def _at(self, X: Any) -> list[Any]:
+    def _at(self, x: Any) -> list[Any]:
         """Return all monomials at a point of projective space, of numbers or polynomials."""
-        return list(_exact.monomial_values(self.monomials, X))
-
-    @cached_property
-    def _samples(self) -> list[tuple[list[Any], list[Any], list[Any]]]:
-        """At random points: the factors, the monomials, and the monomials at the image."""
-
-        def numbers(values: Any) -> list[Any]:
-            return [flint.nmod(int(a), self.p) for a in values]
-
-        return [
-            (
-                numbers([1, *(f(*x) for f in self.factors)]),
-                self._at(numbers([1, *x])),
-                self._at(numbers(F(*x) for F in self.F)),
-            )
-            for x in (self._random() for _ in range(len(self.exponents) + _MORE))
-        ]
+        return list(_exact.monomial_values(self.monomials, x))
 
     @cached_property
     def _lines(self) -> list[tuple[list[Any], ...]]:
-        """F and the factors on random lines."""
-        ring = flint.nmod_mpoly_ctx.get(["t"], ordering="deglex", modulus=self.p)
-
-        def on_line(f: Any, line: Any) -> Any:
-            terms = f.compose(*line, ctx=ring).to_dict()
-            top = max((e for (e,) in terms), default=0)
-            return flint.nmod_poly([int(terms.get((e,), 0)) for e in range(top + 1)], self.p)
-
-        lines = []
-        for _ in range(len(self.exponents) + _MORE):
-            ends = zip(self._random(), self._random(), strict=True)
-            line = [ring.from_dict({(0,): a, (1,): b}) for a, b in ends]
-            both = ([on_line(f, line) for f in each] for each in (self.F, self.factors))
-            lines.append(tuple(both))
+        """Random lines, the map, and its factors on them."""
+        known = [self._modular(f) for f in (self.map.common, *self.map.factors)]
+        lines: list[tuple[list[Any], ...]] = []
+        for _ in range(len(self.exponents) + MORE):
+            line = random_line(self.map.map, self.p, self.rng)
+            common, *factors = self._restricted(known, line)
+            minors = image_by_minors(self.map.map, line)
+            lines.append((line, [each // common for each in minors], factors))
         return lines
 
-    def _rows(self, i: int, power: int) -> Any:
-        """Return rows orthogonal to polynomials whose pullback has this power of factor i.
+    def _modular(self, P: Any) -> tuple[Any, int]:
+        """Return a homogeneous polynomial with the last variable 1, and its degree."""
+        ring = _exact.polynomial_ring(self.map.D, flint.nmod_mpoly_ctx, modulus=self.p)
+        terms = {e[:-1]: int(c) % self.p for e, c in P.to_dict().items()}
+        return ring.from_dict(terms), int(P.total_degree())
+
+    def _restricted(self, polynomials: list[Any], line: list[Any]) -> list[Any]:
+        """Return polynomials on a line, on which the last coordinate is the parameter t."""
+        ring = _exact.polynomial_ring(1, flint.nmod_mpoly_ctx, modulus=self.p)
+        by_inverse = [ring.from_dict({(0,): x[1], (1,): x[0]}) for x in line[:-1]]  # of x / t
+        restricted = []
+        for P, degree in polynomials:
+            terms = P.compose(*by_inverse, ctx=ring).to_dict()
+            c = [int(terms.get((degree - k,), 0)) for k in range(degree + 1)]
+            restricted.append(flint.nmod_poly(c, self.p))
+        return restricted
+
+    def _divisible_by(self, i: int, power: int) -> Any:
+        """Return equations for the polynomials whose pullback has factor i to this power.
 
         The polynomial of an invariant hypersurface with the first power vanishes on all iterates
         of the factor's image: there are few unless the singularity is confined.
         """
         rows: Residues = []
-        for F, factors in self._lines:
-            if len(rows) <= 2 * len(self.exponents):
-                K = factors[i - 1] if i else None
-                rows += self._on_orbit(F, K) if power == 1 else self._on_line(F, K, power)
+        for _, image, factors in self._lines:
+            if len(rows) > 2 * len(self.exponents):
+                break
+            modulus = factors[i] ** power
+            if power > 1:
+                remainders = [f % modulus for f in self._at(image)]
+                rows += [[f[k] for f in remainders] for k in range(modulus.degree())]
+            elif roots := modulus.roots():
+                rows += self._orbit([f(roots[0][0]) for f in image])
         return self._matrix(rows or [[0] * len(self.exponents)])
 
-    def _on_orbit(self, F: list[Any], K: Any) -> Residues:
-        if K is None:
-            X = [f[self.map.delta] for f in F]
-        elif roots := K.roots():
-            X = [f(roots[0][0]) for f in F]
-        else:
-            return []
+    def _orbit(self, x: list[Any]) -> Residues:
+        """Return the monomials at iterates of a point."""
         rows: Residues = []
-        while any(X) and len(rows) < _ITERATES:
-            rows.append(self._at(X))
+        steps = Arithmetic(self.map.map, self.p)
+        while any(x) and len(rows) < _ITERATES:
+            rows.append(self._at(x))
             try:
-                constants = [flint.nmod_poly([int(a)], self.p) for a in X]
-                X = [a[0] for a in cramer(evaluate(self.forms, constants))]
+                x = steps.image(x)
             except ZeroDivisionError:  # the singularity may be confined
                 break
         return rows
 
-    def _on_line(self, F: list[Any], K: Any, power: int) -> Residues:
-        polynomials, top = self._at(F), self.degree * self.map.delta
-        places = range(top - power + 1, top + 1)
-        if K is not None:
-            places = range((K**power).degree())
-            polynomials = [each % K**power for each in polynomials]
-        return [[each[k] for each in polynomials] for k in places]
-
     def _solutions(self, equations: Any, basis: Any) -> Any:
         """Return the combinations of rows of a basis that solve equations; None if only 0 does."""
-        columns, dimension = equations.nullspace()
-        chosen = _exact.integer_rows(columns.transpose())[:dimension]
+        chosen = _exact.null_space(equations)
         return self._matrix(chosen) * basis if chosen else None
 
     def _divisible(self, basis: Any, i: int, power: int) -> Any:
-        return self._solutions(self._vanishing(i, power) * basis.transpose(), basis)
+        self.map.pulse()
+        return self._solutions(self._equations(i, power) * basis.transpose(), basis)
 
-    def search(self, pulse: Pulse) -> Iterator[tuple[Powers, Fraction | None]]:
+    def search(self) -> Iterator[tuple[Powers, Fraction | None]]:
         """Yield the powers of invariant spaces, and the constant if there are several for them."""
-        total, degrees = self.degree * (self.map.delta - 1), self.map.degrees
-        most, size = [0] * len(degrees), [0] * len(degrees)
-        for i, a in enumerate(self.map.of_jacobian):
-            basis = self.everything
-            while a > 0 and basis is not None and (most[i] + 1) * degrees[i] <= total:
-                pulse()
+        total = self.degree * (self.map.delta - 1)
+        degrees = [int(f.total_degree()) for f in self.map.factors]
+        most, dimension = [0] * len(degrees), [0] * len(degrees)
+        for i, exceptional in enumerate(self.map.of_jacobian):
+            basis = self.everything if exceptional else None
+            while basis is not None and (most[i] + 1) * degrees[i] <= total:
                 basis = self._divisible(basis, i, most[i] + 1)
                 if basis is not None:
-                    most[i], size[i] = most[i] + 1, basis.nrows()
-        order = sorted((i for i, a in enumerate(most) if a), key=lambda i: (size[i], i))
+                    most[i], dimension[i] = most[i] + 1, basis.nrows()
+        order = sorted((i for i, a in enumerate(most) if a), key=lambda i: (dimension[i], i))
         reach = [*accumulate((most[i] * degrees[i] for i in order[::-1]), initial=0)][::-1]
 
         def descend(k: int, basis: Any, left: int, powers: Powers) -> Iterator[Any]:
-            pulse()
             if left == 0:
                 yield basis, powers
             elif k < len(order) and left <= reach[k]:
@@ -193,10 +155,9 @@ class _Pullbacks:
         for basis, powers in descend(0, self.everything, total, (0,) * len(degrees)):
             _, pulled = self._invariant(basis, powers)
             if pulled is not None:
-                eigenvalues = [int(c) for c, _ in pulled.charpoly().roots()]
-                for c in eigenvalues:
+                for c, _ in pulled.charpoly().roots():
                     several = pulled != self._scalar(c, pulled.nrows())
-                    yield powers, _exact.reconstructed(c, self.p) if several else None
+                    yield powers, _exact.reconstructed(int(c), self.p) if several else None
 
     def space(self, powers: Powers, c: Fraction | None) -> Residues:
         """Return a basis, in echelon form, of the polynomials with these powers and constant."""
@@ -206,12 +167,22 @@ class _Pullbacks:
                 basis = basis and self._divisible(basis, i, k + 1)
         basis, pulled = self._invariant(basis, powers)
         if basis is not None and c is not None:
-            constant = int(flint.nmod(_exact.fmpq(c), self.p))
+            constant = flint.nmod(_exact.fmpq(c), self.p)
             basis = self._solutions(pulled - self._scalar(constant, pulled.nrows()), basis)
         return [] if basis is None else _exact.integer_rows(basis.rref()[0])
 
-    def _scalar(self, c: int, n: int) -> Any:
-        return self._matrix((c * np.eye(n, dtype=object)).tolist())
+    def _scalar(self, c: Any, n: int) -> Any:
+        return self._matrix([[int(c) * (i == j) for j in range(n)] for i in range(n)])
+
+    @cached_property
+    def _samples(self) -> list[tuple[list[Any], list[Any], list[Any]]]:
+        """At random points: the factors, the monomials, and the monomials at the image."""
+        samples = []
+        for each in self._lines:
+            t = flint.nmod(self.rng.randrange(self.p), self.p)
+            x, image, factors = ([f(t) for f in polynomials] for polynomials in each)
+            samples.append((factors, self._at(x), self._at(image)))
+        return samples
 
     def _invariant(self, basis: Any, powers: Powers) -> tuple[Any, Any]:
         """Return the polynomials with pullbacks ``factors**powers`` times one of them.
@@ -221,14 +192,14 @@ class _Pullbacks:
         while basis is not None:
             r = basis.nrows()
             before, after = [], []
-            for factors, here, there in self._samples[: 2 * r + _MORE]:
+            for factors, here, there in self._samples[: 2 * r + MORE]:
                 weight = flint.nmod(1, self.p)
                 for a, power in zip(factors, powers, strict=True):
                     weight *= a**power
                 before.append([weight * a for a in here])
                 after.append(there)
             both = (self._matrix(rows) * basis.transpose() for rows in (before, after))
-            joined = [[*a, *b] for a, b in zip(*map(_exact.integer_rows, both), strict=True)]
+            joined = [a + b for a, b in zip(*map(_exact.integer_rows, both), strict=True)]
             reduced, rank = self._matrix(joined).rref()
             right = [row[r:] for row in _exact.integer_rows(reduced)[:rank]]
             if rank == r:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import combinations_with_replacement
 from typing import Any
@@ -13,13 +13,16 @@ from typing import Any
 import flint
 import numpy as np
 
+from .._checks import wrong
+
 Point = tuple[Fraction, ...]
 Matrix = tuple[Point, ...]
 Residues = list[list[int]]  # a matrix modulo a prime
 Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]  # of python-flint, in the variables x1, ..., xD
 
-DRAWS = 8  # of primes with points or lines, of which two must agree
+MORE = 10  # equations more than unknowns
+_DRAWS = 8  # of primes with points or lines, of which two must agree
 _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
 
 
@@ -31,7 +34,7 @@ def fraction(a: Any) -> Fraction:
     return Fraction(int(a.p), int(a.q))
 
 
-def polynomial_ring(n: int, context: Any, **modulus: Any) -> Any:
+def polynomial_ring(n: int, context: Any = flint.fmpz_mpoly_ctx, **modulus: Any) -> Any:
     return context.get([f"x{i}" for i in range(1, n + 1)], ordering="deglex", **modulus)
 
 
@@ -44,12 +47,16 @@ def polynomials_with(rows: Any, exponents: Exponents) -> Polynomials:
         factor = math.lcm(*(a.denominator for a in row))
         divisor = math.gcd(*(a.numerator for a in row))
         integers.append([int(a * factor) // divisor for a in row])
-    ring = polynomial_ring(len(exponents[0]), flint.fmpz_mpoly_ctx)
-    polynomials = []
-    for short in flint.fmpz_mat(integers).lll().tolist():
-        P = ring.from_dict(dict(zip(exponents, short, strict=True))).primitive()[1]
-        polynomials.append(-P if P.leading_coefficient() < 0 else P)
-    return tuple(polynomials)
+    ring = polynomial_ring(len(exponents[0]))
+    reduced = flint.fmpz_mat(integers).lll().tolist()
+    terms = (dict(zip(exponents, row, strict=True)) for row in reduced)
+    return tuple(_primitive(ring.from_dict(each)) for each in terms)
+
+
+def _primitive(P: Any) -> Any:
+    """Return a multiple with coprime coefficients, the first of which is positive."""
+    P = P.primitive()[1]
+    return -P if P.leading_coefficient() < 0 else P
 
 
 def exponents_up_to(degree: int, n: int) -> Exponents:
@@ -61,10 +68,12 @@ def exponents_up_to(degree: int, n: int) -> Exponents:
     )
 
 
-def rational(P: Any) -> Any:
-    """Return a polynomial with integer coefficients as one over the rationals."""
-    ring = polynomial_ring(P.context().nvars(), flint.fmpq_mpoly_ctx)
-    return ring.from_dict({e: flint.fmpq(c) for e, c in P.to_dict().items()})
+def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
+    """Check the number of coefficients of a polynomial in n variables."""
+    if (unknowns := math.comb(n + degree, n)) > most:
+        largest = next(d for d in range(degree) if math.comb(n + d + 1, n) > most)
+        expected = f"at most {largest} for {n} variables ({math.comb(n + largest, n)} coefficients)"
+        raise wrong(name, expected, f"{degree} ({unknowns} coefficients)")
 
 
 def factors(P: Any) -> list[tuple[Any, int]]:
@@ -72,25 +81,25 @@ def factors(P: Any) -> list[tuple[Any, int]]:
 
     python-flint 0.9 sorts factors over the integers, and fails if a coefficient is large.
     """
+    ring = polynomial_ring(P.context().nvars(), flint.fmpq_mpoly_ctx)
+    rational = ring.from_dict({e: flint.fmpq(c) for e, c in P.to_dict().items()})
     found = []
-    for factor, power in rational(P).factor()[1]:
+    for factor, power in rational.factor()[1]:
         scale = math.lcm(*(int(c.q) for c in factor.coeffs()))
         terms = {e: (c * scale).p for e, c in factor.to_dict().items()}
-        f = P.context().from_dict(terms).primitive()[1]
-        found.append((-f if f.leading_coefficient() < 0 else f, int(power)))
+        found.append((_primitive(P.context().from_dict(terms)), int(power)))
     return found
 
 
-def modulo(P: Any, p: int) -> Any:
-    """Return a polynomial with integer coefficients modulo a prime."""
-    ring = polynomial_ring(P.context().nvars(), flint.nmod_mpoly_ctx, modulus=p)
-    return ring.from_dict({e: int(c) % p for e, c in P.to_dict().items()})
+def value(P: Any, x: Sequence[Any]) -> Any:
+    """Return the value of a polynomial at a point, whose coordinates may be of any type."""
+    return sum(int(c) * a for c, a in zip(P.coeffs(), monomial_values(P.monoms(), x), strict=True))
 
 
-def monomial_values(exponents: Exponents, x: Any) -> Any:
-    """Return the monomials at a point, whose coordinates may be of any type of numbers."""
+def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any:
+    """Return monomials in the first coordinates of a point, which may be of any type of numbers."""
     values = np.ones(len(exponents), object)
-    for a, e in zip(x, np.array(exponents).T, strict=True):
+    for a, e in zip(x, np.array(exponents, int).T, strict=False):
         # NumPy takes univariate polynomials in a list for sequences.
         values *= np.fromiter((a**k for k in range(int(e.max()) + 1)), object)[e]
     return values
@@ -116,7 +125,7 @@ def random_prime(rng: random.Random) -> int:
 def confirmed(rng: random.Random, compute: Callable[[int], Any]) -> Any:
     """Return the first result on which two primes agree, each with points or lines of its own."""
     found: list[Any] = []
-    for _ in range(DRAWS):
+    for _ in range(_DRAWS):
         with contextlib.suppress(ZeroDivisionError):
             found.append(compute(random_prime(rng)))
             if found.count(found[-1]) > 1:

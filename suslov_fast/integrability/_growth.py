@@ -15,7 +15,7 @@ import numpy as np
 from .._checks import instance, integer, wrong
 from .._docs import filled
 from ._exact import confirmed
-from ._maps import Arithmetic, KahanMap, cramer, evaluate
+from ._maps import KahanMap, check_map, image_by_minors, random_line
 
 
 @filled
@@ -50,20 +50,18 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
     >>> degrees(kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), 0.25), 8)
     [2, 4, 6, 8, 10, 12, 14, 16]
     """
-    instance("map", map, KahanMap)
+    check_map(map)
     n, rng = integer("n", n, 0), random.Random(seed)
     return list(confirmed(rng, lambda p: list(islice(degrees_on_a_line(map, p, rng), n))))
 
 
 def degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[int]:
-    forms = Arithmetic(map, p).forward
-    line = [[rng.randrange(p), rng.randrange(p)] for _ in range(map.dimension)]
-    x = [flint.nmod_poly(each, p) for each in ([1], *line)]
+    line = random_line(map, p, rng)
     while True:
-        x = cramer(evaluate(forms, x))
-        common = reduce(lambda a, b: a.gcd(b), x)
-        x = [each // common for each in x]
-        yield max(each.degree() for each in x)
+        image = image_by_minors(map, line)
+        common = reduce(lambda a, b: a.gcd(b), image)
+        line = [each // common for each in image]
+        yield max(each.degree() for each in line)
 
 
 class Growth(NamedTuple):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -17,6 +18,8 @@ from .._bodies.field import QuadraticField
 from .._checks import instance, wrong
 from .._docs import filled
 from ._exact import Matrix, Point, fmpq, fraction
+
+LinearForm = list[tuple[int, int]]  # places and coefficients that are not 0
 
 
 @dataclass(frozen=True, repr=False)
@@ -35,94 +38,94 @@ class KahanMap:
         """The number of variables."""
         return self.field.dimension
 
-    @property
+    @cached_property
     def inverse(self) -> KahanMap:
         """The inverse map, which is the Kahan map of the same field with -eps."""
         return KahanMap(self.field, -self.eps)
 
     def __call__(self, point: Any) -> Point:
         """Return the image of a point, exactly."""
-        return tuple(map(fraction, self._at(point, self._rational.image)))
+        return tuple(map(fraction, self._at(point, Arithmetic.image)[:-1]))
 
     def jacobian(self, point: Any) -> Matrix:
         """Return the matrix of derivatives at a point, exactly, as a tuple of rows."""
-        rows = self._at(point, self._rational.derivative).tolist()
+        rows = self._at(point, Arithmetic.derivative).tolist()
         return tuple(tuple(map(fraction, row)) for row in rows)
 
     def determinant(self, point: Any) -> Fraction:
         """Return the determinant of the matrix of derivatives at a point, exactly."""
-        return fraction(self._at(point, self._rational.derivative).det())
+        return fraction(self._at(point, Arithmetic.derivative).det())
 
     def __repr__(self) -> str:
         return f"kahan({self.field}, eps={self.eps})"
 
-    @cached_property
-    def _rational(self) -> Arithmetic:
-        return Arithmetic(self)
-
-    def _at(self, point: Any, compute: Callable[[list[Any]], Any]) -> Any:
-        x = exact_array("point", point, (self.dimension,))
+    def _at(self, point: Any, method: Callable[[Arithmetic, list[Any]], Any]) -> Any:
+        x, rational = exact_array("point", point, (self.dimension,)), Arithmetic(self)
         try:
-            return compute([fmpq(a) for a in x])
+            return method(rational, rational.point(x))
         except ZeroDivisionError:
             where = ", ".join(map(str, x))
             raise ZeroDivisionError(f"({where}) has no image: it is a pole of the map") from None
 
+    @cached_property
+    def equations(self) -> list[list[LinearForm]]:
+        """Rows of (A | b), linear forms in x1, ..., xD, 1, of the equations A(x) x~ = b(x).
+
+        Each row is multiplied by a common denominator.
+        """
+        field, eps, unit = self.field, self.eps, np.eye(self.dimension, dtype=int)
+        half = eps / 2 * np.array(field.linear)
+        A = np.dstack([-eps * np.array(field.quadratic), unit - half])
+        b = np.column_stack([unit + half, eps * np.array(field.constant)])
+        rows = []
+        for row in np.hstack([A, b[:, np.newaxis]]):
+            factor = math.lcm(*(a.denominator for a in row.flat))
+            rows.append([[(k, int(a * factor)) for k, a in enumerate(f) if a] for f in row])
+        return rows
+
 
 class Arithmetic:
-    """A map over the rationals, or modulo a prime p: a step solves A(x) x~ = b(x)."""
+    """Steps of a map over the rationals, or modulo a prime p. Points are (x1, ..., xD, 1)."""
 
     def __init__(self, map: KahanMap, p: int | None = None) -> None:
-        self.dimension, self.p = map.dimension, p
-        self.forward = self._forms(map.field, map.eps)
-        self.backward = self._forms(map.field, -map.eps)
+        self.map, self.p = map, p
 
-    def number(self, a: Any) -> Any:
-        return fmpq(a) if self.p is None else flint.nmod(fmpq(a), self.p)
+    def point(self, x: Iterable[Any]) -> list[Any]:
+        numbers = map(fmpq, (*x, 1))
+        return [*numbers] if self.p is None else [flint.nmod(a, self.p) for a in numbers]
 
     def matrix(self, rows: Any) -> Any:
         return flint.fmpq_mat(rows) if self.p is None else flint.nmod_mat(rows, self.p)
 
-    def _forms(self, field: QuadraticField, eps: Fraction) -> list[Any]:
-        """Rows of (A | b): the nonzero coefficients of linear forms in x0 = 1, x1, ..., xD."""
-        unit, half = np.eye(self.dimension, dtype=int), eps / 2 * np.array(field.linear)
-        A = np.dstack([unit - half, -eps * np.array(field.quadratic)])
-        b = np.column_stack([eps * np.array(field.constant), unit + half])
-        rows = np.hstack([A, b[:, np.newaxis]])
-
-        def sparse(form: Any) -> list[Any]:
-            return [(k, self.number(a)) for k, a in enumerate(form) if a]
-
-        return [[sparse(form) for form in row] for row in rows]
-
-    def _equations(self, forms: list[Any], x: Sequence[Any]) -> tuple[Any, Any]:
-        rows = evaluate(forms, [self.number(1), *x])
+    def _equations(self, map: KahanMap, x: Sequence[Any]) -> tuple[Any, Any]:
+        rows = evaluate(map.equations, x)
         return self.matrix([row[:-1] for row in rows]), self.matrix([row[-1:] for row in rows])
 
     def image(self, x: Sequence[Any]) -> list[Any]:
-        A, b = self._equations(self.forward, x)
-        return list(A.solve(b).entries())
+        A, b = self._equations(self.map, x)
+        return [*A.solve(b).entries(), x[-1] ** 0]
 
     def derivative(self, x: Sequence[Any]) -> Any:
-        backward, _ = self._equations(self.backward, self.image(x))
-        return self._equations(self.forward, x)[0].solve(backward)
+        backward, _ = self._equations(self.map.inverse, self.image(x))
+        return self._equations(self.map, x)[0].solve(backward)
 
     def orbit(self, x: Sequence[Any], length: int) -> Iterator[Sequence[Any]]:
         for _ in range(length):
             yield x
             x = self.image(x)
 
-    def random_point(self, rng: random.Random) -> list[Any]:
-        return [self.number(rng.randrange(self.p or 2**62)) for _ in range(self.dimension)]
+
+def evaluate(equations: list[list[LinearForm]], x: Sequence[Any]) -> list[list[Any]]:
+    zero = 0 * x[-1]
+    return [[sum((a * x[k] for k, a in form), zero) for form in row] for row in equations]
 
 
-def evaluate(forms: Any, x: Sequence[Any]) -> list[list[Any]]:
-    zero = x[0] - x[0]
-    return [[sum((a * x[k] for k, a in form), zero) for form in row] for row in forms]
+def image_by_minors(map: KahanMap, x: Sequence[Any]) -> list[Any]:
+    """Return the numerators of the image of a point of polynomials, and their denominator det A.
 
-
-def cramer(system: list[list[Any]]) -> list[Any]:
-    """Return det A and the numerators of the solution of (A | b), without fractions (Bareiss)."""
+    Elimination without fractions (Bareiss).
+    """
+    system = evaluate(map.equations, x)
     n, previous = len(system), 1
     for k in range(n):
         pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
@@ -134,7 +137,13 @@ def cramer(system: list[list[Any]]) -> list[Any]:
             for j in range(k + 1, n + 1):
                 row[j] = (top[k] * row[j] - row[k] * top[j]) // previous
         previous = top[k]
-    return [previous, *(row[n] for row in system)]
+    return [*(row[n] for row in system), previous]
+
+
+def random_line(map: KahanMap, p: int, rng: random.Random) -> list[Any]:
+    """Return a line modulo a prime; its parameter t is the last coordinate, 0 at infinity."""
+    ends = ([rng.randrange(p), rng.randrange(p)] for _ in range(map.dimension))
+    return [flint.nmod_poly(each, p) for each in (*ends, [0, 1])]
 
 
 @filled
@@ -145,8 +154,8 @@ def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     ----------
     field : QuadraticField
         The field to discretize.
-    eps : int, Fraction or float
-        Step size, of any sign; a float is taken exactly.
+    eps : int, Fraction, float or str
+        Step size, of any sign. A float is taken exactly; a string may be "1/3" or "0.1".
 
     Returns
     -------
@@ -166,4 +175,15 @@ def kahan(field: QuadraticField, eps: Any) -> KahanMap:
     instance("field", field, QuadraticField)
     if field.shape:
         raise wrong("field", "a single field", f"a batch of shape {field.shape}")
+    if isinstance(eps, str):
+        try:
+            eps = Fraction(eps)
+        except (ValueError, ZeroDivisionError):
+            raise wrong("eps", "a number such as 1/3 or 0.1", repr(eps)) from None
     return KahanMap(field, exact_array("eps", eps, ()).item())
+
+
+def check_map(map: Any) -> None:
+    if not isinstance(map, KahanMap):
+        expected = "a KahanMap, as kahan(field, eps) returns it"
+        raise wrong("map", expected, type(map).__name__, TypeError)

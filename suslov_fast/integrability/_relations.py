@@ -8,21 +8,31 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import flint
 import numpy as np
 
 from .._bodies.algebra import exact_array, rational
-from .._checks import instance, integer, wrong
+from .._checks import integer, wrong
 from .._docs import filled
 from . import _exact
-from ._exact import Exponents, Matrix, Point, Polynomials, Residues, confirmed
-from ._integrals import Invariants, common_denominator, factored, rank_of_quotients
-from ._maps import Arithmetic, KahanMap
+from ._exact import (
+    MORE,
+    Exponents,
+    Matrix,
+    Point,
+    Polynomials,
+    Residues,
+    confirmed,
+    monomial_values,
+)
+from ._functions import rank_of_quotients
+from ._invariants import common_denominator, invariants_up_to
+from ._maps import Arithmetic, KahanMap, check_map
 
-_MORE = 10  # equations more than unknowns
+_MOST = 1_000  # monomials up to a degree
 
 
 @dataclass(frozen=True)
@@ -108,29 +118,27 @@ def hk_bases(
     >>> hk_bases(map, 4).integrals
     (4*x1^2 + x2^2, x1*x2 + 1024)
     """
-    instance("map", map, KahanMap)
-    exponents, rng = _exponents("monomials", monomials, map.dimension), random.Random(seed)
+    check_map(map)
+    exponents, rng = _exponents(monomials, map.dimension), random.Random(seed)
     small = rng.sample(range(2, 100), map.dimension)
     start = exact_array("point", small if point is None else point, (map.dimension,))
-    degree = max(sum(e) for e in exponents)
+    highest = max(sum(e) for e in exponents)
     sets = [exponents]
     if isinstance(monomials, int | np.integer):
-        sets = [_exact.exponents_up_to(d, map.dimension) for d in range(1, degree + 1)] or sets
+        sets = [_exact.exponents_up_to(d, map.dimension) for d in range(1, highest + 1)] or sets
     search = Relations(map, rng)
     independent = search.independent(exponents)
-    integrals: Polynomials = ()
+    candidates: list[Polynomials] = [()]
     for exponents in sets if independent else sets[-1:]:
-        found = search.integrals(exponents)
-        if rank_of_quotients(found) > rank_of_quotients(integrals):
-            integrals = found
+        candidates.append(search.integrals(exponents))
         if search.independent(exponents) == independent:
             break
     degree = max(sum(e) for e in exponents)
-    if rank_of_quotients(integrals) < independent and sets[0] is not sets[-1]:
+    shown = max(rank_of_quotients(each) for each in candidates)
+    if shown < independent and sets[0] is not sets[-1]:
         with contextlib.suppress(ArithmeticError):  # too long
-            found = common_denominator(Invariants(factored(map)).up_to(degree).integrals)
-            if rank_of_quotients(found) > rank_of_quotients(integrals):
-                integrals = found
+            candidates.append(common_denominator(invariants_up_to(map, degree).quotients))
+    integrals = max(candidates, key=rank_of_quotients)
     basis: Matrix | None = ()
     dimension = search.dimension(exponents)
     if dimension > 0 or point is not None:
@@ -151,11 +159,19 @@ class Relations:
         self.independent = cache(self._independent)
 
     def relations(self, p: int, exponents: Exponents, point: Any = None) -> Residues:
-        modular = Arithmetic(self.map, p)
-        x = modular.random_point(self.rng)
-        if point is not None:
-            x = [modular.number(a) for a in point]
-        return _relations(modular, exponents, x)
+        """Return the relations along an orbit, in the form of `HKBasis.basis`."""
+        steps = Arithmetic(self.map, p)
+        x = steps.point(self._random_point() if point is None else point)
+        length, before = len(exponents) + MORE, None
+        while True:
+            rows = [list(monomial_values(exponents, y)) for y in steps.orbit(x, length)]
+            relations = _exact.null_space(steps.matrix(rows))
+            if len(relations) in (0, before):
+                return relations
+            before, length = len(relations), 2 * length
+
+    def _random_point(self) -> list[int]:
+        return [self.rng.randrange(2**61) for _ in range(self.map.dimension)]
 
     def _dimension(self, exponents: Exponents) -> int:
         return int(confirmed(self.rng, lambda p: len(self.relations(p, exponents))))
@@ -164,8 +180,29 @@ class Relations:
         """Return the number of independent first integrals that the relations show."""
         if self.dimension(exponents) == 0:
             return 0
-        modular = partial(Arithmetic, self.map)
-        return int(confirmed(self.rng, lambda p: _independent(modular(p), exponents, self.rng)))
+        return int(confirmed(self.rng, lambda p: self._rank_of_derivatives(p, exponents)))
+
+    def _rank_of_derivatives(self, p: int, exponents: Exponents) -> int:
+        """Return the rank of the derivatives of the coefficients of relations by the orbit's start.
+
+        For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0.
+        """
+        steps, n = Arithmetic(self.map, p), self.map.dimension
+        start = self._random_point()
+        relations = self.relations(p, exponents, start)
+        ring = _exact.polynomial_ring(n, flint.nmod_mpoly_ctx, modulus=p)
+        polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
+        gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
+        derivative = steps.matrix(np.eye(n, dtype=int).tolist())  # of x_k
+        rows = []
+        for y in steps.orbit(steps.point(start), len(exponents) + MORE):
+            values = [[each(*y[:-1]) for each in row] for row in gradients]
+            changes = steps.matrix(values) * derivative
+            rows.append([*monomial_values(exponents, y), *changes.entries()])
+            derivative = steps.derivative(y) * derivative
+        reduced = steps.matrix(rows).rref()[0].tolist()[: len(exponents) - len(relations)]
+        starts = range(len(exponents), len(rows[0]), n)
+        return int(steps.matrix([row[k : k + n] for row in reduced for k in starts]).rank())
 
     def integrals(self, exponents: Exponents) -> Polynomials:
         """Return the polynomials of all relations if their quotients are first integrals."""
@@ -180,52 +217,22 @@ class Relations:
         return _exact.polynomials_with(_exact.over_rationals(self.rng, span), exponents)
 
 
-def _exponents(name: str, monomials: Any, n: int) -> Exponents:
+def _exponents(monomials: Any, n: int) -> Exponents:
     """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
     if isinstance(monomials, int | np.integer):
-        return _exact.exponents_up_to(integer(name, monomials, 0), n)
+        degree = integer("monomials", monomials, 0)
+        _exact.check_unknowns("monomials", degree, n, _MOST)
+        return _exact.exponents_up_to(degree, n)
     try:
-        exponents = tuple(tuple(integer(name, e, 0) for e in each) for each in monomials)
+        exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
     except TypeError:
-        raise wrong(name, "a degree or a list of exponents", monomials, TypeError) from None
+        raise wrong("monomials", "a degree or a list of exponents", monomials, TypeError) from None
     for each in exponents:
         if len(each) != n:
-            raise wrong(name, f"{n} exponents for each monomial", each)
+            raise wrong("monomials", f"{n} exponents for each monomial", each)
     if not exponents or len({*exponents}) < len(exponents):
-        raise wrong(name, "at least one monomial, and none twice", monomials)
+        raise wrong("monomials", "at least one monomial, and none twice", monomials)
     return exponents
-
-
-def _relations(modular: Arithmetic, exponents: Exponents, x: Sequence[Any]) -> Residues:
-    """Return the relations along the orbit of a point, in the form of `HKBasis.basis`."""
-    steps, before = len(exponents) + _MORE, None
-    while True:
-        rows = [list(_exact.monomial_values(exponents, y)) for y in modular.orbit(x, steps)]
-        relations = _exact.null_space(modular.matrix(rows))
-        if len(relations) in (0, before):
-            return relations
-        before, steps = len(relations), 2 * steps
-
-
-def _independent(modular: Arithmetic, exponents: Exponents, rng: random.Random) -> int:
-    """Return the rank of the derivatives of the coefficients of relations by the orbit's start.
-
-    For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0.
-    """
-    n, x = modular.dimension, modular.random_point(rng)
-    relations = _relations(modular, exponents, x)
-    ring = _exact.polynomial_ring(n, flint.nmod_mpoly_ctx, modulus=modular.p)
-    polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
-    gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
-    derivative = modular.matrix(np.eye(n, dtype=int).tolist())  # of x_k
-    rows = []
-    for y in modular.orbit(x, len(exponents) + _MORE):
-        changes = modular.matrix([[each(*y) for each in row] for row in gradients]) * derivative
-        rows.append([*_exact.monomial_values(exponents, y), *changes.entries()])
-        derivative = modular.derivative(y) * derivative
-    reduced = modular.matrix(rows).rref()[0].tolist()[: len(exponents) - len(relations)]
-    starts = range(len(exponents), len(rows[0]), n)
-    return int(modular.matrix([row[k : k + n] for row in reduced for k in starts]).rank())
 
 
 @filled
@@ -270,9 +277,10 @@ def darboux_polynomials(
     (1, [(2*x1 + x2, 1), (4*x1^2 + x2^2, 1)])
     (1, [(2*x1 + x2, 1), (x1*x2 + 1024, 1)])
     """
-    instance("map", map, KahanMap)
+    check_map(map)
     degree = integer("degree", degree, 0)
-    exponents = _exponents("degree", degree, map.dimension)
+    _exact.check_unknowns("degree", degree, map.dimension)
+    exponents = _exact.exponents_up_to(degree, map.dimension)
     homogeneous = tuple((degree - sum(e), *e) for e in exponents)
     C = map.determinant if cofactor is None else cofactor
     if not callable(C):
@@ -281,15 +289,15 @@ def darboux_polynomials(
     rng = random.Random(seed)
 
     equations: list[list[int]] = []
-    for _ in range(2 * (len(exponents) + _MORE)):
+    for _ in range(2 * (len(exponents) + MORE)):
         x = tuple(Fraction(rng.randrange(-(2**12), 2**12)) for _ in range(map.dimension))
         with contextlib.suppress(ZeroDivisionError):  # at poles
             image, c = map(x), rational("cofactor", C(x), exact=True)
             # With image = numerators / d, the equations times d**degree have integer coefficients.
             d = math.lcm(*(a.denominator for a in image))
-            before = d**degree * _exact.monomial_values(exponents, [int(a) for a in x])
-            after = _exact.monomial_values(homogeneous, [d, *(int(a * d) for a in image)])
+            before = d**degree * monomial_values(exponents, [int(a) for a in x])
+            after = monomial_values(homogeneous, [d, *(int(a * d) for a in image)])
             equations.append(list(c.denominator * after - c.numerator * before))
-        if len(equations) == len(exponents) + _MORE:
+        if len(equations) == len(exponents) + MORE:
             return _exact.polynomials_with(_exact.null_space(flint.fmpz_mat(equations)), exponents)
     raise ArithmeticError("the map or the cofactor is undefined at most points")

@@ -2,38 +2,38 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import random
 import textwrap
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from fractions import Fraction
-from itertools import count
 from typing import Any
 
-from .._bodies.algebra import Polynomial
 from .._bodies.field import QuadraticField
 from .._checks import integer, real_array, wrong
 from .._engine.progress import Progress, check_progress, reporter
 from . import _exact
-from ._darboux import Pulse
+from ._functions import IDENTITY, MODULAR, RationalFunction, independent, latex, quotient
 from ._growth import Growth, degrees_on_a_line, growth
-from ._integrals import IDENTITY, MODULAR, Found, Invariants, independent, quotient
-from ._maps import kahan
+from ._invariants import Invariants
+from ._maps import KahanMap, kahan
 from ._planar import Pencil, pencil
-from ._projective import TERMS, Projective, latex, projective
+from ._projective import Projective
 from ._relations import Relations, hk_bases
 
-_UNKNOWNS, _FEW = 300, 80  # coefficients of a polynomial, and if it has more than the degree
+_FEW = 80  # coefficients of a polynomial of more than the degree
 _ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
 _LARGE, _LARGEST = 3_000, 25_000  # degrees, likewise
 _WIDTH = 110  # of a line of the text
 _LONG = 2**30  # denominators of floats such as 0.1
 _PROOF = {IDENTITY: "proved", MODULAR: f"checked {MODULAR}"}
 
+Functions = tuple[RationalFunction, ...]
 
-@dataclass(frozen=True, repr=False)
+
+@dataclasses.dataclass(repr=False)
 class Report:
     """Results of `report` for a Kahan map.
 
@@ -46,16 +46,20 @@ class Report:
     field: QuadraticField
     eps: Fraction
     degree: int  # the largest that was searched
-    degrees: list[int]
-    growth: Growth
-    integrals: tuple[Found, ...]  # independent
-    measures: tuple[Found, ...]
-    polynomials: tuple[Found, ...]
-    pencil: Pencil | None  # of invariant curves, of a planar map with an integral
-    relations: int | None  # the number of independent integrals that relations on orbits show
-    searched: tuple[str, ...]
-    notes: tuple[str, ...]
-    finished: bool
+    degrees: list[int] = dataclasses.field(default_factory=list)
+    integrals: Functions = ()  # independent
+    measures: Functions = ()
+    polynomials: Functions = ()
+    pencil: Pencil | None = None  # of invariant curves, of a planar map with an integral
+    relations: int | None = None  # the number of independent integrals that orbits show
+    searched: list[str] = dataclasses.field(default_factory=list)
+    notes: list[str] = dataclasses.field(default_factory=list)
+    finished: bool = False
+
+    @property
+    def growth(self) -> Growth:
+        """The growth of the degrees."""
+        return growth(self.degrees)
 
     @property
     def entropy(self) -> float:
@@ -63,9 +67,9 @@ class Report:
         return self.growth.entropy
 
     @property
-    def hyperplanes(self) -> tuple[Found, ...]:
+    def hyperplanes(self) -> Functions:
         """Those of `polynomials` that are 0 on invariant lines, planes or hyperplanes."""
-        return tuple(f for f in self.polynomials if f.degree == 1 and not f.maps_to_infinity)
+        return tuple(f for f in self.polynomials if f.degree == 1 and not _maps_to_infinity(f))
 
     @property
     def dimension(self) -> int:
@@ -80,230 +84,82 @@ class Report:
         error = f" +- {self.growth.entropy_error:.2g}" if self.growth.entropy_error else ""
         entropy = "" if math.isnan(self.entropy) else f", entropy {self.entropy:.4g}{error}"
         plane = {1: "points", 2: "lines", 3: "planes"}.get(D, "hyperplanes")
-        shown = ", ".join(map(str, self.degrees[:8])) + (", ..." if len(self.degrees) > 8 else "")
         lines = [
             f"Kahan map of {self.field}, eps = {self.eps}",
-            f"Degrees of iterates: {shown}",
+            f"Degrees of iterates: {_first(self.degrees)}",
             f"Growth: {self.growth.kind}{entropy}; evidence, not a proof: {self.growth.based_on}",
-            *_listed("First integrals", self.integrals, none, 4),
-            *_listed("Densities of measures", self.measures, none, 1),
-            *_listed("Darboux polynomials", self.polynomials, none, 4),
+            _listed("First integrals", self.integrals, none, 4),
+            _listed("Densities of measures", self.measures, none, 1),
+            _listed("Darboux polynomials", self.polynomials, none, 4),
             f"Invariant {plane}: " + ("; ".join(f"{P} = 0" for P in self.hyperplanes) or none),
         ]
-        if self.relations is not None and self.relations > len(self.integrals):
+        if (self.relations or 0) > len(self.integrals):
             text = f"{self.relations} independent integrals, {MODULAR}"
             lines.append(f"Relations along orbits up to degree {d} show {text}.")
         if self.integrals or self.relations:
             lines.append(f"Level sets of the integrals have dimension {self.dimension} of {D}.")
         lines += [f"Pencil: {self.pencil}"] if self.pencil else []
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
-        return "\n".join(textwrap.shorten(line, 3 * _WIDTH, placeholder=" ...") for line in lines)
+        return "\n".join(_shortened(line, 3 * _WIDTH) for line in lines)
 
     def _repr_latex_(self) -> str:
         kinds = {"F": self.integrals, "\\rho": self.measures[:1], "P": self.polynomials}
-        lines = [
-            f"{name}_{{{k}}} &= {latex(f)}"
-            for name, found in kinds.items()
-            for k, f in enumerate(found, start=1)
-        ]
-        degrees = ", ".join(map(str, self.degrees[:8]))
-        lines.insert(0, f"d_n &= {degrees}, \\ldots \\quad \\text{{({self.growth.kind})}}")
+        degrees = _first(self.degrees).replace("...", "\\ldots")
+        lines = [f"d_n &= {degrees} \\quad \\text{{({self.growth.kind})}}"]
+        for name, found in kinds.items():
+            lines += [f"{name}_{{{k}}} &= {latex(f)}" for k, f in enumerate(found, start=1)]
         return "$$\\begin{aligned}" + " \\\\ ".join(lines) + "\\end{aligned}$$"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as numbers, strings, lists and dictionaries, for JSON."""
-        entropy = None if math.isnan(self.entropy) else self.entropy
-        error = None if entropy is None else self.growth.entropy_error
-        found = {
-            name: [_plain(each) for each in getattr(self, name)]
-            for name in ("integrals", "measures", "polynomials", "hyperplanes")
-        }
-        return {
-            "field": self.field.to_dict(),
-            "eps": str(self.eps),
-            "degree": self.degree,
-            "degrees": self.degrees,
-            "growth": self.growth._asdict() | {"entropy": entropy, "entropy_error": error},
-            **found,
-            "pencil": self.pencil and self.pencil.to_dict(),
-            "relations": self.relations,
-            "dimension": self.dimension,
-            "searched": [*self.searched],
-            "notes": [*self.notes],
-            "finished": self.finished,
-        }
+        derived = ("growth", "hyperplanes", "dimension")
+        names = (*(each.name for each in dataclasses.fields(self)), *derived)
+        return {name: _plain(getattr(self, name)) for name in names}
 
 
-def _plain(f: Found) -> dict[str, Any]:
-    own = {"formula": str(f), "degree": f.degree, "basis": f.basis}
-    return own if f.cofactor is None else {**own, "cofactor": str(f.cofactor)}
+def _plain(value: Any) -> Any:
+    """Return numbers, strings, lists and dictionaries in place of other types."""
+    match value:
+        case RationalFunction():
+            plain = {"formula": str(value), "degree": value.degree, "basis": value.basis}
+            return plain if value.cofactor is None else {**plain, "cofactor": str(value.cofactor)}
+        case QuadraticField():
+            return value.to_dict()
+        case Growth():
+            return {name: _plain(each) for name, each in value._asdict().items()}
+        case Pencil():
+            return {name: _plain(each) for name, each in vars(value).items()}
+        case list() | tuple():
+            return [_plain(each) for each in value]
+        case float():
+            return None if math.isnan(value) else value
+        case int() | None:
+            return value
+    return str(value)
 
 
-def _listed(title: str, found: tuple[Found, ...], none: str, most: int) -> Iterator[str]:
-    if not found:
-        yield f"{title}: {none}"
-        return
-    formulas = "; ".join(textwrap.shorten(str(f), _WIDTH, placeholder=" ...") for f in found[:most])
-    more = f"; {len(found) - most} more" if len(found) > most else ""
-    how = " and ".join(_PROOF[each] for each in sorted({f.basis for f in found}))
-    yield f"{title} ({len(found)}, {how}): {formulas}{more}"
-
-
-class _TimeUp(Exception):
-    pass
-
-
-class _Work:
-    """The parts of a report, found one after the other."""
-
-    def __init__(self, field: Any, eps: Any, degree: int, seed: int, pulse: Pulse) -> None:
-        self.map, self.degree, self.seed, self.pulse = kahan(field, eps), degree, seed, pulse
-        self.field = self.map.field
-        self.degrees: list[int] = []
-        self.relations: int | None = None
-        self.integrals: list[Found] = []
-        self.measures: list[Found] = []
-        self.invariants: Invariants | None = None
-        self.searched: list[str] = []
-
-    def steps(self) -> Iterator[None]:
-        """Do the work, and yield after each part."""
-        self._find_degrees()
-        yield
-        self.projective = projective(self.map)
-        if self.projective.backward == 0:
-            self.searched.append("nothing else: the map has no inverse, since det DPhi = 0")
-            return
-        D, d = self.field.dimension, self.degree
-        N = math.comb(D + d, d)
-        search = Relations(self.map, random.Random(self.seed))
-        self.relations = search.independent(_exact.exponents_up_to(d, D))
-        self.searched.append(f"relations between the {N} monomials up to degree {d}")
-        yield
-        if self.field.H is not None:
-            self._of_hamiltonian(self.projective)
-        if self.projective.factors is not None:
-            yield from self._darboux(self.projective)
-        else:
-            found = hk_bases(self.map, self.degree, seed=self.seed).integrals
-            self.integrals += [quotient(P, found[0], MODULAR) for P in found[1:]]
-            self.searched.append("no Darboux polynomials, since det DPhi is too long")
-        yield
-
-    def _find_degrees(self) -> None:
-        def compute(p: int) -> list[int]:
-            found: list[int] = []
-            rng = random.Random(p)
-            for each in degrees_on_a_line(self.map, p, rng):
-                self.pulse()
-                found.append(each)
-                following = each**2 / max(1, found[-2:][0])
-                settled = len(found) >= _ENOUGH or following > _LARGE
-                if settled and growth(found).entropy_error == 0:
-                    break
-                if following > _LARGEST or len(found) == _DEGREES:
-                    break
-            return found
-
-        self.degrees = _exact.confirmed(random.Random(self.seed), compute)
-        self.searched.append(f"degrees of {len(self.degrees)} iterates")
-
-    def _of_hamiltonian(self, map: Projective) -> None:
-        """Add the modified energy H + grad H (x~ - x) / 3 and the density 1 / det A."""
-        H, x = _integral(self.field.hamiltonian, map.ring), map.ring.gens()
-        steps = (F - a * map.F[0] for F, a in zip(map.F[1:], x, strict=True))
-        change = sum((H.derivative(i) * step for i, step in enumerate(steps)), 0 * H)
-        if H.is_constant():
-            return
-        modified = quotient(3 * H * map.F[0] + change, 3 * map.F[0], MODULAR)
-        if k := modified.degree:
-            P, Q = modified.numerator, modified.denominator
-            short = map.terms(k) + math.comb(map.D + k, k) <= TERMS
-            if short and map.pullback(P, k) * Q != map.pullback(Q, k) * P:
-                raise ArithmeticError(f"{modified}: expected an integral")
-            self.integrals.append(quotient(P, Q, IDENTITY if short else MODULAR))
-        one = map.ring.constant(1)
-        self.measures.append(quotient(one, map.determinant, MODULAR))
-        if map.factors is not None:
-            self.measures = [Invariants(map).density(map.determinant)]
-        self.searched.append("the modified energy and 1/det A of the Hamiltonian")
-
-    def _darboux(self, map: Projective) -> Iterator[None]:
-        self.invariants = Invariants(map, self.pulse)
-        many = sum(a > 0 for a in map.of_jacobian)
-        for d in self.invariants.steps(self.degree):
-            text = f"Darboux polynomials up to degree {d} with products of powers of all factors"
-            self.searched = [each for each in self.searched if not each.startswith("Darboux")]
-            self.searched.append(f"{text} of det DPhi ({many}) as cofactors")
-            yield
-        self._more_than_searched(self.invariants)
-
-    def _more_than_searched(self, invariants: Invariants) -> None:
-        """Search higher degrees for integrals that relations show.
-
-        Those of lower degree may have irrational coefficients, and a rational norm.
-        """
-        D, k = self.field.dimension, self.degree + 1
-        while math.comb(D + k, D) <= _FEW and k <= 2 * self.degree:
-            found = self.integrals + invariants.integrals + invariants.products
-            if len(independent(found)) >= (self.relations or 0):
-                break
-            invariants.of_degree(k, k)
-            self.searched.append(f"the same up to degree {k}, since relations show more integrals")
-            k += 1
-
-    def report(self, finished: bool) -> Report:
-        integrals, measures, polynomials = [*self.integrals], [*self.measures], []
-        if self.invariants is not None:
-            integrals += self.invariants.integrals + self.invariants.products
-            measures += self.invariants.measures
-            polynomials = self.invariants.polynomials
-        different = {str(f): f for f in measures}
-        chosen = independent(integrals)
-        curves = None
-        if finished and len(chosen) == 1 and self.field.dimension == 2:
-            lines = [f.numerator for f in polynomials if f.degree == 1]
-            curves = pencil(self.projective, chosen[0], lines)
-        return Report(
-            self.field,
-            self.map.eps,
-            self.degree,
-            self.degrees,
-            growth(self.degrees),
-            chosen,
-            tuple(different.values()),
-            tuple(polynomials),
-            curves,
-            self.relations,
-            tuple(self.searched),
-            (*_floats(self.field, self.map.eps), *([] if finished else ["Not finished."])),
-            finished,
-        )
-
-
-def _integral(P: Polynomial, ring: Any) -> Any:
-    """Return a multiple of a polynomial, with integer coefficients."""
-    factor = math.lcm(*(c.denominator for c in P.terms.values()))
-    n = ring.nvars()
-    return ring.from_dict(
-        {tuple(map(e.count, range(n))): int(c * factor) for e, c in P.terms.items()}
+def _maps_to_infinity(P: RationalFunction) -> bool:
+    """Return whether the map sends the zeros of a Darboux polynomial to infinity."""
+    return P.cofactor is not None and any(
+        e < 0 and f % P.numerator == 0 for f, e in P.cofactor.factors
     )
 
 
-def _floats(field: QuadraticField, eps: Fraction) -> Iterator[str]:
-    """Yield a note if numbers look like decimal fractions taken as floats."""
-    for c in (eps, *(c for P in field.polynomials for c in P.terms.values())):
-        simple = c.limit_denominator(10**6)
-        if (
-            c.denominator > _LONG
-            and c.denominator & (c.denominator - 1) == 0
-            and float(simple) == c
-        ):
-            yield (
-                f"The float {float(c)!r} is taken exactly, as {c}: if {simple} is meant, write "
-                f"Fraction({simple.numerator}, {simple.denominator})."
-            )
-            return
+def _first(degrees: list[int]) -> str:
+    return ", ".join(map(str, degrees[:8])) + (", ..." if len(degrees) > 8 else "")
+
+
+def _shortened(text: str, width: int = _WIDTH) -> str:
+    return textwrap.shorten(text, width, placeholder=" ...")
+
+
+def _listed(title: str, found: Functions, none: str, most: int) -> str:
+    if not found:
+        return f"{title}: {none}"
+    formulas = "; ".join(_shortened(str(f)) for f in found[:most])
+    more = f"; {len(found) - most} more" if len(found) > most else ""
+    how = " and ".join(_PROOF[each] for each in sorted({f.basis for f in found}))
+    return f"{title} ({len(found)}, {how}): {formulas}{more}"
 
 
 def report(
@@ -326,8 +182,8 @@ def report(
     ----------
     field : QuadraticField or body
         A single one.
-    eps : int, Fraction or float
-        Step size.
+    eps : int, Fraction, float or str
+        Step size; a string may be "1/3".
     degree : int
         Largest degree of polynomials.
     time_limit : float, optional
@@ -366,11 +222,7 @@ def report(
     field, degree = QuadraticField.of(field), integer("degree", degree, 1)
     integer("seed", seed, 0)
     check_progress(progress)
-    D = field.dimension
-    if (unknowns := math.comb(D + degree, D)) > _UNKNOWNS:
-        most = next(d for d in count() if math.comb(D + d + 1, D) > _UNKNOWNS)
-        expected = f"at most {most} for {D} variables ({math.comb(D + most, D)} coefficients)"
-        raise wrong("degree", expected, f"{degree} ({unknowns} coefficients)")
+    _exact.check_unknowns("degree", degree, field.dimension)
     deadline = math.inf
     if time_limit is not None:
         seconds = float(real_array("time_limit", time_limit))
@@ -382,17 +234,104 @@ def report(
         if time.monotonic() > deadline:
             raise _TimeUp
 
-    work = _Work(field, eps, degree, seed, pulse)
+    map = kahan(field, eps)
+    found = Report(field, map.eps, degree, notes=_notes_on_floats(map))
     with reporter(progress, degree + 3) as show:
         try:
-            for k, _ in enumerate(work.steps(), start=1):
+            for k, _ in enumerate(_search(found, map, seed, pulse), start=1):
                 show(k)
                 pulse()
+            found.finished = True
         except _TimeUp:
-            return work.report(finished=False)
+            found.notes.append("Not finished.")
         except KeyboardInterrupt as error:
-            error.report = work.report(finished=False)  # type: ignore[attr-defined]
+            found.notes.append("Not finished.")
+            error.report = found  # type: ignore[attr-defined]
             raise
         except ZeroDivisionError:
-            raise ArithmeticError(f"{work.map}: expected a map, got one without images") from None
-        return work.report(finished=True)
+            raise ArithmeticError(f"{map}: expected a map, got one without images") from None
+    return found
+
+
+class _TimeUp(Exception):
+    pass
+
+
+def _search(found: Report, map: KahanMap, seed: int, pulse: Callable[[], object]) -> Iterator[None]:
+    """Fill a report, and yield after each part."""
+    found.degrees = _degrees(map, seed, pulse)
+    found.searched.append(f"degrees of {len(found.degrees)} iterates")
+    yield
+    projective, d, D = Projective(map, pulse), found.degree, map.dimension
+    if projective.backward is None:
+        found.searched.append("nothing else: the map has no inverse, since det DPhi = 0")
+        return
+    exponents = _exact.exponents_up_to(d, D)
+    found.relations = Relations(map, random.Random(seed)).independent(exponents)
+    found.searched.append(f"relations between the {len(exponents)} monomials up to degree {d}")
+    yield
+    invariants = Invariants(projective)
+
+    def update() -> None:
+        found.integrals = independent(invariants.integrals)
+        found.measures = tuple(invariants.measures)
+        found.polynomials = tuple(invariants.polynomials)
+
+    if map.field.H is not None:
+        invariants.add_modified_energy()
+        found.searched.append("the modified energy and 1/det A of the Hamiltonian")
+    if projective.affine_factors is None:
+        polynomials = hk_bases(map, d, seed=seed).integrals
+        invariants.quotients += [quotient(P, polynomials[0], MODULAR) for P in polynomials[1:]]
+        update()
+        found.searched.append("no Darboux polynomials, since det DPhi is too long")
+        return
+    many = sum(a > 0 for a in projective.of_jacobian)
+    cofactors = f"products of powers of all factors of det DPhi ({many}) as cofactors"
+    before = [*found.searched]
+    for k in invariants.up_to(d):
+        update()
+        text = f"Darboux polynomials up to degree {k} with {cofactors}"
+        found.searched = [*before, text]
+        yield
+    update()
+    # Integrals with irrational coefficients have rational norms, of a higher degree.
+    k = d + 1
+    while len(found.integrals) < found.relations and k <= 2 * d and math.comb(D + k, D) <= _FEW:
+        invariants.of_degree(k, k)
+        update()
+        found.searched.append(f"the same up to degree {k}, since relations show more integrals")
+        k += 1
+    if D == 2 and len(found.integrals) == 1:
+        found.pencil = pencil(projective, found.integrals[0])
+
+
+def _degrees(map: KahanMap, seed: int, pulse: Callable[[], object]) -> list[int]:
+    """Return degrees of iterates, as many as a recurrence needs."""
+
+    def compute(p: int) -> list[int]:
+        found: list[int] = []
+        for each in degrees_on_a_line(map, p, random.Random(p)):
+            pulse()
+            found.append(each)
+            following = each**2 / max(1, found[-2:][0])
+            settled = len(found) >= _ENOUGH or following > _LARGE
+            if settled and growth(found).entropy_error == 0:
+                break
+            if following > _LARGEST or len(found) == _DEGREES:
+                break
+        return found
+
+    return list(_exact.confirmed(random.Random(seed), compute))
+
+
+def _notes_on_floats(map: KahanMap) -> list[str]:
+    """Return a note if numbers look like decimal fractions taken as floats."""
+    for c in (map.eps, *(c for P in map.field.polynomials for c in P.terms.values())):
+        simple, q = c.limit_denominator(10**6), c.denominator
+        if q > _LONG and q & (q - 1) == 0 and float(simple) == c:
+            return [
+                f"The float {float(c)!r} is taken exactly, as {c}: if {simple} is meant, write "
+                f"Fraction({simple.numerator}, {simple.denominator})."
+            ]
+    return []

@@ -59,10 +59,10 @@ from core._kernels import loops
 import numpy as np
 assert loops.__file__.startswith(sys.argv[1])
 for name in sys.argv[2:]:
-    loops.kernels[getattr(small, name)].serial(np.arange(3.0), out := np.zeros(3))
+    loops.kernels[getattr(small, name)].CALLED(np.arange(3.0), out := np.zeros(3))
     print("result", name, *out)
 """
-KERNELS = r"loops\.(?:twice|half|opposite|opposite_twice)"
+KERNELS = r"loops\.(?:twice|half|opposite|opposite_twice)|kernels\._start|kernels\._in_parts"
 TWICE, HALF, OPPOSITE = "twice 0.0 2.0 4.0", "half 0.0 0.5 1.0", "opposite -0.0 -1.0 -2.0"
 
 
@@ -76,13 +76,14 @@ def folder(tmp_path):
     return tmp_path
 
 
-def call(folder, *names, **environment):
+def call(folder, *names, threads=1, **environment):
     """Return the results of kernels in a new process, and the number loaded from the cache.
 
     Inner functions, which a kernel that is compiled anew may load, are not counted.
     """
     environment = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1"} | environment
-    output = children.run(CALL, str(folder), *names, **environment)
+    code = CALL.replace("CALLED(", "serial(" if threads == 1 else f"parallel({threads}, ")
+    output = children.run(code, str(folder), *names, **environment)
     results = [line.partition("result ")[2] for line in output.splitlines() if "result " in line]
     return results, len(re.findall(rf"data loaded from .*/(?:{KERNELS})_[0-9a-f]+_", output))
 
@@ -111,6 +112,12 @@ def test_later_processes_compile_edited_and_damaged_kernels_only(folder):
     formulas.write_text(formulas.read_text().replace("2.0", "3.0"))
     assert call(folder, *every) == (["twice 0.0 3.0 6.0", HALF, OPPOSITE], 0)
     assert len(cached(folder)) == len(before)  # files of the earlier source are deleted
+
+
+def test_serial_and_parallel_calls_share_a_kernel(folder):
+    assert call(folder, "half", threads=2) == ([HALF], 0)
+    assert call(folder, "half", "opposite") == ([HALF, OPPOSITE], 1)
+    assert call(folder, "half", "opposite", threads=2) == ([HALF, OPPOSITE], 4)  # and two loops
 
 
 def test_environments_keep_their_own_files(folder):

@@ -115,13 +115,14 @@ on_linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.slow
 @pytest.mark.compiled
 @on_linux
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("layer", [None, *children.LAYERS])
 @pytest.mark.parametrize("problem", range(7))
-def test_scarce_memory(problem, threads):
+def test_scarce_memory(problem, layer):
     """No other error, and no states that were not computed."""
+    threads, settings = (2, children.layer(layer)) if layer else (1, {})
     # Freed memory is returned or overwritten, and so never shows the states of the last run.
-    settings = {"MALLOC_MMAP_THRESHOLD_": "65536", "MALLOC_PERTURB_": "170"}
-    settings |= {"MALLOC_ARENA_MAX": "1", "NUMBA_NUM_THREADS": "2"}
+    settings |= {"MALLOC_MMAP_THRESHOLD_": "65536", "MALLOC_PERTURB_": "170"}
+    settings["MALLOC_ARENA_MAX"] = "1"
     children.run(Path(__file__).with_name("scarce.py"), problem, threads, **settings)
 
 

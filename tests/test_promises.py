@@ -240,10 +240,22 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
             same(alone, [each[index] for each in values])
 
 
+# One function for each kind of loop: parallel loops compile slowly, and the others are slow tests.
+THREADED = [
+    ("vector_field", "3D"), ("iterate", "3D"), ("iterate: canonical", "3D"), ("exact", "3D"),
+    ("attitude", "3D"), ("iterate", "field"), ("iterate: rank2", "nD"),
+]  # fmt: skip
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     ("name", "kind"),
-    [(name, kind) for name, row in ROWS.items() if row.threads for kind in row.kinds],
+    [
+        pytest.param(name, kind, marks=[pytest.mark.slow] * ((name, kind) not in THREADED))
+        for name, row in ROWS.items()
+        for kind in row.kinds
+        if row.threads
+    ],
 )
 def test_threads(rng, monkeypatch, name, kind):
     row, problem_of = ROWS[name], sample(rng, kind)

@@ -57,6 +57,7 @@ def test_llvmlite_and_internals_of_numba_are_used_in_one_file_each():
             assert not any(internal.search(each) for each in (*named, TEXTS[path])), path
 
 
+# Exceptions such as MemoryError are lost in a parallel loop.
 ALLOCATING = {"empty", "zeros", "ones", "full", "array", "copy", "any", "all", "sum", "tile"}
 
 

@@ -5,15 +5,16 @@ import random
 import signal
 import textwrap
 import threading
-from contextlib import suppress
 from types import SimpleNamespace
 
 import children
+import numba
 import numpy as np
 import pytest
 
 import suslov_fast as sf
 from suslov_fast._engine import threads
+from suslov_fast._kernels import blocks as loops
 from suslov_fast._kernels.blocks import LANES
 
 
@@ -21,30 +22,39 @@ def in_child(code, **environment):
     return children.run(children.SETUP + textwrap.dedent(code), **environment)
 
 
+few = numba.config.NUMBA_NUM_THREADS < 2
+needs_two_threads = pytest.mark.skipif(few, reason="needs two threads")
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
 
-@pytest.mark.parametrize("failing", [0, 2])
-def test_an_error_in_a_parallel_call(failing):
-    """It is that of the call, whichever thread it was in."""
+@needs_two_threads
+@pytest.mark.compiled
+def test_an_error_in_a_parallel_call(body, rng, monkeypatch):
+    """After an error, the next call is parallel again, with the requested number of threads."""
+    big, seen = rng.uniform(-2, 2, (3 * LANES, 2)), []
 
-    def fail(part, parts):
-        if part == failing:
-            raise MemoryError(parts)
+    def fail(threads, *arguments):
+        seen.append(threads)
+        raise MemoryError
 
-    with pytest.raises(MemoryError, match="3"):
-        threads.run(SimpleNamespace(compiled=fail), threads.CROSSOVER, 3)
+    monkeypatch.setattr(loops.canonical, "parallel", fail)
+    for count in (2, None):
+        with pytest.raises(MemoryError):
+            sf.iterate(body, big, 0.2, 4000, threads=count, method="canonical")
+    assert seen == [2, numba.get_num_threads()]
 
 
 def test_little_work_stays_serial(body, monkeypatch):
     """A small batch is serial, and a single block of lanes for any number of steps."""
-    monkeypatch.setattr(threads, "_parallel", None)
+    monkeypatch.setattr(loops.canonical, "parallel", None)
     sf.iterate(body, np.ones((LANES + 1, 2)), 0.2, 10, method="canonical")
     sf.iterate(body, np.ones((LANES, 2)), 0.2, 20_000, method="canonical")
 
 
 @pytest.mark.compiled
-def test_python_threads_at_once():
+@pytest.mark.parametrize("layer", children.LAYERS)
+@pytest.mark.sampled(1)
+def test_python_threads_at_once(layer):
     in_child(
         """
         from concurrent.futures import ThreadPoolExecutor
@@ -52,7 +62,7 @@ def test_python_threads_at_once():
             results = list(pool.map(lambda _: run(), range(64)))
         assert all((result == expected).all() for result in results)
         """,
-        NUMBA_NUM_THREADS="2",
+        **children.layer(layer),
     )
 
 
@@ -98,9 +108,29 @@ thread.join()
 
 @needs_fork
 @pytest.mark.compiled
-def test_forks():
-    """A child forked while another thread computes has threads of its own."""
-    children.run(children.SETUP + FORKS, 20, NUMBA_NUM_THREADS="2")
+@pytest.mark.parametrize(("layer", "count"), [("omp", 20), *((k, 500) for k in children.LAYERS)])
+@pytest.mark.sampled(1)
+def test_forks(layer, count):
+    """A child forked while another thread computes neither aborts nor hangs."""
+    children.run(children.SETUP + FORKS, count, timeout=1800, **children.layer(layer))
+
+
+@needs_fork
+@pytest.mark.compiled
+def test_forks_leave_the_parent_its_threads():
+    in_child(
+        """
+        import os
+        from suslov_fast._engine import threads
+        assert (run() == expected).all()
+        if os.fork() == 0:
+            os._exit(threads._may_use_threads)
+        assert os.wait()[1] == 0
+        assert threads._may_use_threads
+        assert threads._one_at_a_time.acquire(blocking=False)
+        """,
+        **children.layer("omp"),
+    )
 
 
 class Alarm(Exception):
@@ -111,30 +141,45 @@ def raise_alarm(signum, frame):
     raise Alarm
 
 
+@needs_two_threads
+@pytest.mark.compiled
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
 def test_signals_at_random_moments():
-    """Calls work wherever the handler of a signal raises, and in the handler."""
-    chance, taken = random.Random(1), []
-    kernel = SimpleNamespace(compiled=lambda part, parts: taken.append(part))
-
-    def raise_alarm(signum, frame):
-        threads.run(kernel, threads.CROSSOVER, 2)
-        raise Alarm
-
-    before = signal.signal(signal.SIGALRM, raise_alarm)
+    """The lock and the number of threads are restored wherever the handler of a signal raises."""
+    chance, before = random.Random(1), signal.signal(signal.SIGALRM, raise_alarm)
+    available = numba.get_num_threads()
+    idle = SimpleNamespace(parallel=lambda count: None, serial=lambda: None)
+    threads.run(idle, threads.CROSSOVER, 2)  # starts threads, once
     try:
-        for _ in range(500):
-            with suppress(Alarm):
-                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, 1e-4), 1.0)
+        for _ in range(2_000):
+            try:
+                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, 3e-5), 1.0)
                 while True:
-                    threads.run(kernel, threads.CROSSOVER, 2)
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            taken.clear()
-            threads.run(kernel, threads.CROSSOVER, 3)
-            assert {0, 1, 2} <= set(taken)
+                    threads.run(idle, threads.CROSSOVER, 2)
+            except Alarm:
+                signal.setitimer(signal.ITIMER_REAL, 0)
+            assert not threads._owned()
+            assert numba.get_num_threads() == available
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
+
+
+def test_a_call_during_a_parallel_call_is_serial():
+    """Both in the handler of a signal, which runs in the same thread, and in another thread."""
+    calls = []
+    inner = SimpleNamespace(serial=lambda: calls.append("serial"))
+
+    def parallel(count):
+        threads.run(inner, threads.CROSSOVER, 2)
+        other = threading.Thread(target=threads.run, args=(inner, threads.CROSSOVER, None))
+        other.start()
+        other.join()
+        calls.append("parallel")
+
+    threads._parallel(SimpleNamespace(parallel=parallel), None, ())
+    assert calls == ["serial", "serial", "parallel"]
+    assert not threads._owned()
 
 
 @pytest.mark.compiled
@@ -191,17 +236,40 @@ def test_progress(body, capsys, small_parts):
     assert "10.0/10.0" in capsys.readouterr().err
 
 
+@needs_fork
+@pytest.mark.parametrize("busy", [False, True])
+def test_a_child_of_a_process_in_a_parallel_call(monkeypatch, busy):
+    """It stays serial with `workqueue`, too, which has lost its threads in the middle of work."""
+    lock = threading.Lock()
+    monkeypatch.setattr(threads, "_idle_at_fork", busy)
+    monkeypatch.setattr(threads, "_may_use_threads", True)
+    monkeypatch.setattr(threads, "_one_at_a_time", lock)
+    monkeypatch.setattr(threads.numba, "threading_layer", lambda: "workqueue")
+    if busy:
+        lock.acquire()
+    threads._before_fork()
+    threads._after_fork_in_child()
+    assert threads._may_use_threads != busy
+
+
 @pytest.mark.parametrize("error", [RuntimeError, MemoryError])
 def test_threads_that_cannot_be_started(error, monkeypatch):
-    """The threads that there are do all parts."""
-    taken, helpers = [], []
+    """Calls are then serial, and the threads that were started end."""
+    started, threads_before, start = [], threading.active_count(), threading.Thread.start
 
-    def fail(thread):
-        raise error("can't start new thread")
+    def limited(thread):
+        if len(started) == 2:
+            raise error("can't start new thread")
+        started.append(start(thread))
 
-    kernel = SimpleNamespace(compiled=lambda part, parts: taken.append(part))
-    monkeypatch.setattr(threads, "_helpers", helpers)
-    monkeypatch.setattr(threading.Thread, "start", fail)
-    threads.run(kernel, threads.CROSSOVER, 5)
-    assert sorted(taken) == list(range(5))
-    assert helpers == []
+    calls = []
+    kernel = SimpleNamespace(serial=lambda: calls.append("serial"), parallel=calls.append)
+    monkeypatch.setattr(threading.Thread, "start", limited)
+    threads._can_start.cache_clear()
+    try:
+        threads.run(kernel, threads.CROSSOVER, 2)
+    finally:
+        threads._can_start.cache_clear()
+    assert calls == ["serial"]
+    assert len(started) == 2
+    assert threading.active_count() == threads_before

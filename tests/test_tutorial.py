@@ -59,7 +59,7 @@ def test_the_notebook_runs(tmp_path):
     notebook.cells += [nbformat.v4.new_code_cell(code) for code in [*SHOWN, BAR]]
     nbformat.write(notebook, tmp_path / "tutorial.ipynb")
     names = tmp_path / "tutorial.ipynb", tmp_path / "executed.ipynb"
-    children.run(EXECUTE, *names, NUMBA_NUM_THREADS="1")
+    children.run(EXECUTE, *names, NUMBA_NUM_THREADS="1")  # parallel loops take long to compile
     *cells, bar = nbformat.read(names[1], as_version=4).cells
     for cell in cells[: -len(SHOWN)]:
         if cell["cell_type"] == "code":

@@ -1,13 +1,21 @@
-"""Kernels: functions called from Python that do a part of the work for a batch."""
+"""Kernels: functions called from Python that do a part of the work for a batch.
+
+A parallel call is a loop over the parts, the same for all kernels. It takes the address of the
+kernel and calls it: so Numba compiles a kernel once, for serial and for parallel calls. (Numba's
+own `FunctionType` runs Python code in every call, where a signal is lost.) It takes the address of
+the arguments too, because `prange` passes no nested tuples to its body.
+"""
 
 import functools
 import inspect
 from types import FunctionType, ModuleType
 
+import numba
 import numpy as np
-from numba import config
+from numba import config, prange, types
 
 from .cache import enable_cache
+from .llvm import call, pack
 from .options import called_from_python, formula
 
 
@@ -23,6 +31,7 @@ class Kernel:
         self.function = function
         self.name = name or function.__name__
         self.names = function.__globals__ | names if names else function.__globals__
+        self._addresses = {}
 
     def __deepcopy__(self, memo):
         return self
@@ -39,6 +48,19 @@ class Kernel:
     def serial(self, *arguments):
         """Do all the work in this thread."""
         self.compiled(0, 1, *arguments)
+
+    def parallel(self, threads, *arguments):
+        """Do the work in several threads."""
+        if config.BOUNDSCHECK or config.DISABLE_JIT:  # exceptions do not leave a parallel loop
+            for part in range(threads):
+                self.compiled(part, threads, *arguments)
+            return
+        key = _key(arguments)
+        if key not in self._addresses:
+            types_of_all = map(numba.typeof, (0, 0, *arguments))
+            self._addresses[key] = _address(self.compiled, *types_of_all)
+        in_parts_address, start = _loop_over_parts()
+        start(in_parts_address, self._addresses[key], threads, arguments)
 
 
 def kernel(function):
@@ -88,3 +110,36 @@ def checked(module, arguments, optional=None):
 def share(count, part, parts):
     """Return the range of the items, `count` in all, of a part."""
     return count * part // parts, count * (part + 1) // parts
+
+
+def _in_parts(function, kernel, data, parts):
+    for part in prange(parts):
+        call(function, (kernel, data, np.int64(part), parts))
+
+
+def _start(in_parts_address, kernel, parts, arguments):
+    function, data = pack(arguments)
+    call(in_parts_address, (function, kernel, data, parts))
+
+
+def _key(argument):
+    """Return a key for the type of an argument, ten times faster than `numba.typeof`."""
+    if isinstance(argument, tuple):
+        return tuple(map(_key, argument))
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    return type(argument)
+
+
+def _address(compiled, *argument_types):
+    """Return the address of a function for arguments of these types."""
+    # A tuple, as of a call: the key by which Numba stores code in the cache.
+    compiled.compile(argument_types)
+    return types.CompileResultWAP(compiled.get_compile_result(types.void(*argument_types))).address
+
+
+@functools.cache
+def _loop_over_parts():
+    """Return the address of the loop over parts, and the function that starts it."""
+    in_parts = enable_cache(_in_parts, functools.partial(called_from_python, parallel=True))
+    return _address(in_parts, *[types.int64] * 4), enable_cache(_start, called_from_python)

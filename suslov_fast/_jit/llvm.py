@@ -219,3 +219,61 @@ def expect_store(typing, target, i):
         return context.get_dummy_value()
 
     return types.void(target, types.intp), emit
+
+
+def _call_at(context, builder, address, values):
+    """Call the function at an address, which returns None."""
+    kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
+    builder.call(builder.inttoptr(address, kind.as_pointer()), values)
+
+
+@intrinsic
+def call(typing, address, numbers):
+    """Call a compiled function by its address, with a tuple of integers."""
+
+    def emit(context, builder, signature, arguments):
+        values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
+        _call_at(context, builder, arguments[0], values)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, numbers), emit
+
+
+def _borrowed(context, builder, kind, value):
+    """Return an argument whose arrays count no references, which threads would wait for."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = ir.Constant(array.meminfo.type, None)
+        return array._getvalue()
+    for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
+        element = _borrowed(context, builder, each, builder.extract_value(value, k))
+        value = builder.insert_value(value, element, k)
+    return value
+
+
+@intrinsic
+def pack(typing, arguments):
+    """Return the address of a function, and that of its data, for use while the caller runs.
+
+    function(kernel, data, part, parts) calls the kernel at an address with all arguments.
+    """
+    result = types.UniTuple(types.int64, 2)
+
+    def emit(context, builder, signature, values):
+        packed = _borrowed(context, builder, arguments, values[0])
+        with builder.goto_entry_block():
+            memory = builder.alloca(packed.type)
+        builder.store(packed, memory)
+        kind = ir.FunctionType(context.get_value_type(types.none), [_WORD] * 4)
+        function = ir.Function(builder.module, kind, f"{builder.function.name}.part")
+        function.linkage = "internal"
+        kernel, data, part, parts = function.args
+        inner = ir.IRBuilder(function.append_basic_block())
+        packed = inner.load(inner.inttoptr(data, packed.type.as_pointer()))
+        numbers = [inner.extract_value(packed, k) for k in range(len(arguments))]
+        _call_at(context, inner, kernel, [part, parts, *numbers])
+        inner.ret(context.get_dummy_value())
+        addresses = [builder.ptrtoint(each, _WORD) for each in (function, memory)]
+        return context.make_tuple(builder, result, addresses)
+
+    return result(arguments), emit

@@ -23,9 +23,9 @@ _INNER = OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 Function = TypeVar("Function", bound=Callable)
 
 
-def called_from_python(function):
+def called_from_python(function, parallel=False):
     """Compile a function with a Python wrapper."""
-    return numba.njit(**OPTIONS)(function)
+    return numba.njit(parallel=parallel, **OPTIONS)(function)
 
 
 def inner(function):

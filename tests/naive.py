@@ -58,15 +58,14 @@ def solve_affine(residual, dimension, number=mpf):
     return [row[-1] / row[k] for k, row in enumerate(rows)]
 
 
-def step(I1, I2, I13, I23, eps, omega, k=0):
-    parameters, state, (k,) = exactly(I1, I2, I13, I23, eps), exactly(*omega), exactly(k)
-    return solve_affine(lambda v: ds1(*parameters, state, v, k), 2)
+def step(I1, I2, I13, I23, eps, omega, k=0, number=mpf):
+    """The next state; None at a pole, if numbers are fractions."""
+    *parameters, k = map(number, (I1, I2, I13, I23, eps, k))
+    state = [*map(number, omega)]
+    return solve_affine(lambda v: ds1(*parameters, state, v, k), 2, number)
 
 
-def rational_step(I1, I2, I13, I23, eps, omega):
-    """The next state in fractions; None at a pole."""
-    parameters, state = ([Fraction(each) for each in v] for v in ((I1, I2, I13, I23, eps), omega))
-    return solve_affine(lambda v: ds1(*parameters, state, v), 2, Fraction)
+rational_step = partial(step, number=Fraction)
 
 
 def orbit(I1, I2, I13, I23, eps, omega, steps, k=0):
@@ -198,31 +197,20 @@ def vector_field(I1, I2, I13, I23, omega, k=0):
     return -l * w2 / I1, l * w1 / I2
 
 
-def taylor(rates, state, time, steps, order):
-    """Solution of a quadratic differential equation at a time, by Taylor series.
-
-    `rates(product)` are the derivatives, as combinations of products of components i and j.
-    """
-    for _ in range(steps):
-        series = [[component] for component in state]
-        for k in range(1, order + 1):
-            found = rates(lambda i, j, s=series: mpmath.fdot(s[i], reversed(s[j])))
-            for row, rate in zip(series, found, strict=True):
-                row.append(rate / k)
-        state = [mpmath.polyval(row[::-1], time / steps) for row in series]
-    return state
-
-
 @mp.workdps(30)
 def flow(I1, I2, I13, I23, omega, time, steps=40, k=0):
-    """Solution of equations (2) at a time, in 30 digits; k is a third component."""
+    """Solution of equations (2) at a time, in 30 digits, by Taylor series of order 30."""
     I1, I2, I13, I23, time = exactly(I1, I2, I13, I23, time)
-
-    def rates(product):
-        l1, l2 = (I13 * product(0, i) + I23 * product(1, i) + product(2, i) for i in (0, 1))
-        return -l2 / I1, l1 / I2, 0
-
-    return taylor(rates, exactly(*omega, k), time, steps, order=30)[:2]
+    state = exactly(*omega)
+    for _ in range(steps):
+        w1, w2, l = series = [[state[0]], [state[1]], []]
+        for n in range(1, 31):
+            l.append(I13 * w1[-1] + I23 * w2[-1] + (k if n == 1 else 0))
+            products = [mpmath.fdot(l, reversed(w)) for w in (w1, w2)]
+            w1.append(-products[1] / I1 / n)
+            w2.append(products[0] / I2 / n)
+        state = [mpmath.polyval(row[::-1], time / steps) for row in series[:2]]
+    return state
 
 
 def derivative(function, state, digits=20):

@@ -5,7 +5,6 @@ import itertools
 import naive
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import eigvals
 
 import suslov_fast as sf
@@ -29,27 +28,6 @@ def test_against_cayley_matrices(rng, body, eps):
         exact = naive.attitude(sf.to_matrix(each, omega[:, 1])[..., :-1, -1], eps)
         exact = [np.array(matrix.tolist(), float) for matrix in exact]
         np.testing.assert_allclose(R[:, 1], exact, rtol=0, atol=5e-15)
-
-
-def test_order_2(case):
-    """Order by regression, against an integration of R' = R Omega along the exact flow."""
-    body, omega0 = case
-    m, n = len(omega0), len(omega0) + 1
-
-    def derivative(time, state):
-        omega, R = state[:m], state[m:].reshape(n, n)
-        turning = R @ sf.to_matrix(body, omega)
-        return np.concatenate([sf.vector_field(body, omega), turning.ravel()])
-
-    start = np.concatenate([omega0, np.eye(n).ravel()])
-    solution = solve_ivp(derivative, (0, 3.0), start, "DOP853", rtol=1e-13, atol=1e-13)
-    exact = solution.y[m:, -1].reshape(n, n)
-    steps, errors = [32, 64, 128, 256, 512], []
-    for count in steps:
-        omega = states(body, omega0, 3.0 / count, count)
-        errors.append(abs(sf.attitude(body, omega, 3.0 / count)[-1] - exact).max())
-    order = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    assert abs(order - 2) < 0.02
 
 
 @pytest.mark.compiled

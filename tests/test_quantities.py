@@ -140,9 +140,6 @@ def test_bodies_with_a_measure():
         sf.invariant_density(sf.SuslovND([1, 2, 3], axes), omega, 0.1)
     with pytest.raises(sf.NotIntegrableError, match=r"body 0 is not.*use jacobian"):
         sf.invariant_density(sf.SuslovND([1, 2, 3, 4], [0, 0, 1, 0]), [*omega, 1], 0.1)
-    three = sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovND([4, 1], [-0.3, 0.5])
-    values = [sf.invariant_density(body, [1.0, 0.5], 0.2) for body in three]
-    assert values[0] == values[1]
 
 
 def test_the_vector_field_where_components_are_far_apart():
@@ -168,11 +165,10 @@ def test_the_diagonal_of_the_matrix_for_long_steps():
 
 def test_three_dimensions_and_n_agree(rng):
     for _ in range(20):
-        (I1, I2, I13, I23), eps, (w1, w2) = random_problem(rng)
-        three, nd = sf.Suslov3D(I1, I2, I13, I23), sf.SuslovND([I2, I1], [-I13, -I23])
-        for function in (sf.first_integral, sf.criticality):
-            expected = function(three, [w1, w2], eps)
-            np.testing.assert_allclose(function(nd, [w2, -w1], eps), expected, rtol=1e-13)
+        (I1, I2, I13, I23), eps, omega = random_problem(rng)
+        three, nd = sf.Suslov3D(I1, I2, I13, I23), sf.SuslovND([I1, I2], [I23, -I13])
+        for function in (sf.first_integral, sf.criticality, sf.invariant_density):
+            assert function(nd, omega, eps) == function(three, omega, eps)
 
 
 def test_special_cases(body, unit):
@@ -223,21 +219,6 @@ def test_criticality_agrees_with_the_status(unit):
         status = sf.iterate(unit, omega, eps, 0).status
         assert ((t >= 1) == (status == sf.Status.SUPERCRITICAL)).all()
         assert (t > 0).all()
-
-
-@pytest.mark.parametrize(
-    "omega",
-    [(0.0, 1e305), (1e-250, 1e305), (1e-290, 1e250), (1e300, 1e305), (0.0, 1e100), (1e200, 3e200)],
-)
-@pytest.mark.parametrize("eps", [1e-205, 1e-300, -1e-150])
-def test_criticality_beyond_squares(unit, omega, eps):
-    """t grows with eps on and next to the line of steady states, and has a limit elsewhere."""
-    expected = float(naive.criticality(1, 1, 1, 0, eps, omega))
-    if abs(eps) * max(omega) < 1e150:
-        assert sf.criticality(unit, omega, eps) == pytest.approx(expected, rel=1e-14)
-    else:
-        with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
-            assert np.isnan(sf.criticality(unit, omega, eps))
 
 
 @pytest.mark.parametrize("name", [*IN_3D, "jacobian", "reaction"])

@@ -90,12 +90,12 @@ def lyapunov_exponents(
         later = execute(problem, Span(transient, None)).final
         problem = problem_of(map_of(body), states._replace(omega=later))
     with np.errstate(all="ignore"):
-        lengths, of_det = _sums(problem, steps, body.dimension - 1)
+        lengths, of_det = _growth(problem, steps, body.dimension - 1)
         lost = (lengths[..., :-1] == -np.inf).any(axis=-1, keepdims=True)
         # The last follows from the others and the determinant, unless these are 0.
         lengths[..., -1] = of_det - lengths[..., :-1].sum(axis=-1)
         if lost.any():
-            lengths = np.where(lost, _sums(problem, steps, body.dimension)[0], lengths)
+            lengths = np.where(lost, _growth(problem, steps, body.dimension)[0], lengths)
     lengths[np.isnan(lengths).any(axis=-1)] = np.nan
     result: FloatArray = -np.sort(-lengths / steps, axis=-1)
     failed = np.isnan(result).any(axis=-1) & ~np.isnan(states.omega).any(axis=-1)
@@ -105,7 +105,7 @@ def lyapunov_exponents(
     return result
 
 
-def _sums(problem: Problem, steps: int, columns: int) -> tuple[FloatArray, FloatArray]:
+def _growth(problem: Problem, steps: int, columns: int) -> tuple[FloatArray, FloatArray]:
     """Return the sums of logarithms of the first diagonal entries of R, and of |det DPhi|."""
     body, eps, threads, (size, D) = problem.body, problem.eps, problem.threads, problem.omega0.shape
     scratch, of_det, invariant = np.empty((TASKS, 2 * D + 3, D, LINE)), np.zeros(size), None

@@ -42,7 +42,7 @@ def real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:
     if matrices is not None:
         if minimal.degree() < form.nrows():
             return real_zeros(equations, weight + 1)
-        return _values(_in_powers(form, matrices), minimal)
+        return _points_at(_in_powers(form, matrices), minimal)
     # Where a quadric has no two values of opposite sign, its real zeros are critical points.
     squares = [p.derivative(i) for p in equations if _is_semidefinite(p) for i in range(len(x))]
     return real_zeros([*equations, *squares]) if squares else None
@@ -95,7 +95,7 @@ def _in_powers(form: Any, matrices: Sequence[Any]) -> list[Any]:
     return [flint.fmpq_poly(each.entries()) for each in found]
 
 
-def _values(coordinates: Sequence[Any], minimal: Any) -> Points:
+def _points_at(coordinates: Sequence[Any], minimal: Any) -> Points:
     """Return the values of polynomials of lower degree at the real zeros of an irreducible one."""
     for bits in (_BITS << k for k in count()):
         with flint.ctx.workprec(bits):

@@ -75,12 +75,14 @@ def _reduce(
         near = abs(1.0 - 0.5 * step * I23 * reduced.state[:, 0] / a) < _NEAR
         near &= reduced.fits & solved
         if near.any():
-            better, logs = _of_solved(Reduced(*(each[near] for each in reduced)), states.threads)
+            better, logs = _derivatives_of_solved(
+                Reduced(*(each[near] for each in reduced)), states.threads
+            )
             exists, chosen = np.isfinite(logs), chosen[near]
             derivatives[chosen[exists]], logarithms[chosen[exists]] = better[exists], logs[exists]
 
 
-def _of_solved(reduced: Reduced, threads: int | None) -> tuple[FloatArray, FloatArray]:
+def _derivatives_of_solved(reduced: Reduced, threads: int | None) -> tuple[FloatArray, FloatArray]:
     """Return derivatives and logarithms of solved bodies; not finite on the line and at poles.
 
     In the plane of I and omega the derivative is that of the 3D map, which conserves the density

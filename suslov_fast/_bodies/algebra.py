@@ -74,11 +74,6 @@ class Polynomial:
         """Return a polynomial, or a number as a polynomial."""
         return value if isinstance(value, cls) else cls({(): rational(name, value)})
 
-    @property
-    def degree(self) -> int:
-        """The degree, 0 of 0."""
-        return max(map(len, self.terms), default=0)
-
     def derivative(self, i: int) -> Polynomial:
         """Return the derivative with respect to variable i, counted from 0."""
         terms = {}
@@ -213,7 +208,8 @@ def values_of(
     if len(found) != count:
         raise wrong(name, f"{count} components", f"{len(found)} in {n} dimensions")
     polynomials = tuple(Polynomial.of(f"the value of {name}", each) for each in found)
-    if (highest := max(each.degree for each in polynomials)) > degree:
+    highest = max(len(powers) for each in polynomials for powers in (*each.terms, ()))
+    if highest > degree:
         how = "; x^3 is x y with a variable y = x^2, y' = 2 x x', which steps keep to order eps^2"
         raise wrong(name, kinds, f"degree {highest}{how * (degree == 2)}")
     return polynomials

@@ -140,8 +140,8 @@ class Suslov3D(_In3D):
             first = np.where(q >= 0, q + root, -p / (root - q))
             s = 0.5 * (first + last)
             exists = (s > 0) & (m - 0.5 * s > 2 * A * A / s + 2 * B * B / (s + 2 * d))
-        ends = (np.ldexp(d + s, exponent) for s in (first, last))
-        low, high = (np.where(exists, end, np.nan)[()] for end in ends)
+        bounds = (np.ldexp(d + s, exponent) for s in (first, last))
+        low, high = (np.where(exists, bound, np.nan)[()] for bound in bounds)
         return low, high
 
     @classmethod

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import partial
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -63,13 +62,10 @@ def coefficients_for(
 ) -> dict[str, FloatArray]:
     """Return the coefficients of the fields for all values of the parameters."""
     arrays = np.broadcast_arrays(*values.values())
-    columns = (
-        array.ravel().tolist() if np.ndim(value) else repeat(value)
-        for value, array in zip(values.values(), arrays, strict=True)
-    )
+    columns = (array.ravel().tolist() for array in arrays)
     shape = arrays[0].shape
     tables = np.zeros((math.prod(shape), D, D + 1, D + 1))
-    for table, numbers in zip(tables, zip(*columns, strict=False), strict=True):
+    for table, numbers in zip(tables, zip(*columns, strict=True), strict=True):
         given = dict(zip(values, numbers, strict=True))
         fill(table, (each.terms for each in components(partial(f, **given), 0)))
     return coefficients_in(tables.reshape(*shape, D, D + 1, D + 1))
@@ -83,11 +79,8 @@ def affine_terms(
     Symbols for these parameters are variables after those of the state. Without such parameters, or
     if an array is not one of them, there are no terms.
     """
-    first = {
-        name: np.ravel(value)[0] if np.ndim(value) else value
-        for name, value in values.items()
-        if np.size(value)
-    }
+    columns = ((name, np.ravel(value)[:1].tolist()) for name, value in values.items())
+    first = {name: number for name, numbers in columns for number in numbers}
 
     def attempt(*names: str) -> Affine:
         factors = [*range(D), *names]

@@ -40,8 +40,8 @@ class RigidBody(Body):
 def in_units(body: RigidBody) -> tuple[FloatArray, FloatArray, FloatArray, PowerArray, PowerArray]:
     """Return J, I and k of a body, of the order of 1, and the exponents of J, and of I and k."""
     J, I, k = body.J_I_k()
-    ends = (np.frexp(each(axis=-1, keepdims=True))[1] for each in (J.max, J.min))
-    moments = sum(ends) // 2
+    bounds = J.max(axis=-1, keepdims=True), J.min(axis=-1, keepdims=True)
+    moments = np.frexp(bounds)[1].sum(axis=0, dtype=np.intc) // 2
     products = np.frexp(np.maximum(abs(I).max(axis=-1, keepdims=True), abs(k)))[1]
     J, I, k = np.ldexp(J, -moments), np.ldexp(I, -products), np.ldexp(k, -products)
     return J, I, k, moments, products

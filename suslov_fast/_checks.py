@@ -228,12 +228,12 @@ def aligned(arguments: dict[str, Any], components: Sequence[str] = ()) -> dict[s
         if not set(dims) <= set(whole):
             expected = f"axes among {tuple(whole)}, those of {longest}"
             raise wrong(name, expected, f"{tuple(dims)}: pass values without labels")
-        own = _axes_of_components(value, components)
-        if own or name != "eps":
+        of_components = _axes_of_components(value, components)
+        if of_components or name != "eps":
             check_labels(name, value, components)
         first = min(map(whole.index, dims), default=len(whole))
         absent = [dim for dim in whole[first:] if dim not in dims]
-        arrays[name] = value.expand_dims(absent).transpose(*whole[first:], *own).data
+        arrays[name] = value.expand_dims(absent).transpose(*whole[first:], *of_components).data
     return arrays
 
 
@@ -290,18 +290,20 @@ def _axes_of_components(value: Any, components: Sequence[str]) -> list[Any]:
 
 
 def _check_axes(name: str, value: Any, components: Sequence[str]) -> None:
-    dims, own = list(value.dims), _axes_of_components(value, components)
+    dims, of_components = list(value.dims), _axes_of_components(value, components)
     if not dims:
         return
-    if not own and dims[-1] != f"dim_{len(dims) - 1}":  # the name that xarray gives by default
+    if (
+        not of_components and dims[-1] != f"dim_{len(dims) - 1}"
+    ):  # the name that xarray gives by default
         expected = "a last axis 'component'"
         if components:
             expected += f", or one with the labels {_short([*components])}"
         how = f"the axes {tuple(dims)}: if the last one holds the components, pass {name}.values"
         raise wrong(name, expected, how)
-    if dims[len(dims) - len(own) :] != own or "n" in dims[1:]:
-        order = f"the axes {tuple(own)} in this order at the end, and 'n' first"
-        named = ", ".join([*(["'n'"] if "n" in dims else []), "...", *map(repr, own)])
+    if dims[len(dims) - len(of_components) :] != of_components or "n" in dims[1:]:
+        order = f"the axes {tuple(of_components)} in this order at the end, and 'n' first"
+        named = ", ".join([*(["'n'"] if "n" in dims else []), "...", *map(repr, of_components)])
         raise wrong(name, order, f"{tuple(dims)}: pass {name}.transpose({named})")
     coords = getattr(value, "coords", {})
     if dims[-1] in coords:

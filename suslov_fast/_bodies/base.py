@@ -23,7 +23,7 @@ class Body:
     """A body, or a batch of them; the fields of a subclass are its parameters."""
 
     # The number of axes of most parameters that are not axes of the batch.
-    _own_axes: ClassVar[int] = 0
+    _vector_axes: ClassVar[int] = 0
     # Meanings of all parameters, and the names of those that are positive.
     _meanings: ClassVar[dict[str, str]] = {}
     _positive: ClassVar[tuple[str, ...]] = ()
@@ -79,7 +79,7 @@ class Body:
     @cached_property
     def batch_of_one(self) -> tuple[FloatArray, ...]:
         """The parameters of a single body with an axis for the batch, as kernels take them."""
-        return tuple(np.array(each, ndmin=1 + self._own_axes) for each in self.parameters)
+        return tuple(np.array(each, ndmin=1 + self._vector_axes) for each in self.parameters)
 
     def field(self) -> Any:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
@@ -98,7 +98,7 @@ class Body:
     @classmethod
     def _axes(cls, name: str) -> int:
         """Return the number of axes of a parameter that are not axes of the batch."""
-        return cls._own_axes
+        return cls._vector_axes
 
     def _set(self, **values: Any) -> None:
         """Check the parameters, and set read-only copies."""

@@ -57,7 +57,7 @@ class SuslovND(RigidBody):
     J: FloatArray
     I: FloatArray
 
-    _own_axes: ClassVar[int] = 1
+    _vector_axes: ClassVar[int] = 1
     _meanings: ClassVar[dict[str, str]] = {"J": "sum I_ii + I_nn", "I": "coupling I_in"}
     _positive: ClassVar[tuple[str, ...]] = ("J",)
 

@@ -85,7 +85,7 @@ def _with_parameters(base: Any, given: dict[str, Any]) -> Any:
     if not complete:
         missing = [flag(name) for name in having[0]._required() if name not in values]
         hint = f"those of {having[0].__name__}, missing: {' '.join(missing)}"
-        if not having[0]._own_axes:
+        if not having[0]._vector_axes:
             words = " ".join(f"{flag(name)} {value:g}" for name, value in given.items())
             hint += f"; or change a picture: --picture {DEFAULT_PICTURE} {words}"
         raise UsageError(f"expected all parameters of a body, {hint}")

@@ -131,7 +131,7 @@ def _parts(states: States) -> Iterator[_Part]:
         parameters = *flat_body(body, ()), flat_parameter(eps, ())
         yield 0, parameters, for_kernel(omega).reshape(1, -1), 1
         return
-    own, D = body._own_axes, omega.shape[-1]
+    own, D = body._vector_axes, omega.shape[-1]
     # `broadcast_to` returns a read-only array, which would be copied for the kernel.
     whole = omega if omega.shape == (*batch, D) else np.broadcast_to(omega, (*batch, D))
     values = [

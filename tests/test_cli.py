@@ -145,7 +145,7 @@ def test_info(rng, monkeypatch):
     """Drifts are relative to state 0; runs without a known first integral have two energies."""
     from suslov_fast._cli import summary as module
 
-    monkeypatch.setattr(module, "_SLAB", 10)
+    monkeypatch.setattr(module, "_COMPARED", 10)
     batch = sf.Suslov3D([[4.0], [3.0], [2.0]], 1, -0.5, -0.3)
     nd, starts = sf.SuslovND([1.0, 2.0, 3.0], [0.4, -0.7, 0.5]), rng.normal(size=(7, 3))
     for orbits, drifts in (
@@ -472,7 +472,7 @@ def test_warm_up_calls_all_functions(monkeypatch):
     from suslov_fast._cli import warm_up
 
     monkeypatch.setattr(warm_up, "_COUNTS", (3,))
-    monkeypatch.setattr(warm_up, "_STEPS", 8)
+    monkeypatch.setattr(warm_up, "_WARM_STEPS", 8)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sf.SingularStepWarning)
         called = {name for name, job in warm_up._jobs() if job()}

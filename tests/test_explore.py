@@ -19,7 +19,7 @@ import pytest
 from browser import Browser
 
 import suslov_fast as sf
-from suslov_fast._show.explore.parameters import PRESETS, Parameters, parameters_in
+from suslov_fast._show.explore.parameters import PRESETS, Parameters, parse_query
 from suslov_fast._show.explore.scene import scene
 from suslov_fast._show.explore.server import Server
 
@@ -198,7 +198,7 @@ def test_explore_in_a_notebook():
     body = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.7)
     shown = sf.explore(body, [-0.9, 1.3], eps=0.2, steps=50)
     try:
-        view = parameters_in(urlsplit(shown.url).query)
+        view = parse_query(urlsplit(shown.url).query)
         found = (view.body, view.omega0, view.eps, view.steps)
         assert found == (body, [-0.9, 1.3], 0.2, 50)
         assert f'src="{shown.url.replace("&", "&amp;")}"' in shown._repr_html_()
@@ -225,7 +225,7 @@ def test_a_signal_ends_the_command():
     with subprocess.Popen(command, **pipes) as process:
         url = process.stdout.readline().strip()
         view, _, show = urlsplit(url).query.rpartition("&")
-        assert (parameters_in(view), show) == (parameters, "show=F")
+        assert (parse_query(view), show) == (parameters, "show=F")
         with urllib.request.urlopen(url, timeout=60) as page:
             assert b"suslov_fast" in page.read()
         process.send_signal(signal.SIGTERM)

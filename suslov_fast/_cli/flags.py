@@ -96,7 +96,7 @@ def _read_fraction(text: str) -> Fraction:
 
 
 def _list_or_table(text: str) -> Any:
-    return (_table if re.search(r"\.[A-Za-z]\w*$", text) else _list)(text)
+    return (_table_file if re.search(r"\.[A-Za-z]\w*$", text) else _list)(text)
 
 
 _SWEEP = "NAME=LOW:HIGH:COUNT"
@@ -108,7 +108,7 @@ _list = _value(
     "finite numbers separated by commas without spaces",
     lambda text: [*map(_finite_float, text.split(","))],
 )
-_table, _result, _body = _file(".npy", ".csv"), _file(".npz", ".zarr"), _file(".json")
+_table_file, _result, _body = _file(".npy", ".csv"), _file(".npz", ".zarr"), _file(".json")
 
 
 # ------------------------------------------------------------------ options
@@ -132,11 +132,11 @@ SETTINGS: dict[str, dict[str, Any]] = {
     ),
     "body": _option("body or field, as its to_dict() was written; likewise", _body, "FILE.json"),
     "inertia": _option(f"inertia tensor, entries {ENTRIES} or a file", _list_or_table, "TENSOR"),
-    "mass_tensor": _option("in n dimensions: I of M = I Omega + Omega I", _table, "FILE"),
+    "mass_tensor": _option("in n dimensions: I of M = I Omega + Omega I", _table_file, "FILE"),
     "axis": _option("with a tensor: constrained axis, in its basis (last axis)", _list, "A1,..."),
     "eps": _option("step size (that of the picture)", _number),
     "omega0": _repeated("initial state; may be repeated", _list, "OMEGA1,..."),
-    "initial": _option("file of initial states, one per row", _table, "FILE"),
+    "initial": _option("file of initial states, one per row", _table_file, "FILE"),
     "trajectories": _option(f"number of random initial states ({TRAJECTORIES})", _integer(1), "N"),
     "extent": _option(f"range [-EXTENT, EXTENT) of random components ({EXTENT:g})", _positive),
     "seed": _option("seed of the random initial states (0)", _integer(0)),
@@ -187,7 +187,7 @@ class Command(NamedTuple):
 # Options of what is written, and of runs that are larger than memory.
 SAVED = "save_every attitude orientation force"
 STORE = "chunk scheduler sweep compression reduce verify"
-_BODY = {
+_BODY_OPTIONS = {
     "body (a picture, all parameters, a file or a tensor; tables are .npy or .csv)": (
         "picture|body|inertia|mass_tensor axis PARAMETERS eps"
     )
@@ -200,7 +200,7 @@ COMMANDS = {
         f"{DEFAULT_PICTURE}, and 1000 steps. For n = 3, the --mass-tensor of a body with the "
         "inertia tensor T is trace(T)/2 - T.",
         {
-            **_BODY,
+            **_BODY_OPTIONS,
             "initial states (random or given)": "trajectories extent seed omega0 initial",
             "run": "steps method threads attitude orientation",
             "output": "output save_every force json",
@@ -241,7 +241,7 @@ COMMANDS = {
         "Draw a moving body in space. The picture shows the ellipsoid of inertia, its axes e1 and "
         "e2, and the path of the constrained axis a. By default the body passes from one steady "
         "rotation to the opposite one. FILE ends in .gif, or in .mp4 if ffmpeg is installed.",
-        {**_BODY, "motion": "omega0 orientation steps", "output": "output dpi force"},
+        {**_BODY_OPTIONS, "motion": "omega0 orientation steps", "output": "output dpi force"},
         {
             "eps": {"default": 0.05, "help": "step size (%(default)s)"},
             "omega0": {"action": "store", "help": "initial state (near a steady rotation)"},

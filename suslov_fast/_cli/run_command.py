@@ -29,7 +29,7 @@ from .terminal import about, progress_bar, require_new
 
 # Duration in seconds, without compilation, above which one-time work such as starting threads is
 # negligible; shorter runs are timed a second time.
-_LONG = 0.5
+_LONG_RUN = 0.5
 
 
 def summary_of_run(options: argparse.Namespace) -> str:
@@ -107,7 +107,7 @@ def _hold_run(options: argparse.Namespace, body: Any, eps: float, starts: Any) -
                     begin = time.perf_counter()
                     orbits = sf.iterate(body, starts, eps, **settings, progress=progress)
                     seconds = time.perf_counter() - begin - compiling()
-                if seconds > _LONG:
+                if seconds > _LONG_RUN:
                     break
         if put is not None:
             put(**entries_of(orbits))

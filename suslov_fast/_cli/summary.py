@@ -26,7 +26,7 @@ from .terminal import about, progress_bar
 Facts = dict[str, Any]
 
 # Size of the states compared at a time, that of a chunk of a store.
-_SLAB = 2**21
+_COMPARED = 2**21
 # Short names of quantities whose relative changes are printed.
 _SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
 
@@ -144,7 +144,7 @@ def _changes(run: sf.Trajectories, start: FloatArray | None) -> Iterator[tuple[s
         start = np.asarray(run.states[0])
     if start is None:
         return
-    rows = max(1, _SLAB // max(1, run.states[:1].size))
+    rows = max(1, _COMPARED // max(1, run.states[:1].size))
     parts = [run.states[k : k + rows] for k in range(0, len(run.states), rows)]
     if run.n[-1] != run.steps and run.final is not None:  # the last state is not saved
         parts.append(np.asarray(run.final)[np.newaxis])

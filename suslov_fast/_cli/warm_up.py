@@ -21,7 +21,7 @@ from .terminal import progress_bar
 
 # Calls with few trajectories are serial, those with many parallel.
 _COUNTS = (3, 2**15)
-_STEPS = 40
+_WARM_STEPS = 40
 # Functions that call others.
 _WITHOUT = ("plot", "animate", "ensemble", "open", "explore")
 
@@ -64,7 +64,7 @@ def _call(function: Callable[..., Any], body: Any, pole: Any, count: int) -> int
         "save_every": (1, None),
         "attitude": (False, True),
         "eps": (None, 1.0),
-        "n": (_STEPS, [0, 1, _STEPS]),
+        "n": (_WARM_STEPS, [0, 1, _WARM_STEPS]),
         "time": (0.5, [0.0, 0.5]),
     }
     # A parameter of the same name may have another meaning and default.
@@ -88,5 +88,5 @@ def _arguments(body: Any, pole: Any, count: int, full: bool) -> dict[str, Any]:
     states = starts
     if not full:
         states = sf.iterate(body, starts, 1.0, 8, on_singular="ignore").states
-    common = {"body": body, "eps": 1.0, "steps": _STEPS, "n": _STEPS, "time": 0.5}
+    common = {"body": body, "eps": 1.0, "steps": _WARM_STEPS, "n": _WARM_STEPS, "time": 0.5}
     return {**common, "omega": states, "omega0": starts, "xy": states, "x": 0 * starts}

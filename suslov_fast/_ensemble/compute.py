@@ -33,7 +33,7 @@ from .._engine.problem import Output, Span, problem_of
 from .._engine.progress import Progress, reporter
 from .._engine.random_starts import RandomStarts
 from .job import Job, step_work
-from .reductions import reductions_of, values_of
+from .reductions import monitored, reductions_of
 from .store import MARKS, RECORDS, Arrays, advice, open_arrays, withdraw
 
 # Called with a tile and the number of its stored steps.
@@ -138,7 +138,7 @@ def _write_piece(job: Job, tile: int, piece: Piece, arrays: Arrays) -> None:
     if len(output.saved) and (job.save_every is not None or last):
         states = {job.map.variable: output.saved, "attitude": output.turns}
         for name, function in job.monitors.items():
-            states[name] = values_of(name, function, output.saved)
+            states[name] = monitored(name, function, output.saved)
         for name in job.states:
             arrays[name][(rows, *where)] = states[name]
     if last:
@@ -194,7 +194,7 @@ def _steps_stored(job: Job, tile: int, arrays: Arrays) -> int:
                 values = arrays[name][(rows, *where)]
                 if name in job.monitors:  # whose values may be NaN at states that are not
                     states = np.asarray(arrays[job.map.variable][(rows, *where)])
-                    known = np.isnan(values_of(name, job.monitors[name], states))
+                    known = np.isnan(monitored(name, job.monitors[name], states))
                     whole &= np.array_equal(np.isnan(values), known)
                     continue
                 absent = np.isnan(values).reshape(len(n), *failed.shape, -1).any(axis=-1)

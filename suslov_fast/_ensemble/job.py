@@ -22,9 +22,9 @@ from .starts import Source, part_of, values_or_digest
 _BYTES = 2**24
 # Number of tiles that balances the load of workers, and the least work of a tile, in steps of the
 # 3D map, below which the overhead of a task dominates.
-_MANY, _LEAST = 32, 2**28
+_MOST_TILES, _LEAST_WORK = 32, 2**28
 # Fewer trajectories leave threads and vector lanes idle; a chunk then has fewer times instead.
-_FEWEST, _ENOUGH = 64, 2**14
+_FEWEST, _ENOUGH_LANES = 64, 2**14
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +170,8 @@ def cut(job: Job, chunk: int | Mapping[str, int] | None) -> Job:
             raise wrong("chunk", expected, ", ".join(unknown))
         count = size
     elif chunk is None:
-        fit = min(max(_BYTES // (state_bytes * saved), _ENOUGH), _BYTES // state_bytes)
-        shared = max(-(-size // _MANY), int(_LEAST / max(job.steps * step_work(D), 1.0)))
+        fit = min(max(_BYTES // (state_bytes * saved), _ENOUGH_LANES), _BYTES // state_bytes)
+        shared = max(-(-size // _MOST_TILES), int(_LEAST_WORK / max(job.steps * step_work(D), 1.0)))
         count = max(_FEWEST, min(fit, shared))
     else:
         count = integer("chunk", chunk, 1, expected)

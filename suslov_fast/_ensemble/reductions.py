@@ -94,7 +94,7 @@ def _check_function(body: Any, name: Any, function: Any) -> None:
         raise wrong("reductions", "functions with names of their own", repr(name))
     identity_of_function(name, function, body.dimension)  # an error if it has no source
     states = _samples(body.dimension)
-    whole, parts = values_of(name, function, states), values_of(name, function, states[1:])
+    whole, parts = monitored(name, function, states), monitored(name, function, states[1:])
     if not np.allclose(whole[1:], parts, rtol=1e-6, equal_nan=True):
         received = f"{name} with values that depend on other states"
         raise wrong("reductions", "functions of one state", received)
@@ -104,7 +104,7 @@ def _samples(dimension: int) -> FloatArray:
     return 1.0 + np.arange(6.0 * dimension).reshape(3, 2, dimension)
 
 
-def values_of(name: str, function: Callable[[FloatArray], Any], states: FloatArray) -> FloatArray:
+def monitored(name: str, function: Callable[[FloatArray], Any], states: FloatArray) -> FloatArray:
     """Return the values (...) of a function of the user at states (..., D)."""
     try:
         with np.errstate(all="ignore"):
@@ -135,5 +135,5 @@ def identity_of_function(name: str, function: Any, dimension: int) -> dict[str, 
     with np.printoptions(threshold=2**31, floatmode="unique"):
         carried = repr((plain.__defaults__, plain.__kwdefaults__, bound))
     # The source of a lambda is its whole line, which may hold another one.
-    results = values_of(name, function, _samples(dimension)).ravel() + 0.0
+    results = monitored(name, function, _samples(dimension)).ravel() + 0.0
     return {"source": source, "values": carried, "results": " ".join(f"{v:.6g}" for v in results)}

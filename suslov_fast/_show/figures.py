@@ -24,9 +24,9 @@ from .style import style, styled
 
 # Without the lightest colours, which are faint on white.
 _COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
-_AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
+_BODY_AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
 # Lengths, relative to an ellipsoid in a sphere of radius 0.85.
-_BODY, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
+_RADIUS, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
 
 
 class StyledFigure(Figure):
@@ -81,7 +81,7 @@ def turning_body(
 ) -> tuple[Any, Callable[[int], list[Any]]]:
     """Return a figure, and a function that draws the body in a given state."""
     radii, principal, I3, _ = ellipsoid(body)
-    radii = _BODY * radii
+    radii = _RADIUS * radii
     surface = np.einsum("ij,j,jkl->ikl", principal, radii, _sphere())
     path = _PATH * rotations[:, :, 2]
     axes = StyledFigure(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
@@ -97,7 +97,7 @@ def turning_body(
         look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "lightsource": light}
         turned = np.einsum("ij,jkl->ikl", R, surface)
         axes.plot_surface(*turned, rcount=65, ccount=65, zorder=2, **look)
-        for k, (colour, name) in enumerate(_AXES):
+        for k, (colour, name) in enumerate(_BODY_AXES):
             normal = principal / radii**2 @ (principal.T[:, k])
             reach = 1.0 / np.sqrt(normal[k])
             order = 3 if R @ normal @ eye > 0 else 1

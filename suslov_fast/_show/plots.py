@@ -18,12 +18,12 @@ from .geometry import check_moving, half_angle, level, meeting_phase, on_level, 
 from .style import styled
 
 # Lines differ in style as well as in colour.
-_LINE = "crimson"
+_LINE_COLOUR = "crimson"
 _STEADY = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2"
 # Phase between the ends of orbits and the line, where the arc is a half turn; longest orbits.
-_NEAR, _LONGEST = 0.03, 1000
+_FROM_LINE, _LONGEST_TURN = 0.03, 1000
 # A realizable body: admissible_I3() contains 2.28 to 5.68.
-_BODY = Suslov3D(4, 2, -0.5, -0.3, 3)
+_EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
 
 
 @styled
@@ -164,7 +164,7 @@ def animate_body(
     if np.ndim(eps):
         raise wrong("eps", "a single number", eps)
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
-    body = _BODY if body is None else body
+    body = _EXAMPLE if body is None else body
     check_moving(body)
     g, k = half_angle(body)
     if omega0 is None:  # near the repelling steady rotation, where there is one
@@ -184,15 +184,15 @@ def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:
     """Phase of the initial state, and steps, of the orbits on a level; theory: the gyrostat."""
     if abs(k) > A:  # one turn
         steps = np.pi / np.arctan(e * np.sqrt(k * k - A * A))
-        return [(0.0, int(min(np.ceil(steps), _LONGEST)))]
+        return [(0.0, int(min(np.ceil(steps), _LONGEST_TURN)))]
     # From the steady state at -end to that at end, on either side.
     end, rate = meeting_phase(A, k), e * np.sqrt(A * A - k * k)
     orbits = []
     for side, half in ((1.0, end), (-1.0, np.pi - end)):
-        psi = -end + side * 2.0 / np.pi * half * _NEAR
+        psi = -end + side * 2.0 / np.pi * half * _FROM_LINE
         p, q = np.sin(0.5 * psi) / np.sqrt(A + k), np.cos(0.5 * psi) / np.sqrt(A - k)
         steps = np.log(abs((p - q) / (p + q))) / np.arctanh(rate)
-        orbits.append((psi, int(min(np.ceil(steps), _LONGEST))))
+        orbits.append((psi, int(min(np.ceil(steps), _LONGEST_TURN))))
     return orbits
 
 
@@ -204,7 +204,7 @@ def _steady_states(axes: Any, body: Any, reach: float) -> None:
     for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
         ends = middle + np.outer([0.0, sign * (reach + np.hypot(*middle))], direction)
         label = f"{line}, {name}"
-        axes.plot(*ends.T, color=_LINE, linewidth=2.4, linestyle=style, label=label)
+        axes.plot(*ends.T, color=_LINE_COLOUR, linewidth=2.4, linestyle=style, label=label)
 
 
 def _arrow(axes: Any, body: Any, orbit: FloatArray, extent: float, colour: Any) -> None:

@@ -39,7 +39,7 @@ class Parameters(NamedTuple):
         return [self.Omega1, self.Omega2]
 
 
-def parameters_in(query: str) -> Parameters:
+def parse_query(query: str) -> Parameters:
     """Return the parameters in a query; each is there once, or has a default."""
     pairs = parse_qsl(query, keep_blank_values=True)
     needed = [name for name in Parameters._fields if name not in Parameters._field_defaults]
@@ -63,7 +63,7 @@ def parameters_in(query: str) -> Parameters:
 def query_of_link(link: str) -> str:
     """Return the query of an address copied from the page; ValueError if it is not one."""
     query = urlsplit(link).query
-    parameters_in("&".join(each for each in query.split("&") if not each.startswith("show=")))
+    parse_query("&".join(each for each in query.split("&") if not each.startswith("show=")))
     return query
 
 
@@ -76,7 +76,7 @@ def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
     moments, k = body.parameters[:4], body.parameters[4:]
     values = *moments, eps, *state.tolist(), steps, extent, 0, *k
     query = urlencode(dict(zip(Parameters._fields, values, strict=False)))
-    parameters_in(query)
+    parse_query(query)
     return query
 
 

@@ -23,7 +23,7 @@ from .parameters import Parameters
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
 # Orbits of a portrait: levels, steps, phase from the line of steady states.
-_LEVELS, _STEPS, _NEAR = 10, 300, 0.07
+_LEVELS, _LONGEST_ORBIT, _OFFSET = 10, 300, 0.07
 
 REGIMES = {
     "unknown": "The criticality of these numbers is beyond the range of float64.",
@@ -88,15 +88,15 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     of_flow[within] = flow(body, start, run.time[within])
     return {
         "parameters": parameters._asdict(),
-        "time": [_plain(each) for each in run.time],
-        "omega": _plain(run.omega),
-        "flow": _plain(of_flow),
-        "attitude": _plain(run.attitude.reshape(-1, 9)),
-        "spatial": _plain(to_vector(body, run.omega, attitude=run.attitude)),
+        "time": [_or_null(each) for each in run.time],
+        "omega": _or_null(run.omega),
+        "flow": _or_null(of_flow),
+        "attitude": _or_null(run.attitude.reshape(-1, 9)),
+        "spatial": _or_null(to_vector(body, run.omega, attitude=run.attitude)),
         "line": line,
         "levels": {
-            "F": [_plain(branch) for branch in level(body, eps, R, _REACH)] if R > 0 else [],
-            "energy": _plain(level(body, 0.0, math.sqrt(2.0 * energy(body, start)))[0]),
+            "F": [_or_null(branch) for branch in level(body, eps, R, _REACH)] if R > 0 else [],
+            "energy": _or_null(level(body, 0.0, math.sqrt(2.0 * energy(body, start)))[0]),
         },
         "portrait": _portrait(parameters) if parameters.portrait else None,
         "ellipsoid": _ellipsoid(body),
@@ -107,16 +107,16 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "failed_at": int(run.failed_at) if status < 0 else None,
         },
         "numbers": {
-            "criticality": _plain(t),
-            "F": _plain(first_integral(body, start, eps)),
-            "drift": _plain(np.fmax.reduce(drift)),
-            "energy": _plain(energy(body, start)),
-            "omega_minus": _plain(minus),
-            "omega_plus": _plain(plus),
+            "criticality": _or_null(t),
+            "F": _or_null(first_integral(body, start, eps)),
+            "drift": _or_null(np.fmax.reduce(drift)),
+            "energy": _or_null(energy(body, start)),
+            "omega_minus": _or_null(minus),
+            "omega_plus": _or_null(plus),
             "scattering_angle": (
-                _plain(scattering_angle(body)) if isinstance(body, Suslov3D) else None
+                _or_null(scattering_angle(body)) if isinstance(body, Suslov3D) else None
             ),
-            "I3": _plain(Suslov3D(*parameters[:4]).admissible_I3()),
+            "I3": _or_null(Suslov3D(*parameters[:4]).admissible_I3()),
         },
         "python": (
             f"from suslov_fast import {type(body).__name__}, iterate\n\n"
@@ -152,17 +152,17 @@ def _portrait(parameters: Parameters) -> dict[str, Any] | None:
     if eps == 0 or not (body.I13 or body.I23 or parameters.k):
         return None
     g, k = half_angle(body)
-    steps = min(parameters.steps, _STEPS)
+    steps = min(parameters.steps, _LONGEST_ORBIT)
     largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
     starts, levels = [], []
     for R in largest * np.arange(1, _LEVELS + 1) / _LEVELS:
         start = -math.copysign(meeting_phase(R * abs(g), k), eps)
-        starts.append(on_level(body, eps, R, np.array([start + _NEAR, start - _NEAR])))
+        starts.append(on_level(body, eps, R, np.array([start + _OFFSET, start - _OFFSET])))
         levels += level(body, eps, R, _REACH)
     orbits = iterate(body, np.concatenate(starts), eps, steps, on_singular="ignore", threads=1)
     return {
-        "levels": [_plain(branch) for branch in levels],
-        "orbits": [_plain(orbit) for orbit in np.moveaxis(orbits.omega, 1, 0)],
+        "levels": [_or_null(branch) for branch in levels],
+        "orbits": [_or_null(orbit) for orbit in np.moveaxis(orbits.omega, 1, 0)],
     }
 
 
@@ -175,7 +175,7 @@ def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
     return {"I3": I3, "matter": admissible, "radii": radii.tolist(), "axes": axes.tolist()}
 
 
-def _plain(value: Any) -> Any:
+def _or_null(value: Any) -> Any:
     """Return a number, a row or a list of rows; None for numbers and rows that are not finite."""
     array = np.asarray(value)
     if array.ndim < 2:

@@ -18,7 +18,7 @@ from ... import __version__
 from ..._checks import instance
 from ..._docs import filled
 from ..._engine.arguments import BodyIn3D
-from .parameters import PRESETS, STEPS, Parameters, parameters_in, query_of
+from .parameters import PRESETS, STEPS, Parameters, parse_query, query_of
 from .scene import scene
 
 _ADDRESS = "127.0.0.1"
@@ -101,7 +101,7 @@ class _Handler(SimpleHTTPRequestHandler):
 def answer(query: str) -> dict[str, Any]:
     """Return the numbers for a query, or a message that the page shows."""
     try:
-        return scene(parameters_in(query))
+        return scene(parse_query(query))
     except ValueError as error:
         # A message begins with the names of the fields that it is about.
         named = str(error).partition(":")[0].split(", ")

@@ -25,7 +25,7 @@ from .terminal import about
 def body_and_step_of(options: argparse.Namespace) -> tuple[Any, float, FloatArray | None]:
     """Return the body, with the first values of sweeps, the step size, and a tensor's rotation."""
     names = {name for kind in body_classes() for name in kind._names()}
-    given = {name: value for name in names if (value := getattr(options, name)) is not None}
+    given = {name: value for name in sorted(names) if (value := getattr(options, name)) is not None}
     swept = {name: low for name, low, *_ in getattr(options, "sweep", [])}
     if len(swept) < len(getattr(options, "sweep", [])):
         raise UsageError("argument --sweep: expected each name once, got one twice")

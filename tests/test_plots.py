@@ -150,8 +150,8 @@ BAD = [
     (lambda: sf.animate_body(B, fps=0), "fps: expected a positive number, got 0"),
     (lambda: sf.animate_body(B, every=0), "every: expected an integer of at least 1, got 0"),
     (lambda: sf.animate_body(B, eps=[0.1, 0.2]), "eps: expected a single number, got"),
-    (lambda: sf.animate_body(B, R0=[np.eye(3)]), r"R0: expected shape \(3, 3\), got \(1, 3, 3\)"),
-    (lambda: sf.animate_body(B, [[1, 2]]), r"omega0: expected shape \(2,\), got \(1, 2\)"),
+    (lambda: sf.animate_body(B, R0=[np.eye(3)]), r"a batch of shape \(1,\)"),
+    (lambda: sf.animate_body(B, [[1, 2]]), r"a batch of shape \(1,\)"),
 ]
 
 

@@ -171,11 +171,10 @@ def animate_body(
         R = 2.0 * float(np.sqrt(2.0 * energy(body, steady_line(body)[1] if g else [1.0, 0.0])))
         omega0 = on_level(body, eps, R, np.array(0.15 - meeting_phase(R * abs(g), k)))
     omega = iterate(body, omega0, eps, steps, on_singular="raise").omega
-    if omega.ndim != 2:
-        raise wrong("omega0", "shape (2,)", np.shape(omega0))
     rotations = attitude(body, omega, eps, R0)
     if rotations.ndim != 3:
-        raise wrong("R0", "shape (3, 3)", rotations.shape[1:])
+        received = f"a batch of shape {rotations.shape[1:-2]}"
+        raise wrong("omega0, R0", "a single state and orientation", received)
     figure, draw = turning_body(body, rotations, eps)
     return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
 

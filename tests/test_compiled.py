@@ -49,12 +49,11 @@ def after(frame, omega, steps):
     return out
 
 
-@njit(parallel=True)
+@njit
 def system_after(system, x, steps):
     """Take some steps of states (batch, D), in place; return the last statuses."""
-    status = np.zeros(len(x))
-    for k in prange(len(x)):
-        memory = work(system)
+    status, memory = np.zeros(len(x)), work(system)
+    for k in range(len(x)):
         for _ in range(steps):
             status[k] = step_system(system, x[k], x[k], memory)
     return status

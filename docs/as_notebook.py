@@ -7,6 +7,7 @@ page. The script needs only Python.
 import argparse
 import json
 import re
+from itertools import zip_longest
 from pathlib import Path
 
 TUTORIAL = Path(__file__).parent / "tutorial"
@@ -30,22 +31,15 @@ def code(name):
     return BLOCK.findall(_text(name))
 
 
-def cells(name):
-    """Split a page into cells: pairs of a kind and a text."""
-    found = []
-    for number, part in enumerate(BLOCK.split(_text(name))):
-        kind = "code" if number % 2 else "markdown"
-        text = part.strip() if number % 2 else _plain(part)
-        if text:
-            found.append((kind, text))
-    return found
-
-
 def notebook():
     """Return the whole tutorial in the format of Jupyter."""
-    texts = [cell for name in pages() for cell in cells(name)]
     install = "`pip install '.[algebra,xarray]'` in a copy of the repository"
-    head = f"# The tutorial of suslov_fast\n\nIt needs {install}."
+    cells = [_cell("markdown", f"# The tutorial of suslov_fast\n\nIt needs {install}.")]
+    for name in pages():
+        texts, codes = BLOCK.split(_text(name))[::2], code(name)
+        for text, block in zip_longest(map(_plain, texts), codes, fillvalue=""):
+            cells += [_cell("markdown", text)] * bool(text)
+            cells += [_cell("code", block.strip())] * bool(block)
     return {
         "nbformat": 4,
         "nbformat_minor": 5,
@@ -53,10 +47,7 @@ def notebook():
             "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
             "language_info": {"name": "python"},
         },
-        "cells": [
-            _cell(f"cell-{number}", kind, text)
-            for number, (kind, text) in enumerate([("markdown", head), *texts])
-        ],
+        "cells": [{"id": f"cell-{number}"} | cell for number, cell in enumerate(cells)],
     }
 
 
@@ -64,13 +55,6 @@ def write(path):
     """Write the notebook."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(notebook(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-
-
-def write_scripts(folder):
-    """Write the code of each page as a file."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in pages():
-        (folder / f"{name}.py").write_text("\n".join(code(name)), encoding="utf-8")
 
 
 def _text(name):
@@ -90,8 +74,8 @@ def _named(match):
     return title if title else f"`{target.rpartition('.')[2]}`"
 
 
-def _cell(name, kind, text):
-    shared = {"id": name, "cell_type": kind, "metadata": {}, "source": text}
+def _cell(kind, text):
+    shared = {"cell_type": kind, "metadata": {}, "source": text}
     return shared if kind == "markdown" else shared | {"execution_count": None, "outputs": []}
 
 
@@ -104,7 +88,10 @@ def main():
     if options.notebook:
         write(options.notebook)
     if options.scripts:
-        write_scripts(options.scripts)
+        options.scripts.mkdir(parents=True, exist_ok=True)
+        for name in pages():
+            script = options.scripts / f"{name}.py"
+            script.write_text("\n".join(code(name)), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -46,8 +46,8 @@ def exact_array(name: str, value: Any, shape: Any) -> NDArray[Any]:
     for each in {type(each): each for each in samples}.values():  # the types of zeros, too
         refuse_units(name, each)
         rational(name, each)
-    array = np.full(shape, Fraction(0))
-    array[given != 0] = [rational(name, each) for each in given[given != 0]]
+    array, nonzero = np.full(shape, Fraction(0)), given.astype(bool)
+    array[nonzero] = [rational(name, each) for each in given[nonzero]]
     return array
 
 

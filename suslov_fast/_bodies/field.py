@@ -416,8 +416,10 @@ class QuadraticField(Body):
         return self.polynomials, self.H, None if self.K is None else tuple(self.K.flat)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        values = {"body": type(self).__name__} | self._values | self._besides
-        return self.from_dict, (values | self._names_and_values,)
+        besides = {name: getattr(self, name) for name in ("H", "K", "_parameters", "_affine")}
+        if self.shape:
+            return self._of, (self._values,), besides
+        return self._of_components, (self.polynomials,), besides
 
     def __repr__(self) -> str:
         if self.shape:

@@ -99,8 +99,6 @@ def affine_terms(
             for each in found
         ]
 
-    if whole := attempt(*values) if values else []:
-        return whole
     names = [name for name in values if attempt(name)]
     if not names or any(np.ndim(values[name]) for name in values if name not in names):
         return []

@@ -28,7 +28,6 @@ _FEW = 64
 EXACT = 2**53
 _NUMBERS = {float, int}
 # Types without labels and units.
-_NUMBERS = {float, int}
 _PLAIN = {float, int, list, tuple, np.ndarray, type(None)}
 # Axes of the package's datasets after those of the batch.
 _AXES_OF_COMPONENTS = ("component", "space", "body")
@@ -103,10 +102,8 @@ def states(name: str, value: ArrayLike, labels: Sequence[str], later: bool = Fal
 
 
 def _vectors(name: str, value: Any, dimension: int, labels: Sequence[str]) -> FloatArray:
-    if type(value) is list and _NUMBERS.issuperset(map(type, value)):
-        array = _floats(name, np.asarray(value))
-    else:
-        array = _floats(name, value)
+    array = _floats(name, value)
+    if type(value) is not np.ndarray:
         check_labels(name, value, labels)
     if array.ndim == 0 or array.shape[-1] != dimension:
         raise wrong(name, f"shape (..., {dimension})", array.shape)

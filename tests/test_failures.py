@@ -214,7 +214,7 @@ def test_raise(unit):
 @pytest.mark.parametrize("method", ["auto", "canonical"])
 @pytest.mark.parametrize("save_every", [1, 7, None])
 def test_skipped_trajectories_are_detected(body, monkeypatch, method, save_every):
-    monkeypatch.setattr(threads, "run", lambda *arguments: None)
+    monkeypatch.setattr(threads, "call_kernel", lambda *arguments: None)
     with pytest.raises(RuntimeError, match="a kernel skipped trajectories"):
         sf.iterate(body, [1.0, 0.5], 0.2, 100, method=method, save_every=save_every)
 

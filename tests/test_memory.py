@@ -49,13 +49,14 @@ OWN = group(GROUPS + "/a/b", 8 * GB, GB, 0)
         (INSIDE | OWN | group(GROUPS + "/a", 4 * GB, GB, 0), 3 * GB),
     ],
 )
-def test_available(files, expected):
+def test_available(files, expected, monkeypatch):
     def read(path):
         if path not in files:
             raise FileNotFoundError(path)
         return files[path]
 
-    assert memory.available(read) == expected
+    monkeypatch.setattr(memory, "_text", read)
+    assert memory.available() == expected
 
 
 def test_the_memory_of_this_system():

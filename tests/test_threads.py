@@ -149,13 +149,13 @@ def test_signals_at_random_moments():
     chance, before = random.Random(1), signal.signal(signal.SIGALRM, raise_alarm)
     available = numba.get_num_threads()
     idle = SimpleNamespace(parallel=lambda count: None, serial=lambda: None)
-    threads.run(idle, threads.CROSSOVER, 2)  # starts threads, once
+    threads.call_kernel(idle, threads.CROSSOVER, 2)  # starts threads, once
     try:
         for _ in range(2_000):
             try:
                 signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, 3e-5), 1.0)
                 while True:
-                    threads.run(idle, threads.CROSSOVER, 2)
+                    threads.call_kernel(idle, threads.CROSSOVER, 2)
             except Alarm:
                 signal.setitimer(signal.ITIMER_REAL, 0)
             assert not threads._owned()
@@ -171,8 +171,8 @@ def test_a_call_during_a_parallel_call_is_serial():
     inner = SimpleNamespace(serial=lambda: calls.append("serial"))
 
     def parallel(count):
-        threads.run(inner, threads.CROSSOVER, 2)
-        other = threading.Thread(target=threads.run, args=(inner, threads.CROSSOVER, None))
+        threads.call_kernel(inner, threads.CROSSOVER, 2)
+        other = threading.Thread(target=threads.call_kernel, args=(inner, threads.CROSSOVER, None))
         other.start()
         other.join()
         calls.append("parallel")
@@ -267,7 +267,7 @@ def test_threads_that_cannot_be_started(error, monkeypatch):
     monkeypatch.setattr(threading.Thread, "start", limited)
     threads._can_start.cache_clear()
     try:
-        threads.run(kernel, threads.CROSSOVER, 2)
+        threads.call_kernel(kernel, threads.CROSSOVER, 2)
     finally:
         threads._can_start.cache_clear()
     assert calls == ["serial"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import repeat
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,8 +96,8 @@ def check(
             shapes[name] = orientation.shape[:-2]
         else:
             if isinstance(value, RandomStarts):
-                whole = tuple(map(slice, repeat(0), value.shape))
-                value = value._part(whole, len(labels))
+                shape, D = value.shape, len(labels)
+                value = value.states(math.prod(shape), dimension=D).reshape(*shape, D)
             omega, of_states = _checks.states(name, value, labels, later), name
             shapes[name] = omega.shape[:-1]
     batch, threads = common_shape(shapes), thread_count(threads)

@@ -75,9 +75,9 @@ class Orbits(NamedTuple):
             if most_left:
                 left[begin:end] = 1
             else:
-                _threads.run(passing, total, threads, *before, (begin, end), *after)
+                _threads.call_kernel(passing, total, threads, *before, (begin, end), *after)
             if 1 in left[begin:end].tobytes():  # faster than `any` for one trajectory
-                _threads.run(others, total, threads, *before, (begin, end), *after)
+                _threads.call_kernel(others, total, threads, *before, (begin, end), *after)
                 most_left = end < stop and left[begin:end].mean() > _MOST
             begin, end = end, stop
 

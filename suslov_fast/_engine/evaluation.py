@@ -44,13 +44,12 @@ def of_state(kernel: Kernel, shape: tuple[int, ...], states: States) -> FloatArr
     results = out.reshape(-1, math.prod(shape))
     missing: list[tuple[int, int]] = []
     work = WORK * len(results)
-    for begin, parameters, some, period in _parts(states):
-        count = len(some)
-        parameters = with_rotor(parameters)
+    for begin, parameters, omega, period in _parts(states):
+        count = len(omega)
         tasks = min(-(-period // LANES) * -(-count // period), TASKS)
         counts = np.zeros((tasks, 3), np.int64)
-        out_part = results[begin : begin + count]
-        _threads.run(kernel, work, states.threads, parameters, some, out_part, period, counts)
+        arguments = with_rotor(parameters), omega, results[begin : begin + count], period, counts
+        _threads.call_kernel(kernel, work, states.threads, *arguments)
         if states.omega.size > LARGE_ARRAY and counts[:, kernels.INFINITE].any():
             real_array(states.name, states.omega, allow_nan=True)
         missing += [(begin + first, n) for n, first, _ in counts.tolist() if n]
@@ -67,13 +66,13 @@ def of_state_nd(
     out = np.empty((*states.batch, *(m,) * axes))
     results = out.reshape(-1, m**axes)
     work = WORK * len(results) * max(m, results.shape[1])
-    for begin, parameters, some, _ in _parts(states):
-        end = begin + len(some)
-        after = some if following is None else following.reshape(-1, m)[begin:end]
-        tasks = min(-(-len(some) // _LEAST), TASKS)
+    for begin, parameters, omega, _ in _parts(states):
+        end = begin + len(omega)
+        after = omega if following is None else following.reshape(-1, m)[begin:end]
+        tasks = min(-(-len(omega) // _LEAST), TASKS)
         scratch, infinite = np.empty((tasks, ROWS, m)), np.zeros(tasks, np.int8)
-        arguments = parameters, some, after, results[begin:end], scratch, infinite
-        _threads.run(kernel, work, states.threads, *arguments)
+        arguments = parameters, omega, after, results[begin:end], scratch, infinite
+        _threads.call_kernel(kernel, work, states.threads, *arguments)
         if states.omega.size > LARGE_ARRAY and infinite.any():
             real_array("omega", states.omega, allow_nan=True)
     return out[()]
@@ -90,24 +89,16 @@ def by_slabs(
     body, omega, eps, batch, *_ = states
     real_array("omega", omega, allow_nan=True)
     result = (body.dimension,) * axes
-    out = np.empty((*batch, *result))
-    whole = (*batch, omega.shape[-1])
-    full = omega if omega.shape == whole else np.broadcast_to(omega, whole)
-    steps = np.broadcast_to(eps, batch)
-    parameters = {
-        name: np.broadcast_to(each, (*batch, *each.shape[each.ndim - body._axes(name) :]))
-        for name, each in (body._arrays if body.shape else {}).items()
-    }
-    lost = np.zeros(batch, bool)
+    out, lost = np.empty((*batch, *result)), np.zeros(batch, bool)
+    omega, eps = _over(batch, omega, 1), _over(batch, np.asarray(eps))
+    arrays = body._arrays if body.shape else {}
+    arrays = {name: _over(batch, array, body._axes(name)) for name, array in arrays.items()}
     for part in _portions(batch, most):
-        some = full[part]
-        bodies = body
-        if body.shape:
-            bodies = body._of({name: each[part] for name, each in parameters.items()})
-        out[part] = values = function(bodies, some, steps[part])
+        bodies = body._of({name: array[part] for name, array in arrays.items()}) if arrays else body
+        out[part] = values = function(bodies, omega[part], eps[part])
         if warn:
-            absent = np.isnan(values.reshape((*some.shape[:-1], math.prod(result)))[..., 0])
-            lost[part] = absent & ~np.isnan(some).any(axis=-1)
+            absent = np.isnan(values.reshape((*omega[part].shape[:-1], math.prod(result)))[..., 0])
+            lost[part] = absent & ~np.isnan(omega[part]).any(axis=-1)
     if lost.any():
         warn_of_missing(int(lost.sum()), int(np.argmax(lost)), batch)
     return out[()]
@@ -124,6 +115,13 @@ def warn_of_missing(
     warn(f"{count} of {math.prod(batch)} {what}, first: {index}", SingularStepWarning)
 
 
+def _over(batch: tuple[int, ...], array: FloatArray, axes: int = 0) -> FloatArray:
+    """Return an array, of which `axes` axes are not those of the batch, broadcast to the batch."""
+    shape = (*batch, *array.shape[array.ndim - axes :])
+    # `broadcast_to` returns a read-only array, which would be copied for the kernel.
+    return array if array.shape == shape else np.broadcast_to(array, shape)
+
+
 def _parts(states: States) -> Iterator[_Part]:
     """Yield the parts of a batch, whose size limits the memory of copies for the kernel."""
     body, omega, eps, batch, *_ = states
@@ -131,37 +129,39 @@ def _parts(states: States) -> Iterator[_Part]:
         parameters = *flat_body(body, ()), flat_parameter(eps, ())
         yield 0, parameters, for_kernel(omega).reshape(1, -1), 1
         return
-    own, D = body._vector_axes, omega.shape[-1]
-    # `broadcast_to` returns a read-only array, which would be copied for the kernel.
-    whole = omega if omega.shape == (*batch, D) else np.broadcast_to(omega, (*batch, D))
-    values = [
-        np.broadcast_to(each, (*batch, *np.shape(each)[np.ndim(each) - own :]))
-        for each in body.parameters
-    ]
-    values.append(np.broadcast_to(eps, batch))
+    D, omega = omega.shape[-1], _over(batch, omega, 1)
+    values = [_over(batch, np.asarray(value), body._vector_axes) for value in body.parameters]
+    values.append(_over(batch, np.asarray(eps)))
     begin = 0
     for part in _portions(batch, max(NUMBERS // D, 1)):
-        some = for_kernel(whole[part]).reshape(-1, D)
-        parameters = _flat([each[part] for each in values], whole[part].ndim - 1)
+        flat = for_kernel(omega[part]).reshape(-1, D)
+        parameters, count = (
+            _flat([value[part] for value in values], omega[part].ndim - 1),
+            len(flat),
+        )
         period = max(map(len, parameters))
         if period == 1:  # one body
-            period = len(some)
-        elif own == 0 and period < min(REPEATED, len(some)):
-            times = min(REPEATED, len(some)) // period + 1
+            period = count
+        elif body._vector_axes == 0 and period < min(REPEATED, count):
+            times = min(REPEATED, count) // period + 1
             parameters = tuple(np.tile(p, times) if p.size > 1 else p for p in parameters)
             period *= times
-        yield begin, parameters, some, period
-        begin += len(some)
+        yield begin, parameters, flat, period
+        begin += count
 
 
 def _flat(values: list[FloatArray], ndim: int) -> tuple[FloatArray, ...]:
     """Return parameters as (1, ...), or (period, ...) from the first axis along which they vary."""
-    varies = [[each.shape[k] > 1 and each.strides[k] != 0 for k in range(ndim)] for each in values]
-    first = min((axes.index(True) for axes in varies if any(axes)), default=ndim)
-    return tuple(
-        for_kernel(each[(0,) * (first if any(axes) else ndim)]).reshape((-1, *each.shape[ndim:]))
-        for each, axes in zip(values, varies, strict=True)
-    )
+
+    def varies(array: FloatArray, k: int) -> bool:
+        return array.shape[k] > 1 and array.strides[k] != 0
+
+    def rows(array: FloatArray) -> FloatArray:
+        skipped = first if any(varies(array, k) for k in range(ndim)) else ndim
+        return for_kernel(array[(0,) * skipped]).reshape((-1, *array.shape[ndim:]))
+
+    first = next((k for k in range(ndim) if any(varies(a, k) for a in values)), ndim)
+    return tuple(map(rows, values))
 
 
 def _portions(batch: tuple[int, ...], most: int) -> Iterator[Index]:

@@ -39,7 +39,7 @@ def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int 
 def flat_body(body: Body, batch: tuple[int, ...]) -> tuple[FloatArray, ...]:
     if not body.shape:
         return body.batch_of_one
-    return tuple(flat_parameter(each, batch, body._vector_axes) for each in body.parameters)
+    return tuple(flat_parameter(value, batch, body._vector_axes) for value in body.parameters)
 
 
 def for_loops(

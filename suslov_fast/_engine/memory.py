@@ -6,16 +6,13 @@ of what the machine and the control groups of this process leave.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
 
 # Requests up to this many bytes are not tested, for speed; as many bytes are kept free.
 SMALL = 2**26
 _GROUPS = "/sys/fs/cgroup"
-
-# The text of a file; OSError if it does not exist.
-Reader = Callable[[str], str]
 
 
 def require(nbytes: int, what_to_do: str, *values: object) -> None:
@@ -30,28 +27,32 @@ def require(nbytes: int, what_to_do: str, *values: object) -> None:
         )
 
 
-def available(read: Reader | None = None) -> int | None:
+def available() -> int | None:
     """Return the number of bytes that this process can still use; None if unknown."""
-    found = list(_free(read or (lambda path: Path(path).read_text("ascii", "replace"))))
+    found = list(_free())
     return max(min(found), 0) if found else None
 
 
-def _free(read: Reader) -> Iterator[int]:
+def _free() -> Iterator[int]:
     """Yield the free bytes of the machine and of each control group (version 2) of this process."""
     with suppress(OSError, KeyError):
-        yield int(_table(read("/proc/meminfo"))["MemAvailable:"]) * 1024
+        yield int(_table("/proc/meminfo")["MemAvailable:"]) * 1024
     with suppress(OSError, KeyError):
-        path = PurePosixPath(_GROUPS + _table(read("/proc/self/cgroup"), "::")["0"])
+        path = PurePosixPath(_GROUPS + _table("/proc/self/cgroup", "::")["0"])
         # In a container the path may be that outside: then only the root exists.
         while path.is_relative_to(_GROUPS):
             with suppress(OSError, KeyError, ValueError):  # no such folder, or no limit: "max"
-                cached = int(_table(read(f"{path}/memory.stat"))["inactive_file"])
-                used = int(read(f"{path}/memory.current")) - cached
-                yield int(read(f"{path}/memory.max")) - used
+                cached = int(_table(f"{path}/memory.stat")["inactive_file"])
+                used = int(_text(f"{path}/memory.current")) - cached
+                yield int(_text(f"{path}/memory.max")) - used
             path = path.parent
 
 
-def _table(text: str, separator: str | None = None) -> dict[str, str]:
-    """Return the second word of each line by the first."""
-    rows = (line.split(separator) for line in text.splitlines())
+def _text(path: str) -> str:
+    return Path(path).read_text("ascii", "replace")
+
+
+def _table(path: str, separator: str | None = None) -> dict[str, str]:
+    """Return the second word of each line of a file by the first."""
+    rows = (line.split(separator) for line in _text(path).splitlines())
     return {row[0]: row[1] for row in rows if len(row) > 1}

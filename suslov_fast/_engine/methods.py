@@ -18,7 +18,6 @@ uses none in 3D, and in nD only for what rank 2 leaves.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -28,7 +27,7 @@ from .._kernels import blocks, blocks_nd, codes
 from .._kernels.lanes import LANES
 from .closed_form_runs import Rows, at_equal_steps, at_times, orbits_of
 from .layout import for_kernel
-from .problem import Driver, Indices, Output, Problem, Span
+from .problem import Driver, Fill, Indices, Output, Problem, Span
 from .reduced_runs import of_n_3, reduction
 from .stepping import iterate_3d, iterate_nd
 
@@ -36,8 +35,6 @@ from .stepping import iterate_3d, iterate_nd
 JUMP = 32
 # Number of three-dimensional states of a run in n dimensions in memory at a time.
 _EXPANDED = 2**19
-
-Steps = Callable[[Problem, Span, Output], Indices]
 
 canonical_steps = partial(iterate_3d, kernel=blocks.canonical)
 printed_steps = partial(iterate_3d, kernel=blocks.printed)
@@ -63,12 +60,12 @@ def closed_form(problem: Problem, span: Span, output: Output) -> Indices:
     return output.with_status(codes.NEEDS_STEPS)
 
 
-def in_three_dimensions(driver: Steps, problem: Problem, span: Span, output: Output) -> Indices:
-    """Compute solved bodies as 3D bodies; return the others, and those that the driver leaves."""
+def in_three_dimensions(fill: Fill, problem: Problem, span: Span, output: Output) -> Indices:
+    """Compute solved bodies as 3D bodies; return the others, and those that `fill` leaves."""
     J, I, eps = problem.parameters
     if problem.omega0.shape[1] == 2:
         three = problem._replace(parameters=(*map(for_kernel, of_n_3(J, I)), eps))
-        left = driver(three, span, output)
+        left = fill(three, span, output)
     else:
         reduced = reduction(problem.parameters, problem.omega0, problem.threads)
         leaves = ~(reduced.fits & is_solved(J, I))
@@ -83,7 +80,7 @@ def in_three_dimensions(driver: Steps, problem: Problem, span: Span, output: Out
             found = Output.empty(part, span)._replace(
                 status=output.status[begin:end], failed_at=output.failed_at[begin:end]
             )
-            leaves[begin + driver(part, span, found)] = True
+            leaves[begin + fill(part, span, found)] = True
             reduced.expand(found.saved, output.saved, begin, problem.threads)
             reduced.expand(
                 found.final[np.newaxis], output.final[np.newaxis], begin, problem.threads
@@ -98,7 +95,7 @@ def in_three_dimensions(driver: Steps, problem: Problem, span: Span, output: Out
 
 
 def drivers_3d(
-    problem: Problem, span: Span, by_steps: Steps = canonical_steps
+    problem: Problem, span: Span, by_steps: Fill = canonical_steps
 ) -> tuple[Driver, ...]:
     """Return the drivers of a run of a body in three dimensions."""
     if problem.method == "ds2":

@@ -156,11 +156,14 @@ class Output(NamedTuple):
             self.resume[name][chosen] = array
 
 
+# Fills the output of a span; returns the indices of the trajectories that it cannot compute.
+Fill = Callable[[Problem, Span, Output], Indices]
+
+
 class Driver(NamedTuple):
     """An algorithm that computes trajectories of a problem, and leaves others to the next."""
 
-    # Fills the output of a span; returns the indices of the trajectories that it cannot compute.
-    fill: Callable[[Problem, Span, Output], Indices]
+    fill: Fill
     from_0: bool = False  # begins at step 0, whatever the span
     keeps: bool = True  # the arrays of `Map.kept`, from which the span can be continued
 

@@ -48,7 +48,7 @@ class RandomStarts:
     def __post_init__(self) -> None:
         size = self.size
         if isinstance(size, (tuple, list)):
-            size = tuple(integer("size", each, 0) for each in size)
+            size = tuple(integer("size", length, 0) for length in size)
         else:
             size = integer("size", size, 0)
         object.__setattr__(self, "size", size)
@@ -77,12 +77,12 @@ class RandomStarts:
         """Return the states (..., D) of a part of the batch."""
         if not where:
             return self.states(1, 0, dimension).reshape(dimension)
-        shape = (*(each.stop - each.start for each in where), dimension)
+        shape = (*(part.stop - part.start for part in where), dimension)
         require(16 * math.prod(shape), "fewer initial states, or `ensemble`, need less")
         states = np.empty(shape)
         if not states.size:
             return states
-        first = [each.start for each in where]
+        first = [part.start for part in where]
         for index in np.ndindex(states.shape[:-2]):
             start = int(np.ravel_multi_index(np.add(first, (*index, 0)), self.shape))
             states[index] = self.states(states.shape[-2], start, dimension)

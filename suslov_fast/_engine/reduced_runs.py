@@ -37,7 +37,7 @@ class Reduced(NamedTuple):
         """Convert 3D states (rows, b, 2) to `out` (rows, B, m), from trajectory `begin` on."""
         work = states.size * (1 + out.shape[-1] // 2)
         arguments = for_kernel(states), self.along, self.across, out, begin
-        _threads.run(reduced_states.expand, work, threads, *arguments)
+        _threads.call_kernel(reduced_states.expand, work, threads, *arguments)
 
 
 def reduction(
@@ -47,7 +47,7 @@ def reduction(
     three, state = np.empty((size, 5)), np.empty((size, 2))
     along, across = np.empty((size, m)), np.empty((size, m))
     reduced = Reduced(three, state, along, across, np.empty(size), np.empty(size, bool))
-    _threads.run(
+    _threads.call_kernel(
         reduced_states.reduce, size * (_REDUCING + 8 * m), threads, parameters, omega, *reduced
     )
     return reduced

@@ -53,7 +53,7 @@ def iterate_3d(
     results = output.final, output.status, output.failed_at, state
     before = problem.parameters, problem.omega0
     for stretch, work in stretches_of(problem, span, step, LANES):
-        _threads.run(
+        _threads.call_kernel(
             kernel, work, problem.threads, *before, stretch, output.saved, turning, results
         )
     return NO_TRAJECTORIES
@@ -89,7 +89,7 @@ def iterate_nd(
     before = (*problem.parameters, problem.omega0)
     after = output.saved, turning, results, (*of_lanes, matrices)
     for stretch, work in stretches_of(problem, span, step, LANES_ND):
-        _threads.run(kernel, work, problem.threads, before, stretch, *after)
+        _threads.call_kernel(kernel, work, problem.threads, before, stretch, *after)
     if output.turns is not None and len(output.turns) and not span.rows:
         output.turns[-1] = columns.swapaxes(1, 2)
     return output.with_status(NEEDS_ELIMINATION)
@@ -106,7 +106,7 @@ def iterate_field(problem: Problem, span: Span, output: Output) -> Indices:
     memory = *of_lanes, *for_one_system(tasks, D, 2)
     before, after = (*problem.parameters, problem.omega0), (output.saved, None, results, memory)
     for stretch, work in stretches_of(problem, span, step, lanes):
-        _threads.run(blocks_nd.field, work, problem.threads, before, stretch, *after)
+        _threads.call_kernel(blocks_nd.field, work, problem.threads, before, stretch, *after)
     return NO_TRAJECTORIES
 
 

@@ -24,7 +24,7 @@ _may_use_threads = True
 _idle_at_fork = True
 
 
-def run(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
+def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
     """Call a kernel; `work` lane-steps decide between a serial and a parallel call."""
     if (
         work < CROSSOVER

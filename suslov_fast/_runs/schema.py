@@ -94,7 +94,7 @@ def header_of(body: Any, map: Map, method: str, steps: int, save_every: int | No
     from .. import __version__
 
     values = FORMAT, __version__, map.name, method, steps, save_every, body._text
-    return {name: each for name, each in zip(HEADER, values, strict=True) if each is not None}
+    return {name: value for name, value in zip(HEADER, values, strict=True) if value is not None}
 
 
 def entries_of(run: Any) -> Entries:
@@ -130,11 +130,11 @@ def run_of(entries: Entries) -> dict[str, Any]:
         expected = f"the saved steps of a run of {steps} steps with save_every={every}"
         raise wrong("n", expected, np.array2string(arrays["n"], threshold=4, edgeitems=2))
     states, eps = np.ascontiguousarray(arrays[map.variable]), real_array("eps", arrays["eps"])
-    statuses = {each.name: arrays[each.name] for each in STATUSES}
-    start = len(RESUME)
-    resume = {name[start:]: each for name, each in arrays.items() if name.startswith(RESUME)}
+    statuses = {kept.name: arrays[kept.name] for kept in STATUSES}
+    names = (name for name in arrays if name.startswith(RESUME))
+    resume = {name.removeprefix(RESUME): arrays[name] for name in names}
     if "state" in resume:
-        resume |= {name: each.reshape(-1) for name, each in statuses.items()}
+        resume |= {name: array.reshape(-1) for name, array in statuses.items()}
     return {
         **statuses,
         "states": states,
@@ -179,7 +179,7 @@ def read_header(values: Mapping[str, Any]) -> dict[str, Any]:
 def _checked_body(schema: dict[str, Entry], header: Mapping[str, Any], arrays: Entries) -> Any:
     """Return the body; ValueError if arrays are absent, or of other shapes or types."""
     map, steps, every = map_named(header["map"]), header["steps"], header.get("save_every")
-    absent = [name for name, each in schema.items() if not (each.optional or name in arrays)]
+    absent = [name for name, entry in schema.items() if not (entry.optional or name in arrays)]
     if absent:
         raise ValueError(
             f"expected a run of the map {map.name}, got one without {', '.join(absent)}"

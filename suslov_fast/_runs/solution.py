@@ -76,8 +76,8 @@ def exact(
            [ 0.791446, -1.319077]])
     """
     times = _times("n", n)
-    start = check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
-    states, missing = _solve("exact", start, times)
+    given = check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
+    states, missing = _states_at("exact", given, times)
     _warn(missing, states)
     return states
 
@@ -119,8 +119,8 @@ def flow(
     >>> energy(body, states).round(12)
     array([2.125, 2.125, 2.125])
     """
-    start = check(body, AnyBody, {"omega0": omega0, "eps": _UNIT_OF_TIME}, threads)
-    states, missing = _solve("flow", start, _times("time", time))
+    given = check(body, AnyBody, {"omega0": omega0, "eps": _UNIT_OF_TIME}, threads)
+    states, missing = _states_at("flow", given, _times("time", time))
     _warn(missing, states, _RANGE)
     return states
 
@@ -158,8 +158,8 @@ def limits(
     >>> omega_minus.round(6), omega_plus.round(6)
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
-    start = check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
-    states, missing = _solve("limits", start, np.array([-np.inf, np.inf]))
+    given = check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
+    states, missing = _states_at("limits", given, np.array([-np.inf, np.inf]))
     _warn(missing, states, _RANGE)
     return states[0], states[1]
 
@@ -173,22 +173,22 @@ def _times(name: str, value: Any) -> FloatArray:
     return times
 
 
-def _solve(name: str, start: States, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _states_at(name: str, given: States, times: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return states of the map or the flow at given times, and counts of missing ones."""
-    body, flow = start.body, name == "flow"
+    body, flow = given.body, name == "flow"
     if not isinstance(body, SuslovND):
-        return states_at(start, times, flow)
+        return states_at(given, times, flow)
     check_solved(body, name)
     if body.dimension == 2:
-        return states_at(in_3d(start), times, flow)
-    reduced = reduced_of(start)
-    in_three, missing = states_at(reduced.states(start.threads), times, flow)
-    states = np.empty((*times.shape, *start.batch, body.dimension))
+        return states_at(in_3d(given), times, flow)
+    reduced = reduced_of(given)
+    in_three, missing = states_at(reduced.states(given.threads), times, flow)
+    states = np.empty((*times.shape, *given.batch, body.dimension))
     rows = times.size, len(reduced.state)
     flat = states.reshape((*rows, body.dimension))
-    reduced.expand(in_three.reshape((*rows, 2)), flat, 0, start.threads)
+    reduced.expand(in_three.reshape((*rows, 2)), flat, 0, given.threads)
     # At time 0 the state is a copy of the input.
-    states[times == 0.0] = start.omega
+    states[times == 0.0] = given.omega
     return states, missing
 
 

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 
 def _quantity(
-    module: str, name: str, shape: str = "(n_saved, ...)", with_eps: bool = True
+    name: str, shape: str = "(n_saved, ...)", with_eps: bool = True
 ) -> Callable[[Trajectories], FloatArray]:
-    """Return the method that evaluates a function of `_states` for the saved states."""
+    """Return the method that evaluates a public function for the saved states."""
 
     def method(self: Trajectories) -> FloatArray:
         if self._map is not map_of(self.body):  # functions of bodies are those of their first map
             raise TypeError(f"{name}: expected a map that has it, got a run of {self._map.name}")
-        function = getattr(import_module(f"suslov_fast._states.{module}"), name)
+        function = getattr(import_module("suslov_fast"), name)
         values: FloatArray = function(self.body, self.states, *(self.eps,) * with_eps)
         return values
 
@@ -168,12 +168,12 @@ class Trajectories:
 
     def _states_called(self, name: str) -> FloatArray:
         """Return the saved states by the name that the map gives them."""
-        own = getattr(vars(self).get("_map"), "variable", "states")
-        if name == own:
+        variable = getattr(vars(self).get("_map"), "variable", "states")
+        if name == variable:
             return self.states
         if name in ("omega", "x"):
             raise AttributeError(
-                f"{name}: expected {own} or states, the names of the states of a run of "
+                f"{name}: expected {variable} or states, the names of the states of a run of "
                 f"{type(self.body).__name__}"
             )
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
@@ -198,7 +198,7 @@ class Trajectories:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Trajectories):
             return NotImplemented
-        names = [each.name for each in fields(self) if each.name != "_resume"]
+        names = [item.name for item in fields(self) if item.name != "_resume"]
         return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
 
     @cached_property
@@ -219,14 +219,12 @@ class Trajectories:
         """True if every trajectory finished."""
         return bool((self.status >= 0).all())
 
-    first_integral = _quantity("conserved", "first_integral")
-    energy = _quantity("conserved", "energy", with_eps=False)
-    modified_energy = _quantity("conserved", "modified_energy")
-    criticality = _quantity("conserved", "criticality")
-    to_xy = _quantity("paper_coordinates", "to_xy", "(n_saved, ..., 2)", with_eps=False)
-    reaction = _quantity(
-        "derivatives", "reaction", "(n_saved, ...) or (n_saved, ..., n - 1, n - 1)"
-    )
+    first_integral = _quantity("first_integral")
+    energy = _quantity("energy", with_eps=False)
+    modified_energy = _quantity("modified_energy")
+    criticality = _quantity("criticality")
+    to_xy = _quantity("to_xy", "(n_saved, ..., 2)", with_eps=False)
+    reaction = _quantity("reaction", "(n_saved, ...) or (n_saved, ..., n - 1, n - 1)")
 
     @filled
     def plot(
@@ -271,7 +269,7 @@ class Trajectories:
             how = "draw run.states[..., 0] over run.time"
             raise ValueError(f"plot: expected states with at least 2 components, got 1: {how}")
         expected = f"an integer from 0 to {D - 1}"
-        first, second = (integer("components", each, 0, expected) for each in components)
+        first, second = (integer("components", k, 0, expected) for k in components)
         if max(first, second) >= D:
             raise ValueError(f"components: expected {expected}, got {max(first, second)}")
         states = self.states.reshape(len(self), -1, D)

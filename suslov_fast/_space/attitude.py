@@ -114,7 +114,7 @@ def attitude(
         kernel, lanes = kernels.reconstruct, LANES
         arrays = turns[0], np.tile([1.0, 0.0, 0.0, 0.0], (size, 1)), turns[1:]
     work = turns.size * _TURNING if size > lanes else 0
-    _threads.run(kernel, work, threads, flat, flat_eps, *arrays)
+    _threads.call_kernel(kernel, work, threads, flat, flat_eps, *arrays)
     return turns.reshape((rows, *batch, n, n))
 
 
@@ -124,7 +124,7 @@ def _check_that_states_follow(
     """Raise ValueError if states (N + 1, B, D) are not consecutive states of the map."""
     stray, parameters = np.empty(omega.shape[1], np.int64), _implicit_parameters(body, eps, batch)
     work = omega.size * _CHECKING if stray.size > LANES else 0
-    _threads.run(follow, work, threads, *parameters, omega, stray)
+    _threads.call_kernel(follow, work, threads, *parameters, omega, stray)
     if stray.max(initial=-1) < 0:
         return
     where = f" of trajectory {spell(first_index((stray >= 0).reshape(batch)))}" if batch else ""

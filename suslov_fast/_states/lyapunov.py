@@ -117,7 +117,7 @@ def _growth(problem: Problem, steps: int, columns: int) -> tuple[FloatArray, Flo
         derivatives, logarithms, invariant = log_det(states, invariant)
         arrays = derivatives.reshape(-1, size, D, D), logarithms.reshape(-1, size), carried, of_det
         work = _COST * derivatives.size * columns
-        _threads.run(orthonormalise, work, threads, columns, *arrays, scratch)
+        _threads.call_kernel(orthonormalise, work, threads, columns, *arrays, scratch)
     lengths = np.log(carried[:, D]) + carried[:, D + 1] * np.log(2.0)
     return lengths.reshape(*problem.batch, D), of_det.reshape(problem.batch)
 

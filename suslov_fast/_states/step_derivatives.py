@@ -51,7 +51,7 @@ def derivatives_of(
         *(np.empty((TASKS, 2, *shape)) for shape in ((D, 2 * D), (D, D), (D,))),
     )
     arguments = before, after, derivatives, logarithms, ratios, scratch
-    _threads.run(differentiate, 2 * before.size * D, states.threads, *arguments)
+    _threads.call_kernel(differentiate, 2 * before.size * D, states.threads, *arguments)
     if isinstance(states.body, SuslovND) and D > 2:
         doubtful = np.flatnonzero(~(ratios > ACCURATE))
         if doubtful.size:

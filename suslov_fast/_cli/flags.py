@@ -209,7 +209,7 @@ COMMANDS = {
         {"output": {"type": _result, "help": "write the run to a .npz or .zarr"}},
     ),
     "info": Command(
-        "summary.summary_of_files",
+        "summary.print_summaries",
         "Print a summary of saved runs. FILE was written by `suslov-fast run -o`, "
         "Trajectories.save or ensemble. The drift is the change since state 0, if that was saved.",
         {"": "file json"},

@@ -31,11 +31,8 @@ _COMPARED = 2**21
 _SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
 
 
-def summary_of_files(options: argparse.Namespace) -> str:
-    """Return the summaries of saved runs; of several, each has the name of its file.
-
-    Files that cannot be read are one error, after the summaries of the others.
-    """
+def print_summaries(options: argparse.Namespace) -> None:
+    """Print summaries of saved runs; the files that cannot be read are one error after them."""
     texts, errors = [], []
     for path in options.file:
         facts: Facts = {"file": str(path)} if len(options.file) > 1 else {}
@@ -46,12 +43,10 @@ def summary_of_files(options: argparse.Namespace) -> str:
             texts.append(text_of(facts, options.json))
         except CommandError as error:
             errors.append(str(error))
-    text = ("\n" if options.json else "\n\n").join(texts)
+    if texts:
+        print(("\n" if options.json else "\n\n").join(texts), flush=True)
     if errors:
-        if texts:
-            print(text, flush=True)
         raise CommandError("; ".join(errors))
-    return text
 
 
 def facts_of(orbits: sf.Trajectories, start: FloatArray | None = None) -> Facts:

@@ -40,8 +40,8 @@ class Parameters(NamedTuple):
 
 
 def parse_query(query: str) -> Parameters:
-    """Return the parameters in a query; each is there once, or has a default."""
-    pairs = parse_qsl(query, keep_blank_values=True)
+    """Return the parameters in a query, beside what it shows; each once, or by default."""
+    pairs = [each for each in parse_qsl(query, keep_blank_values=True) if each[0] != "show"]
     needed = [name for name in Parameters._fields if name not in Parameters._field_defaults]
     values: dict[str, Any] = {}
     for name, text in pairs:
@@ -63,7 +63,7 @@ def parse_query(query: str) -> Parameters:
 def query_of_link(link: str) -> str:
     """Return the query of an address copied from the page; ValueError if it is not one."""
     query = urlsplit(link).query
-    parse_query("&".join(each for each in query.split("&") if not each.startswith("show=")))
+    parse_query(query)
     return query
 
 

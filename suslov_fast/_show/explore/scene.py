@@ -59,10 +59,10 @@ _FOLLOWS = 0.1
 
 def scene(parameters: Parameters) -> dict[str, Any]:
     """Return all numbers of the page; ValueError for an invalid body."""
-    # Numbers out of the range of float64 become null.
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return _scene(parameters)
+        values: dict[str, Any] = _json_values(_scene(parameters))
+        return values
 
 
 def _scene(parameters: Parameters) -> dict[str, Any]:
@@ -81,22 +81,21 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         middle, direction = steady_line(body)
         repelling = math.copysign(1.0, eps) * direction
         line = {"middle": middle, "repelling": repelling, "attracting": -repelling}
-        line = {name: each.tolist() for name, each in line.items()}
     minus, plus = limits(body, start, eps)
     within = np.isfinite(run.time)
     of_flow = np.full_like(run.omega, np.nan)
     of_flow[within] = flow(body, start, run.time[within])
     return {
         "parameters": parameters._asdict(),
-        "time": [_or_null(each) for each in run.time],
-        "omega": _or_null(run.omega),
-        "flow": _or_null(of_flow),
-        "attitude": _or_null(run.attitude.reshape(-1, 9)),
-        "spatial": _or_null(to_vector(body, run.omega, attitude=run.attitude)),
+        "time": [*run.time],
+        "omega": run.omega,
+        "flow": of_flow,
+        "attitude": run.attitude.reshape(-1, 9),
+        "spatial": to_vector(body, run.omega, attitude=run.attitude),
         "line": line,
         "levels": {
-            "F": [_or_null(branch) for branch in level(body, eps, R, _REACH)] if R > 0 else [],
-            "energy": _or_null(level(body, 0.0, math.sqrt(2.0 * energy(body, start)))[0]),
+            "F": level(body, eps, R, _REACH) if R > 0 else [],
+            "energy": level(body, 0.0, math.sqrt(2.0 * energy(body, start)))[0],
         },
         "portrait": _portrait(parameters) if parameters.portrait else None,
         "ellipsoid": _ellipsoid(body),
@@ -107,16 +106,14 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "failed_at": int(run.failed_at) if status < 0 else None,
         },
         "numbers": {
-            "criticality": _or_null(t),
-            "F": _or_null(first_integral(body, start, eps)),
-            "drift": _or_null(np.fmax.reduce(drift)),
-            "energy": _or_null(energy(body, start)),
-            "omega_minus": _or_null(minus),
-            "omega_plus": _or_null(plus),
-            "scattering_angle": (
-                _or_null(scattering_angle(body)) if isinstance(body, Suslov3D) else None
-            ),
-            "I3": _or_null(Suslov3D(*parameters[:4]).admissible_I3()),
+            "criticality": t,
+            "F": first_integral(body, start, eps),
+            "drift": np.fmax.reduce(drift),
+            "energy": energy(body, start),
+            "omega_minus": minus,
+            "omega_plus": plus,
+            "scattering_angle": scattering_angle(body) if isinstance(body, Suslov3D) else None,
+            "I3": Suslov3D(*parameters[:4]).admissible_I3(),
         },
         "python": (
             f"from suslov_fast import {type(body).__name__}, iterate\n\n"
@@ -160,10 +157,7 @@ def _portrait(parameters: Parameters) -> dict[str, Any] | None:
         starts.append(on_level(body, eps, R, np.array([start + _OFFSET, start - _OFFSET])))
         levels += level(body, eps, R, _REACH)
     orbits = iterate(body, np.concatenate(starts), eps, steps, on_singular="ignore", threads=1)
-    return {
-        "levels": [_or_null(branch) for branch in levels],
-        "orbits": [_or_null(orbit) for orbit in np.moveaxis(orbits.omega, 1, 0)],
-    }
+    return {"levels": levels, "orbits": [*np.moveaxis(orbits.omega, 1, 0)]}
 
 
 def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
@@ -172,11 +166,17 @@ def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
         radii, axes, I3, admissible = ellipsoid(body)
     except (ValueError, OverflowError, np.linalg.LinAlgError):
         return None
-    return {"I3": I3, "matter": admissible, "radii": radii.tolist(), "axes": axes.tolist()}
+    return {"I3": I3, "matter": admissible, "radii": radii, "axes": axes}
 
 
-def _or_null(value: Any) -> Any:
-    """Return a number, a row or a list of rows; None for numbers and rows that are not finite."""
+def _json_values(value: Any) -> Any:
+    """Return arrays as lists; None for numbers and rows out of the range of float64."""
+    if isinstance(value, dict):
+        return {name: _json_values(each) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_json_values(each) for each in value]
+    if value is None or isinstance(value, (str, int)):
+        return value
     array = np.asarray(value)
     if array.ndim < 2:
         return array.tolist() if np.isfinite(array).all() else None

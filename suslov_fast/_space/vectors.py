@@ -243,13 +243,15 @@ def _states_and_turn(
         raise wrong("rotation, attitude", "at most one of them", "both")
     given = {"omega": omega, "rotation": rotation, "attitude": attitude}
     omega, rotation, attitude = aligned(given, body._labels).values()
-    states, n = check(body, kinds, {"omega": omega}), body.dimension + 1
-    turn = None
+    states, n, turn = check(body, kinds, {"omega": omega}), body.dimension + 1, None
     if rotation is not None:
         turn = square_matrices("rotation", rotation, n).swapaxes(-2, -1)
     elif attitude is not None:
         turn = square_matrices("attitude", attitude, n, allow_nan=True)
-    return np.broadcast_to(states.omega, (*states.batch, n - 1)), turn
+    omega = states.omega
+    if omega.shape[:-1] != states.batch:
+        omega = np.broadcast_to(omega, (*states.batch, n - 1))
+    return omega, turn
 
 
 def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:

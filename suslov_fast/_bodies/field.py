@@ -118,12 +118,11 @@ class QuadraticField(Body):
     def __init__(
         self, quadratic: Any, linear: Any = None, constant: Any = None, H: Any = None, K: Any = None
     ) -> None:
-        D = (0, *numbers("quadratic", quadratic).shape)[-1]
-        given = zip(_AXES.items(), (quadratic, linear, constant), strict=True)
-        arrays = {
-            name: np.zeros((D,) * axes) if each is None else numbers(name, each)
-            for (name, axes), each in given
-        }
+        arrays = {"quadratic": numbers("quadratic", quadratic)}
+        D = (0, *arrays["quadratic"].shape)[-1]
+        for name, given in (("linear", linear), ("constant", constant)):
+            zero = np.zeros((D,) * _AXES[name])
+            arrays[name] = zero if given is None else numbers(name, given)
         for name, axes in _AXES.items():
             if D == 0 or arrays[name].shape[-axes:] != (D,) * axes:
                 letter = "D" if name == "quadratic" else str(D)
@@ -448,7 +447,9 @@ class QuadraticField(Body):
         values, affine = given.pop("parameters", {}), given.pop("affine", [])
         given |= {name: from_plain(name, each) for name, each in given.items() if name != "body"}
         if "H" in given:
-            given["H"] = Polynomial({tuple(powers): rational("H", c) for c, *powers in given["H"]})
+            instance("H", given["H"], list)
+            terms = (each for each in given["H"] if isinstance(each, list) and each)
+            given["H"] = Polynomial({tuple(powers): rational("H", c) for c, *powers in terms})
         field = super().from_dict({"linear": None, "constant": None} | given)
         instance("parameters", values, Mapping)
         plain_values = {name: from_plain(name, each) for name, each in values.items()}

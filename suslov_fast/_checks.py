@@ -318,11 +318,11 @@ def _check_order(name: str, labels: Any, components: Sequence[str]) -> None:
 
 
 def inertia_matrix(name: str, value: ArrayLike, n: int | None = None) -> FloatArray:
-    """Return symmetric positive definite matrices (..., n, n), of any n by default."""
+    """Return symmetric positive definite matrices (..., n, n), or a single one if n is None."""
     matrix = real_array(name, value)
     side = n or (0, *matrix.shape)[-1]
-    if matrix.shape[-2:] != (side, side):
-        raise wrong(name, f"shape (..., {n or 'n'}, {n or 'n'})", matrix.shape)
+    if matrix.shape[-2:] != (side, side) or (n is None and matrix.ndim != 2):
+        raise wrong(name, f"shape (..., {n}, {n})" if n else "shape (n, n)", matrix.shape)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
     if not (asymmetry <= 1e-12 * size).all():

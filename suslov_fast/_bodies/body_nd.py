@@ -120,8 +120,8 @@ class SuslovND(RigidBody):
         4.0
         """
         matrix = inertia_matrix("I", I)
-        n = matrix.shape[-1]
-        if matrix.ndim != 2 or n < 2:
+        n = len(matrix)
+        if n < 2:
             raise wrong("I", "shape (n, n) with n > 1", matrix.shape)
         axis = np.eye(n)[-1] if a is None else unit_axis("a", a, n)
         if axis.ndim != 1:

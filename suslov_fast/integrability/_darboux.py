@@ -14,11 +14,10 @@ import numpy as np
 
 from . import _exact
 from ._exact import MORE, Polynomials, Residues
-from ._maps import Arithmetic, image_by_minors, random_line
+from ._maps import image_by_minors, random_line
 from ._projective import Projective
 
 Powers = tuple[int, ...]  # of the factors of the map
-_ITERATES = 6  # of a point on a factor
 
 
 def invariant_spaces(
@@ -53,20 +52,18 @@ class _Pullbacks:
     def _matrix(self, rows: Any) -> Any:
         return flint.nmod_mat(rows, self.p)
 
-    def _at(self, x: Any) -> list[Any]:
-        """Return all monomials at a point of projective space, of numbers or polynomials."""
-        return list(_exact.monomial_values(self.monomials, x))
-
     @cached_property
     def _lines(self) -> list[tuple[list[Any], ...]]:
-        """Random lines, the map, and its factors on them."""
+        """On random lines: the monomials, the monomials of the image, and the factors."""
         known = [self._modular(f) for f in (self.map.common, *self.map.factors)]
         lines: list[tuple[list[Any], ...]] = []
         for _ in range(len(self.exponents) + MORE):
             line = random_line(self.map.map, self.p, self.rng)
             common, *factors = self._restricted(known, line)
             minors = image_by_minors(self.map.map, line)
-            lines.append((line, [each // common for each in minors], factors))
+            image = [each // common for each in minors]
+            monomials = (_exact.monomial_values(self.monomials, x) for x in (line, image))
+            lines.append((*map(list, monomials), factors))
         return lines
 
     def _modular(self, P: Any) -> tuple[Any, int]:
@@ -87,38 +84,20 @@ class _Pullbacks:
         return restricted
 
     def _divisible_by(self, i: int, power: int) -> Any:
-        """Return equations for the polynomials whose pullback has factor i to this power.
-
-        The polynomial of an invariant hypersurface with the first power vanishes on all iterates
-        of the factor's image: there are few unless the singularity is confined.
-        """
+        """Return equations for the polynomials whose pullback has factor i to this power."""
         rows: Residues = []
-        for _, image, factors in self._lines:
+        for _, images, factors in self._lines:
+            modulus = factors[i] ** power
+            remainders = [f % modulus for f in images]
+            rows += [[f[k] for f in remainders] for k in range(modulus.degree())]
             if len(rows) > 2 * len(self.exponents):
                 break
-            modulus = factors[i] ** power
-            if power > 1:
-                remainders = [f % modulus for f in self._at(image)]
-                rows += [[f[k] for f in remainders] for k in range(modulus.degree())]
-            elif roots := modulus.roots():
-                rows += self._orbit([f(roots[0][0]) for f in image])
-        return self._matrix(rows or [[0] * len(self.exponents)])
-
-    def _orbit(self, x: list[Any]) -> Residues:
-        """Return the monomials at iterates of a point."""
-        rows: Residues = []
-        steps = Arithmetic(self.map.map, self.p)
-        while any(x) and len(rows) < _ITERATES:
-            rows.append(self._at(x))
-            try:
-                x = steps.image(x)
-            except ZeroDivisionError:  # the singularity may be confined
-                break
-        return rows
+        return self._matrix(rows)
 
     def _solutions(self, equations: Any, basis: Any) -> Any:
         """Return the combinations of rows of a basis that solve equations; None if only 0 does."""
-        chosen = _exact.null_space(equations)
+        columns, dimension = equations.nullspace()
+        chosen = columns.transpose().tolist()[:dimension]
         return self._matrix(chosen) * basis if chosen else None
 
     def _divisible(self, basis: Any, i: int, power: int) -> Any:
@@ -175,13 +154,12 @@ class _Pullbacks:
         return self._matrix([[int(c) * (i == j) for j in range(n)] for i in range(n)])
 
     @cached_property
-    def _samples(self) -> list[tuple[list[Any], list[Any], list[Any]]]:
-        """At random points: the factors, the monomials, and the monomials at the image."""
+    def _samples(self) -> list[tuple[list[Any], ...]]:
+        """At random points of the lines: the monomials, those of the image, and the factors."""
         samples = []
         for each in self._lines:
             t = flint.nmod(self.rng.randrange(self.p), self.p)
-            x, image, factors = ([f(t) for f in polynomials] for polynomials in each)
-            samples.append((factors, self._at(x), self._at(image)))
+            samples.append(tuple([f(t) for f in polynomials] for polynomials in each))
         return samples
 
     def _invariant(self, basis: Any, powers: Powers) -> tuple[Any, Any]:
@@ -192,16 +170,16 @@ class _Pullbacks:
         while basis is not None:
             r = basis.nrows()
             before, after = [], []
-            for factors, here, there in self._samples[: 2 * r + MORE]:
+            for here, there, factors in self._samples[: 2 * r + MORE]:
                 weight = flint.nmod(1, self.p)
                 for a, power in zip(factors, powers, strict=True):
                     weight *= a**power
                 before.append([weight * a for a in here])
                 after.append(there)
             both = (self._matrix(rows) * basis.transpose() for rows in (before, after))
-            joined = [a + b for a, b in zip(*map(_exact.integer_rows, both), strict=True)]
+            joined = [a + b for a, b in zip(*(each.tolist() for each in both), strict=True)]
             reduced, rank = self._matrix(joined).rref()
-            right = [row[r:] for row in _exact.integer_rows(reduced)[:rank]]
+            right = [row[r:] for row in reduced.tolist()[:rank]]
             if rank == r:
                 return basis, self._matrix(right)
             basis = self._solutions(self._matrix(right[r:]), basis)

@@ -91,7 +91,7 @@ def factors(P: Any) -> list[tuple[Any, int]]:
     return found
 
 
-def value(P: Any, x: Sequence[Any]) -> Any:
+def value_at(P: Any, x: Sequence[Any]) -> Any:
     """Return the value of a polynomial at a point, whose coordinates may be of any type."""
     return sum(int(c) * a for c, a in zip(P.coeffs(), monomial_values(P.monoms(), x), strict=True))
 

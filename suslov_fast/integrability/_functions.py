@@ -12,7 +12,7 @@ from typing import Any
 
 import flint
 
-from ._exact import Polynomials, factors, polynomial_ring, random_prime, value
+from ._exact import Polynomials, factors, polynomial_ring, random_prime, value_at
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 
@@ -33,7 +33,9 @@ class RationalFunction:
 
     def __call__(self, x: Sequence[Any]) -> Fraction:
         """Return the value at a point."""
-        return math.prod((Fraction(value(P, x)) ** e for P, e in self.factors), start=self.constant)
+        return math.prod(
+            (Fraction(value_at(P, x)) ** e for P, e in self.factors), start=self.constant
+        )
 
     @property
     def numerator(self) -> Any:
@@ -89,7 +91,7 @@ def latex(f: RationalFunction) -> str:
     return re.sub(r"\^(\d+)", r"^{\1}", text)
 
 
-def quotient(P: Any, Q: Any, basis: str) -> RationalFunction:
+def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
     """Return a quotient of polynomials in irreducible factors, without a constant."""
     powers: dict[str, tuple[Any, int]] = {}
     for each, sign in ((P, 1), (Q, -1)):
@@ -127,8 +129,8 @@ def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunctio
         x = x or [flint.nmod(rng.randrange(p), p) for _ in range(D)]
         row = [flint.nmod(0, p)] * D
         for P, e in f.factors:  # the derivative of the logarithm
-            scale = e / value(P, x)
-            row = [a + scale * value(P.derivative(i), x) for i, a in enumerate(row)]
+            scale = e / value_at(P, x)
+            row = [a + scale * value_at(P.derivative(i), x) for i, a in enumerate(row)]
         if flint.nmod_mat([*rows, row], p).rank() > len(rows):
             chosen, rows = [*chosen, f], [*rows, row]
     return tuple(chosen)
@@ -136,4 +138,4 @@ def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunctio
 
 def rank_of_quotients(polynomials: Polynomials) -> int:
     """Return the number of independent quotients of polynomials."""
-    return len(independent(quotient(P, polynomials[0], MODULAR) for P in polynomials[1:]))
+    return len(independent(quotient_of(P, polynomials[0], MODULAR) for P in polynomials[1:]))

@@ -111,7 +111,9 @@ def growth(degrees: Sequence[int]) -> Growth:
     >>> growth([1, 5, 2, 7, 9, 1, 1, 1]).kind
     'unclear'
     """
-    instance("degrees", degrees, Iterable)
+    if not isinstance(degrees, Iterable):
+        expected = "integers, as degrees(kahan(field, eps), n) returns them"
+        raise wrong("degrees", expected, type(degrees).__name__, TypeError)
     d = []
     for each in degrees:
         instance("degrees", each, (int, np.integer))

@@ -23,7 +23,7 @@ from ._functions import (
     RationalFunction,
     independent,
     product_of,
-    quotient,
+    quotient_of,
     rank,
     size,
 )
@@ -71,7 +71,7 @@ class Invariants:
     @property
     def integrals(self) -> list[RationalFunction]:
         """First integrals: quotients, and products of powers whose cofactors multiply to 1."""
-        relations = _relations([g.cofactor for g in self.generators])
+        relations = _multiplicative_relations([g.cofactor for g in self.generators])
         return self.quotients + [self._power_product(row) for row in relations]
 
     @property
@@ -79,9 +79,11 @@ class Invariants:
         """Densities of invariant measures, from one cofactor or else from several."""
         found, one = [*self.densities], self.map.affine_ring.constant(1)
         if self.map.determinant == self.map.backward:  # det DPhi(x) is det A(Phi(x)) / det A(x)
-            found.append(quotient(one, self.map.affine(self.map.determinant), IDENTITY))
+            found.append(quotient_of(one, self.map.affine(self.map.determinant), IDENTITY))
         if not self.densities and self.map.affine_factors is not None:
-            rows = _relations([self.determinant, *(g.cofactor for g in self.generators)])
+            rows = _multiplicative_relations(
+                [self.determinant, *(g.cofactor for g in self.generators)]
+            )
             single = [row for row in rows if abs(row[0]) == 1]
             found += [self._power_product([a * b for b in row]) for a, *row in single[:1]]
         different = {str(f): f for f in found}.values()
@@ -109,10 +111,10 @@ class Invariants:
                     self.generators.append(Darboux(P, cofactor, basis))
                     span = self._products_with(cofactor, affine)
             span.sort(key=size)
-            self.quotients += [quotient(P, span[0], basis) for P in span[1:]]
+            self.quotients += [quotient_of(P, span[0], basis) for P in span[1:]]
             if not self.densities and cofactor == self.determinant:
                 one = self.map.affine_ring.constant(1)
-                self.densities = [quotient(one, P, basis) for P in span]
+                self.densities = [quotient_of(one, P, basis) for P in span]
 
     def add_modified_energy(self) -> None:
         """Add the integral H + grad H (x~ - x) / 3 of a field with a Hamiltonian."""
@@ -125,7 +127,7 @@ class Invariants:
         *numerators, F = map(self.map.affine, self.map.F)
         steps = (f - x * F for f, x in zip(numerators, ring.gens(), strict=True))
         change = sum((H.derivative(i) * step for i, step in enumerate(steps)), 0 * H)
-        modified = quotient(3 * H * F + change, 3 * F, MODULAR)
+        modified = quotient_of(3 * H * F + change, 3 * F, MODULAR)
         if not (k := modified.degree):
             return
         P, Q = (self.map.homogeneous(f, k) for f in (modified.numerator, modified.denominator))
@@ -207,27 +209,24 @@ def common_denominator(functions: Iterable[RationalFunction]) -> Polynomials:
     return (common, *(P * (common // Q) for P, Q in chosen))
 
 
-def _relations(keys: Sequence[Cofactor]) -> list[list[int]]:
+def _multiplicative_relations(cofactors: Sequence[Cofactor]) -> list[list[int]]:
     """Return short exponents with which products of cofactors are 1, a basis of all."""
-    if not keys:
-        return []
-    vectors = []
-    for powers, c in keys:
-        vector: dict[Any, int] = dict(enumerate(powers))
+    exponents = []
+    for powers, c in cofactors:
+        of: dict[Any, int] = dict(enumerate(powers))
+        of["sign"] = int(c < 0)
         for number, sign in ((c.numerator, 1), (c.denominator, -1)):
             for q, e in flint.fmpz(abs(number)).factor(trial_limit=_TRIAL):
-                vector[f"{q}"] = vector.get(f"{q}", 0) + sign * int(e)
-        vectors.append(vector)
-    n, names = len(keys), dict.fromkeys(name for vector in vectors for name in vector)
+                of[str(q)] = of.get(str(q), 0) + sign * int(e)
+        exponents.append(of)
+    exponents.append({"sign": 2})
+    names, n = dict.fromkeys(name for of in exponents for name in of), len(cofactors)
     rows = [
-        [int(i == j) for j in range(n)] + [_WEIGHT * vector.get(name, 0) for name in names]
-        for i, vector in enumerate(vectors)
+        [int(i == j) for j in range(n)] + [_WEIGHT * of.get(name, 0) for name in names]
+        for i, of in enumerate(exponents)
     ]
     reduced = _exact.integer_rows(flint.fmpz_mat(rows).lll())
-    found = [row[:n] for row in reduced if not any(row[n:])]
-    # If a product is -1, its square is 1.
-    odd = [sum(a for a, (_, c) in zip(row, keys, strict=True) if c < 0) % 2 for row in found]
-    return [[(1 + b) * a for a in row] for row, b in zip(found, odd, strict=True)]
+    return [row[:n] for row in reduced if any(row[:n]) and not any(row[n:])]
 
 
 def cofactors(map: KahanMap, degree: int) -> tuple[RationalFunction, ...]:

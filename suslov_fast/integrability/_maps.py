@@ -98,7 +98,7 @@ class Arithmetic:
         return flint.fmpq_mat(rows) if self.p is None else flint.nmod_mat(rows, self.p)
 
     def _equations(self, map: KahanMap, x: Sequence[Any]) -> tuple[Any, Any]:
-        rows = evaluate(map.equations, x)
+        rows = linear_values(map.equations, x)
         return self.matrix([row[:-1] for row in rows]), self.matrix([row[-1:] for row in rows])
 
     def image(self, x: Sequence[Any]) -> list[Any]:
@@ -115,7 +115,7 @@ class Arithmetic:
             x = self.image(x)
 
 
-def evaluate(equations: list[list[LinearForm]], x: Sequence[Any]) -> list[list[Any]]:
+def linear_values(equations: list[list[LinearForm]], x: Sequence[Any]) -> list[list[Any]]:
     zero = 0 * x[-1]
     return [[sum((a * x[k] for k, a in form), zero) for form in row] for row in equations]
 
@@ -125,7 +125,7 @@ def image_by_minors(map: KahanMap, x: Sequence[Any]) -> list[Any]:
 
     Elimination without fractions (Bareiss).
     """
-    system = evaluate(map.equations, x)
+    system = linear_values(map.equations, x)
     n, previous = len(system), 1
     for k in range(n):
         pivot = next((i for i in range(k, n) if system[i][k] != 0), None)

@@ -12,7 +12,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ._exact import factors, null_space, value
+from ._exact import factors, null_space, value_at
 from ._functions import RationalFunction
 from ._projective import Projective
 
@@ -114,12 +114,12 @@ def _base_points(P: Any, Q: Any) -> tuple[tuple[Center, int], ...]:
     points = []
     for y, multiplicity in second.items():
         for z in ((x, y, 1) for x in first):
-            if value(p, z) == value(q, z) == 0:
-                points.append((_primitive(np.array(matrix) @ z), multiplicity))
+            if value_at(p, z) == value_at(q, z) == 0:
+                points.append((_coprime(np.array(matrix) @ z), multiplicity))
     return tuple(sorted(points))
 
 
-def _primitive(point: Sequence[Any]) -> Center:
+def _coprime(point: Sequence[Any]) -> Center:
     """Return integers without a common divisor, the last of which that is not 0 is positive."""
     scale = math.lcm(*(a.denominator for a in point))
     integers = [int(a * scale) for a in point]
@@ -159,10 +159,10 @@ def _double_points(conics: Sequence[Any]) -> Iterator[Center]:
     """Yield the points in which pairs of lines meet."""
     units = np.eye(3, dtype=int).tolist()
     for P in conics:
-        gradients = [[int(value(P.derivative(i), e)) for e in units] for i in range(3)]
+        gradients = [[int(value_at(P.derivative(i), e)) for e in units] for i in range(3)]
         points = null_space(flint.fmpz_mat(gradients))
         if len(points) == 1:
-            yield _primitive(points[0])
+            yield _coprime(points[0])
 
 
 def _involutions(P: Any, Q: Any, F: Sequence[Any], centers: Sequence[Center]) -> Any:
@@ -171,12 +171,12 @@ def _involutions(P: Any, Q: Any, F: Sequence[Any], centers: Sequence[Center]) ->
     def cross(a: Any, b: Any) -> Any:
         return [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
 
-    images = [[value(f, x) for f in F] for x in _POINTS]
+    images = [[value_at(f, x) for f in F] for x in _POINTS]
     pairs = (_POINTS[0], images[0]), (P.context().gens(), F)
     for a in centers:
         lines = [cross(x, _manin(P, Q, a, y)) for x, y in zip(_POINTS, images, strict=True)]
         if any(b := cross(*lines)):
-            b = _primitive(b)
+            b = _coprime(b)
             products = ((_manin(P, Q, a, _manin(P, Q, b, x)), y) for x, y in pairs)
             if all(any(z) and not any(cross(y, z)) for z, y in products):
                 return a, b
@@ -188,14 +188,14 @@ def _manin(P: Any, Q: Any, center: Sequence[int], x: Sequence[Any]) -> list[Any]
 
     For degree 3, the center is a base point.
     """
-    p, q = value(P, x), value(Q, x)
+    p, q = value_at(P, x), value_at(Q, x)
 
     def along(f: Any, at: Sequence[Any], direction: Sequence[Any]) -> Any:
-        return sum(value(f.derivative(i), at) * b for i, b in enumerate(direction))
+        return sum(value_at(f.derivative(i), at) * b for i, b in enumerate(direction))
 
     tangent = q * along(P, x, center) - p * along(Q, x, center)
     if P.total_degree() == 3:
         far = q * along(P, center, x) - p * along(Q, center, x)
     else:
-        far = q * value(P, center) - p * value(Q, center)
+        far = q * value_at(P, center) - p * value_at(Q, center)
     return [far * a - tangent * b for a, b in zip(x, center, strict=True)]

@@ -32,7 +32,7 @@ from ._functions import rank_of_quotients
 from ._invariants import common_denominator, invariants_up_to
 from ._maps import Arithmetic, KahanMap, check_map
 
-_MOST = 1_000  # monomials up to a degree
+_MOST = 500  # monomials up to a degree
 
 
 @dataclass(frozen=True)
@@ -119,34 +119,34 @@ def hk_bases(
     (4*x1^2 + x2^2, x1*x2 + 1024)
     """
     check_map(map)
-    exponents, rng = _exponents(monomials, map.dimension), random.Random(seed)
-    small = rng.sample(range(2, 100), map.dimension)
-    start = exact_array("point", small if point is None else point, (map.dimension,))
-    highest = max(sum(e) for e in exponents)
-    sets = [exponents]
-    if isinstance(monomials, int | np.integer):
-        sets = [_exact.exponents_up_to(d, map.dimension) for d in range(1, highest + 1)] or sets
+    n, rng = map.dimension, random.Random(seed)
+    exponents = _exponents(monomials, n)
+    start = rng.sample(range(2, 100), n) if point is None else exact_array("point", point, (n,))
+    highest, by_degree = _degree(exponents), isinstance(monomials, int | np.integer)
     search = Relations(map, rng)
-    independent = search.independent(exponents)
+    _, independent = search.counts(exponents)
     candidates: list[Polynomials] = [()]
-    for exponents in sets if independent else sets[-1:]:
+    for d in range(1, highest + 1) if by_degree and independent else ():
+        exponents = _exact.exponents_up_to(d, n)
         candidates.append(search.integrals(exponents))
-        if search.independent(exponents) == independent:
+        if search.counts(exponents)[1] == independent:
             break
-    degree = max(sum(e) for e in exponents)
-    shown = max(rank_of_quotients(each) for each in candidates)
-    if shown < independent and sets[0] is not sets[-1]:
+    if not by_degree:
+        candidates.append(search.integrals(exponents))
+    elif rank_of_quotients(max(candidates, key=rank_of_quotients)) < independent:
         with contextlib.suppress(ArithmeticError):  # too long
-            candidates.append(common_denominator(invariants_up_to(map, degree).quotients))
+            found = invariants_up_to(map, _degree(exponents))
+            candidates.append(common_denominator(found.quotients))
     integrals = max(candidates, key=rank_of_quotients)
+    dimension, _ = search.counts(exponents)
     basis: Matrix | None = ()
-    dimension = search.dimension(exponents)
     if dimension > 0 or point is not None:
         basis = _exact.over_rationals(rng, lambda p: search.relations(p, exponents, start))
         dimension = dimension if basis is None else len(basis)
     complete = rank_of_quotients(integrals) == independent
+    where = tuple(Fraction(a) for a in start)
     return HKBasis(
-        degree, exponents, dimension, independent, integrals, complete, tuple(start), basis
+        _degree(exponents), exponents, dimension, independent, integrals, complete, where, basis
     )
 
 
@@ -155,8 +155,7 @@ class Relations:
 
     def __init__(self, map: KahanMap, rng: random.Random) -> None:
         self.map, self.rng = map, rng
-        self.dimension = cache(self._dimension)
-        self.independent = cache(self._independent)
+        self.counts = cache(self._counts)
 
     def relations(self, p: int, exponents: Exponents, point: Any = None) -> Residues:
         """Return the relations along an orbit, in the form of `HKBasis.basis`."""
@@ -173,23 +172,24 @@ class Relations:
     def _random_point(self) -> list[int]:
         return [self.rng.randrange(2**61) for _ in range(self.map.dimension)]
 
-    def _dimension(self, exponents: Exponents) -> int:
-        return int(confirmed(self.rng, lambda p: len(self.relations(p, exponents))))
+    def _counts(self, exponents: Exponents) -> tuple[int, int]:
+        """Return the number of relations, and of independent first integrals that they show."""
 
-    def _independent(self, exponents: Exponents) -> int:
-        """Return the number of independent first integrals that the relations show."""
-        if self.dimension(exponents) == 0:
-            return 0
-        return int(confirmed(self.rng, lambda p: self._rank_of_derivatives(p, exponents)))
+        def count(p: int) -> tuple[int, int]:
+            relations = self.relations(p, exponents, start := self._random_point())
+            rank = self._rank_of_derivatives(p, exponents, start, relations) if relations else 0
+            return len(relations), rank
 
-    def _rank_of_derivatives(self, p: int, exponents: Exponents) -> int:
+        return confirmed(self.rng, count)  # type: ignore[no-any-return]
+
+    def _rank_of_derivatives(
+        self, p: int, exponents: Exponents, start: list[int], relations: Residues
+    ) -> int:
         """Return the rank of the derivatives of the coefficients of relations by the orbit's start.
 
         For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0.
         """
         steps, n = Arithmetic(self.map, p), self.map.dimension
-        start = self._random_point()
-        relations = self.relations(p, exponents, start)
         ring = _exact.polynomial_ring(n, flint.nmod_mpoly_ctx, modulus=p)
         polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
         gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
@@ -206,7 +206,7 @@ class Relations:
 
     def integrals(self, exponents: Exponents) -> Polynomials:
         """Return the polynomials of all relations if their quotients are first integrals."""
-        if (dimension := self.dimension(exponents)) == 0:
+        if (dimension := self.counts(exponents)[0]) == 0:
             return ()
 
         def span(p: int) -> Residues:
@@ -215,6 +215,10 @@ class Relations:
             return _exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
 
         return _exact.polynomials_with(_exact.over_rationals(self.rng, span), exponents)
+
+
+def _degree(exponents: Exponents) -> int:
+    return max(sum(e) for e in exponents)
 
 
 def _exponents(monomials: Any, n: int) -> Exponents:
@@ -281,13 +285,12 @@ def darboux_polynomials(
     degree = integer("degree", degree, 0)
     _exact.check_unknowns("degree", degree, map.dimension)
     exponents = _exact.exponents_up_to(degree, map.dimension)
-    homogeneous = tuple((degree - sum(e), *e) for e in exponents)
+    homogeneous = [(*e, degree - sum(e)) for e in exponents]
     C = map.determinant if cofactor is None else cofactor
     if not callable(C):
-        constant = exact_array("cofactor", cofactor, ()).item()
+        constant = rational("cofactor", cofactor)
         C = lambda x: constant  # noqa: E731
     rng = random.Random(seed)
-
     equations: list[list[int]] = []
     for _ in range(2 * (len(exponents) + MORE)):
         x = tuple(Fraction(rng.randrange(-(2**12), 2**12)) for _ in range(map.dimension))
@@ -296,7 +299,7 @@ def darboux_polynomials(
             # With image = numerators / d, the equations times d**degree have integer coefficients.
             d = math.lcm(*(a.denominator for a in image))
             before = d**degree * monomial_values(exponents, [int(a) for a in x])
-            after = monomial_values(homogeneous, [d, *(int(a * d) for a in image)])
+            after = monomial_values(homogeneous, [int(a * d) for a in (*image, Fraction(1))])
             equations.append(list(c.denominator * after - c.numerator * before))
         if len(equations) == len(exponents) + MORE:
             return _exact.polynomials_with(_exact.null_space(flint.fmpz_mat(equations)), exponents)

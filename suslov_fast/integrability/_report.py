@@ -15,7 +15,7 @@ from .._bodies.field import QuadraticField
 from .._checks import integer, real_array, wrong
 from .._engine.progress import Progress, check_progress, reporter
 from . import _exact
-from ._functions import IDENTITY, MODULAR, RationalFunction, independent, latex, quotient
+from ._functions import IDENTITY, MODULAR, RationalFunction, independent, latex, quotient_of
 from ._growth import Growth, degrees_on_a_line, growth
 from ._invariants import Invariants
 from ._maps import KahanMap, kahan
@@ -114,10 +114,10 @@ class Report:
         """Return the report as numbers, strings, lists and dictionaries, for JSON."""
         derived = ("growth", "hyperplanes", "dimension")
         names = (*(each.name for each in dataclasses.fields(self)), *derived)
-        return {name: _plain(getattr(self, name)) for name in names}
+        return {name: _for_json(getattr(self, name)) for name in names}
 
 
-def _plain(value: Any) -> Any:
+def _for_json(value: Any) -> Any:
     """Return numbers, strings, lists and dictionaries in place of other types."""
     match value:
         case RationalFunction():
@@ -126,11 +126,11 @@ def _plain(value: Any) -> Any:
         case QuadraticField():
             return value.to_dict()
         case Growth():
-            return {name: _plain(each) for name, each in value._asdict().items()}
+            return {name: _for_json(each) for name, each in value._asdict().items()}
         case Pencil():
-            return {name: _plain(each) for name, each in vars(value).items()}
+            return {name: _for_json(each) for name, each in vars(value).items()}
         case list() | tuple():
-            return [_plain(each) for each in value]
+            return [_for_json(each) for each in value]
         case float():
             return None if math.isnan(value) else value
         case int() | None:
@@ -267,7 +267,7 @@ def _search(found: Report, map: KahanMap, seed: int, pulse: Callable[[], object]
         found.searched.append("nothing else: the map has no inverse, since det DPhi = 0")
         return
     exponents = _exact.exponents_up_to(d, D)
-    found.relations = Relations(map, random.Random(seed)).independent(exponents)
+    found.relations = Relations(map, random.Random(seed)).counts(exponents)[1]
     found.searched.append(f"relations between the {len(exponents)} monomials up to degree {d}")
     yield
     invariants = Invariants(projective)
@@ -282,7 +282,7 @@ def _search(found: Report, map: KahanMap, seed: int, pulse: Callable[[], object]
         found.searched.append("the modified energy and 1/det A of the Hamiltonian")
     if projective.affine_factors is None:
         polynomials = hk_bases(map, d, seed=seed).integrals
-        invariants.quotients += [quotient(P, polynomials[0], MODULAR) for P in polynomials[1:]]
+        invariants.quotients += [quotient_of(P, polynomials[0], MODULAR) for P in polynomials[1:]]
         update()
         found.searched.append("no Darboux polynomials, since det DPhi is too long")
         return

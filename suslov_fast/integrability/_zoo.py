@@ -3,53 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from fractions import Fraction as F
+from fractions import Fraction
 from typing import Any
 
 from .._bodies.body_3d import Suslov3D, SuslovGyrostat
 from .._bodies.field import QuadraticField
 
 
+def _of(f: Callable[..., Any]) -> QuadraticField:
+    """Return the field of a function of D numbers."""
+    return QuadraticField.from_function(lambda x: f(*x), f.__code__.co_argcount)
+
+
+def _chain(N: int) -> QuadraticField:
+    """Each species eats the next and is eaten by the one before, periodically."""
+    of = QuadraticField.from_function
+    return of(lambda x: [x[k] * (x[(k + 1) % N] - x[k - 1]) for k in range(N)], N)
+
+
 def _cross(a: Sequence[Any], b: Sequence[Any]) -> tuple[Any, ...]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _sum(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
-    return [k + l for k, l in zip(a, b, strict=True)]
-
-
-def _chain(N: int) -> Callable[[Any], Any]:
-    """Each species eats the next and is eaten by the one before, periodically."""
-    return lambda x: [x[k] * (x[(k + 1) % N] - x[k - 1]) for k in range(N)]
-
-
-def _rotors(*beta: int) -> Callable[[Any], Any]:
+def _rotors(*beta: int) -> QuadraticField:
     """The gyrostat of Zhukovsky and Volterra."""
-    return lambda x: _sum((x[1] * x[2], 2 * x[2] * x[0], -3 * x[0] * x[1]), _cross(x, beta))
+
+    def field(x: Any, y: Any, z: Any) -> list[Any]:
+        turn = _cross((x, y, z), beta)
+        return [a + b for a, b in zip((y * z, 2 * z * x, -3 * x * y), turn, strict=True)]
+
+    return _of(field)
 
 
-def _in_fluid(a: Sequence[int], b: Sequence[int]) -> Callable[[Any], Any]:
-    """Kirchhoff's equations for 2 H = sum a_i m_i^2 + b_i p_i^2."""
+def _top(w: Callable[..., Any], v: Callable[..., Any]) -> QuadraticField:
+    """A body with m' = m x w(m) + p x v(p), p' = p x w(m)."""
 
     def field(x: Any) -> list[Any]:
         m, p = x[:3], x[3:]
-        u, v = ([k * l for k, l in zip(*each, strict=True)] for each in ((a, m), (b, p)))
-        return [*_sum(_cross(m, u), _cross(p, v)), *_cross(p, u)]
+        torque = zip(_cross(m, w(*m)), _cross(p, v(*p)), strict=True)
+        return [*(a + b for a, b in torque), *_cross(p, w(*m))]
 
-    return field
-
-
-def _lagrange(x: Any) -> list[Any]:
-    """A heavy symmetric top in the frame of the body."""
-    m, p = x[:3], x[3:]
-    turn = (m[0], m[1], m[2] / 2)
-    return [*_sum(_cross(m, turn), _cross(p, (0, 0, 1))), *_cross(p, turn)]
+    return QuadraticField.from_function(field, 6)
 
 
-def _nambu(x: Any) -> tuple[Any, ...]:
-    """Cross product of the gradients of 2 x1^2 + x2^2 + x3^2 + x1 x2 and x3^2 + x1 x2 + x1 x3."""
-    x1, x2, x3 = x
-    return _cross((4 * x1 + x2, x1 + 2 * x2, 2 * x3), (x2 + x3, x1, x1 + 2 * x3))
+def _in_fluid(a: Sequence[int], b: Sequence[int]) -> QuadraticField:
+    """Kirchhoff's equations for 2 H = sum a_i m_i^2 + b_i p_i^2."""
+    w, v = (lambda *x, c=c: [k * l for k, l in zip(c, x, strict=True)] for c in (a, b))
+    return _top(w, v)
+
+
+def _nambu(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
+    """Cross product of the gradients of 2 x^2 + y^2 + z^2 + x y and z^2 + x y + x z."""
+    return _cross((4 * x + y, x + 2 * y, 2 * z), (y + z, x, x + 2 * z))
+
+
+def _cubic(x: Any) -> Any:
+    return (x[1] ** 2 - x[0] ** 2) / 2 + x[0] ** 3 / 3
 
 
 def _henon_heiles(x: Any) -> Any:
@@ -57,7 +66,7 @@ def _henon_heiles(x: Any) -> Any:
     return (p1**2 + p2**2 + q1**2 + q2**2) / 2 + q1**2 * q2 - q2**3 / 3
 
 
-def zoo() -> dict[str, tuple[QuadraticField, F]]:
+def zoo() -> dict[str, tuple[QuadraticField, Fraction]]:
     """Return the fields of the page "A zoo of Kahan maps", by name, each with a step size.
 
     The first twelve have integrable maps.
@@ -72,55 +81,36 @@ def zoo() -> dict[str, tuple[QuadraticField, F]]:
     >>> iterate(field, [1, 0.5, 0.2], float(eps), steps=2).x.shape
     (3, 3)
     """
-    of, hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
-    quarter, half = F(1, 4), F(1, 2)
-    return {
-        "Suslov body": (QuadraticField.of(Suslov3D(4, 2, -0.5, -0.25)), quarter),
-        "Suslov gyrostat": (
-            QuadraticField.of(SuslovGyrostat(4, 2, -0.5, -0.25, k=0.5)),
-            quarter,
-        ),
-        "cubic Hamiltonian": (
-            hamiltonian(lambda x: (x[1] ** 2 - x[0] ** 2) / 2 + x[0] ** 3 / 3, 2),
-            half,
-        ),
+    I, hamiltonian = (4, 2, -0.5, -0.25), QuadraticField.from_hamiltonian
+    fields = {
+        "Suslov body": ("1/4", QuadraticField.of(Suslov3D(*I))),
+        "Suslov gyrostat": ("1/4", QuadraticField.of(SuslovGyrostat(*I, k=0.5))),
+        "cubic Hamiltonian": ("1/2", hamiltonian(_cubic, 2)),
         "Nahm, octahedral": (
-            of(lambda x: (2 * x[0] ** 2 - 12 * x[1] ** 2, -6 * x[0] * x[1] - 4 * x[1] ** 2), 2),
-            quarter,
+            "1/4",
+            _of(lambda x, y: (2 * x**2 - 12 * y**2, -6 * x * y - 4 * y**2)),
         ),
-        "Euler top": (of(lambda x: (2 * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]), 3), half),
-        "Zhukovsky-Volterra, one beta": (of(_rotors(1, 0, 0), 3), half),
-        "Nambu": (of(_nambu, 3), quarter),
-        "Volterra chain, N = 3": (of(_chain(3), 3), quarter),
-        "Volterra chain, N = 4": (of(_chain(4), 4), quarter),
-        "Lagrange top": (of(_lagrange, 6), quarter),
-        "Kirchhoff": (of(_in_fluid((1, 1, 2), (1, 1, 3)), 6), quarter),
-        "Clebsch": (of(_in_fluid((1, 1, 1), (1, 2, 5)), 6), quarter),
-        "Lotka-Volterra": (of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2), half),
-        "Zhukovsky-Volterra, two betas": (of(_rotors(1, 2, 0), 3), F(5, 4)),
-        "Zhukovsky-Volterra, three betas": (of(_rotors(1, 2, 3), 3), F(1)),
-        "Volterra chain, N = 5": (of(_chain(5), 5), F(3, 4)),
-        "body in a fluid": (of(_in_fluid((1, 2, 4), (1, 3, 2)), 6), quarter),
-        "Henon-Heiles": (hamiltonian(_henon_heiles, 4), quarter),
+        "Euler top": ("1/2", _of(lambda x, y, z: (2 * y * z, -3 * z * x, x * y))),
+        "Zhukovsky-Volterra, one beta": ("1/2", _rotors(1, 0, 0)),
+        "Nambu": ("1/4", _of(_nambu)),
+        "Volterra chain, N = 3": ("1/4", _chain(3)),
+        "Volterra chain, N = 4": ("1/4", _chain(4)),
+        "Lagrange top": ("1/4", _top(lambda x, y, z: (x, y, z / 2), lambda *p: (0, 0, 1))),
+        "Kirchhoff": ("1/4", _in_fluid((1, 1, 2), (1, 1, 3))),
+        "Clebsch": ("1/4", _in_fluid((1, 1, 1), (1, 2, 5))),
+        "Lotka-Volterra": ("1/2", _of(lambda x, y: (x * (1 - y), y * (x - 1)))),
+        "Zhukovsky-Volterra, two betas": ("5/4", _rotors(1, 2, 0)),
+        "Zhukovsky-Volterra, three betas": ("1", _rotors(1, 2, 3)),
+        "Volterra chain, N = 5": ("3/4", _chain(5)),
+        "body in a fluid": ("1/4", _in_fluid((1, 2, 4), (1, 3, 2))),
+        "Henon-Heiles": ("1/4", hamiltonian(_henon_heiles, 4)),
         "Lorenz": (
-            of(
-                lambda x: (
-                    10 * (x[1] - x[0]),
-                    x[0] * (28 - x[2]) - x[1],
-                    x[0] * x[1] - F(8, 3) * x[2],
-                ),
-                3,
-            ),
-            F(1, 64),
+            "1/64",
+            _of(lambda x, y, z: (10 * (y - x), x * (28 - z) - y, x * y - 8 * z / 3)),
         ),
         "generic planar field": (
-            of(
-                lambda x: (
-                    -x[0] / 8 - x[1] + x[0] ** 2,
-                    x[0] - x[1] / 8 + x[0] * x[1] / 2 + x[1] ** 2 / 2,
-                ),
-                2,
-            ),
-            quarter,
+            "1/4",
+            _of(lambda x, y: (-x / 8 - y + x**2, x - y / 8 + x * y / 2 + y**2 / 2)),
         ),
     }
+    return {name: (field, Fraction(eps)) for name, (eps, field) in fields.items()}

@@ -30,7 +30,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ._bodies.base import Body
 from ._bodies.body_3d import Suslov3D, SuslovGyrostat
@@ -38,11 +38,8 @@ from ._bodies.body_nd import SuslovND
 from ._bodies.field import QuadraticField
 from ._checks import FloatArray, instance, real_number, wrong
 from ._formulas import coordinates, equations, integrals
-from ._jit import borrowed, for_users, formula, stack
+from ._jit import borrowed, for_users
 from ._kernels import one_state
-
-# Fields of up to this dimension are compiled for it.
-_MOST, _MOST_1 = 4, 5
 
 
 class Frame(NamedTuple):
@@ -52,18 +49,19 @@ class Frame(NamedTuple):
     I2: float
     I13: float
     I23: float
+    k: float  # 0
     eps: float
-    # (X, Y) = (x1 omega1 + x2 omega2, y1 omega1 + y2 omega2), and back.
-    x1: float
-    x2: float
-    y1: float
-    y2: float
-    omega1_x: float
-    omega1_y: float
-    omega2_x: float
-    omega2_y: float
+    # (u, v) = (u1 omega1 + u2 omega2, v1 omega1 + v2 omega2), and back.
+    u1: float
+    u2: float
+    v1: float
+    v2: float
+    omega1_u: float
+    omega1_v: float
+    omega2_u: float
+    omega2_v: float
 
-    labels = property(lambda self: ("Omega1", "Omega2"))  # of the components of a state
+    labels = ("Omega1", "Omega2")  # of the components of a state
 
 
 class GyrostatFrame(NamedTuple):
@@ -75,14 +73,20 @@ class GyrostatFrame(NamedTuple):
     I23: float
     k: float
     eps: float
-    half: float  # eps / 2
-    ratio: float  # sqrt(I2 / I1)
+    u1: float
+    u2: float
+    v1: float
+    v2: float
+    omega1_u: float
+    omega1_v: float
+    omega2_u: float
+    omega2_v: float
     # X = K + a u + b v, Y = b u - a v.
     K: float
     a: float
     b: float
 
-    labels = property(lambda self: ("Omega1", "Omega2"))  # of the components of a state
+    labels = Frame.labels
 
 
 class NDSystem(NamedTuple):
@@ -101,9 +105,10 @@ class NDSystem(NamedTuple):
 class FieldSystem(NamedTuple):
     """A quadratic field and a step size, for f = q(x, x) + l x + c."""
 
-    quadratic: FloatArray  # eps q, (D, D, D)
     slopes: FloatArray  # eps l / 2, and eps c / 2 in the last column, (D, D + 1)
-    size: FloatArray  # empty, with D axes, so that Numba knows D, or _MOST + 1 if D is larger
+    indices: NDArray[np.int64]  # i, j and k of the terms v x_j x_k of q_i, (3, T)
+    values: FloatArray  # v
+    half: float  # eps / 2
 
     labels = property(lambda self: tuple(f"x{i + 1}" for i in range(len(self.slopes))))
 
@@ -153,20 +158,28 @@ def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFr
         eps,
         f"[frame({name}(*each), eps) for *each, eps in np.broadcast(*body.parameters, eps)]",
     )
-    I1, I2, I13, I23, *rotor = body.parameters
-    k = rotor[0] if rotor else 0.0
+    I1, I2, I13, I23, k = (*body.parameters, 0.0)[:5]
     if eps == 0.0 or I13 == I23 == k == 0.0:
         expected = "eps != 0, and I13, I23 or k != 0"
         raise wrong("body, eps", expected, f"{body!r}, eps = {eps!r}: the map is the identity")
     if isinstance(body, SuslovGyrostat):
-        mean = math.sqrt(I1) * math.sqrt(I2)
-        more = 0.5 * eps, math.sqrt(I2 / I1), 0.5 * eps * k / mean, I13 / mean, I23 / I2
-        made: Frame | GyrostatFrame = GyrostatFrame(I1, I2, I13, I23, k, eps, *more)
+        half, ratio, mean = 0.5 * eps, math.sqrt(I2 / I1), math.sqrt(I1) * math.sqrt(I2)
+        to_v = half * ratio
+        matrices = half, 0.0, 0.0, to_v, 1.0 / half, 0.0, 0.0, 1.0 / to_v
+        rotor = half * k / mean, I13 / mean, I23 / I2
+        made: Frame | GyrostatFrame = GyrostatFrame(I1, I2, I13, I23, k, eps, *matrices, *rotor)
     else:
-        made = Frame(I1, I2, I13, I23, eps, *map(float, _matrices(I1, I2, I13, I23, eps)))
+        made = Frame(I1, I2, I13, I23, k, eps, *map(float, _matrices(I1, I2, I13, I23, eps)))
     if not all(map(math.isfinite, made)):
         raise wrong("body, eps", "numbers of ordinary range", f"{body!r}, eps = {eps!r}")
     return made
+
+
+@for_users
+def _matrices(I1, I2, I13, I23, eps):
+    u1, v1, _, _ = coordinates.dimensionless(I1, I2, I13, I23, 0.0, eps, 1.0, 0.0)
+    u2, v2, _, _ = coordinates.dimensionless(I1, I2, I13, I23, 0.0, eps, 0.0, 1.0)
+    return u1, u2, v1, v2, *coordinates.from_canonical(I1, I2, I13, I23, eps)
 
 
 def _single(body: Any, eps: ArrayLike, loop: str) -> float:
@@ -188,28 +201,22 @@ def _matrices(I1, I2, I13, I23, eps):
 @for_users
 def enter(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the numbers u and v of a state, dimensionless and linear in omega."""
-    if len(frame) == _GYROSTAT:
-        return frame.half * omega1, frame.half * frame.ratio * omega2
-    return frame.x1 * omega1 + frame.x2 * omega2, frame.y1 * omega1 + frame.y2 * omega2
+    return frame.u1 * omega1 + frame.u2 * omega2, frame.v1 * omega1 + frame.v2 * omega2
 
 
 @for_users
 def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return u and v one step further, with one division; NaN where there is no next state."""
     if len(frame) == _GYROSTAT:
-        return one_state.advance_gyrostat(frame.K, frame.a, frame.b, u, v)
-    return one_state.advance(u, v)
+        return one_state.step_of_gyrostat(frame.K, frame.a, frame.b, u, v)
+    return one_state.step_of_body(u, v)
 
 
 @for_users
 def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return (omega1, omega2), the inverse of :func:`enter`."""
-    if len(frame) == _GYROSTAT:
-        return u / frame.half, v / (frame.half * frame.ratio)
-    return (
-        frame.omega1_x * u + frame.omega1_y * v,
-        frame.omega2_x * u + frame.omega2_y * v,
-    )
+    f = frame
+    return f.omega1_u * u + f.omega1_v * v, f.omega2_u * u + f.omega2_v * v
 
 
 @for_users
@@ -223,8 +230,8 @@ def step(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[fl
 @for_users
 def vector_field(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the derivatives of omega1 and omega2, as :func:`suslov_fast.vector_field`."""
-    f, k = frame, frame.k if len(frame) == _GYROSTAT else 0.0
-    return equations.vector_field(f.I1, f.I2, f.I13, f.I23, k, f.eps, omega1, omega2)
+    f = frame
+    return equations.vector_field(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
 
 @for_users
@@ -236,8 +243,8 @@ def energy(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
 @for_users
 def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
     """Return F of Lemma 1, as :func:`suslov_fast.first_integral`."""
-    f, k = frame, frame.k if len(frame) == _GYROSTAT else 0.0
-    return integrals.first_integral(f.I1, f.I2, f.I13, f.I23, k, f.eps, omega1, omega2)
+    f = frame
+    return integrals.first_integral(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
 
 def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
@@ -284,20 +291,17 @@ def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
         return NDSystem(J, I, eps, 0.5 * float(J.min()), float(longest * longest))
     loop = "[system(QuadraticField(*each), eps) for each in zip(field.quadratic, field.linear)]"
     eps, field = _single(body, eps, loop), body.field()
-    D, (indices, values) = field.dimension, field.terms
-    table = np.zeros((D, D + 1, D + 1))
-    table[tuple(indices)] = 0.5 * eps * values
-    slopes = table[:, :, D].copy()
-    quadratic = (table + table.swapaxes(1, 2))[:, :D, :D].copy()
-    return FieldSystem(quadratic, slopes, np.empty((0,) * min(D, _MOST_1)))
+    (indices, values), D = field.terms, field.dimension
+    slopes, linear = np.zeros((D, D + 1)), indices[2] == D
+    slopes[indices[0, linear], indices[1, linear]] = 0.5 * eps * values[linear]
+    return FieldSystem(slopes, indices[:, ~linear].copy(), values[~linear], 0.5 * eps)
 
 
 @for_users
 def work(system: NDSystem | FieldSystem) -> tuple[FloatArray, ...]:
     """Return memory for :func:`step_system`: one for each thread. Nothing else allocates."""
     m = len(system[0])
-    right_sides = 2 if len(system) == _FIELD else 1
-    return np.empty(m), np.empty((2, m, m + right_sides)), np.empty((2, m))
+    return np.empty((2, m, m + 1)), np.empty((2, m))
 
 
 @for_users
@@ -308,26 +312,10 @@ def step_system(
 
     Where there is no next state, the status is negative and `out` is NaN.
     """
-    inverse, equations, scales = borrowed(work[0]), borrowed(work[1]), borrowed(work[2])
-    x, out, first, second = borrowed(x), borrowed(out), borrowed(system[0]), borrowed(system[1])
-    D, matrix = len(x), equations[0]
+    x, out, memory, scales = borrowed(x), borrowed(out), borrowed(work[0]), borrowed(work[1])
+    first, second = borrowed(system[0]), borrowed(system[1])
     if len(system) == _FIELD:
-        if _step_of_field(borrowed(system.size), first, second, x, out, matrix):
-            return 0
-        return one_state.solve_field(first, second, x, out, equations, scales)
+        values = borrowed(system.values)
+        return one_state.step_of_field(second, values, system.half, first, x, out, memory, scales)
     eps, near, longest = system.eps, system.near, system.longest
-    if one_state.step_nd(first, second, eps, near, longest, x, out, inverse):
-        return 0
-    one_state.fill_nd(first, second, eps, x, matrix)
-    status = one_state.solve(equations, scales)
-    for i in range(D):
-        out[i] = matrix[i, D]
-    return status
-
-
-@formula
-def _step_of_field(size, quadratic, slopes, x, out, matrix):
-    """Take a step: if Numba knows D, in memory on the stack, which it keeps in registers."""
-    if size.ndim == _MOST_1:
-        return one_state.step_of_field(len(x), quadratic, slopes, x, out, matrix)
-    return one_state.step_of_field(size.ndim, quadratic, slopes, x, out, stack(_MOST, _MOST_1))
+    return one_state.step_nd(first, second, eps, near, longest, x, out, memory, scales)

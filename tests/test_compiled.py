@@ -222,7 +222,7 @@ def test_frames_and_systems_are_plain_data():
     field = system(QuadraticField.from_function(lorenz, 3), 0.1)
     assert (nd.labels, field.labels) == (("Omega1n", "Omega2n"), ("x1", "x2", "x3"))
     assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
-    assert repr(field).startswith("FieldSystem(quadratic=array(")
+    assert repr(field).startswith("FieldSystem(slopes=array(")
 
 
 @pytest.mark.compiled

@@ -85,7 +85,7 @@ def iterate_nd(
     advice = "method='rank2', fewer threads, or shorter steps"
     matrices = None
     if eliminates:
-        matrices = _on_a_cache_line((tasks, m, m + 1, lanes), advice), *for_one_system(tasks, m, 1)
+        matrices = _on_a_cache_line((tasks, m, m + 1, lanes), advice), *for_one_system(tasks, m)
     before = (*problem.parameters, problem.omega0)
     after = output.saved, turning, results, (*of_lanes, matrices)
     for stretch, work in stretches_of(problem, span, step, LANES_ND):
@@ -103,7 +103,7 @@ def iterate_field(problem: Problem, span: Span, output: Output) -> Indices:
     lanes = WIDEST if D <= _FEW and size >= WIDEST else WIDTH
     tasks = min(problem.threads or numba.get_num_threads(), max(-(-size // lanes), 1))
     of_lanes = _on_a_cache_line((tasks, 2, D, D + 1, lanes)), _on_a_cache_line((tasks, 2, D, lanes))
-    memory = *of_lanes, *for_one_system(tasks, D, 2)
+    memory = *of_lanes, *for_one_system(tasks, D)
     before, after = (*problem.parameters, problem.omega0), (output.saved, None, results, memory)
     for stretch, work in stretches_of(problem, span, step, lanes):
         _threads.call_kernel(blocks_nd.field, work, problem.threads, before, stretch, *after)
@@ -134,7 +134,7 @@ def _tasks_and_lanes(size: int, threads: int | None, eliminates: bool) -> tuple[
     return tasks, lanes
 
 
-def for_one_system(tasks: int, m: int, right_sides: int) -> tuple[FloatArray, FloatArray]:
+def for_one_system(tasks: int, m: int, right_sides: int = 1) -> tuple[FloatArray, FloatArray]:
     """Return memory in which each task solves one system of m equations, see `solve_system`."""
     return np.empty((tasks, 2, m, m + right_sides)), np.empty((tasks, 2, m))
 

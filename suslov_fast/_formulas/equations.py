@@ -13,6 +13,9 @@ from .elementary import smaller
 # |X| + |Y| + |K| below this: the derivative is the identity plus a small matrix, computed
 # separately.
 NEAR_IDENTITY = 0.25
+# Above this |X|, in the first state of an orbit or near a pole, the new Y is not a small change of
+# the old one.
+LARGE = 1.5
 
 
 @formula
@@ -33,14 +36,43 @@ def reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
 
 
 @formula
-def denominator(X, c, Z, K):
-    """D = 1 - Y + X (2 X - K) of the next state, Y = c - Z; NaN where it is 0 to rounding.
+def over_denominator(numerator, X, c, Z, K):
+    """numerator / D, D = 1 - Y + X (2 X - K) of the next state, Y = c - Z; NaN at poles, where D is
+    0 to rounding.
 
     The threshold decreases towards X = 0, where steady states (0, Y) approach the point (0, 1).
     """
     size = abs(X) * (2.0 * abs(X) + abs(K))
     D = ((1.0 - c) + Z) + X * (2.0 * X - K)
-    return select(abs(D) > ZERO_TO_ROUNDING * smaller(1.0 + size, 2.0**20 * size), D, np.nan)
+    exists = abs(D) > ZERO_TO_ROUNDING * smaller(1.0 + size, 2.0**20 * size)
+    return select(exists, numerator / D, np.nan)
+
+
+@formula
+def next_coordinates(X, X0, c, Z):
+    """The next X and Z = c - Y of a body without a rotor, with one division, from equation (8) as
+    X_next / X = (1 + Y_next) / (1 - Y) = (1 + Y) / D; X0 is X, or 0 if X**2 is negligible.
+
+    Nothing waits for the division that can be done beside it.
+    """
+    ratio = over_denominator((1.0 + c) - Z, X0, c, Z, 0.0)
+    far = abs(X) > LARGE
+    start, change = select(far, 1.0 + c, Z), select(far, (c - 1.0) - Z, X0 * (2.0 * X0))
+    return X * ratio, start + change * ratio
+
+
+@formula
+def turn_of_gyrostat(X, c, Z, K):
+    """X_next / X, and both parts of z_next / z = (1 + i X_next) / (1 - i X), with one division.
+
+    In z the sum X + X_next, which cancels for large Y, is 2 X (1 + X**2) / D.
+    """
+    inverse, KX = over_denominator(1.0, X, c, Z, K), K * X
+    return (
+        ((1.0 + c) - Z + KX) * inverse,
+        ((1.0 - c) + Z - KX) * inverse,
+        (2.0 * X) * inverse,
+    )
 
 
 @formula
@@ -52,14 +84,14 @@ def discrete_reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
     no terms cancel that do not cancel in the result.
     """
     X, Y, lost, K = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
-    D = denominator(X, *shifted(Y, lost), K)
+    inverse = over_denominator(1.0, X, *shifted(Y, lost), K)
     a, half = I1 * I2, 0.5 * eps
     l, x = rotor(I13, I23, k, omega1, omega2), sum_of_products(I13, omega1, I23, omega2)
     y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
-    slope = l * ((y - half * l * x) / a) / D
+    slope = l * ((y - half * l * x) / a) * inverse
     of_1 = I1 * omega1 * omega1 * sum_of_products(I13, omega1, k, 1.0)
     of_2 = I2 * omega2 * omega2 * sum_of_products(I23, omega2, k, 1.0)
-    mean = (omega1 * omega2 * (1.0 - K * X) + half * (of_1 - of_2) / a) / D
+    mean = (omega1 * omega2 * (1.0 - K * X) + half * (of_1 - of_2) / a) * inverse
     return slope, (I1 - I2) * mean
 
 
@@ -81,7 +113,7 @@ def derivative(X, Y, lost, K):
 
     X_next = X (1 + Y + K X) / D,  Y_next = Y - 2 X X_next + K (X + X_next).
     """
-    r = 1.0 / denominator(X, *shifted(Y, lost), K)
+    r = over_denominator(1.0, X, *shifted(Y, lost), K)
     below, above, square, KX = (1.0 - Y) - lost, (1.0 + Y) + lost, X * X, K * X
     less, more = below - KX, 2.0 * (1.0 + square) * r
     d11 = ((above + KX) * r) * ((less - 2.0 * square) * r) + (KX * r) * more

@@ -39,6 +39,20 @@ def slope_of_itself(J_i, others, eps):
 
 
 @formula
+def terms(J_i, I_i, omega_i, half):
+    """Return 1 / d_i, and the terms of component i in the sums of `solve2`; half = eps p / 2."""
+    inverse = 1.0 / (J_i - half)
+    along = I_i * inverse
+    return inverse, along * omega_i, along * I_i, omega_i * inverse * omega_i
+
+
+@formula
+def next_component(I_i, omega_i, inverse, of_omega, of_I):
+    """Return component i of the next state, from 1 / d_i and the factors of `solve2`."""
+    return omega_i + (of_omega * omega_i - of_I * I_i) * inverse
+
+
+@formula
 def solve2(eps, p, square, alpha, beta, gamma):
     """Solve the two equations of the rank-two form for I.delta and omega.delta.
 

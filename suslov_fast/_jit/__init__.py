@@ -15,18 +15,18 @@ from .instructions import (
 )
 from .kernels import Kernel, checked, kernel, namespace, share
 from .llvm import LINE
-from .options import allocation, for_users, formula, inner
+from .options import for_users, formula, inlined, inner
 
 __all__ = [
     "LINE",
     "Kernel",
-    "allocation",
     "borrowed",
     "checked",
     "compile_timer",
     "expect_store",
     "for_users",
     "formula",
+    "inlined",
     "inner",
     "kernel",
     "lane",

@@ -44,9 +44,10 @@ def for_users(function: Function) -> Function:
     return enable_cache(function, numba.njit(forceinline=True, **options))
 
 
-def allocation(function):
-    """Compile a function that returns arrays on the `stack`: Numba inlines it before it compiles.
+def inlined(function):
+    """Have Numba inline a function before it compiles: it is compiled only as part of its caller.
 
-    A `formula` has a stack frame until LLVM inlines it, so that LLVM may use its memory again.
+    That is for functions with one caller, and for those that return arrays on the `stack`: a
+    `formula` has a stack frame until LLVM inlines it, so that LLVM may use its memory again.
     """
     return enable_cache(function, numba.njit(inline="always", **_INNER))

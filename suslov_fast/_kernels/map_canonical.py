@@ -16,7 +16,7 @@ import numpy as np
 from .._formulas import coordinates, units
 from .._formulas.coordinates import NEGLIGIBLE
 from .._formulas.elementary import larger, two_to_the
-from .._formulas.equations import denominator
+from .._formulas.equations import LARGE, next_coordinates, over_denominator
 from .._jit import formula, select
 from . import codes
 from .lanes import body_at
@@ -24,9 +24,6 @@ from .lanes import body_at
 D = 2
 # |X| + |Y| below this: a step changes the state by less than one part in 1e150.
 MOTIONLESS = 1e-150
-# Above this |X|, in the first state of an orbit or near a pole, the new Y is not a small change of
-# the old one.
-LARGE = 1.5
 # Below this |X|, X**2 is subnormal. It is negligible relative to a state that moves.
 SMALLEST_SQUARED = 2.0**-510
 # Bound of |X| + |Z| of orbits with c = 0, -1 < Y <= 1/2 and |X| < LARGE, which reach no pole: by
@@ -73,20 +70,16 @@ def _squarable(X):
 
 @formula
 def advance(k, s):
-    """Equation (8), with c = 0."""
-    double = 2.0 * _squarable(s.X)
-    X = s.X * (1.0 - s.Z) / ((1.0 + s.Z) + double * s.X)
-    return X, s.Z + double * X
+    """`next_coordinates` of orbits with c = 0 that reach no pole."""
+    X0 = _squarable(s.X)
+    square = X0 * (2.0 * X0)
+    ratio = (1.0 - s.Z) / ((1.0 + s.Z) + square)
+    return s.X * ratio, s.Z + square * ratio
 
 
 @formula
 def guarded(k, s):
-    X0 = _squarable(s.X)
-    d, double = denominator(X0, k.c, s.Z, 0.0), 2.0 * X0
-    X = s.X * ((1.0 + k.c) - s.Z) / d
-    # c - (Y (1 - Y) - 2 X**2) / (1 - Y + 2 X**2), which then cancels nowhere.
-    quotient = ((1.0 + k.c) * (double * s.X) + s.Z * ((1.0 - k.c) + s.Z)) / d
-    Z = select(abs(s.X) > LARGE, quotient, s.Z + double * X)
+    X, Z = next_coordinates(s.X, _squarable(s.X), k.c, s.Z)
     exists = abs(X) + abs(Z) < k.bound
     return select(exists, X, np.nan), select(exists, Z, np.nan)
 
@@ -100,7 +93,7 @@ def show(k, s):
 
 @formula
 def cause(k, s):
-    is_pole = np.isnan(denominator(_squarable(s.X), k.c, s.Z, 0.0))
+    is_pole = np.isnan(over_denominator(1.0, _squarable(s.X), k.c, s.Z, 0.0))
     return codes.SINGULAR if is_pole and np.isfinite(s.X * s.X + s.Z) else codes.NONFINITE
 
 

@@ -11,7 +11,7 @@ parameters   indices (3, T), i, j and k, where j <= k, and those with k = D are 
              the largest absolute value of a quadratic coefficient, (B,) or (1,); the states at
              step 0, (B, D)
 memory       for equations (tasks, 2, D, D + 1, lanes), for states (tasks, 2, D, lanes), and for
-             `solve_system` (tasks, 2, D, D + 2) and (tasks, 2, D)
+             `solve_system` (tasks, 2, D, D + 1) and (tasks, 2, D)
 """
 
 from typing import NamedTuple
@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._formulas.elementary import exponent, larger, scaled, within
-from .._jit import LINE, allocation, formula, inner, rows_of, select, subtract_product
-from .codes import NONFINITE, OK, SINGULAR
+from .._jit import LINE, formula, inlined, inner, rows_of, select, subtract_product
+from .codes import NONFINITE, OK
 from .elimination import ACCURATE, WIDEST, eliminate
 from .lanes import entry
 from .one_system import solve_system
@@ -59,7 +59,7 @@ class FieldLanes(NamedTuple):
     ratio: object  # of pivots, see `eliminate`
 
 
-@allocation
+@inlined
 def block(parameters, memory, task):
     """Return a block whose components are in the memory of a task."""
     (indices, values, _, _, _), (equations, states, systems, all_scales) = parameters, memory
@@ -95,7 +95,7 @@ def advance(c, b, begin):
     return True
 
 
-@formula
+@inlined
 def build(c, b, begin):
     """Fill the equations of a step."""
     indices, values, matrix, x = c.indices, c.values, c.matrix, c.x
@@ -123,6 +123,12 @@ def build(c, b, begin):
 
 
 @formula
+def next_component(x, half):
+    """Return the sum of a component and its increment, minus twice `half`; -0.0 remains."""
+    return select(half == 0.0, x, x - 2.0 * half)
+
+
+@inlined
 def add(c, b):
     """Fill the next states; return how many are not finite, or not accurate."""
     D, width = c.x.shape
@@ -130,26 +136,26 @@ def add(c, b):
         b.size[l], b.lost[l] = 0.0, 0.0
     for i in range(D):
         for l in range(width):
-            x, half = c.x[i, l], c.matrix[i, D, l]  # minus half the increment
-            c.after[i, l] = select(half == 0.0, x, x - 2.0 * half)  # -0.0 remains
+            half = c.matrix[i, D, l]
+            c.after[i, l] = next_component(c.x[i, l], half)
             size = abs(c.after[i, l])
             b.size[l] += size
             b.lost[l] = larger(CANCELLED * abs(half) - size, b.lost[l]) + 0.0
     failed = 0
     for l in range(width):
-        failed += select(is_accurate(b.size[l], b.lost[l], b.bound[l], b.ratio[l]), 0, 1)
+        failed += select(is_accurate(b, l), 0, 1)
     return failed
 
 
 @formula
-def is_accurate(size, lost, bound, ratio):
+def is_accurate(b, l):
     """Test that a next state is finite, and that neither elimination nor the sums of components and
     their increments lose digits.
     """
-    return (size <= bound) & (lost <= 0.0) & (ratio > ACCURATE)
+    return (b.size[l] <= b.bound[l]) & (b.lost[l] <= 0.0) & (b.ratio[l] > ACCURATE)
 
 
-@formula
+@inlined
 def take(c):
     """Go on to the next states."""
     for i in range(c.x.shape[0]):
@@ -159,59 +165,57 @@ def take(c):
 
 @inner
 def settle(c, b, n, results, begin, end):
-    """Solve one by one for next states that are not accurate, and end lanes without one.
-
-    A component that its increment cancels is taken from the equations for the next state itself.
-    """
+    """Solve one by one for next states that are not accurate, and end lanes without one."""
     _, status, failed_at, _ = results
-    D, system = len(c.x), c.system[0]
+    D = len(c.x)
     for l in range(c.x.shape[1]):
-        if not is_accurate(b.size[l], b.lost[l], b.bound[l], b.ratio[l]):
-            finite, size = fill_system(c, b, l, begin), 0.0
+        if not is_accurate(b, l):
+            x, slopes, matrix, size = c.x[:, l], c.slopes[:, :, l], c.system[0], 0.0
+            fill_equations(c.indices, c.values, begin + l, b.half[l], slopes, x, matrix)
+            fill_next(slopes, x, matrix)
             # Not in a function of its own, which LLVM would optimise once more.
-            solve_system(c.system, c.scales)
+            code = solve_system(c.system, c.scales)
             for i in range(D):
-                x, half = c.x[i, l], system[i, D]
-                after = select(half == 0.0, x, x - 2.0 * half)
-                exact = (abs(after) >= CANCELLED * abs(half)) & (abs(half) < np.inf)
-                c.after[i, l] = select(exact, after, system[i, D + 1])
+                c.after[i, l] = matrix[i, D]
                 size += abs(c.after[i, l])
             if not size <= b.bound[l]:
                 if begin + l < end:
-                    status[begin + l] = SINGULAR if np.isnan(size) and finite else NONFINITE
+                    status[begin + l] = code if code != OK else NONFINITE
                     failed_at[begin + l] = n
                 stop(c, b, l)
     take(c)
 
 
-@inner
-def fill_system(c, b, l, begin):
-    """Fill the equations of a lane; return True if those for the next state are finite.
-
-    The right sides are minus half the step size times f, and that of the equations for the next
-    state itself, A x_next = x + (eps/2) l x + eps c.
-    """
-    indices, values, system, D = c.indices, c.values, c.system[0], len(c.x)
+@inlined
+def fill_equations(indices, values, number, half, slopes, x, matrix):
+    """Fill A(x) of trajectory `number`, and minus half the step size times f(x) as right side."""
+    D = len(x)
     for i in range(D):
-        constant = c.slopes[i, D, l]
-        system[i, D], system[i, D + 1] = -constant, c.x[i, l] + 2.0 * constant
+        right = -slopes[i, D]
         for j in range(D):
-            slope = c.slopes[i, j, l]
-            system[i, j] = (1.0 if i == j else 0.0) - slope
-            system[i, D] -= slope * c.x[j, l]
-            system[i, D + 1] += slope * c.x[j, l]
+            matrix[i, j] = -slopes[i, j]
+            right -= slopes[i, j] * x[j]
+        matrix[i, i] += 1.0
+        matrix[i, D] = right
     for t in range(len(values)):
         i, j, k = indices[0, t], indices[1, t], indices[2, t]
         if k < D:
-            factor = b.half[l] * value(values, t, begin + l)
-            system[i, j] -= factor * c.x[k, l]
-            system[i, k] -= factor * c.x[j, l]
-            system[i, D] -= factor * c.x[k, l] * c.x[j, l]
-    poison = 0.0
+            factor = half * value(values, t, number)
+            matrix[i, j] -= factor * x[k]
+            matrix[i, k] -= factor * x[j]
+            matrix[i, D] -= factor * x[k] * x[j]
+
+
+@inlined
+def fill_next(slopes, x, matrix):
+    """Fill the right side of A x_next = x + (eps/2) l x + eps c, whose solution no increment
+    cancels.
+    """
+    D = len(x)
     for i in range(D):
-        for j in range(D + 2):
-            poison += 0.0 * system[i, j] if j != D else 0.0
-    return poison == 0.0
+        matrix[i, D] = x[i] + 2.0 * slopes[i, D]
+        for j in range(D):
+            matrix[i, D] += slopes[i, j] * x[j]
 
 
 @inner

@@ -7,9 +7,8 @@ I2 Omega2' = l Omega1. The discrete equations have polarised products as in equa
 
 X_next = X (1 + Y + K X) / D,  Y_next = Y - 2 X X_next + K (X + X_next),  D = 1 - Y + 2 X**2 - K X.
 
-So l is accurate near the steady states l = 0. Given X_next, a step multiplies
-z = sqrt(I1) Omega1 + i sqrt(I2) Omega2 by (1 + i X_next) / (1 - i X), whose imaginary part is
-2 X / D: in it X + X_next, which cancels for large Y, is 2 X (1 + X**2) / D.
+So l is accurate near the steady states l = 0. A step multiplies
+z = sqrt(I1) Omega1 + i sqrt(I2) Omega2 by (1 + i X_next) / (1 - i X), see `turn_of_gyrostat`.
 """
 
 from collections import namedtuple
@@ -19,7 +18,7 @@ import numpy as np
 from .._formulas import units
 from .._formulas.coordinates import dimensionless, shifted
 from .._formulas.elementary import larger, two_to_the
-from .._formulas.equations import denominator
+from .._formulas.equations import over_denominator, turn_of_gyrostat
 from .._jit import formula, select
 from . import codes
 from .lanes import entry
@@ -52,11 +51,9 @@ def enter(parameters, omega, i):
 
 @formula
 def advance(k, s):
-    X, Z, c, KX, below = s.X, s.Z, k.c, k.K * s.X, denominator(s.X, k.c, s.Z, k.K)
-    next_X = X * (((1.0 + c) - Z + KX) / below)
-    # c - Y_next as one quotient: the two terms of Y_next cancel where X or K is large.
-    next_Z = (Z * ((1.0 - c) + Z - KX) + 2.0 * ((1.0 + c) * (X * X) - KX)) / below
-    along, across = (1.0 - X * next_X) / (1.0 + X * X), 2.0 * (X / below)
+    ratio, along, across = turn_of_gyrostat(s.X, k.c, s.Z, k.K)
+    # c - Y_next; the two terms of Y_next above cancel where X or K is large.
+    next_X, next_Z = s.X * ratio, along * s.Z + across * ((1.0 + k.c) * s.X - k.K)
     omega1 = along * s.omega1 - (across * k.ratio) * s.omega2
     omega2 = along * s.omega2 + (across * k.inverse) * s.omega1
     exists = larger(abs(omega1), abs(omega2)) < k.bound
@@ -71,6 +68,6 @@ def show(k, s):
 
 @formula
 def cause(k, s):
-    is_pole = np.isnan(denominator(s.X, k.c, s.Z, k.K))
+    is_pole = np.isnan(over_denominator(1.0, s.X, k.c, s.Z, k.K))
     in_range = np.isfinite(k.ratio + k.K + s.X * s.X)
     return codes.SINGULAR if is_pole and in_range else codes.NONFINITE

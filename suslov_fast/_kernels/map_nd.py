@@ -22,8 +22,17 @@ from typing import NamedTuple
 import numpy as np
 
 from .._formulas.elementary import exponent, larger, scaled, smaller, two_to_the
-from .._formulas.nd_map import FAR_FROM_0, SMALL_STEP, bounds, matrix_row, slope_of_itself, solve2
-from .._jit import allocation, formula, inner, rows_of, select, stack
+from .._formulas.nd_map import (
+    FAR_FROM_0,
+    SMALL_STEP,
+    bounds,
+    matrix_row,
+    next_component,
+    slope_of_itself,
+    solve2,
+    terms,
+)
+from .._jit import formula, inlined, inner, rows_of, select, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
 from .elimination import ACCURATE, WIDTH, eliminate
 from .one_system import solve_system
@@ -79,7 +88,7 @@ class Lanes(NamedTuple):
     ratio: object  # of pivots, see `eliminate`
 
 
-@allocation
+@inlined
 def block(parameters, memory, task):
     """Return the components, in the memory of a task, and the numbers of a block."""
     bodies, states, elimination = memory
@@ -138,13 +147,17 @@ def sums(c, b):
     for i in range(half):
         j = half + i
         for l in range(lanes):
-            I_i, I_j, w_i, w_j = at(c.I, i, l), at(c.I, j, l), c.omega[i, l], c.omega[j, l]
-            r_i, r_j = 1.0 / (at(c.J, i, l) - b.half[l]), 1.0 / (at(c.J, j, l) - b.half[l])
+            r_i, alpha_i, beta_i, gamma_i = terms(
+                at(c.J, i, l), at(c.I, i, l), c.omega[i, l], b.half[l]
+            )
+            r_j, alpha_j, beta_j, gamma_j = terms(
+                at(c.J, j, l), at(c.I, j, l), c.omega[j, l], b.half[l]
+            )
             c.inverse[i, l], c.inverse[j, l] = r_i, r_j
             # Not +=, which adds the terms to each other first.
-            b.alpha[l] = b.alpha[l] + I_i * r_i * w_i + I_j * r_j * w_j
-            b.beta[l] = b.beta[l] + I_i * r_i * I_i + I_j * r_j * I_j
-            b.gamma[l] = b.gamma[l] + w_i * r_i * w_i + w_j * r_j * w_j
+            b.alpha[l] = b.alpha[l] + alpha_i + alpha_j
+            b.beta[l] = b.beta[l] + beta_i + beta_j
+            b.gamma[l] = b.gamma[l] + gamma_i + gamma_j
 
 
 @formula
@@ -169,8 +182,9 @@ def add(c, b):
     M, lanes = c.omega.shape
     for i in range(M):
         for l in range(lanes):
-            w = c.omega[i, l]
-            c.omega[i, l] = w + (b.of_omega[l] * w - b.of_I[l] * at(c.I, i, l)) * c.inverse[i, l]
+            c.omega[i, l] = next_component(
+                at(c.I, i, l), c.omega[i, l], c.inverse[i, l], b.of_omega[l], b.of_I[l]
+            )
 
 
 @formula

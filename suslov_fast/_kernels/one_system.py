@@ -4,7 +4,8 @@ import numpy as np
 
 from .._formulas.coordinates import ZERO_TO_ROUNDING
 from .._formulas.elementary import exponent, larger, two_to_the
-from .._jit import inner
+from .._jit import inlined, inner
+from .codes import NONFINITE, OK, SINGULAR
 
 # Rounds of `balance`, at most: two or three do, unless unknowns are coupled in one direction.
 ROUNDS = 20
@@ -16,6 +17,8 @@ def solve_system(system, scales):
 
     The matrix is the identity and other terms, as in `eliminate`. Unknowns and equations are scaled
     by powers of two; pivots are chosen for rows of equal size; and each solution is refined once.
+    Returns the status of the first solution: SINGULAR if it is NaN and all numbers given are
+    finite, NONFINITE if it is infinite or they are not.
 
     system   (2, m, m + r): in system[0] the coefficients and r right sides; these become the
              solutions, and the diagonal the pivots, 0 or, if they are 0 to rounding, NaN. Solutions
@@ -25,6 +28,7 @@ def solve_system(system, scales):
     matrix, original, units, weights = system[0], system[1], scales[0], scales[1]
     m, columns = matrix.shape
     balance(matrix, units)
+    poison = 0.0
     for i in range(m):
         largest = 0.0
         for j in range(m):
@@ -32,6 +36,7 @@ def solve_system(system, scales):
         weights[i] = 1.0 / largest
         for j in range(columns):
             original[i, j] = matrix[i, j]
+            poison += 0.0 * matrix[i, j]
     for k in range(m):
         exchange_rows(matrix, original, weights, k)
         terms = 1.0 + abs(matrix[k, k])
@@ -44,6 +49,7 @@ def solve_system(system, scales):
             matrix[i, k] = factor
             for j in range(k + 1, m):
                 matrix[i, j] -= factor * matrix[k, j]
+    size = 0.0
     for r in range(m, columns):
         for i in range(m):
             matrix[i, r] = 0.0
@@ -58,9 +64,13 @@ def solve_system(system, scales):
                 matrix[i, r] += 0.0 if keep else weights[i]
         for i in range(m):
             matrix[i, r] *= units[i]
+            size += abs(matrix[i, r]) if r == m else 0.0
+    if size < np.inf:
+        return OK
+    return SINGULAR if poison == 0.0 and np.isnan(size) else NONFINITE
 
 
-@inner
+@inlined
 def balance(matrix, units):
     """Change to units of the unknowns, powers of two, in which the largest entries beside the
     diagonal are alike in the row and the column of each unknown.
@@ -95,7 +105,7 @@ def balance(matrix, units):
             break
 
 
-@inner
+@inlined
 def exchange_rows(matrix, original, weights, k):
     """Exchange row k with the one that has the largest entry of column k, relative to its row."""
     pivot = k
@@ -109,7 +119,7 @@ def exchange_rows(matrix, original, weights, k):
             original[k, j], original[pivot, j] = original[pivot, j], original[k, j]
 
 
-@inner
+@inlined
 def substitute(factors, right):
     """Replace a right side by the solution, NaN if a pivot is 0."""
     m = len(right)

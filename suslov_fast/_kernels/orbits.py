@@ -10,7 +10,7 @@ from collections import namedtuple
 from .._formulas import closed_form as formulas
 from .._formulas import closed_form_states
 from .._formulas.units import ScaledState
-from .._jit import allocation, formula, lane, put, rows_of, select
+from .._jit import formula, inlined, lane, put, rows_of, select
 from . import codes
 from .lanes import spread
 
@@ -34,7 +34,7 @@ RowLanes = namedtuple(
 )
 
 
-@allocation
+@inlined
 def block():
     return Block(
         rows_of(ScaledState, ROW_LANES),

@@ -13,7 +13,7 @@ from collections import namedtuple
 import numpy as np
 
 from .._formulas.rotation import row_times_matrix, turn_between, turned
-from .._jit import allocation, formula, inner, select, stack
+from .._jit import formula, inlined, inner, select, stack
 from .lanes import LANES, entry
 from .tiles import lead_of, write_row
 
@@ -25,7 +25,7 @@ _TILE = 9 * LANES
 Turns = namedtuple("Turns", "q time_step omega1 omega2 R0")
 
 
-@allocation
+@inlined
 def turns_block():
     q, R0 = stack(4, LANES), stack(9, LANES)
     return Turns(q, stack(LANES), stack(LANES), stack(LANES), R0)

@@ -73,7 +73,7 @@ def test_formulas_and_kernels_are_pure_numerics_and_allocate_nothing():
         assert not {name.rpartition(".")[2] for name in calls if "." in name} & ALLOCATING, path
 
 
-def test_only_allocations_return_memory_on_the_stack():
+def test_only_inlined_functions_return_memory_on_the_stack():
     """LLVM may use the memory of another function again after its return."""
     functions = [
         (node, {ast.unparse(each) for each in node.decorator_list})
@@ -81,12 +81,12 @@ def test_only_allocations_return_memory_on_the_stack():
         for node in NODES[path]
         if isinstance(node, ast.FunctionDef)
     ]
-    sources = {"stack", "rows_of"} | {node.name for node, how in functions if "allocation" in how}
+    sources = {"stack", "rows_of"} | {node.name for node, how in functions if "inlined" in how}
     assert len(sources) > 2
     for function, how in functions:
         nodes = [*ast.walk(function)]
         calls = {ast.unparse(node.func) for node in nodes if isinstance(node, ast.Call)}
-        if calls & sources and "allocation" not in how:
+        if calls & sources and "inlined" not in how:
             returned = [node.value for node in nodes if isinstance(node, ast.Return)]
             assert not any(returned), function.name
 

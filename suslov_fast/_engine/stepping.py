@@ -134,9 +134,9 @@ def _tasks_and_lanes(size: int, threads: int | None, eliminates: bool) -> tuple[
     return tasks, lanes
 
 
-def for_one_system(tasks: int, m: int, right_sides: int = 1) -> tuple[FloatArray, FloatArray]:
+def for_one_system(tasks: int, m: int) -> tuple[FloatArray, FloatArray]:
     """Return memory in which each task solves one system of m equations, see `solve_system`."""
-    return np.empty((tasks, 2, m, m + right_sides)), np.empty((tasks, 2, m))
+    return np.empty((tasks, 2, m, m + 1)), np.empty((tasks, 2, m))
 
 
 def _on_a_cache_line(shape: tuple[int, ...], advice: str = "fewer threads") -> FloatArray:

@@ -55,7 +55,7 @@ def test_available(files, expected, monkeypatch):
             raise FileNotFoundError(path)
         return files[path]
 
-    monkeypatch.setattr(memory, "_text", read)
+    monkeypatch.setattr(memory, "_content", read)
     assert memory.available() == expected
 
 

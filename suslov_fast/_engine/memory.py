@@ -43,16 +43,16 @@ def _free() -> Iterator[int]:
         while path.is_relative_to(_GROUPS):
             with suppress(OSError, KeyError, ValueError):  # no such folder, or no limit: "max"
                 cached = int(_table(f"{path}/memory.stat")["inactive_file"])
-                used = int(_text(f"{path}/memory.current")) - cached
-                yield int(_text(f"{path}/memory.max")) - used
+                used = int(_content(f"{path}/memory.current")) - cached
+                yield int(_content(f"{path}/memory.max")) - used
             path = path.parent
 
 
-def _text(path: str) -> str:
+def _content(path: str) -> str:
     return Path(path).read_text("ascii", "replace")
 
 
 def _table(path: str, separator: str | None = None) -> dict[str, str]:
     """Return the second word of each line of a file by the first."""
-    rows = (line.split(separator) for line in _text(path).splitlines())
+    rows = (line.split(separator) for line in _content(path).splitlines())
     return {row[0]: row[1] for row in rows if len(row) > 1}

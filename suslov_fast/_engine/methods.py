@@ -45,7 +45,7 @@ by_rank2_or_elimination = partial(iterate_nd, kernel=blocks_nd.rank2, eliminatio
 by_elimination = partial(iterate_nd, kernel=blocks_nd.gauss, elimination=1.0 / 3.0)
 
 
-def closed_form(problem: Problem, span: Span, output: Output) -> Indices:
+def by_closed_form(problem: Problem, span: Span, output: Output) -> Indices:
     """Evaluate all states; return the orbits that must be iterated."""
     last = float(span.steps)
     ends = output.status, output.failed_at, last
@@ -101,13 +101,13 @@ def drivers_3d(
     if problem.method == "ds2":
         by_steps = printed_steps
     if _may_jump(problem, span) and not _is_short(span):
-        return Driver(closed_form, keeps=False), Driver(by_steps, from_0=True, keeps=False)
+        return Driver(by_closed_form, keeps=False), Driver(by_steps, from_0=True, keeps=False)
     return (Driver(by_steps),)
 
 
 # Drivers in n dimensions: of solved bodies, and of all.
 _SOLVED = (
-    Driver(partial(in_three_dimensions, closed_form), keeps=False),
+    Driver(partial(in_three_dimensions, by_closed_form), keeps=False),
     Driver(partial(in_three_dimensions, canonical_steps), from_0=True, keeps=False),
 )
 _STEPS = Driver(by_rank2), Driver(by_rank2_or_elimination)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -50,6 +50,7 @@ TABLE: dict[type[Any], dict[str, Evaluation]] = {
 }
 
 
+@cache
 def kinds_with(quantity: str) -> tuple[type[Any], ...]:
     """Return the classes of bodies that have a quantity."""
     return tuple(kind for kind, quantities in TABLE.items() if quantity in quantities)

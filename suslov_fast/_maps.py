@@ -37,8 +37,8 @@ def of_field(body: Body, eps: float | FloatArray, batch: tuple[int, ...]) -> tup
     largest = np.abs(quadratic).max(axis=-1, initial=0.0)
     if body.shape:
         size, T = math.prod(batch), len(indices[0])
-        some = np.minimum(np.arange(-(-size // WIDEST) * WIDEST), size - 1)
-        values = for_kernel(np.broadcast_to(values, (*batch, T)).reshape(size, T)[some].T)
+        rows = np.minimum(np.arange(-(-size // WIDEST) * WIDEST), size - 1)
+        values = for_kernel(np.broadcast_to(values, (*batch, T)).reshape(size, T)[rows].T)
     return indices, values, flat_parameter(eps, batch), flat_parameter(largest, batch)
 
 

@@ -1,12 +1,12 @@
 import copy
 import json
 import pickle
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
+from test_promises import Chain
 
 import suslov_fast as sf
 from suslov_fast._bodies.base import Body
@@ -189,38 +189,17 @@ def test_admissible_I3(rng):
     assert (low, high) == pytest.approx((1e-16 / 6, 6), rel=1e-15)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Top(Body):
-    """A free rigid body, whose field is all that the package knows of it."""
-
-    A: Any
-    B: Any
-    C: Any
-
-    _positive: ClassVar = ("A", "B", "C")
-    _meanings: ClassVar = dict.fromkeys(_positive, "moment of inertia")
-    dimension, _labels = 3, ("p", "q", "r")
-
-    def field(self):
-        return sf.QuadraticField.from_function(self.equations, 3)
-
-    def equations(self, x):
-        A, B, C = self.parameters
-        p, q, r = x
-        return (B - C) / A * q * r, (C - A) / B * r * p, (A - B) / C * p * q
-
-
 @pytest.mark.parametrize("pole", [False, True])
 def test_a_body_with_a_field_has_what_all_fields_have(rng, pole):
     """Next to a pole, too, whose eps is that of a real eigenvalue of f'."""
-    top, x = Top(1.0, 2.0, 4.0), np.array([1.5, -0.5, 2.0])
+    top, x = Chain(0.0, 1.0), np.array([1.5, -0.5, 2.0])
     field = sf.QuadraticField.of(top)
     assert field == top.field()
     identity = sf.matrix(field, x, 0.0)
     slopes = 2 * (identity - sf.matrix(field, x, 1.0))
     real = max(np.linalg.eigvals(slopes), key=lambda value: value.real).real
     eps = 2 / real * (1 + 1e-9) if pole else 0.1
-    states = xr.DataArray(x, dims="component", coords={"component": [*"pqr"]})
+    states = xr.DataArray(x, dims="component", coords={"component": [*"abc"]})
     assert (sf.vector_field(top, states) == sf.vector_field(field, x)).all()
     for function in (sf.matrix, sf.jacobian):
         assert (function(top, states, eps) == function(field, x, eps)).all()
@@ -243,9 +222,9 @@ def test_a_body_with_a_field_has_what_all_fields_have(rng, pole):
 def test_a_body_with_a_field_needs_no_kernel(monkeypatch, tmp_path):
     """Its record names what fields have."""
     of = vars(map_named("quadratic"))
-    record = Map(**of | {"name": "top", "body": Top, "title": "Top", "variable": "spin"})
+    record = Map(**of | {"name": "top", "body": Chain, "title": "Top", "variable": "spin"})
     monkeypatch.setitem(MAPS, "top", record)
-    top, starts = Top(1.0, 2.0, 4.0), np.array([[1.5, -0.5, 2.0], [0.3, 1.0, -1.0]])
+    top, starts = Chain(0.0, 1.0), np.array([[1.5, -0.5, 2.0], [0.3, 1.0, -1.0]])
     run = sf.iterate(top, starts, 0.1, 7)
     assert (run.spin == sf.iterate(top.field(), starts, 0.1, 7).x).all()
     assert (sf.step(top, run.spin[:-1], 0.1) == run.spin[1:]).all()

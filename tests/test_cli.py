@@ -255,9 +255,8 @@ MISTAKES = """
 2 | run 10 | run: expected options, got '10'
 2 | run --steps 10 20 | run: expected options, got '20'
 2 | run --steps | argument --steps: expected one argument
-2 | run --omega0 1 2 | --omega0: expected numbers separated by commas, as --omega0 1,2
-2 | run --J 1 -2, 3 | --J: expected numbers separated by commas, as --J 1,-2,3
-2 | run --omega0 -1 2 | as --omega0 -1,2
+2 | run --omega0 1 2 | run: expected options, got '2'; numbers of one option are separated by comm
+2 | run --J 1 -2, 3 | got '-2,'; numbers of one option are separated by commas, as --omega0 1,2
 2 | run --omega0 1,2 extra | run: expected options, got 'extra'
 2 | run --omega0 1,2,3 | --omega0: expected the 2 numbers Omega1,Omega2, got 3
 2 | run --omega0 1,x | --omega0: expected finite numbers separated by commas .* got '1,x'

@@ -290,49 +290,38 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("-V", "--version", action="version", version=f"suslov-fast {__version__}")
     title = "commands, each with a --help of its own"
     parsers = parser.add_subparsers(title=title, dest="command", metavar="COMMAND", required=True)
-    options = {}
+    known: dict[str, list[str]] = {}
     for name, command in COMMANDS.items():
         first = command.text.partition(".")[0]
-        own = parsers.add_parser(name, help=first, description=command.text, allow_abbrev=False)
-        actions = _fill(own, command)
-        options[name] = {word: each for each in actions for word in each.option_strings or [""]}
+        settings = {"help": first, "description": command.text, "allow_abbrev": False}
+        actions = _fill(parsers.add_parser(name, **settings), command)
+        known[name] = ["--help", "-h", *(word for each in actions for word in each.option_strings)]
     words = _with_negative_values(words) or ["--help"]
     if words[0] not in ("-h", "--help", "-V", "--version"):
-        _check_words(words, options)
-    return parser.parse_args(words)
+        _check_names(words, known)
+    options, strays = parser.parse_known_args(words)
+    if strays:
+        numbers = "; numbers of one option are separated by commas, as --omega0 1,2"
+        hint = numbers if re.match(r"[-+.\d]", strays[0]) else ""
+        raise UsageError(f"{words[0]}: expected options, got {strays[0]!r}{hint}")
+    return options
 
 
-def _check_words(words: Sequence[str], options: dict[str, dict[str, argparse.Action]]) -> None:
-    """Raise UsageError for an unknown command or option, and for words that belong to none."""
+def _check_names(words: Sequence[str], known: dict[str, list[str]]) -> None:
+    """Raise UsageError for an unknown command or option, before argparse asks for missing ones."""
     command, *others = words
-    if command not in options:
-        of_option = [name for name in options if command.partition("=")[0] in options[name]]
-        hint = _meant(command, [*options, "--help", "--version", "-V"])
+    if command not in known:
+        of_option = [name for name in known if command.partition("=")[0] in known[name]]
+        hint = _meant(command, [*known, "--help", "--version", "-V"])
         if of_option or command.endswith((".npz", ".zarr")):
             hint = f"; did you mean: suslov-fast {(*of_option, 'info')[0]} {' '.join(words)}"
-        raise UsageError(f"expected a command, {', '.join(options)}, got {command}{hint}")
-    if {"-h", "--help", "--"} & {*others}:
-        return
-    known = options[command]
-    groups: list[tuple[str, list[str]]] = [("", [])]
+        raise UsageError(f"expected a command, {', '.join(known)}, got {command}{hint}")
     for word in others:
-        if not re.match(r"-[A-Za-z-]", word):
-            groups[-1][1].append(word)
-            continue
-        length = word.find("=") if "=" in word else len(word) if word.startswith("--") else 2
-        if (name := word[:length]) not in known:
-            hint = _meant({"--step-size": "--eps"}.get(name, name), known)
+        name = word.partition("=")[0] if word.startswith("--") else word[:2]
+        if re.match("--?[A-Za-z]", word) and name not in known[command]:
+            hint = _meant({"--step-size": "--eps"}.get(name, name), known[command])
             hint = hint or f"; suslov-fast {command} --help lists all"
             raise UsageError(f"{command}: expected one of its options, got {name}{hint}")
-        groups.append((name, [word[length:]] if word[length:] else []))
-    for name, values in () if "" in known else groups:
-        takes = int(bool(name) and known[name].nargs != 0)
-        numbers = all(re.match(r"=?[-+]?\.?\d", each) for each in values)
-        if numbers and len(values) > takes > 0 and known[name].type in (_list, _list_or_table):
-            line = f"{name} {','.join(each.strip('=,') for each in values)}"
-            raise UsageError(f"argument {name}: expected numbers separated by commas, as {line}")
-        if len(values) > takes:
-            raise UsageError(f"{command}: expected options, got {values[takes]!r}")
 
 
 def _meant(word: str, choices: Iterable[str]) -> str:

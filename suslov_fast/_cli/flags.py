@@ -293,7 +293,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     known: dict[str, list[str]] = {}
     for name, command in COMMANDS.items():
         first = command.text.partition(".")[0]
-        settings = {"help": first, "description": command.text, "allow_abbrev": False}
+        settings: Any = {"help": first, "description": command.text, "allow_abbrev": False}
         actions = _fill(parsers.add_parser(name, **settings), command)
         known[name] = ["--help", "-h", *(word for each in actions for word in each.option_strings)]
     words = _with_negative_values(words) or ["--help"]
@@ -361,16 +361,13 @@ def _fill(parser: argparse.ArgumentParser, command: Command) -> list[argparse.Ac
 
 def _add_parameters(group: Any) -> list[argparse.Action]:
     """Add an option for each name of a parameter, a number or a list of numbers."""
-    classes: dict[str, list[Any]] = {}
-    for kind in body_classes():
-        for name in kind._names():
-            classes.setdefault(name, []).append(kind)
     actions = []
-    for name, (first, *others) in classes.items():
-        form, kind = (f"{name}1,...", _list) if first._axes(name) else (name.upper(), _number)
-        if name in first._positive and kind is _number:
-            kind = _positive
-        meanings = "; ".join(dict.fromkeys(each._meanings[name] for each in (first, *others)))
-        meanings += f" ({', '.join(each.__name__ for each in (first, *others))})"
-        actions.append(group.add_argument(f"--{name}", type=kind, metavar=form, help=meanings))
+    for name in dict.fromkeys(name for kind in body_classes() for name in kind._names()):
+        kinds = [kind for kind in body_classes() if name in kind._names()]
+        form, read = name.upper(), _positive if name in kinds[0]._positive else _number
+        if kinds[0]._axes(name):
+            form, read = f"{name}1,...", _list
+        meanings = "; ".join(dict.fromkeys(kind._meanings[name] for kind in kinds))
+        meanings += f" ({', '.join(kind.__name__ for kind in kinds)})"
+        actions.append(group.add_argument(f"--{name}", type=read, metavar=form, help=meanings))
     return actions

@@ -152,10 +152,9 @@ def _canonical(states: States, G: FloatArray | None) -> tuple[FloatArray, FloatA
     Y, KX, square = I23 / I2 * omega1 - I13 / I1 * omega2, K * X, X * X
     if G is None:
         G = np.array(((1.0 + KX + Y) * (1.0 + KX - Y) / (1.0 + square))[0])
+        near = abs(G) < _NEXT_TO_1
         numbers = np.broadcast_arrays(I1, I2, I13, I23, k, eps, omega[0, ..., 0], omega[0, ..., 1])
-        for index in np.argwhere(abs(G) < _NEXT_TO_1):
-            i = tuple(index)
-            G[i] = _exact(*(Fraction(float(each[i])) for each in numbers))
+        G[near] = [_exact(*state) for state in zip(*(each[near] for each in numbers), strict=True)]
     above, below, product = 1.0 + KX + Y, 1.0 + KX - Y, G * (1.0 + square)
     first = abs(above) < abs(below)  # the smaller one follows from the other
     above, below = np.where(first, product / below, above), np.where(first, below, product / above)
@@ -179,9 +178,9 @@ def _by_slopes(states: States, _: Any) -> tuple[FloatArray, FloatArray, None]:
     return *derivatives_of(states, found[:-1], found[1:]), None
 
 
-def _exact(*numbers: Fraction) -> float:
+def _exact(*numbers: float) -> float:
     """Return 1 - t**2 of a state, rounded once."""
-    I1, I2, I13, I23, k, eps, omega1, omega2 = numbers
+    I1, I2, I13, I23, k, eps, omega1, omega2 = map(Fraction, numbers)
     l, y = I13 * omega1 + I23 * omega2 + k, I23 * I1 * omega1 - I13 * I2 * omega2
     a, h = I1 * I2, eps * eps / 4
     return float(((a + h * k * l) ** 2 - h * y * y) / (a * (a + h * l * l)))

@@ -122,7 +122,13 @@ def _check_that_states_follow(
     body: Any, omega: FloatArray, eps: FloatArray, batch: tuple[int, ...], threads: int | None
 ) -> None:
     """Raise ValueError if states (N + 1, B, D) are not consecutive states of the map."""
-    stray, parameters = np.empty(omega.shape[1], np.int64), _implicit_parameters(body, eps, batch)
+    J, I, rotor, moments, products = in_units(body)
+    with np.errstate(all="ignore"):
+        h = np.ldexp(eps[..., np.newaxis], products - moments) / J
+    shape = np.broadcast_shapes(h.shape, I.shape, rotor.shape)
+    *rows, k = (np.broadcast_to(each, shape) for each in (np.sqrt(J), h, I, rotor))
+    parameters = *(flat_parameter(r, batch, 1) for r in rows), flat_parameter(k[..., 0], batch)
+    stray = np.empty(omega.shape[1], np.int64)
     work = omega.size * _CHECKING if stray.size > LANES else 0
     _threads.call_kernel(follow, work, threads, *parameters, omega, stray)
     if stray.max(initial=-1) < 0:
@@ -135,14 +141,3 @@ def _check_that_states_follow(
         "consecutive states of the map with this eps",
         f"{received}; if the run was saved with save_every > 1, save every state",
     )
-
-
-def _implicit_parameters(body: Any, eps: FloatArray, batch: tuple[int, ...]) -> list[FloatArray]:
-    """Return sqrt(J), eps / J and I (B or 1, m), and k (B or 1,), with J and I of the order 1."""
-    J, I, rotor, moments, products = in_units(body)
-    with np.errstate(all="ignore"):
-        h = np.ldexp(eps[..., np.newaxis], products - moments) / J
-    shape = np.broadcast_shapes(h.shape, I.shape, rotor.shape)
-    rows = (np.broadcast_to(each, shape) for each in (np.sqrt(J), h, I))
-    k = np.broadcast_to(rotor, (*shape[:-1], 1))[..., 0]
-    return [*(flat_parameter(each, batch, 1) for each in rows), flat_parameter(k, batch)]

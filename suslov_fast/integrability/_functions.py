@@ -59,6 +59,12 @@ class RationalFunction:
         """The degree of the numerator or of the denominator, whichever is larger."""
         return max(sum(int(P.total_degree()) * e for P, e in self._powers(s)) for s in (1, -1))
 
+    @property
+    def maps_to_infinity(self) -> bool:
+        """True if the map sends the zeros of this Darboux polynomial to infinity."""
+        factors = () if self.cofactor is None else self.cofactor.factors
+        return any(e < 0 and f == self.numerator for f, e in factors)
+
     def __repr__(self) -> str:
         if self.constant == 1 and [e for _, e in self.factors] == [1]:
             return str(self.factors[0][0])

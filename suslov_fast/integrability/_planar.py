@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -70,7 +70,7 @@ def pencil(map: Projective, integral: RationalFunction) -> Pencil:
     if degree == 2:
         roots = [c for f in singular or () for c in _rational_roots(f)]
         conics = [Q, *(c.denominator * P - c.numerator * Q for c in roots)]
-        centers = sorted(_double_points(conics), key=lambda p: (p[2], p))
+        centers = sorted((p for P in conics for p in _double_point(P)), key=lambda p: (p[2], p))
     elif degree == 3:
         centers = [p for p, _ in points]
     return Pencil(
@@ -155,14 +155,12 @@ def _singular(P: Any, Q: Any) -> tuple[Any, ...]:
     return tuple(single.from_dict({e[2:]: k for e, k in f.to_dict().items()}) for f, _ in singular)
 
 
-def _double_points(conics: Sequence[Any]) -> Iterator[Center]:
-    """Yield the points in which pairs of lines meet."""
+def _double_point(conic: Any) -> list[Center]:
+    """Return the point in which a pair of lines meet; none of other conics."""
     units = np.eye(3, dtype=int).tolist()
-    for P in conics:
-        gradients = [[int(value_at(P.derivative(i), e)) for e in units] for i in range(3)]
-        points = null_space(flint.fmpz_mat(gradients))
-        if len(points) == 1:
-            yield _coprime(points[0])
+    gradients = [[int(value_at(conic.derivative(i), e)) for e in units] for i in range(3)]
+    points = null_space(flint.fmpz_mat(gradients))
+    return [_coprime(points[0])] if len(points) == 1 else []
 
 
 def _involutions(P: Any, Q: Any, F: Sequence[Any], centers: Sequence[Center]) -> Any:

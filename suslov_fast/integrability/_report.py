@@ -69,7 +69,7 @@ class Report:
     @property
     def hyperplanes(self) -> Functions:
         """Those of `polynomials` that are 0 on invariant lines, planes or hyperplanes."""
-        return tuple(f for f in self.polynomials if f.degree == 1 and not _maps_to_infinity(f))
+        return tuple(f for f in self.polynomials if f.degree == 1 and not f.maps_to_infinity)
 
     @property
     def dimension(self) -> int:
@@ -100,6 +100,7 @@ class Report:
             lines.append(f"Level sets of the integrals have dimension {self.dimension} of {D}.")
         lines += [f"Pencil: {self.pencil}"] if self.pencil else []
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
+        lines += [] if self.finished else ["Not finished."]
         return "\n".join(_shortened(line, 3 * _WIDTH) for line in lines)
 
     def _repr_latex_(self) -> str:
@@ -136,13 +137,6 @@ def _for_json(value: Any) -> Any:
         case int() | None:
             return value
     return str(value)
-
-
-def _maps_to_infinity(P: RationalFunction) -> bool:
-    """Return whether the map sends the zeros of a Darboux polynomial to infinity."""
-    return P.cofactor is not None and any(
-        e < 0 and f % P.numerator == 0 for f, e in P.cofactor.factors
-    )
 
 
 def _first(degrees: list[int]) -> str:
@@ -243,9 +237,8 @@ def report(
                 pulse()
             found.finished = True
         except _TimeUp:
-            found.notes.append("Not finished.")
+            pass
         except KeyboardInterrupt as error:
-            found.notes.append("Not finished.")
             error.report = found  # type: ignore[attr-defined]
             raise
         except ZeroDivisionError:

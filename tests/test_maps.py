@@ -20,15 +20,12 @@ from suslov_fast._maps import MAPS, map_named, map_of
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Growth(Body):
-    """A body of the smallest map: x1 and x2 are multiplied by 1 + I eps.
-
-    The parameter has the name of one of `SuslovND`, which is a vector there.
-    """
+    """A body of the smallest map: x1 and x2 are multiplied by 1 + rate eps."""
 
     m: Any
-    I: Any
+    rate: Any
 
-    _meanings: ClassVar = {"m": "mass", "I": "rate"}
+    _meanings: ClassVar = {"m": "mass", "rate": "rate of growth"}
     _positive: ClassVar = ("m",)
 
     @property
@@ -37,11 +34,11 @@ class Growth(Body):
 
 
 def grow(problem, span, output):
-    _, I, eps = problem.parameters
+    _, rate, eps = problem.parameters
     state = span.resume["state"] if span.start else problem.omega0
     for n in range(span.start, span.steps + 1):
         if n > span.start:
-            state = state * (1.0 + I * eps)[:, np.newaxis]
+            state = state * (1.0 + rate * eps)[:, np.newaxis]
         if len(output.saved) and n % span.every == 0 and (n > span.start or n == 0):
             output.saved[n // span.every - span.rows_before] = state
     failed = np.isnan(state).any(axis=-1)
@@ -173,7 +170,12 @@ def test_plots(record, problem):
     _, iterate, body, starts = problem
     symbols = record.symbols(body)
     components = (0, len(symbols) - 1)
-    axes = iterate(body, starts, 0.1, 6).plot(components=components)
+    run = iterate(body, starts, 0.1, 6)
+    if len(symbols) == 1:
+        with pytest.raises(ValueError, match="expected states with at least 2 components, got 1"):
+            run.plot()
+        return
+    axes = run.plot(components=components)
     assert [axes.get_xlabel(), axes.get_ylabel()] == [symbols[k] for k in components]
 
 

@@ -380,10 +380,13 @@ def test_singular_curves():
 @pytest.mark.parametrize(
     ("field", "integrals"),
     [
-        (QuadraticField([[[0]]], [[-8]], [1]), []),  # every point has the same image
+        # Every point has the same image.
+        (QuadraticField([[[0]]], [[-8]], [1]), []),
+        (QuadraticField([[[4]]], constant=[-4]), []),
         (QuadraticField.from_hamiltonian(lambda x: 0 * x[0] + 1, 2), [1, 1]),
         (field_of(lambda x: (x[1] ** 2, 1), 2), [3]),
         (field_of(lambda x: (x[1], -x[0]), 2), [2]),
+        (field_of(lambda x: (8 * x[0] + 16 * x[1], 8 * x[0] + 8 * x[1]), 2), [4]),  # det DPhi = -1
     ],
 )
 def test_reports_of_simple_fields(field, integrals):
@@ -392,6 +395,7 @@ def test_reports_of_simple_fields(field, integrals):
     map = kahan(field, EPS)
     x = [F(k, 7) for k in range(2, 2 + map.dimension)]
     assert all(f(map(x)) == f(x) for f in found.integrals)
+    assert all(f(map(x)) * map.determinant(x) == f(x) for f in found.measures)
 
 
 def test_a_report_that_is_cut_short():

@@ -131,7 +131,8 @@ def image_by_minors(map: KahanMap, x: Sequence[Any]) -> list[Any]:
         pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
         if pivot is None:
             raise ZeroDivisionError
-        system[k], system[pivot] = system[pivot], system[k]
+        if pivot != k:  # the determinant keeps its sign
+            system[k], system[pivot] = system[pivot], [-a for a in system[k]]
         top = system[k]
         for row in system[:k] + system[k + 1 :]:
             for j in range(k + 1, n + 1):

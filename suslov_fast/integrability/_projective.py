@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import random
 from collections.abc import Callable
 from functools import cached_property, reduce
 from typing import Any
@@ -31,12 +32,16 @@ class Projective:
         self.ring, self.affine_ring = (_exact.polynomial_ring(self.D + k) for k in (1, 0))
         minors = image_by_minors(map, self.ring.gens())
         self.determinant = minors[-1]  # of A, up to a constant
-        self.backward = None  # that of the inverse, if there is one
-        with contextlib.suppress(ZeroDivisionError):
-            self.backward = image_by_minors(map.inverse, self.ring.gens())[-1]
         self.common = reduce(lambda a, b: a.gcd(b), minors)
         self.F = [each // self.common for each in minors]
         self.delta = int(self.F[-1].total_degree())
+        self.backward = None  # the determinant of the inverse, if there is one
+        with contextlib.suppress(ZeroDivisionError):
+            backward = image_by_minors(map.inverse, self.ring.gens())[-1]
+            rng = random.Random(0)
+            x = [rng.randrange(2**30) for _ in range(self.D + 1)]
+            if _exact.value_at(backward, [_exact.value_at(f, x) for f in self.F]) != 0:
+                self.backward = backward
 
     def homogeneous(self, P: Any, degree: int) -> Any:
         return self.ring.from_dict({(*e, degree - sum(e)): c for e, c in P.to_dict().items()})
@@ -58,7 +63,7 @@ class Projective:
 
         None if they are too large, or if there is no inverse.
         """
-        if self.backward is None or self.delta == 0:
+        if self.backward is None:
             return None
         sparse = max(map(len, self.F)) <= _SPARSE
         found = self._factors(self.F[-1]) + self._factors(self.determinant)

@@ -6,8 +6,8 @@ import argparse
 import math
 import shutil
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from inspect import signature
 from pathlib import Path
@@ -28,7 +28,7 @@ from .summary import Facts, facts_of, facts_of_store, text_of
 from .terminal import about, progress_bar, require_new
 
 # Duration in seconds, without compilation, above which one-time work such as starting threads is
-# negligible; shorter runs are timed a second time.
+# negligible.
 _LONG_RUN = 0.5
 
 
@@ -67,17 +67,6 @@ def _settings(function: Any, options: argparse.Namespace) -> Facts:
     return settings if orientation is None else {**settings, "attitude": orientation}
 
 
-@contextmanager
-def _in_parts_instead() -> Iterator[None]:
-    """Name the output that holds runs of any size if memory does not suffice."""
-    try:
-        yield
-    except MemoryError as error:
-        text = str(error).partition(";")[0]
-        how = "-o FILE.zarr writes a run of any size, a larger --save-every less"
-        raise CommandError(f"run: {text}; {how}") from error
-
-
 def _require_space(path: Path, shape: tuple[int, ...], options: argparse.Namespace) -> None:
     """Raise CommandError before the run if its states do not fit on the disk."""
     rows = options.steps // options.save_every + 1 if options.save_every else 1
@@ -96,19 +85,19 @@ def _hold_run(options: argparse.Namespace, body: Any, eps: float, starts: Any) -
         require_new(path, options.force)
     # A file that cannot be written is detected before the run.
     with about(path), nullcontext() if path is None else place_for(path) as put:
-        with about("run"), _in_parts_instead(), progress_bar("iterating") as progress:
-            if isinstance(starts, sf.RandomStarts):
-                starts = starts.states(starts.shape[0], dimension=body.dimension)
-            if path is not None:
-                _require_space(path, np.shape(starts), options)
-            settings = {**_settings(sf.iterate, options), "on_singular": "ignore"}
-            for _ in range(2):
-                with compile_timer() as compiling:
-                    begin = time.perf_counter()
-                    orbits = sf.iterate(body, starts, eps, **settings, progress=progress)
-                    seconds = time.perf_counter() - begin - compiling()
-                if seconds > _LONG_RUN:
-                    break
+        try:
+            with about("run"), progress_bar("iterating") as progress:
+                if isinstance(starts, sf.RandomStarts):
+                    starts = starts.states(starts.shape[0], dimension=body.dimension)
+                if path is not None:
+                    _require_space(path, np.shape(starts), options)
+                settings = {**_settings(sf.iterate, options), "on_singular": "ignore"}
+                iterate = partial(sf.iterate, body, starts, eps, **settings, progress=progress)
+                orbits, seconds = _timed(iterate)
+        except MemoryError as error:
+            text = str(error).partition(";")[0]
+            how = "-o FILE.zarr writes a run of any size, a larger --save-every less"
+            raise CommandError(f"run: {text}; {how}") from error
         if put is not None:
             put(**entries_of(orbits))
     # The closed form takes no steps: steps that iteration would take are comparable.
@@ -116,6 +105,18 @@ def _hold_run(options: argparse.Namespace, body: Any, eps: float, starts: Any) -
     rate = "steps_per_second" if stepped else "equivalent_steps_per_second"
     steps = orbits.status.size * options.steps
     return {**facts_of(orbits, starts), "seconds": seconds, rate: steps / seconds}
+
+
+def _timed(iterate: Callable[[], sf.Trajectories]) -> tuple[sf.Trajectories, float]:
+    """Return a run and its duration, without compilation; short runs are made twice."""
+    for _ in range(2):
+        with compile_timer() as compiling:
+            begin = time.perf_counter()
+            orbits = iterate()
+            seconds = time.perf_counter() - begin - compiling()
+        if seconds > _LONG_RUN:
+            break
+    return orbits, seconds
 
 
 def _store_run(options: argparse.Namespace, body: Any, eps: float, starts: Any) -> Facts:

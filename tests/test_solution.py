@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast._kernels import closed_form_rows
+from suslov_fast._engine import threads
 
 
 def random_problem(rng):
@@ -266,18 +266,19 @@ def test_times_at_and_almost_at_equal_steps(unit, omega, n):
     np.testing.assert_allclose(sf.exact(unit, omega, 0.8, n), alone, rtol=1e-13)
 
 
-def test_a_batch_without_other_orbits_takes_the_first_kernel_only(body, monkeypatch):
-    """Orbits that turn, are next to |k| = A or have t >= 1 have a kernel of their own."""
-    omega, k = [[1.0, 0.5], [0.0, 0.0], [np.nan, 1.0]], [0.1, 3.0, 0.0]
-    for name in ("rows", "states"):
-        passing, _ = getattr(closed_form_rows, name)
-        monkeypatch.setattr(closed_form_rows, name, (passing, None))
-    gyrostat = sf.SuslovGyrostat(*body.parameters, k)
+def test_a_batch_without_other_orbits_calls_kernels_once(body, monkeypatch):
+    """Orbits that turn, are next to |k| = A or have t >= 1 have code of their own."""
+    calls, omega, run = [], [[1.0, 0.5], [0.0, 0.0], [np.nan, 1.0]], threads.call_kernel
+    monkeypatch.setattr(
+        threads, "call_kernel", lambda *given: calls.append(given[-1]) or run(*given)
+    )
+    gyrostat = sf.SuslovGyrostat(*body.parameters, [0.1, 3.0, 0.0])
     for each in (body, gyrostat):
         sf.iterate(each, omega, 0.2, 40, save_every=3, on_singular="ignore")
         sf.flow(each, omega, 2.0)
-    with pytest.raises(AttributeError):
-        sf.exact(gyrostat, [1.0, 0.5], 0.2, 1)
+    assert set(calls) == {None}
+    sf.exact(gyrostat, [1.0, 0.5], 0.2, 1)
+    assert calls[-2:] == [None, True]
 
 
 def test_a_large_batch_that_begins_with_other_orbits(body):

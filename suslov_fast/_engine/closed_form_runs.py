@@ -46,7 +46,7 @@ class Orbits(NamedTuple):
     omega: FloatArray
     flow: bool
     ends: Ends
-    # 1 for trajectories of the blocks that the kernel of orbits that rest or pass leaves.
+    # 1 for trajectories of the blocks that the first call of a kernel leaves.
     left: NDArray[np.int8]
     # Numbers of missing states so far, a row for each thread: at a step, between, and out of range.
     missing: FloatArray
@@ -54,30 +54,30 @@ class Orbits(NamedTuple):
 
     def call(
         self,
-        kernels: tuple[Kernel, Kernel],
+        kernel: Kernel,
         sign: float,
         which: tuple[Any, Any],
         lanes: Range,
         work: int,
         out: FloatArray,
     ) -> None:
-        """Call a kernel for some trajectories, and the next for those that it leaves.
+        """Call a kernel for some trajectories, and again for those that it leaves.
 
-        If it leaves most of the first _PROBE, the next kernel computes all others, too: the same
-        bits. `work` is that of a trajectory after it is entered.
+        If it leaves most of the first _PROBE, all others are left, too: the second call computes
+        the same bits. `work` is that of a trajectory after it is entered.
         """
         parameters, omega, flow, ends, left, missing, threads = self
-        (passing, others), (begin, stop) = kernels, lanes
-        before, after = ((sign, flow), parameters, omega, *which), (out, ends, left, missing)
+        batch, (begin, stop) = ((sign, flow), parameters, omega, ends, left), lanes
         end, most_left = begin + _PROBE if stop - begin > 4 * _PROBE else stop, False
         while begin < stop:
+            call = batch, (begin, end), *which, out, missing
             total = (end - begin) * (_ENTERING + work)
             if most_left:
                 left[begin:end] = 1
             else:
-                _threads.call_kernel(passing, total, threads, *before, (begin, end), *after)
+                _threads.call_kernel(kernel, total, threads, *call, None)
             if 1 in left[begin:end].tobytes():  # faster than `any` for one trajectory
-                _threads.call_kernel(others, total, threads, *before, (begin, end), *after)
+                _threads.call_kernel(kernel, total, threads, *call, True)
                 most_left = end < stop and left[begin:end].mean() > _MOST
             begin, end = end, stop
 

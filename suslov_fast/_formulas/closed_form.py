@@ -48,7 +48,7 @@ from .coordinates import (
     sum_of_ordered,
     sum_of_products,
 )
-from .elementary import exponent, larger, smaller, two_to_the, within
+from .elementary import exponent, exponential, larger, scaled, smaller, two_to_the, within
 
 # The exponential of smaller numbers underflows to 0.
 NO_POWER = -1e5
@@ -67,6 +67,12 @@ LARGEST_RATIO, LEAST_RATIO = 200.0, 2.0**-200
 LEAST_ROOT = 2.0**-100
 # Values of |g| below this, in units in which k is of the order of 1, are taken for 0.
 UNCOUPLED = 1e-150
+# Larger numbers of steps and longer times are replaced by this: `two_product` does not overflow.
+LARGEST_TIME = 2.0**990
+# Numbers of steps above this are not known to be even or odd.
+LARGEST_COUNT = 2.0**53
+# Squares of smaller w and s are negligible; if subnormal, they would be slow.
+NO_SQUARE = 1e-100
 
 # Fates of orbits: beyond the range, state 0 is NaN, at state 0 the map is 0 / 0, no pole can be
 # met, and T >= 1.
@@ -314,3 +320,44 @@ def is_other(start, levels, steps):
         | (levels.r < LEAST_RATIO)
     )
     return moves | ((start.fate != REGULAR) & (start.fate != UNKNOWN))
+
+
+@formula
+def power_of_ratio(n, steps):
+    """p and an integer `power` for which |r|**n = (1 + p) 2**power."""
+    x, lost = two_product(n, steps.log_r)
+    lost = lost + n * steps.log_lost
+    endless = x < NO_POWER
+    return exponential(select(endless, NO_POWER, x), select(endless, 0.0, lost))
+
+
+@formula
+def pair(n, steps):
+    """(c, s) after n steps."""
+    p, power = power_of_ratio(smaller(n, LARGEST_TIME) - steps.lag, steps)
+    return scaled(steps.v + steps.v * p, power + steps.power), 1.0
+
+
+@formula
+def growth(n, steps):
+    """The pair that takes (c, s) n steps further by `combined`."""
+    p, power = power_of_ratio(n, steps)
+    return scaled(1.0 + p, power), 0.0
+
+
+@formula
+def squarable(v):
+    """v, or 0 if its square is negligible."""
+    return select(abs(v) > NO_SQUARE, v, 0.0)
+
+
+@formula
+def omega_of(c, s, forms):
+    """omega, without the factor 2**power_left."""
+    cc, ss = c * squarable(c), s * squarable(s)
+    cs = c * s
+    inverse = 1.0 / ((forms.d11 * cc + forms.d12 * cs) + forms.d22 * ss)
+    return (
+        ((forms.x1 * cc + forms.y1 * cs) + forms.z1 * ss) * inverse,
+        ((forms.x2 * cc + forms.y2 * cs) + forms.z2 * ss) * inverse,
+    )

@@ -19,7 +19,9 @@ from .._jit import formula, select
 from . import twofold
 from .closed_form import (
     JUMPING,
+    LARGEST_COUNT,
     LARGEST_RATIO,
+    LARGEST_TIME,
     LEAST_ROOT,
     PASSES,
     RESTS,
@@ -29,8 +31,8 @@ from .closed_form import (
     cancels,
     frame,
     larger_sum,
+    power_of_ratio,
 )
-from .closed_form_states import LARGEST_COUNT, LARGEST_TIME, power_of_ratio
 from .coordinates import ZERO_TO_ROUNDING, shifted
 from .elementary import is_integer, larger, scaled, sine_and_cosine, smaller, two_to_the
 from .equations import over_denominator

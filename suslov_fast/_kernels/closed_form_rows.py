@@ -2,43 +2,44 @@
 
 A row of the output is a state of each trajectory, and a lane of a block is a trajectory at a row or
 a time: few trajectories fill it with several rows. At equal steps (c, s) is computed directly every
-GROUP rows, and multiplied twice in between: a state depends only on its orbit and its index. Blocks
-of orbits, and the states that are not computed in this way, are those of `orbits` and
-`other_orbits`: each loop is two kernels, for either of these modules, of which the first marks the
-trajectories that it leaves.
+GROUP rows, and multiplied twice in between: a state depends only on its orbit and its index.
 
-Arguments of kernels, over a batch of B trajectories:
+A kernel is called first for orbits that rest or pass, and leaves blocks that contain any other. For
+these it is called again, with `others`, and computes the same bits for orbits that rest or pass.
+Numba compiles it separately for each call, without what follows `others is None` or does not: so
+most batches do not need the code of `other_orbits`.
 
-motion       1, or -1 for the inverse map and the flow backward in time, since all times are >= 0;
-             and True for the flow, else False
-parameters   I1, I2, I13, I23, k and eps: (B,) each, or (1,) if common to all; for the flow eps is
-             the unit of times
-omega        (B, 2), the states at time 0
+Arguments of kernels, for a batch of B trajectories:
+
+batch        a tuple of these:
+  motion       1, or -1 for the inverse map and the flow backward in time, since all times are >= 0;
+               and True for the flow, else False
+  parameters   I1, I2, I13, I23, k and eps: (B,) each, or (1,) if common to all; for the flow eps is
+               the unit of times
+  omega        (B, 2), the states at time 0
+  ends         status, failed_at and the last step of a run whose trajectories end at a pole; for
+               empty arrays the closed form continues past it
+  left         (B,), 1 for trajectories of the blocks that are left, at first 0
 trajectories the first to compute, and the one after the last
 out          (N, B, 2), the states; NaN if a state does not exist
-ends         status, failed_at and the last step of a run whose trajectories end at a pole; for
-             empty arrays the closed form continues past it
-left         (B,), 1 for trajectories of the blocks that are left to `other_orbits`, at first 0
 missing      (parts, 3), incremented by the numbers of NaN states of orbits whose state 0 is not
              NaN, in columns: at a step, between two steps, and out of the range of float64 or of
              known phases
+others       None for orbits that rest or pass, and then True for the blocks that are left
 """
 
 from collections import namedtuple
 
 import numpy as np
 
-from .._formulas.closed_form import PASSES
-from .._formulas.closed_form_states import omega_of
+from .._formulas import closed_form
+from .._formulas import other_orbits as other_formulas
+from .._formulas.closed_form import PASSES, omega_of
 from .._formulas.coordinates import NEGLIGIBLE
-from .._formulas.elementary import smaller
-from .._jit import Kernel, formula, lane, namespace, put, rows_of, select, share, stack
-from . import orbits, other_orbits
-from .lanes import all_share, whole
-from .orbits import ROW_LANES, RowLanes, block, enter_bodies
+from .._jit import formula, kernel, lane, put, rows_of, select, share, stack
+from . import other_orbits
+from .orbits import ROW_LANES, RowLanes, block, enter
 from .tiles import lead_of, shortening_of_first_block, write_row
-
-kind = namespace("kind")  # `orbits` or `other_orbits`
 
 BASE, GROUP = 8, 64  # rows; GROUP = BASE**2
 _TILE = 2 * ROW_LANES
@@ -88,21 +89,23 @@ def task_of(task, plan, trajectories):
 
 
 @formula
-def fill_lanes(b, lanes, omega, first, width, abreast, direction):
-    """Give each lane a trajectory and a row, in the order of the output; return how many are used.
+def pair(n, steps, others):
+    """(c, s) after n steps."""
+    return closed_form.pair(n, steps) if others is None else other_formulas.pair(n, steps)
 
-    Lanes beyond the last repeat trajectories.
-    """
-    used, states = whole(width * abreast), omega[first : first + width]
-    omega1, omega2 = b.problem.omega1, b.problem.omega2
-    for l in range(width):
-        omega1[l], omega2[l] = states[l, 0], states[l, 1]
-    for l in range(width, used):
-        omega1[l], omega2[l] = omega1[l - width], omega2[l - width]
-    for l in range(used):
-        place = smaller(np.floor(l / width), abreast - 1.0)
-        lanes.place[l], lanes.offset[l] = place, select(direction > 0, place, abreast - 1.0 - place)
-    return used
+
+@formula
+def growth_of(n, steps, others):
+    """The pair that takes (c, s) n steps further by `combined`."""
+    return closed_form.growth(n, steps) if others is None else other_formulas.growth(n, steps)
+
+
+@formula
+def combined(c, s, growth, k, l, square, others):
+    """(c, s) of lane l after the steps of entry k of the growth."""
+    if others is None:
+        return c * growth.c[k, l], 1.0
+    return other_formulas.combined(c, s, growth.c[k, l], growth.s[k, l], square)
 
 
 @formula
@@ -143,9 +146,8 @@ def write_asked(tile, flat, lead, batch, rows, i, abreast, first, width):
     write_row(tile, 2 * width * skip, flat, target, size, stride, lead)
 
 
-def fill_rows(
-    part, parts, motion, parameters, omega, numbering, rows, trajectories, out, ends, left, missing
-):
+@kernel
+def rows(part, parts, batch, trajectories, numbering, rows, out, missing, others):
     """Fill rows: state number first + every i goes to row origin + direction i, begin <= i < end.
 
     numbering   first, every
@@ -163,29 +165,24 @@ def fill_rows(
     entered = 0
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, trajectories)
-        if not kind.takes(left, first, width):
+        used = enter(b, lanes, batch, (first, width, abreast, direction), entered, others)
+        if used == 0:
             continue
-        used = fill_lanes(b, lanes, omega, first, width, abreast, direction)
-        if used > entered or not all_share(parameters):  # else lanes keep theirs
-            enter_bodies(b, parameters, first, width, used)
-            entered = used
-        if not kind.fill_block(b, lanes, motion, left, first, width, used):
-            continue
-        kind.write_ends(b, lanes, first, width, used, ends)
-        corrects = kind.corrects(b, lanes, used)
+        entered = max(entered, used)
+        corrects = False if others is None else other_orbits.corrects(b, lanes, used)
         for k in range(_ENTRIES):  # those that blocks of `abreast` rows use
             if k % (min(abreast, BASE) if k < BASE else max(abreast // BASE, 1)) == 0:
                 for l in range(used):
                     offset, eights = lanes.offset[l], BASE * np.floor(lanes.offset[l] / BASE)
                     after = select(k < BASE, k + (offset - eights), BASE * (k - BASE) + eights)
-                    c, growth.s[k, l] = kind.pairs.growth(after * every, lane(b.steps, l))
+                    c, growth.s[k, l] = growth_of(after * every, lane(b.steps, l), others)
                     growth.c[k, l] = not_negligible(c)
         first_row = first_group + skipped
         for top in range(first_row, min(first_row + plan.rows_per_task, end), GROUP * abreast):
             unusual = 0  # seeds: unknown, or a ratio too large for one number
             for l in range(used):  # that of group i in the lanes at place i
                 steps, group = lane(b.steps, l), top + GROUP * lanes.place[l]
-                c, s = kind.pairs.pair(first_number + every * group, steps)
+                c, s = pair(first_number + every * group, steps, others)
                 c = not_negligible(select((steps.kind == PASSES) & (s < 1.0), np.inf, c))
                 lanes.table_c[l], lanes.table_s[l] = c, s
                 lanes.seed_c[l], lanes.seed_s[l] = c, s  # of the only group if abreast == 1
@@ -197,15 +194,12 @@ def fill_rows(
                 if row % BASE == 0:
                     for l in range(used):
                         k, square = BASE + row // BASE, b.steps.square[l]
-                        c, lanes.s[l] = kind.pairs.combined(
-                            lanes.seed_c[l], lanes.seed_s[l], growth.c[k, l], growth.s[k, l], square
-                        )
+                        c, s = lanes.seed_c[l], lanes.seed_s[l]
+                        c, lanes.s[l] = combined(c, s, growth, k, l, square, others)
                         lanes.c[l] = not_negligible(c)
                 for l in range(used):
                     k, square = row % BASE, b.steps.square[l]
-                    c, s = kind.pairs.combined(
-                        lanes.c[l], lanes.s[l], growth.c[k, l], growth.s[k, l], square
-                    )
+                    c, s = combined(lanes.c[l], lanes.s[l], growth, k, l, square, others)
                     put(tile, 2 * l, omega_of(c, s, lane(b.forms, l)))
                 if i + abreast <= begin:  # these only advance c and s
                     continue
@@ -213,13 +207,14 @@ def fill_rows(
                     for l in range(used):
                         lanes.number[l] = first_number + every * (i + lanes.offset[l])
                     take_states_0(b, used, lanes, tile)
-                    kind.correct(b, lanes, (begin - i, end - i), width * abreast, tile, counts)
+                    if others is not None:
+                        asked, count = (begin - i, end - i), width * abreast
+                        other_orbits.correct(b, lanes, asked, count, tile, counts)
                 write_asked(tile, flat, lead, out.shape[1], rows, i, abreast, first, width)
 
 
-def fill_states(
-    part, parts, motion, parameters, omega, times, to, trajectories, out, ends, left, missing
-):
+@kernel
+def states(part, parts, batch, trajectories, times, to, out, missing, others):
     """Fill row to[j] with the states at times[j]: numbers of steps, or times of the flow."""
     plan = plan_of(trajectories, out, times.size, 1)
     abreast = plan.abreast
@@ -229,35 +224,20 @@ def fill_states(
     entered = 0
     for task in range(first_task, last_task):
         first, width, skipped = task_of(task, plan, trajectories)
-        if not kind.takes(left, first, width):
+        used = enter(b, lanes, batch, (first, width, abreast, 1), entered, others)
+        if used == 0:
             continue
-        used = fill_lanes(b, lanes, omega, first, width, abreast, 1)
-        if used > entered or not all_share(parameters):  # else lanes keep theirs
-            enter_bodies(b, parameters, first, width, used)
-            entered = used
-        if not kind.fill_block(b, lanes, motion, left, first, width, used):
-            continue
-        kind.write_ends(b, lanes, first, width, used, ends)
+        entered = max(entered, used)
         for j in range(skipped, min(skipped + plan.rows_per_task, times.size), abreast):
             for l in range(used):
                 lanes.number[l] = times[min(j + int(lanes.offset[l]), times.size - 1)]
             for l in range(used):
-                c, s = kind.pairs.pair(lanes.number[l], lane(b.steps, l))
+                c, s = pair(lanes.number[l], lane(b.steps, l), others)
                 put(tile, 2 * l, omega_of(c, s, lane(b.forms, l)))
             take_states_0(b, used, lanes, tile)
             count = width * min(abreast, times.size - j)
-            kind.correct(b, lanes, (0, abreast), count, tile, counts)
+            if others is not None:
+                other_orbits.correct(b, lanes, (0, abreast), count, tile, counts)
             for i in range(count // width):
                 target = 2 * (to[j + i] * out.shape[1] + first)
                 write_row(tile, 2 * width * i, flat, target, 2 * width, 0, lead)
-
-
-# For orbits that rest or pass, and for the others.
-rows = (
-    Kernel(fill_rows, "fill_rows", kind=orbits),
-    Kernel(fill_rows, "fill_other_rows", kind=other_orbits),
-)
-states = (
-    Kernel(fill_states, "fill_states", kind=orbits),
-    Kernel(fill_states, "fill_other_states", kind=other_orbits),
-)

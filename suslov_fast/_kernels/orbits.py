@@ -1,18 +1,15 @@
-"""Blocks of orbits that rest or pass, for `closed_form_rows`, which explains the arguments.
-
-The kernel of these orbits leaves a block with another one to that of `other_orbits`, a kernel of
-its own, which is compiled when a batch first has such an orbit, and computes the same bits for
-orbits that rest or pass.
-"""
+"""Blocks of orbits for `closed_form_rows`, which explains the arguments."""
 
 from collections import namedtuple
 
+import numpy as np
+
 from .._formulas import closed_form as formulas
-from .._formulas import closed_form_states
+from .._formulas.elementary import smaller
 from .._formulas.units import ScaledState
-from .._jit import formula, inlined, lane, put, rows_of, select
-from . import codes
-from .lanes import spread
+from .._jit import inlined, lane, put, rows_of, select
+from . import codes, other_orbits
+from .lanes import all_share, spread, whole
 
 # A block of 64 orbits takes 60 KB.
 ROW_LANES = 64
@@ -46,7 +43,25 @@ def block():
     )
 
 
-@formula
+@inlined
+def fill_lanes(b, lanes, omega, first, width, abreast, direction):
+    """Give each lane a trajectory and a row, in the order of the output; return how many are used.
+
+    Lanes beyond the last repeat trajectories.
+    """
+    used, states = whole(width * abreast), omega[first : first + width]
+    omega1, omega2 = b.problem.omega1, b.problem.omega2
+    for l in range(width):
+        omega1[l], omega2[l] = states[l, 0], states[l, 1]
+    for l in range(width, used):
+        omega1[l], omega2[l] = omega1[l - width], omega2[l - width]
+    for l in range(used):
+        place = smaller(np.floor(l / width), abreast - 1.0)
+        lanes.place[l], lanes.offset[l] = place, select(direction > 0, place, abreast - 1.0 - place)
+    return used
+
+
+@inlined
 def enter_bodies(b, parameters, first, width, used):
     """Give each lane the body and the step size of its trajectory."""
     for k in range(len(parameters)):
@@ -58,11 +73,11 @@ def enter_bodies(b, parameters, first, width, used):
         put(b.body, l, formulas.body(lane(b.problem, l)))
 
 
-@formula
-def enter_orbits(b, motion, used):
-    """Fill a block, as if its orbits rest or pass; return how many do not."""
+@inlined
+def enter_orbits(b, lanes, motion, used, others):
+    """Fill the orbits of a block; return False if it is left."""
     back, flows = motion
-    others = 0
+    found = 0
     for l in range(used):
         body, omega1, omega2 = lane(b.body, l), b.problem.omega1[l], b.problem.omega2[l]
         put(b.start, l, formulas.start(back, flows, body, omega1, omega2))
@@ -72,70 +87,64 @@ def enter_orbits(b, motion, used):
         steps = formulas.steps(start, levels)
         put(b.levels, l, levels)
         put(b.steps, l, steps)
-        others += select(formulas.is_other(start, levels, steps), 1, 0)
-    return others
-
-
-@formula
-def enter_logarithms(b, motion, used):
-    """Fill the logarithms of the ratios of a map."""
-    _, flows = motion
+        found += select(formulas.is_other(start, levels, steps), 1, 0)
+    if others is None and found > 0:
+        return False
+    if others is not None:
+        other_orbits.refine(b, used)
     for l in range(0 if flows else used):
         b.steps.log_r[l], b.steps.log_lost[l] = formulas.with_logarithm(
             lane(b.start, l), lane(b.levels, l), b.steps.log_r[l], b.steps.log_lost[l]
         )
-
-
-@formula
-def enter_forms(b, used):
-    """Fill the forms, as if all orbits rest or pass."""
     for l in range(used):
         given = lane(b.problem, l)
         put(b.forms, l, formulas.forms(lane(b.start, l), lane(b.levels, l), given))
-
-
-# What `closed_form_rows` takes from this module or from `other_orbits`.
-
-pairs = closed_form_states  # functions of pairs (c, s)
-
-
-@formula
-def takes(left, first, width):
-    """Return True if a block is to be computed."""
+    if others is not None:
+        other_orbits.enter_angles(b, lanes, used)
+        other_orbits.replace_forms(b, lanes, used)
     return True
 
 
-@formula
-def fill_block(b, lanes, motion, left, first, width, used):
-    """Fill a block of orbits; return False if it is left."""
-    if enter_orbits(b, motion, used) > 0:
+@inlined
+def write_ends(b, lanes, ends, first, width, used, others):
+    """Write statuses of trajectories, and where they end."""
+    status, failed_at, stop = ends
+    for l in range(width if len(status) else 0):
+        code, fails, fate = codes.OK, np.inf, b.start.fate[l]
+        if fate == formulas.UNKNOWN:
+            code, fails = codes.NONFINITE, 0.0
+        elif others is not None:
+            if fate != formulas.REGULAR or b.start.power[l] > 0.0:
+                code, fails = other_orbits.end_of(lane(b, l), lanes.power_left[l], stop)
+            lanes.fails[l] = fails
+        status[first + l] = code
+        if fails < np.inf:
+            failed_at[first + l] = int(fails)
+    if others is not None:
+        for l in range(width, used):  # the other rows of these trajectories
+            lanes.fails[l] = lanes.fails[l - width]
+
+
+@inlined
+def enter(b, lanes, batch, place, entered, others):
+    """Fill a block and write the statuses of its trajectories; return the number of its lanes.
+
+    It is 0 if the block is left, or with `others`, if it is not. Lanes up to `entered` have a body,
+    which they keep if all trajectories share one.
+    """
+    motion, parameters, omega, ends, left = batch
+    first, width, abreast, direction = place
+    found = 0
+    for l in range(width):
+        found += left[first + l]
+    if (found > 0) == (others is None):
+        return 0
+    used = fill_lanes(b, lanes, omega, first, width, abreast, direction)
+    if used > entered or not all_share(parameters):
+        enter_bodies(b, parameters, first, width, used)
+    if not enter_orbits(b, lanes, motion, used, others):
         for l in range(width):
             left[first + l] = 1
-        return False
-    enter_logarithms(b, motion, used)
-    enter_forms(b, used)
-    return True
-
-
-@formula
-def write_ends(b, lanes, first, width, used, ends):
-    """Write statuses of trajectories, and where they end."""
-    status, failed_at, _ = ends
-    for l in range(width if len(status) else 0):
-        unknown = b.start.fate[l] == formulas.UNKNOWN
-        status[first + l] = codes.NONFINITE if unknown else codes.OK
-        if unknown:
-            failed_at[first + l] = 0
-
-
-@formula
-def corrects(b, lanes, used):
-    """Return True if states of a block may have to be corrected."""
-    return False
-
-
-@formula
-def correct(b, lanes, asked, count, tile, missing):
-    """Compute unusual states of the first `count` lanes of a tile again, and count those that are
-    missing; `asked` are the first offset that is asked for, and the end.
-    """
+        return 0
+    write_ends(b, lanes, ends, first, width, used, others)
+    return used

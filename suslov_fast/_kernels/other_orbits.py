@@ -1,34 +1,24 @@
-"""Blocks with orbits that neither rest nor pass, as `orbits`; states that may be poles."""
+"""Blocks with orbits that neither rest nor pass: what differs from `orbits`, and the states that
+are computed again because they may be poles.
+"""
 
 import numpy as np
 
 from .._formulas import closed_form as formulas
-from .._formulas import closed_form_states as states
 from .._formulas import other_orbits as others
 from .._formulas.elementary import LONGEST_PHASE, exponent, scaled
 from .._jit import formula, inner, lane, put, select
 from . import codes
 from .lanes import whole
-from .orbits import enter_forms, enter_logarithms, enter_orbits
 
 # Exponent of the largest state that certainly is finite.
 LARGEST_EXPONENT = 1022.0
 
-pairs = others
-
 
 @formula
-def takes(left, first, width):
-    found = 0
-    for l in range(width):
-        found += left[first + l]
-    return found > 0
-
-
-@formula
-def fill_block(b, lanes, motion, left, first, width, used):
-    enter_orbits(b, motion, used)
-    cancels, turning = 0, 0
+def refine(b, used):
+    """Replace the steps, and levels that lose digits, of orbits that neither rest nor pass."""
+    cancels = 0
     for l in range(used):
         cancels += select(formulas.cancels(lane(b.levels, l)), 1, 0)
     for l in range(used if cancels > 0 else 0):
@@ -38,20 +28,30 @@ def fill_block(b, lanes, motion, left, first, width, used):
             put(b.levels, l, levels)
             put(b.steps, l, formulas.steps(start, levels))
     for l in range(used):
-        steps = others.steps(lane(b.start, l), lane(b.levels, l), lane(b.steps, l))
-        put(b.steps, l, steps)
-        turning += select(steps.kind == others.TURNS, 1, 0)
-    enter_logarithms(b, motion, used)
-    if turning > 0:  # in two loops: a processor overlaps the lanes of a short one
-        for l in range(used):  # `c` and `s` hold the tangent until there are rows
-            lanes.c[l], lanes.s[l] = others.turning_tangent(lane(b.levels, l))
-        for l in range(used):
-            tangent = lanes.c[l], lanes.s[l]
-            turns, lost = others.turning(lane(b.start, l), lane(b.levels, l), tangent)
-            turns_here = b.steps.kind[l] == others.TURNS
-            b.steps.turns[l] = select(turns_here, turns, 0.0)
-            b.steps.turns_lost[l] = select(turns_here, lost, 0.0)
-    enter_forms(b, used)
+        put(b.steps, l, others.steps(lane(b.start, l), lane(b.levels, l), lane(b.steps, l)))
+
+
+@formula
+def enter_angles(b, lanes, used):
+    """Fill the angles of orbits that turn."""
+    turning = 0
+    for l in range(used):
+        turning += select(b.steps.kind[l] == others.TURNS, 1, 0)
+    turning = used if turning > 0 else 0
+    # In two loops: a processor overlaps the lanes of a short one.
+    for l in range(turning):  # `c` and `s` hold the tangent until there are rows
+        lanes.c[l], lanes.s[l] = others.turning_tangent(lane(b.levels, l))
+    for l in range(turning):
+        tangent = lanes.c[l], lanes.s[l]
+        turns, lost = others.turning(lane(b.start, l), lane(b.levels, l), tangent)
+        turns_here = b.steps.kind[l] == others.TURNS
+        b.steps.turns[l] = select(turns_here, turns, 0.0)
+        b.steps.turns_lost[l] = select(turns_here, lost, 0.0)
+
+
+@formula
+def replace_forms(b, lanes, used):
+    """Replace the forms of orbits that neither rest nor pass, and fill what `correct` needs."""
     for l in range(used):
         start, levels, steps = lane(b.start, l), lane(b.levels, l), lane(b.steps, l)
         if steps.kind == others.NEAR:
@@ -62,14 +62,13 @@ def fill_block(b, lanes, motion, left, first, width, used):
         lanes.recompute_from[l] = others.recompute_from(start, levels, steps)
         lanes.power_left[l] = select(rests, 0.0, formulas.power_left(start.power))
         lanes.fails[l] = np.inf
-    return True
 
 
 @inner
 def state_at(orbit, power_left, n):
     """Return state n of an orbit: infinite or NaN if it does not exist."""
     c, s = others.pair(n, orbit.steps)
-    omega1, omega2 = states.omega_of(c, s, orbit.forms)
+    omega1, omega2 = formulas.omega_of(c, s, orbit.forms)
     if others.is_pole(c, s, orbit.forms):
         omega1, omega2 = np.nan, np.nan
     return scaled(omega1, power_left), scaled(omega2, power_left)
@@ -99,8 +98,6 @@ def end_of(orbit, power_left, stop):
     fate, rests = start.fate, steps.kind == formulas.RESTS
     if fate == formulas.BEYOND_RANGE:
         return codes.NEEDS_STEPS, np.inf
-    if fate == formulas.UNKNOWN:
-        return codes.NONFINITE, 0.0
     if fate == formulas.UNDEFINED:
         return codes.SINGULAR, 1.0
     if fate == formulas.JUMPING:
@@ -123,24 +120,8 @@ def end_of(orbit, power_left, stop):
 
 
 @formula
-def write_ends(b, lanes, first, width, used, ends):
-    status, failed_at, stop = ends
-    any_fails = False
-    for l in range(width if len(status) else 0):
-        code = codes.OK
-        if b.start.fate[l] != formulas.REGULAR or b.start.power[l] > 0.0:
-            code, lanes.fails[l] = end_of(lane(b, l), lanes.power_left[l], stop)
-        status[first + l] = code
-        if lanes.fails[l] < np.inf:
-            failed_at[first + l] = int(lanes.fails[l])
-            any_fails = True
-    # The other rows of these trajectories.
-    for l in range(width, used if any_fails else 0):
-        lanes.fails[l] = lanes.fails[l - width]
-
-
-@formula
 def corrects(b, lanes, used):
+    """Return True if states of a block may have to be corrected."""
     found = 0
     for l in range(used):
         start = lane(b.start, l)
@@ -152,6 +133,9 @@ def corrects(b, lanes, used):
 
 @formula
 def correct(b, lanes, asked, count, tile, missing):
+    """Compute unusual states of the first `count` lanes of a tile again, and count those that are
+    missing; `asked` are the first offset that is asked for, and the end.
+    """
     begin, end = asked
     unusual = 0
     for l in range(whole(count)):
@@ -191,5 +175,5 @@ def corrected(orbit, at, omega1, omega2):
         if start.fate == formulas.BEYOND_RANGE or size == np.inf or unknown_phase:
             column = 2
         elif start.fate != formulas.UNKNOWN:
-            column = 0 if np.floor(n) == n and n <= states.LARGEST_COUNT else 1
+            column = 0 if np.floor(n) == n and n <= formulas.LARGEST_COUNT else 1
     return omega1, omega2, column

@@ -166,16 +166,14 @@ def _flat(values: list[FloatArray], ndim: int) -> tuple[FloatArray, ...]:
 
 def _portions(batch: tuple[int, ...], most: int) -> Iterator[Index]:
     """Yield parts of a batch, in C order, of at most `most` elements."""
-    inner = math.prod(batch[1:])
     if not batch:
         yield ()
-    elif 0 in batch:
+    if not batch or 0 in batch:
         return
-    elif inner <= most:
-        rows = most // inner
-        for first in range(0, batch[0], rows):
-            yield (slice(first, first + rows),)
-    else:
-        for i in range(batch[0]):
-            for part in _portions(batch[1:], most):
-                yield (i, *part)
+    # Parts are divided along the first axis whose elements are small enough.
+    sizes = [math.prod(batch[k + 1 :]) for k in range(len(batch))]
+    axis = next(k for k, size in enumerate(sizes) if size <= most)
+    rows = most // sizes[axis]
+    for index in np.ndindex(batch[:axis]):
+        for first in range(0, batch[axis], rows):
+            yield (*index, slice(first, first + rows))

@@ -82,12 +82,8 @@ class Span:
     def __init__(
         self, steps: int, save_every: int | None, start: int = 0, resume: Resume | None = None
     ) -> None:
-        self.steps, self.save_every, self.start, self.resume = (
-            steps,
-            save_every,
-            start,
-            resume or {},
-        )
+        self.steps, self.save_every = steps, save_every
+        self.start, self.resume = start, resume or {}
         self.every = save_every or steps + 1
         self.rows_before = start // self.every + 1 if start and save_every else 0
         self.rows = steps // self.every + 1 - self.rows_before if save_every else 0

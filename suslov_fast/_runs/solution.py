@@ -21,7 +21,7 @@ _REASONS = (
     ("no state between two steps where t >= 1", RuntimeWarning),
     ("beyond the range of float64, or of the closed form: use iterate", RuntimeWarning),
 )
-_RANGE = 2  # the last of them
+_RANGE = 2  # the last of them, of which `flow` and `limits` warn
 # Of `flow`, in place of a step size: its times are those of the user.
 _UNIT_OF_TIME = 1.0
 
@@ -77,9 +77,7 @@ def exact(
     """
     times = _times("n", n)
     given = check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
-    states, missing = _states_at("exact", given, times)
-    _warn(missing, states)
-    return states
+    return _states_at("exact", given, times)
 
 
 @filled
@@ -120,9 +118,7 @@ def flow(
     array([2.125, 2.125, 2.125])
     """
     given = check(body, AnyBody, {"omega0": omega0, "eps": _UNIT_OF_TIME}, threads)
-    states, missing = _states_at("flow", given, _times("time", time))
-    _warn(missing, states, _RANGE)
-    return states
+    return _states_at("flow", given, _times("time", time))
 
 
 @filled
@@ -159,9 +155,8 @@ def limits(
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
     given = check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads)
-    states, missing = _states_at("limits", given, np.array([-np.inf, np.inf]))
-    _warn(missing, states, _RANGE)
-    return states[0], states[1]
+    omega_minus, omega_plus = _states_at("limits", given, np.array([-np.inf, np.inf]))
+    return omega_minus, omega_plus
 
 
 def _times(name: str, value: Any) -> FloatArray:
@@ -173,30 +168,27 @@ def _times(name: str, value: Any) -> FloatArray:
     return times
 
 
-def _states_at(name: str, given: States, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return states of the map or the flow at given times, and counts of missing ones."""
+def _states_at(name: str, given: States, times: FloatArray) -> FloatArray:
+    """Return states of the map or the flow at given times, and warn of those that are missing."""
     body, flow = given.body, name == "flow"
-    if not isinstance(body, SuslovND):
-        return states_at(given, times, flow)
-    check_solved(body, name)
+    if isinstance(body, SuslovND):
+        check_solved(body, name)
+        given = in_3d(given) if body.dimension == 2 else given
     if body.dimension == 2:
-        return states_at(in_3d(given), times, flow)
-    reduced = reduced_of(given)
-    in_three, missing = states_at(reduced.states(given.threads), times, flow)
-    states = np.empty((*times.shape, *given.batch, body.dimension))
-    rows = times.size, len(reduced.state)
-    flat = states.reshape((*rows, body.dimension))
-    reduced.expand(in_three.reshape((*rows, 2)), flat, 0, given.threads)
-    # At time 0 the state is a copy of the input.
-    states[times == 0.0] = given.omega
-    return states, missing
-
-
-def _warn(missing: FloatArray, states: FloatArray, first: int = 0) -> None:
-    """Warn of states that are missing for one of the reasons from the first on."""
-    if not np.count_nonzero(missing):
-        return
-    counts, total = missing.sum(axis=0), states.size // states.shape[-1]
-    for count, (what, category) in zip(counts[first:], _REASONS[first:], strict=True):
-        if count:
-            warn(f"{count:.0f} of {total} states: {what}", category)
+        states, missing = states_at(given, times, flow)
+    else:
+        reduced = reduced_of(given)
+        in_three, missing = states_at(reduced.states(given.threads), times, flow)
+        states = np.empty((*times.shape, *given.batch, body.dimension))
+        rows = times.size, len(reduced.state)
+        flat = states.reshape((*rows, body.dimension))
+        reduced.expand(in_three.reshape((*rows, 2)), flat, 0, given.threads)
+        # At time 0 the state is a copy of the input.
+        states[times == 0.0] = given.omega
+    if np.count_nonzero(missing):
+        first, total = 0 if name == "exact" else _RANGE, states.size // states.shape[-1]
+        counts = missing.sum(axis=0)[first:]
+        for count, (what, category) in zip(counts, _REASONS[first:], strict=True):
+            if count:
+                warn(f"{count:.0f} of {total} states: {what}", category)
+    return states

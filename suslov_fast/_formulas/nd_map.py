@@ -39,7 +39,7 @@ def slope_of_itself(J_i, others, eps):
 
 
 @formula
-def terms(J_i, I_i, omega_i, half):
+def sum_terms(J_i, I_i, omega_i, half):
     """Return 1 / d_i, and the terms of component i in the sums of `solve2`; half = eps p / 2."""
     inverse = 1.0 / (J_i - half)
     along = I_i * inverse

@@ -87,16 +87,16 @@ def value(values, t, i):
 @formula
 def advance(c, b, begin):
     """Make a step."""
-    build(c, b, begin)
+    fill_lanes(c, b, begin)
     eliminate(c.matrix, b.ratio)
-    if add(c, b) > 0:
+    if fill_next_states(c, b) > 0:
         return False
     take(c)
     return True
 
 
 @inlined
-def build(c, b, begin):
+def fill_lanes(c, b, begin):
     """Fill the equations of a step."""
     indices, values, matrix, x = c.indices, c.values, c.matrix, c.x
     D, _, width = matrix.shape
@@ -123,13 +123,13 @@ def build(c, b, begin):
 
 
 @formula
-def next_component(x, half):
+def after_increment(x, half):
     """Return the sum of a component and its increment, minus twice `half`; -0.0 remains."""
     return select(half == 0.0, x, x - 2.0 * half)
 
 
 @inlined
-def add(c, b):
+def fill_next_states(c, b):
     """Fill the next states; return how many are not finite, or not accurate."""
     D, width = c.x.shape
     for l in range(width):
@@ -137,7 +137,7 @@ def add(c, b):
     for i in range(D):
         for l in range(width):
             half = c.matrix[i, D, l]
-            c.after[i, l] = next_component(c.x[i, l], half)
+            c.after[i, l] = after_increment(c.x[i, l], half)
             size = abs(c.after[i, l])
             b.size[l] += size
             b.lost[l] = larger(CANCELLED * abs(half) - size, b.lost[l]) + 0.0

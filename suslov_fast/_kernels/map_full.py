@@ -15,8 +15,8 @@ D = 3
 
 # omega in a unit.
 State = namedtuple("State", "omega1 omega2 omega3")
-# The coefficients of two equations, see `row`; half the step size, or any for a step of 0, whose
-# exponent is in these; the unit of states, and their bound.
+# The `_coefficients` of two equations; half the step size, or any for a step of 0, whose exponent is
+# in these; the unit of states, and their bound.
 Constants = namedtuple("Constants", "one1 a1 b1 d1 t1 i1 one2 a2 b2 d2 t2 i2 h unit bound")
 
 
@@ -26,7 +26,7 @@ def _exponent_or_none(v):
 
 
 @formula
-def _row(moment, I13, I23, gyration, twice, I3, H):
+def _coefficients(moment, I13, I23, gyration, twice, I3, H):
     """The moment of inertia, I13 2**H, I23 2**H, gyration 2**H, twice and I3, all in one unit, a
     power of two in which none but I3 is above 2.
 
@@ -55,8 +55,8 @@ def enter(parameters, omega, i):
     h = select(eps == 0.0, 1.0, 0.5 * (eps * two_to_the(-E)))
     H = select(eps == 0.0, LOG_OF_ZERO, E + W)
     inverse = two_to_the(-W)
-    one1, a1, b1, d1, t1, i1 = _row(I1, I13, I23, I3 - I2, 2.0 * I13, I3, H)
-    one2, a2, b2, d2, t2, i2 = _row(I2, I13, I23, I1 - I3, 2.0 * I23, I3, H)
+    one1, a1, b1, d1, t1, i1 = _coefficients(I1, I13, I23, I3 - I2, 2.0 * I13, I3, H)
+    one2, a2, b2, d2, t2, i2 = _coefficients(I2, I13, I23, I1 - I3, 2.0 * I23, I3, H)
     state = State(select(unknown, np.nan, omega1 * inverse), omega2 * inverse, omega3 * inverse)
     constants = Constants(
         one1, a1, b1, d1, t1, i1, one2, a2, b2, d2, t2, i2, h, unit, bound_in(unit)
@@ -65,7 +65,7 @@ def enter(parameters, omega, i):
 
 
 @formula
-def _solve(k, s):
+def _solutions(k, s):
     """Determinant of the equations for h Omega1 and h Omega2, NaN where it is zero to rounding, and
     the products of it and the two solutions.
 
@@ -103,7 +103,7 @@ def _solve(k, s):
 @formula
 def advance(k, s):
     """Omega3 changes sign, and Omega1 and Omega2 solve two linear equations."""
-    det, above1, above2 = _solve(k, s)
+    det, above1, above2 = _solutions(k, s)
     next1, next2 = above1 / (k.h * det), above2 / (k.h * det)
     exists = (abs(next1) < k.bound) & (abs(next2) < k.bound)
     return (
@@ -120,6 +120,6 @@ def show(k, s):
 
 @formula
 def cause(k, s):
-    det, above1, above2 = _solve(k, s)
+    det, above1, above2 = _solutions(k, s)
     in_range = np.isfinite(above1) and np.isfinite(above2)
     return codes.SINGULAR if np.isnan(det) and in_range else codes.NONFINITE

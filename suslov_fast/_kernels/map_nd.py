@@ -1,10 +1,10 @@
 """The n-dimensional map, for `blocks_nd`, in the symbols of `_formulas.nd_map`.
 
-A step in O(n) is `sums`, `solve`, `add` and `measure`. In lanes where `solve` is inaccurate, as
-where a d is small, `repair` takes the step by elimination: `eliminate_lanes`, and `solve_lane`
-where that is inaccurate, too. After that, `settle` ends lanes or renews their units. States have
-m = n - 1 components, and arrays of a block M rows: m, and if m is odd one more component, with
-J = infinity and I = omega = 0.
+A step in O(n) is `sums`, `solve`, `add_increment` and `measure`. In lanes where `solve` is
+inaccurate, as where a d is small, `repair` takes the step by elimination: `eliminate_lanes`, and
+`solve_lane` where that is inaccurate, too. After that, `settle` ends lanes or renews their units.
+States have m = n - 1 components, and arrays of a block M rows: m, and if m is odd one more
+component, with J = infinity and I = omega = 0.
 
 parameters   J, I (B, m) or (1, m); eps (B,) or (1,); the states at step 0 (B, m)
 results      those of `blocks_nd`, with the states in units of 2**exponent, and exponent (B,)
@@ -30,7 +30,7 @@ from .._formulas.nd_map import (
     next_component,
     slope_of_itself,
     solve2,
-    terms,
+    sum_terms,
 )
 from .._jit import formula, inlined, inner, rows_of, select, stack
 from .codes import NEEDS_ELIMINATION, NONFINITE, OK, SINGULAR
@@ -118,7 +118,7 @@ def advance(c, b, begin):
     sums(c, b)
     if not solve(c, b):
         repair(c, b, c.elimination)
-    add(c, b)
+    add_increment(c, b)
     measure(c, b)
     return units_fit(c, b)
 
@@ -147,10 +147,10 @@ def sums(c, b):
     for i in range(half):
         j = half + i
         for l in range(lanes):
-            r_i, alpha_i, beta_i, gamma_i = terms(
+            r_i, alpha_i, beta_i, gamma_i = sum_terms(
                 at(c.J, i, l), at(c.I, i, l), c.omega[i, l], b.half[l]
             )
-            r_j, alpha_j, beta_j, gamma_j = terms(
+            r_j, alpha_j, beta_j, gamma_j = sum_terms(
                 at(c.J, j, l), at(c.I, j, l), c.omega[j, l], b.half[l]
             )
             c.inverse[i, l], c.inverse[j, l] = r_i, r_j
@@ -177,7 +177,7 @@ def solve(c, b):
 
 
 @formula
-def add(c, b):
+def add_increment(c, b):
     """Add the increment."""
     M, lanes = c.omega.shape
     for i in range(M):
@@ -203,7 +203,7 @@ def measure(c, b):
 
 @inner
 def repair(c, b, elimination):
-    """Take the step in lanes that are not solved, and set the increments that `add` adds to 0.
+    """Take the step in lanes that are not solved, and set the increments that are added to 0.
 
     Without memory for elimination, trajectories that need it end; another driver restarts them.
     `elimination` is an argument of its own so that Numba removes the branches for None.
@@ -236,7 +236,7 @@ def eliminate_lanes(c, b):
     """Take the step by elimination in open lanes."""
     matrix = c.elimination[0][c.task]
     m, _, lanes = matrix.shape
-    fill_matrix(c, b)
+    fill_lanes(c, b)
     eliminate(matrix, b.ratio)
     inaccurate = 0
     for l in range(WIDTH):  # a constant; to `lanes`, the loop took a third of a step for small m
@@ -246,7 +246,7 @@ def eliminate_lanes(c, b):
             solved = (b.outcome[l] == OPEN) & (b.ratio[l] > ACCURATE)
             c.omega[i, l] = select(solved, matrix[i, m, l], c.omega[i, l])
     if inaccurate > 0:
-        fill_matrix(c, b)
+        fill_lanes(c, b)
         for l in range(lanes):
             if b.outcome[l] == OPEN and not b.ratio[l] > ACCURATE:
                 solve_lane(c, b, l)
@@ -295,7 +295,7 @@ def project(c, l, system, i):
 
 
 @inner
-def fill_matrix(c, b):
+def fill_lanes(c, b):
     """Fill A(omega), and omega as the right side."""
     matrix = c.elimination[0][c.task]
     m, _, lanes = matrix.shape

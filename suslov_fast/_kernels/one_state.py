@@ -4,7 +4,7 @@ import numpy as np
 
 from .._formulas.elementary import larger, smaller
 from .._formulas.equations import next_coordinates, turn_of_gyrostat
-from .._formulas.nd_map import matrix_row, next_component, slope_of_itself, solve2, terms
+from .._formulas.nd_map import matrix_row, next_component, slope_of_itself, solve2, sum_terms
 from .._jit import formula, select
 from . import map_field
 from .codes import OK
@@ -41,7 +41,7 @@ def step_nd(J, I, eps, near, longest, omega, out, system, scales):
         square += omega[i] * omega[i]
     half, alpha, beta, gamma = 0.5 * eps * p, 0.0, 0.0, 0.0
     for i in range(m):
-        inverse[i], of_alpha, of_beta, of_gamma = terms(J[i], I[i], omega[i], half)
+        inverse[i], of_alpha, of_beta, of_gamma = sum_terms(J[i], I[i], omega[i], half)
         alpha, beta, gamma = alpha + of_alpha, beta + of_beta, gamma + of_gamma
     of_omega, of_I, det, size = solve2(eps, p, square, alpha, beta, gamma)
     if (det > LEAST_DET * size) & (square < longest) & (half < near):
@@ -86,7 +86,7 @@ def step_of_field(indices, values, half, slopes, x, out, system, scales):
         way += abs(matrix[i, D])
     if (least > LEAST_PIVOT * largest) & (size > LEAST_SUM * way) & (size < np.inf):
         for i in range(D):
-            out[i] = map_field.next_component(x[i], matrix[i, D])
+            out[i] = map_field.after_increment(x[i], matrix[i, D])
         return OK
     map_field.fill_equations(indices, values, 0, half, slopes, x, matrix)
     map_field.fill_next(slopes, x, matrix)

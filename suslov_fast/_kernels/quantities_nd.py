@@ -185,7 +185,7 @@ def fill_reaction(s, eps, unit, out):
 
 
 @formula
-def enter_body(J, I, s):
+def scale_body(J, I, s):
     """Fill the body of a problem, and return its units."""
     M = unit_of_moments(J)
     P = unit_of(I, M)
@@ -196,7 +196,7 @@ def enter_body(J, I, s):
 
 
 @formula
-def enter_state(omega, following, s):
+def scale_state(omega, following, s):
     """Fill the states of a problem; return their unit, and True if a component is infinite."""
     W, infinite = unit_of(omega, 0.0), False
     factor = two_to_the(-W)
@@ -206,7 +206,7 @@ def enter_state(omega, following, s):
     return W, infinite
 
 
-def evaluate(part, parts, parameters, omega, following, out, scratch, infinite):
+def evaluate_nd(part, parts, parameters, omega, following, out, scratch, infinite):
     """Evaluate a quantity in a part of the tasks."""
     J, I, eps = parameters
     count, period, tasks = len(omega), max(len(J), len(I), len(eps)), len(scratch)
@@ -220,15 +220,15 @@ def evaluate(part, parts, parameters, omega, following, out, scratch, infinite):
         for state in range(task * count // tasks, (task + 1) * count // tasks):
             b = state % period
             if b != body:
-                M, P = enter_body(J[b % len(J)], I[b % len(I)], s)
+                M, P = scale_body(J[b % len(J)], I[b % len(I)], s)
                 body = b
-            W, is_infinite = enter_state(omega[state], following[state], s)
+            W, is_infinite = scale_state(omega[state], following[state], s)
             infinite[task] |= is_infinite
             step = scaled(eps[b % len(eps)], P + W - M)
             quantity.at_state(s, step, Units(M, P, W), out[state])
 
 
-def of_body(name, fill, *dimension):
+def of_body_nd(name, fill, *dimension):
     """Build the kernel of a quantity from a function that fills it in the units of a problem.
 
     Its dimension are its exponents of moments, of products of inertia and of omega.
@@ -241,13 +241,15 @@ def of_body(name, fill, *dimension):
             out[i] = leave(out[i], unit, moment, product, omega)
 
     at_state.__qualname__ = f"{name}_at_state"  # see `quantities_3d.of_formulas`
-    return Kernel(evaluate, name, quantity=namespace(name, at_state=formula(at_state)))
+    return Kernel(evaluate_nd, name, quantity=namespace(name, at_state=formula(at_state)))
 
 
-energy = of_body("energy_nd", fill_energy, 1, 0, 2)
-modified_energy = of_body("modified_energy_nd", fill_modified_energy, 1, 0, 2)
-invariant_density = of_body("invariant_density_nd", fill_invariant_density, 0, 0, -2)
-vector_field = of_body("vector_field_nd", fill_vector_field, -1, 1, 2)
-matrix = of_body("matrix_nd", fill_matrix, 0, 0, 0)
-slopes = of_body("slopes_nd", fill_slopes, 0, 0, 0)
-reaction = Kernel(evaluate, "reaction_nd", quantity=namespace("reaction", at_state=fill_reaction))
+energy = of_body_nd("energy_nd", fill_energy, 1, 0, 2)
+modified_energy = of_body_nd("modified_energy_nd", fill_modified_energy, 1, 0, 2)
+invariant_density = of_body_nd("invariant_density_nd", fill_invariant_density, 0, 0, -2)
+vector_field = of_body_nd("vector_field_nd", fill_vector_field, -1, 1, 2)
+matrix = of_body_nd("matrix_nd", fill_matrix, 0, 0, 0)
+slopes = of_body_nd("slopes_nd", fill_slopes, 0, 0, 0)
+reaction = Kernel(
+    evaluate_nd, "reaction_nd", quantity=namespace("reaction", at_state=fill_reaction)
+)

@@ -51,15 +51,12 @@ class Frame(NamedTuple):
     I23: float
     k: float  # 0
     eps: float
-    # (u, v) = (u1 omega1 + u2 omega2, v1 omega1 + v2 omega2), and back.
+    # (u, v) = (u1 omega1 + u2 omega2, v1 omega1 + v2 omega2)
     u1: float
     u2: float
     v1: float
     v2: float
-    omega1_u: float
-    omega1_v: float
-    omega2_u: float
-    omega2_v: float
+    inverse: float  # of the determinant u1 v2 - u2 v1
 
     labels = ("Omega1", "Omega2")  # of the components of a state
 
@@ -77,10 +74,7 @@ class GyrostatFrame(NamedTuple):
     u2: float
     v1: float
     v2: float
-    omega1_u: float
-    omega1_v: float
-    omega2_u: float
-    omega2_v: float
+    inverse: float  # of the determinant u1 v2 - u2 v1
     # X = K + a u + b v, Y = b u - a v.
     K: float
     a: float
@@ -162,24 +156,26 @@ def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFr
     if eps == 0.0 or I13 == I23 == k == 0.0:
         expected = "eps != 0, and I13, I23 or k != 0"
         raise wrong("body, eps", expected, f"{body!r}, eps = {eps!r}: the map is the identity")
+    given = I1, I2, I13, I23, k, eps
     if isinstance(body, SuslovGyrostat):
         half, ratio, mean = 0.5 * eps, math.sqrt(I2 / I1), math.sqrt(I1) * math.sqrt(I2)
-        to_v = half * ratio
-        matrices = half, 0.0, 0.0, to_v, 1.0 / half, 0.0, 0.0, 1.0 / to_v
+        inverse = 1.0 / half / half / ratio
         rotor = half * k / mean, I13 / mean, I23 / I2
-        made: Frame | GyrostatFrame = GyrostatFrame(I1, I2, I13, I23, k, eps, *matrices, *rotor)
+        made: Frame | GyrostatFrame = GyrostatFrame(
+            *given, half, 0.0, 0.0, half * ratio, inverse, *rotor
+        )
     else:
-        made = Frame(I1, I2, I13, I23, k, eps, *map(float, _matrices(I1, I2, I13, I23, eps)))
+        made = Frame(*given, *map(float, _coordinates(I1, I2, I13, I23, eps)))
     if not all(map(math.isfinite, made)):
         raise wrong("body, eps", "numbers of ordinary range", f"{body!r}, eps = {eps!r}")
     return made
 
 
 @for_users
-def _matrices(I1, I2, I13, I23, eps):
+def _coordinates(I1, I2, I13, I23, eps):
     u1, v1, _, _ = coordinates.dimensionless(I1, I2, I13, I23, 0.0, eps, 1.0, 0.0)
     u2, v2, _, _ = coordinates.dimensionless(I1, I2, I13, I23, 0.0, eps, 0.0, 1.0)
-    return u1, u2, v1, v2, *coordinates.from_canonical(I1, I2, I13, I23, eps)
+    return u1, u2, v1, v2, 1.0 / (u1 * v2 - u2 * v1)
 
 
 def _single(body: Any, eps: ArrayLike, loop: str) -> float:
@@ -216,7 +212,7 @@ def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, fl
 def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return (omega1, omega2), the inverse of :func:`enter`."""
     f = frame
-    return f.omega1_u * u + f.omega1_v * v, f.omega2_u * u + f.omega2_v * v
+    return (f.v2 * u - f.u2 * v) * f.inverse, (f.u1 * v - f.v1 * u) * f.inverse
 
 
 @for_users

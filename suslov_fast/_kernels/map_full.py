@@ -15,8 +15,8 @@ D = 3
 
 # omega in a unit.
 State = namedtuple("State", "omega1 omega2 omega3")
-# The `_coefficients` of two equations; half the step size, or any for a step of 0, whose exponent is
-# in these; the unit of states, and their bound.
+# `_coefficients` of two equations; half the step size, or any for a step of 0, whose exponent is in
+# these; the unit of states, and their bound.
 Constants = namedtuple("Constants", "one1 a1 b1 d1 t1 i1 one2 a2 b2 d2 t2 i2 h unit bound")
 
 

@@ -137,12 +137,6 @@ class Invariants:
             modified = replace(modified, basis=IDENTITY)
         self.quotients.append(modified)
 
-    def _cofactor(self, P: Any, degree: int, powers: Powers) -> Cofactor:
-        """Return the cofactor of a polynomial whose pullback is P times these powers."""
-        f, map = RationalFunction(((P, 1),)), self.map.map
-        pairs = zip(powers, self.map.of_denominator, strict=True)
-        return self._with_constant([a - degree * b for a, b in pairs], lambda x: f(map(x)) / f(x))
-
     def _products_with(self, cofactor: Cofactor, degree: int) -> list[Any]:
         """Return independent products of generators up to a degree that have a cofactor."""
         span: list[Any] = []
@@ -153,26 +147,25 @@ class Invariants:
 
     def _products(self, degree: int, first: int) -> Iterator[tuple[Any, Cofactor]]:
         """Yield the products of generators up to a degree, each once."""
-        yield self.map.affine_ring.constant(1), self.one
+        yield self.map.affine_ring.constant(1), Cofactor((0,) * len(self.map.factors), Fraction(1))
         for i, (Q, cofactor, _) in enumerate(self.generators[first:], start=first):
             if (remaining := degree - int(Q.total_degree())) >= 0:
                 for P, (powers, c) in self._products(remaining, i):
                     together = tuple(map(sum, zip(powers, cofactor.powers, strict=True)))
                     yield P * Q, Cofactor(together, c * cofactor.constant)
 
-    @property
-    def one(self) -> Cofactor:
-        return Cofactor((0,) * len(self.map.of_denominator), Fraction(1))
-
     @cached_property
     def determinant(self) -> Cofactor:
         """The determinant of the map's derivative."""
         return self._with_constant(self.map.of_determinant, self.map.map.determinant)
 
-    def function(self, cofactor: Cofactor) -> RationalFunction:
-        """Return a cofactor as a function."""
-        pairs = zip(self.map.affine_factors or (), cofactor.powers[1:], strict=True)
-        return RationalFunction(tuple((f, e) for f, e in pairs if e), cofactor.constant)
+    def _cofactor(self, P: Any, degree: int, powers: Powers) -> Cofactor:
+        """Return the cofactor of a polynomial whose pullback is P times these powers."""
+        pairs = zip(powers, self.map.of_denominator, strict=True)
+        return self._with_constant(
+            [a - degree * b for a, b in pairs],
+            lambda x: _exact.value_at(P, self.map.map(x)) / _exact.value_at(P, x),
+        )
 
     def _with_constant(self, powers: Sequence[int], f: Callable[[Any], Fraction]) -> Cofactor:
         """Return a function, a constant times these powers of factors, as a cofactor."""
@@ -181,6 +174,11 @@ class Invariants:
             with contextlib.suppress(ZeroDivisionError):
                 x = [Fraction(rng.randrange(-99, 99), 7) for _ in range(self.map.D)]
                 return Cofactor(tuple(powers), f(x) / product(x))
+
+    def function(self, cofactor: Cofactor) -> RationalFunction:
+        """Return a cofactor as a function."""
+        pairs = zip(self.map.affine_factors or (), cofactor.powers[1:], strict=True)
+        return RationalFunction(tuple((f, e) for f, e in pairs if e), cofactor.constant)
 
     def basis_of(self, P: Any, degree: int, powers: Sequence[int]) -> str:
         """Check a polynomial's pullback as an identity, if it is not too long."""
@@ -272,7 +270,8 @@ def cofactors(map: KahanMap, degree: int) -> tuple[RationalFunction, ...]:
     degree = integer("degree", degree, 0)
     _exact.check_unknowns("degree", degree, map.dimension)
     found = invariants_up_to(map, degree)
-    different = dict.fromkeys([found.one, found.determinant, *found.cofactors])
+    one = Cofactor((0,) * len(found.map.factors), Fraction(1))
+    different = dict.fromkeys([one, found.determinant, *found.cofactors])
     return tuple(found.function(c) for c in different)
 
 

@@ -217,12 +217,10 @@ def report(
     integer("seed", seed, 0)
     check_progress(progress)
     _exact.check_unknowns("degree", degree, field.dimension)
-    deadline = math.inf
-    if time_limit is not None:
-        seconds = float(real_array("time_limit", time_limit))
-        if seconds < 0:
-            raise wrong("time_limit", "None or a number of seconds of at least 0", seconds)
-        deadline = time.monotonic() + seconds
+    seconds = math.inf if time_limit is None else float(real_array("time_limit", time_limit))
+    if seconds < 0:
+        raise wrong("time_limit", "None or a number of seconds of at least 0", seconds)
+    deadline = time.monotonic() + seconds
 
     def pulse() -> None:
         if time.monotonic() > deadline:
@@ -273,6 +271,7 @@ def _search(found: Report, map: KahanMap, seed: int, pulse: Callable[[], object]
     if map.field.H is not None:
         invariants.add_modified_energy()
         found.searched.append("the modified energy and 1/det A of the Hamiltonian")
+        update()
     if projective.affine_factors is None:
         polynomials = hk_bases(map, d, seed=seed).integrals
         invariants.quotients += [quotient_of(P, polynomials[0], MODULAR) for P in polynomials[1:]]
@@ -284,8 +283,7 @@ def _search(found: Report, map: KahanMap, seed: int, pulse: Callable[[], object]
     before = [*found.searched]
     for k in invariants.up_to(d):
         update()
-        text = f"Darboux polynomials up to degree {k} with {cofactors}"
-        found.searched = [*before, text]
+        found.searched = [*before, f"Darboux polynomials up to degree {k} with {cofactors}"]
         yield
     update()
     # Integrals with irrational coefficients have rational norms, of a higher degree.

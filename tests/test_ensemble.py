@@ -122,6 +122,7 @@ def test_sources_of_initial_states(tmp_path):
     np.save(tmp_path / "starts.npy", array)
     sources = {
         "random": random, "array": array, "file": tmp_path / "starts.npy",
+        "mapped": np.load(tmp_path / "starts.npy", mmap_mode="r"),
         "dask": dask.array.from_array(array, chunks=(2, 7, 2)),
     }  # fmt: skip
     orbits = iterate(BODY, random, 0.2, 20, save_every=None)

@@ -64,7 +64,7 @@ def source_of(omega0: Any, labels: tuple[str, ...]) -> Source:
         if any(length != length for length in omega0.shape):
             known = "an array of known shape"
             raise wrong("omega0", known, f"{omega0.shape}: call its compute_chunk_sizes()")
-    else:
+    elif not isinstance(omega0, np.memmap):
         return GivenStarts(vectors("omega0", omega0, dimension, True, labels).copy())
     if omega0.ndim == 0 or omega0.shape[-1] != dimension:
         raise wrong("omega0", f"shape (..., {dimension})", omega0.shape)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+HERE = Path(__file__).parent
 LAYERS = ("omp", "tbb", "workqueue")
 
 SETUP = """
@@ -22,11 +23,14 @@ expected = run(threads=1)
 
 
 def attempt(code, *arguments, timeout=300, **environment):
-    """Run a child: code, which may be indented, or the script at a path; kill it if it hangs."""
+    """Run a child: code, which may be indented, or the script at a path; kill it if it hangs.
+
+    It imports the package that is installed, compiled before, and not one in the current folder.
+    """
     what = [code] if isinstance(code, Path) else ["-c", textwrap.dedent(code)]
     return subprocess.run(
         [sys.executable, *map(str, [*what, *arguments])], env=os.environ | environment,
-        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout,
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout, cwd=HERE,
     )  # fmt: skip
 
 

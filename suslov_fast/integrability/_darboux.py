@@ -6,7 +6,6 @@ import random
 from collections.abc import Iterator
 from fractions import Fraction
 from functools import cache, cached_property, partial
-from itertools import accumulate
 from typing import Any
 
 import flint
@@ -108,30 +107,28 @@ class _Pullbacks:
         """Yield the powers of invariant spaces, and the constant if there are several for them."""
         total = self.degree * (self.map.delta - 1)
         degrees = [int(f.total_degree()) for f in self.map.factors]
-        most, dimension = [0] * len(degrees), [0] * len(degrees)
+        most = [0] * len(degrees)
         for i, exceptional in enumerate(self.map.of_jacobian):
             basis = self.everything if exceptional else None
             while basis is not None and (most[i] + 1) * degrees[i] <= total:
                 basis = self._divisible(basis, i, most[i] + 1)
-                if basis is not None:
-                    most[i], dimension[i] = most[i] + 1, basis.nrows()
-        order = sorted((i for i, a in enumerate(most) if a), key=lambda i: (dimension[i], i))
-        reach = [*accumulate((most[i] * degrees[i] for i in order[::-1]), initial=0)][::-1]
+                most[i] += basis is not None
+        products = [a * b for a, b in zip(most, degrees, strict=True)]
 
-        def descend(k: int, basis: Any, left: int, powers: Powers) -> Iterator[Any]:
-            if left == 0:
+        def descend(basis: Any, left: int, powers: Powers) -> Iterator[Any]:
+            """Yield the powers of all factors that continue these, and what they leave."""
+            i = len(powers)
+            if i == len(degrees):
                 yield basis, powers
-            elif k < len(order) and left <= reach[k]:
-                i = order[k]
-                for power in range(min(most[i], left // degrees[i]) + 1):
-                    if power:
-                        basis = self._divisible(basis, i, power)
-                    if basis is None:
-                        break
-                    raised = (*powers[:i], power, *powers[i + 1 :])
-                    yield from descend(k + 1, basis, left - power * degrees[i], raised)
+                return
+            least = max(0, left - sum(products[i + 1 :]))
+            for power in range(-(-least // degrees[i]), min(most[i], left // degrees[i]) + 1):
+                reduced = self._divisible(basis, i, power) if power else basis
+                if reduced is None:
+                    break
+                yield from descend(reduced, left - power * degrees[i], (*powers, power))
 
-        for basis, powers in descend(0, self.everything, total, (0,) * len(degrees)):
+        for basis, powers in descend(self.everything, total, ()):
             _, pulled = self._invariant(basis, powers)
             if pulled is not None:
                 for c, _ in pulled.charpoly().roots():
@@ -142,8 +139,8 @@ class _Pullbacks:
         """Return a basis, in echelon form, of the polynomials with these powers and constant."""
         basis = self.everything
         for i, power in enumerate(powers):
-            for k in range(power):
-                basis = basis and self._divisible(basis, i, k + 1)
+            if power:
+                basis = basis and self._divisible(basis, i, power)
         basis, pulled = self._invariant(basis, powers)
         if basis is not None and c is not None:
             constant = flint.nmod(_exact.fmpq(c), self.p)

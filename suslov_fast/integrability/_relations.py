@@ -18,16 +18,7 @@ from .._bodies.algebra import exact_array, rational
 from .._checks import integer, wrong
 from .._docs import filled
 from . import _exact
-from ._exact import (
-    MORE,
-    Exponents,
-    Matrix,
-    Point,
-    Polynomials,
-    Residues,
-    confirmed,
-    monomial_values,
-)
+from ._exact import MORE, Exponents, Matrix, Point, Polynomials, Residues, monomial_values
 from ._functions import rank_of_quotients
 from ._invariants import common_denominator, invariants_up_to
 from ._maps import Arithmetic, KahanMap, check_map
@@ -180,7 +171,7 @@ class Relations:
             rank = self._rank_of_derivatives(p, exponents, start, relations) if relations else 0
             return len(relations), rank
 
-        return confirmed(self.rng, count)  # type: ignore[no-any-return]
+        return _exact.confirmed(self.rng, count)  # type: ignore[no-any-return]
 
     def _rank_of_derivatives(
         self, p: int, exponents: Exponents, start: list[int], relations: Residues

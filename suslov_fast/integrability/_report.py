@@ -83,10 +83,11 @@ class Report:
             none = "not sought"
         error = f" +- {self.growth.entropy_error:.2g}" if self.growth.entropy_error else ""
         entropy = "" if math.isnan(self.entropy) else f", entropy {self.entropy:.4g}{error}"
+        degrees = ", ".join(map(str, self.degrees[:8]))
         plane = {1: "points", 2: "lines", 3: "planes"}.get(D, "hyperplanes")
         lines = [
             f"Kahan map of {self.field}, eps = {self.eps}",
-            f"Degrees of iterates: {_first(self.degrees)}",
+            f"Degrees of iterates: {degrees}{', ...' if len(self.degrees) > 8 else ''}",
             f"Growth: {self.growth.kind}{entropy}; evidence, not a proof: {self.growth.based_on}",
             _listed("First integrals", self.integrals, none, 4),
             _listed("Densities of measures", self.measures, none, 1),
@@ -105,8 +106,8 @@ class Report:
 
     def _repr_latex_(self) -> str:
         kinds = {"F": self.integrals, "\\rho": self.measures[:1], "P": self.polynomials}
-        degrees = _first(self.degrees).replace("...", "\\ldots")
-        lines = [f"d_n &= {degrees} \\quad \\text{{({self.growth.kind})}}"]
+        degrees = ", ".join(map(str, self.degrees[:8]))
+        lines = [f"d_n &= {degrees}, \\ldots \\quad \\text{{({self.growth.kind})}}"]
         for name, found in kinds.items():
             lines += [f"{name}_{{{k}}} &= {latex(f)}" for k, f in enumerate(found, start=1)]
         return "$$\\begin{aligned}" + " \\\\ ".join(lines) + "\\end{aligned}$$"
@@ -137,10 +138,6 @@ def _for_json(value: Any) -> Any:
         case int() | None:
             return value
     return str(value)
-
-
-def _first(degrees: list[int]) -> str:
-    return ", ".join(map(str, degrees[:8])) + (", ..." if len(degrees) > 8 else "")
 
 
 def _shortened(text: str, width: int = _WIDTH) -> str:

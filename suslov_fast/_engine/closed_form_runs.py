@@ -26,7 +26,7 @@ SHORTEST = 32
 # Least number of rows of a call: entering a trajectory costs some 100 states.
 _WORTH_ENTERING = 2**12
 # Number of trajectories that are tried first, and the part of them above which most are left.
-_PROBE, _MOST = 2**10, 0.75
+_PROBE, _MOST = 2**8, 0.75
 # Costs of entering an orbit, of a state in equal steps, and of a state at an arbitrary time, in
 # steps of the map.
 _ENTERING, _ROW, _ANY = 64, 1, 8
@@ -68,7 +68,7 @@ class Orbits(NamedTuple):
         """
         parameters, omega, flow, ends, left, missing, threads = self
         batch, (begin, stop) = ((sign, flow), parameters, omega, ends, left), lanes
-        end, most_left = begin + _PROBE if stop - begin > 4 * _PROBE else stop, False
+        end, most_left = begin + _PROBE if stop - begin > 16 * _PROBE else stop, False
         while begin < stop:
             call = batch, (begin, end), *which, out, missing
             total = (end - begin) * (_ENTERING + work)

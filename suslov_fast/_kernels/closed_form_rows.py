@@ -206,7 +206,8 @@ def rows(part, parts, batch, trajectories, numbering, rows, out, missing, others
                 if corrects or unusual > 0 or i == 0:
                     for l in range(used):
                         lanes.number[l] = first_number + every * (i + lanes.offset[l])
-                    take_states_0(b, used, lanes, tile)
+                    if i == 0:
+                        take_states_0(b, used, lanes, tile)
                     if others is not None:
                         asked, count = (begin - i, end - i), width * abreast
                         other_orbits.correct(b, lanes, asked, count, tile, counts)

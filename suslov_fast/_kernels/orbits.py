@@ -21,13 +21,14 @@ Block = namedtuple("Block", "problem body start levels steps forms")
 # place, offset    number of rows of the block before that of the lane: in the output, and in time
 # number           the number of steps, or the time
 # recompute_from   size from which on a state is computed again
+# inexact          1 if the forms lose digits of state 1, else -1
 # power_left       exponent of the factor that multiplies states last, see `closed_form`
 # fails            the first step without a state
 # c, s             the pair at the last multiple of BASE rows
 # seed_...         that at the last multiple of GROUP rows; `table_...` those of several groups
 RowLanes = namedtuple(
     "RowLanes",
-    "place offset number recompute_from power_left fails c s seed_c seed_s table_c table_s",
+    "place offset number recompute_from inexact power_left fails c s seed_c seed_s table_c table_s",
 )
 
 

@@ -60,6 +60,8 @@ def replace_forms(b, lanes, used):
             put(b.forms, l, others.turning_forms(start, levels))
         rests = steps.kind == formulas.RESTS
         lanes.recompute_from[l] = others.recompute_from(start, levels, steps)
+        loses = others.loses_state_1(start) & ~formulas.is_missing(start)
+        lanes.inexact[l] = select(loses, 1.0, -1.0)
         lanes.power_left[l] = select(rests, 0.0, formulas.power_left(start.power))
         lanes.fails[l] = np.inf
 
@@ -124,9 +126,8 @@ def corrects(b, lanes, used):
     """Return True if states of a block may have to be corrected."""
     found = 0
     for l in range(used):
-        start = lane(b.start, l)
         usual = (lanes.recompute_from[l] == np.inf) & (lanes.power_left[l] == 0.0)
-        usual = usual & ~(formulas.is_missing(start) | others.loses_state_1(start))
+        usual = usual & (lanes.inexact[l] < 0.0) & ~formulas.is_missing(lane(b.start, l))
         found += select(usual, 0, 1)
     return found > 0
 
@@ -141,8 +142,7 @@ def correct(b, lanes, asked, count, tile, missing):
     for l in range(whole(count)):
         usual = abs(tile[2 * l]) + abs(tile[2 * l + 1]) < lanes.recompute_from[l]
         usual = usual & (lanes.power_left[l] == 0.0) & (lanes.number[l] < lanes.fails[l])
-        loses = (lanes.number[l] == 1.0) & others.loses_state_1(lane(b.start, l))
-        unusual += select(usual & ~loses, 0, 1)
+        unusual += select(usual & (lanes.number[l] != lanes.inexact[l]), 0, 1)
     for l in range(count if unusual > 0 else 0):
         if begin <= lanes.offset[l] < end and lanes.number[l] != 0.0:
             omega1, omega2, column = corrected(
@@ -159,7 +159,7 @@ def corrected(orbit, at, omega1, omega2):
     counts it if it is missing, else -1.
     """
     start, steps, n, column = orbit.start, orbit.steps, at.number, -1
-    if n == 1.0 and others.loses_state_1(start) and not formulas.is_missing(start):
+    if n == at.inexact:
         omega1, omega2 = others.state_1(start)
         omega1, omega2 = scaled(omega1, at.power_left), scaled(omega2, at.power_left)
     elif abs(omega1) + abs(omega2) < at.recompute_from:

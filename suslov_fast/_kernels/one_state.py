@@ -14,13 +14,15 @@ from .one_system import solve_system
 # One state can be solved again at little cost, so bounds are closer than those of many lanes: of
 # |det| in units of its terms, of pivots, and of the sum of a state and its increment.
 LEAST_DET, LEAST_PIVOT, LEAST_SUM = 0.25, 2.0**-3, 2.0**-3
+# c of `coordinates.shifted`; in interpreted runs, no division by a float of NumPy raises.
+NOT_SHIFTED = np.float64(0.0)
 
 
 @formula
 def step_of_body(X, Y):
     """X and Y of the next state; X becomes 0 before its square is subnormal, if it decreases."""
     moving = select((abs(X) < SMALLEST_SQUARED) & (Y < 0.0), 0.0, X)
-    next_X, Z = next_coordinates(moving, X, 0.0, -Y)
+    next_X, Z = next_coordinates(moving, X, NOT_SHIFTED, -Y)
     return next_X, -Z
 
 
@@ -28,7 +30,7 @@ def step_of_body(X, Y):
 def step_of_gyrostat(K, a, b, u, v):
     """Turn u + i v, for X = K + a u + b v and Y = b u - a v."""
     X, Y = K + (a * u + b * v), b * u - a * v
-    _, along, across = turn_of_gyrostat(X, 0.0, -Y, K)
+    _, along, across = turn_of_gyrostat(X, NOT_SHIFTED, -Y, K)
     return along * u - across * v, along * v + across * u
 
 

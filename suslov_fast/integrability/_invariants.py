@@ -8,7 +8,7 @@ import random
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from functools import cached_property, reduce
+from functools import cached_property, lru_cache, reduce
 from typing import Any, NamedTuple
 
 import flint
@@ -103,7 +103,7 @@ class Invariants:
             self.map.pulse()
             proofs = {self.basis_of(P, k, powers) for P in polynomials}
             basis = IDENTITY if proofs == {IDENTITY} else MODULAR
-            cofactor = self._cofactor(polynomials[0], k, powers)
+            (cofactor,) = {self._cofactor(P, k, powers) for P in polynomials}
             self.cofactors.append(cofactor)
             span = self._products_with(cofactor, affine)
             for P in sorted(polynomials, key=size):
@@ -275,6 +275,7 @@ def cofactors(map: KahanMap, degree: int) -> tuple[RationalFunction, ...]:
     return tuple(found.function(c) for c in different)
 
 
+@lru_cache(maxsize=8)
 def invariants_up_to(map: KahanMap, degree: int) -> Invariants:
     """Return the Darboux polynomials; ArithmeticError if the factors of the map are not known."""
     if (projective := Projective(map)).affine_factors is None:

@@ -1,4 +1,11 @@
-"""A report of what is there: degrees, first integrals, measures, invariant hypersurfaces."""
+"""A report of what is there: degrees, first integrals, measures, invariant hypersurfaces.
+
+`_search` fills it: with the degrees of iterates on random lines (`_growth`), the number of
+integrals that relations along orbits show (`_relations`), the Darboux polynomials of all products
+of factors of the map (`_projective`), found modulo primes (`_darboux`), the integrals and measures
+that follow from them and are checked as identities (`_invariants`), and the curves of a planar map
+(`_planar`).
+"""
 
 from __future__ import annotations
 

@@ -275,7 +275,7 @@ def with_logarithm(start, levels, log_r, log_lost):
 
 
 @formula
-def frame(start, size):
+def matrix_to_omega(start, size):
     """The matrix from (U, -V) to `size` omega, without the factor 2**power_left(power)."""
     unit = size * two_to_the(within(start.power, PART_OF_COEFFICIENTS))
     return start.f11 * unit, -start.f12 * unit, start.f21 * unit, -start.f22 * unit
@@ -292,7 +292,7 @@ def forms(start, levels, given):
     """The `Forms` of an orbit that passes, or rests at a given state; NaN if it has no states."""
     K, T, L, r = start.K, levels.T, levels.root, levels.r
     inverse, of_one = 1.0 / T, 1.0 / (1.0 + start.discrete * L)
-    f11, f12, f21, f22 = frame(start, levels.R * inverse)
+    f11, f12, f21, f22 = matrix_to_omega(start, levels.R * inverse)
     y = 2.0 * T * of_one
     missing = is_missing(start)
     rests = (start.X == 0.0) | missing

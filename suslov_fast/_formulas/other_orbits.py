@@ -29,8 +29,8 @@ from .closed_form import (
     Levels,
     Steps,
     cancels,
-    frame,
     larger_sum,
+    matrix_to_omega,
     power_of_ratio,
 )
 from .coordinates import ZERO_TO_ROUNDING, shifted
@@ -115,7 +115,7 @@ def turning(start, levels, tangent):
 def turning_forms(start, levels):
     """The `Forms` of TURNS."""
     X, Y, K, U, V, R = start.X, start.Y, start.K, start.U, start.V, levels.R
-    f11, f12, f21, f22 = frame(start, 1.0)
+    f11, f12, f21, f22 = matrix_to_omega(start, 1.0)
     # T R + K U cancels next to a steady state, unless it is formed from terms that are small there:
     # R**2 - U**2 = V**2 - (R X)**2, and K - T = -L**2 / (K + T).
     TR, RX = levels.T * R, start.discrete * R * X
@@ -140,7 +140,7 @@ def near_forms(start, levels):
     XT = X * T * (1.0 + start.discrete * L)
     total, is_first = larger_sum(start, levels)
     minus = 2.0 * select(is_first, total, levels.r * (XT / total) * XT)  # 2 (S - L Y)
-    f11, f12, f21, f22 = frame(start, levels.R / T)
+    f11, f12, f21, f22 = matrix_to_omega(start, levels.R / T)
     x_u, y_u = X - K, 2.0 * (L * X - K * gap)
     z_u, z_v = -minus * K, -minus * L
     return Forms(
@@ -153,7 +153,7 @@ def near_forms(start, levels):
 @formula
 def recompute_from(start, levels, steps):
     """The size from which on states are computed again one by one: they may be at a pole."""
-    f11, f12, f21, f22 = frame(start, levels.R)
+    f11, f12, f21, f22 = matrix_to_omega(start, levels.R)
     size = larger(larger(abs(f11), abs(f12)), larger(abs(f21), abs(f22)))
     may_meet = (steps.kind != RESTS) & (start.fate == JUMPING)
     return select(may_meet, NEAR_POLE * size * (1.0 + levels.T + start.K), np.inf)
@@ -209,7 +209,7 @@ def loses_state_1(start):
 
 @formula
 def state_1(start):
-    """State 1 by one step of the map, in the units of `frame`; NaN at a pole.
+    """State 1 by one step of the map, in the units of `matrix_to_omega`; NaN at a pole.
 
     U + i V is multiplied by (1 + i X_next) / (1 - i X), of which the imaginary part is 2 X / D.
     """
@@ -217,7 +217,7 @@ def state_1(start):
     inverse = over_denominator(1.0, X, *shifted(start.Y, start.Y_lost), K)
     X_next = X * ((1.0 + start.Y) + K * X) * inverse
     along, across = (1.0 - X * X_next) / (1.0 + X * X), 2.0 * X * inverse
-    f11, f12, f21, f22 = frame(start, 1.0)
+    f11, f12, f21, f22 = matrix_to_omega(start, 1.0)
     U, V = along * U - across * V, along * V + across * U
     return f11 * U - f12 * V, f21 * U - f22 * V
 

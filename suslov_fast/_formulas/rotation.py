@@ -60,7 +60,7 @@ def turned(w, x, y, z, unit, b1, b2):
 
 
 @formula
-def matrix(w, x, y, z):
+def rotation_matrix(w, x, y, z):
     """Rotation matrix of a unit quaternion, row by row."""
     return (
         1.0 - 2.0 * (y * y + z * z),
@@ -78,7 +78,7 @@ def matrix(w, x, y, z):
 @formula
 def row_times_matrix(r1, r2, r3, w, x, y, z):
     """Product of a row and the matrix of a unit quaternion."""
-    m11, m12, m13, m21, m22, m23, m31, m32, m33 = matrix(w, x, y, z)
+    m11, m12, m13, m21, m22, m23, m31, m32, m33 = rotation_matrix(w, x, y, z)
     return (
         r1 * m11 + r2 * m21 + r3 * m31,
         r1 * m12 + r2 * m22 + r3 * m32,

@@ -19,29 +19,14 @@ OUT_OF_RANGE = 2.0**300
 
 
 @formula
-def mismatch(h_i, I_i, omega_i, next_i, sums, sizes):
-    """Component i of equation (15) over J_i, the left side minus the right, and its size.
-
-    h_i = eps / J_i; `sums` are I.omega, I.omega_next, omega.omega_next and the rotor's term, and
-    `sizes` the sums of the magnitudes of their terms.
-    """
-    p, p_next, product, rotor = sums
-    of_p, of_p_next, of_product, of_rotor = sizes
-    to_next, to_omega = 0.5 * h_i * next_i, 0.5 * h_i * omega_i
-    left = next_i - omega_i - (to_next * p + to_omega * p_next) + h_i * (I_i * product - rotor)
-    size = abs(omega_i) + abs(next_i) + abs(to_next) * of_p + abs(to_omega) * of_p_next
-    return left, size + abs(h_i) * (abs(I_i) * of_product + of_rotor)
-
-
-@formula
-def distance_to_pole(h1, h2, I_1, I_2, k, omega1, omega2):
+def distance_to_pole(h1, h2, I_1, I_2, half_k, omega1, omega2):
     """|det A| over the sum of the magnitudes of its terms, for m = 2; 1 if it is not a number.
 
     A omega_next = omega + ... are the implicit equations.
     """
     minus11, minus22 = 0.5 * h1 * I_2 * omega2, 0.5 * h2 * I_1 * omega1
-    a12 = h1 * (I_1 * omega2 - 0.5 * I_2 * omega1 + 0.5 * k)
-    a21 = h2 * (I_2 * omega1 - 0.5 * I_1 * omega2 - 0.5 * k)
+    a12 = h1 * (I_1 * omega2 - 0.5 * I_2 * omega1 + half_k)
+    a21 = h2 * (I_2 * omega1 - 0.5 * I_1 * omega2 - half_k)
     product = a12 * a21
     size = (1.0 + abs(minus11)) * (1.0 + abs(minus22)) + abs(product)
     distance = abs((1.0 - minus11) * (1.0 - minus22) - product) / size
@@ -67,16 +52,18 @@ def strays(equations, row, omega, n, i):
         size_p += abs(I[row, j] * w)
         size_next += abs(I[row, j] * v)
         size_product += abs(w * v)
-    residual, step, size, k = 0.0, 0.0, 0.0, rotor[row] * unit
+    residual, step, size, k = 0.0, 0.0, 0.0, 0.5 * rotor[row] * unit
     for j in range(m):
-        w, v, driven, of_rotor = omega[n - 1, i, j] * unit, omega[n, i, j] * unit, 0.0, 0.0
+        w, v, other, after = omega[n - 1, i, j] * unit, omega[n, i, j] * unit, 0.0, 0.0
         if k != 0.0:
             other, after = omega[n - 1, i, 1 - j] * unit, omega[n, i, 1 - j] * unit
-            driven = (0.5 * k if j == 1 else -0.5 * k) * (other + after)
-            of_rotor = abs(0.5 * k * (abs(other) + abs(after)))
-        sums, sizes = (p, p_next, product, driven), (size_p, size_next, size_product, of_rotor)
-        difference, terms = mismatch(h[row, j] / unit, I[row, j], w, v, sums, sizes)
-        residual += root[row, j] * abs(difference)
+        h_j, driven = h[row, j] / unit, (k if j == 1 else -k) * (other + after)
+        to_next, to_omega = 0.5 * h_j * v, 0.5 * h_j * w
+        # Component j over J_j, the left side minus the right, and the size of its terms.
+        left = v - w - (to_next * p + to_omega * p_next) + h_j * (I[row, j] * product - driven)
+        terms = abs(w) + abs(v) + abs(to_next) * size_p + abs(to_omega) * size_next
+        terms += abs(h_j) * (abs(I[row, j]) * size_product + abs(k) * (abs(other) + abs(after)))
+        residual += root[row, j] * abs(left)
         size += root[row, j] * terms
         step += root[row, j] * abs(v - w)
     distance = 1.0

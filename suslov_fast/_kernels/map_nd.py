@@ -240,7 +240,7 @@ def eliminate_lanes(c, b):
     eliminate(matrix, b.ratio)
     inaccurate = 0
     for l in range(WIDTH):  # a constant; to `lanes`, the loop took a third of a step for small m
-        inaccurate += select(b.ratio[l] > ACCURATE, 0, 1)
+        inaccurate += select((b.ratio[l] > ACCURATE) | (b.outcome[l] != OPEN), 0, 1)
     for i in range(m):
         for l in range(lanes):
             solved = (b.outcome[l] == OPEN) & (b.ratio[l] > ACCURATE)

@@ -31,6 +31,7 @@ def cubic(x, a, b=2):
 
 
 BATCH = QuadraticField.from_function(dynamo, 3, a=VALUES, mu=0.5)
+ENERGIES = QuadraticField.from_hamiltonian(cubic, 2, a=VALUES[:, None], b=[0.5, 1.0])
 GRID = QuadraticField.from_function(dynamo, 3, a=VALUES[:, None], mu=[0.5, 1.0])
 SINGLE = QuadraticField.from_hamiltonian(cubic, 2, a=F(1, 3))
 RUN = [1.0, 0.5, 2.0], 0.01, 20
@@ -52,7 +53,8 @@ def test_a_batch_has_the_coefficients_of_single_fields(make):
     for name in ("quadratic", "linear", "constant"):
         expected = [np.asarray(getattr(each, name), float) for each in singles]
         assert np.array_equal(getattr(fields, name), expected)
-    assert fields == QuadraticField(fields.quadratic, fields.linear, fields.constant)
+    plain = QuadraticField(fields.quadratic, fields.linear, fields.constant)
+    assert (fields == plain) == (fields.H is None)
     assert GRID.shape == (11, 2)
     with pytest.raises(ValueError, match="read-only"):
         fields.parameters["a"][0] = 0.0
@@ -65,7 +67,7 @@ def test_single_numbers_remain_exact():
     assert SINGLE.H([F(1), F(0)]) == F(1, 3) - F(2, 21)
 
 
-@pytest.mark.parametrize("field", [BATCH, GRID, SINGLE], ids=["batch", "grid", "single"])
+@pytest.mark.parametrize("field", [BATCH, GRID, ENERGIES, SINGLE])
 def test_copies_keep_names(field, tmp_path):
     text = json.loads(json.dumps(field.to_dict()))
     for copy in (sf.body_from_dict(text), pickle.loads(pickle.dumps(field, 0))):
@@ -120,10 +122,45 @@ def test_the_command_sweeps_affine_parameters(tmp_path, capsys, monkeypatch):
     final = sf.open_ensemble("ab.zarr").final.sel(a=1.5, b=0.5).values
     other = QuadraticField.from_function(rates, 2, a=1.5, b=0.5, c=2)
     np.testing.assert_allclose(final[0], iterate(other, [1, 2], 0.1, 5).final, rtol=1e-14)
+    (tmp_path / "f.json").write_text(json.dumps(SINGLE.to_dict()))
+    said = succeed(line.format("H", "a=1:2:3").replace("1,2", ".1,.2") + " --save-every 1")
+    assert "drift of E_mod" in said
+    kept = Trajectories.from_xarray(sf.open_ensemble("H.zarr")).body
+    expected = [[a * (1 / 4 - 1 / 28)] for a in (1, 1.5, 2)]
+    np.testing.assert_allclose(sf.energy(kept, [0.5, 0]), expected, rtol=1e-15)
+    (tmp_path / "f.json").write_text(json.dumps(field.to_dict()))
     for name, reason in (("c", "affine (a, b), got c"), ("d", "one of eps, a, b, c, got d")):
         with pytest.raises(SystemExit, match="2"):
             sf._cli.main(line.format("no", f"{name}=1:2:3").split())
         assert reason in capsys.readouterr().err
+
+
+def test_quantities_of_a_batch_with_a_hamiltonian(tmp_path):
+    """Against single fields, from fractions; in runs, parts of datasets and stores."""
+    x, eps = np.random.default_rng(3).uniform(-0.4, 0.4, (5, 1, 1, 2)), [0.125, -0.25]
+    of_batch = [f(ENERGIES, x, eps) for f in (sf.modified_energy, sf.invariant_density)]
+    for i, j in np.ndindex(ENERGIES.shape):
+        given = {"a": VALUES[i], "b": ENERGIES.parameters["b"][j]}
+        one = QuadraticField.from_hamiltonian(cubic, 2, **given)
+        exact = [float(one.H([*map(F, point)])) for point in x[:, 0, 0]]
+        for found in (sf.energy(ENERGIES, x), ENERGIES.H(x)):
+            np.testing.assert_allclose(found[:, i, j], exact, 0, 1e-15)
+        single = [f(one, x[:, 0, 0], eps[j]) for f in (sf.modified_energy, sf.invariant_density)]
+        np.testing.assert_allclose([each[:, i, j] for each in of_batch], single, 1e-14, 1e-15)
+    run = iterate(ENERGIES, x, eps, 20)
+    assert np.array_equal(run.modified_energy()[0], of_batch[0])
+    np.testing.assert_allclose(run.modified_energy()[-1], of_batch[0], 0, 1e-14)
+    settings = {"store": tmp_path / "a.zarr", "dims": ("start", "a", "b"), "chunk": 3}
+    ensemble(ENERGIES, x, eps, 20, **settings, reductions=["modified_energy_drift"])
+    drift = sf.open_ensemble(tmp_path / "a.zarr").modified_energy_drift
+    assert 0 < drift.max() < 1e-12
+    part = Trajectories.from_xarray(run.to_xarray(dims=settings["dims"]).isel(a=3, b=1))
+    assert np.array_equal(part.modified_energy(), run.modified_energy()[:, :, 3, 1])
+    assert sf.body_from_dict(part.body.to_dict()) == part.body
+    other = QuadraticField.from_hamiltonian(lambda x, a: a * x[0] ** 2, 2, a=[1, 2])
+    for change in ({"H": other.H}, {"K": 2 * ENERGIES.K}, {"linear": np.eye(2)}):
+        with pytest.raises(ValueError, match="H"):
+            replace(ENERGIES, **change)
 
 
 @pytest.mark.parametrize(
@@ -155,11 +192,15 @@ def test_bad_parameters():
         QuadraticField.from_function(lambda x, a: (10**400 * x[0] * a,), 1, a=[1, 2])
     with pytest.raises(ValueError, match=r"got a \(2,\), b \(3,\)"):
         QuadraticField.from_function(lambda x, a, b: (a * x[0],), 1, a=[1, 2], b=[1, 2, 3])
-    assert SINGLE.to_dict()["affine"] == [[[1.0, 1]], [[-2.0, 0, "a"], ["6/7", 0, 0, "a"]]]
+    *rates, energy = SINGLE.to_dict()["affine"]
+    assert rates == [[[1.0, 1]], [[-2.0, 0, "a"], ["6/7", 0, 0, "a"]]]
+    assert energy == [[0.5, 1, 1], [1.0, 0, 0, "a"], ["-2/7", 0, 0, 0, "a"]]
     for terms, message in (
-        ([[[1.0, 1]], [[5.0, 0, "a"], ["6/7", 0, 0, "a"]]], "that of the coefficients"),
-        ([[[1.0, 1]], [[-2.0, 0, "b"], ["6/7", 0, 0, "b"]]], "terms .* got an error: KeyError"),
-        ([[[1.0, 5]], []], "terms .* got an error: IndexError"),
+        ([rates[0], [[5.0, 0, "a"], ["6/7", 0, 0, "a"]], energy], "that of the coefficients"),
+        ([*rates, energy[:2]], "that of the coefficients"),
+        (rates, "that of the coefficients"),
+        ([[], [[-2.0, 0, "b"], ["6/7", 0, 0, "b"]], []], "terms .* got an error: KeyError"),
+        ([[[1.0, 5]], [], []], "terms .* got an error: IndexError"),
         ([[[1.0, 1]]], "that of the coefficients"),
         ({"a": 3}, "terms .* got an error"),
     ):

@@ -205,7 +205,7 @@ FIRST_HOUR = [
     (lambda b: sf.body_from_dict({**b.to_dict(), "mass": 3}), "expected the names .* unknown: mass"),
     (lambda b: sf.iterate(sf.Suslov3D, [1, 2], 0.1, 3), "body: expected .* got the class Suslov3D"),
     (lambda b: sf.exact(FIELD, [1, 2], 0.1, 3), "got QuadraticField; fields have step, iterate"),
-    (lambda b: sf.energy(FIELD, [1, 2]), "a single field made by QuadraticField.from_hamiltonian, got"),
+    (lambda b: sf.energy(FIELD, [1, 2]), "a field made by QuadraticField.from_hamiltonian, got"),
     (lambda b: sf.iterate(FIELD, [1, 2], 0.1, 3).omega, "omega: expected x or states, .* a run of QuadraticField"),
     (lambda b: sf.iterate(FIELD, [1, 2], 0.1, 3, attitude=True), "states of QuadraticField have no orientation"),
     (lambda b: sf.iterate(b, [1, 2], 0.1, 3).x, "x: expected omega or states, .* a run of Suslov3D"),

@@ -6,6 +6,8 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
+from functools import lru_cache
+from itertools import combinations_with_replacement
 from numbers import Rational
 from typing import Any
 
@@ -81,7 +83,7 @@ class Polynomial:
             if i in powers:
                 k = powers.index(i)
                 terms[powers[:k] + powers[k + 1 :]] = powers.count(i) * c
-        return Polynomial(terms)
+        return type(self)(terms)
 
     def __call__(self, x: Any) -> Any:
         """Return the value at a point."""
@@ -148,6 +150,48 @@ class Polynomial:
             terms.append((" - " if c < 0 else " + ") + "*".join(factors))
         whole = "".join(terms) or " + 0"
         return whole[3:] if whole[1] == "+" else f"-{whole[3:]}"
+
+
+class BatchPolynomial(Polynomial):
+    """Polynomials of a batch of fields: a coefficient is an array of floats of its shape."""
+
+    # As of objects: fields compare the arrays.
+    __eq__, __hash__ = object.__eq__, object.__hash__
+
+    def __init__(self, terms: Mapping[Monomial, Any]) -> None:
+        self.terms = {powers: c for powers, c in terms.items() if c.any()}
+
+    @classmethod
+    def of_table(cls, table: NDArray[Any], n: int) -> BatchPolynomial:
+        """Return the polynomials whose coefficients `dense` returns."""
+        present = np.flatnonzero(table.any(axis=tuple(range(table.ndim - 1))))
+        return cls({monomials(n)[t]: table[..., t] for t in present})
+
+    def __call__(self, x: Any) -> Any:
+        """Return the values at points (..., D)."""
+        x, terms = np.asarray(x, np.float64), sorted(self.terms.items())
+        return sum(math.prod((x[..., i] for i in powers), start=c) for powers, c in terms)
+
+    def __repr__(self) -> str:
+        terms = Polynomial(dict.fromkeys(self.terms, Fraction(1)))
+        return f"<polynomials with the terms of {terms}>"
+
+
+@lru_cache(8)
+def monomials(n: int) -> tuple[Monomial, ...]:
+    """Return the monomials in n variables of degree 3 or less, in a fixed order."""
+    indices = combinations_with_replacement(range(n + 1), 3)
+    return tuple(tuple(i for i in powers if i < n) for powers in indices)
+
+
+def dense(terms: Mapping[Monomial, Any], n: int, shape: tuple[int, ...] = ()) -> NDArray[Any]:
+    """Return the coefficients (..., T) of these monomials."""
+    of_all = monomials(n)
+    array = np.zeros((*shape, len(of_all)))
+    for t, powers in enumerate(of_all):
+        if powers in terms:
+            array[..., t] = terms[powers]
+    return array
 
 
 def polynomials_of(arrays: Mapping[str, NDArray[Any]]) -> tuple[Polynomial, ...]:

@@ -27,13 +27,16 @@ from .._checks import (
 from .._docs import filled
 from . import named
 from .algebra import (
+    BatchPolynomial,
     Monomial,
     Polynomial,
     antisymmetric,
     coefficients_in,
+    dense,
     exact_array,
     fill,
     from_plain,
+    monomials,
     numbers,
     plain,
     plain_lists,
@@ -45,7 +48,7 @@ from .base import Body, mapping
 
 IntArray = NDArray[np.int64]
 # Numbers of axes of the coefficients.
-_AXES = {"quadratic": 3, "linear": 2, "constant": 1}
+_AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 1, "K": 2}
 # Length of the text of a single field.
 _LINE = 300
 
@@ -79,7 +82,8 @@ class QuadraticField(Body):
     quadratic, linear, constant : ndarray
         The coefficients, read-only: of fractions for a single field, of floats for a batch.
     H, K
-        The Hamiltonian, which can be called, and the matrix (D, D), or None.
+        The Hamiltonian, which can be called, and the matrix (D, D), or None. Those of a batch are
+        of floats, and H takes states (..., D), whose shape broadcasts against that of the batch.
     parameters : dict
         The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`. They are
         coordinates of datasets and stores; ``==`` and hash do not look at them, and
@@ -102,7 +106,11 @@ class QuadraticField(Body):
     H: Polynomial | None = None
     K: Any = None
 
-    _meanings: ClassVar[dict[str, str]] = {name: f"{name} coefficients" for name in _AXES}
+    _meanings: ClassVar[dict[str, str]] = {
+        **{name: f"{name} coefficients" for name in ("quadratic", "linear", "constant")},
+        "H": "coefficients of the Hamiltonian",
+        "K": "structure matrix",
+    }
     # What messages say of fields in place of bodies.
     _kind: ClassVar[str] = (
         "QuadraticField; fields have step, iterate, vector_field, jacobian, matrix, multipliers "
@@ -123,28 +131,45 @@ class QuadraticField(Body):
         for name, given in (("linear", linear), ("constant", constant)):
             zero = np.zeros((D,) * _AXES[name])
             arrays[name] = zero if given is None else numbers(name, given)
-        for name, axes in _AXES.items():
-            if D == 0 or arrays[name].shape[-axes:] != (D,) * axes:
+        for name, array in arrays.items():
+            axes = _AXES[name]
+            if D == 0 or array.shape[-axes:] != (D,) * axes:
                 letter = "D" if name == "quadratic" else str(D)
                 shape = f"shape (..., {', '.join([letter] * axes)})"
-                raise wrong(name, shape, arrays[name].shape)
-        if any(arrays[name].ndim > axes for name, axes in _AXES.items()):
-            if H is not None or K is not None:
-                raise wrong("H, K", "None for a batch of fields", "others")
+                raise wrong(name, shape, array.shape)
+        if any(array.ndim > _AXES[name] for name, array in arrays.items()):
             half = 0.5 * real_array("quadratic", quadratic)
             self._set(**arrays | {"quadratic": half + half.swapaxes(-2, -1)})
-            return
-        made = self._of_components(polynomials_of(arrays))
+        else:
+            vars(self).update(vars(self._of_components(polynomials_of(arrays))))
         if H is not None or K is not None:
-            whole = self.from_hamiltonian(H, D, K)
-            if whole.polynomials != made.polynomials:
-                raise ValueError("H, K: expected those of the coefficients, got others")
-            made = whole
-        vars(self).update(vars(made))
+            self._set_hamiltonian(H, K)
 
-    @classmethod
-    def _names(cls) -> list[str]:
-        return [*_AXES]
+    def _set_hamiltonian(self, H: Any, K: Any) -> None:
+        """Set H and K, which are to give the coefficients; those in files are rounded."""
+        D, of_all = self.dimension, monomials(self.dimension)
+        if self.shape:
+            known = isinstance(H, Polynomial)
+            table = dense(H.terms, D, self.shape) if known else real_array("H", H)
+            if table.shape != (shape := (*self.shape, len(of_all))):
+                raise wrong("H", f"shape {shape}", table.shape)
+            self._set(H=table, K=antisymmetric(K, D).astype(np.float64))
+            vars(self)["H"] = BatchPolynomial.of_table(vars(self)["H"], D)
+        else:
+            if isinstance(H, np.ndarray):
+                H = Polynomial(dict(zip(of_all, exact_array("H", H, (len(of_all),)), strict=True)))
+            whole = self.from_hamiltonian(H, D, K)
+            vars(self).update(H=whole.H, K=whole.K)
+            if whole == self:
+                return
+        K, k = self._arrays["K"], len(self.shape)
+        for name, a in self._coefficients.items():
+            slopes = self.gradient._arrays[name]
+            a = np.broadcast_to(a, slopes.shape)
+            scale = np.tensordot(abs(K), abs(slopes), (1, k))
+            error = np.tensordot(K, slopes, (1, k)) - np.moveaxis(a, k, 0)
+            if (abs(error) > 1e-9 * scale).any():
+                raise ValueError("H, K: expected those of the coefficients, got others")
 
     @classmethod
     @filled
@@ -186,13 +211,16 @@ class QuadraticField(Body):
 
     @classmethod
     def _named(
-        cls, f: Any, components: named.PolynomialsOf, values: named.Values, n: int
+        cls, f: Any, components: named.PolynomialsOf, values: named.Values, n: int, K: Any = None
     ) -> QuadraticField:
-        """Return the field with the components of a function of x and parameters."""
+        """Return the field with the components of a function, or a Hamiltonian, of x."""
         if any(map(np.ndim, values.values())):
-            self = cls(**named.coefficients_for(f, components, values, n))
+            arrays = named.coefficients_for(f, components, values, n)
+            self = cls._of(arrays | ({"K": K.astype(np.float64)} if "H" in arrays else {}))
         else:
-            self = cls._of_components(components(partial(f, **values), 0))
+            found = components(partial(f, **values), 0)
+            self = cls._of_components(found[:n])
+            vars(self).update(H=None if K is None else found[n], K=K)
         # A function that looks at a parameter, as `a if a else 1`, does not see symbols as values.
         affine = named.affine_terms(f, components, values, n)
         return self._with_names(values, affine if self._agrees(affine, values) else [])
@@ -207,9 +235,6 @@ class QuadraticField(Body):
         cls, H: Callable[..., Any], /, dimension: int, K: Any = None, **parameters: Any
     ) -> QuadraticField:
         """Return the field ``x' = K grad H(x, **parameters)``, which carries H and K.
-
-        With arrays of parameters it is a batch of fields, which does not carry them: it has no
-        `energy`, `modified_energy` or `invariant_density`.
 
         Parameters
         ----------
@@ -237,21 +262,16 @@ class QuadraticField(Body):
         n = _dimension("H", H, dimension)
         K, values = antisymmetric(K, n), named.check_parameters(parameters)
 
-        def energy(of: Callable[[Any], Any], more: int) -> Polynomial:
-            return values_of("H", lambda x: (of(x),), n + more, 1, 3 + more)[0]
-
         def components(of: Callable[[Any], Any], more: int) -> tuple[Polynomial, ...]:
-            whole = energy(of, more)
+            (whole,) = values_of("H", lambda x: (of(x),), n + more, 1, 3 + more)
             gradient = [whole.derivative(i) for i in range(n)]
-            return tuple(
+            rates = (
                 sum((gradient[j] * row[j] for j in np.flatnonzero(row)), Polynomial({}))
                 for row in K
             )
+            return *rates, whole
 
-        self = cls._named(H, components, values, n)
-        if not self.shape:
-            vars(self).update(H=energy(partial(H, **values), 0), K=K)
-        return self
+        return cls._named(H, components, values, n, K)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
@@ -286,7 +306,10 @@ class QuadraticField(Body):
 
     @classmethod
     def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
-        return cls(**values)
+        self = super()._of(values)
+        if "H" in values:
+            vars(self)["H"] = BatchPolynomial.of_table(vars(self)["H"], self.dimension)
+        return self
 
     @property
     def parameters(self) -> dict[str, Any]:  # type: ignore[override]
@@ -304,7 +327,8 @@ class QuadraticField(Body):
             expected = "a parameter in which the coefficients are affine"
             raise wrong("body", f"{expected} ({', '.join(names) or 'none'})", name)
         parameters = self._parameters | {name: values}
-        swept = type(self)(**named.coefficients_at(self._affine, parameters, self.dimension))
+        arrays = named.coefficients_at(self._affine, parameters, self.dimension)
+        swept = type(self)(**arrays, K=self.K)
         return swept._with_names(parameters, self._affine)
 
     @property
@@ -325,10 +349,16 @@ class QuadraticField(Body):
 
     @property
     def _besides(self) -> dict[str, Any]:
+        return {} if self.shape else self._structure
+
+    @property
+    def _structure(self) -> dict[str, Any]:
+        """H and K for JSON."""
         if self.H is None:
             return {}
-        terms = sorted(self.H.terms.items())
-        return {"H": [[plain(c), *powers] for powers, c in terms], "K": plain_lists(self.K)}
+        terms: list[Any] = sorted(self.H.terms.items())
+        H = [[c.tolist() if self.shape else plain(c), *powers] for powers, c in terms]
+        return {"H": H, "K": plain_lists(self.K)}
 
     @property
     def dimension(self) -> int:
@@ -340,10 +370,21 @@ class QuadraticField(Body):
         return tuple(f"x{i}" for i in range(1, self.dimension + 1))
 
     @property
-    def _arrays(self) -> dict[str, FloatArray]:
+    def _values(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in self._required()}
+
+    @property
+    def _coefficients(self) -> dict[str, FloatArray]:
         if not self.shape:
             _ = self.terms  # an error if a coefficient is out of range
         return super()._arrays
+
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        if self.H is None:
+            return self._coefficients
+        H = dense(self.H.terms, self.dimension, self.shape)
+        return self._coefficients | {"H": H, "K": np.asarray(self.K, np.float64)}
 
     @cached_property
     def terms(self) -> tuple[IntArray, FloatArray]:
@@ -354,7 +395,7 @@ class QuadraticField(Body):
         D = self.dimension
         table = np.zeros((*self.shape, D, D + 1, D + 1))
         if self.shape:
-            q, table[..., :D, D], table[..., D, D] = self._arrays.values()
+            q, table[..., :D, D], table[..., D, D] = self._values.values()
             table[..., :D, :D] = np.triu(q) + np.triu(q, 1)
         try:
             for i, each in enumerate(self.polynomials):
@@ -369,16 +410,20 @@ class QuadraticField(Body):
     @cached_property
     def gradient(self) -> QuadraticField:
         """The gradient of H, as a field."""
-        slopes = map(self.hamiltonian.derivative, range(self.dimension))
-        return self._of_components(tuple(slopes))
+        D = self.dimension
+        slopes = tuple(map(self.hamiltonian.derivative, range(D)))
+        if not self.shape:
+            return self._of_components(slopes)
+        table = np.zeros((*self.shape, D, D + 1, D + 1))
+        fill(table, (each.terms for each in slopes))
+        return self._of(coefficients_in(table))
 
     @property
     def hamiltonian(self) -> Polynomial:
         """H; TypeError for a field without one."""
         if self.H is None:
-            expected = "a single field made by QuadraticField.from_hamiltonian"
-            received = "a batch of fields" if self.shape else "a field without a Hamiltonian"
-            raise wrong("body", expected, received, TypeError)
+            expected = "a field made by QuadraticField.from_hamiltonian"
+            raise wrong("body", expected, "a field without a Hamiltonian", TypeError)
         return self.H
 
     @property
@@ -403,7 +448,7 @@ class QuadraticField(Body):
             point = exact_array("x", x, (self.dimension,))
             return tuple(each(point) for each in self.polynomials)
         state = vectors("x", x, self.dimension, allow_nan=True, labels=self._labels)
-        q, l, c = self._arrays.values()
+        q, l, c = self._coefficients.values()
         with np.errstate(all="ignore"):
             slopes = l + (q @ state[..., np.newaxis, :, np.newaxis])[..., 0]
             return (slopes @ state[..., np.newaxis])[..., 0] + c
@@ -415,10 +460,10 @@ class QuadraticField(Body):
         return self.polynomials, self.H, None if self.K is None else tuple(self.K.flat)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        besides = {name: getattr(self, name) for name in ("H", "K", "_parameters", "_affine")}
+        names = {"_parameters": self._parameters, "_affine": self._affine}
         if self.shape:
-            return self._of, (self._values,), besides
-        return self._of_components, (self.polynomials,), besides
+            return self._of, (self._arrays,), names
+        return self._of_components, (self.polynomials,), names | {"H": self.H, "K": self.K}
 
     def __repr__(self) -> str:
         if self.shape:
@@ -432,11 +477,12 @@ class QuadraticField(Body):
         """Return the coefficients as nested lists, without loss, for JSON.
 
         Numbers that are not floats are strings "p/q". A field made from a Hamiltonian also has K,
-        and H as a list of terms [c, i, j, k], each for c x[i] x[j] x[k]. Named parameters are under
-        "parameters". Where the field is affine in some of them, the terms of its components are
-        under "affine", with the names of these as factors: [c, i, j, "a"] is c a x[i] x[j].
+        and H as a list of terms [c, i, j, k], each for c x[i] x[j] x[k]; of a batch c is a list.
+        Named parameters are under "parameters". Where the field is affine in some of them, the
+        terms of its components, and then those of its H, are under "affine", with the names of
+        these as factors: [c, i, j, "a"] is c a x[i] x[j].
         """
-        whole = super().to_dict() | self._besides | self._names_and_values
+        whole = super().to_dict() | self._structure | self._names_and_values
         exact = {} if self.shape else self._values
         return whole | {name: plain_lists(each) for name, each in exact.items()}
 
@@ -446,10 +492,13 @@ class QuadraticField(Body):
         given = dict(mapping(parameters))
         values, affine = given.pop("parameters", {}), given.pop("affine", [])
         given |= {name: from_plain(name, each) for name, each in given.items() if name != "body"}
-        if "H" in given:
+        if not isinstance(given.get("H"), np.ndarray | None):  # not that of files
             instance("H", given["H"], list)
-            terms = (each for each in given["H"] if isinstance(each, list) and each)
-            given["H"] = Polynomial({tuple(powers): rational("H", c) for c, *powers in terms})
+            terms = [each for each in given["H"] if isinstance(each, list) and each]
+            is_batch = any(isinstance(c, list) for c, *_ in terms)
+            kind: Any = BatchPolynomial if is_batch else Polynomial
+            read: Any = real_array if is_batch else rational
+            given["H"] = kind({tuple(powers): read("H", c) for c, *powers in terms})
         field = super().from_dict({"linear": None, "constant": None} | given)
         instance("parameters", values, Mapping)
         plain_values = {name: from_plain(name, each) for name, each in values.items()}
@@ -470,9 +519,10 @@ class QuadraticField(Body):
             raise wrong("affine", expected, f"an error: {error!r}") from error
         except OverflowError:  # beyond the range of runs
             return False
-        return all(
+        arrays = {name: a for name, a in self._arrays.items() if name != "K"}
+        return arrays.keys() == found.keys() and all(
             np.allclose(found[name], a, rtol=1e-9, atol=1e-9 * abs(a).max(initial=0))
-            for name, a in self._arrays.items()
+            for name, a in arrays.items()
         )
 
 

@@ -11,19 +11,22 @@ from typing import Any
 import numpy as np
 
 from .._checks import FloatArray, common_shape, real_array, refuse_units, without_labels, wrong
-from .algebra import Polynomial, coefficients_in, fill, plain, rational
+from .algebra import Polynomial, coefficients_in, dense, fill, plain, rational
 
 Values = dict[str, Any]
-# For each component its terms [c, 0, "a", ...], each for c x[0] a ..., for JSON.
+# For each component its terms [c, 0, "a", ...], each for c x[0] a ..., for JSON; then those of the
+# Hamiltonian, if there is one.
 Affine = list[list[list[Any]]]
-# The components of the field of a function of x, or of x and a number of symbols after it.
+# The components of the field of a function of x, or of x and a number of symbols after it; then the
+# Hamiltonian, if there is one.
 PolynomialsOf = Callable[[Callable[[Any], Any], int], tuple[Polynomial, ...]]
 
 # Names that functions, datasets, stores and files use.
 _RESERVED = frozenset(
-    "x f H K dimension eps n time flat component component_j component_k space body trajectory "
-    "status failed_at final quadratic linear constant format steps save_every version map method "
-    "progress record x_min x_max first_integral_drift modified_energy_drift energy_drift".split()
+    "x f H K dimension eps n time flat component component_j component_k term space body "
+    "trajectory status failed_at final quadratic linear constant format steps save_every version "
+    "map method progress record x_min x_max first_integral_drift modified_energy_drift "
+    "energy_drift".split()
 )
 
 
@@ -64,11 +67,14 @@ def coefficients_for(
     arrays = np.broadcast_arrays(*values.values())
     columns = (array.ravel().tolist() for array in arrays)
     shape = arrays[0].shape
-    tables = np.zeros((math.prod(shape), D, D + 1, D + 1))
+    tables, energies = np.zeros((math.prod(shape), D, D + 1, D + 1)), []
     for table, numbers in zip(tables, zip(*columns, strict=True), strict=True):
         given = dict(zip(values, numbers, strict=True))
-        fill(table, (each.terms for each in components(partial(f, **given), 0)))
-    return coefficients_in(tables.reshape(*shape, D, D + 1, D + 1))
+        terms = [each.terms for each in components(partial(f, **given), 0)]
+        fill(table, terms[:D])
+        energies += [dense(each, D) for each in terms[D:]]
+    found = coefficients_in(tables.reshape(*shape, D, D + 1, D + 1))
+    return found | ({"H": np.reshape(energies, (*shape, -1))} if energies else {})
 
 
 def affine_terms(
@@ -90,9 +96,10 @@ def affine_terms(
             )
         except Exception:  # of functions that compare parameters, take roots of them, and so on
             return []
-        for powers in (powers for each in found for powers in each.terms):
+        for i, powers in ((i, powers) for i, each in enumerate(found) for powers in each.terms):
             symbols = [k for k in powers if k >= D]
-            if len({*symbols}) < len(symbols) or len(powers) - len(symbols) > 2:
+            degree = len(powers) - len(symbols)
+            if len({*symbols}) < len(symbols) or degree > 2 + (i == D):
                 return []
         return [
             [[plain(c), *(factors[k] for k in powers)] for powers, c in each.terms.items()]
@@ -116,5 +123,6 @@ def coefficients_at(affine: Affine, values: Values, D: int) -> dict[str, FloatAr
             term = math.prod((values[name] for name in names), start=1.0) * float(Fraction(c))
             component[powers] = component.get(powers, 0.0) + term
     table = np.zeros((*shape, D, D + 1, D + 1))
-    fill(table, components)
-    return coefficients_in(table)
+    fill(table, components[:D])
+    energy = {"H": dense(components[D], D, shape)} if len(components) > D else {}
+    return coefficients_in(table) | energy

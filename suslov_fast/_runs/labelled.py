@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from .._checks import wrong
 from .._engine.status import Status
 from .._maps import map_named
-from .schema import COMPONENTS, HEADER, RESUME, Entries, Entry, read_header, schema_in
+from .schema import COMPONENTS, HEADER, RESUME, TERM, Entries, Entry, read_header, schema_in
 
 if TYPE_CHECKING:
     import xarray
 
 # Names not available for axes of the batch.
-TAKEN = ("n", "time", *COMPONENTS, "space", "body", "flat")
+TAKEN = ("n", "time", *COMPONENTS, TERM, "space", "body", "flat")
 
 
 def import_xarray(*others: str, extra: str = "xarray") -> Any:
@@ -177,7 +177,7 @@ def parameters_in(
         if not entry.varying or name not in dataset.variables:
             continue
         variable = dataset[name]
-        components = tuple(dim for dim in COMPONENTS if dim in variable.dims)
+        components = tuple(dim for dim in entry.dims[1:] if dim in variable.dims)
         along = [dim for dim in variable.dims if dim not in components]
         if strangers := [str(dim) for dim in along if dim not in batch]:
             raise wrong("dataset", f"{name} along the batch", ", ".join(strangers))

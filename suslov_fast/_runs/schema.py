@@ -29,6 +29,8 @@ RESUME = "resume/"
 HEADER = "format", "version", "map", "method", "steps", "save_every", "body"
 # Axes of the parameters of a body after those of the batch; the first is also that of states.
 COMPONENTS = "component", "component_j", "component_k"
+# That of the coefficients of a Hamiltonian.
+TERM = "term"
 
 
 class Entry(NamedTuple):
@@ -70,7 +72,7 @@ def schema_of(map: Map, named: Iterable[str] = ()) -> dict[str, Entry]:
     states, body = Entry(("n", "batch", "component"), meaning=map.meaning), map.body
     parameters = {
         name: Entry(
-            ("batch", *COMPONENTS[: body._axes(name)]),
+            ("batch", *((TERM,) if name == "H" else COMPONENTS[: body._axes(name)])),
             meaning=body._meanings[name],
             varying=True,
             optional=name not in body._required(),
@@ -189,6 +191,7 @@ def _checked_body(schema: dict[str, Entry], header: Mapping[str, Any], arrays: E
     sizes = {
         "n": 1 if every is None else steps // every + 1,
         **dict.fromkeys(COMPONENTS, D),
+        TERM: math.comb(D + 3, 3),
         "space": D + 1,
         "body": D + 1,
         "flat": math.prod(batch),

@@ -68,7 +68,7 @@ def _matrix(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
 def _energy(body: QuadraticField, x: FloatArray, eps: Any) -> FloatArray:
     total = np.zeros(x.shape[:-1])
     for powers, c in sorted(body.hamiltonian.terms.items()):
-        total += math.prod((x[..., i] for i in powers), start=float(c))
+        total += math.prod((x[..., i] for i in powers), start=np.asarray(c, np.float64))
     return total
 
 

@@ -272,7 +272,9 @@ def _search(found: Report, map: KahanMap, seed: int, pulse: Callable[[], object]
         found.measures = tuple(invariants.measures)
         found.polynomials = tuple(invariants.polynomials)
 
-    if map.field.H is not None:
+    H, K = map.field.H, map.field.K
+    # H and K of a field in a file of a batch are rounded.
+    if H is not None and map.field == QuadraticField.from_hamiltonian(H, D, K):
         invariants.add_modified_energy()
         found.searched.append("the modified energy and 1/det A of the Hamiltonian")
         update()

@@ -157,6 +157,8 @@ def test_quantities_of_a_batch_with_a_hamiltonian(tmp_path):
     part = Trajectories.from_xarray(run.to_xarray(dims=settings["dims"]).isel(a=3, b=1))
     assert np.array_equal(part.modified_energy(), run.modified_energy()[:, :, 3, 1])
     assert sf.body_from_dict(part.body.to_dict()) == part.body
+    none = QuadraticField.from_hamiltonian(cubic, 2, a=[])
+    assert iterate(none, [0.1, 0.2], 0.1, 3).modified_energy().shape == (4, 0)
     other = QuadraticField.from_hamiltonian(lambda x, a: a * x[0] ** 2, 2, a=[1, 2])
     for change in ({"H": other.H}, {"K": 2 * ENERGIES.K}, {"linear": np.eye(2)}):
         with pytest.raises(ValueError, match="H"):

@@ -216,7 +216,10 @@ class QuadraticField(Body):
         """Return the field with the components of a function, or a Hamiltonian, of x."""
         if any(map(np.ndim, values.values())):
             arrays = named.coefficients_for(f, components, values, n)
-            self = cls._of(arrays | ({"K": K.astype(np.float64)} if "H" in arrays else {}))
+            if K is not None:
+                none = np.zeros((*arrays["constant"].shape[:-1], len(monomials(n))))
+                arrays = {"H": none, "K": K.astype(np.float64)} | arrays  # H of no fields is absent
+            self = cls._of(arrays)
         else:
             found = components(partial(f, **values), 0)
             self = cls._of_components(found[:n])

@@ -36,14 +36,17 @@ def reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
 
 
 @formula
-def over_denominator(numerator, X, c, Z, K):
-    """numerator / D, D = 1 - Y + X (2 X - K) of the next state, Y = c - Z; NaN at poles, where D is
-    0 to rounding.
+def denominator(X, c, Z, K):
+    """D = 1 - Y + X (2 X - K) of the next state, Y = c - Z, and the size of its terms in X."""
+    return ((1.0 - c) + Z) + X * (2.0 * X - K), abs(X) * (2.0 * abs(X) + abs(K))
+
+
+@formula
+def over_denominator(numerator, D, size):
+    """numerator / D of `denominator`; NaN at poles, where D is 0 to rounding.
 
     The threshold decreases towards X = 0, where steady states (0, Y) approach the point (0, 1).
     """
-    size = abs(X) * (2.0 * abs(X) + abs(K))
-    D = ((1.0 - c) + Z) + X * (2.0 * X - K)
     exists = abs(D) > ZERO_TO_ROUNDING * smaller(1.0 + size, 2.0**20 * size)
     return select(exists, numerator / D, np.nan)
 
@@ -55,9 +58,10 @@ def next_coordinates(X, X0, c, Z):
 
     Nothing waits for the division that can be done beside it.
     """
-    ratio = over_denominator((1.0 + c) - Z, X0, c, Z, 0.0)
-    far = abs(X) > LARGE
-    start, change = select(far, 1.0 + c, Z), select(far, (c - 1.0) - Z, X0 * (2.0 * X0))
+    square = X0 * (2.0 * X0)
+    ratio = over_denominator((1.0 + c) - Z, ((1.0 - c) + Z) + square, square)
+    far = square > 2.0 * LARGE * LARGE
+    start, change = select(far, 1.0 + c, Z), select(far, (c - 1.0) - Z, square)
     return X * ratio, start + change * ratio
 
 
@@ -67,7 +71,7 @@ def turn_of_gyrostat(X, c, Z, K):
 
     In z the sum X + X_next, which cancels for large Y, is 2 X (1 + X**2) / D.
     """
-    inverse, KX = over_denominator(1.0, X, c, Z, K), K * X
+    inverse, KX = over_denominator(1.0, *denominator(X, c, Z, K)), K * X
     return (
         ((1.0 + c) - Z + KX) * inverse,
         ((1.0 - c) + Z - KX) * inverse,
@@ -84,7 +88,7 @@ def discrete_reaction(I1, I2, I13, I23, k, eps, omega1, omega2):
     no terms cancel that do not cancel in the result.
     """
     X, Y, lost, K = dimensionless(I1, I2, I13, I23, k, eps, omega1, omega2)
-    inverse = over_denominator(1.0, X, *shifted(Y, lost), K)
+    inverse = over_denominator(1.0, *denominator(X, *shifted(Y, lost), K))
     a, half = I1 * I2, 0.5 * eps
     l, x = rotor(I13, I23, k, omega1, omega2), sum_of_products(I13, omega1, I23, omega2)
     y = sum_of_products(I23 * I1, omega1, -I13 * I2, omega2)
@@ -113,7 +117,7 @@ def derivative(X, Y, lost, K):
 
     X_next = X (1 + Y + K X) / D,  Y_next = Y - 2 X X_next + K (X + X_next).
     """
-    r = over_denominator(1.0, X, *shifted(Y, lost), K)
+    r = over_denominator(1.0, *denominator(X, *shifted(Y, lost), K))
     below, above, square, KX = (1.0 - Y) - lost, (1.0 + Y) + lost, X * X, K * X
     less, more = below - KX, 2.0 * (1.0 + square) * r
     d11 = ((above + KX) * r) * ((less - 2.0 * square) * r) + (KX * r) * more

@@ -35,7 +35,7 @@ from .closed_form import (
 )
 from .coordinates import ZERO_TO_ROUNDING, shifted
 from .elementary import is_integer, larger, scaled, sine_and_cosine, smaller, two_to_the
-from .equations import over_denominator
+from .equations import denominator, over_denominator
 
 NEAR, TURNS = 2.0, 3.0
 # States larger than R by this factor may be at a pole.
@@ -214,7 +214,7 @@ def state_1(start):
     U + i V is multiplied by (1 + i X_next) / (1 - i X), of which the imaginary part is 2 X / D.
     """
     X, U, V, K = start.X, start.U, start.V, start.K
-    inverse = over_denominator(1.0, X, *shifted(start.Y, start.Y_lost), K)
+    inverse = over_denominator(1.0, *denominator(X, *shifted(start.Y, start.Y_lost), K))
     X_next = X * ((1.0 + start.Y) + K * X) * inverse
     along, across = (1.0 - X * X_next) / (1.0 + X * X), 2.0 * X * inverse
     f11, f12, f21, f22 = matrix_to_omega(start, 1.0)

@@ -16,7 +16,7 @@ import numpy as np
 from .._formulas import coordinates, units
 from .._formulas.coordinates import NEGLIGIBLE
 from .._formulas.elementary import larger, two_to_the
-from .._formulas.equations import LARGE, next_coordinates, over_denominator
+from .._formulas.equations import LARGE, next_coordinates
 from .._jit import formula, select
 from . import codes
 from .lanes import body_at
@@ -93,8 +93,8 @@ def show(k, s):
 
 @formula
 def cause(k, s):
-    is_pole = np.isnan(over_denominator(1.0, _squarable(s.X), k.c, s.Z, 0.0))
-    return codes.SINGULAR if is_pole and np.isfinite(s.X * s.X + s.Z) else codes.NONFINITE
+    next_X, _ = next_coordinates(s.X, _squarable(s.X), k.c, s.Z)
+    return codes.SINGULAR if np.isnan(next_X) and np.isfinite(s.X * s.X + s.Z) else codes.NONFINITE
 
 
 @formula

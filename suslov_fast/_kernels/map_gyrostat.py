@@ -18,7 +18,7 @@ import numpy as np
 from .._formulas import units
 from .._formulas.coordinates import dimensionless, shifted
 from .._formulas.elementary import larger, two_to_the
-from .._formulas.equations import over_denominator, turn_of_gyrostat
+from .._formulas.equations import denominator, over_denominator, turn_of_gyrostat
 from .._jit import formula, select
 from . import codes
 from .lanes import entry
@@ -68,6 +68,6 @@ def show(k, s):
 
 @formula
 def cause(k, s):
-    is_pole = np.isnan(over_denominator(1.0, s.X, k.c, s.Z, k.K))
+    is_pole = np.isnan(over_denominator(1.0, *denominator(s.X, k.c, s.Z, k.K)))
     in_range = np.isfinite(k.ratio + k.K + s.X * s.X)
     return codes.SINGULAR if is_pole and in_range else codes.NONFINITE

@@ -68,7 +68,7 @@ class Orbits(NamedTuple):
         """
         parameters, omega, flow, ends, left, missing, threads = self
         batch, (begin, stop) = ((sign, flow), parameters, omega, ends, left), lanes
-        end, most_left = begin + _PROBE if stop - begin > 16 * _PROBE else stop, False
+        end, most_left = begin + _PROBE if stop - begin > 4 * _PROBE else stop, False
         while begin < stop:
             call = batch, (begin, end), *which, out, missing
             total = (end - begin) * (_ENTERING + work)

@@ -188,13 +188,6 @@ def _single(body: Any, eps: ArrayLike, loop: str) -> float:
 
 
 @for_users
-def _matrices(I1, I2, I13, I23, eps):
-    x1, y1, _, _ = coordinates.dimensionless(I1, I2, I13, I23, 0.0, eps, 1.0, 0.0)
-    x2, y2, _, _ = coordinates.dimensionless(I1, I2, I13, I23, 0.0, eps, 0.0, 1.0)
-    return x1, x2, y1, y2, *coordinates.from_canonical(I1, I2, I13, I23, eps)
-
-
-@for_users
 def enter(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the numbers u and v of a state, dimensionless and linear in omega."""
     return frame.u1 * omega1 + frame.u2 * omega2, frame.v1 * omega1 + frame.v2 * omega2
@@ -306,10 +299,13 @@ def step_system(
 ) -> int:
     """Write the state that follows x (D,) to `out` (D,), which may be x; return its Status.
 
-    Where there is no next state, the status is negative and `out` is NaN.
+    Where there is no next state, the status is negative and `out` is NaN. Arrays of another length
+    are a ValueError.
     """
     x, out, memory, scales = borrowed(x), borrowed(out), borrowed(work[0]), borrowed(work[1])
     first, second = borrowed(system[0]), borrowed(system[1])
+    if (len(x) != len(first)) | (len(out) != len(first)) | (memory.shape[1] != len(first)):
+        raise ValueError("step_system: expected x, out and work of the dimension of the system")
     if len(system) == _FIELD:
         values = borrowed(system.values)
         return one_state.step_of_field(second, values, system.half, first, x, out, memory, scales)

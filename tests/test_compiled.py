@@ -212,6 +212,23 @@ def test_errors_and_the_loops_to_write():
     assert frames == [frame(Suslov3D(I1, 1, -0.5, -0.3), e) for e in (0.1, 0.2) for I1 in (4, 3)]
 
 
+@pytest.mark.parametrize("make", ["body", "field"])
+def test_arrays_of_another_length_are_refused(make):
+    """Nothing else would notice: compiled code checks no index."""
+    body = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+    constants = system(body if make == "body" else QuadraticField.from_function(lorenz, 3), 0.1)
+    larger = work(system(SuslovND([1, 2, 3, 4], [1, 1, 1, 1]), 0.1))
+    three, memory = np.ones(3), work(constants)
+    for arguments in (
+        (np.ones(2), three, memory),
+        (three, np.ones(4), memory),
+        (np.ones(4), np.ones(4), memory),
+        (three, three, larger),
+    ):
+        with pytest.raises(ValueError, match="of the dimension of the system"):
+            step_system(constants, *arguments)
+
+
 def test_frames_and_systems_are_plain_data():
     for made in (frame(BODY, EPS), frame(GYROSTAT, EPS)):
         assert pickle.loads(pickle.dumps(made)) == made

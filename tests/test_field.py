@@ -192,6 +192,7 @@ def changed(field, **entries):
         (lambda: of_hamiltonian(lambda x: x[0], 2, [[0]]), ValueError, r"K: .*\(2, 2\).*\(1, 1\)"),
         (lambda: QuadraticField.of(3), TypeError, "body: expected Suslov3D.*got int"),
         (lambda: LORENZ([1, 2]), ValueError, r"x: expected shape \(3,\), got \(2,\)"),
+        (lambda: LORENZ([[1, 2, 3], [4]]), ValueError, "x: expected a rectangular array"),
         (lambda: LORENZ(Series([1, 2, 3], ["x1", "x3", "x2"])), ValueError, "x: .*the components"),
         (lambda: changed(LORENZ, linear=[["a"]]), ValueError, 'linear: .*"p/q", got \'a\''),
         (lambda: changed(HENON, H=[[1.0, 0]]), ValueError, "H, K: expected those of the coeffic"),

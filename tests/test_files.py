@@ -115,6 +115,7 @@ ENTRIES = [
     ("omega", lambda run: run.omega.astype(np.float32), "omega: expected dtype float64, got"),
     ("omega", lambda run: run.omega[..., :1], "expected shape"),
     ("omega", None, "without omega"),
+    ("method", None, "expected the arrays of a run, got none named 'method'"),
     ("status", lambda run: run.status.astype(int), "status: expected dtype int8, got"),
     (
         "method",

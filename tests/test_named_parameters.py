@@ -91,6 +91,8 @@ def test_coordinates_of_datasets(tmp_path):
         assert_named(part, QuadraticField.from_function(dynamo, 3, a=VALUES[2:5], mu=0.5))
         one = Trajectories.from_xarray(each.isel(a=2)).body
         assert_named(one, QuadraticField.from_function(dynamo, 3, a=2.0, mu=0.5))
+        with pytest.raises(ValueError, match=r"a: expected values of this .* got none"):
+            Trajectories.from_xarray(each.isel(a=2, drop=True))
     dims = ("start", "a", "mu")
     starts = sf.RandomStarts((3, 1, 1), 1.0)
     grid = ensemble(GRID, starts, 0.01, 5, store=tmp_path / "b.zarr", dims=dims)
@@ -211,6 +213,31 @@ def test_bad_parameters():
     for values in ({"a": [1.0, 2.0]}, {"a": 1.0, "b": [1.0, 2.0, 3.0]}):
         with pytest.raises(ValueError, match=r"parameters: expected shapes that broadcast to \(\)"):
             QuadraticField.from_dict(SINGLE.to_dict() | {"parameters": values})
+
+
+def test_hamiltonians_that_do_not_fit_their_field():
+    for field, c, message in (
+        (ENERGIES, [1.0, 2.0, 3.0], r"H: expected coefficients of shape \(11, 2\), got \(3,\)"),
+        (SINGLE, [1.0, 2.0], "H: expected .* numbers, as of a single field, got lists"),
+        (SINGLE, str(10**400), "H: expected coefficients in the range of float64"),
+    ):
+        whole = field.to_dict()
+        with pytest.raises(ValueError, match=message):
+            QuadraticField.from_dict(whole | {"H": [[c, 0, 0], *whole["H"][1:]]})
+    for x, error in (("x", TypeError), (np.ones((3, 2)), ValueError)):
+        with pytest.raises(error, match="x"):
+            ENERGIES.H(x)
+
+
+def test_a_hamiltonian_beyond_float64():
+    """Its field may be in range: it has steps, but no energy and no files."""
+    field = QuadraticField.from_hamiltonian(lambda x: x[1] + 10**400, 2)
+    assert QuadraticField.from_dict(field.to_dict()) == field
+    assert sf.step(field, [1.0, 2.0], 0.5).tolist() == [1.5, 2.0]
+    with pytest.raises(ValueError, match="Hamiltonian with coefficients in the range of float64"):
+        sf.energy(field, [1.0, 2.0])
+    with pytest.raises(ValueError, match="H: expected coefficients in the range of float64"):
+        QuadraticField.from_hamiltonian(lambda x, a: a * x[1] + F(10) ** 400, 2, a=[1.0, 2.0])
 
 
 def test_replaced_coefficients_need_not_be_those_of_the_parameters():

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._checks import refuse_units, without_labels, wrong
+from .._checks import common_shape, real_array, refuse_units, without_labels, wrong
 
 Monomial = tuple[int, ...]  # the indices of the variables, in ascending order: (0, 0, 2) is x1^2*x3
 _NUMBERS = Rational | float | np.integer | np.floating
@@ -169,7 +169,9 @@ class BatchPolynomial(Polynomial):
 
     def __call__(self, x: Any) -> Any:
         """Return the values at points (..., D)."""
-        x, terms = np.asarray(x, np.float64), sorted(self.terms.items())
+        x = real_array("x", x, allow_nan=True)
+        terms: list[tuple[Monomial, Any]] = sorted(self.terms.items())
+        common_shape({"H": terms[0][1].shape, "x": x.shape[:-1]} if terms else {})
         return sum(math.prod((x[..., i] for i in powers), start=c) for powers, c in terms)
 
     def __repr__(self) -> str:
@@ -189,8 +191,13 @@ def dense(terms: Mapping[Monomial, Any], n: int, shape: tuple[int, ...] = ()) ->
     of_all = monomials(n)
     array = np.zeros((*shape, len(of_all)))
     for t, powers in enumerate(of_all):
-        if powers in terms:
-            array[..., t] = terms[powers]
+        c = terms.get(powers, 0.0)
+        try:
+            array[..., t] = c
+        except OverflowError:
+            raise wrong("H", "coefficients in the range of float64", "larger ones") from None
+        except ValueError:
+            raise wrong("H", f"coefficients of shape {shape}", np.shape(c)) from None
     return array
 
 

@@ -156,6 +156,8 @@ class QuadraticField(Body):
             self._set(H=table, K=antisymmetric(K, D).astype(np.float64))
             vars(self)["H"] = BatchPolynomial.of_table(vars(self)["H"], D)
         else:
+            if isinstance(H, BatchPolynomial):
+                raise wrong("H", "coefficients that are numbers, as of a single field", "lists")
             if isinstance(H, np.ndarray):
                 H = Polynomial(dict(zip(of_all, exact_array("H", H, (len(of_all),)), strict=True)))
             whole = self.from_hamiltonian(H, D, K)
@@ -226,7 +228,8 @@ class QuadraticField(Body):
             vars(self).update(H=None if K is None else found[n], K=K)
         # A function that looks at a parameter, as `a if a else 1`, does not see symbols as values.
         affine = named.affine_terms(f, components, values, n)
-        return self._with_names(values, affine if self._agrees(affine, values) else [])
+        agrees = affine and self._agrees(affine, values)
+        return self._with_names(values, affine if agrees else [])
 
     def _with_names(self, values: named.Values, affine: named.Affine) -> QuadraticField:
         vars(self).update(_parameters=values, _affine=affine)
@@ -446,7 +449,7 @@ class QuadraticField(Body):
 
     def __call__(self, x: Any) -> Any:
         """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
-        if not self.shape and np.ndim(x) == 1 and all(isinstance(a, Rational) for a in x):
+        if not self.shape and np.iterable(x) and all(isinstance(a, Rational) for a in x):
             check_labels("x", x, self._labels)
             point = exact_array("x", x, (self.dimension,))
             return tuple(each(point) for each in self.polynomials)

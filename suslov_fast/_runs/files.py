@@ -46,7 +46,10 @@ def read_run(path: PathLike) -> dict[str, Any]:
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise ValueError("expected a file, got a folder, a pipe or a device")
         return run_of(_entries(path))
-    except (ValueError, TypeError, LookupError, ArithmeticError) as error:
+    except KeyError as error:
+        message = f"expected the arrays of a run, got none named {error}"
+        raise ValueError(f"{os.fspath(path)}: {message}") from error
+    except (ValueError, TypeError, AttributeError, LookupError, ArithmeticError) as error:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
 
 

@@ -160,6 +160,8 @@ def body_of(header: Mapping[str, Any], arrays: Mapping[str, Any]) -> Any:
         return kind(**values)
     given = json.loads(header["body"])
     for name, value in given.get("parameters", {}).items():
+        if value is None and name not in arrays:
+            raise wrong(name, "values of this parameter, as to_xarray() has them", "none")
         if value is None:
             given["parameters"][name] = arrays[name]
     return kind.from_dict(values | given)

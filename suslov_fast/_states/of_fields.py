@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .._bodies.field import QuadraticField
-from .._checks import FloatArray
+from .._checks import FloatArray, wrong
 from .._engine.arguments import States
 from .._engine.evaluation import SLAB, by_slabs
 from .._kernels.one_system import ROUNDS
@@ -67,8 +67,12 @@ def _matrix(body: QuadraticField, x: FloatArray, eps: FloatArray) -> FloatArray:
 
 def _energy(body: QuadraticField, x: FloatArray, eps: Any) -> FloatArray:
     total = np.zeros(x.shape[:-1])
-    for powers, c in sorted(body.hamiltonian.terms.items()):
-        total += math.prod((x[..., i] for i in powers), start=np.asarray(c, np.float64))
+    try:
+        for powers, c in sorted(body.hamiltonian.terms.items()):
+            total += math.prod((x[..., i] for i in powers), start=np.asarray(c, np.float64))
+    except OverflowError:
+        expected = "a Hamiltonian with coefficients in the range of float64"
+        raise wrong("body", expected, body) from None
     return total
 
 

@@ -302,7 +302,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     options, strays = parser.parse_known_args(words)
     if strays:
         numbers = "; numbers of one option are separated by commas, as --omega0 1,2"
-        hint = numbers if re.match(r"[-+.\d]", strays[0]) else ""
+        of_option = re.match(r"[-+.\d]", strays[0]) and strays[0] != words[1]
+        hint = numbers if of_option else ""
         raise UsageError(f"{words[0]}: expected options, got {strays[0]!r}{hint}")
     return options
 

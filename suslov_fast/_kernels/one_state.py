@@ -64,7 +64,7 @@ def step_nd(J, I, eps, near, longest, omega, out, system, scales):
 @formula
 def step_of_field(indices, values, half, slopes, x, out, system, scales):
     """Take a step by elimination with the diagonal as pivots, see `elimination`, where that is
-    accurate, else by `solve_for_next`.
+    accurate, else by `solve_system`.
     """
     D, matrix, largest, least = len(x), system[0], 1.0, np.inf
     map_field.fill_equations(indices, values, 0, half, slopes, x, matrix)

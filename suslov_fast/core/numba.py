@@ -1,0 +1,413 @@
+"""Numba, as the package uses it: options, cache, calls from Python, and two instructions in LLVM.
+
+formula     a function of numbers, which LLVM inlines: loops over lanes that call it become SIMD
+function    a function that kernels call
+kernel      what Python calls: `kernel.serial(*arguments)`, `kernel.parallel(threads, *arguments)`
+            for `function(part, parts, *arguments)`, which does one of `parts` parts of the work
+universal   a NumPy universal function, from the formula for one state
+for_users   a formula that users call, from their own compiled loops and from Python
+
+Everything is compiled when it is first called, and cached on disk. With NUMBA_DISABLE_JIT=1 all of
+it is Python; with NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other.
+
+How a loop becomes SIMD: a block of lanes is one array b[ROW, lane] with constant numbers of rows
+and lanes, so that LLVM has one pointer and nothing to compare; the loop calls formulas without
+branches (`select`); functions of the C library have loops of their own. Without fastmath LLVM forms
+no FMA and reorders no sum, so that serial, parallel, vectorised and interpreted runs agree to the
+bit. Integers that are global constants are types of their own to Numba: a function that takes one
+as an argument is compiled once for each.
+"""
+
+import functools
+import hashlib
+import re
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from pathlib import Path
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import config, prange, types
+from numba.core import event
+from numba.core.caching import FunctionCache
+from numba.extending import intrinsic
+
+LINE = 8  # numbers of a cache line
+STREAM_FROM = 2**20  # numbers: smaller arrays stay in the caches, where they are read again
+
+# The default error model tests every divisor and raises: that costs 30 % and prevents SIMD. Other
+# Python threads run while a kernel does.
+_OPTIONS = {"error_model": "numpy", "nogil": True}
+# A wrapper, for calls from Python or from C, takes as long to compile as a short function.
+_INNER = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+# ------------------------------------------------------------------------------------------- cache
+# Numba checks a file of its cache only against the source file of one function. Here the name of a
+# function contains a digest of all sources that are compiled and one of the versions of what
+# compiles them, so that every edit and every upgrade make new files. A cache folder must be as
+# trusted as the code itself.
+_DIGITS = 12
+_SOURCES = ("core/*.py", "compiled.py")
+
+
+@functools.cache
+def _digests():
+    """Digests of the compiled sources, and of the versions of libraries."""
+    sources = hashlib.sha256()
+    for pattern in _SOURCES:
+        for path in sorted(Path(__file__).parent.parent.glob(pattern)):
+            sources.update(path.read_bytes())
+    versions = f"{numba.__version__} {version('llvmlite')} {np.__version__}".encode()
+    return tuple(each.hexdigest()[:_DIGITS] for each in (sources, hashlib.sha256(versions)))
+
+
+def _cached(function, compile_with):
+    """Compile a function on its first call, with a cache if there is a folder for it."""
+    name = function.__qualname__
+    function.__qualname__ = "_".join((name, *_digests()))
+    compiled = compile_with(function)
+    # Numba would cache code with and without checks of bounds under one name.
+    if config.BOUNDSCHECK or config.DISABLE_JIT:
+        return compiled
+    with suppress(RuntimeError):  # no writable folder: each process compiles
+        compiled.enable_caching()
+        _tolerate_unusable_files(getattr(compiled, "_cache", None), name)
+    return compiled
+
+
+def _tolerate_unusable_files(cache, name):
+    """Compile again if a file of the cache cannot be read; go on if none can be written."""
+    if not all(hasattr(cache, method) for method in ("load_overload", "save_overload")):
+        return  # a Numba with another cache class
+    load, save = cache.load_overload, cache.save_overload
+
+    def load_overload(signature, target_context):
+        try:
+            found = load(signature, target_context)
+            # Two processes that write at once may exchange the code of two signatures.
+            same = found is not None and tuple(found.signature.args) == tuple(signature)
+            return found if same else None
+        except Exception:
+            with suppress(Exception):
+                cache.flush()  # of the index: `save_overload` would read it
+            return None
+
+    def save_overload(signature, data):
+        with suppress(Exception):
+            save(signature, data)
+            _delete_stale(Path(cache.cache_path), name)
+
+    cache.load_overload, cache.save_overload = load_overload, save_overload
+
+
+def _delete_stale(folder, name, current=True):
+    """Delete the files of a function that belong to earlier sources, or all of them."""
+    sources, versions = _digests()
+    for path in list(folder.glob(f"*.{name}_{'?' * _DIGITS}_{versions}-*")):
+        if not (current and f"_{sources}_{versions}-" in path.name):
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def compile_timer():
+    """Yield a function that returns the seconds spent in Numba's compiler."""
+    with event.install_listener("numba:compiler_lock", event.TimingListener()) as lock:
+        yield lambda: lock.duration if lock.done else 0.0
+
+
+# -------------------------------------------------------------------------------------- decorators
+def function(py_function):
+    """Compile a function that kernels call."""
+    return _cached(py_function, numba.njit(**_INNER))
+
+
+def formula(py_function):
+    """Compile a formula: LLVM inlines it, so that loops over lanes that call it become SIMD."""
+    return _cached(py_function, numba.njit(forceinline=True, **_INNER))
+
+
+def for_users(py_function):
+    """Compile a `formula` that users call, from their own compiled loops and from Python."""
+    options = _OPTIONS | {"no_cfunc_wrapper": True, "forceinline": True}
+    return _cached(py_function, numba.njit(**options))
+
+
+class Universal:
+    """A universal function of float64 numbers, compiled when it is first called."""
+
+    def __init__(self, py_function, layout):
+        self.py_function, self.layout = py_function, layout
+        functools.update_wrapper(self, py_function)
+
+    def __call__(self, *arguments, **options):
+        with np.errstate(all="ignore"):  # NumPy would warn of each NaN
+            return self.compiled(*arguments, **options)
+
+    @functools.cached_property
+    def compiled(self):
+        if config.DISABLE_JIT:
+            return _interpreted(self.py_function, self.layout)
+        if config.BOUNDSCHECK:
+            return self._compile(cache=False)
+        name = self.py_function.__qualname__
+        self.py_function.__qualname__ = "_".join((name, *_digests()))
+        for clean in (False, True):
+            with suppress(Exception):  # a file that cannot be read; or no folder
+                folder = Path(FunctionCache(self.py_function).cache_path)
+                _delete_stale(folder, name, current=not clean)
+                return self._compile(cache=True)
+        return self._compile(cache=False)
+
+    def _compile(self, cache):
+        inputs, outputs = _axes(self.layout)
+        options = {"nopython": True, "cache": cache}
+        if not any(inputs + outputs):
+            kind = types.float64(*[types.float64] * len(inputs))
+            return numba.vectorize([kind], **options)(self.py_function)
+        arrays = [max(len(axes), 1) for axes in outputs]  # a number is an array of one
+        kinds = [
+            types.Array(types.float64, d, "A") if d else types.float64
+            for d in [*map(len, inputs), *arrays]
+        ]
+        return numba.guvectorize([types.void(*kinds)], self.layout, **options)(self.py_function)
+
+
+def _axes(layout):
+    """Return the names of the axes of each input and of each output."""
+    return [
+        [tuple(filter(None, each.split(","))) for each in re.findall(r"\(([^)]*)\)", side)]
+        for side in layout.split("->")
+    ]
+
+
+def _interpreted(py_function, layout):
+    """Return a universal function in Python."""
+    inputs, outputs = _axes(layout)
+    kinds = [float] * len(outputs)
+    if not any(inputs + outputs):
+        return np.vectorize(lambda *numbers: py_function(*map(np.float64, numbers)), otypes=kinds)
+
+    def one_state(*arguments):
+        sizes = {}
+        for axes, each in zip(inputs, arguments, strict=True):
+            sizes |= zip(axes, np.shape(each), strict=True)
+        results = [np.empty([sizes[axis] for axis in axes] or 1) for axes in outputs]
+        py_function(*(np.asarray(each, float)[()] for each in arguments), *results)
+        results = [each if axes else each[0] for axes, each in zip(outputs, results, strict=True)]
+        return results[0] if len(results) == 1 else tuple(results)
+
+    return np.vectorize(one_state, otypes=kinds, signature=layout)
+
+
+def universal(layout):
+    """Make a NumPy universal function of float64 numbers from the function of one state.
+
+    With axes in the layout, such as "(),(d)->(d,d)", the function writes to its last arguments, as
+    in `numba.guvectorize`; without, as in "(),()->()", it returns a number.
+    """
+    return lambda py_function: Universal(py_function, layout)
+
+
+class Kernel:
+    """A function called from Python: `function(part, parts, *arguments)`, for numbers, arrays and
+    tuples of them. It does one of `parts` equal parts of the work for a batch.
+    """
+
+    def __init__(self, py_function):
+        self.py_function, self._addresses = py_function, {}
+        functools.update_wrapper(self, py_function)
+
+    @functools.cached_property
+    def compiled(self):
+        if config.DISABLE_JIT:
+            return np.errstate(all="ignore")(self.py_function)  # compiled code does not warn
+        return _cached(self.py_function, numba.njit(**_OPTIONS))
+
+    def serial(self, *arguments):
+        """Do all the work in this thread."""
+        self.compiled(0, 1, *arguments)
+
+    def parallel(self, threads, *arguments):
+        """Do the work in several threads."""
+        if config.BOUNDSCHECK or config.DISABLE_JIT:  # exceptions do not leave a parallel loop
+            for part in range(threads):
+                self.compiled(part, threads, *arguments)
+            return
+        key = tuple(map(_key, arguments))
+        if key not in self._addresses:
+            kinds = map(numba.typeof, (0, 0, *arguments))
+            self._addresses[key] = _address(self.compiled, *kinds)
+        loop, start = _parallel_loop()
+        start(loop, self._addresses[key], threads, arguments)
+
+
+def kernel(py_function):
+    """Compile a function when it is first called from Python, as `serial` or `parallel`."""
+    return Kernel(py_function)
+
+
+# -------------------------------------------------------------------- one loop for all kernels
+# A parallel call is a loop over parts, which calls the kernel by its address: so a kernel is
+# compiled once, for serial and parallel calls, and this loop once for all kernels (each `prange`
+# takes seconds). It takes the address of the arguments too, since `prange` passes no nested tuples.
+def _loop(call_part, kernel, data, parts):
+    for part in prange(parts):
+        _call(call_part, (kernel, data, np.int64(part), parts))
+
+
+def _start(loop, kernel, parts, arguments):
+    call_part, data = _pack(arguments)
+    _call(loop, (call_part, kernel, data, parts))
+
+
+@functools.cache
+def _parallel_loop():
+    """Return the address of the loop over parts, and the function that starts it."""
+    loop = _cached(_loop, numba.njit(parallel=True, **_OPTIONS))
+    return _address(loop, *[types.int64] * 4), _cached(_start, numba.njit(**_OPTIONS))
+
+
+def _address(compiled, *kinds):
+    """Return the address of a function for arguments of these types."""
+    compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
+    return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
+
+
+def _key(argument):
+    """Return a key for the type of an argument, ten times faster than `numba.typeof`."""
+    if isinstance(argument, tuple):
+        return tuple(map(_key, argument))
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    return type(argument)
+
+
+@intrinsic
+def _call(typing, address, numbers):
+    """Call a compiled function by its address, with a tuple of integers; it returns None."""
+
+    def emit(context, builder, signature, arguments):
+        values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
+        _emit_call(context, builder, arguments[0], values)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, numbers), emit
+
+
+def _emit_call(context, builder, address, values):
+    kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
+    builder.call(builder.inttoptr(address, kind.as_pointer()), values)
+
+
+@intrinsic
+def _pack(typing, arguments):
+    """Return the addresses of a function and of its data, for use while the caller runs.
+
+    function(kernel, data, part, parts) calls the kernel at an address with all arguments.
+    """
+    result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
+
+    def emit(context, builder, signature, values):
+        packed = _uncounted(context, builder, arguments, values[0])
+        with builder.goto_entry_block():
+            memory = builder.alloca(packed.type)
+        builder.store(packed, memory)
+        kind = ir.FunctionType(context.get_value_type(types.none), [word] * 4)
+        call_part = ir.Function(builder.module, kind, f"{builder.function.name}.part")
+        call_part.linkage = "internal"
+        kernel, data, part, parts = call_part.args
+        inner = ir.IRBuilder(call_part.append_basic_block())
+        packed = inner.load(inner.inttoptr(data, packed.type.as_pointer()))
+        numbers = [inner.extract_value(packed, k) for k in range(len(arguments))]
+        _emit_call(context, inner, kernel, [part, parts, *numbers])
+        inner.ret(context.get_dummy_value())
+        addresses = [builder.ptrtoint(each, word) for each in (call_part, memory)]
+        return context.make_tuple(builder, result, addresses)
+
+    return result(arguments), emit
+
+
+def _uncounted(context, builder, kind, value):
+    """Return an argument whose arrays count no references, which threads would wait for."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = ir.Constant(array.meminfo.type, None)
+        return array._getvalue()
+    for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
+        element = _uncounted(context, builder, each, builder.extract_value(value, k))
+        value = builder.insert_value(value, element, k)
+    return value
+
+
+# ------------------------------------------------------------------------------ in kernels: choices
+if config.DISABLE_JIT:
+
+    def select(condition, first, second):
+        """Return `first` where the condition holds, else `second`: both are computed, no branch."""
+        chosen = first if condition else second
+        # Dividing by 0, a float of Python raises, and one of NumPy does not.
+        return np.float64(chosen) if isinstance(chosen, float) else chosen
+
+    def stream_line(target, i, source, j):
+        """Copy source[j:j+8] to the cache line target[i:i+8], past the caches."""
+        target[i : i + LINE] = source[j : j + LINE]
+
+else:
+
+    @formula
+    def select(condition, first, second):
+        """Return `first` where the condition holds, else `second`: both are computed, no branch."""
+        return first if condition else second
+
+    @intrinsic
+    def stream_line(typing, target, i, source, j):
+        """Copy source[j:j+8] to the cache line target[i:i+8], past the caches: 2.1 times faster."""
+
+        def emit(context, builder, signature, arguments):
+            def line(k):
+                array = context.make_array(signature.args[k])(context, builder, arguments[k])
+                place = builder.gep(array.data, [arguments[k + 1]])
+                return builder.bitcast(place, ir.VectorType(ir.DoubleType(), LINE).as_pointer())
+
+            store = builder.store(builder.load(line(2), align=8), line(0), align=64)
+            one = ir.Constant(ir.IntType(32), 1)
+            store.set_metadata("nontemporal", builder.module.add_metadata([one]))
+            return context.get_dummy_value()
+
+        return types.void(target, types.intp, source, types.intp), emit
+
+
+@formula
+def share(count, part, parts):
+    """Return the range of the items, `count` in all, of a part."""
+    return count * part // parts, count * (part + 1) // parts
+
+
+# ------------------------------------------------------------------- in kernels: rows of an output
+@formula
+def lead_of(out):
+    """Return how many numbers of `out` lie before its first cache line; -1 if it is small."""
+    return -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
+
+
+@formula
+def shortening(lead, batch):
+    """Return by how many trajectories, of two numbers each, a first block is shorter, so that all
+    others begin at a cache line. (NumPy's large arrays begin 16 bytes after one.)
+    """
+    return -(lead // 2) % 4 if lead >= 0 and batch % 4 == 0 else 0
+
+
+@formula
+def write(tile, at, flat, place, count, lead):
+    """Copy tile[at : at + count] to flat[place : place + count]; whole lines past the caches."""
+    head = min((lead - place) % LINE, count) if lead >= 0 else count
+    for j in range(head):
+        flat[place + j] = tile[at + j]
+    lines = (count - head) // LINE
+    for line in range(lines):
+        stream_line(flat, place + head + LINE * line, tile, at + head + LINE * line)
+    for j in range(head + LINE * lines, count):
+        flat[place + j] = tile[at + j]

@@ -1,0 +1,51 @@
+"""The closed form over a batch and many times, in slices between which Python handles Ctrl-C."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray
+from ..core import closed_form
+from .memory import require
+from .threads import call_kernel
+
+# States of a slice: some 50 ms.
+_SLICE = 2**22
+# Costs of entering an orbit, and of a state, in steps of the three-dimensional map.
+_ENTERING, _STATE = 64, 8
+
+
+def states_at(
+    parameters: tuple[FloatArray, ...],
+    omega: FloatArray,
+    discrete: bool,
+    times: FloatArray,
+    threads: int | None,
+) -> tuple[FloatArray, NDArray[np.int8]]:
+    """Return states (N, B, 2) at times (N,), and why any are missing, bits for each orbit (B,).
+
+    The orbits are those of states omega (B, 2), of the map, or else of the flow.
+    """
+    shape = times.size, *omega.shape
+    require(8 * math.prod(shape), f"the states are {shape}: compute fewer at a time")
+    out, reasons = np.empty(shape), np.zeros(len(omega), np.int8)
+    for rows, orbits in _slices(*shape[:2]):
+        part = tuple(each if len(each) == 1 else each[orbits] for each in parameters)
+        moments, found = times[rows], reasons[orbits]
+        work = len(found) * (_ENTERING + _STATE * len(moments))
+        before = part, omega[orbits], float(discrete), moments
+        call_kernel(closed_form.states, work, threads, *before, out[rows, orbits], found)
+    return out, reasons
+
+
+def _slices(times: int, orbits: int) -> Iterator[tuple[slice, slice]]:
+    """Yield the times and orbits of each call of the kernel, whose results are contiguous."""
+    rows = max(_SLICE // max(orbits, 1), 1)
+    width = orbits if rows > 1 else min(_SLICE, orbits)
+    for row in range(0, times, rows):
+        for first in range(0, orbits, width or 1):
+            yield slice(row, row + rows), slice(first, first + width)

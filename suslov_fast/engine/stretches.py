@@ -1,0 +1,154 @@
+"""Trajectories step by step: one call of a kernel for each stretch.
+
+Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+
+from ..checks import FloatArray
+from ..core import orientations
+from ..core.numba import Kernel
+from . import threads as _threads
+from .arguments import States, flat_arrays, parameters_of
+
+# Work of a thread in a stretch, in steps of the three-dimensional map.
+_STRETCH = 2**26
+# Least numbers of trajectories and of steps of a stretch, if there are as many, each divided by the
+# cost of a step: entering a trajectory costs tens of steps of the three-dimensional map.
+_ABREAST, _LENGTH = 2**13, 2**8
+# Cost of saving a state, in steps of the three-dimensional map.
+_SAVING = 8.0
+# Work of a stretch with orientations: the number of states times n**2.
+_TURNING = 2**24
+
+_NO_STATES, _NO_TURNS = np.empty((0, 1, 1)), np.empty((0, 1, 1, 1))
+
+Report = Callable[[int], object]  # takes the number of steps done so far
+
+
+class Steps(NamedTuple):
+    """How a method steps, for states of D components."""
+
+    kernel: Kernel
+    carried: Callable[[int], int]  # the numbers of a trajectory from which steps go on
+    cost: Callable[[int], float] = lambda D: 1.0  # of a step, in those of the 3D map
+    lanes: int = 128  # trajectories that a thread takes at a time
+
+
+class March:
+    """A batch of B trajectories on its way: at state `n`, with all that is needed to go on."""
+
+    def __init__(self, steps: Steps, states: States) -> None:
+        body, omega, eps, batch, self.threads, _, orientation = states
+        self.steps, self.n = steps, 0
+        self.parameters = parameters_of(body, eps, batch)
+        self.omega0 = flat_arrays(omega, batch)
+        size, D = self.omega0.shape
+        self.carry = np.empty((size, steps.carried(D)))
+        self.final = np.empty((size, D))
+        self.status = np.zeros(size, np.int8)
+        self.failed_at = np.empty(size, np.int64)
+        self.failed_at.fill(-1)
+        self.turned = None if orientation is None else flat_arrays(orientation, batch, 2).copy()
+
+    def to(
+        self,
+        stop: int,
+        saved: FloatArray = _NO_STATES,
+        every: int = 0,
+        row: int = 0,
+        turns: FloatArray = _NO_TURNS,
+        report: Report | None = None,
+    ) -> None:
+        """Go on to state `stop`, and save the states that are multiples of `every`, if that is > 0.
+
+        The first one after state n, or state 0, goes to saved[row], its orientation to turns[row].
+        """
+        if stop > self.n or stop == 0:
+            go = self._steps_to if self.turned is None else self._turning
+            go(stop, saved, every, row, turns, report)
+
+    def _steps_to(
+        self,
+        stop: int,
+        saved: FloatArray,
+        every: int,
+        row: int,
+        turns: FloatArray,
+        report: Report | None,
+    ) -> None:
+        origin, total = self.n, len(self.omega0)
+        before = self.parameters, self.omega0, self.carry
+        after = saved, self.final, self.status, self.failed_at
+        for (begin, end, start, until), work in self._stretches(stop, every):
+            done = start // every - origin // every + (origin == 0 < start) if every else 0
+            span = begin, end, start, until, every, row + done
+            _threads.call_kernel(self.steps.kernel, work, self.threads, *before, span, *after)
+            if report is not None:
+                report((begin * (stop - origin) + (end - begin) * (until - origin)) // total)
+        self.n = stop
+
+    def _stretches(self, stop: int, every: int) -> Iterator[tuple[tuple[int, ...], int]]:
+        """Yield trajectories begin to end, states start to stop, and the work, for each stretch.
+
+        The batch is divided first, so that the data of a stretch stay in the caches; time is
+        divided only if few trajectories take long. A block of lanes is not worth a second thread.
+        """
+        (size, D), n, (_, _, cost_of, lanes) = self.omega0.shape, self.n, self.steps
+        step = cost_of(D)
+        cost = step + (_SAVING / every if every else 0.0)
+        width, length = size or 1, max(stop - n, 1)
+        if width * length * cost > _STRETCH:
+            most = self.threads or numba.config.NUMBA_NUM_THREADS
+            at_once = min(-(-size // lanes), most) * _STRETCH / cost  # steps of all trajectories
+            abreast = max(lanes * most, int(_ABREAST / step), int(at_once / length))
+            parts = -(-size // abreast)
+            width = -(-size // (parts * lanes)) * lanes
+            length = max(int(_LENGTH / step), int(at_once / width), 1)
+        for begin in range(0, size, width):
+            end = min(begin + width, size)
+            for start in range(n, max(stop, n + 1), length):
+                until = min(start + length, stop)
+                work = (end - begin) * (until - start) * step if end - begin > lanes else 0.0
+                yield (begin, end, start, until), int(work)
+
+    def _turning(
+        self,
+        stop: int,
+        saved: FloatArray,
+        every: int,
+        row: int,
+        turns: FloatArray,
+        report: Report | None,
+    ) -> None:
+        """Go on with orientations: all states into memory of our own, then what they turn."""
+        (size, D), origin, eps = self.omega0.shape, self.n, self.parameters[-1]
+        at_once = _TURNING // (max(size, 1) * (D + 1) ** 2)
+        path = np.empty((max(min(at_once, stop - origin), 1) + 1, size, D))
+        path[0] = self.final
+        while True:
+            start, until = self.n, min(self.n + len(path) - 1, stop)
+            self._steps_to(until, path, 1, int(start > 0), _NO_TURNS, None)
+            states, first = path[: until - start + 1], row
+            if every:
+                multiples = states[every - start % every if start else 0 :: every]
+                saved[row : row + len(multiples)] = multiples
+                row += len(multiples)
+                if start == 0:
+                    turns[first] = self.turned
+                    first += 1
+            work, along = size * (until - start) * (D + 1) ** 2, (start, every, first)
+            _threads.call_kernel(
+                orientations.turn, work, self.threads, states, eps, self.turned, *along, turns
+            )
+            path[0] = states[-1]
+            if report is not None:
+                report(until - origin)
+            if until == stop:
+                return

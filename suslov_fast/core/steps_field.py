@@ -1,0 +1,211 @@
+"""Kahan's map of any quadratic field f (theory, section 7), lanes side by side.
+
+x_next = x + eps A(x)**-1 f(x), with A(x) = 1 - (eps/2) f'(x). A field is the list of its terms: with
+one more component, x_D = 1, all are quadratic, and f_i is the sum of its v x_j x_k, j <= k. So one
+build serves all fields. Where the increment cancels the state, or elimination loses digits, a lane
+solves A(x) x_next = x + (eps/2) l x + eps c, l and c the linear and constant parts, by `solve`.
+
+parameters   indices (3, T), the i, j and k of terms; values (1 or B, T); eps (1 or B,)
+carry        (B, D), the states
+
+A block of lanes is four arrays:
+
+x       (2, D, lanes)   the states, and the next ones
+a       (D, D + 1, lanes)   A, and minus half the step size times f as the right side
+fixed   (D, D + 1, lanes)   what of `a` does not depend on the state
+half    (T, lanes)   half the step size times v
+"""
+
+import numpy as np
+
+from .codes import NONFINITE, OK
+from .elimination import eliminate, keeps_digits, solve, substitute_back
+from .numba import formula, function, kernel, select, share
+
+# Rows of numbers of lanes: of `eliminate`; the sum of `loss`; and 1, or NaN after the end.
+LEAST, LARGEST, LOST, UNIT = range(4)
+ROWS = 4
+# A state has lost digits if one component falls below this part of its increment, or if all fall
+# below the larger part.
+SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
+
+
+@formula
+def carried(D):
+    """Return how many numbers of a trajectory a run goes on from."""
+    return D
+
+
+@formula
+def lanes_of(D, count):
+    """Return how many trajectories go side by side: the matrices stay in the caches."""
+    lanes = 128 if D <= 8 else 64 if D <= 24 else 32
+    return min(lanes, (count + 7) // 8 * 8)
+
+
+@function
+def enter_field(indices, values, eps, fixed, half, l):
+    """Enter a field, values (T,), and a step size in a lane."""
+    D = len(fixed)
+    for i in range(D):
+        for j in range(D + 1):
+            fixed[i, j, l] = 1.0 if i == j else 0.0
+    for t in range(indices.shape[1]):
+        i, j, k = indices[0, t], indices[1, t], indices[2, t]
+        half[t, l] = 0.5 * eps * values[t]
+        if k == D:
+            fixed[i, j, l] -= half[t, l]
+
+
+@function
+def fill(indices, half, fixed, x, a):
+    """Fill A(x), and in column D minus half the step size times f(x)."""
+    D, _, lanes = fixed.shape
+    flat, source = a.reshape(a.size), fixed.reshape(a.size)
+    for n in range(a.size):
+        flat[n] = source[n]
+    for t in range(indices.shape[1]):
+        i, j, k = indices[0, t], indices[1, t], indices[2, t]
+        if k == D and j < D:
+            for l in range(lanes):
+                a[i, D, l] -= half[t, l] * x[j, l]
+        elif k < D and j == k:
+            for l in range(lanes):
+                slope = half[t, l] * x[k, l]
+                a[i, D, l] -= slope * x[j, l]
+                a[i, k, l] -= slope + slope
+        elif k < D:
+            for l in range(lanes):
+                slope = half[t, l] * x[k, l]
+                a[i, D, l] -= slope * x[j, l]
+                a[i, j, l] -= slope
+                a[i, k, l] -= half[t, l] * x[j, l]
+
+
+@function
+def advance(indices, half, fixed, x, a, b):
+    """Fill the next states x[1]; return in how many lanes they are not finite or not accurate."""
+    D, lanes = x.shape[1:]
+    fill(indices, half, fixed, x[0], a)
+    eliminate(a, b[LEAST], b[LARGEST])
+    substitute_back(a, D)
+    for l in range(lanes):
+        b[LOST, l] = 0.0
+    for i in range(D):
+        for l in range(lanes):
+            x[1, i, l] = x[0, i, l] - 2.0 * a[i, D, l]
+            b[LOST, l] += loss(abs(x[1, i, l]), abs(a[i, D, l]), D)
+    failed = 0
+    for l in range(lanes):
+        failed += 0 if is_accurate(b, l, D) else 1
+    return failed
+
+
+@formula
+def loss(size, part, D):
+    """Return D if a component of this size has lost digits, or is not finite; 1 if a few."""
+    kept = select(size >= SMALL_PART * part, 1.0, D)
+    return select(size < np.inf, select(size >= LARGE_PART * part, 0.0, kept), D)
+
+
+@formula
+def is_accurate(b, l, D):
+    """Test that a next state is finite and has its digits."""
+    return (b[LOST, l] < D) & keeps_digits(b[LEAST, l], b[LARGEST, l])
+
+
+@function
+def advance_one(indices, half, fixed, x, a, units):
+    """Fill the next state x[1] of one lane by `solve`; return its status."""
+    D = x.shape[1]
+    fill(indices, half, fixed, x[0], a)
+    for i in range(D):
+        right = x[0, i, 0] - 2.0 * fixed[i, D, 0]
+        for j in range(D):
+            other = fixed[i, j, 0] - 1.0 if i == j else fixed[i, j, 0]
+            right -= other * x[0, j, 0]
+        a[i, D, 0] = right
+    status = solve(a, units)
+    for i in range(D):
+        x[1, i, 0] = a[i, D, 0] if status == OK else np.nan
+    return status
+
+
+@kernel
+def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+    """Iterate the trajectories of a part, as `steps_3d.steps`."""
+    indices, values, eps = parameters
+    first, last, start, stop, every, next_row = span
+    T, D = indices.shape[1], omega0.shape[1]
+    lanes = lanes_of(D, last - first)
+    x, b = np.empty((2, D, lanes)), np.empty((ROWS, lanes))
+    a, fixed, half = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes)), np.empty((T, lanes))
+    x1, a1, fixed1 = np.empty((2, D, 1)), np.empty((D, D + 1, 1)), np.empty((D, D + 1, 1))
+    half1, units = np.empty((T, 1)), np.empty((2, D))
+    first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
+    for block in range(first_block, last_block):
+        begin = first + block * lanes
+        end = min(begin + lanes, last)
+        for l in range(lanes):  # lanes beyond the last trajectory repeat it
+            k = min(begin + l, end - 1)
+            enter_field(indices, values[k % len(values)], eps[k % len(eps)], fixed, half, l)
+            undefined = 0.0
+            for i in range(D):
+                x[0, i, l] = omega0[k, i] if start == 0 else carry[k, i]
+                undefined += 0.0 * x[0, i, l]
+            if start == 0 and np.isnan(undefined):
+                status[k], failed_at[k] = NONFINITE, 0
+            b[UNIT, l] = 1.0
+            if status[k] < 0:
+                rest(x, fixed, half, b, l)
+        n, row = start, next_row
+        while True:
+            if every > 0 and n == row * every:
+                write(x, b, begin, end, saved[row])
+                row += 1
+            if n == stop:
+                break
+            n += 1
+            if advance(indices, half, fixed, x, a, b) > 0:
+                for l in range(lanes):
+                    if not is_accurate(b, l, D):
+                        for i in range(D):
+                            x1[0, i, 0] = x[0, i, l]
+                            for j in range(D + 1):
+                                fixed1[i, j, 0] = fixed[i, j, l]
+                        for t in range(T):
+                            half1[t, 0] = half[t, l]
+                        code = advance_one(indices, half1, fixed1, x1, a1, units)
+                        for i in range(D):
+                            x[1, i, l] = x1[1, i, 0]
+                        if code != OK:
+                            if begin + l < end:
+                                status[begin + l], failed_at[begin + l] = code, n
+                            rest(x, fixed, half, b, l)
+            for i in range(D):
+                for l in range(lanes):
+                    x[0, i, l] = x[1, i, l]
+        write(x, b, begin, end, final)
+        for l in range(end - begin):
+            for i in range(D):
+                carry[begin + l, i] = x[0, i, l]
+
+
+@formula
+def rest(x, fixed, half, b, l):
+    """End a trajectory: from now on its lane rests at 0, which is written as NaN."""
+    b[UNIT, l] = np.nan
+    for i in range(x.shape[1]):
+        x[0, i, l], x[1, i, l] = 0.0, 0.0
+        for j in range(x.shape[1] + 1):
+            fixed[i, j, l] = 1.0 if i == j else 0.0
+    for t in range(len(half)):
+        half[t, l] = 0.0
+
+
+@formula
+def write(x, b, begin, end, target):
+    """Write the states of a block to target (B, D)."""
+    for l in range(end - begin):
+        for i in range(x.shape[1]):
+            target[begin + l, i] = x[0, i, l] * b[UNIT, l]

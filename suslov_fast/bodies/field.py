@@ -1,0 +1,605 @@
+"""Quadratic vector fields, whose Kahan maps the package iterates and analyses.
+
+A field is one table of coefficients. With x = (x1, ..., xD, 1) it is
+
+    dx_i/dt = sum_jk table[i, j, k] x_j x_k,    symmetric in j and k,
+
+and a Hamiltonian of degree 3 is a symmetric tensor, H(x) = sum_ijk H[i, j, k] x_i x_j x_k, whose
+gradient is 3 H[:D]. Tables of a single field hold fractions, those of a batch floats.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from numbers import Rational
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..checks import (
+    OTHERS,
+    FloatArray,
+    common_shape,
+    integer,
+    real_array,
+    refuse,
+    states,
+    within,
+    wrong,
+)
+from .base import Body, cut, given_names
+from .polynomials import check_call, exact, plain, tensor, terms_of, text_of, traced
+
+# Numbers of axes that are not axes of the batch.
+_AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
+# Length of the text of a single field.
+_LINE = 300
+
+# Names that a parameter may not have: those of runs, of their files and datasets, of variables,
+# and of arguments of functions that take parameters by name.
+RESERVED = frozenset(
+    "f H K x omega n t time eps dimension body space component trajectory quadratic linear constant "
+    "parameters states status failed_at final method steps save_every attitude ok first_integral "
+    "energy modified_energy criticality to_xy reaction extend to_xarray plot save load about format "
+    "version map title omega0 store functions dims coords chunk client progress self cls".split()
+)
+_NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
+
+
+class Hamiltonian:
+    """A polynomial of degree 3, or a batch: ``H(x) = sum_ijk H_ijk x_i x_j x_k``, x_(D+1) = 1.
+
+    Called with a state it returns a fraction if all numbers are exact, else floats (...).
+    """
+
+    def __init__(self, tensor: Any) -> None:
+        tensor.flags.writeable = False
+        self.tensor = tensor
+
+    @cached_property
+    def terms(self) -> tuple[Any, FloatArray]:
+        """The nonzero terms v x_i x_j x_k: i <= j <= k (3, T), where D is the 1, and v (..., T)."""
+        return _sparse(self.tensor, ordered=3)
+
+    def __call__(self, x: Any) -> Any:
+        point, is_exact = _homogeneous(x, self.tensor.shape[-1] - 1, self.tensor.dtype == object)
+        if is_exact:
+            return ((self.tensor @ point) @ point) @ point
+        (i, j, k), values = self.terms
+        with np.errstate(all="ignore"):
+            found = (values * point[..., i] * point[..., j] * point[..., k]).sum(axis=-1)
+        return np.where(np.isnan(point).any(axis=-1), np.nan, found)[()]
+
+    def __repr__(self) -> str:
+        if self.tensor.ndim > 3:
+            return f"<polynomials of shape {self.tensor.shape[:-3]}>"
+        return text_of(terms_of(self.tensor))
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class QuadraticField(Body):
+    """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
+
+    :func:`iterate` and the functions of a state take it like a body; the state is x. Its map is the
+    discretization of Kahan. `suslov_fast.integrability` analyses that map exactly.
+
+    Parameters
+    ----------
+    quadratic : array_like(shape=(..., D, D, D))
+        q, made symmetric in j and k, which does not change the field. The coefficients of a single
+        field may be integers, fractions or floats, and remain exact: 0.1 is the binary number, not
+        1/10, which is ``Fraction(1, 10)``. Those of a batch are floats. All are 0 or between 1e-60
+        and 1e60 in modulus.
+    linear : array_like(shape=(..., D, D)), optional
+        l, by default 0.
+    constant : array_like(shape=(..., D)), optional
+        c, by default 0.
+
+    Attributes
+    ----------
+    quadratic, linear, constant : ndarray
+        The coefficients: fractions of a single field, floats of a batch.
+    H
+        The Hamiltonian that :meth:`from_hamiltonian` was given, which can be called with a state,
+        or None.
+    K : ndarray(shape=(D, D)) or None
+        Its structure matrix.
+    parameters : dict
+        The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`: numbers as they
+        were given, and read-only arrays. They are coordinates of datasets and stores; ``==`` and
+        hash do not look at them.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> QuadraticField([[[0, 1], [0, 0]], [[-1, 0], [0, 0]]], constant=[0, 0.5])
+    QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
+    >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25))
+    QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
+    >>> QuadraticField.from_function(lambda x: (x[1] * x[2], x[2] * x[0], x[0] * x[1]), 3)
+    QuadraticField(x1' = x2*x3, x2' = x1*x3, x3' = x1*x2)
+    """
+
+    # What messages say of fields in place of bodies.
+    _kind: ClassVar[str] = (
+        "QuadraticField; fields have step, iterate, vector_field, jacobian, matrix, multipliers "
+        "and lyapunov_exponents, and those from a Hamiltonian energy, modified_energy and "
+        "invariant_density"
+    )
+
+    def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
+        arrays = {"quadratic": _as_given("quadratic", quadratic)}
+        D = (0, *arrays["quadratic"].shape)[-1]
+        for name, given in (("linear", linear), ("constant", constant)):
+            zero = np.zeros((D,) * _AXES[name], dtype=int)
+            arrays[name] = zero if given is None else _as_given(name, given)
+        for name, array in arrays.items():
+            axes = _AXES[name]
+            if D == 0 or array.shape[-axes:] != (D,) * axes:
+                letter = "D" if name == "quadratic" else str(D)
+                raise wrong(name, f"shape (..., {', '.join([letter] * axes)})", array.shape)
+        batch = common_shape({name: a.shape[: a.ndim - _AXES[name]] for name, a in arrays.items()})
+        self._set(_table(*(_numbers(name, a, bool(batch)) for name, a in arrays.items())))
+
+    def _set(
+        self, table: Any, H: Any = None, K: Any = None, parameters: Mapping[str, Any] | None = None
+    ) -> None:
+        table.flags.writeable = False
+        H = None if H is None else Hamiltonian(H)
+        vars(self).update(table=table, H=H, K=K, _parameters=dict(parameters or {}))
+
+    @classmethod
+    def _made(cls, *parts: Any) -> QuadraticField:
+        """Return the field with a table, and H, K and named parameters, which are not checked."""
+        self = object.__new__(cls)
+        self._set(*parts)
+        return self
+
+    @classmethod
+    def from_function(
+        cls, f: Callable[..., Any], /, dimension: int, **parameters: Any
+    ) -> QuadraticField:
+        """Return the field with components ``f(x, **parameters)``.
+
+        Parameters
+        ----------
+        f : callable
+            It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
+            symbolic variables, so its coefficients remain exact; floats are binary numbers. With
+            arrays of parameters it is called for each of their values.
+        dimension : int
+            The number of variables, D.
+        **parameters : float or array_like(float, shape=(...))
+            Named parameters, passed to the function. Arrays broadcast, and make a batch of fields;
+            single numbers remain exact.
+
+        Returns
+        -------
+        QuadraticField
+
+        Raises
+        ------
+        TypeError, ValueError
+            If f does anything with x but +, -, * and divisions by numbers, or needs or has no
+            parameter of a name; if the name is in use, as eps or x.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+        QuadraticField(x1' = -x1*x2 + x1, x2' = x1*x2 - x2)
+        >>> fields = QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[1, 2, 3])
+        >>> fields.parameters, fields.sel(a=2)
+        ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
+        """
+        D = integer("dimension", dimension, 1)
+
+        def tables(given: Mapping[str, Any]) -> tuple[Any, None]:
+            found = traced("f", f, D, 2, given)
+            if not isinstance(found, (tuple, list, np.ndarray)):
+                raise wrong("f", f"a tuple of {D} components", f"{found!r:.60}", TypeError)
+            if len(found) != D:
+                raise wrong("f", f"{D} components", f"{len(found)}")
+            return np.stack([tensor("f", each, D, 2) for each in found]), None
+
+        table, _, values = _for_all("f", f, tables, D, parameters)
+        return cls._made(table, None, None, values)
+
+    @classmethod
+    def from_hamiltonian(
+        cls, H: Callable[..., Any], /, dimension: int, K: Any = None, **parameters: Any
+    ) -> QuadraticField:
+        """Return the field ``x' = K grad H(x, **parameters)``, which carries H and K.
+
+        Parameters
+        ----------
+        H : callable
+            It maps a tuple x of D variables to a polynomial of degree 3 or less, as the function
+            of :meth:`from_function` does.
+        dimension : int
+            The number of variables, D.
+        K : array_like(shape=(D, D)), optional
+            A constant antisymmetric matrix, of any rank. By default, for even D, it is the
+            canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
+        **parameters : float or array_like(float, shape=(...))
+            Named parameters, as in :meth:`from_function`.
+
+        Returns
+        -------
+        QuadraticField
+
+        Raises
+        ------
+        TypeError, ValueError
+            As of :meth:`from_function`; if K is not antisymmetric, or left out for odd D.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+        QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
+        """
+        D = integer("dimension", dimension, 1)
+        matrix = _antisymmetric(K, D)
+
+        def tables(given: Mapping[str, Any]) -> tuple[Any, Any]:
+            whole = tensor("H", traced("H", H, D, 3, given), D, 3)
+            return _rates(whole, matrix), whole
+
+        table, whole, values = _for_all("H", H, tables, D, parameters)
+        return cls._made(table, whole, _frozen(matrix.astype(table.dtype)), values)
+
+    @classmethod
+    def of(cls, body: Any) -> QuadraticField:
+        """Return the equations of motion of a body, or of a batch of bodies: its ``field()``.
+
+        Parameters
+        ----------
+        body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+            The parameters of a single one are taken exactly.
+
+        Returns
+        -------
+        QuadraticField
+            Its variables are the components of a state.
+        """
+        if not isinstance(body, Body):
+            raise wrong("body", "a body or a field", type(body).__name__, TypeError)
+        field: QuadraticField = body.field()
+        return field
+
+    def field(self) -> QuadraticField:
+        """Return the field itself."""
+        return self
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """The batch shape of the field, () for a single one."""
+        return tuple(self.table.shape[:-3])
+
+    @property
+    def dimension(self) -> int:
+        """The number of variables."""
+        return int(self.table.shape[-3])
+
+    @property
+    def quadratic(self) -> Any:
+        """The coefficients q_ijk = q_ikj, shape (..., D, D, D)."""
+        return self.table[..., :-1, :-1]
+
+    @property
+    def linear(self) -> Any:
+        """The coefficients l_ij, shape (..., D, D)."""
+        return 2 * self.table[..., :-1, -1]
+
+    @property
+    def constant(self) -> Any:
+        """The coefficients c_i, shape (..., D)."""
+        return self.table[..., -1, -1]
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The named parameters: numbers, and read-only arrays whose shapes broadcast."""
+        return dict(self._parameters)
+
+    @cached_property
+    def terms(self) -> tuple[Any, FloatArray]:
+        """The nonzero terms v x_j x_k of all f_i: i and j <= k (3, T), and v (..., T), rounded once.
+
+        The index D stands for the 1; the terms with k = D are last.
+        """
+        return _sparse(self.table, ordered=2)
+
+    @property
+    def hamiltonian(self) -> Hamiltonian:
+        """H; TypeError for a field without one."""
+        if self.H is None:
+            expected = "a field made by QuadraticField.from_hamiltonian"
+            raise wrong("body", expected, "a field without a Hamiltonian", TypeError)
+        return self.H
+
+    @cached_property
+    def gradient(self) -> QuadraticField:
+        """The gradient of H, as a field; TypeError for a field without one."""
+        return self._made(3 * self.hamiltonian.tensor[..., :-1, :, :])
+
+    @property
+    def components(self) -> tuple[Any, ...]:
+        """The components as ``flint.fmpq_mpoly`` in x1, ..., xD; needs python-flint."""
+        import flint
+
+        D = self.dimension
+        context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
+        return tuple(
+            context.from_dict(
+                {
+                    tuple(map(powers.count, range(D))): flint.fmpq(*c.as_integer_ratio())
+                    for powers, c in terms_of(row).items()
+                }
+            )
+            for row in self.table
+        )
+
+    def __call__(self, x: Any) -> Any:
+        """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
+        point, is_exact = _homogeneous(x, self.dimension, self.table.dtype == object)
+        if is_exact:
+            return tuple((self.table @ point) @ point)
+        with np.errstate(all="ignore"):
+            slopes = (self.table.astype(np.float64) @ point[..., None, :, None])[..., 0]
+            return (slopes @ point[..., :, None])[..., 0]
+
+    @classmethod
+    def _names(cls) -> list[str]:
+        return ["quadratic", "linear", "constant"]
+
+    @classmethod
+    def _axes(cls, name: str) -> int:
+        return _AXES[name]
+
+    @property
+    def _labels(self) -> tuple[str, ...]:
+        return tuple(f"x{i}" for i in range(1, self.dimension + 1))
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        found = {name: getattr(self, name) for name in self._names()}
+        return found if self.H is None else found | {"H": self.H.tensor, "K": self.K}
+
+    @property
+    def _coordinates(self) -> dict[str, FloatArray]:
+        return {name: np.asarray(each, np.float64) for name, each in self._parameters.items()}
+
+    @classmethod
+    def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
+        arrays = {name: np.asarray(each) for name, each in values.items()}
+        table = _table(*(arrays[name] for name in cls._names()))
+        return cls._made(table, arrays.get("H"), arrays.get("K"))
+
+    def _part(self, axis: int, index: int | slice) -> QuadraticField:
+        shape = self.shape
+        arrays = [cut(self.table, shape, axis, index, 3), self.K]
+        arrays += [] if self.H is None else [cut(self.H.tensor, shape, axis, index, 3)]
+        if arrays[0].ndim == 3:
+            arrays = [None if a is None else _exact_array("body", a) for a in arrays]
+        table, K, *H = arrays
+        values = {
+            name: cut(np.asarray(a), shape, axis, index, 0)[()]
+            for name, a in self._parameters.items()
+        }
+        return self._made(table, H[0] if H else None, K, _checked(values))
+
+    @cached_property
+    def _key(self) -> tuple[Any, ...]:
+        """The nonzero coefficients, and their places, that equal fields share."""
+        arrays = [self.table] if self.H is None else [self.table, self.H.tensor, self.K]
+        return tuple((a.shape, a.nonzero()[-1].tobytes(), *a[a != 0]) for a in arrays)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        H = None if self.H is None else self.H.tensor
+        return self._made, (self.table, H, self.K, self._parameters)
+
+    def __repr__(self) -> str:
+        if self.shape:
+            names = "".join(f", {n}={np.shape(a) or a}" for n, a in self._parameters.items())
+            return f"<QuadraticField of shape {self.shape}: D={self.dimension}{names}>"
+        equations = [f"x{i}' = {text_of(terms_of(row))}" for i, row in enumerate(self.table, 1)]
+        equations += [] if self.H is None else [f"H = {self.H}"]
+        short = textwrap.shorten(", ".join(equations), _LINE, placeholder=" ...")
+        return f"QuadraticField({short})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a dictionary of coefficients and named parameters, without loss, for JSON.
+
+        Returns
+        -------
+        dict
+            Nested lists by name, "H" and "K" only of a field made from a Hamiltonian: H as the
+            symmetric tensor in (x1, ..., xD, 1). Numbers that are not floats are strings "p/q".
+        """
+        whole = {name: _lists(array) for name, array in self._values.items()}
+        named = {name: _lists(value) for name, value in self._parameters.items()}
+        return {"body": type(self).__name__, **whole, **({"parameters": named} if named else {})}
+
+    @classmethod
+    def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
+        """Return the field that :meth:`to_dict` describes.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Nested lists by name, and under "body" the name of the class.
+
+        Returns
+        -------
+        QuadraticField
+
+        Raises
+        ------
+        ValueError
+            If H and K do not give the coefficients, or parameters do not broadcast to the batch.
+        """
+        names = [*_AXES, "parameters"]
+        given = given_names(parameters, cls.__name__, names, ["quadratic"])
+        given = {name: _read(name, each) for name, each in given.items()}
+        plain_field = cls(*(given.get(name) for name in cls._names()))
+        values, batch = _checked(given.get("parameters", {})), plain_field.shape
+        shapes = {name: np.shape(each) for name, each in values.items()}
+        if common_shape({"body": batch, **shapes}) != batch:
+            raise wrong("parameters", f"shapes that broadcast to {batch}", shapes)
+        if given.get("H") is None:
+            return cls._made(plain_field.table, None, None, values)
+        H = _numbers("H", _as_given("H", given["H"]), bool(batch))
+        D = plain_field.dimension
+        if H.shape != (*batch, D + 1, D + 1, D + 1):
+            raise wrong("H", f"shape {(*batch, D + 1, D + 1, D + 1)}", H.shape)
+        K = _frozen(_antisymmetric(given.get("K"), D).astype(H.dtype))
+        rates = _rates(H, K)
+        if (abs(rates - plain_field.table) > 1e-9 * abs(rates).max(initial=0)).any():
+            raise wrong("H, K", "those of the coefficients", "others")
+        return cls._made(plain_field.table, H, K, values)
+
+
+def _as_given(name: str, value: Any) -> Any:
+    """Return an array of the numbers as they are: one of integers and floats is one of objects."""
+    refuse(name, value)
+    return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
+
+
+def _numbers(name: str, array: Any, is_batch: bool) -> Any:
+    """Return floats of a batch, or fractions of a single field, that are in range."""
+    return within(name, real_array(name, array) if is_batch else _exact_array(name, array), OTHERS)
+
+
+def _exact_array(name: str, array: Any) -> Any:
+    found = [exact(name, each) for each in array.ravel().tolist()]
+    return np.array([*found, None], dtype=object)[:-1].reshape(array.shape)
+
+
+def _table(q: Any, l: Any, c: Any) -> Any:
+    """Return the symmetric table of coefficients."""
+    D = q.shape[-1]
+    batch = np.broadcast_shapes(q.shape[:-3], l.shape[:-2], c.shape[:-1])
+    table = np.zeros((*batch, D, D + 1, D + 1), q.dtype)
+    table[..., :D, :D], table[..., :D, D], table[..., D, D] = q, l, c
+    return (table + table.swapaxes(-2, -1)) / 2
+
+
+def _rates(H: Any, K: Any) -> Any:
+    """Return the table of K grad H; most entries of K are 0."""
+    table = np.zeros_like(H[..., :-1, :, :])
+    for i, j in np.argwhere(K != 0):
+        table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
+    return table
+
+
+def _sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
+    """Return indices and values of the nonzero terms of a table symmetric in its last axes."""
+    places = np.argwhere(np.any(table != 0, axis=tuple(range(table.ndim - 3))))
+    last = places[:, 3 - ordered :]
+    places = places[(np.diff(last) >= 0).all(axis=1)]
+    last = places[:, 3 - ordered :]
+    places = places[np.argsort(last[:, -1] == table.shape[-1] - 1, kind="stable")].T
+    kinds = 1 + (np.diff(places[3 - ordered :], axis=0) > 0).sum(axis=0)  # of variables in a term
+    count = kinds if ordered == 2 else np.array([0, 1, 3, 6])[kinds]
+    values = (table[(..., *places)] * count).astype(np.float64)
+    return np.ascontiguousarray(places), np.ascontiguousarray(values)
+
+
+def _homogeneous(x: Any, D: int, is_single: bool) -> tuple[Any, bool]:
+    """Return (x, 1), and whether it is a point of exact numbers, at which a field is exact."""
+    plain_list = isinstance(x, (tuple, list, np.ndarray))
+    if is_single and plain_list and all(isinstance(a, Rational) for a in x):
+        refuse("x", x)
+        if len(x) != D:
+            raise wrong("x", f"shape ({D},)", f"({len(x)},)")
+        return np.array([*(exact("x", a) for a in x), exact("x", 1)], dtype=object), True
+    x = states("x", x, [f"x{i}" for i in range(1, D + 1)])
+    return np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1), False
+
+
+def _antisymmetric(K: Any, D: int) -> Any:
+    """Return the exact antisymmetric matrix (D, D), the canonical one for None."""
+    if K is None:
+        if D % 2:
+            raise wrong("dimension", "an even number without K", D)
+        K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
+    matrix = _as_given("K", K)
+    if matrix.shape != (D, D):
+        raise wrong("K", f"shape ({D}, {D})", matrix.shape)
+    matrix = _numbers("K", matrix, False)
+    if (matrix != -matrix.T).any():
+        i, j = np.argwhere(matrix != -matrix.T)[0]
+        received = f"{matrix[i, j]} at [{i}, {j}] and {matrix[j, i]} at [{j}, {i}]"
+        raise wrong("K", "an antisymmetric matrix", received)
+    return matrix
+
+
+def _checked(parameters: Any) -> dict[str, Any]:
+    """Return parameters by name: numbers as they are, and read-only arrays of floats."""
+    found: dict[str, Any] = {}
+    for name, value in parameters.items():
+        if name in RESERVED or _NUMBERED.fullmatch(name) or not name.isidentifier():
+            raise wrong("parameters", "names that are not in use, as a or rho", repr(name))
+        refuse(name, value)
+        if isinstance(value, (list, tuple)) or np.ndim(value):
+            found[name] = _frozen(real_array(name, value))
+        else:
+            found[name] = value.item() if hasattr(value, "item") else value
+            exact(name, found[name])
+    common_shape({name: np.shape(value) for name, value in found.items()})
+    return found
+
+
+def _for_all(
+    name: str, f: Any, tables: Callable[[Any], Any], D: int, parameters: Mapping[str, Any]
+) -> tuple[Any, Any, dict[str, Any]]:
+    """Return the table of f, and of H, for all values of parameters, and these."""
+    values = _checked(parameters)
+    check_call(name, f, values)
+    if not any(isinstance(each, np.ndarray) for each in values.values()):
+        found = [each if each is None else within(name, each, OTHERS) for each in tables(values)]
+        return found[0], found[1], values
+    arrays = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in values.values()))
+    rows = zip(*(array.ravel().tolist() for array in arrays), strict=True)
+    members = [tables(dict(zip(values, row, strict=True))) for row in rows]
+    side, batch = D + 1, arrays[0].shape
+    try:
+        table = np.array([each[0] for each in members], np.float64)
+        H = np.array([each[1] for each in members], np.float64) if name == "H" else None
+    except OverflowError:
+        raise wrong(name, "coefficients in the range of float64", "larger ones") from None
+    table = within(name, table, OTHERS).reshape(*batch, D, side, side)
+    return table, None if H is None else H.reshape(*batch, side, side, side), values
+
+
+def _frozen(array: Any) -> Any:
+    array = np.array(array)
+    array.flags.writeable = False
+    return array
+
+
+def _lists(value: Any) -> Any:
+    """Return numbers as nested lists of floats and strings "p/q"."""
+    return (
+        np.vectorize(plain, "O")(value).tolist() if np.size(value) else np.asarray(value).tolist()
+    )
+
+
+def _read(name: str, value: Any) -> Any:
+    """Return nested lists of numbers whose strings "p/q" are fractions."""
+    if isinstance(value, Mapping):
+        return {key: _read(key, each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_read(name, each) for each in value]
+    if not isinstance(value, str):
+        return value
+    try:
+        return Fraction(value)
+    except (ValueError, ZeroDivisionError):
+        raise wrong(name, 'numbers or strings "p/q"', repr(value)) from None

@@ -27,6 +27,8 @@ class Body:
     # The moments of inertia, and all parameters that are positive.
     _moments: ClassVar[tuple[str, ...]] = ()
     _positive: ClassVar[tuple[str, ...]] = ()
+    # Names that `to_dict` has besides those of the parameters.
+    _extras: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         arrays = {
@@ -85,6 +87,11 @@ class Body:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
         raise wrong("body", "one with a quadratic vector field", type(self).__name__, TypeError)
 
+    @cached_property
+    def batch_of_one(self) -> tuple[Any, ...]:
+        """The parameters of a single body with an axis for the batch."""
+        return tuple(np.array(each, ndmin=1 + self._vector_axes) for each in self.parameters)
+
     @property
     def dimension(self) -> int:
         """The number of components of a state."""
@@ -109,9 +116,6 @@ class Body:
 
     def __iter__(self: Kind) -> Iterator[Kind]:
         return (self[i] for i in range(len(self)))
-
-    def __bool__(self) -> bool:
-        return True  # also without members
 
     def __getitem__(self: Kind, index: int) -> Kind:
         """Return a member, or a slice, of a batch along its first axis."""
@@ -226,7 +230,9 @@ class Body:
         Returns
         -------
         dict
-            Numbers and nested lists by name, and under "body" the name of the class.
+            Numbers and nested lists by name, and under "body" the name of the class. Exact numbers
+            of a field that are no floats are strings "p/q"; its H is the symmetric tensor in
+            (x1, ..., xD, 1), and its named parameters are under "parameters".
 
         Examples
         --------
@@ -234,8 +240,11 @@ class Body:
         >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
         {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
         """
-        values = {name: np.asarray(value).tolist() for name, value in self._values.items()}
-        return {"body": type(self).__name__, **values}
+        return {"body": type(self).__name__, **self._plain}
+
+    @property
+    def _plain(self) -> dict[str, Any]:
+        return {name: np.asarray(value).tolist() for name, value in self._values.items()}
 
     @classmethod
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
@@ -261,23 +270,20 @@ class Body:
         >>> Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3})
         Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
         """
-        return cls(**given_names(parameters, cls.__name__, cls._names(), cls._required()))
+        given = dict(mapping(parameters))
+        kind, names = given.pop("body", None), [*cls._names(), *cls._extras]
+        if kind != cls.__name__:
+            raise wrong("body", repr(cls.__name__), repr(kind))
+        missing = ", ".join(name for name in cls._required() if name not in given)
+        unknown = ", ".join(str(name) for name in given if name not in names)
+        if missing or unknown:
+            what = f"{missing} missing" if missing else f"{unknown} unknown"
+            raise wrong("parameters", f"the names {', '.join(names)}", f"others: {what}")
+        return cls._from_plain(given)
 
-
-def given_names(
-    parameters: Any, kind: str, names: list[str], required: list[str]
-) -> dict[str, Any]:
-    """Return a dictionary of `to_dict` without the class, once its names are checked."""
-    given = dict(mapping(parameters))
-    found = given.pop("body", None)
-    if found != kind:
-        raise wrong("body", repr(kind), repr(found))
-    missing = ", ".join(name for name in required if name not in given)
-    unknown = ", ".join(str(name) for name in given if name not in names)
-    if missing or unknown:
-        what = f"{missing} missing" if missing else f"{unknown} unknown"
-        raise wrong("parameters", f"the names {', '.join(names)}", f"others: {what}")
-    return given
+    @classmethod
+    def _from_plain(cls: type[Kind], given: dict[str, Any]) -> Kind:
+        return cls(**given)
 
 
 def mapping(parameters: Any) -> Mapping[str, Any]:

@@ -10,75 +10,32 @@ gradient is 3 H[:D]. Tables of a single field hold fractions, those of a batch f
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
-from numbers import Rational
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import (
-    OTHERS,
-    FloatArray,
-    common_shape,
-    integer,
-    real_array,
-    refuse,
-    states,
-    within,
-    wrong,
+from ..checks import OTHERS, FloatArray, common_shape, integer, within, wrong
+from .base import Body, cut
+from .numbers import (
+    antisymmetric,
+    as_given,
+    check_parameters,
+    coefficients,
+    exact_array,
+    from_lists,
+    to_lists,
 )
-from .base import Body, cut, given_names
-from .polynomials import check_call, exact, plain, tensor, terms_of, text_of, traced
+from .polynomials import check_call, tensor, terms_of, text_of, traced
+from .tensors import Hamiltonian, homogeneous, rates, sparse, table_of
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
 # Length of the text of a single field.
 _LINE = 300
-
-# Names that a parameter may not have: those of runs, of their files and datasets, of variables,
-# and of arguments of functions that take parameters by name.
-RESERVED = frozenset(
-    "f H K x omega n t time eps dimension body space component trajectory quadratic linear constant "
-    "parameters states status failed_at final method steps save_every attitude ok first_integral "
-    "energy modified_energy criticality to_xy reaction extend to_xarray plot save load about format "
-    "version map title omega0 store functions dims coords chunk client progress self cls".split()
-)
-_NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
-
-
-class Hamiltonian:
-    """A polynomial of degree 3, or a batch: ``H(x) = sum_ijk H_ijk x_i x_j x_k``, x_(D+1) = 1.
-
-    Called with a state it returns a fraction if all numbers are exact, else floats (...).
-    """
-
-    def __init__(self, tensor: Any) -> None:
-        tensor.flags.writeable = False
-        self.tensor = tensor
-
-    @cached_property
-    def terms(self) -> tuple[Any, FloatArray]:
-        """The nonzero terms v x_i x_j x_k: i <= j <= k (3, T), where D is the 1, and v (..., T)."""
-        return _sparse(self.tensor, ordered=3)
-
-    def __call__(self, x: Any) -> Any:
-        point, is_exact = _homogeneous(x, self.tensor.shape[-1] - 1, self.tensor.dtype == object)
-        if is_exact:
-            return ((self.tensor @ point) @ point) @ point
-        (i, j, k), values = self.terms
-        with np.errstate(all="ignore"):
-            found = (values * point[..., i] * point[..., j] * point[..., k]).sum(axis=-1)
-        return np.where(np.isnan(point).any(axis=-1), np.nan, found)[()]
-
-    def __repr__(self) -> str:
-        if self.tensor.ndim > 3:
-            return f"<polynomials of shape {self.tensor.shape[:-3]}>"
-        return text_of(terms_of(self.tensor))
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -125,6 +82,7 @@ class QuadraticField(Body):
     QuadraticField(x1' = x2*x3, x2' = x1*x3, x3' = x1*x2)
     """
 
+    _extras: ClassVar[tuple[str, ...]] = ("H", "K", "parameters")
     # What messages say of fields in place of bodies.
     _kind: ClassVar[str] = (
         "QuadraticField; fields have step, iterate, vector_field, jacobian, matrix, multipliers "
@@ -133,23 +91,25 @@ class QuadraticField(Body):
     )
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        arrays = {"quadratic": _as_given("quadratic", quadratic)}
+        arrays = {"quadratic": as_given("quadratic", quadratic)}
         D = (0, *arrays["quadratic"].shape)[-1]
         for name, given in (("linear", linear), ("constant", constant)):
             zero = np.zeros((D,) * _AXES[name], dtype=int)
-            arrays[name] = zero if given is None else _as_given(name, given)
+            arrays[name] = zero if given is None else as_given(name, given)
         for name, array in arrays.items():
             axes = _AXES[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
                 letter = "D" if name == "quadratic" else str(D)
                 raise wrong(name, f"shape (..., {', '.join([letter] * axes)})", array.shape)
         batch = common_shape({name: a.shape[: a.ndim - _AXES[name]] for name, a in arrays.items()})
-        self._set(_table(*(_numbers(name, a, bool(batch)) for name, a in arrays.items())))
+        self._set(table_of(*(coefficients(name, a, bool(batch)) for name, a in arrays.items())))
 
     def _set(
         self, table: Any, H: Any = None, K: Any = None, parameters: Mapping[str, Any] | None = None
     ) -> None:
-        table.flags.writeable = False
+        for array in (table, H, K):
+            if array is not None:
+                array.flags.writeable = False
         H = None if H is None else Hamiltonian(H)
         vars(self).update(table=table, H=H, K=K, _parameters=dict(parameters or {}))
 
@@ -245,14 +205,14 @@ class QuadraticField(Body):
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
         D = integer("dimension", dimension, 1)
-        matrix = _antisymmetric(K, D)
+        matrix = antisymmetric(K, D)
 
         def tables(given: Mapping[str, Any]) -> tuple[Any, Any]:
             whole = tensor("H", traced("H", H, D, 3, given), D, 3)
-            return _rates(whole, matrix), whole
+            return rates(whole, matrix), whole
 
         table, whole, values = _for_all("H", H, tables, D, parameters)
-        return cls._made(table, whole, _frozen(matrix.astype(table.dtype)), values)
+        return cls._made(table, whole, matrix.astype(table.dtype), values)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
@@ -313,7 +273,13 @@ class QuadraticField(Body):
 
         The index D stands for the 1; the terms with k = D are last.
         """
-        return _sparse(self.table, ordered=2)
+        return sparse(self.table, ordered=2)
+
+    @cached_property
+    def batch_of_one(self) -> tuple[Any, FloatArray]:
+        """The terms of a single field, their coefficients with an axis for the batch."""
+        indices, values = self.terms
+        return indices, values[None]
 
     @property
     def hamiltonian(self) -> Hamiltonian:
@@ -347,7 +313,7 @@ class QuadraticField(Body):
 
     def __call__(self, x: Any) -> Any:
         """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
-        point, is_exact = _homogeneous(x, self.dimension, self.table.dtype == object)
+        point, is_exact = homogeneous(x, self.dimension, self.table.dtype == object)
         if is_exact:
             return tuple((self.table @ point) @ point)
         with np.errstate(all="ignore"):
@@ -357,6 +323,10 @@ class QuadraticField(Body):
     @classmethod
     def _names(cls) -> list[str]:
         return ["quadratic", "linear", "constant"]
+
+    @classmethod
+    def _required(cls) -> list[str]:
+        return ["quadratic"]
 
     @classmethod
     def _axes(cls, name: str) -> int:
@@ -377,22 +347,19 @@ class QuadraticField(Body):
 
     @classmethod
     def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
-        arrays = {name: np.asarray(each) for name, each in values.items()}
-        table = _table(*(arrays[name] for name in cls._names()))
-        return cls._made(table, arrays.get("H"), arrays.get("K"))
+        arrays = {name: np.array(each) for name, each in values.items()}
+        table = table_of(*(arrays[name] for name in cls._names()))
+        parts = table, arrays.get("H"), arrays.get("K")
+        if table.ndim == 3:
+            parts = tuple(a if a is None else exact_array("body", a) for a in parts)
+        return cls._made(*parts)
 
     def _part(self, axis: int, index: int | slice) -> QuadraticField:
-        shape = self.shape
-        arrays = [cut(self.table, shape, axis, index, 3), self.K]
-        arrays += [] if self.H is None else [cut(self.H.tensor, shape, axis, index, 3)]
-        if arrays[0].ndim == 3:
-            arrays = [None if a is None else _exact_array("body", a) for a in arrays]
-        table, K, *H = arrays
-        values = {
-            name: cut(np.asarray(a), shape, axis, index, 0)[()]
-            for name, a in self._parameters.items()
-        }
-        return self._made(table, H[0] if H else None, K, _checked(values))
+        part = super()._part(axis, index)
+        for name, value in self._parameters.items():
+            each = cut(np.asarray(value), self.shape, axis, index, 0)
+            part._parameters[name] = each if each.ndim else each.item()
+        return part
 
     @cached_property
     def _key(self) -> tuple[Any, ...]:
@@ -413,154 +380,41 @@ class QuadraticField(Body):
         short = textwrap.shorten(", ".join(equations), _LINE, placeholder=" ...")
         return f"QuadraticField({short})"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return a dictionary of coefficients and named parameters, without loss, for JSON.
-
-        Returns
-        -------
-        dict
-            Nested lists by name, "H" and "K" only of a field made from a Hamiltonian: H as the
-            symmetric tensor in (x1, ..., xD, 1). Numbers that are not floats are strings "p/q".
-        """
-        whole = {name: _lists(array) for name, array in self._values.items()}
-        named = {name: _lists(value) for name, value in self._parameters.items()}
-        return {"body": type(self).__name__, **whole, **({"parameters": named} if named else {})}
+    @property
+    def _plain(self) -> dict[str, Any]:
+        named = {name: to_lists(value) for name, value in self._parameters.items()}
+        whole = {name: to_lists(array) for name, array in self._values.items()}
+        return whole | ({"parameters": named} if named else {})
 
     @classmethod
-    def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
-        """Return the field that :meth:`to_dict` describes.
-
-        Parameters
-        ----------
-        parameters : mapping
-            Nested lists by name, and under "body" the name of the class.
-
-        Returns
-        -------
-        QuadraticField
-
-        Raises
-        ------
-        ValueError
-            If H and K do not give the coefficients, or parameters do not broadcast to the batch.
-        """
-        names = [*_AXES, "parameters"]
-        given = given_names(parameters, cls.__name__, names, ["quadratic"])
-        given = {name: _read(name, each) for name, each in given.items()}
-        plain_field = cls(*(given.get(name) for name in cls._names()))
-        values, batch = _checked(given.get("parameters", {})), plain_field.shape
+    def _from_plain(cls, given: dict[str, Any]) -> QuadraticField:
+        given = {name: from_lists(name, each) for name, each in given.items()}
+        field = cls(*(given.get(name) for name in cls._names()))
+        values, batch, side = (
+            check_parameters(given.get("parameters", {})),
+            field.shape,
+            field.dimension + 1,
+        )
         shapes = {name: np.shape(each) for name, each in values.items()}
         if common_shape({"body": batch, **shapes}) != batch:
             raise wrong("parameters", f"shapes that broadcast to {batch}", shapes)
         if given.get("H") is None:
-            return cls._made(plain_field.table, None, None, values)
-        H = _numbers("H", _as_given("H", given["H"]), bool(batch))
-        D = plain_field.dimension
-        if H.shape != (*batch, D + 1, D + 1, D + 1):
-            raise wrong("H", f"shape {(*batch, D + 1, D + 1, D + 1)}", H.shape)
-        K = _frozen(_antisymmetric(given.get("K"), D).astype(H.dtype))
-        rates = _rates(H, K)
-        if (abs(rates - plain_field.table) > 1e-9 * abs(rates).max(initial=0)).any():
+            return cls._made(field.table, None, None, values)
+        H = coefficients("H", as_given("H", given["H"]), bool(batch))
+        if H.shape != (*batch, side, side, side):
+            raise wrong("H", f"shape {(*batch, side, side, side)}", H.shape)
+        K = antisymmetric(given.get("K"), side - 1).astype(H.dtype)
+        expected = rates(H, K)
+        if (abs(expected - field.table) > 1e-9 * abs(expected).max(initial=0)).any():
             raise wrong("H, K", "those of the coefficients", "others")
-        return cls._made(plain_field.table, H, K, values)
-
-
-def _as_given(name: str, value: Any) -> Any:
-    """Return an array of the numbers as they are: one of integers and floats is one of objects."""
-    refuse(name, value)
-    return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
-
-
-def _numbers(name: str, array: Any, is_batch: bool) -> Any:
-    """Return floats of a batch, or fractions of a single field, that are in range."""
-    return within(name, real_array(name, array) if is_batch else _exact_array(name, array), OTHERS)
-
-
-def _exact_array(name: str, array: Any) -> Any:
-    found = [exact(name, each) for each in array.ravel().tolist()]
-    return np.array([*found, None], dtype=object)[:-1].reshape(array.shape)
-
-
-def _table(q: Any, l: Any, c: Any) -> Any:
-    """Return the symmetric table of coefficients."""
-    D = q.shape[-1]
-    batch = np.broadcast_shapes(q.shape[:-3], l.shape[:-2], c.shape[:-1])
-    table = np.zeros((*batch, D, D + 1, D + 1), q.dtype)
-    table[..., :D, :D], table[..., :D, D], table[..., D, D] = q, l, c
-    return (table + table.swapaxes(-2, -1)) / 2
-
-
-def _rates(H: Any, K: Any) -> Any:
-    """Return the table of K grad H; most entries of K are 0."""
-    table = np.zeros_like(H[..., :-1, :, :])
-    for i, j in np.argwhere(K != 0):
-        table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
-    return table
-
-
-def _sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
-    """Return indices and values of the nonzero terms of a table symmetric in its last axes."""
-    places = np.argwhere(np.any(table != 0, axis=tuple(range(table.ndim - 3))))
-    last = places[:, 3 - ordered :]
-    places = places[(np.diff(last) >= 0).all(axis=1)]
-    last = places[:, 3 - ordered :]
-    places = places[np.argsort(last[:, -1] == table.shape[-1] - 1, kind="stable")].T
-    kinds = 1 + (np.diff(places[3 - ordered :], axis=0) > 0).sum(axis=0)  # of variables in a term
-    count = kinds if ordered == 2 else np.array([0, 1, 3, 6])[kinds]
-    values = (table[(..., *places)] * count).astype(np.float64)
-    return np.ascontiguousarray(places), np.ascontiguousarray(values)
-
-
-def _homogeneous(x: Any, D: int, is_single: bool) -> tuple[Any, bool]:
-    """Return (x, 1), and whether it is a point of exact numbers, at which a field is exact."""
-    plain_list = isinstance(x, (tuple, list, np.ndarray))
-    if is_single and plain_list and all(isinstance(a, Rational) for a in x):
-        refuse("x", x)
-        if len(x) != D:
-            raise wrong("x", f"shape ({D},)", f"({len(x)},)")
-        return np.array([*(exact("x", a) for a in x), exact("x", 1)], dtype=object), True
-    x = states("x", x, [f"x{i}" for i in range(1, D + 1)])
-    return np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1), False
-
-
-def _antisymmetric(K: Any, D: int) -> Any:
-    """Return the exact antisymmetric matrix (D, D), the canonical one for None."""
-    if K is None:
-        if D % 2:
-            raise wrong("dimension", "an even number without K", D)
-        K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
-    matrix = _as_given("K", K)
-    if matrix.shape != (D, D):
-        raise wrong("K", f"shape ({D}, {D})", matrix.shape)
-    matrix = _numbers("K", matrix, False)
-    if (matrix != -matrix.T).any():
-        i, j = np.argwhere(matrix != -matrix.T)[0]
-        received = f"{matrix[i, j]} at [{i}, {j}] and {matrix[j, i]} at [{j}, {i}]"
-        raise wrong("K", "an antisymmetric matrix", received)
-    return matrix
-
-
-def _checked(parameters: Any) -> dict[str, Any]:
-    """Return parameters by name: numbers as they are, and read-only arrays of floats."""
-    found: dict[str, Any] = {}
-    for name, value in parameters.items():
-        if name in RESERVED or _NUMBERED.fullmatch(name) or not name.isidentifier():
-            raise wrong("parameters", "names that are not in use, as a or rho", repr(name))
-        refuse(name, value)
-        if isinstance(value, (list, tuple)) or np.ndim(value):
-            found[name] = _frozen(real_array(name, value))
-        else:
-            found[name] = value.item() if hasattr(value, "item") else value
-            exact(name, found[name])
-    common_shape({name: np.shape(value) for name, value in found.items()})
-    return found
+        return cls._made(field.table, H, K, values)
 
 
 def _for_all(
     name: str, f: Any, tables: Callable[[Any], Any], D: int, parameters: Mapping[str, Any]
 ) -> tuple[Any, Any, dict[str, Any]]:
     """Return the table of f, and of H, for all values of parameters, and these."""
-    values = _checked(parameters)
+    values = check_parameters(parameters)
     check_call(name, f, values)
     if not any(isinstance(each, np.ndarray) for each in values.values()):
         found = [each if each is None else within(name, each, OTHERS) for each in tables(values)]
@@ -576,30 +430,3 @@ def _for_all(
         raise wrong(name, "coefficients in the range of float64", "larger ones") from None
     table = within(name, table, OTHERS).reshape(*batch, D, side, side)
     return table, None if H is None else H.reshape(*batch, side, side, side), values
-
-
-def _frozen(array: Any) -> Any:
-    array = np.array(array)
-    array.flags.writeable = False
-    return array
-
-
-def _lists(value: Any) -> Any:
-    """Return numbers as nested lists of floats and strings "p/q"."""
-    return (
-        np.vectorize(plain, "O")(value).tolist() if np.size(value) else np.asarray(value).tolist()
-    )
-
-
-def _read(name: str, value: Any) -> Any:
-    """Return nested lists of numbers whose strings "p/q" are fractions."""
-    if isinstance(value, Mapping):
-        return {key: _read(key, each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_read(name, each) for each in value]
-    if not isinstance(value, str):
-        return value
-    try:
-        return Fraction(value)
-    except (ValueError, ZeroDivisionError):
-        raise wrong(name, 'numbers or strings "p/q"', repr(value)) from None

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import FloatArray, first_index, real_array, spell, wrong
 from .base import Body
+from .field import QuadraticField
 from .rigid import inertia_matrix, shortest_rotation_to_last, unit_axis, without_rounding
 
 # Rounding error of J and I, which from_mass_tensor rotates.
@@ -75,10 +76,13 @@ class SuslovND(Body):
     def _labels(self) -> tuple[str, ...]:
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
-    def field(self) -> Any:
-        """Return the equations of motion as a `QuadraticField`, exact for a single body."""
-        from .field import QuadraticField
+    @property
+    def parameters(self) -> tuple[FloatArray, FloatArray]:
+        """J and I."""
+        return self.J, self.I
 
+    def field(self) -> QuadraticField:
+        """Return the equations of motion as a `QuadraticField`, exact for a single body."""
         J, I = self.J, self.I
         if not self.shape:
             J, I = (np.array([Fraction(a) for a in each.tolist()]) for each in (J, I))

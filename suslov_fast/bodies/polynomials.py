@@ -7,15 +7,17 @@ import math
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from itertools import permutations
-from numbers import Rational
 from typing import Any
 
 import numpy as np
 
 from ..checks import short, wrong
+from .numbers import exact, is_number, plain
 
 # The indices of the variables of a monomial, ascending, and its coefficient.
 Terms = Mapping[tuple[int, ...], Fraction]
+# Kinds of parameters that stand for any number of arguments.
+_WHATEVER = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
 _LIFT = (
     ": make it quadratic by a variable for a product, as y for x**2 with y' = 2 x x'; away from "
     "y = x**2 errors may grow, so watch abs(y - x**2), and reset y after each step where it grows"
@@ -87,56 +89,32 @@ class Polynomial:
         return text_of(self.terms)
 
 
-def is_number(value: Any) -> bool:
-    """Return True for integers, fractions, decimals and floats, of NumPy too."""
-    return hasattr(value, "as_integer_ratio") and not isinstance(value, bool)
-
-
-def exact(name: str, value: Any) -> Fraction:
-    """Return a number as a fraction: a float as its binary value."""
-    if isinstance(value, Rational) and not isinstance(value, bool):
-        return Fraction(int(value.numerator), int(value.denominator))
-    if not is_number(value):
-        received = f"{short(value)} of type {type(value).__name__}"
-        raise wrong(name, "integers, fractions or floats", received, TypeError)
-    try:
-        return Fraction(*map(int, value.as_integer_ratio()))
-    except (OverflowError, ValueError):
-        raise wrong(name, "finite numbers", value) from None
-
-
 def check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
-    """Raise an error unless f is called as f(x, **parameters): by a name that lacks or is extra."""
+    """Raise an error that names the first parameter that f(x, **parameters) lacks, or has not."""
     if not callable(f):
         expected = "a function of x, the tuple of variables"
         raise wrong(name, expected, type(f).__name__, TypeError)
     try:
-        known = [*inspect.signature(f).parameters.values()]
-    except (TypeError, ValueError):  # some functions of other languages have no signature
+        known = [*inspect.signature(f).parameters.values()][1:]
+    except (TypeError, ValueError):  # functions of other languages may have no signature
         return
-    by_name = {
-        each.name: each
-        for each in known[1:]
-        if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)
-    }
-    for each in by_name.values():
-        if each.default is each.empty and each.name not in parameters:
-            how = f"none for {each.name}: {name} needs {each.name}: pass {each.name}=28, say"
+    by_name = {each.name: each.default for each in known if each.kind not in _WHATEVER}
+    for each, default in by_name.items():
+        if default is inspect.Parameter.empty and each not in parameters:
+            how = f"none for {each}: {name} needs {each}: pass {each}=28, say"
             raise wrong(name, "values for all its parameters", how, TypeError)
     others = [each for each in parameters if each not in by_name]
-    if others and not any(each.kind is each.VAR_KEYWORD for each in known):
-        takes = f"parameters that it has ({', '.join(by_name) or 'none but x'})"
-        raise wrong(name, takes, ", ".join(others), TypeError)
+    if others and all(each.kind is not each.VAR_KEYWORD for each in known):
+        has = f"parameters that it has ({', '.join(by_name) or 'none but x'})"
+        raise wrong(name, has, ", ".join(others), TypeError)
 
 
 def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
     """Return f(x, **parameters) for polynomials x, with errors that say what f may do."""
-    expected = (
-        f"polynomials of degree at most {degree} in x[0] to x[{D - 1}], by +, -, * and divisions "
-        "by numbers"
-    )
+    what = f"polynomials of degree at most {degree} in x[0] to x[{D - 1}]"
+    expected = f"{what}, by +, -, * and divisions by numbers"
     try:
         return f(tuple(Polynomial({(i,): Fraction(1)}) for i in range(D)), **parameters)
     except (TypeError, AttributeError) as error:
@@ -170,15 +148,6 @@ def terms_of(table: Any) -> Terms:
         powers = tuple(sorted(i for i in place if i < D))
         terms[powers] = terms.get(powers, 0) + table[place]
     return terms
-
-
-def plain(value: Any) -> float | str:
-    """Return a number as a float if it is one, else as the string "p/q"."""
-    value = exact("value", value)
-    try:
-        return float(value) if Fraction(float(value)) == value else str(value)
-    except OverflowError:
-        return str(value)
 
 
 def text_of(terms: Terms) -> str:

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import FloatArray, common_shape, real_array, square_matrices, warn, wrong
 from .base import Body
+from .field import QuadraticField
 
-# Products of inertia below this part of the largest moment are rounding errors of a change of basis.
+# Products of inertia below this part of the largest moment are rounding errors of a rotation.
 ROUNDING_OF_PRODUCTS = 2.0**-50
 # Rounding of the triangle inequality, which is an equality for flat bodies.
 _ROUNDING = 1e-14
@@ -42,14 +43,14 @@ class _In3D(Body):
             expected = "one that a body with these parameters can have (see admissible_I3)"
             warn(str(wrong("I3", expected, tensors[~fits][0, 2, 2])))
 
-    def field(self) -> Any:
-        """Return the equations of motion as a `QuadraticField`, exact for a single body."""
-        from .field import QuadraticField
+    @property
+    def parameters(self) -> tuple[Any, ...]:
+        """I1, I2, I13, I23 and k, which is 0 without a rotor."""
+        return self.I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
 
-        names = ("I1", "I2", "I13", "I23", "k")
-        I1, I2, *products = (getattr(self, name, 0.0) for name in names)
-        if not self.shape:
-            I1, I2, *products = map(Fraction, (I1, I2, *products))
+    def field(self) -> QuadraticField:
+        """Return the equations of motion as a `QuadraticField`, exact for a single body."""
+        I1, I2, *products = self.parameters if self.shape else map(Fraction, self.parameters)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*products), axis=-1)
         first, second = -l / np.asarray(I1)[..., None], l / np.asarray(I2)[..., None]
@@ -120,23 +121,16 @@ class Suslov3D(_In3D):
         (0.053816, 5.946184)
         """
         I1, I2, I13, I23 = np.broadcast_arrays(self.I1, self.I2, self.I13, self.I23)
-        d, m, zero = abs(I1 - I2), np.minimum(I1, I2), np.zeros_like(I1)
-        A, B = np.where(I1 > I2, (I13, I23), (I23, I13))
-        # With s = I3 - d, tr(T)/2 - T is positive definite where s and
-        # m - s / 2 - 2 A**2 / s - 2 B**2 / (s + 2 d) are positive. The ends are the two larger of
-        # three roots, eigenvalues of P; only the largest is accurate. The others have the product p
-        # and the sum 2 q.
-        rows = (zero, zero, 2 * A), (zero, -2 * d, 2 * B), (-2 * A, -2 * B, 2 * m)
-        P = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-        last = np.linalg.eigvals(P).real.max(axis=-1)
-        with np.errstate(all="ignore"):
-            p = -8 * A * A * d / last
-            q = (2 * (A * A + B * B - m * d) - 0.5 * p) / last
-            root = np.sqrt(q * q - p)
-            first = np.where(q >= 0, q + root, -p / (root - q))
-            s = 0.5 * (first + last)
-            exists = (s > 0) & (m - 0.5 * s > 2 * A * A / s + 2 * B * B / (s + 2 * d))
-        low, high = (np.where(exists, d + end, np.nan)[()] for end in (first, last))
+        # The second moments tr(T) / 2 - T are (B + I3 diag(1, 1, -1)) / 2, singular at both ends,
+        # which are the larger eigenvalues of -diag(1, 1, -1) B.
+        zero, d = np.zeros_like(I1), I1 - I2
+        rows = (d, zero, 2 * I13), (zero, -d, 2 * I23), (-2 * I13, -2 * I23, I1 + I2)
+        ends = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+        low, high = np.moveaxis(np.sort(np.linalg.eigvals(ends).real, axis=-1)[..., 1:], -1, 0)
+        signs = np.array([1.0, 1.0, -1.0])
+        middle = np.diag(signs) * (0.5 * (low + high))[..., None, None] - signs[:, None] * ends
+        exists = np.linalg.eigvalsh(middle)[..., 0] > 0
+        low, high = (np.where(exists, end, np.nan)[()] for end in (low, high))
         return low, high
 
     @classmethod

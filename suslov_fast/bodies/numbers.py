@@ -1,0 +1,119 @@
+"""Numbers that users give: exact ones, arrays of coefficients, and named parameters."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from fractions import Fraction
+from numbers import Rational
+from typing import Any
+
+import numpy as np
+
+from ..checks import OTHERS, common_shape, real_array, refuse, short, within, wrong
+
+# Names that a parameter may not have: those of runs, of their files and datasets, of variables,
+# and of arguments of functions that take parameters by name.
+RESERVED = frozenset(
+    "f H K x omega n t time eps dimension body space component component_j component_k trajectory "
+    "quadratic linear constant parameters states status failed_at final method steps save_every "
+    "attitude orientation carry ok first_integral energy modified_energy criticality to_xy "
+    "reaction extend to_xarray plot save load format version map title omega0 store functions dims "
+    "coords chunk client progress self cls".split()
+)
+_NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
+
+
+def is_number(value: Any) -> bool:
+    """Return True for integers, fractions, decimals and floats, of NumPy too."""
+    return hasattr(value, "as_integer_ratio") and not isinstance(value, (bool, np.bool_))
+
+
+def exact(name: str, value: Any) -> Fraction:
+    """Return a number as a fraction: a float as its binary value."""
+    if not is_number(value) and not (isinstance(value, Rational) and value.denominator > 1):
+        received = f"{short(value)} of type {type(value).__name__}"
+        raise wrong(name, "integers, fractions or floats", received, TypeError)
+    try:
+        return Fraction(*map(int, value.as_integer_ratio()))
+    except (OverflowError, ValueError):
+        raise wrong(name, "finite numbers", value) from None
+
+
+def exact_array(name: str, array: Any) -> Any:
+    """Return an array of fractions."""
+    found = np.empty(array.size, dtype=object)
+    found[:] = [exact(name, each) for each in array.ravel().tolist()]
+    return found.reshape(array.shape)
+
+
+def as_given(name: str, value: Any) -> Any:
+    """Return an array of the numbers as they are: one of integers and floats is one of objects."""
+    refuse(name, value)
+    return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
+
+
+def coefficients(name: str, array: Any, is_batch: bool) -> Any:
+    """Return floats of a batch, or fractions of a single field, that are in range."""
+    return within(name, real_array(name, array) if is_batch else exact_array(name, array), OTHERS)
+
+
+def antisymmetric(K: Any, D: int) -> Any:
+    """Return the exact antisymmetric matrix (D, D), the canonical one for None."""
+    if K is None:
+        if D % 2:
+            raise wrong("dimension", "an even number without K", D)
+        K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
+    matrix = as_given("K", K)
+    if matrix.shape != (D, D):
+        raise wrong("K", f"shape ({D}, {D})", matrix.shape)
+    matrix = coefficients("K", matrix, False)
+    if (matrix != -matrix.T).any():
+        i, j = np.argwhere(matrix != -matrix.T)[0]
+        received = f"{matrix[i, j]} at [{i}, {j}] and {matrix[j, i]} at [{j}, {i}]"
+        raise wrong("K", "an antisymmetric matrix", received)
+    return matrix
+
+
+def check_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters by name: numbers as they are, and read-only arrays of floats."""
+    found: dict[str, Any] = {}
+    for name, value in parameters.items():
+        if name in RESERVED or _NUMBERED.fullmatch(name) or not name.isidentifier():
+            raise wrong("parameters", "names that are not in use, as a or rho", repr(name))
+        refuse(name, value)
+        if isinstance(value, (list, tuple)) or np.ndim(value):
+            found[name] = np.array(real_array(name, value))
+            found[name].flags.writeable = False
+        else:
+            found[name] = value.item() if hasattr(value, "item") else value
+            exact(name, found[name])
+    common_shape({name: np.shape(value) for name, value in found.items()})
+    return found
+
+
+def plain(value: Any) -> float | str:
+    """Return a number as a float if it is one, else as the string "p/q"."""
+    number = exact("value", value)
+    try:
+        return float(number) if Fraction(float(number)) == number else str(number)
+    except OverflowError:
+        return str(number)
+
+
+def to_lists(value: Any) -> Any:
+    """Return numbers as nested lists of floats and strings "p/q"."""
+    array = np.asarray(value)
+    return array.tolist() if array.dtype.kind == "f" else np.vectorize(plain, "O")(array).tolist()
+
+
+def from_lists(name: str, value: Any) -> Any:
+    """Return nested lists of numbers whose strings "p/q" are fractions."""
+    if isinstance(value, Mapping):
+        return {key: from_lists(key, each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [from_lists(name, each) for each in value]
+    try:
+        return Fraction(value) if isinstance(value, str) else value
+    except (ValueError, ZeroDivisionError):
+        raise wrong(name, 'numbers or strings "p/q"', repr(value)) from None

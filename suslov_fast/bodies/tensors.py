@@ -1,0 +1,84 @@
+"""Polynomials of degree 2 and 3 as symmetric tensors in homogeneous coordinates (x1, ..., xD, 1)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from numbers import Rational
+from typing import Any
+
+import numpy as np
+
+from ..checks import FloatArray, refuse, states, wrong
+from .numbers import exact
+from .polynomials import terms_of, text_of
+
+
+class Hamiltonian:
+    """A polynomial of degree 3, or a batch: ``H(x) = sum_ijk H_ijk x_i x_j x_k``, x_(D+1) = 1.
+
+    Called with a state it returns a fraction if all numbers are exact, else floats (...).
+    """
+
+    def __init__(self, tensor: Any) -> None:
+        self.tensor = tensor
+
+    @cached_property
+    def terms(self) -> tuple[Any, FloatArray]:
+        """The nonzero terms v x_i x_j x_k: i <= j <= k (3, T), where D is the 1, and v (..., T)."""
+        return sparse(self.tensor, ordered=3)
+
+    def __call__(self, x: Any) -> Any:
+        point, is_exact = homogeneous(x, self.tensor.shape[-1] - 1, self.tensor.dtype == object)
+        if is_exact:
+            return ((self.tensor @ point) @ point) @ point
+        (i, j, k), values = self.terms
+        with np.errstate(all="ignore"):
+            found = (values * point[..., i] * point[..., j] * point[..., k]).sum(axis=-1)
+        return np.where(np.isnan(point).any(axis=-1), np.nan, found)[()]
+
+    def __repr__(self) -> str:
+        if self.tensor.ndim > 3:
+            return f"<polynomials of shape {self.tensor.shape[:-3]}>"
+        return text_of(terms_of(self.tensor))
+
+
+def table_of(q: Any, l: Any, c: Any) -> Any:
+    """Return the symmetric table of coefficients."""
+    D = q.shape[-1]
+    batch = np.broadcast_shapes(q.shape[:-3], l.shape[:-2], c.shape[:-1])
+    table = np.zeros((*batch, D, D + 1, D + 1), q.dtype)
+    table[..., :D, :D], table[..., :D, D], table[..., D, D] = q, l, c
+    return (table + table.swapaxes(-2, -1)) / 2
+
+
+def rates(H: Any, K: Any) -> Any:
+    """Return the table of K grad H; most entries of K are 0."""
+    table = np.zeros_like(H[..., :-1, :, :])
+    for i, j in np.argwhere(K != 0):
+        table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
+    return table
+
+
+def sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
+    """Return indices and values of the nonzero terms of a table symmetric in its last axes."""
+    places = np.argwhere(np.any(table != 0, axis=tuple(range(table.ndim - 3))))
+    last = places[:, 3 - ordered :]
+    places = places[(np.diff(last) >= 0).all(axis=1)]
+    last = places[:, 3 - ordered :]
+    places = places[np.argsort(last[:, -1] == table.shape[-1] - 1, kind="stable")].T
+    kinds = 1 + (np.diff(places[3 - ordered :], axis=0) > 0).sum(axis=0)  # of variables in a term
+    count = kinds if ordered == 2 else np.array([0, 1, 3, 6])[kinds]
+    values = (table[(..., *places)] * count).astype(np.float64)
+    return np.ascontiguousarray(places), np.ascontiguousarray(values)
+
+
+def homogeneous(x: Any, D: int, is_single: bool) -> tuple[Any, bool]:
+    """Return (x, 1), and whether it is a point of exact numbers, at which a field is exact."""
+    plain_list = isinstance(x, (tuple, list, np.ndarray))
+    if is_single and plain_list and all(isinstance(a, Rational) for a in x):
+        refuse("x", x)
+        if len(x) != D:
+            raise wrong("x", f"shape ({D},)", f"({len(x)},)")
+        return np.array([*(exact("x", a) for a in x), exact("x", 1)], dtype=object), True
+    x = states("x", x, [f"x{i}" for i in range(1, D + 1)])
+    return np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1), False

@@ -87,6 +87,11 @@ class Body:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
         raise wrong("body", "one with a quadratic vector field", type(self).__name__, TypeError)
 
+    @property
+    def parameters(self) -> Any:
+        """The parameters of the map, in order."""
+        return tuple(getattr(self, name) for name in self._required())
+
     @cached_property
     def batch_of_one(self) -> tuple[Any, ...]:
         """The parameters of a single body with an axis for the batch."""
@@ -170,7 +175,7 @@ class Body:
     def _selected(self: Kind, name: str, value: float, method: str | None) -> Kind:
         own = {each: a for each, a in self._arrays.items() if self._axes(each) == 0}
         known = own | self._coordinates
-        axes = {each: [k for k in range(-a.ndim, 0) if a.shape[k] > 1] for each, a in known.items()}
+        axes = {each: _axes_of_change(a) for each, a in known.items()}
         if len(axes.get(name, [])) != 1:
             varying = ", ".join(each for each, of in axes.items() if len(of) == 1) or "none"
             what = f"parameters that vary along one axis ({varying})"
@@ -303,6 +308,12 @@ def cut(array: Any, shape: tuple[int, ...], axis: int, index: Any, own: int) -> 
     if array.shape[place] < shape[axis]:  # it is the same for all members
         index = slice(None) if isinstance(index, slice) else 0
     return array[(slice(None),) * place + (index,)]
+
+
+def _axes_of_change(array: FloatArray) -> list[int]:
+    """Return the axes along which a parameter varies; the only one, though it has one value."""
+    axes = [k for k in range(-array.ndim, 0) if array.shape[k] > 1]
+    return axes or [-1] * (array.shape == (1,))
 
 
 def _frozen(array: FloatArray) -> float | FloatArray:

@@ -269,9 +269,9 @@ class QuadraticField(Body):
 
     @cached_property
     def terms(self) -> tuple[Any, FloatArray]:
-        """The nonzero terms v x_j x_k of all f_i: i and j <= k (3, T), and v (..., T), rounded once.
+        """The nonzero terms v x_j x_k of all f_i: i and j <= k (3, T), and v (..., T).
 
-        The index D stands for the 1; the terms with k = D are last.
+        The index D stands for the 1; the terms with k = D are last. Values are rounded once.
         """
         return sparse(self.table, ordered=2)
 

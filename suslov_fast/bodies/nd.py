@@ -76,11 +76,6 @@ class SuslovND(Body):
     def _labels(self) -> tuple[str, ...]:
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
-    @property
-    def parameters(self) -> tuple[FloatArray, FloatArray]:
-        """J and I."""
-        return self.J, self.I
-
     def field(self) -> QuadraticField:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
         J, I = self.J, self.I

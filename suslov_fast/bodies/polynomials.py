@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from itertools import permutations
@@ -118,7 +119,9 @@ def traced(
     try:
         return f(tuple(Polynomial({(i,): Fraction(1)}) for i in range(D)), **parameters)
     except (TypeError, AttributeError) as error:
-        raise wrong(name, expected, f"another operation: {error}", TypeError) from error
+        of_numpy = re.search(r"callable (\w+) method", str(error))
+        which = f"{of_numpy[1]} of x" if of_numpy else error
+        raise wrong(name, expected, f"another operation: {which}", TypeError) from error
     except (ValueError, IndexError, ArithmeticError) as error:
         raise wrong(name, expected, f"an error: {error}") from error
 

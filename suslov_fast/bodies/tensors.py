@@ -1,4 +1,4 @@
-"""Polynomials of degree 2 and 3 as symmetric tensors in homogeneous coordinates (x1, ..., xD, 1)."""
+"""Polynomials of degree 2 and 3 as symmetric tensors in (x1, ..., xD, 1)."""
 
 from __future__ import annotations
 

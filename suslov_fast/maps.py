@@ -15,8 +15,6 @@ from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .core import steps_3d, steps_field, steps_nd
 from .engine.stretches import Steps
 
-Functions = Callable[[Any], tuple[str, ...]]
-
 
 @dataclass(frozen=True)
 class Map:
@@ -26,8 +24,7 @@ class Map:
     body: type[Any]  # the class of its bodies
     title: str  # of datasets, for people
     methods: Mapping[str, Steps]  # by the values of the argument `method`, the default first
-    functions: Functions  # the methods of a run, by name: functions of its states
-    conserved: Functions  # those whose drift the summary of a run reports
+    functions: Callable[[Any], tuple[str, ...]]  # the methods of a run, by name: functions of its states
     # Bodies, each with a state, at a pole of eps = 1 if there is one: calls with them need all
     # kernels of the map.
     samples: tuple[tuple[Any, tuple[float, ...]], ...]
@@ -38,6 +35,13 @@ class Map:
     def carries_attitude(self) -> bool:
         """True if runs can include the orientation of a body."""
         return self.variable == "omega"
+
+    def conserved(self, body: Any) -> tuple[str, ...]:
+        """Return the functions whose drift the summary of a run reports."""
+        known = self.functions(body)
+        if "first_integral" in known:
+            return ("first_integral",)
+        return tuple(name for name in ("energy", "modified_energy") if name in known)
 
     def symbols(self, body: Any) -> list[str]:
         r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
@@ -55,7 +59,7 @@ def _of_field(body: QuadraticField) -> tuple[str, ...]:
     return () if body.H is None else ("energy", "modified_energy")
 
 
-_OF_ROTOR = "first_integral", "energy", "modified_energy", "criticality", "reaction"
+_IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction"
 _RECORDS = (
     Map(  # equation (4) of the paper
         name="suslov3d",
@@ -63,8 +67,7 @@ _RECORDS = (
         title="Discrete Suslov problem",
         samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),),
         methods={"auto": Steps(steps_3d.steps, steps_3d.carried)},
-        functions=lambda body: (*_OF_ROTOR, "to_xy"),
-        conserved=lambda body: ("first_integral",),
+        functions=lambda body: (*_IN_3D, "to_xy"),
     ),
     Map(  # equation (15)
         name="suslov_nd",
@@ -77,17 +80,14 @@ _RECORDS = (
             "rank2": Steps(steps_nd.steps, steps_nd.carried, lambda D: 8.0 * D),
         },
         functions=_in_nd,
-        conserved=lambda body: _in_nd(body)[:-3][:1] or ("energy", "modified_energy"),
     ),
     Map(
         name="suslov_gyrostat",
-        samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
         body=SuslovGyrostat,
         title="Discrete Suslov gyrostat",
         samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
         methods={"auto": Steps(steps_3d.steps, steps_3d.carried, lambda D: 2.0)},
-        functions=lambda body: _OF_ROTOR,
-        conserved=lambda body: ("first_integral",),
+        functions=lambda body: _IN_3D,
     ),
     Map(
         name="quadratic",
@@ -96,7 +96,6 @@ _RECORDS = (
         samples=((QuadraticField([[[1]]]), (1.0,)),),  # x' = x**2
         methods={"auto": Steps(steps_field.steps, steps_field.carried, lambda D: 4.0 * D**2)},
         functions=_of_field,
-        conserved=_of_field,
         variable="x",
         meaning="state",
     ),

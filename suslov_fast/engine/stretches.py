@@ -6,7 +6,7 @@ Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -27,7 +27,7 @@ _SAVING = 8.0
 # Work of a stretch with orientations: the number of states times n**2.
 _TURNING = 2**24
 
-_NO_STATES, _NO_TURNS = np.empty((0, 1, 1)), np.empty((0, 1, 1, 1))
+NO_STATES, NO_TURNS = np.empty((0, 1, 1)), np.empty((0, 1, 1, 1))
 
 Report = Callable[[int], object]  # takes the number of steps done so far
 
@@ -57,13 +57,22 @@ class March:
         self.failed_at.fill(-1)
         self.turned = None if orientation is None else flat_arrays(orientation, batch, 2).copy()
 
+    @classmethod
+    def going_on(cls, steps: Steps, states: States, run: Any) -> March:
+        """Return the march at the last state of a run, which `states` holds, with its orientation."""
+        march = cls(steps, states)
+        march.n, march.carry = run.steps, run._carry.copy()
+        march.final[:] = march.omega0
+        march.status, march.failed_at = run.status.flatten(), run.failed_at.flatten()
+        return march
+
     def to(
         self,
         stop: int,
-        saved: FloatArray = _NO_STATES,
+        saved: FloatArray = NO_STATES,
         every: int = 0,
         row: int = 0,
-        turns: FloatArray = _NO_TURNS,
+        turns: FloatArray = NO_TURNS,
         report: Report | None = None,
     ) -> None:
         """Go on to state `stop`, and save the states that are multiples of `every`, if that is > 0.
@@ -91,7 +100,7 @@ class March:
             span = begin, end, start, until, every, row + done
             _threads.call_kernel(self.steps.kernel, work, self.threads, *before, span, *after)
             if report is not None:
-                report((begin * (stop - origin) + (end - begin) * (until - origin)) // total)
+                report(origin + (begin * (stop - origin) + (end - begin) * (until - origin)) // total)
         self.n = stop
 
     def _stretches(self, stop: int, every: int) -> Iterator[tuple[tuple[int, ...], int]]:
@@ -134,7 +143,7 @@ class March:
         path[0] = self.final
         while True:
             start, until = self.n, min(self.n + len(path) - 1, stop)
-            self._steps_to(until, path, 1, int(start > 0), _NO_TURNS, None)
+            self._steps_to(until, path, 1, int(start > 0), NO_TURNS, None)
             states, first = path[: until - start + 1], row
             if every:
                 multiples = states[every - start % every if start else 0 :: every]
@@ -149,6 +158,6 @@ class March:
             )
             path[0] = states[-1]
             if report is not None:
-                report(until - origin)
+                report(until)
             if until == stop:
                 return

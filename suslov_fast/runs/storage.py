@@ -1,0 +1,197 @@
+"""Runs as .npz files, without loss, and as an `xarray.Dataset`."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import secrets
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import wrong
+from ..engine.memory import require
+from ..engine.status import Status
+from ..maps import body_from_dict, map_named
+
+PathLike = str | os.PathLike[str]
+
+FORMAT = 6
+_ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"
+_NUMBERS = "method", "steps", "save_every"
+# Axes of a parameter of a body after those of the batch; the first is also that of states.
+_COMPONENTS = "component", "component_j", "component_k"
+# Names of a dataset that no axis of a batch and no coordinate may have.
+TAKEN = ("n", "time", *_COMPONENTS, "space", "body", *_ARRAYS[2:6], *_NUMBERS)
+
+
+def save(run: Any, path: PathLike, overwrite: bool) -> None:
+    """Write a run to a .npz file, which appears under its name when it is complete."""
+    from .. import __version__
+
+    target = _checked(path)
+    if target.exists() and not overwrite:
+        message = "expected the name of a new file, or overwrite=True, got one that exists"
+        raise FileExistsError(errno.EEXIST, message, os.fspath(path))
+    about = {"format": FORMAT, "version": __version__, "map": run._map.name}
+    about |= {name: getattr(run, name) for name in _NUMBERS}
+    arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}
+    arrays |= {"about": json.dumps(about), "body": json.dumps(run.body.to_dict())}
+    new = target.with_name(f".{secrets.token_hex(8)}.part")
+    try:
+        with open(new, "xb") as file:
+            np.savez(file, **arrays)
+        os.replace(new, target)
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def load(path: PathLike) -> dict[str, Any]:
+    """Return the attributes of the run in a file of `save`; errors name the file."""
+    name = os.fspath(_checked(path))
+    found, expected = _contents(name), "a file that Trajectories.save wrote"
+    if "format" in found and "about" not in found:
+        how = f"one of suslov_fast {found.get('version', 'before 0.6')}: compute the run again"
+        raise wrong(name, "a file of this version", how)
+    try:
+        about, body = (json.loads(str(found.pop(each))) for each in ("about", "body"))
+        if about.pop("format") != FORMAT:
+            how = f"one of suslov_fast {about['version']}: use that version"
+            raise wrong(name, "a file of this version", how)
+        map, body = map_named(about["map"]), body_from_dict(body)
+        run = {each: found.get(each) for each in _ARRAYS} | {e: about[e] for e in _NUMBERS}
+        eps, batch = run["eps"], run["status"].shape
+        rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
+        if run["states"].shape != (rows, *batch, body.dimension):
+            raise wrong("states", f"shape {(rows, *batch, body.dimension)}", run["states"].shape)
+    except (KeyError, AttributeError, TypeError, json.JSONDecodeError) as error:
+        raise wrong(name, expected, f"another: {error!r}") from error
+    run |= {"eps": float(eps) if eps.ndim == 0 else eps, "body": body, "_map": map}
+    return run
+
+
+def _checked(path: PathLike) -> Path:
+    if not isinstance(path, (str, os.PathLike)):
+        raise wrong("path", "a string or a path", type(path).__name__, TypeError)
+    if Path(path).suffix.lower() != ".npz":
+        how = "to_xarray().to_netcdf(path) and ensemble(store=...) write other formats"
+        raise wrong("path", f"a name that ends in .npz ({how})", repr(os.fspath(path)))
+    return Path(path)
+
+
+def _contents(name: str) -> dict[str, Any]:
+    """Return the arrays of a .npz file, whose checksums are compared as they are read."""
+    try:
+        with zipfile.ZipFile(name) as archive:
+            nbytes = sum(member.file_size for member in archive.infolist())
+        require(nbytes, f"{name} holds a run too large for this machine")
+        with np.load(name, allow_pickle=False) as file:
+            return {each: file[each] for each in file.files}
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        expected = "a .npz file that Trajectories.save wrote"
+        raise wrong(name, expected, f"another, or a damaged one: {error}") from error
+
+
+def to_xarray(
+    run: Any, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
+) -> Any:
+    """Return a run as a dataset; see `Trajectories.to_xarray`."""
+    from .. import __version__
+
+    xarray = import_xarray()
+    map, body = run._map, run.body
+    parameters = {"eps": (np.asarray(run.eps), 0)}
+    parameters |= {name: (each, body._axes(name)) for name, each in body._arrays.items()}
+    parameters |= {name: (each, 0) for name, each in body._coordinates.items()}
+    batch = _batch_names(run, dims, parameters)
+    flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
+    variables: dict[str, Any] = {
+        map.variable: (("n", *batch, "component"), run.states, {"long_name": map.meaning}),
+        "final": ((*batch, "component"), run.final, {"long_name": "state after the last step"}),
+        "status": (batch, run.status, flags | {"long_name": "how the trajectory ended"}),
+        "failed_at": (batch, run.failed_at, {"long_name": "first state that does not exist, or -1"}),
+        "n": ("n", run.n, {"long_name": "number of steps"}),
+    }
+    if run.attitude is not None:
+        meaning = {"long_name": "components in space of vectors of the body"}
+        variables["attitude"] = ("n", *batch, "space", "body"), run.attitude, meaning
+    for name, (array, axes) in parameters.items():
+        variables[name] = _along(name, array, axes, batch)
+    # Strings of variable length: Zarr format 3 has none of fixed length.
+    variables["component"] = "component", np.array(body._labels, object)
+    attributes = {"title": map.title, "map": map.name, "version": __version__}
+    attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
+    dataset = xarray.Dataset(variables, attrs=attributes)
+    dataset = dataset.set_coords([*body._coordinates, *({*batch} & {*parameters})])
+    time = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
+    return _with_coordinates(dataset.assign_coords(time=time), coords)
+
+
+def _along(name: str, array: NDArray[Any], axes: int, batch: tuple[str, ...]) -> Any:
+    """Return a parameter with its axes: those on which it varies, or that have its name."""
+    split = array.ndim - axes
+    names = (*batch[len(batch) - split :], *_COMPONENTS[:axes])
+    kept = [k for k in range(array.ndim) if k >= split or array.shape[k] != 1 or names[k] == name]
+    shape = tuple(array.shape[k] for k in kept)
+    return tuple(names[k] for k in kept), array.reshape(shape)
+
+
+def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return a name for each axis of the batch; a parameter may name the one it varies along."""
+    shape = run.status.shape
+    count = len(shape)
+    along = {
+        name: [k - array.ndim + axes for k, n in enumerate(array.shape[: array.ndim - axes]) if n > 1]
+        for name, (array, axes) in parameters.items()
+    }
+    if dims is None:
+        names = ["trajectory"] if count == 1 else [f"batch_{k}" for k in range(count)]
+        for name in reversed([*run.body._coordinates]):
+            if len(along[name]) == 1:
+                names[along[name][0]] = name
+        return tuple(names)
+    names = [dims] if isinstance(dims, str) else list(dims)
+    if not all(isinstance(name, str) for name in names):
+        raise wrong("dims", "names", repr(dims), TypeError)
+    if clashing := sorted({*TAKEN, run._map.variable, "final"} & {*names}):
+        raise wrong("dims", "names that are not taken", ", ".join(clashing))
+    if len(names) != count or len({*names}) != count:
+        raise wrong("dims", f"a distinct name for each of the {count} axes of the batch", repr(dims))
+    for axis, name in enumerate(names):
+        if name in parameters and shape[axis] > 1 and along[name] != [axis - count]:
+            expected = f"{name} for an axis along which it varies, and along no other"
+            received = f"{name} of shape {parameters[name][0].shape} in a batch of shape {shape}"
+            raise wrong("dims", expected, received)
+    return tuple(names)
+
+
+def _with_coordinates(dataset: Any, coords: Mapping[Any, Any] | None) -> Any:
+    if coords is None:
+        return dataset
+    if not isinstance(coords, Mapping):
+        raise wrong("coords", "a mapping of names to values", type(coords).__name__, TypeError)
+    if taken := [str(name) for name in coords if name in {*dataset.variables, *TAKEN}]:
+        raise wrong("coords", "names not in use", ", ".join(taken))
+    try:
+        labelled = dataset.assign_coords(coords)
+    except ValueError as error:
+        raise ValueError(f"coords: {error}") from error
+    if added := [str(name) for name in labelled.sizes if name not in dataset.sizes]:
+        raise wrong("coords", f"values along {', '.join(dataset.sizes)}", ", ".join(added))
+    return labelled
+
+
+def import_xarray() -> Any:
+    """Return the module xarray; ImportError that says how to install it."""
+    try:
+        import xarray
+    except ImportError as error:
+        install = "pip install '.[xarray]' in a copy of the repository"
+        raise ImportError(f"expected xarray, got none: {install}") from error
+    return xarray

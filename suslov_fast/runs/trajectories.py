@@ -1,0 +1,404 @@
+"""The result of an iteration."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray, integer, one_of, short
+from ..engine.arguments import BodyOrField, States, thread_count
+from ..engine.progress import Progress, check_progress
+from ..engine.stretches import March
+from ..maps import Map
+from .running import ON_SINGULAR, OnSingular, attributes_of_run, report_failures
+
+if TYPE_CHECKING:
+    import xarray
+
+# Methods that evaluate a public function for the saved states; a run has those of its map.
+_FUNCTIONS = "first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction"
+
+
+def _quantity(
+    name: str, shape: str = "(n_saved, ...)", with_eps: bool = True
+) -> Callable[[Trajectories], FloatArray]:
+    """Return the method that evaluates a public function for the saved states."""
+
+    def method(self: Trajectories) -> FloatArray:
+        function = getattr(import_module("suslov_fast"), name)
+        values: FloatArray = function(self.body, self.states, *(self.eps,) * with_eps)
+        return values
+
+    method.__name__, method.__qualname__ = name, f"Trajectories.{name}"
+    arguments = "the saved states and eps" if with_eps else "the saved states"
+    method.__doc__ = f"Return :func:`suslov_fast.{name}` of {arguments}, shape {shape}."
+    return method
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectories:
+    """A batch of trajectories, as :func:`iterate` returns it.
+
+    Attributes
+    ----------
+    states : ndarray(float, shape=(n_saved, ..., D))
+        The saved states; NaN from the first nonexistent state on. ``run.omega``, or ``run.x`` for
+        a field, and ``np.asarray(run)`` are the same array.
+    eps : float or ndarray(float, shape=(...))
+        The step size, in the unit of time of the states.
+    body
+        The body or field.
+    status : ndarray(int8, shape=(...))
+        The :class:`Status` of each trajectory; negative if it failed.
+    failed_at : ndarray(int, shape=(...))
+        The index of the first state that does not exist, or -1.
+    final : ndarray(float, shape=(..., D))
+        The state after the last step, even if not saved.
+    method : str
+        The method that was asked for.
+    steps : int
+        The number of steps.
+    save_every : int or None
+        The states 0, k, 2k, ... were saved, or only the last.
+    attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
+        The orientations of the body at the saved states, if requested.
+
+    Notes
+    -----
+    ``len(run)`` is the number of saved states, ``run[k]`` is ``run.states[k]`` for any index of
+    NumPy, and a run iterates over its states. Runs are equal if all of the above is equal, where
+    NaN equals NaN; they are not hashable.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, iterate
+    >>> orbit = iterate(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2, steps=25)
+    >>> orbit
+    Trajectories(omega: (26, 2), n: 0, 1 ... 25, eps: 0.2, failed: 0 of 1)
+    >>> orbit.energy().shape
+    (26,)
+    """
+
+    states: FloatArray
+    eps: float | FloatArray
+    body: BodyOrField
+    status: NDArray[np.int8]
+    failed_at: NDArray[np.int64]
+    final: FloatArray
+    method: str
+    steps: int
+    save_every: int | None
+    attitude: FloatArray | Any = None  # with `Any`, callers need no test of None
+    _map: Map = field(kw_only=True)
+    # What `extend` goes on from, beside the last state: numbers (B, C) and orientations (B, n, n).
+    # `dataclasses.replace` makes a run without them.
+    _carry: FloatArray | None = field(init=False, default=None)
+    _turned: FloatArray | None = field(init=False, default=None)
+
+    @classmethod
+    def _of(cls, **attributes: Any) -> Trajectories:
+        run = cls.__new__(cls)
+        vars(run).update(attributes)  # faster than a call of a frozen dataclass
+        return run
+
+    def extend(
+        self,
+        steps: int,
+        *,
+        threads: int | None = None,
+        on_singular: OnSingular = "warn",
+        progress: Progress = None,
+    ) -> Trajectories:
+        """Continue the run; the result has the bits of an uninterrupted run.
+
+        Parameters
+        ----------
+        steps : int
+            Number of additional steps, 0 or more. Failures before them are not reported again.
+        threads : int, optional
+            Number of threads, by default Numba's. Results do not depend on it.
+        on_singular : {"warn", "raise", "ignore"}
+            What to do if trajectories fail: one :class:`SingularStepWarning` for all, a
+            :class:`SingularStepError` that holds the result, or nothing.
+        progress : bool or callable, optional
+            True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.
+
+        Returns
+        -------
+        Trajectories
+            A new object, whose arrays also hold the states of this one.
+
+        Raises
+        ------
+        ValueError
+            If this is a copy with other attributes, which lacks what is needed to go on.
+        MemoryError
+            If the result does not fit in memory.
+        SingularStepError
+            If `on_singular` is "raise" and a trajectory fails.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> half = iterate(body, [1.0, 0.5], eps=0.2, steps=15)
+        >>> whole = half.extend(15)
+        >>> bool((whole.omega == iterate(body, [1.0, 0.5], eps=0.2, steps=30).omega).all())
+        True
+        """
+        if self._carry is None:
+            raise ValueError("extend: expected a run of iterate or Trajectories.load, got a copy")
+        one_of("on_singular", on_singular, ON_SINGULAR)
+        check_progress(progress)
+        whole, batch = self.steps + integer("steps", steps, 0), self.status.shape
+        turned = self._turned
+        if turned is not None:
+            turned = turned.reshape(*batch, *turned.shape[1:])
+        threads = thread_count(threads)
+        states = States(self.body, self.final, self.eps, batch, threads, orientation=turned)
+        march = March.going_on(self._map.methods[self.method], states, self)
+        options = whole, self.save_every, progress
+        run = Trajectories._of(
+            **attributes_of_run(self._map, states, march, self.method, *options, earlier=self)
+        )
+        report_failures(run, on_singular, self.steps + 1)
+        return run
+
+    @property
+    def omega(self) -> FloatArray:
+        """The saved states, if they are angular velocities."""
+        return self._states_called("omega")
+
+    @property
+    def x(self) -> FloatArray:
+        """The saved states, if they are those of a field."""
+        return self._states_called("x")
+
+    def _states_called(self, name: str) -> FloatArray:
+        """Return the saved states by the name that the map gives them."""
+        variable = getattr(vars(self).get("_map"), "variable", "states")
+        if name == variable:
+            return self.states
+        if name in ("omega", "x"):
+            raise AttributeError(
+                f"{name}: expected {variable} or states, the names of the states of a run of "
+                f"{type(self.body).__name__}"
+            )
+        if name == "sel":
+            how = "run.states[:, k] or run.to_xarray().sel(...)"
+            raise AttributeError(f"sel: expected {how}, as a run has no labels")
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    if not TYPE_CHECKING:  # for which every name would be one of the states
+        __getattr__ = _states_called
+
+    def __dir__(self) -> list[str]:
+        other = "x" if self._map.variable == "omega" else "omega"
+        hidden = {other, *_FUNCTIONS} - {*self._map.functions(self.body)}
+        return [name for name in super().__dir__() if name not in hidden]
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def __getitem__(self, index: Any) -> Any:
+        try:
+            return self.states[index]
+        except IndexError as error:
+            shape, name = self.states.shape, self._map.variable
+            how = f"run.{name}[:, k] has trajectory k, and run.{name}[:, run.status == 0] those in"
+            raise IndexError(
+                f"index: expected one of NumPy for states of shape {shape}, time first, got "
+                f"{short(index)}; {how} good health"
+            ) from error
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        return iter(self.states)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is None:  # which NumPy 1.26 does not take
+            return np.asarray(self.states, dtype)
+        return np.array(self.states, dtype, copy=copy)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Trajectories):
+            return NotImplemented
+        names = [item.name for item in fields(self) if item.name not in ("_carry", "_turned")]
+        return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+    @cached_property
+    def n(self) -> NDArray[np.int64]:
+        """Step numbers of the saved states, shape (n_saved,)."""
+        if self.save_every is None:
+            return np.array([self.steps])
+        return self.save_every * np.arange(self.steps // self.save_every + 1)
+
+    @property
+    def time(self) -> FloatArray:
+        """Times n eps of the saved states, (n_saved,), or (n_saved, ...) if eps varies."""
+        n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
+        times: FloatArray = n * np.asarray(self.eps)
+        return times
+
+    @property
+    def ok(self) -> bool:
+        """True if every trajectory finished."""
+        return bool((self.status >= 0).all())
+
+    first_integral = _quantity("first_integral")
+    energy = _quantity("energy", with_eps=False)
+    modified_energy = _quantity("modified_energy")
+    criticality = _quantity("criticality")
+    to_xy = _quantity("to_xy", "(n_saved, ..., 2)", with_eps=False)
+    reaction = _quantity("reaction", "(n_saved, ...) or (n_saved, ..., n - 1, n - 1)")
+
+    def plot(
+        self, *, components: tuple[int, int] = (0, 1), lines: bool | None = None, ax: Any = None
+    ) -> Any:
+        """Draw the saved states of all trajectories in the plane of two components.
+
+        States are dots. If there are several trajectories, colours show the size of the first
+        state, and a colour bar its values.
+
+        Parameters
+        ----------
+        components : tuple of int
+            Indices of the components on the horizontal and the vertical axis.
+        lines : bool, optional
+            Draw lines from each saved state to the next. By default only if every state is saved
+            and the median of their lengths is below 1/20 of the extent of all states shown.
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; by default those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ValueError
+            If states have a single component.
+        ImportError
+            If Matplotlib is not installed (extra `plots`).
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> ax = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
+        >>> len(ax.lines)
+        2
+        """
+        return import_module("suslov_fast.plots.phase").plot_run(self, components, lines, ax)
+
+    def to_xarray(
+        self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
+    ) -> xarray.Dataset:
+        """Return the run as an `xarray.Dataset`, to look at; only `save` keeps how it goes on.
+
+        Parameters
+        ----------
+        dims : str or sequence of str, optional
+            Names for the axes of the batch; by default those of named parameters of the body, each
+            along the axis along which it varies alone, and "trajectory", or "batch_0", "batch_1",
+            ... The name of a parameter that varies along this axis alone, such as "eps" or "I13",
+            makes it the coordinate: ``data.sel(eps=0.2)``.
+        coords : mapping, optional
+            Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
+
+        Returns
+        -------
+        xarray.Dataset
+            Its dimensions are "n", those of the batch, and "component". Parameters are not repeated
+            along axes on which they do not vary.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed (extra `xarray`).
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> orbits = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
+        >>> data = orbits.to_xarray(dims="start", coords={"start": ["fast", "slow"]})
+        >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
+        -0.7
+        """
+        from .storage import to_xarray
+
+        return to_xarray(self, dims, coords)
+
+    def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+        """Write the run to a file that :meth:`load` reads, without loss.
+
+        The file appears under its name only when it is complete.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A name that ends in .npz.
+        overwrite : bool
+            True replaces an existing file.
+
+        Raises
+        ------
+        FileExistsError
+            If the file exists and is not to be replaced.
+        ValueError
+            If the name ends otherwise. ``run.to_xarray().to_netcdf(path)`` writes NetCDF, and
+            :func:`ensemble` a Zarr store.
+        """
+        from .storage import save
+
+        save(self, path, overwrite)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Trajectories:
+        """Read a run written by :meth:`save`.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A name that ends in .npz.
+
+        Returns
+        -------
+        Trajectories
+
+        Raises
+        ------
+        ValueError
+            If the file holds something else, is damaged or was written by an earlier version.
+        """
+        from .storage import load
+
+        return cls._of(**load(path))
+
+    def __repr__(self) -> str:
+        failed, n = np.count_nonzero(self.status < 0), self.n
+        steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
+        return (
+            f"Trajectories({self._map.variable}: {self.states.shape}, n: {steps}, "
+            f"eps: {_range(self.eps)}, failed: {failed} of {self.status.size})"
+        )
+
+
+def _equal(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return np.array_equal(a, b, equal_nan=True)
+    return type(a) is type(b) and bool(a == b)
+
+
+def _range(eps: float | FloatArray) -> str:
+    if np.size(eps) == 0:
+        return "none"
+    low, high = np.min(eps), np.max(eps)
+    return f"{low:g}" if low == high else f"{low:g} ... {high:g}"

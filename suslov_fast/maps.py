@@ -24,7 +24,9 @@ class Map:
     body: type[Any]  # the class of its bodies
     title: str  # of datasets, for people
     methods: Mapping[str, Steps]  # by the values of the argument `method`, the default first
-    functions: Callable[[Any], tuple[str, ...]]  # the methods of a run, by name: functions of its states
+    functions: Callable[
+        [Any], tuple[str, ...]
+    ]  # the methods of a run, by name: functions of its states
     # Bodies, each with a state, at a pole of eps = 1 if there is one: calls with them need all
     # kernels of the map.
     samples: tuple[tuple[Any, tuple[float, ...]], ...]
@@ -66,7 +68,7 @@ _RECORDS = (
         body=Suslov3D,
         title="Discrete Suslov problem",
         samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),),
-        methods={"auto": Steps(steps_3d.steps, steps_3d.carried)},
+        methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED)},
         functions=lambda body: (*_IN_3D, "to_xy"),
     ),
     Map(  # equation (15)
@@ -86,7 +88,7 @@ _RECORDS = (
         body=SuslovGyrostat,
         title="Discrete Suslov gyrostat",
         samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
-        methods={"auto": Steps(steps_3d.steps, steps_3d.carried, lambda D: 2.0)},
+        methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED, lambda D: 2.0)},
         functions=lambda body: _IN_3D,
     ),
     Map(
@@ -94,7 +96,7 @@ _RECORDS = (
         body=QuadraticField,
         title="Kahan map of a quadratic field",
         samples=((QuadraticField([[[1]]]), (1.0,)),),  # x' = x**2
-        methods={"auto": Steps(steps_field.steps, steps_field.carried, lambda D: 4.0 * D**2)},
+        methods={"auto": Steps(steps_field.steps, lambda D: D, lambda D: 4.0 * D**2)},
         functions=_of_field,
         variable="x",
         meaning="state",

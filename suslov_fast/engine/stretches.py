@@ -6,7 +6,7 @@ Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -59,7 +59,7 @@ class March:
 
     @classmethod
     def going_on(cls, steps: Steps, states: States, run: Any) -> March:
-        """Return the march at the last state of a run, which `states` holds, with its orientation."""
+        """Return the march at the last state of a run, which `states` holds."""
         march = cls(steps, states)
         march.n, march.carry = run.steps, run._carry.copy()
         march.final[:] = march.omega0
@@ -100,7 +100,9 @@ class March:
             span = begin, end, start, until, every, row + done
             _threads.call_kernel(self.steps.kernel, work, self.threads, *before, span, *after)
             if report is not None:
-                report(origin + (begin * (stop - origin) + (end - begin) * (until - origin)) // total)
+                report(
+                    origin + (begin * (stop - origin) + (end - begin) * (until - origin)) // total
+                )
         self.n = stop
 
     def _stretches(self, stop: int, every: int) -> Iterator[tuple[tuple[int, ...], int]]:

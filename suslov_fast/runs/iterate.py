@@ -211,7 +211,7 @@ def pieces(
         march.to(steps if end > last else (end - 1) * every, saved, every, 0, turns, report)
         if not every:
             saved[0] = march.final
-            turns[:] = march.turned
+            turns[:1] = NO_TURNS if march.turned is None else march.turned
         yield Piece(
             every * np.arange(row, end) if every else np.array([steps]),
             saved.reshape(-1, *batch, D),

@@ -107,7 +107,8 @@ def to_xarray(
     xarray = import_xarray()
     map, body = run._map, run.body
     parameters = {"eps": (np.asarray(run.eps), 0)}
-    parameters |= {name: (each, body._axes(name)) for name, each in body._arrays.items()}
+    coefficients = {name: each for name, each in body._arrays.items() if name not in ("H", "K")}
+    parameters |= {name: (each, body._axes(name)) for name, each in coefficients.items()}
     parameters |= {name: (each, 0) for name, each in body._coordinates.items()}
     batch = _batch_names(run, dims, parameters)
     flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
@@ -115,7 +116,11 @@ def to_xarray(
         map.variable: (("n", *batch, "component"), run.states, {"long_name": map.meaning}),
         "final": ((*batch, "component"), run.final, {"long_name": "state after the last step"}),
         "status": (batch, run.status, flags | {"long_name": "how the trajectory ended"}),
-        "failed_at": (batch, run.failed_at, {"long_name": "first state that does not exist, or -1"}),
+        "failed_at": (
+            batch,
+            run.failed_at,
+            {"long_name": "first state that does not exist, or -1"},
+        ),
         "n": ("n", run.n, {"long_name": "number of steps"}),
     }
     if run.attitude is not None:
@@ -147,7 +152,9 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
     shape = run.status.shape
     count = len(shape)
     along = {
-        name: [k - array.ndim + axes for k, n in enumerate(array.shape[: array.ndim - axes]) if n > 1]
+        name: [
+            k - array.ndim + axes for k, n in enumerate(array.shape[: array.ndim - axes]) if n > 1
+        ]
         for name, (array, axes) in parameters.items()
     }
     if dims is None:
@@ -162,7 +169,9 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
     if clashing := sorted({*TAKEN, run._map.variable, "final"} & {*names}):
         raise wrong("dims", "names that are not taken", ", ".join(clashing))
     if len(names) != count or len({*names}) != count:
-        raise wrong("dims", f"a distinct name for each of the {count} axes of the batch", repr(dims))
+        raise wrong(
+            "dims", f"a distinct name for each of the {count} axes of the batch", repr(dims)
+        )
     for axis, name in enumerate(names):
         if name in parameters and shape[axis] > 1 and along[name] != [axis - count]:
             expected = f"{name} for an axis along which it varies, and along no other"

@@ -1,0 +1,322 @@
+"""Steps of the Kahan map of a body, and of a gyrostat: one division for each step.
+
+With w = (Omega1, Omega2), let
+
+    z = sqrt(I1) w1 + i sqrt(I2) w2,    g = I13 / sqrt(I1) + i I23 / sqrt(I2),
+    e = eps / (2 sqrt(I1 I2)),          l = I13 w1 + I23 w2 + k = Re(conj(g) z) + k,
+    X = e l,    Y = -e Im(conj(g) z),    K = e k.
+
+Kahan's equations are z_next - z = i e (l z_next + l_next z). Solved, with s = 1 - Y - K X,
+
+    z_next = z (s + 2 i X) / (s + 2 X**2),    X_next = X (2 - s) / (s + 2 X**2).
+
+Zeros of s + 2 X**2 are poles. A state with l = 0 rests. R**2 = |z|**2 / (1 + X**2) is conserved.
+Two forms are iterated:
+
+plain     (X, Y), for k = 0 and T < 1 (that is |Y| < 1), where no pole is met. No parameter enters:
+          X_next = X (1 + Y) / (1 - Y + 2 X**2), Y_next = Y - 2 X X_next
+general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X is a number of its own, because
+          l = I13 w1 + I23 w2 + k loses its digits next to a steady state, and so are u and v,
+          because K may outweigh X - K and Y
+
+For other files: `frame_of`, `enter`, `plain_step`, `leave_plain`, `turn`, `general_step` and
+`one_step` are formulas of floats and of a Frame.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
+from .numba import formula, kernel, lead_of, select, share, shortening, write
+
+LANES = 128
+FEW = 6  # so few trajectories take less time one by one than all lanes
+CARRIED = 5  # numbers from which a trajectory goes on: KIND; X and Y, or X, u, v and R**2
+RESTORED = 512  # steps after which `restore` is called
+ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
+NEGLIGIBLE = 1e-150  # X that decays and is below this is 0: subnormal numbers are slow
+LARGE = 1e100  # of X: its square is finite
+GENERAL, PLAIN, RESTS = 0.0, 1.0, 2.0
+
+
+class Frame(NamedTuple):
+    """The numbers of a body and a step size, for states (u, v) = (w1, w2 / back):
+    X = a1 u + a2 v + K, Y = a2 u - a1 v; w = (n11 X + n12 Y, n21 X + n22 Y) without a rotor.
+    """
+
+    K: float
+    a1: float
+    a2: float
+    back: float
+    n11: float
+    n12: float
+    n21: float
+    n22: float
+
+
+@formula
+def frame_of(I1, I2, I13, I23, k, eps):
+    """The frame of a body. For g = 0 or eps = 0 the last four numbers are not finite."""
+    s = np.sqrt(I1 * I2)
+    e, back = 0.5 * eps / s, s / I2
+    g1, g2 = I13 / I1, I23 / I2
+    per_g = 1.0 / (e * (I13 * g1 + I23 * g2))
+    return Frame(
+        e * k, e * I13, e * (I23 * back), back,
+        g1 * per_g, (I23 / s) * per_g, g2 * per_g, -(I13 / s) * per_g,
+    )  # fmt: skip
+
+
+@formula
+def enter(frame, I1, I2, I13, I23, k, eps, w1, w2):
+    """X and Y of a state; X = 0 where l, as floats give it, is 0."""
+    X = (0.5 * eps / np.sqrt(I1 * I2)) * ((I13 * w1 + I23 * w2) + k)
+    return X, frame.a2 * w1 - frame.a1 * (w2 / frame.back)
+
+
+@formula
+def is_plain(frame, X, Y):
+    """Whether steps take the plain form."""
+    finite = abs(frame.n11) + abs(frame.n12) + abs(frame.n21) + abs(frame.n22) < np.inf
+    return (frame.K == 0.0) & finite & (abs(Y) < 1.0) & (X != 0.0) & (abs(X) < LARGE)
+
+
+@formula
+def is_supercritical(frame, X, Y):
+    """Whether T = e A >= 1 in modulus: T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
+    return Y * Y >= 1.0 + frame.K * (2.0 * X - frame.K)
+
+
+@formula
+def plain_step(X, Y):
+    """X and Y of the next state, without a rotor and for T < 1."""
+    square = X * (2.0 * X)
+    ratio = (1.0 + Y) / ((1.0 - Y) + square)
+    X = X * ratio
+    return select((abs(X) < NEGLIGIBLE) & (Y < 0.0), 0.0, X), Y - square * ratio
+
+
+@formula
+def leave_plain(frame, X, Y):
+    """The state of X and Y, without a rotor."""
+    return frame.n11 * X + frame.n12 * Y, frame.n21 * X + frame.n22 * Y
+
+
+@formula
+def turn(X, Y, K):
+    """along, across and ratio of a step of any orbit, NaN if there is none, and 0.5 for a pole:
+    z_next = along z + across i z and X_next = ratio X.
+    """
+    KX, square = K * X, X * (2.0 * X)
+    s = (1.0 - Y) - KX
+    D, least = s + square, ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
+    inverse = 1.0 / select(abs(D) > least, D, np.nan)
+    part = square * inverse  # 1 - part is 1 for a state at rest, where s (1 / s) may be 1 - ulp / 2
+    along = select(abs(part) < 0.5, 1.0 - part, s * inverse)
+    return along, (2.0 * X) * inverse, ((1.0 + Y) + KX) * inverse, select(abs(D) < least, 0.5, 0.0)
+
+
+@formula
+def general_step(frame, X, u, v):
+    """X and the state after a step of any orbit, and 0.5 if the state was a pole, else 0."""
+    Y = frame.a2 * u - frame.a1 * v
+    along, across, ratio, pole = turn(X, Y, frame.K)
+    X = X * ratio
+    X = select((abs(X) < NEGLIGIBLE) & (Y < 0.0), 0.0, X)
+    return X, along * u - across * v, along * v + across * u, pole
+
+
+@formula
+def restore(frame, R2, X, u, v):
+    """X and the state with R**2 as at first, and with X of the state where no digits cancel:
+    roundings of one sign would add up. A state at rest is unchanged.
+    """
+    Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
+    X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
+    factor = np.sqrt(R2 * (1.0 + X * X) / (u * u + v * v))
+    factor = select((X != 0.0) & (abs(factor - 1.0) < 1e-6), factor, 1.0)
+    return X, u * factor, v * factor
+
+
+@formula
+def one_step(I1, I2, I13, I23, k, eps, w1, w2):
+    """The next state; NaN where there is none."""
+    frame = frame_of(I1, I2, I13, I23, k, eps)
+    X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
+    along, across, _, _ = turn(X, Y, frame.K)
+    next1, next2 = along * w1 - (across / frame.back) * w2, along * w2 + (across * frame.back) * w1
+    exists = abs(next1) + abs(next2) < np.inf
+    return select(exists, next1, np.nan), select(exists, next2, np.nan)
+
+
+# Rows of a block: the numbers of the plain form; those of the general one, with R**2 and how many
+# of its states exist (and a half after a pole); the frame.
+KIND, X_, Y_, XG, U, V, R2, ALIVE, FRAME = range(9)
+ROWS = FRAME + 8
+
+
+@formula
+def frame_at(b, l):
+    """The frame of a lane."""
+    return Frame(
+        b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l], b[FRAME + 3, l],
+        b[FRAME + 4, l], b[FRAME + 5, l], b[FRAME + 6, l], b[FRAME + 7, l],
+    )  # fmt: skip
+
+
+@formula
+def state_at(b, l):
+    """The state of a lane; NaN where there is none."""
+    plain1, plain2 = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
+    plain = b[KIND, l] == PLAIN
+    w1, w2 = select(plain, plain1, b[U, l]), select(plain, plain2, b[V, l] * b[FRAME + 3, l])
+    exists = abs(w1) + abs(w2) < np.inf
+    return select(exists, w1, np.nan), select(exists, w2, np.nan)
+
+
+@formula
+def start_lane(b, l, i, parameters, omega0, carry, start, status, failed_at):
+    """Fill a lane with trajectory i, at state 0 or where it stopped; return whether it is plain."""
+    I1, I2, I13, I23, k, eps = parameters
+    body = (
+        I1[i % I1.size], I2[i % I2.size], I13[i % I13.size], I23[i % I23.size], k[i % k.size],
+        eps[i % eps.size],
+    )  # fmt: skip
+    frame = frame_of(*body)
+    if start == 0:
+        w1, w2 = omega0[i, 0], omega0[i, 1]
+        X, Y = enter(frame, *body, w1, w2)
+        if not abs(w1) + abs(w2) < np.inf:
+            status[i], failed_at[i] = NONFINITE, 0
+        elif is_supercritical(frame, X, Y):
+            status[i] = SUPERCRITICAL
+        kind = PLAIN if is_plain(frame, X, Y) else GENERAL
+        if X == 0.0 and abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)):
+            kind = RESTS  # it keeps all bits, those of w2 / back too
+        u, v = w1, w2 if kind == RESTS else w2 / frame.back
+        R_squared = (u * u + v * v) / (1.0 + X * X)
+    else:
+        kind, X, Y = carry[i, 0], carry[i, 1], carry[i, 2]
+        u, v, R_squared = carry[i, 2], carry[i, 3], carry[i, 4]
+    if kind == RESTS:
+        frame = Frame(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+    b[KIND, l], b[X_, l], b[Y_, l], b[XG, l], b[U, l], b[V, l] = kind, X, Y, X, u, v
+    b[R2, l], b[ALIVE, l] = R_squared, 0.0
+    (
+        b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l], b[FRAME + 3, l],
+        b[FRAME + 4, l], b[FRAME + 5, l], b[FRAME + 6, l], b[FRAME + 7, l],
+    ) = frame  # fmt: skip
+    return kind == PLAIN
+
+
+@formula
+def finish_lane(b, l, i, carry, start, stop, status, failed_at):
+    """Store what trajectory i needs to go on, and how it ended."""
+    plain, alive = b[KIND, l] == PLAIN, int(b[ALIVE, l])
+    carry[i, 0], carry[i, 1] = b[KIND, l], b[X_, l] if plain else b[XG, l]
+    carry[i, 2], carry[i, 3], carry[i, 4] = b[Y_, l] if plain else b[U, l], b[V, l], b[R2, l]
+    if not plain and alive < stop - start and status[i] >= 0:
+        status[i] = SINGULAR if b[ALIVE, l] > alive else NONFINITE
+        failed_at[i] = start + alive + 1
+
+
+@formula
+def steps_of_all(b, plains, n, pause):
+    """Take all lanes from state n to state `pause`."""
+    if plains > 0:
+        for _ in range(n, pause):
+            for l in range(LANES):
+                b[X_, l], b[Y_, l] = plain_step(b[X_, l], b[Y_, l])
+    if plains == LANES:
+        return
+    for _ in range(n, pause):
+        for l in range(LANES):
+            b[XG, l], b[U, l], b[V, l], pole = general_step(
+                frame_at(b, l), b[XG, l], b[U, l], b[V, l]
+            )
+            b[ALIVE, l] += select(abs(b[U, l]) + abs(b[V, l]) < np.inf, 1.0, pole)
+    if pause % RESTORED == 0:
+        for l in range(LANES):
+            b[XG, l], b[U, l], b[V, l] = restore(
+                frame_at(b, l), b[R2, l], b[XG, l], b[U, l], b[V, l]
+            )
+
+
+@formula
+def steps_of_one(b, n, pause):
+    """Take lane 0 from state n to state `pause`."""
+    if b[KIND, 0] == PLAIN:
+        X, Y = b[X_, 0], b[Y_, 0]
+        for _ in range(n, pause):
+            X, Y = plain_step(X, Y)
+        b[X_, 0], b[Y_, 0] = X, Y
+        return
+    frame, X, u, v, alive = frame_at(b, 0), b[XG, 0], b[U, 0], b[V, 0], b[ALIVE, 0]
+    for _ in range(n, pause):
+        X, u, v, pole = general_step(frame, X, u, v)
+        alive += select(abs(u) + abs(v) < np.inf, 1.0, pole)
+    if pause % RESTORED == 0:
+        X, u, v = restore(frame, b[R2, 0], X, u, v)
+    b[XG, 0], b[U, 0], b[V, 0], b[ALIVE, 0] = X, u, v, alive
+
+
+@kernel
+def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+    """Take trajectories from state `start` to state `stop`: blocks of lanes, or one by one.
+
+    parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
+    omega0       (B, 2), state 0, read where start = 0
+    carry        (B, CARRIED), written at the end and read where start > 0
+    span         (begin, end, start, stop, every, row): trajectories begin to end - 1; from
+                 saved[row] on, the states that are multiples of `every` are saved (0: none)
+    saved, final (rows, B, 2) and (B, 2), the state at `stop`; NaN after a failure
+    status, failed_at   (B,), OK and -1 at first; changed at the first failure
+    """
+    begin, end, start, stop, every, first_row = span
+    B, flat, lead = len(omega0), saved.reshape(saved.size), lead_of(saved)
+    b, tile = np.empty((ROWS, LANES)), np.empty(2 * LANES)
+    first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
+    few = end - begin <= FEW
+    shift = shortening(lead, B) if begin == 0 and not few else 0
+    blocks = end - begin if few else (end - begin + shift + LANES - 1) // LANES
+    first_block, last_block = share(blocks, part, parts)
+    for block in range(first_block, last_block):
+        first, width, plains = begin + block, 1, 0
+        if few:
+            start_lane(b, 0, first, parameters, omega0, carry, start, status, failed_at)
+        else:
+            first = begin + max(block * LANES - shift, 0)
+            width = min(begin + (block + 1) * LANES - shift, end) - first
+            for l in range(LANES):  # lanes beyond the last trajectory repeat it
+                i = first + min(l, width - 1)
+                plain = start_lane(b, l, i, parameters, omega0, carry, start, status, failed_at)
+                plains += 1 if plain else 0
+        n, due, row = start, first_due, first_row
+        while True:
+            if n == 0:
+                for l in range(width):
+                    tile[2 * l], tile[2 * l + 1] = omega0[first + l, 0], omega0[first + l, 1]
+            elif few:
+                tile[0], tile[1] = state_at(b, 0)
+            elif plains == LANES:
+                for l in range(LANES):
+                    w = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
+                    tile[2 * l], tile[2 * l + 1] = w
+            else:
+                for l in range(LANES):
+                    tile[2 * l], tile[2 * l + 1] = state_at(b, l)
+            if n == due:
+                write(tile, 0, flat, 2 * (row * B + first), 2 * width, lead)
+                due, row = due + every, row + 1
+            if n == stop:
+                break
+            pause = min(stop, due, (n // RESTORED + 1) * RESTORED)
+            if few:
+                steps_of_one(b, n, pause)
+            else:
+                steps_of_all(b, plains, n, pause)
+            n = pause
+        for l in range(width):
+            final[first + l, 0], final[first + l, 1] = tile[2 * l], tile[2 * l + 1]
+            finish_lane(b, l, first + l, carry, start, stop, status, failed_at)

@@ -1,0 +1,424 @@
+"""Quantities of a state, each a NumPy universal function that is written as its formula.
+
+What all of them take, used or not: in three dimensions I1, I2, I13, I23, k, eps and the state w
+(k = 0 without a rotor); in n dimensions J, I, eps and w; of a field places (3, T) and values (T,) of
+its terms v x_j x_k in the equation i, with x_D = 1, and B step sizes and states (B, D).
+
+X, Y, K, e, l, g and z are those of `steps_3d`, U = X - K; e conj(g) z = U - i Y.
+"""
+
+import math
+
+import numpy as np
+
+from .elimination import balance
+from .numba import formula, select, universal
+from .steps_3d import ZERO_TO_ROUNDING, enter, frame_of, is_supercritical, one_step
+
+IN_3D, IN_ND, FIELD = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->", "(c,t),(t),(b),(b,d)->"
+LANES = 128  # states of a field that are evaluated term by term
+
+
+# ------------------------------------------------------------------------------- three dimensions
+@formula
+def numbers_of(I1, I2, I13, I23, k, eps, w1, w2):
+    """X and Y, with the bits of steps, U and K."""
+    frame = frame_of(I1, I2, I13, I23, k, eps)
+    X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
+    return X, Y, frame.a1 * w1 + frame.a2 * w2, frame.K
+
+
+@formula
+def in_range(number):
+    """The number, or NaN for one that has left the range of float64."""
+    return select(abs(number) < np.inf, number, np.nan)
+
+
+@formula
+def energy_at(I1, I2, w1, w2):
+    return 0.5 * (I1 * w1 * w1 + I2 * w2 * w2)
+
+
+@formula
+def first_integral_at(I1, I2, I13, I23, k, eps, w1, w2):
+    """F of Lemma 1, with l for x."""
+    step = eps * (I13 * w1 + I23 * w2 + k)
+    return 2.0 * energy_at(I1, I2, w1, w2) / in_range(4.0 * I1 * I2 + step * step)
+
+
+@formula
+def vector_field_at(I1, I2, I13, I23, k, w1, w2):
+    l = I13 * w1 + I23 * w2 + k
+    return -(l * w2) / I1, (l * w1) / I2
+
+
+@universal(IN_3D + "()")
+def energy(I1, I2, I13, I23, k, eps, w, out):
+    out[0] = energy_at(I1, I2, w[0], w[1])
+
+
+@universal(IN_3D + "()")
+def first_integral(I1, I2, I13, I23, k, eps, w, out):
+    out[0] = first_integral_at(I1, I2, I13, I23, k, eps, w[0], w[1])
+
+
+@universal(IN_3D + "()")
+def modified_energy(I1, I2, I13, I23, k, eps, w, out):
+    """2 I1 I2 F."""
+    out[0] = 2.0 * I1 * I2 * first_integral_at(I1, I2, I13, I23, k, eps, w[0], w[1])
+
+
+@universal(IN_3D + "()")
+def invariant_density(I1, I2, I13, I23, k, eps, w, out):
+    """1 / (l (4 I1 I2 + eps**2 l**2))."""
+    l = I13 * w[0] + I23 * w[1] + k
+    step = eps * l
+    out[0] = 1.0 / (l * (4.0 * I1 * I2 + step * step))
+
+
+@formula
+def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
+    """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 where runs say that it is."""
+    X, Y, U, _ = numbers_of(I1, I2, I13, I23, k, eps, w1, w2)
+    T = np.sqrt(in_range(U * U + Y * Y) / (1.0 + X * X))
+    beyond = is_supercritical(frame_of(I1, I2, I13, I23, k, eps), X, Y)
+    T = select(beyond & (T < 1.0), 1.0, select((T >= 1.0) & ~beyond, 1.0 - 2.0**-53, T))
+    return select(eps < 0.0, -T, T)
+
+
+@universal(IN_3D + "()")
+def criticality(I1, I2, I13, I23, k, eps, w, out):
+    out[0] = criticality_at(I1, I2, I13, I23, k, eps, w[0], w[1])
+
+
+@universal(IN_3D + "()")
+def rotation_number(I1, I2, I13, I23, k, eps, w, out):
+    """sign(k) arctan(e mu) / pi with mu**2 = k**2 - A**2, and 0 where that is negative."""
+    X, Y, U, K = numbers_of(I1, I2, I13, I23, k, eps, w[0], w[1])
+    square = ((K * X) * (K * X) - X * (U - K) - Y * Y) / (1.0 + X * X)  # (e mu)**2
+    turns = math.atan(np.sqrt(select(square < 0.0, 0.0, square))) / math.pi
+    out[0] = select(K < 0.0, -turns, turns)
+
+
+@universal(IN_3D + "(d)")
+def to_xy(I1, I2, I13, I23, k, eps, w, out):
+    out[0], out[1] = I13 * w[0] + I23 * w[1], I23 * I1 * w[0] - I13 * I2 * w[1]
+
+
+@universal(IN_3D + "(d)")
+def from_xy(I1, I2, I13, I23, k, eps, xy, out):
+    D = I13 * I13 * I2 + I23 * I23 * I1
+    out[0] = (I13 * I2 * xy[0] + I23 * xy[1]) / D
+    out[1] = (I23 * I1 * xy[0] - I13 * xy[1]) / D
+
+
+@universal(IN_3D + "(),(),(),()")
+def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
+    """h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.
+
+    k1 = -(2 / eps) artanh t and sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
+    """
+    X, Y, _, _ = numbers_of(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
+    x = I13 * w[0] + I23 * w[1]
+    y = np.sqrt(I1 * I2) * (I23 / I2 * w[0] - I13 / I1 * w[1])
+    t[0] = criticality_at(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
+    h[0] = 0.25 * (x * x + y * y) / (1.0 + X * X)
+    T, complement = abs(t[0]), (1.0 - Y) * (1.0 + Y) / (1.0 + X * X)
+    slow = math.atanh(min(T, 0.5))
+    half_log = slow if T < 0.5 else -0.5 * math.log(max(complement, 0.0) / (1.0 + T) ** 2)
+    exists = abs(Y) < 1.0
+    k1[0] = select(exists, -2.0 * np.sqrt(h[0] / (I1 * I2)) * (half_log / T if T > 0.0 else 1.0), np.nan)
+    k2[0] = 0.0 if h[0] == 0.0 else math.asinh(y / (abs(x) * np.sqrt(max(complement, 0.0))))
+    k2[0] = select(exists, k2[0], np.nan)
+
+
+@universal(IN_3D + "(d)")
+def vector_field(I1, I2, I13, I23, k, eps, w, out):
+    out[0], out[1] = vector_field_at(I1, I2, I13, I23, k, w[0], w[1])
+
+
+@formula
+def matrix_at(I1, I2, I13, I23, k, h, w1, w2):
+    """Entries (11, 12, 21, 22) of 1 - h f'."""
+    l = I13 * w1 + I23 * w2 + k
+    return (
+        1.0 + h * (I13 * w2) / I1,
+        h * (l + I23 * w2) / I1,
+        -h * (l + I13 * w1) / I2,
+        1.0 - h * (I23 * w1) / I2,
+    )
+
+
+@universal(IN_3D + "(d,d)")
+def matrix(I1, I2, I13, I23, k, eps, w, out):
+    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = matrix_at(
+        I1, I2, I13, I23, k, 0.5 * eps, w[0], w[1]
+    )
+
+
+@formula
+def inverse_determinant(X, Y, K):
+    """1 / det A, where det A = 1 - Y + 2 X**2 - K X; NaN at poles."""
+    square, KX = X * (2.0 * X), K * X
+    D = ((1.0 - Y) - KX) + square
+    pole = abs(D) <= ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + (square + abs(KX)))
+    return 1.0 / select(pole, np.nan, in_range(D))
+
+
+@universal(IN_3D + "(d,d)")
+def jacobian(I1, I2, I13, I23, k, eps, w, out):
+    """A(w; eps)**-1 A(w_next; -eps), by the adjugate of the first matrix."""
+    X, Y, _, K = numbers_of(I1, I2, I13, I23, k, eps, w[0], w[1])
+    inverse, h = inverse_determinant(X, Y, K), 0.5 * eps
+    next1, next2 = one_step(I1, I2, I13, I23, k, eps, w[0], w[1])
+    a11, a12, a21, a22 = matrix_at(I1, I2, I13, I23, k, h, w[0], w[1])
+    b11, b12, b21, b22 = matrix_at(I1, I2, I13, I23, k, -h, next1, next2)
+    out[0, 0], out[0, 1] = (a22 * b11 - a12 * b21) * inverse, (a22 * b12 - a12 * b22) * inverse
+    out[1, 0], out[1, 1] = (a11 * b21 - a21 * b11) * inverse, (a11 * b22 - a21 * b12) * inverse
+
+
+@universal(IN_3D + "()")
+def reaction(I1, I2, I13, I23, k, eps, w, out):
+    """(l_next - l) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2; eps = 0: the derivatives.
+
+    Both are rational functions with the denominator det A, and what cancels in these does so in
+    the result.
+    """
+    X, Y, _, K = numbers_of(I1, I2, I13, I23, k, eps, w[0], w[1])
+    inverse, a, h = inverse_determinant(X, Y, K), I1 * I2, 0.5 * eps
+    u, v = I13 * w[0] + I23 * w[1], I23 / I2 * w[0] - I13 / I1 * w[1]
+    slope = (u + k) * (v - h * (u + k) * u / a) * inverse
+    of_1 = I1 * w[0] * w[0] * (I13 * w[0] + k)
+    of_2 = I2 * w[1] * w[1] * (I23 * w[1] + k)
+    mean = (w[0] * w[1] * (1.0 - K * X) + h * (of_1 - of_2) / a) * inverse
+    out[0] = slope - (I1 - I2) * mean
+
+
+# ---------------------------------------------------------------------------------- n dimensions
+@formula
+def sums_of_others(I, w):
+    """The index of the largest component, and the sums of I_j w_j and w_j**2 over the others.
+
+    f_i = (p w_i - I_i |w|**2) / J_i holds no term with w_i**2, which would outweigh all others.
+    """
+    largest, p, square = 0, 0.0, 0.0
+    for j in range(len(w)):
+        largest = j if abs(w[j]) > abs(w[largest]) else largest
+    for j in range(len(w)):
+        if j != largest:
+            p, square = p + I[j] * w[j], square + w[j] * w[j]
+    return largest, p, square
+
+
+@formula
+def force(I, w, i, largest, p, square):
+    """J_i f_i."""
+    if i == largest:
+        return p * w[i] - I[i] * square
+    W = w[largest]
+    return (p + I[largest] * W) * w[i] - I[i] * (square + W * W)
+
+
+@formula
+def twice_energy(J, w):
+    total = 0.0
+    for j in range(len(w)):
+        total += J[j] * w[j] * w[j]
+    return total
+
+
+@universal(IN_ND + "()")
+def energy_nd(J, I, eps, w, out):
+    out[0] = 0.5 * twice_energy(J, w)
+
+
+@universal(IN_ND + "()")
+def modified_energy_nd(J, I, eps, w, out):
+    """E**2 / (E + eps**2 f.Jf / 8)."""
+    largest, p, square = sums_of_others(I, w)
+    of_slope, of_state = 0.0, twice_energy(J, w)
+    for i in range(len(w)):
+        Jf = force(I, w, i, largest, p, square)
+        of_slope += Jf * (Jf / J[i])
+    ratio = 0.25 * eps * eps * in_range(of_slope) / of_state
+    out[0] = 0.5 * of_state / in_range(1.0 + ratio) if of_state != 0.0 else 0.0
+
+
+@formula
+def solved_at(J, I, eps, w):
+    """The product a b and eps**2 x**2 of a solved body: J = b along I and a across, x = |I| times
+    the length of the component of w across I.
+    """
+    axis, p, square, x2 = 0, 0.0, 0.0, 0.0
+    for j in range(len(w)):
+        axis = j if abs(I[j]) > abs(I[axis]) else axis
+        p, square = p + I[j] * w[j], square + I[j] * I[j]
+    for j in range(len(w)):
+        across = eps * (w[j] - (p * I[j] / square if square > 0.0 else 0.0))
+        x2 += across * across
+    return J[axis] * J[(axis + 1) % len(w)], square * x2
+
+
+@universal(IN_ND + "()")
+def first_integral_nd(J, I, eps, w, out):
+    """2 E / (4 a b + eps**2 x**2)."""
+    ab, step = solved_at(J, I, eps, w)
+    out[0] = twice_energy(J, w) / in_range(4.0 * ab + step)
+
+
+@universal(IN_ND + "()")
+def criticality_nd(J, I, eps, w, out):
+    """t = eps sqrt(h / (a b)), h = b |I|**2 F."""
+    ab, step = solved_at(J, I, eps, w)
+    level = eps * eps * twice_energy(J, w) * (twice_energy(J, I) / ab)
+    T = np.sqrt(in_range(level) / in_range(4.0 * ab + step))
+    out[0] = select(eps < 0.0, -T, T)
+
+
+@universal(IN_ND + "()")
+def invariant_density_nd(J, I, eps, w, out):
+    """That of n = 3, and that of n = 4 with I along axis a; b and c are the others.
+
+    Its inverse is w_b w_c (1 - h**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)),
+    h = eps I_a / 2.
+    """
+    if len(w) == 2:
+        l = I[0] * w[1] - I[1] * w[0]
+        step = eps * l
+        out[0] = 1.0 / (l * (4.0 * J[0] * J[1] + step * step))
+    else:
+        a = 0
+        for i in range(3):
+            a = i if abs(I[i]) > abs(I[a]) else a
+        b, c, h = (a + 1) % 3, (a + 2) % 3, 0.5 * eps * I[a]
+        along = (h * w[a] / J[b]) * (h * w[a] / J[c])
+        across = (w[b] - w[c]) * (w[b] + w[c]) * (h / J[a]) * (h / J[b]) * ((J[c] - J[b]) / J[c])
+        below = w[b] * w[c] * (1.0 - along + across)
+        out[0] = 1.0 / abs(below) if below == 0.0 else 1.0 / below
+
+
+@universal(IN_ND + "(d)")
+def vector_field_nd(J, I, eps, w, out):
+    """(p w_i - I_i |w|**2) / J_i."""
+    largest, p, square = sums_of_others(I, w)
+    for i in range(len(w)):
+        out[i] = force(I, w, i, largest, p, square) / J[i]
+
+
+@universal(IN_ND + "(d,d)")
+def matrix_nd(J, I, eps, w, out):
+    """delta_ij (1 - eps p / (2 J_i)) + eps (2 I_i w_j - I_j w_i) / (2 J_i)."""
+    for i in range(len(w)):
+        h, others = 0.5 * eps / J[i], 0.0
+        for j in range(len(w)):
+            out[i, j] = h * (2.0 * I[i] * w[j] - I[j] * w[i])
+            others += I[j] * w[j] if j != i else 0.0
+        out[i, i] = 1.0 - h * others
+
+
+@universal("(d),(d),(d),(d)->(d,d)")
+def reaction_nd(J, I, w, after, out):
+    """I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2.
+
+    s, the field with polarised products, is (after - w) / eps; `after` is w in continuous motion.
+    """
+    for i in range(len(w)):
+        out[i, i] = 0.0
+        for j in range(len(w)):
+            p = I[j] * (w[j] * after[i] + after[j] * w[i])
+            out[i, i] += (0.5 * p - I[i] * w[j] * after[j]) / J[i] if j != i else 0.0
+    for i in range(len(w)):
+        for j in range(i):
+            mean = 0.5 * (w[i] * after[j] + after[i] * w[j])
+            out[i, j] = I[j] * out[i, i] - I[i] * out[j, j] - (J[j] - J[i]) * mean
+            out[j, i] = -out[i, j]
+    for i in range(len(w)):
+        out[i, i] *= 0.0
+
+
+# ---------------------------------------------------------------------------------------- fields
+@formula
+def factor(x, b, j):
+    """x_j of state b, or 1."""
+    return x[b, j] if j < x.shape[1] else 1.0
+
+
+@universal(FIELD + "(b,d)")
+def vector_field_of(places, values, eps, x, out):
+    out[:] = 0.0
+    for first in range(0, len(x), LANES):
+        for t in range(len(values)):
+            i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
+            for b in range(first, min(first + LANES, len(x))):
+                out[b, i] += values[t] * factor(x, b, j) * factor(x, b, k)
+
+
+@universal(FIELD + "(b,d,d)")
+def matrix_of(places, values, eps, x, out):
+    """1 - (eps / 2) f'."""
+    D = x.shape[1]
+    for first in range(0, len(x), LANES):
+        last = min(first + LANES, len(x))
+        out[first:last] = 0.0
+        for t in range(len(values)):
+            i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
+            for b in range(first, last):
+                half = 0.5 * eps[b] * values[t]
+                if j < D:
+                    out[b, i, j] -= half * factor(x, b, k)
+                if k < D:
+                    out[b, i, k] -= half * factor(x, b, j)
+        for b in range(first, last):
+            for i in range(D):
+                out[b, i, i] += 1.0
+
+
+@universal(FIELD + "(b)")
+def hamiltonian_of(places, values, eps, x, out):
+    """The sum of terms v x_i x_j x_k."""
+    out[:] = 0.0
+    for first in range(0, len(x), LANES):
+        for t in range(len(values)):
+            i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
+            for b in range(first, min(first + LANES, len(x))):
+                out[b] += values[t] * factor(x, b, i) * factor(x, b, j) * factor(x, b, k)
+
+
+@universal("(c,t),(t),(d),(d)->()")
+def polarised_hamiltonian(places, values, x, after, out):
+    """H(x, x, after), the symmetric form of H(x) = H(x, x, x)."""
+    D, total = len(x), 0.0
+    for t in range(len(values)):
+        i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
+        a, b, c = x[i] if i < D else 1.0, x[j] if j < D else 1.0, x[k] if k < D else 1.0
+        a1, b1, c1 = after[i] if i < D else 1.0, after[j] if j < D else 1.0, after[k] if k < D else 1.0
+        total += values[t] * (a * b * c1 + a * b1 * c + a1 * b * c)
+    out[0] = total / 3.0
+
+
+@universal("(c,t),(t),(),(d),(d,d,e),(d)->()")
+def density_of(places, values, eps, x, a, units, out):
+    """1 / det A, by elimination with partial pivoting; `a`, of one lane, and `units` are scratch."""
+    D, det = len(x), 1.0
+    for i in range(D):
+        for j in range(D):
+            a[i, j, 0] = 1.0 if i == j else 0.0
+    for t in range(len(values)):
+        i, j, k, half = int(places[0, t]), int(places[1, t]), int(places[2, t]), 0.5 * eps * values[t]
+        if j < D:
+            a[i, j, 0] -= half * x[k] if k < D else half
+        if k < D:
+            a[i, k, 0] -= half * x[j]
+    balance(a, units)
+    for k in range(D):
+        pivot = k
+        for i in range(k + 1, D):
+            pivot = i if abs(a[i, k, 0]) > abs(a[pivot, k, 0]) else pivot
+        for j in range(k, D):
+            a[k, j, 0], a[pivot, j, 0] = a[pivot, j, 0], a[k, j, 0]
+        det *= a[k, k, 0] if pivot == k else -a[k, k, 0]
+        for i in range(k + 1, D):
+            ratio = a[i, k, 0] / a[k, k, 0] if a[k, k, 0] != 0.0 else 0.0
+            for j in range(k + 1, D):
+                a[i, j, 0] -= ratio * a[k, j, 0]
+    out[0] = 1.0 / det

@@ -1,0 +1,338 @@
+"""Conserved quantities and the invariant measure."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..bodies.field import QuadraticField
+from ..bodies.nd import SuslovND, check_measure, check_solved
+from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..checks import FloatArray, wrong
+from ..core import quantities as formulas
+from ..engine.arguments import States
+from .evaluation import by_terms, evaluate, next_states
+
+
+def energy(
+    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike
+) -> FloatArray:
+    """Energy, half the sum of J_i Omega_i**2, conserved by the continuous motion.
+
+    In three dimensions it is (I1 Omega1**2 + I2 Omega2**2) / 2; of a field made by
+    `QuadraticField.from_hamiltonian` it is H. The map conserves :func:`first_integral` or
+    :func:`modified_energy` instead.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        In the unit of inertia times that of omega squared; of a field, in the unit of H.
+
+    Raises
+    ------
+    TypeError
+        For a field without a Hamiltonian.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, energy
+    >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
+    2.125
+    """
+    return evaluate(
+        body,
+        {"omega": omega},
+        in_3d=formulas.energy,
+        in_nd=formulas.energy_nd,
+        of_field=_hamiltonian,
+    )
+
+
+def _hamiltonian(states: States) -> FloatArray:
+    return by_terms(formulas.hamiltonian_of, states, _with_hamiltonian(states.body).H.terms)
+
+
+def _with_hamiltonian(field: QuadraticField) -> QuadraticField:
+    if field.H is None:
+        expected = "a field with a Hamiltonian, made by QuadraticField.from_hamiltonian"
+        raise wrong("body", expected, "one without", TypeError)
+    return field
+
+
+def first_integral(
+    body: Suslov3D | SuslovND | SuslovGyrostat, omega: ArrayLike, eps: ArrayLike
+) -> FloatArray:
+    """First integral F of the map.
+
+    In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2) with
+    x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat). In n dimensions F is known if J I = b I and
+    J = a on the vectors orthogonal to I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times
+    the length of the component of omega orthogonal to I.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        In the unit of omega squared over that of inertia.
+
+    Raises
+    ------
+    NotIntegrableError
+        If no first integral is known for the body; :func:`modified_energy` is nearly conserved.
+
+    Notes
+    -----
+    Lemma 1 of the paper, equation (6). The integral of equation (9) is F times
+    D = I13**2 I2 + I23**2 I1.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, first_integral, step
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> states = [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)]
+    >>> first_integral(body, states, eps=0.2).round(9)
+    array([0.26534473, 0.26534473])
+    """
+    return evaluate(
+        body,
+        {"omega": omega, "eps": eps},
+        in_3d=formulas.first_integral,
+        in_nd=formulas.first_integral_nd,
+        require=partial(check_solved, function="first_integral"),
+    )
+
+
+def modified_energy(
+    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike, eps: ArrayLike
+) -> FloatArray:
+    """Modified energy E**2 / (E + eps**2 f.Jf / 8), where f is the vector field.
+
+    The map conserves it wherever :func:`first_integral` is known, and for every other body up to an
+    error of order eps**4; the error of E is of order eps**2. In three dimensions it is 2 I1 I2 F,
+    also with a rotor. For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with
+    the :func:`matrix` A, which the map conserves exactly.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        In the unit of the :func:`energy`. NaN, with one :class:`SingularStepWarning`, where a state
+        of a field has no next state.
+
+    Raises
+    ------
+    TypeError
+        For a field without a Hamiltonian.
+
+    Notes
+    -----
+    That of a field is due to Celledoni, McLachlan, Owren and Quispel (2013), arXiv:1209.1164. With
+    the Hamiltonian as a symmetric trilinear form in (x, 1) it is H(x, x, x_next).
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, modified_energy, step
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> states = [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)]
+    >>> modified_energy(body, states, eps=0.2).round(6)
+    array([2.122758, 2.122758])
+    """
+    return evaluate(
+        body,
+        {"omega": omega, "eps": eps},
+        in_3d=formulas.modified_energy,
+        in_nd=formulas.modified_energy_nd,
+        of_field=_modified_hamiltonian,
+    )
+
+
+def _modified_hamiltonian(states: States) -> FloatArray:
+    places, values = _with_hamiltonian(states.body).H.terms
+    after = next_states(states)
+    found: FloatArray = formulas.polarised_hamiltonian(places, values, states.omega, after)
+    return found
+
+
+def criticality(
+    body: Suslov3D | SuslovND | SuslovGyrostat, omega: ArrayLike, eps: ArrayLike
+) -> FloatArray:
+    """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
+
+    It is constant along an orbit, and has the sign of eps. If -1 < t < 1, the orbit follows the
+    continuous motion; otherwise it jumps across the line of steady states, and can meet a pole. For
+    a gyrostat, with the same for k = 0, t = e A with e = eps / (2 sqrt(I1 I2)) and
+    A**2 = 4 I1 I2 F (I13**2 / I1 + I23**2 / I2).
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        t, dimensionless.
+
+    Raises
+    ------
+    NotIntegrableError
+        If no first integral is known for the body.
+
+    Notes
+    -----
+    h is the first integral of equation (9) of the paper, which is constant along an orbit:
+    D = I13**2 I2 + I23**2 I1 times :func:`first_integral`.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, criticality
+    >>> body = Suslov3D(I1=3, I2=3, I13=-0.2, I23=-0.2)
+    >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
+    array([0.1049, 1.2281])
+    """
+    return evaluate(
+        body,
+        {"omega": omega, "eps": eps},
+        in_3d=formulas.criticality,
+        in_nd=formulas.criticality_nd,
+        require=partial(check_solved, function="criticality"),
+    )
+
+
+def rotation_number(
+    body: Suslov3D | SuslovGyrostat, omega: ArrayLike, eps: ArrayLike
+) -> FloatArray:
+    """Rotation number of an orbit of the map of a gyrostat: turns of its phase per step.
+
+    It is constant along an orbit, and 0 where orbits go from one steady state to another: for every
+    body without a rotor, and for a gyrostat where abs(k) <= A.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., 2))
+        States.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        Turns, dimensionless, between -1/2 and 1/2, with the sign of k eps.
+
+    Notes
+    -----
+    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, l = I13 Omega1 + I23 Omega2 + k and the e and A of
+    :func:`criticality` it is sign(k) arctan(e sqrt(k**2 - A**2)) / pi turns of the argument of
+    z / (1 - i e l). If abs(e) A < 1, Omega turns as often. It is not in the paper.
+
+    Examples
+    --------
+    >>> from suslov_fast import SuslovGyrostat, rotation_number
+    >>> body = SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=[0.0, 0.9, 1.8])
+    >>> rotation_number(body, [1.1, -0.4], eps=0.35).round(6)
+    array([0.      , 0.      , 0.043038])
+    """
+    return evaluate(body, {"omega": omega, "eps": eps}, in_3d=formulas.rotation_number)
+
+
+def invariant_density(
+    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike, eps: ArrayLike
+) -> FloatArray:
+    """Density of an invariant measure of the map.
+
+    rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat), in
+    (Omega1, Omega2). For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. In
+    n dimensions one is known for n = 3, and for n = 4 with I along one axis. With the
+    :func:`jacobian` J at omega, rho(next omega) det J = rho(omega), signs included. For eps = 0 it
+    is a density of the continuous motion.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        In three dimensions in the unit of 1 / omega over that of inertia to the third power, with
+        the sign of x, and infinite on the line x = 0 of steady states. For n = 4 in the unit of
+        1 / omega squared. Dimensionless for a field, and infinite at poles.
+
+    Raises
+    ------
+    NotIntegrableError
+        If no invariant measure is known for the body.
+    TypeError
+        For a field without a Hamiltonian.
+
+    Notes
+    -----
+    The measures are not in the paper. A density is determined up to a constant factor; in three
+    dimensions with this one rho is also the density in the coordinates (x, y) of :func:`to_xy`.
+    For n = 4 and I = (I1, 0, 0) it is
+    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))), infinite
+    where the denominator is 0; for another axis the indices are permuted.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from suslov_fast import Suslov3D, invariant_density, jacobian, step
+    >>> body, omega = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]
+    >>> float(invariant_density(body, omega, eps=0.2).round(9))
+    -0.096052391
+    >>> after = invariant_density(body, step(body, omega, eps=0.2), eps=0.2)
+    >>> float((after * np.linalg.det(jacobian(body, omega, eps=0.2))).round(9))
+    -0.096052391
+    """
+    return evaluate(
+        body,
+        {"omega": omega, "eps": eps},
+        in_3d=formulas.invariant_density,
+        in_nd=formulas.invariant_density_nd,
+        of_field=_density_of_field,
+        require=partial(check_measure, function="invariant_density"),
+        poles=True,
+    )
+
+
+def _density_of_field(states: States) -> FloatArray:
+    _with_hamiltonian(states.body)
+    (places, values), D = states.body.terms, states.body.dimension
+    scratch = np.empty((D, D, 1)), np.empty(D)
+    found: FloatArray = formulas.density_of(places, values, states.eps, states.omega, *scratch)
+    return found

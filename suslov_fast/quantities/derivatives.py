@@ -1,0 +1,291 @@
+"""Derivatives with respect to time, with the reaction, and those of the map by its state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..bodies.field import QuadraticField
+from ..bodies.nd import SuslovND
+from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..checks import FloatArray, first_index, spell
+from ..core import quantities as formulas
+from ..engine.arguments import BodyOrField, States, check
+from .evaluation import by_terms, evaluate, next_states
+
+# A state is fixed if no component of the field is above this part of the sum of its terms.
+_FIXED = 1e-8
+
+
+def vector_field(
+    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike
+) -> FloatArray:
+    """Time derivative of omega in the continuous motion, or of the state x of a field.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D))
+        In the unit of omega squared; of a field, in that of x over time.
+
+    Notes
+    -----
+    Equation (2) of the paper; in n dimensions equation (14).
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, vector_field
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> vector_field(body, [1.0, 0.5]).round(6)
+    array([ 0.08125, -0.65   ])
+    """
+    return evaluate(
+        body,
+        {"omega": omega},
+        in_3d=formulas.vector_field,
+        in_nd=formulas.vector_field_nd,
+        of_field=lambda states: by_terms(formulas.vector_field_of, states),
+        axes=1,
+    )
+
+
+def reaction(
+    body: Suslov3D | SuslovND | SuslovGyrostat, omega: ArrayLike, eps: ArrayLike | None = None
+) -> FloatArray:
+    """Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    eps : array_like(float, shape=(...)), optional
+        Step size, in the unit of time of omega. With it the multiplier is that of the discrete
+        equations between each state and its next one, without it that of the continuous equations.
+
+    Returns
+    -------
+    ndarray(float, shape=(...) or (..., n - 1, n - 1))
+        In the unit of inertia times that of omega squared. In n dimensions, the antisymmetric
+        matrix lambda_ij of equation (13). NaN, with one :class:`SingularStepWarning`, where eps is
+        given and a state has no next state.
+
+    Notes
+    -----
+    In three dimensions lambda follows from the third equation of (2), which is discretized as
+    (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2. A rotor
+    does not change it.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, reaction
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> float(reaction(body, [1.0, 0.5]).round(6))
+    -1.345625
+    >>> float(reaction(body, [1.0, 0.5], eps=0.01).round(6))
+    -1.336328
+    """
+    arguments = {"omega": omega} if eps is None else {"omega": omega, "eps": eps}
+    axes = 2 * isinstance(body, SuslovND)
+    return evaluate(body, arguments, in_3d=formulas.reaction, in_nd=_reaction_nd, axes=axes)
+
+
+def _reaction_nd(states: States) -> FloatArray:
+    body, omega, eps, *_ = states
+    after = next_states(states) if np.any(eps) else omega
+    found: FloatArray = formulas.reaction_nd(body.J, body.I, omega, after)
+    return found
+
+
+def matrix(
+    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike, eps: ArrayLike
+) -> FloatArray:
+    """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
+
+    It is the identity minus eps / 2 times the derivative f' of the vector field f. For every body
+    and field, A(omega; eps) (next_omega - omega) = eps f(omega).
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D, D))
+        A, dimensionless.
+
+    Notes
+    -----
+    The paper inverts it before equation (5), and in (16).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from suslov_fast import Suslov3D, matrix, step
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> A = matrix(body, [1.0, 0.5], eps=0.2)
+    >>> A.round(6)
+    array([[ 0.99375, -0.02   ],
+           [ 0.115  ,  1.03   ]])
+    >>> (A @ step(body, [1.0, 0.5], eps=0.2)).round(6)
+    array([1. , 0.5])
+    """
+    return evaluate(
+        body,
+        {"omega": omega, "eps": eps},
+        in_3d=formulas.matrix,
+        in_nd=formulas.matrix_nd,
+        of_field=lambda states: by_terms(formulas.matrix_of, states),
+        axes=2,
+    )
+
+
+def multipliers(
+    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, x: ArrayLike, eps: ArrayLike
+) -> NDArray[Any]:
+    """Eigenvalues of the derivative of the map at a fixed point.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        A single one, or a batch.
+    x : array_like(float, shape=(..., D))
+        Fixed points of the map: steady states of a body, zeros of a field.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of x.
+
+    Returns
+    -------
+    ndarray(float or complex, shape=(..., D))
+        Dimensionless, in descending order of their moduli, of a conjugate pair the one with the
+        positive imaginary part first; floats for a Suslov body, complex for a gyrostat or a field.
+        That along a line of steady states of a body is 1. Infinite at a pole; NaN for states that
+        are NaN.
+
+    Raises
+    ------
+    ValueError
+        If a component of the vector field at a state is above 1e-8 of the sum of the moduli of its
+        terms. :func:`jacobian` is the derivative at any state.
+
+    Notes
+    -----
+    At a fixed point the derivative of the map is (1 - eps f' / 2)**-1 (1 + eps f' / 2), so that an
+    eigenvalue mu of f' gives the multiplier (1 + eps mu / 2) / (1 - eps mu / 2). On the line
+    x = 0 of equation (8) of the paper this is (1 + Y) / (1 - Y) with Y = eps y / (2 I1 I2). In n
+    dimensions mu = c s at omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, multipliers
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> multipliers(body, [[0.6, -1.0], [-0.6, 1.0]], eps=0.2).round(6)
+    array([[1.      , 0.940805],
+           [1.062919, 1.      ]])
+    """
+    states = check(body, BodyOrField, {"x": x, "eps": eps})
+    half_step = 0.5 * np.asarray(states.eps)[..., np.newaxis]
+    with np.errstate(all="ignore"):
+        of_class = _rates_of_field if isinstance(body, QuadraticField) else _rates_of_body
+        Y = half_step * of_class(states)
+        large = (1.0 / Y + 1.0) / (1.0 / Y - 1.0)
+        found = np.where(Y == 1.0, np.inf, np.where(abs(Y) < 1.0, (1.0 + Y) / (1.0 - Y), large))
+        found = np.broadcast_to(found, (*states.batch, body.dimension))
+        order = np.lexsort((-found.imag, -abs(found)), axis=-1)
+    unknown = np.isnan(states.omega).any(axis=-1, keepdims=True)
+    return np.where(unknown, np.nan, np.take_along_axis(found, order, axis=-1))
+
+
+def _rates_of_body(states: States) -> NDArray[Any]:
+    """Return the eigenvalues of f' at steady states of a body, (..., m), of which one is 0.
+
+    In all dimensions J_i f_i = sum_j I_j x_j x_i - I_i x_j x_j, and in three a rotor adds a term.
+    """
+    body, x, m = states.body, states.omega, states.body.dimension
+    others = 1.0 - np.eye(m)  # the terms with j = i cancel
+    turn = np.zeros(m)
+    if isinstance(body, SuslovND):
+        J, I = body.J, body.I
+    else:
+        J = np.stack(np.broadcast_arrays(body.I1, body.I2), axis=-1)
+        I = np.stack(np.broadcast_arrays(body.I23, np.negative(body.I13)), axis=-1)
+        turn = np.asarray(getattr(body, "k", 0.0))[..., np.newaxis] * x[..., ::-1] * [-1.0, 1.0]
+    p, square = (I * x) @ others, (x * x) @ others
+    terms = abs(x) * (abs(I * x) @ others) + abs(I) * square + abs(turn)
+    _refuse_moving(states, x * p - I * square + turn, terms)
+    if m == 2:
+        across = (p / J).sum(axis=-1, keepdims=True)  # the trace of f'
+    else:
+        along = (I * I).sum(axis=-1, keepdims=True)
+        c = (I * x).sum(axis=-1, keepdims=True) / along
+        across = np.where(along > 0.0, c * _spectrum(J, I), 0.0)
+    rates = np.concatenate([across, np.zeros((*across.shape[:-1], 1))], axis=-1)
+    if not isinstance(body, SuslovGyrostat):
+        return rates
+    speed = np.asarray(body.k / np.sqrt(J[..., 0] * J[..., 1]))[..., np.newaxis]
+    pair = 1j * speed * np.array([1.0, -1.0])  # at rest, where f' turns
+    return np.where((x == 0.0).all(axis=-1, keepdims=True) & (speed != 0.0), pair, rates)
+
+
+def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
+    """Return the spectrum of J**-1 (|I|**2 Id - I I^T) without the 0 of I.
+
+    The sum of I_i**2 / (pole_i - s), with pole_i = |I|**2 / J_i, is 0 for one s between two poles.
+    By bisection the error of each s is relative to itself, not to the largest one.
+    """
+    square = I * I
+    poles = square.sum(axis=-1, keepdims=True) / J
+    bounds = np.sort(poles, axis=-1)
+    low, high = bounds[..., :-1], bounds[..., 1:]
+    square, poles = square[..., np.newaxis, :], poles[..., np.newaxis, :]
+    for _ in range(80):
+        middle = np.where(high > 4.0 * low, np.sqrt(low) * np.sqrt(high), 0.5 * (low + high))
+        above = (square / (poles - middle[..., np.newaxis])).sum(axis=-1) < 0.0
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    return high
+
+
+def _rates_of_field(states: States) -> NDArray[Any]:
+    """Return the eigenvalues of f' at zeros of a field, (..., D)."""
+    body, x, D = states.body, states.omega, states.body.dimension
+    (i, j, k), values = body.terms
+    x = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+    along_j, along_k = values * x[..., k], values * x[..., j]
+    terms = along_j * x[..., j]
+    field, sizes = np.zeros((2, *terms.shape[:-1], D))
+    np.add.at(field, (..., i), terms)
+    np.add.at(sizes, (..., i), abs(terms))
+    _refuse_moving(states, field, sizes)
+    slopes = np.zeros((*terms.shape[:-1], D, D + 1))
+    np.add.at(slopes, (..., i, j), along_j)
+    np.add.at(slopes, (..., i, k), along_k)
+    known = np.isfinite(slopes).all(axis=(-2, -1), keepdims=True)
+    found = np.linalg.eigvals(np.where(known, slopes, 0.0)[..., :D]).astype(complex)
+    return np.where(known[..., 0], found, np.nan)
+
+
+def _refuse_moving(states: States, field: FloatArray, terms: FloatArray) -> None:
+    """Raise ValueError for a state at which the vector field is not 0 to rounding."""
+    unknown = np.isnan(states.omega).any(axis=-1, keepdims=True)
+    moves = (~(abs(field) <= _FIXED * terms) & ~unknown).any(axis=-1)
+    moves = np.broadcast_to(moves, states.batch)
+    if moves.any():
+        where = f", first: {spell(first_index(moves))}" if states.batch else ""
+        raise ValueError(
+            f"{states.name}: expected fixed points of the map, got {np.count_nonzero(moves)} other "
+            f"states{where}: use jacobian for the derivative at these"
+        )

@@ -1,0 +1,100 @@
+"""How a function of a state gets from its arguments to a universal function, and what it returns.
+
+To add one, write its formula in `core.quantities`, as a universal function of the arguments that
+all have, and call `evaluate` with it. A field has functions of `States` in place of formulas, most
+of them `by_terms`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..bodies.field import QuadraticField
+from ..bodies.nd import SuslovND
+from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..checks import FloatArray, first_index, spell, warn
+from ..core.numba import Universal
+from ..engine.arguments import States, check
+from ..engine.status import SingularStepWarning
+from ..engine.stretches import March
+from ..maps import map_of
+
+
+def evaluate(
+    body: Any,
+    arguments: dict[str, Any],
+    *,
+    in_3d: Universal,
+    in_nd: Universal | Callable[[States], FloatArray] | None = None,
+    of_field: Callable[[States], FloatArray] | None = None,
+    require: Callable[[Any], None] = lambda body: None,
+    axes: int = 0,
+    poles: bool = False,
+) -> FloatArray:
+    """Check the arguments of a public function, and return the quantity, which has `axes` axes.
+
+    A body may be of n dimensions if there is `in_nd`, and then has to pass `require`; or a field if
+    there is `of_field`. With `poles`, infinite values have a meaning.
+    """
+    kinds: tuple[Any, ...] = (Suslov3D, SuslovGyrostat)
+    kinds += (SuslovND,) * bool(in_nd) + (QuadraticField,) * bool(of_field)
+    states = check(body, kinds, arguments)
+    with np.errstate(all="ignore"):
+        if of_field and isinstance(body, QuadraticField):
+            found = of_field(states)
+        elif not isinstance(body, SuslovND):
+            found = in_3d(*parameters_in_3d(body), states.eps, states.omega)
+        else:
+            require(body)
+            assert in_nd
+            is_formula = isinstance(in_nd, Universal)
+            found = in_nd(body.J, body.I, states.eps, states.omega) if is_formula else in_nd(states)
+        return reported(states, found, axes, poles)
+
+
+def parameters_in_3d(body: Suslov3D | SuslovGyrostat) -> tuple[Any, ...]:
+    """Return I1, I2, I13, I23 and k, which is 0 without a rotor."""
+    return body.I1, body.I2, body.I13, body.I23, getattr(body, "k", 0.0)
+
+
+def by_terms(formula: Universal, states: States, terms: Any = None) -> FloatArray:
+    """Return a quantity of a field by a formula of its terms, or of others.
+
+    Formulas take the states of a single field in rows, which are the last axis of the batch.
+    """
+    body, omega, eps, batch, *_ = states
+    places, values = terms or body.terms
+    x = np.broadcast_to(omega, (*batch, body.dimension))
+    eps = np.broadcast_to(eps, batch)
+    one_by_one = bool(body.shape) or not batch
+    if one_by_one:
+        x, eps = x[..., np.newaxis, :], eps[..., np.newaxis]
+    found = formula(places, values, eps, x)
+    return found.reshape(batch + found.shape[len(batch) + 1 :]) if one_by_one else found
+
+
+def next_states(states: States) -> FloatArray:
+    """Return the next states (..., D), NaN where there is none."""
+    steps = next(iter(map_of(states.body).methods.values()))
+    march = March(steps, states)
+    march.to(1)
+    return march.final.reshape((*states.batch, states.body.dimension))
+
+
+def reported(states: States, found: FloatArray, axes: int, poles: bool = False) -> FloatArray:
+    """Return a quantity, NaN where the state is NaN; a warning counts the other missing values."""
+    if math.isfinite(states.omega.sum()) and math.isfinite(found.sum()):
+        return found
+    unknown = np.broadcast_to(np.isnan(states.omega).any(axis=-1), states.batch)
+    lost = np.isnan(found) if poles else ~np.isfinite(found)
+    lost = lost.any(axis=tuple(range(-axes, 0))) & ~unknown
+    if lost.any():
+        where = spell(first_index(lost))
+        message = f"{np.count_nonzero(lost)} of {lost.size} states: singular step or out of range"
+        warn(f"{message}, first: {where}", SingularStepWarning)
+    missing = np.reshape(unknown | lost, (*states.batch, *(1,) * axes))
+    return np.where(missing, np.nan, found)[()]

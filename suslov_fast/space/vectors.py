@@ -1,0 +1,197 @@
+"""Angular velocity and momentum as vectors and matrices: in the adapted basis, in that of the
+inertia tensor, and in space.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..bodies.nd import SuslovND
+from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..checks import FloatArray, common_shape, square_matrices, wrong
+from ..engine.arguments import AnyBody, BodyIn3D, check
+
+
+def to_matrix(
+    body: Suslov3D | SuslovND | SuslovGyrostat,
+    omega: ArrayLike,
+    *,
+    rotation: ArrayLike | None = None,
+    attitude: ArrayLike | None = None,
+) -> FloatArray:
+    """Antisymmetric matrix Omega of an angular velocity: R' = R Omega.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    rotation : array_like(float, shape=(..., n, n)), optional
+        What `from_inertia` or `from_mass_tensor` returned: the result is in the basis of the tensor
+        given to it. By default it is in the adapted basis.
+    attitude : array_like(float, shape=(..., n, n)), optional
+        Orientations of the body, as of :func:`attitude`: the result is in space.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., n, n))
+        In three dimensions, the matrix whose product with a vector v is the vector product of
+        (Omega1, Omega2, 0) and v. In n dimensions, its last column holds Omega_in.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, SuslovND, to_matrix
+    >>> to_matrix(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]), [2.0, 5.0])
+    array([[ 0.,  0.,  2.],
+           [ 0.,  0.,  5.],
+           [-2., -5.,  0.]])
+    >>> to_matrix(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
+    array([[ 0.,  0.,  5.],
+           [ 0.,  0., -2.],
+           [-5.,  2.,  0.]])
+    """
+    column, turn = _states_and_turn(body, AnyBody, omega, rotation, attitude)
+    if isinstance(body, BodyIn3D):
+        column = np.stack([column[..., 1], -column[..., 0]], axis=-1)
+    return _turned(_antisymmetric(column, _zero(column)[..., np.newaxis]), turn)
+
+
+def to_vector(
+    body: Suslov3D | SuslovGyrostat,
+    omega: ArrayLike,
+    *,
+    rotation: ArrayLike | None = None,
+    attitude: ArrayLike | None = None,
+) -> FloatArray:
+    """Angular velocity as a vector, in three dimensions.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., 2))
+        States.
+    rotation : array_like(float, shape=(..., 3, 3)), optional
+        What `from_inertia` returned: the result is in the basis of the tensor given to it. By
+        default it is in the adapted basis.
+    attitude : array_like(float, shape=(..., 3, 3)), optional
+        Orientations of the body, as of :func:`attitude`: the result is in space.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 3))
+        (Omega1, Omega2, 0), or its components in the other basis.
+
+    Raises
+    ------
+    TypeError
+        In n dimensions, where it is no vector; :func:`to_matrix` is for all.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, to_vector
+    >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
+    array([2., 5., 0.])
+    """
+    if isinstance(body, SuslovND):
+        raise wrong("body", "one in three dimensions", "SuslovND: use to_matrix", TypeError)
+    state, turn = _states_and_turn(body, BodyIn3D, omega, rotation, attitude)
+    return _turned_vector(np.concatenate([state, _zero(state)], axis=-1), turn)
+
+
+def momentum(
+    body: Suslov3D | SuslovND | SuslovGyrostat,
+    omega: ArrayLike,
+    *,
+    rotation: ArrayLike | None = None,
+    attitude: ArrayLike | None = None,
+) -> FloatArray:
+    """Angular momentum M = I Omega, or M = I Omega + Omega I in n dimensions.
+
+    With a rotor it is I Omega + k e3.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    rotation : array_like(float, shape=(..., n, n)), optional
+        What `from_inertia` or `from_mass_tensor` returned: the result is in the basis of the tensor
+        given to it. By default it is in the adapted basis.
+    attitude : array_like(float, shape=(..., n, n)), optional
+        Orientations of the body, as of :func:`attitude`: the result is in space.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 3) or (..., n, n))
+        A vector in three dimensions, an antisymmetric matrix in n; in the unit of inertia times
+        that of omega.
+
+    Notes
+    -----
+    I3 does not enter because Omega3 = 0. The :func:`energy` is half the scalar product of M and
+    Omega, or -trace(M Omega) / 4 for matrices. In space M is not conserved: in three dimensions
+    its derivative is the :func:`reaction` times the constrained axis.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, momentum
+    >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
+    array([ 8. ,  5. , -2.5])
+    """
+    state, turn = _states_and_turn(body, AnyBody, omega, rotation, attitude)
+    with np.errstate(all="ignore"):
+        if isinstance(body, BodyIn3D):
+            w1, w2 = state[..., 0], state[..., 1]
+            third = body.I13 * w1 + body.I23 * w2 + getattr(body, "k", 0.0)
+            components = body.I1 * w1, body.I2 * w2, third
+            return _turned_vector(np.stack(np.broadcast_arrays(*components), axis=-1), turn)
+        product = state[..., :, np.newaxis] * body.I[..., np.newaxis, :]
+        matrix = _antisymmetric(body.J * state, product - product.swapaxes(-2, -1))
+    return _turned(matrix, turn)
+
+
+def _states_and_turn(
+    body: Any, kinds: Any, omega: Any, rotation: Any, attitude: Any
+) -> tuple[FloatArray, FloatArray | None]:
+    """Return states (..., D) of the whole batch, and the matrices that convert components from the
+    adapted basis to the requested one.
+    """
+    states = check(body, kinds, {"omega": omega})
+    if rotation is not None and attitude is not None:
+        raise wrong("rotation, attitude", "at most one of them", "both")
+    n, turn = body.dimension + 1, None
+    if rotation is not None:
+        turn = square_matrices("rotation", rotation, n).swapaxes(-2, -1)
+    elif attitude is not None:
+        turn = square_matrices("attitude", attitude, n, allow_nan=True)
+    common_shape({"omega": states.batch, "matrices": () if turn is None else turn.shape[:-2]})
+    return np.broadcast_to(states.omega, (*states.batch, n - 1)), turn
+
+
+def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:
+    """Return antisymmetric matrices from their last column and the remaining block."""
+    batch = np.broadcast_shapes(column.shape[:-1], block.shape[:-2])
+    n = column.shape[-1] + 1
+    matrix = np.empty((*batch, n, n))
+    matrix[..., :-1, :-1], matrix[..., -1, -1] = block, _zero(block[..., 0])[..., 0]
+    matrix[..., :-1, -1], matrix[..., -1, :-1] = column, -column
+    return matrix
+
+
+def _zero(state: FloatArray) -> FloatArray:
+    """Return zeros (..., 1) for states (..., D), and NaN where these are NaN."""
+    return 0.0 * state[..., :1] + 0.0  # not -0.0
+
+
+def _turned(matrix: FloatArray, turn: FloatArray | None) -> FloatArray:
+    return matrix if turn is None else turn @ matrix @ turn.swapaxes(-2, -1)
+
+
+def _turned_vector(vector: FloatArray, turn: FloatArray | None) -> FloatArray:
+    return vector if turn is None else (turn @ vector[..., np.newaxis])[..., 0]

@@ -127,7 +127,9 @@ def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
     slow = math.atanh(min(T, 0.5))
     half_log = slow if T < 0.5 else -0.5 * math.log(max(complement, 0.0) / (1.0 + T) ** 2)
     exists = abs(Y) < 1.0
-    k1[0] = select(exists, -2.0 * np.sqrt(h[0] / (I1 * I2)) * (half_log / T if T > 0.0 else 1.0), np.nan)
+    k1[0] = select(
+        exists, -2.0 * np.sqrt(h[0] / (I1 * I2)) * (half_log / T if T > 0.0 else 1.0), np.nan
+    )
     k2[0] = 0.0 if h[0] == 0.0 else math.asinh(y / (abs(x) * np.sqrt(max(complement, 0.0))))
     k2[0] = select(exists, k2[0], np.nan)
 
@@ -391,7 +393,11 @@ def polarised_hamiltonian(places, values, x, after, out):
     for t in range(len(values)):
         i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
         a, b, c = x[i] if i < D else 1.0, x[j] if j < D else 1.0, x[k] if k < D else 1.0
-        a1, b1, c1 = after[i] if i < D else 1.0, after[j] if j < D else 1.0, after[k] if k < D else 1.0
+        a1, b1, c1 = (
+            after[i] if i < D else 1.0,
+            after[j] if j < D else 1.0,
+            after[k] if k < D else 1.0,
+        )
         total += values[t] * (a * b * c1 + a * b1 * c + a1 * b * c)
     out[0] = total / 3.0
 
@@ -404,7 +410,12 @@ def density_of(places, values, eps, x, a, units, out):
         for j in range(D):
             a[i, j, 0] = 1.0 if i == j else 0.0
     for t in range(len(values)):
-        i, j, k, half = int(places[0, t]), int(places[1, t]), int(places[2, t]), 0.5 * eps * values[t]
+        i, j, k, half = (
+            int(places[0, t]),
+            int(places[1, t]),
+            int(places[2, t]),
+            0.5 * eps * values[t],
+        )
         if j < D:
             a[i, j, 0] -= half * x[k] if k < D else half
         if k < D:

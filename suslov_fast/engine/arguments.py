@@ -131,14 +131,21 @@ def parameters_of(
     body: Any, eps: float | FloatArray, batch: tuple[int, ...]
 ) -> tuple[NDArray[Any], ...]:
     """Return the parameters of kernels: those of the body, and eps."""
+    if body.shape:
+        return *_of_body(body, batch), flat_parameter(eps, batch)
+    kept = vars(body)  # those of a single body are made once, and kept with it
+    if "_for_kernels" not in kept:
+        kept["_for_kernels"] = _of_body(body, ())
+    return *kept["_for_kernels"], flat_parameter(eps, batch)
+
+
+def _of_body(body: Any, batch: tuple[int, ...]) -> tuple[NDArray[Any], ...]:
     if isinstance(body, QuadraticField):
         indices, values = body.terms
-        return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
+        return indices, flat_parameter(values, batch, 1)
     if isinstance(body, SuslovND):
-        J, I = (flat_parameter(each, batch, 1) for each in (body.J, body.I))
-        return J, I, flat_parameter(eps, batch)
-    k = getattr(body, "k", 0.0)
-    values = body.I1, body.I2, body.I13, body.I23, k, eps
+        return flat_parameter(body.J, batch, 1), flat_parameter(body.I, batch, 1)
+    values = body.I1, body.I2, body.I13, body.I23, getattr(body, "k", 0.0)
     return tuple(flat_parameter(each, batch) for each in values)
 
 

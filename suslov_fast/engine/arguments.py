@@ -131,22 +131,15 @@ def parameters_of(
     body: Any, eps: float | FloatArray, batch: tuple[int, ...]
 ) -> tuple[NDArray[Any], ...]:
     """Return the parameters of kernels: those of the body, and eps."""
-    if body.shape:
-        return *_of_body(body, batch), flat_parameter(eps, batch)
-    kept = vars(body)  # those of a single body are made once, and kept with it
-    if "_for_kernels" not in kept:
-        kept["_for_kernels"] = _of_body(body, ())
-    return *kept["_for_kernels"], flat_parameter(eps, batch)
+    of_body = body.batch_of_one if not body.shape else _of_batch(body, batch)
+    return *of_body, flat_parameter(eps, batch)
 
 
-def _of_body(body: Any, batch: tuple[int, ...]) -> tuple[NDArray[Any], ...]:
+def _of_batch(body: Any, batch: tuple[int, ...]) -> tuple[NDArray[Any], ...]:
     if isinstance(body, QuadraticField):
         indices, values = body.terms
         return indices, flat_parameter(values, batch, 1)
-    if isinstance(body, SuslovND):
-        return flat_parameter(body.J, batch, 1), flat_parameter(body.I, batch, 1)
-    values = body.I1, body.I2, body.I13, body.I23, getattr(body, "k", 0.0)
-    return tuple(flat_parameter(each, batch) for each in values)
+    return tuple(flat_parameter(each, batch, body._vector_axes) for each in body.parameters)
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:

@@ -5,7 +5,7 @@ Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numba
@@ -105,29 +105,31 @@ class March:
                 )
         self.n = stop
 
-    def _stretches(self, stop: int, every: int) -> Iterator[tuple[tuple[int, ...], int]]:
-        """Yield trajectories begin to end, states start to stop, and the work, for each stretch.
+    def _stretches(self, stop: int, every: int) -> list[tuple[tuple[int, ...], int]]:
+        """Return trajectories begin to end, states start to stop, and the work, of each stretch.
 
         The batch is divided first, so that the data of a stretch stay in the caches; time is
-        divided only if few trajectories take long. A block of lanes is not worth a second thread.
+        divided only if few trajectories take long. A block of lanes takes the time of all lanes,
+        and is not worth a second thread.
         """
         (size, D), n, (_, _, cost_of, lanes) = self.omega0.shape, self.n, self.steps
-        step = cost_of(D)
+        step, length = cost_of(D), max(stop - n, 1)
         cost = step + (_SAVING / every if every else 0.0)
-        width, length = size or 1, max(stop - n, 1)
-        if width * length * cost > _STRETCH:
-            most = self.threads or numba.config.NUMBA_NUM_THREADS
-            at_once = min(-(-size // lanes), most) * _STRETCH / cost  # steps of all trajectories
-            abreast = max(lanes * most, int(_ABREAST / step), int(at_once / length))
-            parts = -(-size // abreast)
-            width = -(-size // (parts * lanes)) * lanes
-            length = max(int(_LENGTH / step), int(at_once / width), 1)
-        for begin in range(0, size, width):
-            end = min(begin + width, size)
-            for start in range(n, max(stop, n + 1), length):
-                until = min(start + length, stop)
-                work = (end - begin) * (until - start) * step if end - begin > lanes else 0.0
-                yield (begin, end, start, until), int(work)
+        blocks = -(-size // lanes)
+        if blocks * lanes * length * cost <= _STRETCH:
+            return [((0, size, n, stop), int(size * length * step) if blocks > 1 else 0)]
+        most = self.threads or numba.config.NUMBA_NUM_THREADS
+        at_once = min(blocks, most) * _STRETCH / cost  # steps of all trajectories
+        abreast = max(lanes * most, int(_ABREAST / step), int(at_once / length))
+        width = -(-size // (-(-size // abreast) * lanes)) * lanes
+        length = max(int(_LENGTH / step), int(at_once / width), 1)
+        ranges = [(begin, min(begin + width, size)) for begin in range(0, size, width)]
+        times = [(start, min(start + length, stop)) for start in range(n, max(stop, n + 1), length)]
+        return [
+            ((*lane, *time), int((lane[1] - lane[0]) * length * step) if width > lanes else 0)
+            for lane in ranges
+            for time in times
+        ]
 
     def _turning(
         self,

@@ -97,12 +97,30 @@ def substitute_back(a, first):
 
 
 @function
+def substitute(a, right):
+    """Replace other right sides (m, r, lanes) by A**-1 b, after `eliminate`."""
+    m, columns, lanes = right.shape
+    for i in range(m):
+        for r in range(columns):
+            for k in range(i):
+                for l in range(lanes):
+                    right[i, r, l] -= a[i, k, l] * right[k, r, l]
+    for i in range(m - 1, -1, -1):
+        for r in range(columns):
+            for j in range(m - 1, i, -1):
+                for l in range(lanes):
+                    right[i, r, l] -= a[i, j, l] * right[j, r, l]
+            for l in range(lanes):
+                right[i, r, l] *= a[i, i, l]
+
+
+@function
 def solve(a, units):
     """Solve one system a (m, columns, 1), scaled, with partial pivoting; return its status.
 
-    The right sides become the solutions, and the diagonal the pivots of rows whose largest entry
-    is 1: NaN if they are 0 to rounding, which is SINGULAR. What is not finite is NONFINITE.
-    `units` (2, m) is scratch.
+    The right sides become the solutions; the diagonal, the pivots of scaled rows, NaN if they are 0
+    to rounding, which is SINGULAR. What is not finite is NONFINITE. `units` (2, m) receives the
+    units of the unknowns and the factors of rows: A has the determinant of these pivots by these.
     """
     m, columns, _ = a.shape
     balance(a, units[0])
@@ -128,6 +146,7 @@ def solve(a, units):
                 a[i, j, 0] -= a[i, k, 0] * a[k, j, 0]
     size = 0.0
     for i in range(m - 1, -1, -1):
+        size += 0.0 * a[i, i, 0]
         for r in range(m, columns):
             for j in range(i + 1, m):
                 a[i, r, 0] -= a[i, j, 0] * a[j, r, 0]
@@ -142,8 +161,20 @@ def solve(a, units):
 
 
 @formula
+def determinant_of(a, units):
+    """Return the determinant of a matrix that `solve` has treated, 0 if it is so to rounding."""
+    product = 1.0
+    for k in range(len(a)):
+        product *= a[k, k, 0] / units[1, k]
+    return 0.0 if np.isnan(product) else product
+
+
+@formula
 def exchange_rows(a, weights, k):
-    """Exchange row k with the one below that has the largest entry in column k."""
+    """Exchange row k with the one below that has the largest entry in column k.
+
+    One of them changes its sign, so that the determinant remains.
+    """
     m, columns, _ = a.shape
     pivot = k
     for i in range(k + 1, m):
@@ -152,7 +183,7 @@ def exchange_rows(a, weights, k):
     if pivot != k:
         weights[k], weights[pivot] = weights[pivot], weights[k]
         for j in range(columns):
-            a[k, j, 0], a[pivot, j, 0] = a[pivot, j, 0], a[k, j, 0]
+            a[k, j, 0], a[pivot, j, 0] = a[pivot, j, 0], -a[k, j, 0]
 
 
 @formula

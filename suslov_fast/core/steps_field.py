@@ -1,9 +1,9 @@
 """Kahan's map of any quadratic field f (theory, section 7), lanes side by side.
 
-x_next = x + eps A(x)**-1 f(x), with A(x) = 1 - (eps/2) f'(x). A field is the list of its terms: with
-one more component, x_D = 1, all are quadratic, and f_i is the sum of its v x_j x_k, j <= k. So one
-build serves all fields. Where the increment cancels the state, or elimination loses digits, a lane
-solves A(x) x_next = x + (eps/2) l x + eps c, l and c the linear and constant parts, by `solve`.
+x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x). A field is a list of terms: with one
+more component, x_D = 1, all are quadratic, and f_i is the sum of its v x_j x_k, j <= k. So there is
+one build for all fields. Where the increment cancels the state, or elimination loses digits, a lane
+solves A(x) x_next = x + (eps/2) l x + eps c, with the linear and constant parts l and c, by `solve`.
 
 parameters   indices (3, T), the i, j and k of terms; values (1 or B, T); eps (1 or B,)
 carry        (B, D), the states
@@ -61,9 +61,9 @@ def enter_field(indices, values, eps, fixed, half, l):
 def fill(indices, half, fixed, x, a):
     """Fill A(x), and in column D minus half the step size times f(x)."""
     D, _, lanes = fixed.shape
-    flat, source = a.reshape(a.size), fixed.reshape(a.size)
+    target, source = a.reshape(a.size), fixed.reshape(a.size)
     for n in range(a.size):
-        flat[n] = source[n]
+        target[n] = source[n]
     for t in range(indices.shape[1]):
         i, j, k = indices[0, t], indices[1, t], indices[2, t]
         if k == D and j < D:
@@ -83,10 +83,9 @@ def fill(indices, half, fixed, x, a):
 
 
 @function
-def advance(indices, half, fixed, x, a, b):
-    """Fill the next states x[1]; return in how many lanes they are not finite or not accurate."""
+def advance(x, a, b):
+    """Fill the next states x[1] from `a`; return how many are not finite or not accurate."""
     D, lanes = x.shape[1:]
-    fill(indices, half, fixed, x[0], a)
     eliminate(a, b[LEAST], b[LARGEST])
     substitute_back(a, D)
     for l in range(lanes):
@@ -131,60 +130,88 @@ def advance_one(indices, half, fixed, x, a, units):
     return status
 
 
+@function
+def memory_of_one(D, T):
+    """Return x, fixed and half of one lane, and `a` and `units` of `solve`."""
+    x, fixed, a = np.empty((2, D, 1)), np.empty((D, D + 1, 1)), np.empty((D, D + 1, 1))
+    return x, fixed, np.empty((T, 1)), a, np.empty((2, D))
+
+
+@function
+def settle(indices, x, fixed, half, b, one, n, begin, end, status, failed_at):
+    """Solve one by one for states n that are not accurate, and end trajectories without one."""
+    x1, fixed1, half1, a1, units = one
+    D, lanes = x.shape[1:]
+    for l in range(lanes):
+        if not is_accurate(b, l, D):
+            copy_lane(x, fixed, half, l, x1, fixed1, half1)
+            code = advance_one(indices, half1, fixed1, x1, a1, units)
+            for i in range(D):
+                x[1, i, l] = x1[1, i, 0]
+            if code != OK:
+                if begin + l < end:
+                    status[begin + l], failed_at[begin + l] = code, n
+                rest(x, fixed, half, b, l)
+
+
+@formula
+def copy_lane(x, fixed, half, l, x1, fixed1, half1):
+    """Copy lane l to a block of one lane."""
+    for i in range(x.shape[1]):
+        x1[0, i, 0], x1[1, i, 0] = x[0, i, l], x[1, i, l]
+        for j in range(x.shape[1] + 1):
+            fixed1[i, j, 0] = fixed[i, j, l]
+    for t in range(len(half)):
+        half1[t, 0] = half[t, l]
+
+
+@function
+def enter(parameters, x0, x, fixed, half, b, begin, end, start, status, failed_at):
+    """Enter trajectories, in states x0; lanes beyond the last repeat it."""
+    indices, values, eps = parameters
+    for l in range(x.shape[2]):
+        k, undefined = min(begin + l, end - 1), 0.0
+        enter_field(indices, values[k % len(values)], eps[k % len(eps)], fixed, half, l)
+        for i in range(x.shape[1]):
+            x[0, i, l] = x0[k, i]
+            undefined += 0.0 * x[0, i, l]
+        if start == 0 and np.isnan(undefined):
+            status[k], failed_at[k] = NONFINITE, 0
+        b[UNIT, l] = 1.0
+        if status[k] < 0:
+            rest(x, fixed, half, b, l)
+
+
 @kernel
 def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part, as `steps_3d.steps`."""
-    indices, values, eps = parameters
+    indices = parameters[0]
     first, last, start, stop, every, next_row = span
     T, D = indices.shape[1], omega0.shape[1]
     lanes = lanes_of(D, last - first)
     x, b = np.empty((2, D, lanes)), np.empty((ROWS, lanes))
     a, fixed, half = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes)), np.empty((T, lanes))
-    x1, a1, fixed1 = np.empty((2, D, 1)), np.empty((D, D + 1, 1)), np.empty((D, D + 1, 1))
-    half1, units = np.empty((T, 1)), np.empty((2, D))
+    one = memory_of_one(D, T)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin = first + block * lanes
         end = min(begin + lanes, last)
-        for l in range(lanes):  # lanes beyond the last trajectory repeat it
-            k = min(begin + l, end - 1)
-            enter_field(indices, values[k % len(values)], eps[k % len(eps)], fixed, half, l)
-            undefined = 0.0
-            for i in range(D):
-                x[0, i, l] = omega0[k, i] if start == 0 else carry[k, i]
-                undefined += 0.0 * x[0, i, l]
-            if start == 0 and np.isnan(undefined):
-                status[k], failed_at[k] = NONFINITE, 0
-            b[UNIT, l] = 1.0
-            if status[k] < 0:
-                rest(x, fixed, half, b, l)
-        n, row = start, next_row
-        while True:
-            if every > 0 and n == row * every:
-                write(x, b, begin, end, saved[row])
-                row += 1
-            if n == stop:
-                break
-            n += 1
-            if advance(indices, half, fixed, x, a, b) > 0:
-                for l in range(lanes):
-                    if not is_accurate(b, l, D):
-                        for i in range(D):
-                            x1[0, i, 0] = x[0, i, l]
-                            for j in range(D + 1):
-                                fixed1[i, j, 0] = fixed[i, j, l]
-                        for t in range(T):
-                            half1[t, 0] = half[t, l]
-                        code = advance_one(indices, half1, fixed1, x1, a1, units)
-                        for i in range(D):
-                            x[1, i, l] = x1[1, i, 0]
-                        if code != OK:
-                            if begin + l < end:
-                                status[begin + l], failed_at[begin + l] = code, n
-                            rest(x, fixed, half, b, l)
+        states = omega0 if start == 0 else carry
+        enter(parameters, states, x, fixed, half, b, begin, end, start, status, failed_at)
+        row = next_row
+        if every > 0 and start == 0:
+            write(x, b, begin, end, saved[row])
+            row += 1
+        for n in range(start + 1, stop + 1):
+            fill(indices, half, fixed, x[0], a)
+            if advance(x, a, b) > 0:
+                settle(indices, x, fixed, half, b, one, n, begin, end, status, failed_at)
             for i in range(D):
                 for l in range(lanes):
                     x[0, i, l] = x[1, i, l]
+            if every > 0 and n % every == 0:
+                write(x, b, begin, end, saved[row])
+                row += 1
         write(x, b, begin, end, final)
         for l in range(end - begin):
             for i in range(D):

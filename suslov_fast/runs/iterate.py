@@ -306,7 +306,7 @@ def step_full(
     return following
 
 
-def _increments(body: Suslov3D, h: Any, w1: Any, w2: Any, w3: Any) -> tuple[Any, Any]:
+def _increments(body: Any, h: Any, w1: Any, w2: Any, w3: Any) -> tuple[Any, Any]:
     """Solve the first two equations (3) for the increments, with Omega3_next = -Omega3."""
     I1, I2, I13, I23, I3 = body.I1, body.I2, body.I13, body.I23, body.I3
     x = I13 * w1 + I23 * w2

@@ -54,6 +54,8 @@ def attributes_of_run(
     numbers = rows * size * (D * (out is None) + n * n) + 4 * size * D
     require(8 * numbers, f"the saved states are {shape}: raise save_every or divide the batch")
     saved = np.empty(shape) if out is None else checked_out(out, shape)
+    if out is not None:  # it may overlap state 0
+        march.omega0 = march.omega0.copy()
     turns = np.empty((rows, *batch, n, n)) if n else None
     row = 0
     if every and march.n:

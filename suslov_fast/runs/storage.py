@@ -65,7 +65,9 @@ def load(path: PathLike) -> dict[str, Any]:
             how = f"one of suslov_fast {about['version']}: use that version"
             raise wrong(name, "a file of this version", how)
         map, body = map_named(about["map"]), body_from_dict(body)
-        run = {each: found.get(each) for each in _ARRAYS} | {e: about[e] for e in _NUMBERS}
+        run: dict[str, Any] = {each: found.get(each) for each in _ARRAYS} | {
+            e: about[e] for e in _NUMBERS
+        }
         eps, batch = run["eps"], run["status"].shape
         rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
         if run["states"].shape != (rows, *batch, body.dimension):

@@ -1,9 +1,9 @@
 """Kahan's map of any quadratic field f (theory, section 7), lanes side by side.
 
 x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x). A field is a list of terms: with one
-more component, x_D = 1, all are quadratic, and f_i is the sum of its v x_j x_k, j <= k. So there is
-one build for all fields. Where the increment cancels the state, or elimination loses digits, a lane
-solves A(x) x_next = x + (eps/2) l x + eps c, with the linear and constant parts l and c, by `solve`.
+more component, x_D = 1, all are quadratic, and f_i is the sum of its v x_j x_k, j <= k. So one
+build serves all fields. Where the increment cancels the state, or elimination loses digits, a lane
+solves A(x) x_next = x + (eps/2) l x + eps c, where l and c are the linear and constant parts.
 
 parameters   indices (3, T), the i, j and k of terms; values (1 or B, T); eps (1 or B,)
 carry        (B, D), the states

@@ -34,8 +34,8 @@ from .steps_field import (
 )
 
 # Rows of numbers of lanes, after those of `steps_field`: of `eliminate` for 2 - A(x_next); 1 if
-# both eliminations keep their digits, else 0; two products of factors of |det DPhi|, less 1 of those
-# near 1; a sum of logarithms; and, from LENGTHS on, the products of lengths.
+# both eliminations keep their digits, else 0; products of the factors of |det DPhi| near 1, less 1,
+# and of the others; a sum of logarithms; and, from LENGTHS on, the products of lengths.
 LEAST_BACK, LARGEST_BACK, GOOD, NEAR_1, FAR, SUM, LENGTHS = range(ROWS, ROWS + 7)
 # Logarithms are taken of products that leave these ranges: what lies within keeps its digits.
 NEAR_1_LEAST, NEAR_1_LARGEST, LEAST, LARGEST = -0.999, 1e3, 1e-100, 1e100

@@ -93,8 +93,8 @@ def _floats(name: str, value: Any, labels: Sequence[str] = ()) -> FloatArray:
     if array.dtype is _FLOAT64:
         return array
     if array.dtype.kind == "O":
+        refuse(name, array)
         for item in array.flat:
-            refuse(name, item)
             if not isinstance(item, numbers.Real):
                 received = f"{short(item)} of type {type(item).__name__}"
                 raise wrong(name, "real numbers", received, TypeError)
@@ -135,8 +135,10 @@ def _of_dataset(value: Any, labels: Sequence[str]) -> Any:
 
 def refuse(name: str, value: Any) -> None:
     """Raise for labels, units, booleans and masked arrays, alone or as items of a list."""
-    if type(value) in _NUMBERS or type(value) is np.ndarray or value is None:
+    if type(value) in _NUMBERS or value is None:
         return
+    if type(value) is np.ndarray:
+        value = value.ravel().tolist() if value.dtype.kind == "O" else []
     if isinstance(value, (list, tuple)):
         if not _NUMBERS.issuperset(map(type, value)):
             for item in value:

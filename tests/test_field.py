@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from suslov_fast import QuadraticField, Suslov3D, SuslovND, Trajectories, iterate
+from suslov_fast import QuadraticField, Suslov3D, SuslovND
 from suslov_fast.bodies.numbers import RESERVED
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
@@ -216,6 +216,8 @@ def test_python_flint_is_needed_for_components_only():
 
 def names_in_use():
     """Everything that a run and its dataset call by a name."""
+    from suslov_fast import Trajectories, iterate
+
     run = iterate(Suslov3D(4, 1, -0.5, -0.3), [[1.0, 0.5]], 0.1, 2, attitude=True)
     fields = iterate(FAMILY[:2], [1.0, 2.0, 3.0], 0.01, 2)
     for data in (
@@ -241,7 +243,7 @@ def test_names_that_parameters_may_not_have():
 def test_dictionaries_that_do_not_fit():
     for change, name in (
         ({"linear": [["a", 0]]}, "linear"), ({"H": [1.0]}, "H"), ({"K": [[0, 2], [-2, 0]]}, "H, K"),
-        ({"parameters": {"a": [1.0, 2.0]}}, "body"), ({"parameters": {"x": 1.0}}, "parameters"),
+        ({"parameters": {"a": [1.0, 2.0]}}, "parameters"), ({"parameters": {"x": 1.0}}, "parameters"),
         ({"constant": [1.0, 0.0]}, "H, K"), ({"body": "Suslov3D"}, "body"),
     ):  # fmt: skip
         field = of_hamiltonian(lambda x, a: a * x[0] ** 2 + x[1] ** 3, 2, a=2)

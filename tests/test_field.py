@@ -101,7 +101,6 @@ def test_gradient_of_a_hamiltonian(field):
         return (field.H(ahead) - field.H(behind)) / (2 * h)
 
     gradient = [difference(j) for j in range(field.dimension)]
-    assert max(abs(a - b) for a, b in zip(gradient, field.gradient(x), strict=True)) < F(1, 10**15)
     for slope, row in zip(field(x), field.K, strict=True):
         assert abs(slope - sum(row * gradient)) < F(1, 10**15)
 
@@ -109,6 +108,8 @@ def test_gradient_of_a_hamiltonian(field):
 def test_the_structure_of_a_hamiltonian_field():
     """K is part of a field, also where grad H = (1, 0, 0) does not see all of it; H is, too."""
     K = np.array([[0, 1, 2], [-1, 0, 3], [-2, -3, 0]])
+    moved = QuadraticField([[[1, 0], [0, 0]], [[0, 0], [0, 0]]])
+    assert moved != QuadraticField([[[0, 0], [0, 0]], [[1, 0], [0, 0]]])
     field, twin = (of_hamiltonian(lambda x: x[0], 3, k) for k in (K, np.where(abs(K) == 3, -K, K)))
     assert (field.constant == twin.constant).all()
     assert field != twin
@@ -116,8 +117,6 @@ def test_the_structure_of_a_hamiltonian_field():
     assert field != QuadraticField(field.quadratic, field.linear, field.constant)
     for each in (LORENZ, FAMILY):
         assert each == QuadraticField(each.quadratic, each.linear, each.constant)
-        with pytest.raises(TypeError, match=r"body: .*from_hamiltonian"):
-            _ = each.hamiltonian
     assert ENERGIES.H(np.ones((5, 1, 1, 2))).shape == (5, 11, 2)
     one = of_hamiltonian(lambda x: x[0] ** 2, 1, [[0]])
     assert (one([2]), one.H([3])) == ((0,), 9)

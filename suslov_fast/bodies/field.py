@@ -14,7 +14,7 @@ import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -82,6 +82,16 @@ class QuadraticField(Body):
     QuadraticField(x1' = x2*x3, x2' = x1*x3, x3' = x1*x2)
     """
 
+    quadratic: Any
+    linear: Any = None
+    constant: Any = None
+
+    if TYPE_CHECKING:  # attributes that are made from these, or with them
+        table: Any
+        H: Hamiltonian | None
+        K: Any
+        _parameters: dict[str, Any]
+
     _extras: ClassVar[tuple[str, ...]] = ("H", "K", "parameters")
     # What messages say of fields in place of bodies.
     _kind: ClassVar[str] = (
@@ -107,11 +117,18 @@ class QuadraticField(Body):
     def _set(
         self, table: Any, H: Any = None, K: Any = None, parameters: Mapping[str, Any] | None = None
     ) -> None:
-        for array in (table, H, K):
+        found = {
+            "quadratic": table[..., :-1, :-1],
+            "linear": 2 * table[..., :-1, -1],
+            "constant": table[..., -1, -1],
+            "table": table,
+            "K": K,
+        }
+        for array in (table, H, *found.values()):
             if array is not None:
                 array.flags.writeable = False
         H = None if H is None else Hamiltonian(H)
-        vars(self).update(table=table, H=H, K=K, _parameters=dict(parameters or {}))
+        vars(self).update(found, H=H, shape=table.shape[:-3], _parameters=dict(parameters or {}))
 
     @classmethod
     def _made(cls, *parts: Any) -> QuadraticField:
@@ -209,7 +226,7 @@ class QuadraticField(Body):
 
         def tables(given: Mapping[str, Any]) -> tuple[Any, Any]:
             whole = tensor("H", traced("H", H, D, 3, given), D, 3)
-            return rates(whole, matrix), whole
+            return within("H", rates(whole, matrix), OTHERS), whole
 
         table, whole, values = _for_all("H", H, tables, D, parameters)
         return cls._made(table, whole, matrix.astype(table.dtype), values)
@@ -237,30 +254,10 @@ class QuadraticField(Body):
         """Return the field itself."""
         return self
 
-    @cached_property
-    def shape(self) -> tuple[int, ...]:
-        """The batch shape of the field, () for a single one."""
-        return tuple(self.table.shape[:-3])
-
     @property
     def dimension(self) -> int:
         """The number of variables."""
         return int(self.table.shape[-3])
-
-    @property
-    def quadratic(self) -> Any:
-        """The coefficients q_ijk = q_ikj, shape (..., D, D, D)."""
-        return self.table[..., :-1, :-1]
-
-    @property
-    def linear(self) -> Any:
-        """The coefficients l_ij, shape (..., D, D)."""
-        return 2 * self.table[..., :-1, -1]
-
-    @property
-    def constant(self) -> Any:
-        """The coefficients c_i, shape (..., D)."""
-        return self.table[..., -1, -1]
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -282,34 +279,20 @@ class QuadraticField(Body):
         return indices, values[None]
 
     @property
-    def hamiltonian(self) -> Hamiltonian:
-        """H; TypeError for a field without one."""
-        if self.H is None:
-            expected = "a field made by QuadraticField.from_hamiltonian"
-            raise wrong("body", expected, "a field without a Hamiltonian", TypeError)
-        return self.H
-
-    @cached_property
-    def gradient(self) -> QuadraticField:
-        """The gradient of H, as a field; TypeError for a field without one."""
-        return self._made(3 * self.hamiltonian.tensor[..., :-1, :, :])
-
-    @property
     def components(self) -> tuple[Any, ...]:
         """The components as ``flint.fmpq_mpoly`` in x1, ..., xD; needs python-flint."""
         import flint
 
         D = self.dimension
         context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
-        return tuple(
-            context.from_dict(
-                {
-                    tuple(map(powers.count, range(D))): flint.fmpq(*c.as_integer_ratio())
-                    for powers, c in terms_of(row).items()
-                }
-            )
-            for row in self.table
-        )
+
+        def polynomial(row: Any) -> Any:
+            terms = terms_of(row).items()
+            exponents = (tuple(map(powers.count, range(D))) for powers, _ in terms)
+            numbers = (flint.fmpq(*c.as_integer_ratio()) for _, c in terms)
+            return context.from_dict(dict(zip(exponents, numbers, strict=True)))
+
+        return tuple(map(polynomial, self.table))
 
     def __call__(self, x: Any) -> Any:
         """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
@@ -319,14 +302,6 @@ class QuadraticField(Body):
         with np.errstate(all="ignore"):
             slopes = (self.table.astype(np.float64) @ point[..., None, :, None])[..., 0]
             return (slopes @ point[..., :, None])[..., 0]
-
-    @classmethod
-    def _names(cls) -> list[str]:
-        return ["quadratic", "linear", "constant"]
-
-    @classmethod
-    def _required(cls) -> list[str]:
-        return ["quadratic"]
 
     @classmethod
     def _axes(cls, name: str) -> int:
@@ -365,7 +340,7 @@ class QuadraticField(Body):
     def _key(self) -> tuple[Any, ...]:
         """The nonzero coefficients, and their places, that equal fields share."""
         arrays = [self.table] if self.H is None else [self.table, self.H.tensor, self.K]
-        return tuple((a.shape, a.nonzero()[-1].tobytes(), *a[a != 0]) for a in arrays)
+        return tuple((a.shape, np.flatnonzero(a).tobytes(), *a[a != 0]) for a in arrays)
 
     def __reduce__(self) -> tuple[Any, ...]:
         H = None if self.H is None else self.H.tensor
@@ -390,19 +365,16 @@ class QuadraticField(Body):
     def _from_plain(cls, given: dict[str, Any]) -> QuadraticField:
         given = {name: from_lists(name, each) for name, each in given.items()}
         field = cls(*(given.get(name) for name in cls._names()))
-        values, batch, side = (
-            check_parameters(given.get("parameters", {})),
-            field.shape,
-            field.dimension + 1,
-        )
+        batch, side = field.shape, field.dimension + 1
+        values = check_parameters(given.get("parameters", {}))
         shapes = {name: np.shape(each) for name, each in values.items()}
         if common_shape({"body": batch, **shapes}) != batch:
             raise wrong("parameters", f"shapes that broadcast to {batch}", shapes)
         if given.get("H") is None:
             return cls._made(field.table, None, None, values)
         H = coefficients("H", as_given("H", given["H"]), bool(batch))
-        if H.shape != (*batch, side, side, side):
-            raise wrong("H", f"shape {(*batch, side, side, side)}", H.shape)
+        if H.shape != (shape := (*batch, side, side, side)):
+            raise wrong("H", f"shape {shape}", H.shape)
         K = antisymmetric(given.get("K"), side - 1).astype(H.dtype)
         expected = rates(H, K)
         if (abs(expected - field.table) > 1e-9 * abs(expected).max(initial=0)).any():
@@ -417,16 +389,11 @@ def _for_all(
     values = check_parameters(parameters)
     check_call(name, f, values)
     if not any(isinstance(each, np.ndarray) for each in values.values()):
-        found = [each if each is None else within(name, each, OTHERS) for each in tables(values)]
-        return found[0], found[1], values
+        return *tables(values), values
     arrays = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in values.values()))
     rows = zip(*(array.ravel().tolist() for array in arrays), strict=True)
     members = [tables(dict(zip(values, row, strict=True))) for row in rows]
     side, batch = D + 1, arrays[0].shape
-    try:
-        table = np.array([each[0] for each in members], np.float64)
-        H = np.array([each[1] for each in members], np.float64) if name == "H" else None
-    except OverflowError:
-        raise wrong(name, "coefficients in the range of float64", "larger ones") from None
-    table = within(name, table, OTHERS).reshape(*batch, D, side, side)
+    table = np.array([each[0] for each in members], np.float64).reshape(*batch, D, side, side)
+    H = np.array([each[1] for each in members], np.float64) if name == "H" else None
     return table, None if H is None else H.reshape(*batch, side, side, side), values

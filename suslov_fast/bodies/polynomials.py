@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import short, wrong
+from ..checks import OTHERS, short, within, wrong
 from .numbers import exact, is_number, plain
 
 # The indices of the variables of a monomial, ascending, and its coefficient.
@@ -132,6 +132,7 @@ def tensor(name: str, value: Any, D: int, degree: int) -> Any:
     if polynomial is None:
         received = f"{short(value)} of type {type(value).__name__}"
         raise wrong(name, "polynomials in x, or numbers", received, TypeError)
+    within(name, np.array([*polynomial.terms.values(), 0], dtype=object), OTHERS)
     table = np.full((D + 1,) * degree, Fraction(0))
     for powers, c in polynomial.terms.items():
         if len(powers) > degree:

@@ -25,20 +25,21 @@ def states_at(
     discrete: bool,
     times: FloatArray,
     threads: int | None,
-) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Return states (N, B, 2) at times (N,), and why any are missing, bits for each orbit (B,).
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return states (N, B, 2) at times (N,), and why orbits lack some, the flags (3, B) of kernels.
 
     The orbits are those of states omega (B, 2), of the map, or else of the flow.
     """
     shape = times.size, *omega.shape
     require(8 * math.prod(shape), f"the states are {shape}: compute fewer at a time")
-    out, reasons = np.empty(shape), np.zeros(len(omega), np.int8)
+    out, reasons = np.empty(shape), np.zeros((3, len(omega)), bool)
     for rows, orbits in _slices(*shape[:2]):
         part = tuple(each if len(each) == 1 else each[orbits] for each in parameters)
-        moments, found = times[rows], reasons[orbits]
-        work = len(found) * (_ENTERING + _STATE * len(moments))
+        moments, found = times[rows], np.zeros(reasons[:, orbits].shape, bool)
+        work = found.shape[1] * (_ENTERING + _STATE * len(moments))
         before = part, omega[orbits], float(discrete), moments
         call_kernel(closed_form.states, work, threads, *before, out[rows, orbits], found)
+        reasons[:, orbits] |= found
     return out, reasons
 
 

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
+from ..bodies.nd import SuslovND
 from ..checks import FloatArray
 from ..core import orientations
 from ..core.numba import Kernel
@@ -46,8 +47,9 @@ class March:
 
     def __init__(self, steps: Steps, states: States) -> None:
         body, omega, eps, batch, self.threads, _, orientation = states
-        self.steps, self.n = steps, 0
+        self.steps, self.n, self.begun = steps, 0, False
         self.parameters = parameters_of(body, eps, batch)
+        self.axial = not isinstance(body, SuslovND)
         self.omega0 = flat_arrays(omega, batch)
         size, D = self.omega0.shape
         self.carry = np.empty((size, steps.carried(D)))
@@ -61,7 +63,7 @@ class March:
     def going_on(cls, steps: Steps, states: States, run: Any) -> March:
         """Return the march at the last state of a run, which `states` holds."""
         march = cls(steps, states)
-        march.n, march.carry = run.steps, run._carry.copy()
+        march.n, march.begun, march.carry = run.steps, True, run._carry.copy()
         march.final[:] = march.omega0
         march.status, march.failed_at = run.status.flatten(), run.failed_at.flatten()
         return march
@@ -77,11 +79,20 @@ class March:
     ) -> None:
         """Go on to state `stop`, and save the states that are multiples of `every`, if that is > 0.
 
-        The first one after state n, or state 0, goes to saved[row], its orientation to turns[row].
+        The first of them goes to saved[row], its orientation to turns[row]. State 0 is saved by the
+        first call. `report` takes the number of the state that all trajectories have come to.
         """
-        if stop > self.n or stop == 0:
-            go = self._steps_to if self.turned is None else self._turning
+        go = self._steps_to if self.turned is None else self._turning
+        if self.begun and self.n == 0 < stop:  # kernels that start at 0 would save it again
+            go(1, NO_STATES, 0, 0, NO_TURNS, None)
+            if every == 1:
+                saved[row] = self.final
+                if self.turned is not None:
+                    turns[row] = self.turned
+                row += 1
+        if stop > self.n or not self.begun:
             go(stop, saved, every, row, turns, report)
+        self.begun = True
 
     def _steps_to(
         self,
@@ -156,9 +167,10 @@ class March:
                 if start == 0:
                     turns[first] = self.turned
                     first += 1
+            before = states, eps, self.axial
             work, along = size * (until - start) * (D + 1) ** 2, (start, every, first)
             _threads.call_kernel(
-                orientations.turn, work, self.threads, states, eps, self.turned, *along, turns
+                orientations.turn, work, self.threads, *before, self.turned, *along, turns
             )
             path[0] = states[-1]
             if report is not None:

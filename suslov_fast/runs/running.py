@@ -58,7 +58,7 @@ def attributes_of_run(
         march.omega0 = march.omega0.copy()
     turns = np.empty((rows, *batch, n, n)) if n else None
     row = 0
-    if every and march.n:
+    if every and earlier is not None:
         row = len(earlier.states)
         saved[:row] = earlier.states
         if turns is not None:

@@ -19,11 +19,11 @@ from ..engine.arguments import AnyBody, States, check, flat_arrays, flat_paramet
 from ..engine.exact import states_at
 from ..engine.status import SingularStepWarning
 
-# Why states are missing, by the bits that the closed form sets.
+# Why orbits lack states, in the order of the flags of the closed form.
 _REASONS = (
-    (1, "non-integer n, or |n| > 2**53, where t >= 1", RuntimeWarning),
-    (2, "beyond the range of the closed form (e l or e A above 1e8)", RuntimeWarning),
-    (4, "no state directly after a pole of the map", SingularStepWarning),
+    ("non-integer n, or |n| > 2**53, where t >= 1", RuntimeWarning),
+    ("beyond the range of the closed form, 1e8 for X, Y and K", RuntimeWarning),
+    ("no state directly after a pole of the map", SingularStepWarning),
 )
 
 
@@ -181,8 +181,8 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
     given = check(body, AnyBody, {"omega0": omega0, "eps": eps})
     plane = _in_plane("limits", given)
     both = closed_form.limits(*plane.body, given.eps, plane.omega)
-    states = _leave_plane(plane, given, np.moveaxis(both, -2, 0))
-    return states[0], states[1]
+    minus, plus = (_leave_plane(plane, given, each) for each in both)
+    return minus, plus
 
 
 def _times(name: str, value: Any) -> FloatArray:
@@ -199,9 +199,9 @@ def _states_at(name: str, given: States, times: FloatArray) -> FloatArray:
     omega, moments = flat_arrays(plane.omega, batch), times.reshape(-1)
     states, reasons = states_at(parameters, omega, name == "exact", moments, given.threads)
     if reasons.any():
-        for bit, what, category in _REASONS:
-            if count := np.count_nonzero(reasons & bit):
-                warn(f"{count} of {reasons.size} orbits: {what}", category)
+        for flags, (what, category) in zip(reasons, _REASONS, strict=True):
+            if flags.any():
+                warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {what}", category)
     states = _leave_plane(plane, given, states.reshape(*times.shape, *batch, 2))
     if plane.unit is not None:
         states[times == 0.0] = given.omega

@@ -47,6 +47,8 @@ def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArr
 
 def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     """Return a finite real number as a float, or an array; floats are much faster."""
+    if type(value) is int and abs(value) <= 2**53:
+        return float(value)
     if type(value) is not float:
         array = real_array(name, value)
         return array.item() if array.ndim == 0 else array

@@ -69,10 +69,10 @@ def step(
     states = check(body, (), {"omega": omega, "eps": eps}, threads)
     march = March(map.methods["auto"], states)
     march.to(1)
-    # Failures at step 0 are NaN in the input, which are not reported.
-    if message := failures(march.status, march.failed_at, 1):
+    status, failed_at = (each.reshape(states.batch) for each in (march.status, march.failed_at))
+    if message := failures(status, failed_at, 1):  # those at step 0 are NaN in the input
         warn(message, SingularStepWarning)
-    return march.final.reshape(*states.batch, -1)
+    return march.final.reshape(*states.batch, body.dimension)
 
 
 def iterate(

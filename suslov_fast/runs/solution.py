@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..bodies.nd import SuslovND, check_solved
 from ..checks import FloatArray, real_number, warn, wrong
 from ..core import closed_form
-from ..engine.arguments import AnyBody, States, check, flat_arrays, flat_parameter
+from ..engine.arguments import AnyBody, States, check, flat_arrays, flat_parameter, parameters_of
 from ..engine.exact import states_at
 from ..engine.status import SingularStepWarning
 
@@ -179,8 +179,12 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
     given = check(body, AnyBody, {"omega0": omega0, "eps": eps})
+    body, omega, eps, *_ = given
+    if not isinstance(body, SuslovND):
+        minus, plus = closed_form.limits(*body.parameters, eps, omega)
+        return minus, plus
     plane = _in_plane("limits", given)
-    both = closed_form.limits(*plane.body, given.eps, plane.omega)
+    both = closed_form.limits(*plane.body, eps, plane.omega)
     minus, plus = (_leave_plane(plane, given, each) for each in both)
     return minus, plus
 
@@ -194,16 +198,22 @@ def _times(name: str, value: Any) -> FloatArray:
 
 def _states_at(name: str, given: States, times: FloatArray) -> FloatArray:
     """Return states of the map or the flow at given times, and warn of those that are missing."""
-    plane, batch = _in_plane(name, given), given.batch
-    parameters = tuple(flat_parameter(each, batch) for each in (*plane.body, given.eps))
-    omega, moments = flat_arrays(plane.omega, batch), times.reshape(-1)
-    states, reasons = states_at(parameters, omega, name == "exact", moments, given.threads)
+    body, omega, eps, batch, threads, *_ = given
+    plane = _in_plane(name, given) if isinstance(body, SuslovND) else None
+    if plane is None:
+        parameters = parameters_of(body, eps, batch)
+    else:
+        parameters = tuple(flat_parameter(each, batch) for each in (*plane.body, eps))
+        omega = plane.omega
+    flat, moments = flat_arrays(omega, batch), times.reshape(-1)
+    states, reasons = states_at(parameters, flat, name == "exact", moments, threads)
     if reasons.any():
         for flags, (what, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():
                 warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {what}", category)
-    states = _leave_plane(plane, given, states.reshape(*times.shape, *batch, 2))
-    if plane.unit is not None:
+    states = states.reshape(*times.shape, *batch, 2)
+    if plane is not None:
+        states = _leave_plane(plane, given, states)
         states[times == 0.0] = given.omega
     return states
 
@@ -220,8 +230,6 @@ class _Plane(NamedTuple):
 def _in_plane(name: str, given: States) -> _Plane:
     """Return the reduction of states to three dimensions; an error if the body is not solved."""
     body, omega = given.body, given.omega
-    if not isinstance(body, SuslovND):
-        return _Plane((body.I1, body.I2, body.I13, body.I23, getattr(body, "k", 0.0)), omega)
     check_solved(body, name)
     J, I = np.broadcast_arrays(body.J, body.I)
     if body.dimension == 2:

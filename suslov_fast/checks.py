@@ -26,7 +26,8 @@ MOMENTS, OTHERS = 50, 60
 _HERE = os.path.dirname(__file__) + os.sep
 
 
-def wrong(name: str, expected: str, received: object, error: Any = ValueError) -> Exception:
+def wrong(name: str, expected: str, received: object, error: Any = ValueError) -> Any:
+    """Return an error with the one wording of all messages."""
     return error(f"{name}: expected {expected}, got {received}")
 
 

@@ -13,11 +13,7 @@ from suslov_fast.bodies.nd import NotIntegrableError, are_solved, check_measure,
 from suslov_fast.bodies.paper import PICTURES
 
 GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
-SINGLE = [
-    Suslov3D(4, 1, -0.5, -0.3),
-    SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]),
-    GYROSTAT,
-]
+SINGLE = [Suslov3D(4, 1, -0.5, -0.3), SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), GYROSTAT]
 BATCHES = {
     (2, 3): Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, 1 / 3),
     (2,): Suslov3D(4, 2, -0.5, -0.3, I3=[3.0, 4.0]),
@@ -84,12 +80,9 @@ def test_what_counts_as_equal():
     assert with_it != without
     assert with_it.to_dict() == without.to_dict() | {"I3": 3}
     assert Suslov3D(4, 1, -0.5, -0.3) != SuslovGyrostat(4, 1, -0.5, -0.3, 0)
-
-
-def test_text(rng):
-    body = Suslov3D(rng.uniform(1, 2, 1000), 1, 0.1, 0.2)
-    assert repr(body) == "<Suslov3D of shape (1000,): I1=(1000,), I2=1.0, I13=0.1, I23=0.2>"
     assert repr(GYROSTAT) == "SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)"
+    large = Suslov3D(np.linspace(1, 2, 1000), 1, 0.1, 0.2)
+    assert repr(large) == "<Suslov3D of shape (1000,): I1=(1000,), I2=1.0, I13=0.1, I23=0.2>"
 
 
 @pytest.mark.parametrize("body", [each for each in BODIES if each.shape])
@@ -187,13 +180,12 @@ def test_from_inertia(rng, shape, axis):
     assert abs(turned - expected).max() < 1e-14 * abs(inertia).max()
 
 
-@pytest.mark.parametrize("I1", [2.0, 3.0, 4.0])
-@pytest.mark.parametrize("axis", [[0, 0, 1], [0, 0, 5], [0, 0, 1e-200]])
-def test_an_adapted_basis_is_kept(axis, I1):
-    inertia = [[I1, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
-    body, rotation = Suslov3D.from_inertia(inertia, axis)
-    assert body == Suslov3D(I1, 2, -0.5, -0.3, 3)
-    assert (rotation == np.eye(3)).all()
+def test_an_adapted_basis_is_kept():
+    for I1, axis in ((2.0, [0, 0, 1]), (3.0, [0, 0, 5]), (4.0, [0, 0, 1e-200])):
+        inertia = [[I1, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
+        body, rotation = Suslov3D.from_inertia(inertia, axis)
+        assert body == Suslov3D(I1, 2, -0.5, -0.3, 3)
+        assert (rotation == np.eye(3)).all()
 
 
 @pytest.mark.parametrize("unit", [1e-46, 1.0, 1e37])
@@ -231,12 +223,10 @@ def test_which_bodies_are_solved():
     assert are_solved(SuslovND(J, np.zeros(3))).all()
     check_solved(SuslovND(J[0], [1, 2, 3]), "exact")
     check_measure(SuslovND(J[4], [0, 2, 0]), "invariant_density")
+    not_all = SuslovND(J[[0, 0, 4]], [[0, 1, 0], [0, 1, 0], [1, 2, 3]])
     for check, function in ((check_solved, "exact"), (check_measure, "invariant_density")):
-        with pytest.raises(NotIntegrableError, match=f"{function}: .*body 4 is not"):
-            check(
-                SuslovND(np.where(np.arange(5)[:, None] < 4, 1, J), [[0, 1, 0]] * 4 + [[1, 2, 3]]),
-                function,
-            )
+        with pytest.raises(NotIntegrableError, match=f"{function}: .*body 2 is not"):
+            check(not_all, function)
 
 
 def test_bodies_as_fields(rng):
@@ -253,7 +243,5 @@ def test_bodies_as_fields(rng):
         field = QuadraticField.of(body)
         assert (field.shape, field.dimension) == (body.shape, body.dimension)
         assert field.field() is field
-        for member, own in zip(
-            body if body.shape else (), field if body.shape else (), strict=True
-        ):
+        for member, own in zip(body, field, strict=True) if body.shape else ():
             assert np.allclose(member.field().terms[1], own.terms[1], rtol=1e-15, atol=0)

@@ -117,14 +117,16 @@ class Body:
         return shape[: len(shape) - self._axes(name)]
 
     def __len__(self) -> int:
-        return self._family("a length")[0]
+        if not self.shape:
+            raise wrong("body", "a batch", f"a single {type(self).__name__}", TypeError)
+        return self.shape[0]
 
     def __iter__(self: Kind) -> Iterator[Kind]:
         return (self[i] for i in range(len(self)))
 
     def __getitem__(self: Kind, index: int) -> Kind:
         """Return a member, or a slice, of a batch along its first axis."""
-        size = self._family("members")[0]
+        size = len(self)
         if isinstance(index, slice):
             return self._part(0, index)
         try:
@@ -190,13 +192,6 @@ class Body:
             expected = f"one of its {column.size} values from {low} to {high}"
             raise wrong(name, expected, near)
         return self._part(len(self.shape) + axes[name][0], i)
-
-    def _family(self, what: str) -> tuple[int, ...]:
-        """Return the shape of a batch; TypeError for a single body."""
-        if not self.shape:
-            kind = type(self).__name__
-            raise wrong("body", f"a batch, which has {what}", f"a single {kind}", TypeError)
-        return self.shape
 
     def _part(self: Kind, axis: int, index: int | slice) -> Kind:
         """Return the members with an index along one axis of the batch."""

@@ -87,10 +87,10 @@ class QuadraticField(Body):
     constant: Any = None
 
     if TYPE_CHECKING:  # attributes that are made from these, or with them
-        table: Any
-        H: Hamiltonian | None
-        K: Any
-        _parameters: dict[str, Any]
+        table: Any = None
+        H: Hamiltonian | None = None
+        K: Any = None
+        _parameters: dict[str, Any] = {}
 
     _extras: ClassVar[tuple[str, ...]] = ("H", "K", "parameters")
     # What messages say of fields in place of bodies.
@@ -324,9 +324,9 @@ class QuadraticField(Body):
     def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
         arrays = {name: np.array(each) for name, each in values.items()}
         table = table_of(*(arrays[name] for name in cls._names()))
-        parts = table, arrays.get("H"), arrays.get("K")
+        parts = [table, arrays.get("H"), arrays.get("K")]
         if table.ndim == 3:
-            parts = tuple(a if a is None else exact_array("body", a) for a in parts)
+            parts = [a if a is None else exact_array("body", a) for a in parts]
         return cls._made(*parts)
 
     def _part(self, axis: int, index: int | slice) -> QuadraticField:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,6 +56,10 @@ class SuslovND(Body):
 
     J: FloatArray
     I: FloatArray
+
+    if TYPE_CHECKING:  # what is given is not what is kept
+
+        def __init__(self, J: ArrayLike, I: ArrayLike) -> None: ...
 
     _vector_axes: ClassVar[int] = 1
     _positive: ClassVar[tuple[str, ...]] = ("J",)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from fractions import Fraction
-from numbers import Rational
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ def is_number(value: Any) -> bool:
 
 def exact(name: str, value: Any) -> Fraction:
     """Return a number as a fraction: a float as its binary value."""
-    if not is_number(value) and not (isinstance(value, Rational) and value.denominator > 1):
+    if not is_number(value):
         received = f"{short(value)} of type {type(value).__name__}"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     try:

@@ -147,7 +147,7 @@ def tensor(name: str, value: Any, D: int, degree: int) -> Any:
 
 def terms_of(table: Any) -> Terms:
     """Return the terms of a symmetric tensor in homogeneous coordinates."""
-    D, terms = len(table) - 1, {}
+    D, terms = len(table) - 1, dict[tuple[int, ...], Any]()
     for place in zip(*(each.tolist() for each in np.nonzero(table)), strict=True):
         powers = tuple(sorted(i for i in place if i < D))
         terms[powers] = terms.get(powers, 0) + table[place]

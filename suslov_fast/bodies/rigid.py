@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -102,6 +102,17 @@ class Suslov3D(_In3D):
     """
 
     I3: float | FloatArray | None = None
+
+    if TYPE_CHECKING:  # what is given is not what is kept
+
+        def __init__(
+            self,
+            I1: ArrayLike,
+            I2: ArrayLike,
+            I13: ArrayLike,
+            I23: ArrayLike,
+            I3: ArrayLike | None = None,
+        ) -> None: ...
 
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.
@@ -234,6 +245,18 @@ class SuslovGyrostat(_In3D):
 
     k: float | FloatArray
     I3: float | FloatArray | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            I1: ArrayLike,
+            I2: ArrayLike,
+            I13: ArrayLike,
+            I23: ArrayLike,
+            k: ArrayLike,
+            I3: ArrayLike | None = None,
+        ) -> None: ...
 
 
 def inertia_matrix(name: str, value: ArrayLike, n: int) -> FloatArray:

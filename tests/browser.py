@@ -15,10 +15,11 @@ from tornado import ioloop, websocket
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 OPTIONS = (
     "--headless=new --remote-debugging-port=0 --no-sandbox --disable-gpu --no-first-run "
-    "--disable-dev-shm-usage --disable-background-networking --disable-sync"
+    "--disable-dev-shm-usage --disable-background-networking --disable-sync "
+    "--disable-features=IsolateSandboxedIframes"  # whose process would be another target
 )
 # Seconds; the first picture may wait for the compiler on a busy machine.
-TIMEOUT = 300.0
+TIMEOUT = 120.0
 
 
 def wait(function):
@@ -75,14 +76,29 @@ class Browser:
         assert message is not None, "the browser has ended"
         return json.loads(message)
 
-    def value(self, script):
-        options = {"returnByValue": True, "awaitPromise": True}
+    def value(self, script, **context):
+        options = {"returnByValue": True, "awaitPromise": True, **context}
         answer = self.call("Runtime.evaluate", expression=script, **options)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
-    def wait(self, script):
-        return wait(lambda: self.value(script))
+    def wait(self, script, **context):
+        return wait(lambda: self.value(script, **context))
+
+    def frame(self):
+        """The context of scripts in the frame of the page, once its page is there."""
+        self.wait("document.querySelector('iframe') !== null")
+        made = "Runtime.executionContextCreated"
+        return wait(
+            lambda: (
+                self.value("1")
+                and [
+                    {"contextId": each["params"]["context"]["id"]}
+                    for each in self.events
+                    if each.get("method") == made and each["params"]["context"]["origin"] == "://"
+                ][-1:]
+            )
+        )[0]
 
     def look(self, width, height):
         """Set the size of the window, without animations."""

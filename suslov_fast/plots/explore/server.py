@@ -1,0 +1,196 @@
+"""The local HTTP server of the page, and the page of one orbit."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from http.server import BaseHTTPRequestHandler
+from importlib.util import find_spec
+from pathlib import Path
+from socketserver import ThreadingTCPServer
+from typing import Any
+from urllib.parse import unquote
+
+from numpy.typing import ArrayLike
+
+from ...checks import instance
+from ..geometry import BodyIn3D
+from .parameters import SETTINGS, query_of
+from .scene import answer
+
+PAGE = Path(__file__).with_name("page")
+_ADDRESS = "127.0.0.1"
+_THREADS = 32
+_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
+_HEADERS = {
+    "Cache-Control": "no-store",
+    # The browser refuses whatever the page would load from elsewhere.
+    "Content-Security-Policy": "default-src 'self'; img-src data:",
+}
+_REFUSALS = {
+    400: "not a path of text",
+    403: "requests of other pages are refused",
+    404: "no such page",
+}
+
+
+class Server(ThreadingTCPServer):
+    """HTTP server of the page on a local port; 0 selects a free one."""
+
+    daemon_threads = True
+    # On POSIX a second server on the same port is an error nevertheless.
+    allow_reuse_address = os.name == "posix"
+
+    def __init__(self, port: int) -> None:
+        super().__init__((_ADDRESS, port), _Handler)
+        self.port = self.server_address[1]
+        self.url = f"http://{_ADDRESS}:{self.port}/"
+        self._free = threading.BoundedSemaphore(_THREADS)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer in a thread; with too many under way, wait for the end of one."""
+        self._free.acquire()
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Report an error, unless the browser has closed the connection."""
+        if not isinstance(sys.exc_info()[1], ConnectionError):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Server
+    # Seconds; browsers open connections that they may never use.
+    timeout = 10.0
+
+    def do_GET(self) -> None:
+        """Send a file of the page or numbers for it."""
+        path, _, query = self.path.partition("?")
+        hosts = [f"{name}:{self.server.port}" for name in (_ADDRESS, "localhost")]
+        file = PAGE / (path[1:] or "index.html")
+        if not _is_text(path):
+            self.send_error(400)
+        elif self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
+            self.send_error(403)
+        elif path in ("/settings", "/scene"):
+            if self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
+                self.send_error(403)
+                return
+            value = SETTINGS if path == "/settings" else answer(query)
+            text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+            self._send(200, text, "application/json")
+        elif file in PAGE.iterdir():
+            self._send(200, file.read_text("utf-8"), f"{_TYPES[file.suffix]}; charset=utf-8")
+        else:
+            self.send_error(404)
+
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """Answer in one line; but for some codes the request was not a GET."""
+        self.close_connection = True
+        text = _REFUSALS.get(code, "expected a GET request")
+        self._send(code, f"suslov-fast: {text}\n", "text/plain; charset=utf-8")
+
+    def _send(self, status: int, text: str, kind: str) -> None:
+        body = text.encode()
+        self.send_response(status)
+        for name, value in _HEADERS.items():
+            self.send_header(name, value)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Log nothing: the page shows errors."""
+
+
+def _is_text(path: str) -> bool:
+    try:
+        return unquote(path, errors="strict").isprintable()
+    except UnicodeDecodeError:
+        return False
+
+
+class Page:
+    """The page of an orbit, in a notebook or at an address of this machine."""
+
+    def __init__(self, query: str) -> None:
+        self._query = query
+        self._server: Server | None = None
+        self._widget: Any = None
+
+    @property
+    def url(self) -> str:
+        """The address, from whose first use on a thread of this process serves the page."""
+        if self._server is None:
+            self._server = Server(0)
+            serve: Any = self._server.serve_forever
+            threading.Thread(target=serve, args=[0.1], daemon=True).start()
+        return f"{self._server.url}?{self._query}"
+
+    def close(self) -> None:
+        """Stop serving."""
+        if self._server is not None:
+            self._server.shutdown()
+            self._server.server_close()
+            self._server = None
+
+    def __repr__(self) -> str:
+        return f"<Page {self.url}>"
+
+    def _repr_mimebundle_(self, **options: Any) -> Any:
+        if find_spec("anywidget"):
+            from .notebook import Widget
+
+            self._widget = self._widget or Widget(query=self._query)
+            return self._widget._repr_mimebundle_(**options)
+        address = self.url.replace("&", "&amp;")
+        frame = f'<iframe src="{address}" width="100%" height="760" style="border: 0"></iframe>'
+        return {"text/plain": repr(self), "text/html": frame}
+
+
+def explore(
+    body: BodyIn3D, omega0: ArrayLike = (1.0, 0.5), eps: float = 0.1, steps: int = 300
+) -> Page:
+    """Show an orbit on the page of `suslov-fast explore`, in a notebook or a browser.
+
+    The value of a notebook's cell is displayed as the page. With the extra `notebook` (anywidget)
+    the notebook's own connection carries its numbers, so the kernel may run on another machine;
+    without it this process serves the page, to browsers on this machine only.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovGyrostat
+        A single body.
+    omega0 : array_like(float, shape=(2,))
+        Initial angular velocity (Omega1, Omega2).
+    eps : float
+        Step size, in the unit of time that the unit of `omega0` implies.
+    steps : int
+        Number of steps, from 1 to 5000.
+
+    Returns
+    -------
+    Page
+        What a notebook displays. Its attribute `url` is an address of the page on this machine,
+        served from the first use of `url` until its method `close` or the end of the process.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, explore
+    >>> page = explore(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), [-0.9, 1.3], eps=0.2)
+    >>> page.url.startswith("http://127.0.0.1:")
+    True
+    >>> page.close()
+    """
+    instance("body", body, BodyIn3D)
+    return Page(query_of(body, eps, omega0, steps))

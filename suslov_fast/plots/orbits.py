@@ -1,0 +1,118 @@
+"""Runs in a plane of two components of their states."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..checks import FloatArray, integer
+from ..quantities import conserved
+from .style import styled
+
+# Dots and lines show at most so many states, beyond which a picture grows large and no clearer.
+_MOST = 20_000
+_LEVELS = {
+    "first_integral": "level of the first integral $F$",
+    "modified_energy": "level of the modified energy",
+}
+# Levels that agree to this relative distance have one colour.
+_SAME = 1e-9
+
+
+@styled
+def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
+    """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
+    from .figures import axes_for, set_title
+
+    first, second = _checked(components, run.states.shape[-1])
+    plane = run.states[..., (first, second)].reshape(len(run), -1, 2)
+    apart = int(run.n[1] - run.n[0]) if len(run) > 1 else 1
+    if lines is None:
+        lines = apart == 1 and plane[..., 0].size <= _MOST and _are_near(plane)
+    axes = axes_for(ax, (5.4, 5.0))
+    levels, name = _levels(run)
+    thinned, of_orbits = _strides(plane, lines)
+    plane, levels = plane[::thinned, ::of_orbits], levels[::of_orbits]
+    drawn = _draw(axes, plane, levels if name else None, lines)
+    if name:
+        axes.figure.colorbar(drawn, ax=axes, label=name, shrink=0.8)
+    symbols = run._map.symbols(run.body)
+    axes.set(xlabel=symbols[first], ylabel=symbols[second])
+    set_title(axes, _title(run, thinned * apart, of_orbits))
+    return axes
+
+
+def _checked(components: tuple[int, int], D: int) -> tuple[int, int]:
+    if D == 1:
+        how = "draw run.states[..., 0] over run.time"
+        raise ValueError(f"plot: expected states with at least 2 components, got 1: {how}")
+    expected = f"two integers from 0 to {D - 1}"
+    found = [integer("components", k, 0, expected) for k in components]
+    if len(found) != 2 or max(found) >= D:
+        raise ValueError(f"components: expected {expected}, got {components}")
+    return found[0], found[1]
+
+
+def _are_near(plane: FloatArray) -> bool:
+    """True if the median of steps is below 1/20 of the extent of all states (N, B, 2)."""
+    lengths = np.hypot(*np.diff(plane, axis=0).T)
+    lengths = lengths[~np.isnan(lengths)]
+    known = plane[~np.isnan(plane).any(axis=-1)]
+    return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(known, axis=0).max())
+
+
+def _strides(plane: FloatArray, lines: bool) -> tuple[int, int]:
+    """Strides over states and orbits with which at most _MOST dots are drawn."""
+    states, orbits = plane.shape[:2]
+    if lines or not orbits:
+        return 1, 1
+    over_orbits = math.ceil(orbits / _MOST)
+    return math.ceil(states / max(1, _MOST * over_orbits // orbits)), over_orbits
+
+
+def _levels(run: Any) -> tuple[FloatArray, str]:
+    """The levels (B,) of the orbits, and what they are levels of; "" if they have one colour."""
+    known = [name for name in _LEVELS if name in run._map.functions(run.body)]
+    if known and run.states[0].size:
+        values = getattr(conserved, known[0])(run.body, run.states[0], run.eps).ravel()
+        finite = values[np.isfinite(values)]
+        if finite.size and np.ptp(finite) > _SAME * abs(finite).max():
+            return values, _LEVELS[known[0]]
+    return np.zeros(math.prod(run.states.shape[1:-1])), ""
+
+
+def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) -> Any:
+    """Draw states (N, B, 2), coloured by the levels (B,) of orbits; return what has the colours."""
+    from matplotlib.collections import LineCollection
+
+    from .figures import COLOURS
+
+    look: dict[str, Any] = {"color": COLOURS(0.3)} if levels is None else {"cmap": COLOURS}
+    count = plane[..., 0].size
+    if lines:
+        drawn = LineCollection(list(np.moveaxis(plane, 1, 0)), array=levels, linewidths=0.7, **look)
+        axes.add_collection(drawn)
+    if not lines or count <= 2000:
+        if levels is not None:
+            look["c"] = np.broadcast_to(levels, plane.shape[:-1]).ravel()
+        size = 4.0 if lines else min(max(8000.0 / max(count, 1), 1.2), 14.0)
+        drawn = axes.scatter(*plane.reshape(-1, 2).T, s=size, linewidths=0, **look)
+    axes.autoscale_view()
+    return drawn
+
+
+def _title(run: Any, apart: int, of_orbits: int) -> str:
+    """What is drawn: the map, the step size, the number of orbits and of states."""
+    count = math.prod(run.states.shape[1:-1])
+    orbits = "1 orbit" if count == 1 else f"{count:,} orbits"
+    eps = rf", $\epsilon$ = {float(run.eps):g}" if np.ndim(run.eps) == 0 else ""
+    if len(run) == 1:
+        what = f"state {run.n[0]:,} of {orbits}"
+    else:
+        what = f"{orbits} of {run.n[-1]:,} steps"
+    thinned = [f"one state in {apart:,}"] * (apart > 1) + [f"one orbit in {of_orbits}"] * (
+        of_orbits > 1
+    )
+    return "\n".join([f"{run._map.title}{eps}", ", ".join([what, *thinned])])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from fractions import Fraction
+from numbers import Rational
 from typing import Any
 
 import numpy as np
@@ -24,8 +25,9 @@ _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 
 
 def is_number(value: Any) -> bool:
-    """Return True for integers, fractions, decimals and floats, of NumPy too."""
-    return hasattr(value, "as_integer_ratio") and not isinstance(value, (bool, np.bool_))
+    """Return True for integers, fractions, decimals and floats, of NumPy and SymPy too."""
+    known = isinstance(value, Rational) or hasattr(value, "as_integer_ratio")
+    return known and not isinstance(value, (bool, np.bool_))
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -33,6 +35,8 @@ def exact(name: str, value: Any) -> Fraction:
     if not is_number(value):
         received = f"{short(value)} of type {type(value).__name__}"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
+    if isinstance(value, Rational):
+        return Fraction(int(value.numerator), int(value.denominator))
     try:
         return Fraction(*map(int, value.as_integer_ratio()))
     except (OverflowError, ValueError):

@@ -63,12 +63,13 @@ def within(name: str, value: Any, exponent: int) -> Any:
     low, high = 10.0**-exponent, 10.0**exponent
     if type(value) is float and (value == 0.0 or low <= abs(value) <= high):
         return value
-    size = np.abs(value)
-    bad = np.asarray((size != 0) & ((size < low) | (size > high)))
-    if bad.any():
+    array = np.asarray(value)
+    some = array[array.astype(bool)]
+    size = abs(some)
+    bad = some[(size < low) | (size > high)]
+    if len(bad):
         expected = f"0 or numbers from 1e-{exponent} to 1e{exponent} in modulus"
-        received = np.asarray(value)[first_index(bad)]
-        raise wrong(name, expected, f"{received}: change the units")
+        raise wrong(name, expected, f"{bad[0]}: change the units")
     return value
 
 
@@ -143,9 +144,10 @@ def refuse(name: str, value: Any) -> None:
     if type(value) is np.ndarray:
         value = value.ravel().tolist() if value.dtype.kind == "O" else []
     if isinstance(value, (list, tuple)):
-        if not _NUMBERS.issuperset(map(type, value)):
-            for item in value:
-                refuse(name, item)
+        by_type = {type(each): each for each in value}
+        nested = not {list, tuple, np.ndarray}.isdisjoint(by_type)
+        for item in value if nested else by_type.values():
+            refuse(name, item)
         return
     kind = type(value).__name__
     if isinstance(value, (bool, np.bool_)):

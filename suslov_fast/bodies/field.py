@@ -273,6 +273,10 @@ class QuadraticField(Body):
         return sparse(self.table, ordered=2)
 
     @cached_property
+    def _floats(self) -> FloatArray:
+        return self.table.astype(np.float64)
+
+    @cached_property
     def batch_of_one(self) -> tuple[Any, FloatArray]:
         """The terms of a single field, their coefficients with an axis for the batch."""
         indices, values = self.terms
@@ -300,7 +304,7 @@ class QuadraticField(Body):
         if is_exact:
             return tuple((self.table @ point) @ point)
         with np.errstate(all="ignore"):
-            slopes = (self.table.astype(np.float64) @ point[..., None, :, None])[..., 0]
+            slopes = (self._floats @ point[..., None, :, None])[..., 0]
             return (slopes @ point[..., :, None])[..., 0]
 
     @classmethod

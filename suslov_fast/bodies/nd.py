@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -82,13 +83,20 @@ class SuslovND(Body):
 
     def field(self) -> QuadraticField:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
+        return self._field
+
+    @cached_property
+    def _field(self) -> QuadraticField:
         J, I = self.J, self.I
         if not self.shape:
             J, I = (np.array([Fraction(a) for a in each.tolist()]) for each in (J, I))
         # J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j.
-        unit = np.eye(self.dimension, dtype=np.int64)
-        q = unit[:, :, None] * I[..., None, None, :] - I[..., None, None] * unit
-        return QuadraticField(q / J[..., None, None])
+        q = np.zeros((*self.shape, *(self.dimension,) * 3), J.dtype)
+        j = np.arange(self.dimension)
+        i = j[:, None]
+        q[..., i, i, j] = I[..., None, :] / J[..., :, None]
+        q[..., i, j, j] -= I[..., :, None] / J[..., :, None]
+        return QuadraticField(q)
 
     @classmethod
     def from_mass_tensor(

@@ -45,8 +45,13 @@ def exact(name: str, value: Any) -> Fraction:
 
 def exact_array(name: str, array: Any) -> Any:
     """Return an array of fractions."""
-    found = np.empty(array.size, dtype=object)
-    found[:] = [exact(name, each) for each in array.ravel().tolist()]
+    numbers = array.ravel().tolist()
+    for each in {type(each): each for each in numbers}.values():  # the types of zeros, too
+        exact(name, each)
+    found = np.full(array.size, Fraction(0))
+    for i, each in enumerate(numbers):
+        if each:
+            found[i] = exact(name, each)
     return found.reshape(array.shape)
 
 

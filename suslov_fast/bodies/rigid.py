@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -50,6 +51,10 @@ class _In3D(Body):
 
     def field(self) -> QuadraticField:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
+        return self._field
+
+    @cached_property
+    def _field(self) -> QuadraticField:
         I1, I2, *products = self.parameters if self.shape else map(Fraction, self.parameters)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*products), axis=-1)

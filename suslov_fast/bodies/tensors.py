@@ -46,16 +46,21 @@ def table_of(q: Any, l: Any, c: Any) -> Any:
     """Return the symmetric table of coefficients."""
     D = q.shape[-1]
     batch = np.broadcast_shapes(q.shape[:-3], l.shape[:-2], c.shape[:-1])
-    table = np.zeros((*batch, D, D + 1, D + 1), q.dtype)
+    table = np.full((*batch, D, D + 1, D + 1), 0 * q.flat[0] if q.size else 0.0)
     table[..., :D, :D], table[..., :D, D], table[..., D, D] = q, l, c
-    return (table + table.swapaxes(-2, -1)) / 2
+    turned = table.swapaxes(-2, -1).copy()
+    some = table.astype(bool) | turned.astype(bool)  # fractions are slow
+    table[some] = (table[some] + turned[some]) / 2
+    return table
 
 
 def rates(H: Any, K: Any) -> Any:
     """Return the table of K grad H; most entries of K are 0."""
     table = np.zeros_like(H[..., :-1, :, :])
     for i, j in np.argwhere(K != 0):
-        table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
+        row, slopes = table[..., i, :, :], H[..., j, :, :]
+        some = slopes.astype(bool)
+        row[some] += 3 * K[i, j] * slopes[some]
     return table
 
 

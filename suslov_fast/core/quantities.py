@@ -25,7 +25,7 @@ def numbers_of(I1, I2, I13, I23, k, eps, w1, w2):
     """X and Y, with the bits of steps, U and K."""
     frame = frame_of(I1, I2, I13, I23, k, eps)
     X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
-    return X, Y, frame.a1 * w1 + frame.a2 * w2, frame.K
+    return X, Y, 0.5 * eps / np.sqrt(I1 * I2) * (I13 * w1 + I23 * w2), frame.K
 
 
 @formula

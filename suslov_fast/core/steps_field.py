@@ -30,7 +30,6 @@ ROWS = 4
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 
 
-@formula
 def carried(D):
     """Return how many numbers of a trajectory a run goes on from."""
     return D

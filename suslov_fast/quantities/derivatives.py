@@ -12,8 +12,9 @@ from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, first_index, spell
 from ..core import quantities as formulas
+from ..core import tangent
 from ..engine.arguments import BodyOrField, States, check
-from .evaluation import by_terms, evaluate, next_states
+from .evaluation import by_terms, evaluate, next_states, terms_of
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.
 _FIXED = 1e-8
@@ -152,6 +153,53 @@ def matrix(
         of_field=lambda states: by_terms(formulas.matrix_of, states),
         axes=2,
     )
+
+
+def jacobian(
+    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike, eps: ArrayLike
+) -> FloatArray:
+    """Derivative of the map: the Jacobian matrix of the next state with respect to the state.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D, D))
+        Dimensionless; row i, column j holds the derivative of the next Omega_i by Omega_j. NaN,
+        with one :class:`SingularStepWarning`, where a state has no next state.
+
+    Notes
+    -----
+    With the A of :func:`matrix` it is A(omega; eps)**-1 A(omega_next; -eps).
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, jacobian
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> jacobian(body, [1.0, 0.5], eps=0.2).round(6)
+    array([[ 1.006511,  0.037232],
+           [-0.221645,  0.937189]])
+    """
+    return evaluate(
+        body,
+        {"omega": omega, "eps": eps},
+        in_3d=formulas.jacobian,
+        in_nd=_jacobian_by_terms,
+        of_field=_jacobian_by_terms,
+        axes=2,
+    )
+
+
+def _jacobian_by_terms(states: States) -> FloatArray:
+    found: FloatArray = tangent.jacobian(*terms_of(states.body), states.eps, states.omega)
+    return found
 
 
 def multipliers(

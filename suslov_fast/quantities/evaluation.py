@@ -61,6 +61,17 @@ def parameters_in_3d(body: Suslov3D | SuslovGyrostat) -> tuple[Any, ...]:
     return body.I1, body.I2, body.I13, body.I23, getattr(body, "k", 0.0)
 
 
+def terms_of(body: Any) -> tuple[Any, FloatArray]:
+    """Return the terms v x_j x_k, j <= k, of the equations i: places (3, T) and values (..., T)."""
+    if not isinstance(body, SuslovND):
+        return body.field().terms
+    i, j = np.nonzero(~np.eye(body.dimension, dtype=bool))  # faster than its exact field
+    J, I = np.broadcast_arrays(body.J, body.I)
+    places = np.array([[*i, *i], [*np.minimum(i, j), *j], [*np.maximum(i, j), *j]], np.int64)
+    values = np.concatenate([I[..., j] / J[..., i], -I[..., i] / J[..., i]], axis=-1)
+    return places, values
+
+
 def by_terms(formula: Universal, states: States, terms: Any = None) -> FloatArray:
     """Return a quantity of a field by a formula of its terms, or of others.
 

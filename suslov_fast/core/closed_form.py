@@ -24,6 +24,7 @@ L**2 + k x - L y and 1 - (e L)**2 in `orbit`.
 
 import numpy as np
 
+from .elementary import cosine_and_sine, exponential, is_integer, logarithm, quarter_turns
 from .numba import formula, kernel, lead_of, select, share, shortening, universal, write
 
 LANES, GROUP = 128, 8
@@ -33,7 +34,7 @@ ROWS_OF_TASK = 128  # times the number of n in a block
 TINY = 2.0**-100
 CRITICAL = 2.0**-90  # r below this is 0, or negative: no real power
 NO_SQUARE = 1e-300  # |A**2 - k**2| below this: its root is replaced, and sin(n a) / M is n h
-NO_POWER = -350.0  # exp(2 x) would be subnormal
+STEEP = 2.0  # in place of r, if the angle of a step is above half a quarter turn
 PARITY_KNOWN = 2.0**53
 ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
 RANGE = 1e8  # of X, Y and K: beyond, too few digits are left
@@ -66,7 +67,7 @@ def difference_of_squares(x, u, y, k, X, K):
 
 @formula
 def orbit(I1, I2, I13, I23, k, eps, w1, w2, discrete, direction):
-    """The numbers of an orbit, rows B1 to SMALL, with `direction` -1 for n < 0."""
+    """The numbers of an orbit, rows B1 to RATE, with `direction` -1 for n < 0."""
     x, u, y, s = coordinates(I1, I2, I13, I23, k, w1, w2)
     e = 0.5 * select(discrete > 0.0, abs(eps), 1.0) / s
     h = discrete * e
@@ -103,50 +104,41 @@ def orbit(I1, I2, I13, I23, k, eps, w1, w2, discrete, direction):
     d12 = select(passes, 2.0 * gap, -2.0 * y)
     d22 = select(passes, minus, 2.0 * k * x + square)
 
-    # The rate: log|r| of r, or of 1 - |r| where that has more digits; or the angle a.
+    # r (1.0 for the flow) and log|r|; or the angle a in quarter turns, and what is left to one.
     L = h * root
     one_more = 1.0 / (1.0 + L)
-    small = 2.0 * select(L < 1.0, L, 1.0) * one_more
-    of_map = select(passes, one_minus_square * one_more * one_more, L)
-    value = select(discrete > 0.0, of_map, select(passes, -2.0, 1.0) * (e * root))
+    r = one_minus_square * one_more * one_more
+    log_r = logarithm(abs(r), 2.0 * select(L < 1.0, L, 1.0) * one_more)
+    steep = L > 1.0
+    angle = quarter_turns(select(steep, -1.0, L) / select(steep, L, 1.0))
+    r = select(discrete > 0.0, select(passes, r, select(steep, STEEP, 1.0)), 1.0)
+    slow = e * root
+    rate = select(
+        discrete > 0.0,
+        select(passes, log_r, angle),
+        select(passes, -2.0 * slow, slow / (0.5 * np.pi)),
+    )
     undefined = abs(1.0 - Y) < ZERO_TO_ROUNDING * (1.0 + abs(Y))  # 0 / 0, if the state is at rest
     rests = x == 0.0
-    value = select(rests, select(undefined, np.nan, 0.0), value)
+    rate = select(rests, select(undefined, np.nan, 0.0), rate)
     in_range = (abs(X) <= RANGE) & (abs(Y) <= RANGE) & (abs(K) <= RANGE)
     passing = select(rests, 0.0, select(passes, 1.0, 0.0))
-    return b1, c1, b2, c2, d12, d22, passing, select(in_range, root, np.nan), value, small
+    return b1, c1, b2, c2, d12, d22, passing, select(in_range, root, np.nan), r, rate
 
 
 @formula
-def rate(passes, value, small, discrete):
-    """log|r|, or the angle of a step; next to a quarter of a turn, what is left of it."""
-    if discrete == 0.0:
-        return value
-    if passes == 0.0:
-        return -np.arctan(1.0 / value) if value > 1.0 else np.arctan(value)
-    return np.log1p(-small) if abs(value) > 0.5 else np.log(abs(value))
-
-
-@formula
-def pair(n, passes, root, rate, value, discrete):
+def pair(n, passes, root, r, rate):
     """(rho, sigma) after n >= 0 steps, or at time n of the flow; NaN if there is no real power."""
-    t = rate * n if n > 0.0 else 0.0
-    if passes == 0.0:
-        if discrete > 0.0 and value > 1.0:
-            t += 0.5 * np.pi * (n - 4.0 * np.floor(0.25 * n))
-        return np.cos(t), np.sin(t) / root
-    if t > -1.0:
-        less = np.expm1(t)
-        rho = 1.0 + less
-    else:
-        rho = 0.0 if t < NO_POWER else np.exp(t)
-        less = rho - 1.0
-    if discrete > 0.0 and value < CRITICAL:
-        if n != np.floor(n) or n > PARITY_KNOWN:
-            return np.nan, np.nan
-        if value < 0.0 and 0.5 * n != np.floor(0.5 * n):
-            rho, less = -rho, -2.0 - less
-    return rho, -0.5 * less / root
+    t = select(n > 0.0, rate * n, 0.0)
+    # As above log|r|; where r < 0, odd n change the sign.
+    rho, less = exponential(select(passes > 0.0, t, 0.0))
+    changes = (r < 0.0) & ~is_integer(0.5 * n)
+    rho, less = select(changes, -rho, rho), select(changes, -2.0 - less, less)
+    rho = select((r < CRITICAL) & ~(is_integer(n) & (n <= PARITY_KNOWN)), np.nan, rho)
+    # Angles; where a is more than half a quarter turn, t counts from n quarter turns.
+    half = 0.5 * n
+    c, s = cosine_and_sine(t + select(r == STEEP, n - 2.0 * np.floor(half), 0.0))
+    return select(passes > 0.0, rho, c), select(passes > 0.0, -0.5 * less, s) / root
 
 
 @formula
@@ -163,9 +155,9 @@ def state(w1, w2, b1, c1, b2, c2, d12, d22, rho, sigma):
 
 
 # Rows of a block.
-(W1, W2, B1, C1, B2, C2, D12, D22, PASSES, ROOT, VALUE, SMALL, RATE, RHO, SIGMA) = range(15)
-(Q1, Q2, Q13, Q23, QK, QE) = range(15, 21)  # I1, I2, I13, I23, k and eps
-ROWS = 21
+(W1, W2, B1, C1, B2, C2, D12, D22, PASSES, ROOT, R, RATE) = range(12)
+(Q1, Q2, Q13, Q23, QK, QE) = range(12, 18)  # I1, I2, I13, I23, k and eps
+ROWS = 18
 
 
 @formula
@@ -181,27 +173,25 @@ def orbits_of(b, first, width, used, parameters, omega0, discrete, direction):
         b[QK, l], b[QE, l] = k[i % k.size], eps[i % eps.size]
     for group in range(0, width, GROUP):
         for j in range(GROUP):
-            l = group + j
+            l = np.uint64(group) + np.uint64(j)
             (
                 b[B1, l], b[C1, l], b[B2, l], b[C2, l], b[D12, l], b[D22, l],
-                b[PASSES, l], b[ROOT, l], b[VALUE, l], b[SMALL, l],
+                b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l],
             ) = orbit(
                 b[Q1, l], b[Q2, l], b[Q13, l], b[Q23, l], b[QK, l], b[QE, l], b[W1, l], b[W2, l],
                 discrete, direction,
             )  # fmt: skip
-    for l in range(width):
-        b[RATE, l] = rate(b[PASSES, l], b[VALUE, l], b[SMALL, l], discrete)
     for row in range(RATE + 1):
         for l in range(width, used):
             b[row, l] = b[row, l - width]
 
 
 @formula
-def explain(b, l, reasons, i):
+def explain(b, l, n, reasons, i):
     """Note why a state of trajectory i is NaN."""
     if b[ROOT, l] != b[ROOT, l]:
         reasons[1, i] = True
-    elif b[PASSES, l] > 0.0 and b[RHO, l] != b[RHO, l]:
+    elif b[PASSES, l] > 0.0 and b[R, l] < CRITICAL and not (is_integer(n) and n <= PARITY_KNOWN):
         reasons[0, i] = True
     else:
         reasons[2, i] = True
@@ -222,7 +212,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     A block is `width` trajectories at `abreast` n, so that few trajectories fill the lanes, too.
     """
     B, N, flat, lead = len(omega0), len(n), out.reshape(out.size), lead_of(out)
-    b, tile = np.ones((ROWS, LANES)), np.empty(2 * LANES)
+    b, tile, times = np.ones((ROWS, LANES)), np.empty(2 * LANES), np.ones(LANES)
     order, forth = np.empty(N, np.int64), 0  # the indices of n >= 0, then those of n < 0
     for j in range(N):
         if n[j] >= 0.0:
@@ -250,30 +240,29 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
             while at < end:
                 count = min(abreast, end - at)
                 used, failed = width * count, 0
-                for l in range(used):
-                    b[RHO, l], b[SIGMA, l] = pair(
-                        abs(n[order[at + l // width]]), b[PASSES, l], b[ROOT, l], b[RATE, l],
-                        b[VALUE, l], discrete,
+                for row in range(count):
+                    for l in range(row * width, (row + 1) * width):
+                        times[l] = abs(n[order[at + row]])
+                for l in range(LANES):
+                    rho, sigma = pair(times[l], b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l])
+                    tile[2 * l], tile[2 * l + 1] = state(
+                        b[W1, l], b[W2, l], b[B1, l], b[C1, l], b[B2, l], b[C2, l],
+                        b[D12, l], b[D22, l], rho, sigma,
                     )  # fmt: skip
-                for group in range(0, used, GROUP):
-                    for j in range(GROUP):
-                        l = group + j
-                        tile[2 * l], tile[2 * l + 1] = state(
-                            b[W1, l], b[W2, l], b[B1, l], b[C1, l], b[B2, l], b[C2, l],
-                            b[D12, l], b[D22, l], b[RHO, l], b[SIGMA, l],
-                        )  # fmt: skip
                 for l in range(used):
                     failed += 1 if tile[2 * l] != tile[2 * l] else 0
                 if failed > 0:
                     for l in range(used):
                         if tile[2 * l] != tile[2 * l] and not np.isnan(b[W1, l] + b[W2, l]):
-                            explain(b, l, reasons, first + l % width)
-                if order[at + count - 1] - order[at] == count - 1 and width == B:
-                    write(tile, 0, flat, 2 * order[at] * B, 2 * used, lead)
+                            explain(b, l, times[l], reasons, first + l % width)
+                place = 2 * (order[at] * B + first)
+                if order[at + count - 1] - order[at] == count - 1:  # neighbours in the output
+                    write(tile, 0, flat, place, 2 * used, lead)
                 else:
                     for row in range(count):
-                        place = 2 * (order[at + row] * B + first)
-                        write(tile, 2 * width * row, flat, place, 2 * width, lead)
+                        place = 2 * order[at + row] * B
+                        for j in range(2 * B):
+                            flat[place + j] = tile[2 * B * row + j]
                 at += count
 
 

@@ -6,31 +6,32 @@ import math
 import random
 from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
-from itertools import islice, product
+from itertools import islice
 from typing import Any, NamedTuple
 
 import flint
 import numpy as np
 
-from .._checks import instance, integer, wrong
-from .._docs import filled
-from ._exact import confirmed
-from ._maps import KahanMap, check_map, image_by_minors, random_line
+from ..checks import instance, integer, wrong
+from .exact import confirmed
+from .maps import BirationalMap, check_map, random_line
 
 
-@filled
-def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
+def degrees(map: BirationalMap, n: int, *, seed: int = 0) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
     The degree is the largest of the numerators and the common denominator, after cancelling common
-    factors. It is computed on random lines, modulo primes, until two of them agree.
+    factors. It is computed on random lines, modulo primes, until two of them agree; if eps is a
+    letter, at random numbers in its place.
 
     Parameters
     ----------
-    %(map)s
+    map : KahanMap or RationalMap
+        Made by `kahan` or `rational_map`.
     n : int
         Number of iterates.
-    %(seed)s
+    seed : int, optional
+        Seed of the random primes and lines.
 
     Returns
     -------
@@ -39,9 +40,10 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
 
     Raises
     ------
-    %(invalid)s
+    TypeError, ValueError
+        If an argument has a wrong type or value.
     ArithmeticError
-        If every line runs into points without an image.
+        If there is no map, or every line runs into points without an image.
 
     Examples
     --------
@@ -51,21 +53,26 @@ def degrees(map: KahanMap, n: int, *, seed: int = 0) -> list[int]:
     [2, 4, 6, 8, 10, 12, 14, 16]
     """
     check_map(map)
-    n, rng = integer("n", n, 0), random.Random(seed)
-    return list(confirmed(rng, lambda p: list(islice(degrees_on_a_line(map, p, rng), n))))
+    n, rng = integer("n", n, 0), random.Random(integer("seed", seed, 0))
+
+    def compute(p: int, eps: int) -> list[int]:
+        return [*islice(degrees_on_a_line(map, p, eps, random.Random(p)), n)]
+
+    return list(confirmed(rng, compute))
 
 
-def degrees_on_a_line(map: KahanMap, p: int, rng: random.Random) -> Iterator[int]:
-    line = random_line(map, p, rng)
+def degrees_on_a_line(map: BirationalMap, p: int, eps: int, rng: random.Random) -> Iterator[int]:
+    """Yield the degrees of the iterates of a random line modulo a prime."""
+    line, steps = random_line(map.dimension, p, rng), map.steps(p, eps)
     while True:
-        image = image_by_minors(map, line)
+        image = steps.forms(line)
         common = reduce(lambda a, b: a.gcd(b), image)
         line = [each // common for each in image]
         yield max(each.degree() for each in line)
 
 
 class Growth(NamedTuple):
-    """Growth of a sequence of degrees, as `growth` returns it."""
+    """Growth of a sequence of degrees, as `growth` returns it: evidence, never a proof."""
 
     kind: str  # "bounded", "linear", "quadratic", "cubic", "exponential" or "unclear"
     entropy: float  # the log of the limit of d_(k+1) / d_k
@@ -73,18 +80,18 @@ class Growth(NamedTuple):
     based_on: str  # the recurrence or fit from which kind and entropy follow
 
 
-_SPARE = 3  # degrees more than determine a recurrence
-_PERIODS = 6  # longest period of the coefficients of a quasi-polynomial
+SPARE = 3  # degrees more than determine a recurrence and its transient
 
 
-@filled
 def growth(degrees: Sequence[int]) -> Growth:
     """Growth of a sequence of degrees, and its entropy.
 
-    If all degrees satisfy a linear recurrence with integer coefficients, and there are at least
-    three more of them than are needed to find it, the result follows from its characteristic
-    polynomial: it is exact if the recurrence continues to hold. Otherwise it is a fit to the last
-    degrees.
+    A linear recurrence with integer coefficients is sought that all degrees after a transient
+    satisfy, with at least three terms to spare: that of least transient plus order, and of these
+    the one of least order. Its largest root gives the entropy, and the multiplicity of its roots of
+    modulus 1 the kind. Otherwise a line, parabola, cubic or exponential function is fitted. All
+    of it is evidence: the sequence may go on in another way. In the plane, linear growth shows an
+    invariant fibration, whose fibres the map may move: it need not be a first integral.
 
     Parameters
     ----------
@@ -98,13 +105,18 @@ def growth(degrees: Sequence[int]) -> Growth:
         degree 4" and so on. If the sequence is too short, or no model fits, kind is "unclear" and
         the entropy NaN.
 
-    %(Raises: invalid)s
+    Raises
+    ------
+    TypeError, ValueError
+        If `degrees` are not integers of at least 0.
 
     Examples
     --------
     >>> from suslov_fast.integrability import growth
     >>> growth([2, 4, 6, 8, 10, 12]).based_on
     'd(k+2) = 2 d(k+1) - 1 d(k), all 6 degrees'
+    >>> growth([2, 4, 6, 7, 8, 8, 8, 8, 8, 8])[::3]
+    ('bounded', 'd(k+1) = 1 d(k), all 10 degrees but the first 4')
     >>> kind, entropy, error, _ = growth([2, 3, 5, 8, 13, 21, 34])
     >>> kind, round(entropy, 6), error  # the log of the golden ratio
     ('exponential', 0.481212, 0.0)
@@ -112,7 +124,7 @@ def growth(degrees: Sequence[int]) -> Growth:
     'unclear'
     """
     if not isinstance(degrees, Iterable):
-        expected = "integers, as degrees(kahan(field, eps), n) returns them"
+        expected = "integers, as degrees(map, n) returns them"
         raise wrong("degrees", expected, type(degrees).__name__, TypeError)
     d = []
     for each in degrees:
@@ -120,8 +132,8 @@ def growth(degrees: Sequence[int]) -> Growth:
         if each < 0:
             raise wrong("degrees", "integers of at least 0", each)
         d.append(int(each))
-    recurrence = _recurrence(d)
-    return _by_fit(d) if recurrence is None else _by_recurrence(recurrence, len(d))
+    found = _recurrence(d)
+    return _by_fit(d) if found is None else _by_recurrence(*found, len(d))
 
 
 def _kind(power: int) -> str:
@@ -129,11 +141,36 @@ def _kind(power: int) -> str:
     return kinds.get(power, f"polynomial of degree {power}")
 
 
-def _by_recurrence(recurrence: Any, count: int) -> Growth:
+def _recurrence(d: list[int]) -> tuple[int, Any] | None:
+    """Return the length of the transient and the characteristic polynomial after it."""
+    for total in range(len(d) - SPARE + 1):
+        for order in range(total + 1):
+            transient = total - order
+            if len(d) - transient - 2 * order >= SPARE:
+                c = _characteristic(d[transient:], order)
+                if c is not None:
+                    return transient, c
+    return None
+
+
+def _characteristic(d: list[int], order: int) -> Any:
+    """Return the monic polynomial of a recurrence of this order that all degrees satisfy."""
+    hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
+    reduced, _ = flint.fmpq_mat(hankel).rref()
+    coefficients = [-reduced[i, order] for i in range(order)]
+    # Every infinite sequence of integers with a recurrence has one of integers.
+    if any(a.q != 1 for a in coefficients):
+        return None
+    c = flint.fmpz_poly([*(a.p for a in coefficients), 1])
+    return None if any((hankel * flint.fmpz_mat(order + 1, 1, c.coeffs())).entries()) else c
+
+
+def _by_recurrence(transient: int, recurrence: Any, count: int) -> Growth:
     *c, _ = recurrence.coeffs()
     terms = [f"{-a} d(k+{i})" for i, a in reversed([*enumerate(c)]) if a]
     what = f"d(k+{len(c)}) = {' + '.join(terms) or 0}, all {count} degrees"
     what = what.replace("+ -", "- ").replace("k+0", "k")
+    what += f" but the first {transient}" if transient else ""
     power, rate = 0, 0.0
     for factor, multiplicity in recurrence.factor()[1]:
         if factor.is_cyclotomic():
@@ -158,31 +195,8 @@ def _by_fit(d: list[int]) -> Growth:
         return Growth("exponential", rate, spread, what)
     what = f"a fit to all {n} degrees, without a short recurrence"
     k, extent = np.arange(n), max(d) - min(d)
-    for power in range(1, min(4, n - _SPARE)):
+    for power in range(1, min(4, n - SPARE)):
         residuals = np.polyval(np.polyfit(k, d, power), k) - d
         if abs(residuals).max() < max(0.5, 0.01 * extent) < 0.1 * extent:
             return Growth(_kind(power), 0.0, float(rates[-1]), what)
     return unclear
-
-
-def _recurrence(d: list[int]) -> Any:
-    """Return the characteristic polynomial of the shortest recurrence; None if none is certain."""
-    for order in range((len(d) - _SPARE) // 2 + 1):
-        hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
-        reduced, _ = flint.fmpq_mat(hankel).rref()
-        coefficients = [-reduced[i, order] for i in range(order)]
-        # Every infinite sequence of integers with a recurrence has one of integers.
-        if all(a.q == 1 for a in coefficients):
-            c = flint.fmpz_poly([*(a.p for a in coefficients), 1])
-            if not any((hankel * flint.fmpz_mat(order + 1, 1, c.coeffs())).entries()):
-                return c
-    # Quasi-polynomials after a transient need no coefficients, and so fewer terms.
-    E = flint.fmpz_poly([0, 1])
-    for first in range(len(d) // 3 + 1):
-        for period, power in product(range(1, _PERIODS + 1), range(4)):
-            c = E**first * (E - 1) ** power * (E**period - 1)
-            windows = range(len(d) - c.degree())
-            zeros = [sum(a * d[i + j] for j, a in enumerate(c.coeffs())) == 0 for i in windows]
-            if len(zeros) >= _SPARE + first and all(zeros):
-                return c
-    return None

@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any
 
-from .._bodies.body_3d import Suslov3D, SuslovGyrostat
-from .._bodies.field import QuadraticField
+from ..bodies.field import QuadraticField
+from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from .rational import RationalMap, rational_map
 
 
 def _of(f: Callable[..., Any]) -> QuadraticField:

@@ -1,9 +1,7 @@
-"""Hirota-Kimura bases and Darboux polynomials."""
+"""Hirota-Kimura bases: linear relations between monomials along orbits."""
 
 from __future__ import annotations
 
-import contextlib
-import math
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,16 +12,17 @@ from typing import Any
 import flint
 import numpy as np
 
-from .._bodies.algebra import exact_array, rational
-from .._checks import integer, wrong
-from .._docs import filled
-from . import _exact
-from ._exact import MORE, Exponents, Matrix, Point, Polynomials, Residues, monomial_values
-from ._functions import rank_of_quotients
-from ._invariants import common_denominator, invariants_up_to
-from ._maps import Arithmetic, KahanMap, check_map
+from ..checks import integer, wrong
+from . import exact
+from .exact import MORE, Exponents, Point, Polynomials, Residues, monomial_values
+from .functions import rank_of_quotients
+from .invariants import common_denominator, invariants_up_to
+from .maps import BirationalMap, check_map
+from .reconstruction import over_rationals, polynomials_with
 
 _MOST = 500  # monomials up to a degree
+
+Matrix = tuple[Point, ...]
 
 
 @dataclass(frozen=True)
@@ -32,9 +31,10 @@ class HKBasis:
 
     The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
     `point`: the last nonzero entry of a row is 1, and 0 in the others. They are None if they are
-    too long to reconstruct. On random orbits, `independent` of the coefficients are independent
-    first integrals. The quotients of the polynomials `integrals` are first integrals too, and
-    `complete` is True if as many of these are independent. `degree` is that of the monomials.
+    too long to reconstruct, or eps is a letter. On random orbits, `independent` of the coefficients
+    are independent first integrals. The quotients of the polynomials `integrals` are first
+    integrals too, and `complete` is True if as many of these are independent. `degree` is that of
+    the monomials.
     """
 
     degree: int
@@ -49,7 +49,8 @@ class HKBasis:
     @property
     def polynomials(self) -> Polynomials:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
-        return _exact.polynomials_with(self.basis, self.monomials)
+        rows = [[([a], [Fraction(1)]) for a in row] for row in self.basis or ()]
+        return polynomials_with(rows, self.monomials)
 
     def __repr__(self) -> str:
         text = (
@@ -62,9 +63,12 @@ class HKBasis:
         return f"{text}; {missing} more independent: try a higher degree, or `report`"
 
 
-@filled
 def hk_bases(
-    map: KahanMap, monomials: int | Sequence[Sequence[int]], *, point: Any = None, seed: int = 0
+    map: BirationalMap,
+    monomials: int | Sequence[Sequence[int]],
+    *,
+    point: Any = None,
+    seed: int = 0,
 ) -> HKBasis:
     """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
 
@@ -77,7 +81,8 @@ def hk_bases(
 
     Parameters
     ----------
-    %(map)s
+    map : KahanMap or RationalMap
+        Made by `kahan` or `rational_map`.
     monomials : int or sequence of exponents
         A degree, or the exponents (e1, ..., eD) of each monomial. For a degree, all monomials up
         to it are examined; the basis is that of the lowest degree that shows as many independent
@@ -85,7 +90,8 @@ def hk_bases(
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default one of random integers below
         100.
-    %(seed)s
+    seed : int, optional
+        Seed of the random primes and points.
 
     Returns
     -------
@@ -95,9 +101,10 @@ def hk_bases(
 
     Raises
     ------
-    %(invalid)s
+    TypeError, ValueError
+        If an argument has a wrong type or value.
     ArithmeticError
-        If the orbit of `point`, or of most points, ends at a pole.
+        If there is no map, or the orbit of `point`, or of most points, ends at a pole.
 
     Examples
     --------
@@ -110,55 +117,60 @@ def hk_bases(
     (4*x1^2 + x2^2, x1*x2 + 1024)
     """
     check_map(map)
-    n, rng = map.dimension, random.Random(seed)
+    n, rng = map.dimension, random.Random(integer("seed", seed, 0))
     exponents = _exponents(monomials, n)
-    start = rng.sample(range(2, 100), n) if point is None else exact_array("point", point, (n,))
+    start = exact.rationals("point", rng.sample(range(2, 100), n) if point is None else point, n)
     highest, by_degree = _degree(exponents), isinstance(monomials, int | np.integer)
     search = Relations(map, rng)
     _, independent = search.counts(exponents)
     candidates: list[Polynomials] = [()]
     for d in range(1, highest + 1) if by_degree and independent else ():
-        exponents = _exact.exponents_up_to(d, n)
+        exponents = exact.exponents_up_to(d, n)
         candidates.append(search.integrals(exponents))
         if search.counts(exponents)[1] == independent:
             break
     if not by_degree:
         candidates.append(search.integrals(exponents))
     elif rank_of_quotients(max(candidates, key=rank_of_quotients)) < independent:
-        with contextlib.suppress(ArithmeticError):  # too long
-            found = invariants_up_to(map, _degree(exponents))
-            candidates.append(common_denominator(found.quotients))
+        found = invariants_up_to(map, _degree(exponents))
+        candidates.append(common_denominator(found.quotients))
     integrals = max(candidates, key=rank_of_quotients)
-    dimension, _ = search.counts(exponents)
-    basis: Matrix | None = ()
-    if dimension > 0 or point is not None:
-        basis = _exact.over_rationals(rng, lambda p: search.relations(p, exponents, start))
-        dimension = dimension if basis is None else len(basis)
     complete = rank_of_quotients(integrals) == independent
-    where = tuple(Fraction(a) for a in start)
+    dimension, _ = search.counts(exponents)
+    basis = None
+    if not map.has_letter:
+        basis = search.basis(exponents, None if point is None and dimension == 0 else start)
+        dimension = dimension if basis is None else len(basis)
     return HKBasis(
-        _degree(exponents), exponents, dimension, independent, integrals, complete, where, basis
+        _degree(exponents), exponents, dimension, independent, integrals, complete, start, basis
     )
 
 
 class Relations:
     """Relations between monomials along random orbits."""
 
-    def __init__(self, map: KahanMap, rng: random.Random) -> None:
+    def __init__(self, map: BirationalMap, rng: random.Random) -> None:
         self.map, self.rng = map, rng
         self.counts = cache(self._counts)
 
-    def relations(self, p: int, exponents: Exponents, point: Any = None) -> Residues:
+    def relations(self, p: int, eps: int, exponents: Exponents, point: Any = None) -> Residues:
         """Return the relations along an orbit, in the form of `HKBasis.basis`."""
-        steps = Arithmetic(self.map, p)
+        steps = self.map.steps(p, eps)
         x = steps.point(self._random_point() if point is None else point)
         length, before = len(exponents) + MORE, None
         while True:
             rows = [list(monomial_values(exponents, y)) for y in steps.orbit(x, length)]
-            relations = _exact.null_space(steps.matrix(rows))
+            relations = exact.null_space(steps.matrix(rows))
             if len(relations) in (0, before):
                 return relations
             before, length = len(relations), 2 * length
+
+    def basis(self, exponents: Exponents, start: Point | None) -> Matrix | None:
+        """Return the relations along the orbit of a point; none without a point."""
+        if start is None:
+            return ()
+        rows = over_rationals(self.rng, lambda p, eps: self.relations(p, eps, exponents, start))
+        return rows and tuple(tuple(a[0] for a, _ in row) for row in rows)
 
     def _random_point(self) -> list[int]:
         return [self.rng.randrange(2**61) for _ in range(self.map.dimension)]
@@ -166,22 +178,23 @@ class Relations:
     def _counts(self, exponents: Exponents) -> tuple[int, int]:
         """Return the number of relations, and of independent first integrals that they show."""
 
-        def count(p: int) -> tuple[int, int]:
-            relations = self.relations(p, exponents, start := self._random_point())
-            rank = self._rank_of_derivatives(p, exponents, start, relations) if relations else 0
-            return len(relations), rank
+        def count(p: int, eps: int) -> tuple[int, int]:
+            relations = self.relations(p, eps, exponents, start := self._random_point())
+            if not relations:
+                return 0, 0
+            return len(relations), self._rank_of_derivatives(p, eps, exponents, start, relations)
 
-        return _exact.confirmed(self.rng, count)  # type: ignore[no-any-return]
+        return exact.confirmed(self.rng, count)  # type: ignore[no-any-return]
 
     def _rank_of_derivatives(
-        self, p: int, exponents: Exponents, start: list[int], relations: Residues
+        self, p: int, eps: int, exponents: Exponents, start: list[int], relations: Residues
     ) -> int:
         """Return the rank of the derivatives of the coefficients of relations by the orbit's start.
 
         For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0.
         """
-        steps, n = Arithmetic(self.map, p), self.map.dimension
-        ring = _exact.polynomial_ring(n, flint.nmod_mpoly_ctx, modulus=p)
+        steps, n = self.map.steps(p, eps), self.map.dimension
+        ring = exact.ring(n, False, flint.nmod_mpoly_ctx, modulus=p)
         polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
         gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
         derivative = steps.matrix(np.eye(n, dtype=int).tolist())  # of x_k
@@ -200,12 +213,13 @@ class Relations:
         if (dimension := self.counts(exponents)[0]) == 0:
             return ()
 
-        def span(p: int) -> Residues:
-            rows = [row for _ in range(3) for row in self.relations(p, exponents)]
+        def span(p: int, eps: int) -> Residues:
+            rows = [row for _ in range(3) for row in self.relations(p, eps, exponents)]
             reduced, rank = flint.nmod_mat(rows, p).rref()
-            return _exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
+            return exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
 
-        return _exact.polynomials_with(_exact.over_rationals(self.rng, span), exponents)
+        letter = self.map.has_letter
+        return polynomials_with(over_rationals(self.rng, span, letter) or [], exponents, letter)
 
 
 def _degree(exponents: Exponents) -> int:
@@ -216,8 +230,8 @@ def _exponents(monomials: Any, n: int) -> Exponents:
     """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
     if isinstance(monomials, int | np.integer):
         degree = integer("monomials", monomials, 0)
-        _exact.check_unknowns("monomials", degree, n, _MOST)
-        return _exact.exponents_up_to(degree, n)
+        exact.check_unknowns("monomials", degree, n, _MOST)
+        return exact.exponents_up_to(degree, n)
     try:
         exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
     except TypeError:
@@ -227,71 +241,6 @@ def _exponents(monomials: Any, n: int) -> Exponents:
             raise wrong("monomials", f"{n} exponents for each monomial", each)
     if not exponents or len({*exponents}) < len(exponents):
         raise wrong("monomials", "at least one monomial, and none twice", monomials)
+    if len(exponents) > _MOST:
+        raise wrong("monomials", f"at most {_MOST} monomials", len(exponents))
     return exponents
-
-
-@filled
-def darboux_polynomials(
-    map: KahanMap, degree: int, cofactor: Any = None, *, seed: int = 0
-) -> Polynomials:
-    """Find the polynomials P with P(map(x)) = C(x) P(x) (arXiv:1902.04715).
-
-    For the default cofactor 1 / P is the density of an invariant measure. For any cofactor the
-    quotients of two such polynomials are first integrals. The equations for the coefficients are
-    those of random integer points, 10 more than there are monomials, solved exactly.
-
-    Parameters
-    ----------
-    %(map)s
-    degree : int
-        Largest degree of P.
-    cofactor : number or callable, optional
-        C: a rational number, or a function that takes a point, a tuple of fractions, and returns
-        a rational number, exactly. By default it is ``map.determinant``.
-    %(seed)s
-
-    Returns
-    -------
-    tuple of flint.fmpz_mpoly
-        A basis of these polynomials in x1, ..., xD, whose coefficients have no common factor.
-        ``sympy.sympify(str(P))`` converts one of them to SymPy.
-
-    Raises
-    ------
-    %(invalid)s
-    ArithmeticError
-        If the map or the cofactor is undefined at most points.
-
-    Examples
-    --------
-    >>> from suslov_fast import QuadraticField, Suslov3D
-    >>> from suslov_fast.integrability import darboux_polynomials, kahan
-    >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
-    >>> for P in darboux_polynomials(map, 3):
-    ...     print(P.factor())
-    (1, [(2*x1 + x2, 1), (4*x1^2 + x2^2, 1)])
-    (1, [(2*x1 + x2, 1), (x1*x2 + 1024, 1)])
-    """
-    check_map(map)
-    degree = integer("degree", degree, 0)
-    _exact.check_unknowns("degree", degree, map.dimension)
-    exponents = _exact.exponents_up_to(degree, map.dimension)
-    homogeneous = [(*e, degree - sum(e)) for e in exponents]
-    C = map.determinant if cofactor is None else cofactor
-    if not callable(C):
-        constant = rational("cofactor", cofactor)
-        C = lambda x: constant  # noqa: E731
-    rng = random.Random(seed)
-    equations: list[list[int]] = []
-    for _ in range(2 * (len(exponents) + MORE)):
-        x = tuple(Fraction(rng.randrange(-(2**12), 2**12)) for _ in range(map.dimension))
-        with contextlib.suppress(ZeroDivisionError):  # at poles
-            image, c = map(x), rational("cofactor", C(x), exact=True)
-            # With image = numerators / d, the equations times d**degree have integer coefficients.
-            d = math.lcm(*(a.denominator for a in image))
-            before = d**degree * monomial_values(exponents, [int(a) for a in x])
-            after = monomial_values(homogeneous, [int(a * d) for a in (*image, Fraction(1))])
-            equations.append(list(c.denominator * after - c.numerator * before))
-        if len(equations) == len(exponents) + MORE:
-            return _exact.polynomials_with(_exact.null_space(flint.fmpz_mat(equations)), exponents)
-    raise ArithmeticError("the map or the cofactor is undefined at most points")

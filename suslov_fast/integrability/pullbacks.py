@@ -1,0 +1,218 @@
+"""Search for the Darboux polynomials of all cofactors."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from collections.abc import Iterator
+from functools import cache, cached_property
+from typing import Any
+
+import flint
+import numpy as np
+
+from . import exact
+from .exact import MORE, Polynomials, Residues, degree_of, factors, has_letter, value_at
+from .maps import BirationalMap, random_line, restricted
+from .reconstruction import over_rationals, polynomials_with
+
+Powers = tuple[int, ...]  # of the hyperplane at infinity and the factors of the map
+
+
+def invariant_spaces(map: BirationalMap, degree: int) -> Iterator[Polynomials]:
+    """Yield the polynomials whose pullback is a constant times them and powers of the factors.
+
+    The factors of the map must be known. All have the degree, or have the hyperplane at infinity as
+    a factor.
+    """
+    pullbacks = cache(lambda p, eps: Pullbacks(map, degree, p, eps))
+    rng = random.Random(degree)
+    p = exact.random_prime(rng)
+    first, letter = pullbacks(p, rng.randrange(2, p)), map.has_letter
+    for powers, several in [*first.search()]:
+        constants: list[Any] = [None]
+        if several:
+            rows = over_rationals(rng, lambda p, e, w=powers: pullbacks(p, e).charpoly(w), letter)
+            constants = _roots(rows, letter)
+        for c in constants:
+
+            def space(p: int, eps: int, powers: Powers = powers, c: Any = c) -> Residues:
+                return pullbacks(p, eps).space(powers, c)
+
+            if rows := over_rationals(rng, space, letter):
+                yield polynomials_with(rows, first.exponents, letter)
+
+
+def _roots(rows: Any, letter: bool) -> list[tuple[Any, Any]]:
+    """Return numerators and denominators of the rational roots of a characteristic polynomial."""
+    if not rows:
+        return []
+    (row,) = rows
+    (f,) = polynomials_with([row], tuple((k,) for k in range(len(row))), letter)
+    roots = []
+    for g, _ in factors(f):
+        if degree_of(g) == 1:
+            by_degree: dict[int, dict[Any, int]] = {0: {}, 1: {}}
+            for (*eps, k), c in g.to_dict().items():
+                by_degree[int(k)][(*eps, 0)] = int(c)
+            below, above = (g.context().from_dict(by_degree[k]) for k in (1, 0))
+            roots.append((-above, below))
+    return roots
+
+
+class Pullbacks:
+    """Pullbacks of the polynomials of a degree, modulo a prime and for one eps.
+
+    Columns are monomials. On random lines, with the parameter t = 0 at infinity, divisibility by a
+    factor is that of polynomials in t.
+    """
+
+    def __init__(self, map: BirationalMap, degree: int, p: int, eps: int) -> None:
+        self.map, self.degree, self.p, self.eps = map, degree, p, eps
+        self.rng, self.steps = random.Random(p), map.steps(p, eps)
+        self.exponents = exact.exponents_up_to(degree, map.dimension)
+        self.monomials = [(*e, degree - sum(e)) for e in self.exponents]
+        self.everything = self._matrix(np.eye(len(self.exponents), dtype=int).tolist())
+        self.lines: list[tuple[list[Any], ...]] = []
+        self._equations = cache(self._divisible_by)
+        self._samples: list[tuple[list[Any], ...]] = []
+
+    def _matrix(self, rows: Any) -> Any:
+        return flint.nmod_mat(rows, self.p)
+
+    def _line(self, k: int) -> tuple[list[Any], ...]:
+        """On the k-th random line: the monomials, the monomials of the image, and the factors."""
+        while len(self.lines) <= k:
+            line = random_line(self.map.dimension, self.p, self.rng)
+            image = self.steps.reduced(line)
+            monomials = (exact.monomial_values(self.monomials, x) for x in (line, image))
+            known = (restricted(f, line, self.p, self.eps) for f in self.map.factors or ())
+            self.lines.append((*map(list, monomials), [line[-1], *known]))
+        return self.lines[k]
+
+    def _divisible_by(self, i: int, power: int) -> Any:
+        """Return equations for the polynomials whose pullback has factor i to this power."""
+        rows: Residues = []
+        for k in itertools.count():
+            _, images, known = self._line(k)
+            modulus = known[i] ** power
+            remainders = [f % modulus for f in images]
+            rows += [[f[k] for f in remainders] for k in range(modulus.degree())]
+            if len(rows) > 2 * len(self.exponents):
+                break
+        return self._matrix(rows)
+
+    def _solutions(self, equations: Any, basis: Any) -> Any:
+        """Return the combinations of rows of a basis that solve equations; None if only 0 does."""
+        columns, dimension = equations.nullspace()
+        chosen = columns.transpose().tolist()[:dimension]
+        return self._matrix(chosen) * basis if chosen else None
+
+    def _divisible(self, basis: Any, i: int, power: int) -> Any:
+        return self._solutions(self._equations(i, power) * basis.transpose(), basis)
+
+    def search(self) -> Iterator[tuple[Powers, bool]]:
+        """Yield the powers of invariant spaces, and whether there are several for them."""
+        total = self.degree * (self.map.degree - 1)
+        degrees = [1, *(degree_of(f) for f in self.map.factors or ())]
+        most = [0] * len(degrees)
+        for i, exceptional in enumerate(exceptional_factors(self.map)):
+            basis = self.everything if exceptional else None
+            while basis is not None and (most[i] + 1) * degrees[i] <= total:
+                basis = self._divisible(basis, i, most[i] + 1)
+                most[i] += basis is not None
+        products = [a * b for a, b in zip(most, degrees, strict=True)]
+
+        def descend(basis: Any, left: int, powers: Powers) -> Iterator[Any]:
+            """Yield the powers of all factors that continue these, and what they leave."""
+            i = len(powers)
+            if i == len(degrees):
+                yield basis, powers
+                return
+            least = max(0, left - sum(products[i + 1 :]))
+            for power in range(-(-least // degrees[i]), min(most[i], left // degrees[i]) + 1):
+                reduced = self._divisible(basis, i, power) if power else basis
+                if reduced is None:
+                    break
+                yield from descend(reduced, left - power * degrees[i], (*powers, power))
+
+        for basis, powers in descend(self.everything, total, ()):
+            _, pulled = self._invariant(basis, powers)
+            if pulled is not None:
+                yield powers, pulled != self._scalar(pulled[0, 0], pulled.nrows())
+
+    def _with(self, powers: Powers) -> tuple[Any, Any]:
+        basis = self.everything
+        for i, power in enumerate(powers):
+            if power:
+                basis = basis and self._divisible(basis, i, power)
+        return self._invariant(basis, powers)
+
+    def charpoly(self, powers: Powers) -> Residues:
+        """Return the coefficients of the characteristic polynomial of the pullback."""
+        _, pulled = self._with(powers)
+        return [] if pulled is None else [[int(c) for c in pulled.charpoly().coeffs()]]
+
+    def space(self, powers: Powers, c: Any) -> Residues:
+        """Return a basis, in echelon form, of the polynomials with these powers and constant."""
+        basis, pulled = self._with(powers)
+        if basis is not None and c is not None:
+            above, below = (self._number(part) for part in c)
+            basis = self._solutions(pulled - self._scalar(above / below, pulled.nrows()), basis)
+        return [] if basis is None else exact.integer_rows(basis.rref()[0])
+
+    def _number(self, P: Any) -> Any:
+        variables = [flint.nmod(self.eps, self.p)] if has_letter(P) else []
+        return flint.nmod(0, self.p) + value_at(P, variables)
+
+    def _scalar(self, c: Any, n: int) -> Any:
+        return self._matrix([[int(c) * (i == j) for j in range(n)] for i in range(n)])
+
+    def _sample(self, k: int) -> tuple[list[Any], ...]:
+        """At the k-th random point: the monomials, those of the image, and the factors.
+
+        A line has as many points as a polynomial of the degree has coefficients there.
+        """
+        while len(self._samples) <= k:
+            t = flint.nmod(self.rng.randrange(self.p), self.p)
+            each = self._line(len(self._samples) // (self.degree + 1))
+            self._samples.append(tuple([f(t) for f in polynomials] for polynomials in each))
+        return self._samples[k]
+
+    def _invariant(self, basis: Any, powers: Powers) -> tuple[Any, Any]:
+        """Return the polynomials with pullbacks ``factors**powers`` times one of them.
+
+        They are the rows of the first matrix. The second one is the pullback in their coordinates.
+        """
+        while basis is not None:
+            r = basis.nrows()
+            before, after = [], []
+            for here, there, known in map(self._sample, range(2 * r + MORE)):
+                weight = flint.nmod(1, self.p)
+                for a, power in zip(known, powers, strict=True):
+                    weight *= a**power
+                before.append([weight * a for a in here])
+                after.append(there)
+            both = (self._matrix(rows) * basis.transpose() for rows in (before, after))
+            joined = [a + b for a, b in zip(*(each.tolist() for each in both), strict=True)]
+            reduced, rank = self._matrix(joined).rref()
+            right = [row[r:] for row in reduced.tolist()[:rank]]
+            if rank == r:
+                return basis, self._matrix(right)
+            basis = self._solutions(self._matrix(right[r:]), basis)
+        return None, None
+
+
+def exceptional_factors(map: BirationalMap) -> list[bool]:
+    """Return which of the hyperplane at infinity and the factors have a lower-dimensional image.
+
+    They divide the Jacobian determinant of F in homogeneous coordinates, F_0^(D + 1) det DPhi.
+    """
+    powers = {str(f): e for f, e in exact.factors(map.forms[-1])}
+    powers = {name: (map.dimension + 1) * e for name, e in powers.items()}
+    for f, e in map.jacobian_cofactor.factors if map.jacobian_cofactor else ():
+        powers[str(f)] = powers.get(str(f), 0) + e
+    known = map.factors or ()
+    left = (map.dimension + 1) * (map.degree - 1)
+    left -= sum(powers.get(str(f), 0) * degree_of(f) for f in known)
+    return [left > 0, *(powers.get(str(f), 0) > 0 for f in known)]

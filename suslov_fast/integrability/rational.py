@@ -1,0 +1,279 @@
+"""Birational maps of functions of the user."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
+from functools import cached_property, reduce
+from numbers import Rational
+from typing import Any
+
+import numpy as np
+
+from ..checks import integer, wrong
+from .exact import modulo, ring, value_at
+from .maps import BirationalMap, Steps
+
+_NUMBERS = Rational | float | np.integer | np.floating
+
+
+class Quotient:
+    """A quotient of polynomials in x, with which functions of the user calculate."""
+
+    __array_ufunc__ = None  # NumPy numbers leave arithmetic to this class
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, above: Any, below: Any) -> None:
+        if below == 0:
+            raise ZeroDivisionError("a denominator is 0")
+        common = above.gcd(below)
+        self.above, self.below = above // common, below // common
+
+    def _of(self, other: Any) -> Quotient | None:
+        if isinstance(other, Quotient):
+            return other
+        if isinstance(other, bool) or not isinstance(other, _NUMBERS):
+            return None
+        number, constant = Fraction(other), self.above.context().constant
+        return Quotient(constant(number.numerator), constant(number.denominator))
+
+    def __add__(self, other: Any) -> Any:
+        if (right := self._of(other)) is None:
+            return NotImplemented
+        return Quotient(
+            self.above * right.below + right.above * self.below, self.below * right.below
+        )
+
+    def __mul__(self, other: Any) -> Any:
+        if (right := self._of(other)) is None:
+            return NotImplemented
+        return Quotient(self.above * right.above, self.below * right.below)
+
+    def __truediv__(self, other: Any) -> Any:
+        if (right := self._of(other)) is None:
+            return NotImplemented
+        return Quotient(self.above * right.below, self.below * right.above)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return NotImplemented if (left := self._of(other)) is None else left / self
+
+    def __neg__(self) -> Any:
+        return self * -1
+
+    def __pos__(self) -> Quotient:
+        return self
+
+    def __sub__(self, other: Any) -> Any:
+        return self + -other
+
+    def __rsub__(self, other: Any) -> Any:
+        return -self + other
+
+    def __pow__(self, power: Any) -> Any:
+        if power not in range(-99, 100):
+            raise wrong("power", "a small integer", power)
+        k = abs(int(power))
+        above, below = (self.above, self.below) if power >= 0 else (self.below, self.above)
+        return Quotient(above**k, below**k)
+
+    def __eq__(self, other: object) -> bool:
+        raise TypeError("functions of x cannot be compared")
+
+
+class RationalMap(BirationalMap):
+    """A birational map, exact; made by `rational_map`.
+
+    Called with a point, D rational numbers, it returns the next one, a tuple of fractions. At a
+    pole, a point without an image, its methods raise `ZeroDivisionError`. `inverse` is None if it
+    was not given.
+    """
+
+    def __init__(self, forms: Sequence[Any], inverse: RationalMap | None = None) -> None:
+        vars(self)["forms"] = list(forms)
+        self.dimension, self.inverse = len(forms) - 1, inverse
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """The components as text."""
+        *above, below = self.forms
+        found = (Quotient(F, below) for F in above)
+        return tuple(str(q.above) if q.below == 1 else f"({q.above})/({q.below})" for q in found)
+
+    def _name(self) -> str:
+        return f"rational_map({', '.join(self.components)})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, RationalMap) and self.forms == other.forms
+
+    def __hash__(self) -> int:
+        return hash(self.components)
+
+    def __reduce__(self) -> Any:
+        plain = [[(tuple(map(int, e)), int(c)) for e, c in F.to_dict().items()] for F in self.forms]
+        return _loaded, (plain, self.inverse)
+
+    def steps(self, p: int | None, eps: int = 0) -> _RationalSteps:
+        return _RationalSteps(self, p)
+
+    def minors(self, x: Sequence[Any]) -> list[Any]:
+        return [self.pullback(F, self.degree, x) for F in self.forms]
+
+    @cached_property
+    def jacobian_polynomial(self) -> Any:
+        """The polynomial F_0^(D + 1) det DPhi."""
+        *above, below = self.forms
+        n = self.dimension
+        rows = [
+            [F.derivative(j) * below - F * below.derivative(j) for j in range(n)] for F in above
+        ]
+        return _determinant(rows) // below ** (n - 1)
+
+    def jacobian_at(self, x: Sequence[Any], F: Sequence[Any], steps: Any = None) -> tuple[Any, Any]:
+        degree = (self.dimension + 1) * (self.degree - 1)
+        if steps is None:
+            above = self.pullback(self.jacobian_polynomial, degree, x)
+        else:
+            above = homogeneous_value(modulo(self.jacobian_polynomial, steps.p, 0), x, degree)
+        return above, F[-1] ** (self.dimension + 1)
+
+    def _with_all_factors(self) -> Iterator[Any]:
+        yield self.forms[-1]
+        yield self.jacobian_polynomial
+
+
+class _RationalSteps(Steps):
+    def __init__(self, map: RationalMap, p: int | None) -> None:
+        super().__init__(p)
+        self.degree, n = map.degree, map.dimension
+        self.polynomials = map.forms if p is None else [modulo(F, p, 0) for F in map.forms]
+        self.gradients = [[F.derivative(i) for i in range(n)] for F in self.polynomials]
+
+    def image(self, x: Sequence[Any]) -> list[Any]:
+        *above, below = (value_at(F, x) for F in self.polynomials)
+        return [*(a / below for a in above), x[-1] ** 0]
+
+    def derivative(self, x: Sequence[Any]) -> Any:
+        *above, below = (value_at(F, x) for F in self.polynomials)
+        *rows, last = ([value_at(f, x) for f in row] for row in self.gradients)
+        return self.matrix(
+            [
+                [(f * below - a * g) / below**2 for f, g in zip(row, last, strict=True)]
+                for row, a in zip(rows, above, strict=True)
+            ]
+        )
+
+    def forms(self, x: Sequence[Any]) -> list[Any]:
+        return [homogeneous_value(F, x, self.degree) for F in self.polynomials]
+
+
+def homogeneous_value(P: Any, x: Sequence[Any], degree: int) -> Any:
+    """Return x_0^degree P(x / x_0)."""
+    whole = {(*e, degree - sum(e)): c for e, c in P.to_dict().items()}
+    powers = [[a**k for k in range(degree + 1)] for a in x]
+    terms = (
+        math.prod((of[k] for of, k in zip(powers, e, strict=True)), start=int(c))
+        for e, c in whole.items()
+    )
+    return sum(terms, 0 * x[-1])
+
+
+def _determinant(rows: list[list[Any]]) -> Any:
+    """Return the determinant of a matrix of polynomials, by minors of its first rows."""
+    if len(rows) == 1:
+        return rows[0][0]
+    return sum(
+        (-1) ** j * a * _determinant([row[:j] + row[j + 1 :] for row in rows[1:]])
+        for j, a in enumerate(rows[0])
+        if a != 0
+    )
+
+
+def _loaded(plain: Any, inverse: RationalMap | None) -> RationalMap:
+    of = ring(len(plain) - 1, False)
+    return RationalMap([of.from_dict(dict(terms)) for terms in plain], inverse)
+
+
+def rational_map(
+    f: Callable[[Any], Any], dimension: int, inverse: Callable[[Any], Any] | None = None
+) -> RationalMap:
+    """Return the birational map of a function, for all that is found for Kahan maps.
+
+    Parameters
+    ----------
+    f : callable
+        It maps a tuple x of D numbers to D quotients of polynomials in them, by +, -, *, / and
+        integer powers. It is called with letters; its integers and fractions remain exact, and
+        floats are binary numbers.
+    dimension : int
+        The number D of variables.
+    inverse : callable, optional
+        The inverse map, given in the same way; it is checked. Degrees, integrals, measures and
+        Darboux polynomials do not need it. Without it, it is not checked that the map is
+        birational, and `RationalMap.inverse` is None.
+
+    Returns
+    -------
+    RationalMap
+        An argument of `degrees`, `hk_bases`, `cofactors`, `darboux_polynomials` and `report`. It is
+        callable, and has `inverse`, `jacobian`, `determinant` and `dimension`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has a wrong type or value, f is no such function, or `inverse` is not its
+        inverse.
+
+    Examples
+    --------
+    The map of Lyness:
+
+    >>> from suslov_fast.integrability import degrees, rational_map, report
+    >>> map = rational_map(lambda x: (x[1], (x[1] + 3) / x[0]), 2)
+    >>> degrees(map, 10)
+    [2, 3, 5, 7, 9, 12, 16, 20, 24, 28]
+    >>> report(map).integrals
+    ((x1^2*x2 + x1*x2^2 + x1^2 + x2^2 + 4*x1 + 4*x2 + 3)/(x1*x2),)
+    """
+    n = integer("dimension", dimension, 1)
+    forms = _traced("f", f, n)
+    if inverse is None:
+        return RationalMap(forms)
+    map, back = RationalMap(forms), RationalMap(_traced("inverse", inverse, n))
+    back.inverse, map.inverse = map, back
+    if not _undoes(back, map):
+        raise wrong("inverse", "the inverse of f", "another map")
+    map.inverse = RationalMap(back.forms, RationalMap(forms))
+    return map
+
+
+def _undoes(back: RationalMap, map: RationalMap) -> bool:
+    """Return whether a map takes the images of another one back, as an identity."""
+    *above, below = (back.pullback(F, back.degree, map.forms) for F in back.forms)
+    return below != 0 and all(
+        a == x * below for a, x in zip(above, map.ring.gens(), strict=True)
+    )
+
+
+def _traced(name: str, f: Any, n: int) -> list[Any]:
+    """Return the polynomials F_1, ..., F_D, F_0 of a function."""
+    if not callable(f):
+        expected = "a function of x, the tuple of variables"
+        raise wrong(name, expected, type(f).__name__, TypeError)
+    of = ring(n, False)
+    one = of.constant(1)
+    expected = f"{n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, / and powers"
+    try:
+        found = f(tuple(Quotient(x, one) for x in of.gens()))
+        components = [Quotient(one, one)._of(each) for each in found]
+    except (TypeError, AttributeError) as error:
+        raise wrong(name, expected, f"another operation: {error}", TypeError) from error
+    except (ValueError, IndexError, ArithmeticError) as error:
+        raise wrong(name, expected, f"an error: {error}") from error
+    if len(components) != n or any(each is None for each in components):
+        raise wrong(name, expected, f"{len(components)} components: {found!r:.60}")
+    common = reduce(lambda a, b: a * b // a.gcd(b), (q.below for q in components))
+    return [*(q.above * (common // q.below) for q in components), common]

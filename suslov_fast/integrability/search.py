@@ -1,0 +1,123 @@
+"""The search of a report: cheap parts first, until as much is written as orbits show.
+
+It finds the degrees of iterates on random lines (`growth`), the number of integrals that relations
+along orbits show (`relations`), the polynomials with the cofactors 1 and det DPhi (`darboux`), and
+then those of all products of factors of the map (`pullbacks`), with the integrals and measures that
+follow from them and are checked as identities (`invariants`).
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Any
+
+import flint
+
+from . import exact
+from .exact import Polynomials
+from .functions import MODULAR, RationalFunction, content_roots, independent, quotient_of
+from .growth import degrees_on_a_line, growth
+from .hamiltonian import hamiltonian_of
+from .invariants import Invariants
+from .maps import BirationalMap
+from .relations import Relations
+
+_FEW = 80  # coefficients of a polynomial of more than the degree
+_ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
+_SMALL, _LARGE, _LARGEST = 100, 3_000, 25_000  # degrees that cost little, and likewise
+
+
+def search(found: Any, seed: int) -> Iterator[Any]:
+    """Fill a `Report`, and yield it after each part."""
+    map, d = found.map, found.degree
+    D = map.dimension
+    found.degrees = _degrees(map, seed)
+    found.searched.append(f"degrees of {len(found.degrees)} iterates")
+    yield found
+    if not map.is_invertible:
+        found.searched.append("nothing else: the map has no inverse, since det DPhi = 0")
+        found.finished = True
+        yield found
+        return
+    exponents = exact.exponents_up_to(d, D)
+    relations = Relations(map, random.Random(seed))
+    found.relations = relations.counts(exponents)[1]
+    found.searched.append(f"relations between the {len(exponents)} monomials up to degree {d}")
+    yield found
+    invariants = Invariants(map)
+    for what in _parts(found, invariants, relations):
+        found.searched += [what] if what else []
+        _update(found, invariants)
+        yield found
+        if _is_complete(found):
+            found.searched.append("then no more: as many integrals as relations show, and a measure")
+            break
+    found.finished = True
+    yield found
+
+
+def _is_complete(found: Any) -> bool:
+    """Return True if the integrals are as many as the relations show, and there is a measure."""
+    return bool(found.relations and found.measures) and len(found.integrals) >= found.relations
+
+
+def _update(found: Any, invariants: Invariants) -> None:
+    found.integrals = independent(invariants.integrals)
+    found.measures = tuple(invariants.measures)
+    found.polynomials = tuple(invariants.polynomials)
+    if found.map.has_letter:
+        formulas = (*found.integrals, *found.measures, *found.polynomials)
+        special = {eps for f in formulas for eps in f.special}
+        found.special_eps = tuple(sorted(special | content_roots(found.map.forms[-1])))
+
+
+def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator[str]:
+    """Search part by part, and yield what was searched."""
+    map, d = found.map, found.degree
+    D = map.dimension
+    if (H := hamiltonian_of(map)) is not None:
+        invariants.add_hamiltonian(H)
+        yield "the modified energy and 1/det A of the Hamiltonian"
+    invariants.of_simple_cofactors(d)
+    yield f"polynomials up to degree {d} with the cofactors 1 and det DPhi"
+    for k in range(1, d + 1) if found.relations else ():
+        polynomials = relations.integrals(exact.exponents_up_to(k, D))
+        invariants.add(polynomials)
+        _update(found, invariants)
+        if len(found.integrals) >= found.relations:
+            break
+    yield ""
+    if map.factors is None:
+        yield "no other Darboux polynomials, since det DPhi is too long"
+        return
+    cofactors = "products of powers of the factors of det DPhi as cofactors"
+    for k in range(1, d + 1):
+        invariants.of_degree(k)
+        yield f"Darboux polynomials of degree {k} with {cofactors}"
+    # Integrals with irrational coefficients have rational norms, of a higher degree.
+    k = d + 1
+    while len(found.integrals) < found.relations and k <= 2 * d and math.comb(D + k, D) <= _FEW:
+        invariants.of_degree(k)
+        yield f"those of degree {k}, since relations show more integrals"
+        k += 1
+
+
+def _degrees(map: BirationalMap, seed: int) -> list[int]:
+    """Return degrees of iterates, as many as a recurrence needs, and more if they cost little."""
+
+    def compute(p: int, eps: int) -> list[int]:
+        found: list[int] = []
+        for each in degrees_on_a_line(map, p, eps, random.Random(p)):
+            found.append(each)
+            following = each**2 / max(1, found[-2:][0])
+            settled = len(found) >= _ENOUGH and each > _SMALL or following > _LARGE
+            if settled and growth(found).entropy_error == 0:
+                break
+            if following > _LARGEST or len(found) == _DEGREES:
+                break
+        return found
+
+    return list(exact.confirmed(random.Random(seed), compute))

@@ -125,7 +125,8 @@ def value_at(P: Any, x: Sequence[Any]) -> Any:
 def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any:
     """Return monomials in the first coordinates of a point, which may be of any type of numbers."""
     values = np.ones(len(exponents), object)
-    for a, e in zip(x, np.array(exponents, int).reshape(len(exponents), -1).T, strict=False):
+    columns = np.array(exponents, int).T if len(exponents) else ()
+    for a, e in zip(x, columns, strict=False):
         # NumPy takes univariate polynomials in a list for sequences.
         values *= np.fromiter((a**k for k in range(int(e.max()) + 1)), object)[e]
     return values

@@ -118,16 +118,24 @@ class RationalFunction:
     @property
     def numerator(self) -> Any:
         """The numerator as one polynomial."""
-        return self._expanded(1, self.constant.numerator)
+        return self.quotient_in(self._ring)[0]
 
     @property
     def denominator(self) -> Any:
         """The denominator as one polynomial."""
-        return self._expanded(-1, self.constant.denominator)
+        return self.quotient_in(self._ring)[1]
 
-    def _expanded(self, sign: int, constant: int) -> Any:
-        of = self.factors[0][0].context() if self.factors else ring(0, False)
-        return math.prod((P**e for P, e in self._powers(sign)), start=of.constant(constant))
+    @property
+    def _ring(self) -> Any:
+        return self.factors[0][0].context() if self.factors else ring(0, False)
+
+    def quotient_in(self, of: Any) -> tuple[Any, Any]:
+        """Return numerator and denominator as polynomials in a ring."""
+        constants = (self.constant.numerator, self.constant.denominator)
+        return tuple(  # type: ignore[return-value]
+            math.prod((P**e for P, e in self._powers(sign)), start=of.constant(c))
+            for sign, c in zip((1, -1), constants, strict=True)
+        )
 
     def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
         return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
@@ -206,8 +214,9 @@ def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
 def exact_quotient(P: Any, Q: Any) -> RationalFunction:
     """Return a quotient of polynomials in irreducible factors."""
     found = quotient_of(P, Q, "")
-    a, b = P * found.denominator, Q * found.numerator
-    scale = Fraction(int(a.leading_coefficient()), int(b.leading_coefficient()))
+    scale = Fraction(int(P.leading_coefficient()), int(Q.leading_coefficient()))
+    for f, e in found.factors:
+        scale /= Fraction(int(f.leading_coefficient())) ** e
     return replace(found, constant=scale)
 
 
@@ -216,7 +225,9 @@ def product_of(powers: Iterable[tuple[Any, int]], basis: str) -> RationalFunctio
     total: dict[str, tuple[Any, int]] = {}
     for P, e in powers:
         total[str(P)] = P, total.get(str(P), (P, 0))[1] + e
-    chosen = sorted((power for power in total.values() if power[1]), key=lambda power: size(power[0]))
+    chosen = sorted(
+        (power for power in total.values() if power[1]), key=lambda power: size(power[0])
+    )
     return RationalFunction(tuple(chosen), basis=basis)
 
 
@@ -231,7 +242,9 @@ def at_eps(P: Any, eps: Fraction) -> tuple[Any, Fraction]:
     if whole == 0:
         return whole, Fraction(0)
     found = primitive(whole)
-    return found, Fraction(int(whole.leading_coefficient()), int(found.leading_coefficient())) / scale
+    return found, Fraction(
+        int(whole.leading_coefficient()), int(found.leading_coefficient())
+    ) / scale
 
 
 def content_roots(P: Any) -> set[Fraction]:

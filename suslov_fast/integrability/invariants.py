@@ -25,6 +25,7 @@ from .functions import (
 )
 from .maps import TERMS, BirationalMap, KahanMap, check_map
 from .pullbacks import invariant_spaces
+from .reconstruction import short_basis
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice
@@ -88,30 +89,40 @@ class Invariants:
 
     def add(self, space: Polynomials, measures: bool = False) -> None:
         """Add polynomials of one cofactor; `measures` if it is det DPhi."""
-        space = tuple(sorted(space, key=size))
         basis = MODULAR
         if self.map.factors is not None and space:
             degree = max(map(degree_of, space))
-            cofactor = self.map.cofactor(space[-1])
-            for P in space:
-                self._add_factors(P)
+            common = reduce(lambda a, b: a.gcd(b), space)
+            if degree_of(common) and len(space) > 1:
+                self._add_factors(common)
+                self.add(short_basis([P // common for P in space]))
+            else:
+                for P in sorted(space, key=size):
+                    self._add_factors(P)
+            cofactor = self.map.cofactor(space[0])
             if cofactor is not None:
                 if cofactor not in self.cofactors:
                     self.cofactors.append(cofactor)
                 span = self._products_with(cofactor, degree)
-                for P in space:
+                for P in sorted(space, key=size):
                     if rank([*span, P]) > len(span):
-                        self.generators.append(Darboux(P, cofactor, self.basis_of(P, cofactor)))
-                        span.append(P)
-                space = tuple(sorted(span, key=size))
+                        self._add_generator(P, cofactor)
+                        span = self._products_with(cofactor, degree)
+                space = tuple(span)
                 measures = measures or cofactor == self.map.jacobian_cofactor
                 basis = self._basis_of_all(space)
-        self.quotients += [quotient_of(P, space[0], basis) for P in space[1:]]
+        space = tuple(sorted(space, key=size))
+        # Quotients that are regular at 0, if there are such.
+        below = next((P for P in space if _constant_term(P)), space[0]) if space else None
+        self.quotients += [quotient_of(P, below, basis) for P in space if P is not below]
         if measures and not self.densities:
             if basis == IDENTITY and not self.map.proves_jacobian:
                 basis = MODULAR
             one = self.map.ring.constant(1)
             self.densities = [quotient_of(one, P, basis) for P in space]
+
+    def _add_generator(self, P: Any, cofactor: RationalFunction) -> None:
+        self.generators.append(Darboux(P, cofactor, self.basis_of(P, cofactor)))
 
     def _add_factors(self, P: Any) -> None:
         """Add the irreducible factors that are Darboux polynomials themselves."""
@@ -119,7 +130,7 @@ class Invariants:
             if degree_of(f) and (cofactor := self.map.cofactor(f)) is not None:
                 span = self._products_with(cofactor, degree_of(f))
                 if rank([*span, f]) > len(span):
-                    self.generators.append(Darboux(f, cofactor, self.basis_of(f, cofactor)))
+                    self._add_generator(f, cofactor)
 
     def _basis_of_all(self, space: Iterable[Any]) -> str:
         """Return what products of generators rest on."""
@@ -146,6 +157,7 @@ class Invariants:
             if self.map.pullback(P, k) * Q != self.map.pullback(Q, k) * P:
                 raise ArithmeticError(f"{modified}: expected an integral")
             modified = replace(modified, basis=IDENTITY)
+            self.add((P, Q))
         self.quotients.append(modified)
 
     def _products_with(self, cofactor: RationalFunction, degree: int) -> list[Any]:
@@ -168,8 +180,8 @@ class Invariants:
         """Check a polynomial's pullback as an identity, if it is not too long."""
         if not self.map.writes_out(k := degree_of(P)):
             return MODULAR
-        left = self.map.pullback(P, k) * cofactor.denominator
-        if left != cofactor.numerator * P * self.map.forms[-1] ** k:
+        above, below = cofactor.quotient_in(self.map.ring)
+        if self.map.pullback(P, k) * below != above * P * self.map.forms[-1] ** k:
             raise ArithmeticError(f"{P}: expected the cofactor {cofactor}")
         return IDENTITY
 
@@ -177,6 +189,11 @@ class Invariants:
         chosen = [(g, e) for g, e in zip(self.generators, powers, strict=True) if e]
         basis = MODULAR if any(g.basis == MODULAR for g, _ in chosen) else IDENTITY
         return product_of(((g.P, e) for g, e in chosen), basis)
+
+
+def _constant_term(P: Any) -> bool:
+    first = int(exact.has_letter(P))
+    return any(not any(e[first:]) for e in P.monoms())
 
 
 def common_denominator(functions: Iterable[RationalFunction]) -> Polynomials:
@@ -251,9 +268,7 @@ def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
     degree = integer("degree", degree, 0)
     exact.check_unknowns("degree", degree, map.dimension)
     found = invariants_up_to(map, degree)
-    return tuple(
-        dict.fromkeys([RationalFunction(()), map.jacobian_cofactor, *found.cofactors])
-    )
+    return tuple(dict.fromkeys([RationalFunction(()), map.jacobian_cofactor, *found.cofactors]))
 
 
 @lru_cache(maxsize=8)

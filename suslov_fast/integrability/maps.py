@@ -15,19 +15,17 @@ import numpy as np
 from ..bodies.field import QuadraticField
 from ..checks import wrong
 from .exact import (
-    Exponents,
     Point,
     degree_of,
     factors,
     fmpq,
     fraction,
-    monomial_values,
+    modulo,
     random_prime,
     rational,
     rationals,
     ring,
     size,
-    value_at,
 )
 from .functions import RationalFunction, exact_quotient, product_of
 
@@ -154,7 +152,9 @@ class BirationalMap:
     @cached_property
     def is_invertible(self) -> bool:
         """Whether det DPhi is not 0 everywhere."""
-        x = self.constants(tuple(map(Fraction, random.Random(0).sample(range(2, 2**20), self.dimension))))
+        x = self.constants(
+            tuple(map(Fraction, random.Random(0).sample(range(2, 2**20), self.dimension)))
+        )
         return bool(self.jacobian_at(x, self.minors(x))[0] != 0)
 
     @cached_property
@@ -175,7 +175,7 @@ class BirationalMap:
         eps, k = rng.randrange(p), degree_of(P)
         line = random_line(self.dimension, p, rng)
         F = self.steps(p, eps).reduced(line)
-        before, after = (restricted(P, x, p, eps, k) for x in (line, F))
+        before, after = (homogeneous_value(modulo(P, p, eps), x, k) for x in (line, F))
         if after % before != 0:
             return None
         return self._as_product(
@@ -203,8 +203,8 @@ class BirationalMap:
         if C is None or not self.writes_out(self.dimension):
             return False
         x = [*self.ring.gens()[self.has_letter :], self.ring.constant(1)]
-        above, below = self.jacobian_at(x, self.forms)
-        return bool(above * C.denominator == below * C.numerator)
+        (above, below), (a, b) = self.jacobian_at(x, self.forms), C.quotient_in(self.ring)
+        return bool(above * b == below * a)
 
     def _as_product(self, above: Any, below: Any, line: Any, at: Any, value: Any) -> Any:
         """Return a quotient as a product of powers of factors, given it on a line modulo a prime.
@@ -213,11 +213,11 @@ class BirationalMap:
         """
         powers = []
         for f in self.factors or ():
-            on_line, power = restricted(f, line, *at), 0
-            while above.degree() > 0 and above % on_line == 0:
-                above, power = above // on_line, power + 1
-            while below.degree() > 0 and below % on_line == 0:
-                below, power = below // on_line, power - 1
+            divisor, power = on_line(modulo(f, *at), line, degree_of(f)), 0
+            while above.degree() > 0 and above % divisor == 0:
+                above, power = above // divisor, power + 1
+            while below.degree() > 0 and below % divisor == 0:
+                below, power = below // divisor, power - 1
             powers.append((f, power))
         # What is left may be a power of the hyperplane at infinity, t = 0.
         if any(any(each.coeffs()[:-1]) for each in (above, below)):
@@ -290,7 +290,10 @@ class KahanMap(BirationalMap):
         for first, second in zip(ones, slopes, strict=True):
             scale = math.lcm(*(Fraction(a).denominator for a in second.flat))
             pairs = [
-                [(k, int(a) * scale, int(b * scale)) for k, (a, b) in enumerate(zip(*form, strict=True))]
+                [
+                    (k, int(a) * scale, int(b * scale))
+                    for k, (a, b) in enumerate(zip(*form, strict=True))
+                ]
                 for form in zip(first, second, strict=True)
             ]
             rows.append([[term for term in form if any(term[1:])] for form in pairs])
@@ -435,14 +438,24 @@ def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
     return [flint.nmod_poly(each, p) for each in (*ends, [0, 1])]
 
 
-def restricted(P: Any, x: Sequence[Any], p: int, eps: int, degree: int | None = None) -> Any:
-    """Return a polynomial at homogeneous coordinates, which are polynomials in t modulo a prime."""
-    k = int(P.context().names()[:1] == ("eps",))
-    degree = degree_of(P) if degree is None else degree
-    exponents: Exponents = tuple((*e[k:], degree - sum(e[k:])) for e in P.monoms())
-    scales = (pow(eps, int(e[0]), p) if k else 1 for e in P.monoms())
-    values = monomial_values(exponents, x)
-    terms = (int(c) * s % p * a for c, s, a in zip(P.coeffs(), scales, values, strict=True))
+def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
+    """Return a polynomial modulo a prime, homogeneous of a degree, on a line; t is the last."""
+    p = int(line[-1].modulus())
+    of = ring(1, False, flint.nmod_mpoly_ctx, modulus=p)
+    by_inverse = [of.from_dict({(0,): int(x[1]), (1,): int(x[0])}) for x in line[:-1]]  # of x / t
+    terms = P.compose(*by_inverse, ctx=of).to_dict()
+    return flint.nmod_poly([int(terms.get((degree - k,), 0)) for k in range(degree + 1)], p)
+
+
+def homogeneous_value(P: Any, x: Sequence[Any], degree: int) -> Any:
+    """Return x_0^degree P(x / x_0) for coordinates of any type."""
+    powers = [[a**k for k in range(degree + 1)] for a in x]
+    terms = (
+        math.prod(
+            (of[k] for of, k in zip(powers, (*e, degree - sum(e)), strict=True)), start=int(c)
+        )
+        for e, c in P.to_dict().items()
+    )
     return sum(terms, 0 * x[-1])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import random
 from collections.abc import Iterator
@@ -12,8 +13,8 @@ import flint
 import numpy as np
 
 from . import exact
-from .exact import MORE, Polynomials, Residues, degree_of, factors, has_letter, value_at
-from .maps import BirationalMap, random_line, restricted
+from .exact import MORE, Polynomials, Residues, degree_of, factors, has_letter, modulo, value_at
+from .maps import BirationalMap, on_line, random_line
 from .reconstruction import over_rationals, polynomials_with
 
 Powers = tuple[int, ...]  # of the hyperplane at infinity and the factors of the map
@@ -64,7 +65,7 @@ class Pullbacks:
     """Pullbacks of the polynomials of a degree, modulo a prime and for one eps.
 
     Columns are monomials. On random lines, with the parameter t = 0 at infinity, divisibility by a
-    factor is that of polynomials in t.
+    factor is that of polynomials in t; all else is found at random points.
     """
 
     def __init__(self, map: BirationalMap, degree: int, p: int, eps: int) -> None:
@@ -73,34 +74,30 @@ class Pullbacks:
         self.exponents = exact.exponents_up_to(degree, map.dimension)
         self.monomials = [(*e, degree - sum(e)) for e in self.exponents]
         self.everything = self._matrix(np.eye(len(self.exponents), dtype=int).tolist())
-        self.lines: list[tuple[list[Any], ...]] = []
+        self.factors = [modulo(f, p, eps) for f in map.factors or ()]
+        self.degrees = [int(f.total_degree()) for f in self.factors]
+        self._line, self._sample = cache(self._new_line), cache(self._new_sample)
         self._equations = cache(self._divisible_by)
-        self._samples: list[tuple[list[Any], ...]] = []
 
     def _matrix(self, rows: Any) -> Any:
         return flint.nmod_mat(rows, self.p)
 
-    def _line(self, k: int) -> tuple[list[Any], ...]:
-        """On the k-th random line: the monomials, the monomials of the image, and the factors."""
-        while len(self.lines) <= k:
-            line = random_line(self.map.dimension, self.p, self.rng)
-            image = self.steps.reduced(line)
-            monomials = (exact.monomial_values(self.monomials, x) for x in (line, image))
-            known = (restricted(f, line, self.p, self.eps) for f in self.map.factors or ())
-            self.lines.append((*map(list, monomials), [line[-1], *known]))
-        return self.lines[k]
+    def _new_line(self, k: int) -> tuple[list[Any], list[Any]]:
+        """Return the k-th random line, and the monomials of its image."""
+        line = random_line(self.map.dimension, self.p, self.rng)
+        return line, list(exact.monomial_values(self.monomials, self.steps.reduced(line)))
 
     def _divisible_by(self, i: int, power: int) -> Any:
         """Return equations for the polynomials whose pullback has factor i to this power."""
         rows: Residues = []
         for k in itertools.count():
-            _, images, known = self._line(k)
-            modulus = known[i] ** power
-            remainders = [f % modulus for f in images]
-            rows += [[f[k] for f in remainders] for k in range(modulus.degree())]
+            line, images = self._line(k)
+            factor = line[-1] if i == 0 else on_line(self.factors[i - 1], line, self.degrees[i - 1])
+            remainders = [f % factor**power for f in images]
+            rows += [[f[j] for f in remainders] for j in range(power * factor.degree())]
             if len(rows) > 2 * len(self.exponents):
-                break
-        return self._matrix(rows)
+                return self._matrix(rows)
+        raise AssertionError
 
     def _solutions(self, equations: Any, basis: Any) -> Any:
         """Return the combinations of rows of a basis that solve equations; None if only 0 does."""
@@ -114,7 +111,7 @@ class Pullbacks:
     def search(self) -> Iterator[tuple[Powers, bool]]:
         """Yield the powers of invariant spaces, and whether there are several for them."""
         total = self.degree * (self.map.degree - 1)
-        degrees = [1, *(degree_of(f) for f in self.map.factors or ())]
+        degrees = [1, *self.degrees]
         most = [0] * len(degrees)
         for i, exceptional in enumerate(exceptional_factors(self.map)):
             basis = self.everything if exceptional else None
@@ -141,21 +138,14 @@ class Pullbacks:
             if pulled is not None:
                 yield powers, pulled != self._scalar(pulled[0, 0], pulled.nrows())
 
-    def _with(self, powers: Powers) -> tuple[Any, Any]:
-        basis = self.everything
-        for i, power in enumerate(powers):
-            if power:
-                basis = basis and self._divisible(basis, i, power)
-        return self._invariant(basis, powers)
-
     def charpoly(self, powers: Powers) -> Residues:
         """Return the coefficients of the characteristic polynomial of the pullback."""
-        _, pulled = self._with(powers)
+        _, pulled = self._invariant(self.everything, powers)
         return [] if pulled is None else [[int(c) for c in pulled.charpoly().coeffs()]]
 
     def space(self, powers: Powers, c: Any) -> Residues:
         """Return a basis, in echelon form, of the polynomials with these powers and constant."""
-        basis, pulled = self._with(powers)
+        basis, pulled = self._invariant(self.everything, powers)
         if basis is not None and c is not None:
             above, below = (self._number(part) for part in c)
             basis = self._solutions(pulled - self._scalar(above / below, pulled.nrows()), basis)
@@ -168,16 +158,19 @@ class Pullbacks:
     def _scalar(self, c: Any, n: int) -> Any:
         return self._matrix([[int(c) * (i == j) for j in range(n)] for i in range(n)])
 
-    def _sample(self, k: int) -> tuple[list[Any], ...]:
-        """At the k-th random point: the monomials, those of the image, and the factors.
+    def _new_sample(self, k: int) -> tuple[list[Any], list[Any], list[Any]]:
+        """At the k-th random point: the monomials, those of the image under F, and the factors."""
+        while True:
+            x = self.steps.point([self.rng.randrange(self.p) for _ in range(self.map.dimension)])
+            with contextlib.suppress(ZeroDivisionError):
+                image, denominator = self.steps.image(x), self._denominator(*x[:-1])
+                here, there = (exact.monomial_values(self.exponents, y) for y in (x, image))
+                known = [x[-1], *(f(*x[:-1]) for f in self.factors)]
+                return list(here), list(there * denominator**self.degree), known
 
-        A line has as many points as a polynomial of the degree has coefficients there.
-        """
-        while len(self._samples) <= k:
-            t = flint.nmod(self.rng.randrange(self.p), self.p)
-            each = self._line(len(self._samples) // (self.degree + 1))
-            self._samples.append(tuple([f(t) for f in polynomials] for polynomials in each))
-        return self._samples[k]
+    @cached_property
+    def _denominator(self) -> Any:
+        return modulo(self.map.forms[-1], self.p, self.eps)
 
     def _invariant(self, basis: Any, powers: Powers) -> tuple[Any, Any]:
         """Return the polynomials with pullbacks ``factors**powers`` times one of them.

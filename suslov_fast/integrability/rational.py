@@ -14,7 +14,7 @@ import numpy as np
 
 from ..checks import integer, wrong
 from .exact import modulo, ring, value_at
-from .maps import BirationalMap, Steps
+from .maps import BirationalMap, Steps, homogeneous_value
 
 _NUMBERS = Rational | float | np.integer | np.floating
 
@@ -170,17 +170,6 @@ class _RationalSteps(Steps):
         return [homogeneous_value(F, x, self.degree) for F in self.polynomials]
 
 
-def homogeneous_value(P: Any, x: Sequence[Any], degree: int) -> Any:
-    """Return x_0^degree P(x / x_0)."""
-    whole = {(*e, degree - sum(e)): c for e, c in P.to_dict().items()}
-    powers = [[a**k for k in range(degree + 1)] for a in x]
-    terms = (
-        math.prod((of[k] for of, k in zip(powers, e, strict=True)), start=int(c))
-        for e, c in whole.items()
-    )
-    return sum(terms, 0 * x[-1])
-
-
 def _determinant(rows: list[list[Any]]) -> Any:
     """Return the determinant of a matrix of polynomials, by minors of its first rows."""
     if len(rows) == 1:
@@ -253,9 +242,7 @@ def rational_map(
 def _undoes(back: RationalMap, map: RationalMap) -> bool:
     """Return whether a map takes the images of another one back, as an identity."""
     *above, below = (back.pullback(F, back.degree, map.forms) for F in back.forms)
-    return below != 0 and all(
-        a == x * below for a, x in zip(above, map.ring.gens(), strict=True)
-    )
+    return below != 0 and all(a == x * below for a, x in zip(above, map.ring.gens(), strict=True))
 
 
 def _traced(name: str, f: Any, n: int) -> list[Any]:

@@ -18,7 +18,7 @@ from typing import Any
 
 import flint
 
-from .exact import Exponents, Polynomials, Residues, fmpq, primitive, random_prime, ring
+from .exact import Exponents, Polynomials, Residues, fmpq, has_letter, primitive, random_prime, ring
 
 Search = Callable[[int, int], Residues]  # of a prime and a number in place of eps
 Quotient = tuple[list[Any], list[Any]]  # coefficients of numerator and denominator in eps
@@ -150,13 +150,23 @@ def polynomials_with(rows: Rows, exponents: Exponents, letter: bool = False) -> 
         return tuple(_with_letter(row, exponents, of) for row in rows)
     integers = []
     for row in rows:
-        numbers = [a[0] / b[0] if a else Fraction(0) for a, b in row]
+        numbers = [a[0] / b[0] for a, b in row]
         scale = math.lcm(*(a.denominator for a in numbers))
-        divisor = math.gcd(*(int(a * scale) for a in numbers))
-        integers.append([int(a * scale) // divisor for a in numbers])
-    reduced = flint.fmpz_mat(integers).lll().tolist()
-    terms = (dict(zip(exponents, row, strict=True)) for row in reduced)
-    return tuple(primitive(of.from_dict(each)) for each in terms)
+        integers.append([int(a * scale) for a in numbers])
+    return short_basis([of.from_dict(dict(zip(exponents, row, strict=True))) for row in integers])
+
+
+def short_basis(polynomials: Sequence[Any]) -> Polynomials:
+    """Return polynomials with the same span; without a letter their coefficients are short."""
+    polynomials = [primitive(P) for P in polynomials]
+    if not polynomials or has_letter(polynomials[0]):
+        return tuple(polynomials)
+    terms = [P.to_dict() for P in polynomials]
+    monomials = [*{e: None for each in terms for e in each}]
+    reduced = flint.fmpz_mat([[each.get(e, 0) for e in monomials] for each in terms]).lll()
+    of = polynomials[0].context()
+    rows = (dict(zip(monomials, row, strict=True)) for row in reduced.tolist())
+    return tuple(primitive(of.from_dict(each)) for each in rows)
 
 
 def _with_letter(row: Sequence[Quotient], exponents: Exponents, of: Any) -> Any:

@@ -75,6 +75,7 @@ class Report:
     def __repr__(self) -> str:
         d, D = self.degree, self.map.dimension
         none = f"none found up to degree {d}" if self.finished else "none found so far"
+        all_sought = any("as cofactors" in what for what in self.searched)
         if self.finished and self.relations is None:
             none = "not sought"
         found = {
@@ -87,7 +88,11 @@ class Report:
             self._title(),
             f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
             self._growth_line(),
-            *(_listed(title, each, none, _SHOWN[title]) for title, each in found.items()),
+            *(
+                _listed(title, each, none, _SHOWN[title])
+                for title, each in found.items()
+                if each or all_sought or title != "Darboux polynomials"
+            ),
         ]
         if (self.relations or 0) > len(self.integrals):
             text = f"{self.relations} independent integrals, {MODULAR}"

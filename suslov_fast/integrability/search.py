@@ -48,12 +48,13 @@ def search(found: Any, seed: int) -> Iterator[Any]:
     found.searched.append(f"relations between the {len(exponents)} monomials up to degree {d}")
     yield found
     invariants = Invariants(map)
+    before = found.searched
     for what in _parts(found, invariants, relations):
-        found.searched += [what] if what else []
+        found.searched = before + what
         _update(found, invariants)
         yield found
         if _is_complete(found):
-            found.searched.append("then no more: as many integrals as relations show, and a measure")
+            found.searched += ["then no more: as many integrals as relations show, and a measure"]
             break
     found.finished = True
     yield found
@@ -74,34 +75,34 @@ def _update(found: Any, invariants: Invariants) -> None:
         found.special_eps = tuple(sorted(special | content_roots(found.map.forms[-1])))
 
 
-def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator[str]:
-    """Search part by part, and yield what was searched."""
+def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator[list[str]]:
+    """Search part by part, and yield what was searched so far."""
     map, d = found.map, found.degree
-    D = map.dimension
+    D, done = map.dimension, []
     if (H := hamiltonian_of(map)) is not None:
         invariants.add_hamiltonian(H)
-        yield "the modified energy and 1/det A of the Hamiltonian"
+        done.append("the modified energy and 1/det A of the Hamiltonian")
+        yield done
+    for k in range(1, d + 1):
+        if len(found.integrals) < found.relations:
+            invariants.add(relations.integrals(exact.exponents_up_to(k, D)))
+            yield done
     invariants.of_simple_cofactors(d)
-    yield f"polynomials up to degree {d} with the cofactors 1 and det DPhi"
-    for k in range(1, d + 1) if found.relations else ():
-        polynomials = relations.integrals(exact.exponents_up_to(k, D))
-        invariants.add(polynomials)
-        _update(found, invariants)
-        if len(found.integrals) >= found.relations:
-            break
-    yield ""
+    done.append(f"polynomials up to degree {d} with the cofactors 1 and det DPhi")
+    yield done
     if map.factors is None:
-        yield "no other Darboux polynomials, since det DPhi is too long"
+        yield [*done, "no other Darboux polynomials, since det DPhi is too long"]
         return
     cofactors = "products of powers of the factors of det DPhi as cofactors"
     for k in range(1, d + 1):
         invariants.of_degree(k)
-        yield f"Darboux polynomials of degree {k} with {cofactors}"
+        yield [*done, f"Darboux polynomials up to degree {k} with {cofactors}"]
+    done.append(f"Darboux polynomials up to degree {d} with {cofactors}")
     # Integrals with irrational coefficients have rational norms, of a higher degree.
     k = d + 1
     while len(found.integrals) < found.relations and k <= 2 * d and math.comb(D + k, D) <= _FEW:
         invariants.of_degree(k)
-        yield f"those of degree {k}, since relations show more integrals"
+        yield [*done, f"the same up to degree {k}, since relations show more integrals"]
         k += 1
 
 

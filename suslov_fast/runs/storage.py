@@ -55,27 +55,29 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
 def load(path: PathLike) -> dict[str, Any]:
     """Return the attributes of the run in a file of `save`; errors name the file."""
     name = os.fspath(_checked(path))
-    found, expected = _contents(name), "a file that Trajectories.save wrote"
-    if "format" in found and "about" not in found:
-        how = f"one of suslov_fast {found.get('version', 'before 0.6')}: compute the run again"
-        raise wrong(name, "a file of this version", how)
+    found = _contents(name)
     try:
-        about, body = (json.loads(str(found.pop(each))) for each in ("about", "body"))
-        if about.pop("format") != FORMAT:
-            how = f"one of suslov_fast {about['version']}: use that version"
-            raise wrong(name, "a file of this version", how)
-        map, body = map_named(about["map"]), body_from_dict(body)
-        run: dict[str, Any] = {each: found.get(each) for each in _ARRAYS} | {
-            e: about[e] for e in _NUMBERS
-        }
-        eps, batch = run["eps"], run["status"].shape
-        rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
-        if run["states"].shape != (rows, *batch, body.dimension):
-            raise wrong("states", f"shape {(rows, *batch, body.dimension)}", run["states"].shape)
-    except (KeyError, AttributeError, TypeError, json.JSONDecodeError) as error:
-        raise wrong(name, expected, f"another: {error!r}") from error
-    run |= {"eps": float(eps) if eps.ndim == 0 else eps, "body": body, "_map": map}
-    return run
+        about = json.loads(str(found.get("about", "{}")))
+        written = {each: str(found.get(each, "")) for each in ("format", "version")} | about
+        if written["format"] not in ("", FORMAT):
+            how = f"one of suslov_fast {written['version']}: compute the run again"
+            raise wrong("format", f"{FORMAT}, that of this version", how)
+        return _attributes(found, about)
+    except (KeyError, AttributeError, TypeError, ValueError) as error:
+        expected = "a file that Trajectories.save wrote"
+        raise wrong(name, expected, f"another: {error}") from error
+
+
+def _attributes(found: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
+    map, body = map_named(about["map"]), body_from_dict(json.loads(str(found["body"])))
+    run: dict[str, Any] = {name: found.get(name) for name in _ARRAYS}
+    run |= {name: about[name] for name in _NUMBERS} | {"body": body, "_map": map}
+    rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
+    shape = rows, *run["status"].shape, body.dimension
+    if run["states"].shape != shape:
+        raise wrong("states", f"shape {shape}", run["states"].shape)
+    eps = run["eps"]
+    return run | {"eps": float(eps) if eps.ndim == 0 else eps}
 
 
 def _checked(path: PathLike) -> Path:

@@ -10,6 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+import suslov_fast as sf
 from suslov_fast import QuadraticField, Suslov3D, SuslovND
 from suslov_fast.bodies.numbers import RESERVED
 
@@ -213,28 +214,24 @@ def test_python_flint_is_needed_for_components_only():
     ]
 
 
-def names_in_use():
-    """Everything that a run and its dataset call by a name."""
-    from suslov_fast import Trajectories, iterate
-
-    run = iterate(Suslov3D(4, 1, -0.5, -0.3), [[1.0, 0.5]], 0.1, 2, attitude=True)
-    fields = iterate(FAMILY[:2], [1.0, 2.0, 3.0], 0.01, 2)
-    for data in (
-        run.to_xarray(),
-        fields.to_xarray(),
-        iterate(HENON, [0.1] * 4, 0.1, 2).to_xarray(),
-    ):
-        yield from {*map(str, data.variables), *map(str, data.dims)}
-    yield from (name for name in dir(Trajectories) if not name.startswith("_"))
-    yield from Trajectories.__dataclass_fields__
-    yield from (name for name in vars(run) if not name.startswith("_"))
+def names_in_use(tmp_path):
+    """Everything that runs, their datasets, files and stores call by a name."""
+    run = sf.iterate(Suslov3D(4, 1, -0.5, -0.3), [[1.0, 0.5]], 0.1, 2, attitude=True)
+    family, one = ((each, [0.1] * each.dimension, 0.01, 2) for each in (FAMILY[:2], HENON))
+    store = sf.ensemble(*one, store=tmp_path / "a.zarr")
+    for data in (run.to_xarray(), sf.iterate(*family).to_xarray(), store):
+        yield from map(str, (*data.variables, *data.dims, *data.attrs))
+    yield from (*dir(sf.Trajectories), *vars(run))
+    run.save(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as file:
+        yield from file.files
 
 
-def test_names_that_parameters_may_not_have():
-    free = {"rho", "I1", "I2", "I13", "I23"}
-    taken = {name for name in names_in_use() if not name.startswith(("_", "batch_"))} - free
-    assert taken <= RESERVED
-    for name in (*(RESERVED - {"self", "cls", "f", "H", "K", "dimension"}), "x1", "batch_0", "_a"):
+def test_names_that_parameters_may_not_have(tmp_path):
+    taken = {name for name in names_in_use(tmp_path) if name.isidentifier()}
+    own = {"rho", "I1", "I2", "I13", "I23"}
+    allowed = {"self", "cls", "f", "H", "K", "dimension"}  # other arguments of from_function
+    for name in taken - own | RESERVED - allowed | {"x1", "x12", "batch_0"}:
         with pytest.raises(ValueError, match=f"parameters: .*{name!r}"):
             of_function(lambda x, **given: (x[0],), 1, **{name: 2})
 
@@ -242,7 +239,8 @@ def test_names_that_parameters_may_not_have():
 def test_dictionaries_that_do_not_fit():
     for change, name in (
         ({"linear": [["a", 0]]}, "linear"), ({"H": [1.0]}, "H"), ({"K": [[0, 2], [-2, 0]]}, "H, K"),
-        ({"parameters": {"a": [1.0, 2.0]}}, "parameters"), ({"parameters": {"x": 1.0}}, "parameters"),
+        ({"parameters": {"a": [1.0, 2.0]}}, "parameters"),
+        ({"parameters": {"x": 1.0}}, "parameters"),
         ({"constant": [1.0, 0.0]}, "H, K"), ({"body": "Suslov3D"}, "body"),
     ):  # fmt: skip
         field = of_hamiltonian(lambda x, a: a * x[0] ** 2 + x[1] ** 3, 2, a=2)

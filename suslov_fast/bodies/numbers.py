@@ -15,7 +15,7 @@ from ..checks import OTHERS, common_shape, real_array, refuse, short, within, wr
 # Names that a parameter may not have: those of runs, of their files and datasets, of variables,
 # and of arguments of functions that take parameters by name.
 RESERVED = frozenset(
-    "f H K x omega n t time eps dimension body space component component_j component_k trajectory "
+    "f H K x omega n time eps dimension body space component component_j component_k trajectory "
     "quadratic linear constant parameters states status failed_at final method steps save_every "
     "attitude orientation carry ok first_integral energy modified_energy criticality to_xy "
     "reaction extend to_xarray plot save load format version map title omega0 store functions dims "

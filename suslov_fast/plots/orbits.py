@@ -92,12 +92,13 @@ def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) 
     look: dict[str, Any] = {"color": COLOURS(0.3)} if levels is None else {"cmap": COLOURS}
     count = plane[..., 0].size
     if lines:
-        drawn = LineCollection(list(np.moveaxis(plane, 1, 0)), array=levels, linewidths=0.7, **look)
+        pen = {"linewidths": 0.7, "joinstyle": "round", "capstyle": "round"}
+        drawn = LineCollection(list(np.moveaxis(plane, 1, 0)), array=levels, **pen, **look)
         axes.add_collection(drawn)
     if not lines or count <= 2000:
         if levels is not None:
             look["c"] = np.broadcast_to(levels, plane.shape[:-1]).ravel()
-        size = 4.0 if lines else min(max(8000.0 / max(count, 1), 1.2), 14.0)
+        size = 4.0 if lines else min(max(8000.0 / max(count, 1), 2.0), 14.0)
         drawn = axes.scatter(*plane.reshape(-1, 2).T, s=size, linewidths=0, **look)
     axes.autoscale_view()
     return drawn

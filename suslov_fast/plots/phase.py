@@ -25,7 +25,6 @@ from .style import styled
 # Lines differ in style as well as in colour.
 _LINE_COLOUR = "crimson"
 _STEADY = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2"
-_PARAMETERS = {"I1": "I_1", "I2": "I_2", "I13": "I_{13}", "I23": "I_{23}", "k": "k"}
 # Phase between the ends of orbits and the line, where the arc is a half turn; longest orbits.
 _FROM_LINE, _LONGEST_TURN = 0.03, 1000
 
@@ -110,8 +109,8 @@ def plot_phase(
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
-    set_title(axes, _title(body, eps))
-    if letter:
+    set_title(axes, _title(body, eps, ", " if letter is None else "\n"))
+    if letter is not None:
         axes.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
     if legend:  # below the label of the axis, in units of the font size
         place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.2}
@@ -127,10 +126,12 @@ def positive(name: str, value: Any) -> float:
     return number
 
 
-def _title(body: BodyIn3D, eps: float) -> str:
-    values = {word: getattr(body, name, 0.0) for name, word in _PARAMETERS.items()}
-    words = [f"${word}={value:g}$" for word, value in values.items() if word != "k" or value]
-    return ", ".join([*words, rf"$\epsilon={eps:g}$"])
+def _title(body: BodyIn3D, eps: float, between: str) -> str:
+    """The parameters, in two groups."""
+    moments = rf"$I_1={body.I1:g}$, $I_2={body.I2:g}$, $\epsilon={eps:g}$"
+    products = rf"$I_{{13}}={body.I13:g}$, $I_{{23}}={body.I23:g}$"
+    k = half_angle(body)[1]
+    return moments + between + products + (f", $k={k:g}$" if k else "")
 
 
 def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:

@@ -295,7 +295,7 @@ class Trajectories:
         >>> len(ax.lines)
         2
         """
-        return import_module("suslov_fast.plots.phase").plot_run(self, components, lines, ax)
+        return import_module("suslov_fast.plots.orbits").plot_run(self, components, lines, ax)
 
     def to_xarray(
         self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None

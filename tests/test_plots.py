@@ -121,7 +121,7 @@ def drawn(axes):
         (BODY, 20, {"steps": 300}, None, True),
         (BODY, 20, {"steps": 300, "save_every": 10}, None, False),
         (BODY, 20, {"steps": 300, "save_every": 10}, True, True),
-        (BODY, 1, {"steps": 6, "eps": 2.0}, None, False),  # few and long steps
+        (BODY, 1, {"steps": 2, "eps": 2.0}, None, False),  # few and long steps
         (BODY, 3, {"steps": 6, "save_every": None}, None, False),
         (BODY, 1, {"steps": 300}, False, False),
         (GYROSTAT, 5, {"steps": 100}, None, True),

@@ -92,7 +92,7 @@ def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) 
     look: dict[str, Any] = {"color": COLOURS(0.3)} if levels is None else {"cmap": COLOURS}
     count = plane[..., 0].size
     if lines:
-        pen = {"linewidths": 0.7, "joinstyle": "round", "capstyle": "round"}
+        pen: dict[str, Any] = {"linewidths": 0.7, "joinstyle": "round", "capstyle": "round"}
         drawn = LineCollection(list(np.moveaxis(plane, 1, 0)), array=levels, **pen, **look)
         axes.add_collection(drawn)
     if not lines or count <= 2000:

@@ -263,16 +263,18 @@ class Trajectories:
     ) -> Any:
         """Draw the saved states of all trajectories in the plane of two components.
 
-        States are dots. If there are several trajectories, colours show the size of the first
-        state, and a colour bar its values.
+        Where the map conserves F or a modified energy, colours are its levels, with a colour bar;
+        else, and where all levels agree, there is one colour. At most 20,000 dots are drawn: the
+        title, which axes that have one keep, says of how many states.
 
         Parameters
         ----------
         components : tuple of int
             Indices of the components on the horizontal and the vertical axis.
         lines : bool, optional
-            Draw lines from each saved state to the next. By default only if every state is saved
-            and the median of their lengths is below 1/20 of the extent of all states shown.
+            Draw lines from each saved state to the next. By default only if every state is saved,
+            there are at most 20,000 of them, and the median of their lengths is below 1/20 of the
+            extent of all states shown.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on; by default those of a new figure.
 
@@ -292,8 +294,8 @@ class Trajectories:
         >>> from suslov_fast import Suslov3D, iterate
         >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
         >>> ax = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
-        >>> len(ax.lines)
-        2
+        >>> ax.get_title().splitlines()[1]
+        '2 orbits of 100 steps'
         """
         return import_module("suslov_fast.plots.orbits").plot_run(self, components, lines, ax)
 

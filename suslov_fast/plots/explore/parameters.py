@@ -76,17 +76,18 @@ def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
     state = states("omega0", omega0, body._labels)
     if body.shape or state.ndim != 1:
         raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
-    moments = {name: float(getattr(body, name)) for name in ("I1", "I2", "I13", "I23")}
-    start = dict(zip(("Omega1", "Omega2"), state.tolist(), strict=True))
-    view = {"extent": 1.5 * float(abs(state).max()) or 1.0, "k": float(getattr(body, "k", 0.0))}
-    query = urlencode({**moments, "eps": eps, **start, "steps": steps, **view})
+    *moments, k = map(float, body.parameters)
+    extent = 1.5 * float(abs(state).max()) or 1.0
+    values = *moments, eps, *state.tolist(), steps, extent, 0, k
+    query = urlencode(dict(zip(Parameters._fields, values, strict=True)))
     parse_query(query)
     return query
 
 
 def _of_picture(number: int, Omega1: float, Omega2: float, steps: int) -> Parameters:
     body, eps, extent = PICTURES[number]
-    return Parameters(body.I1, body.I2, body.I13, body.I23, eps, Omega1, Omega2, steps, extent)
+    I1, I2, I13, I23, _ = map(float, body.parameters)
+    return Parameters(I1, I2, I13, I23, eps, Omega1, Omega2, steps, extent)
 
 
 # With I1 = I2 = 1, I13 = 0.25 and I23 = 0 the values of t are exact; all bodies are

@@ -55,8 +55,8 @@ def scene(parameters: Parameters) -> dict[str, Any]:
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         body, eps, start = parameters.body, parameters.eps, np.array(parameters.omega0)
-        steps, options = parameters.steps, {"on_singular": "ignore", "threads": 1}
-        run = iterate(body, start, eps, steps, attitude=True, **options)
+        steps = parameters.steps
+        run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
         status = Status(int(run.status))
         F = first_integral(body, run.omega, eps)
         numbers = {

@@ -225,7 +225,7 @@ def test_which_bodies_are_solved():
     check_measure(SuslovND(J[4], [0, 2, 0]), "invariant_density")
     not_all = SuslovND(J[[0, 0, 4]], [[0, 1, 0], [0, 1, 0], [1, 2, 3]])
     for check, function in ((check_solved, "exact"), (check_measure, "invariant_density")):
-        with pytest.raises(NotIntegrableError, match=f"{function}: .*body 2 is not"):
+        with pytest.raises(NotIntegrableError, match=f"{function}: .*body 2"):
             check(not_all, function)
 
 

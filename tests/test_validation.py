@@ -252,7 +252,8 @@ def test_bad_calls(call, exception, name):
         call()
     message = str(caught.value)
     assert re.search(rf"(?<!\w){name}(?!\w)", message)
-    assert re.search("expected .*, got ", message)
+    assert "expected " in message
+    assert ", got " in message or exception is AttributeError
     assert not re.search("ufunc|\n", message)
 
 

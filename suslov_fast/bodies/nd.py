@@ -192,7 +192,7 @@ def are_solved(body: SuslovND) -> NDArray[np.bool_]:
 def check_solved(body: SuslovND, function: str) -> None:
     """Raise an error that names the function unless all bodies are solved."""
     expected = "all J equal, or with I along one axis and all other J equal"
-    instead = f"no closed form is known for it: use {_INSTEAD[function]}"
+    instead = f"for which no closed form is known: use {_INSTEAD[function]}"
     _require(are_solved(body), function, expected, instead)
 
 
@@ -202,7 +202,7 @@ def check_measure(body: SuslovND, function: str) -> None:
     along_axis = (size > _ROUNDING * size.max(axis=-1, keepdims=True)).sum(axis=-1) <= 1
     known = (along_axis & (body.dimension == 3)) | (body.dimension == 2)
     instead = (
-        "no invariant measure is known for it: use jacobian, whose determinant is the factor by "
+        "for which no invariant measure is known: use jacobian, whose determinant is the factor by "
         "which a step changes volumes"
     )
     _require(known, function, "n = 3, or with n = 4 and I along one axis", instead)
@@ -211,5 +211,5 @@ def check_measure(body: SuslovND, function: str) -> None:
 def _require(known: NDArray[np.bool_], function: str, expected: str, instead: str) -> None:
     if not known.all():
         which = spell(first_index(~np.atleast_1d(known)))
-        message = f"a body with {expected}; body {which} is not, and {instead}"
-        raise NotIntegrableError(f"{function}: expected {message}")
+        received = f"body {which}, {instead}"
+        raise wrong(function, f"a body with {expected}", received, NotIntegrableError)

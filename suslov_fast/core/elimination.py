@@ -16,7 +16,7 @@ from .codes import NONFINITE, OK, SINGULAR
 from .numba import formula, function, select
 
 # A quotient of pivots, see `eliminate`, above which elimination side by side is accurate.
-LEAST_PIVOT = 2.0**-8
+LEAST_PIVOT = 2.0**-6
 ZERO_TO_ROUNDING = 2.0**-50  # a pivot below this part of its terms, for one unknown
 ROUNDS = 20  # of `balance`, at most: two or three do, but where unknowns are coupled one way
 
@@ -41,11 +41,11 @@ def keeps_digits(least, largest):
 
 @function
 def eliminate(a, least, largest):
-    """Factorise A in place, with the diagonal as pivots, and replace right sides by L**-1 b.
+    """Replace the right sides of all lanes by solutions, with the diagonal as pivots.
 
-    Above the diagonal is U; on it, inverse pivots; below it, L, whose own diagonal is 1. Two pivots
-    are taken at a time, which halves loads and stores. `least` (lanes,) receives the least pivot,
-    and `largest` the largest number that was on the diagonal, at least 1.
+    A is factorised in place: above the diagonal is U; on it, inverse pivots; below it, L, whose own
+    diagonal is 1. Two pivots are taken at a time, which halves loads and stores. `least` (lanes,)
+    receives the least pivot, `largest` the largest number that was on the diagonal, at least 1.
     """
     m, columns, lanes = a.shape
     for l in range(lanes):
@@ -54,15 +54,18 @@ def eliminate(a, least, largest):
         for l in range(lanes):
             largest[l] = larger(abs(a[i, i, l]), largest[l])
     for k in range(0, m, 2):
-        invert_pivot(a, k, least, largest)
-        if k + 1 == m:
-            break
-        for l in range(lanes):
-            a[k + 1, k, l] *= a[k, k, l]
-        for j in range(k + 1, columns):
+        for second in range(k, min(k + 2, m)):
+            if second > k:
+                for l in range(lanes):
+                    a[second, k, l] *= a[k, k, l]
+                for j in range(second, columns):
+                    for l in range(lanes):
+                        a[second, j, l] -= a[second, k, l] * a[k, j, l]
             for l in range(lanes):
-                a[k + 1, j, l] -= a[k + 1, k, l] * a[k, j, l]
-        invert_pivot(a, k + 1, least, largest)
+                pivot = a[second, second, l]
+                least[l] = smaller(abs(pivot), least[l])
+                largest[l] = larger(abs(pivot), largest[l])
+                a[second, second, l] = 1.0 / pivot
         for i in range(k + 2, m):
             for l in range(lanes):
                 a[i, k, l] *= a[k, k, l]
@@ -72,23 +75,8 @@ def eliminate(a, least, largest):
                 for l in range(lanes):
                     first = a[i, j, l] - a[i, k, l] * a[k, j, l]
                     a[i, j, l] = first - a[i, k + 1, l] * a[k + 1, j, l]
-
-
-@formula
-def invert_pivot(a, k, least, largest):
-    """Replace a pivot by its inverse, and take note of its size."""
-    for l in range(a.shape[2]):
-        pivot = a[k, k, l]
-        least[l], largest[l] = smaller(abs(pivot), least[l]), larger(abs(pivot), largest[l])
-        a[k, k, l] = 1.0 / pivot
-
-
-@function
-def substitute_back(a, first):
-    """Replace the columns from `first` on, right sides that `eliminate` has treated, by U**-1 b."""
-    m, columns, lanes = a.shape
     for i in range(m - 1, -1, -1):
-        for r in range(first, columns):
+        for r in range(m, columns):
             for j in range(m - 1, i, -1):
                 for l in range(lanes):
                     a[i, r, l] -= a[i, j, l] * a[j, r, l]

@@ -19,7 +19,7 @@ half    (T, lanes)   half the step size times v
 import numpy as np
 
 from .codes import NONFINITE, OK
-from .elimination import eliminate, keeps_digits, solve, substitute_back
+from .elimination import eliminate, keeps_digits, solve
 from .numba import formula, function, kernel, select, share
 
 # Rows of numbers of lanes: of `eliminate`; the sum of `loss`; and 1, or NaN after the end.
@@ -65,45 +65,23 @@ def fill(indices, half, fixed, x, a):
         target[n] = source[n]
     for t in range(indices.shape[1]):
         i, j, k = indices[0, t], indices[1, t], indices[2, t]
-        if k == D and j < D:
+        if j < D:  # for k = D a term of f
             for l in range(lanes):
-                a[i, D, l] -= half[t, l] * x[j, l]
-        elif k < D and j == k:
-            for l in range(lanes):
-                slope = half[t, l] * x[k, l]
-                a[i, D, l] -= slope * x[j, l]
-                a[i, k, l] -= slope + slope
-        elif k < D:
-            for l in range(lanes):
-                slope = half[t, l] * x[k, l]
-                a[i, D, l] -= slope * x[j, l]
-                a[i, j, l] -= slope
                 a[i, k, l] -= half[t, l] * x[j, l]
-
-
-@function
-def advance(x, a, b):
-    """Fill the next states x[1] from `a`; return how many are not finite or not accurate."""
-    D, lanes = x.shape[1:]
-    eliminate(a, b[LEAST], b[LARGEST])
-    substitute_back(a, D)
-    for l in range(lanes):
-        b[LOST, l] = 0.0
-    for i in range(D):
-        for l in range(lanes):
-            x[1, i, l] = x[0, i, l] - 2.0 * a[i, D, l]
-            b[LOST, l] += loss(abs(x[1, i, l]), abs(a[i, D, l]), D)
-    failed = 0
-    for l in range(lanes):
-        failed += 0 if is_accurate(b, l, D) else 1
-    return failed
+        if k < D:
+            for l in range(lanes):
+                a[i, j, l] -= half[t, l] * x[k, l]
+            for l in range(lanes):
+                a[i, D, l] -= half[t, l] * x[k, l] * x[j, l]
 
 
 @formula
-def loss(size, part, D):
-    """Return D if a component of this size has lost digits, or is not finite; 1 if a few."""
-    kept = select(size >= SMALL_PART * part, 1.0, D)
-    return select(size < np.inf, select(size >= LARGE_PART * part, 0.0, kept), D)
+def next_component(x, half):
+    """Return a component of the next state, from minus half its increment, and its loss."""
+    following = x - 2.0 * half
+    size, part = abs(following), abs(half)
+    kept = select(size >= LARGE_PART * part, 0.0, select(size >= SMALL_PART * part, 1.0, np.inf))
+    return following, select(size < np.inf, kept, np.inf)
 
 
 @formula
@@ -113,20 +91,20 @@ def is_accurate(b, l, D):
 
 
 @function
-def advance_one(indices, half, fixed, x, a, units):
-    """Fill the next state x[1] of one lane by `solve`; return its status."""
-    D = x.shape[1]
-    fill(indices, half, fixed, x[0], a)
+def advance(x, a, b):
+    """Fill the next states x[1] from `a`; return how many are not finite or not accurate."""
+    _, D, lanes = x.shape
+    eliminate(a, b[LEAST], b[LARGEST])
+    for l in range(lanes):
+        b[LOST, l] = 0.0
     for i in range(D):
-        right = x[0, i, 0] - 2.0 * fixed[i, D, 0]
-        for j in range(D):
-            other = fixed[i, j, 0] - 1.0 if i == j else fixed[i, j, 0]
-            right -= other * x[0, j, 0]
-        a[i, D, 0] = right
-    status = solve(a, units)
-    for i in range(D):
-        x[1, i, 0] = a[i, D, 0] if status == OK else np.nan
-    return status
+        for l in range(lanes):
+            x[1, i, l], loss = next_component(x[0, i, l], a[i, D, l])
+            b[LOST, l] += loss
+    failed = 0
+    for l in range(lanes):
+        failed += 0 if is_accurate(b, l, D) else 1
+    return failed
 
 
 @function
@@ -137,31 +115,27 @@ def memory_of_one(D, T):
 
 
 @function
-def settle(indices, x, fixed, half, b, one, n, begin, end, status, failed_at):
-    """Solve one by one for states n that are not accurate, and end trajectories without one."""
-    x1, fixed1, half1, a1, units = one
-    D, lanes = x.shape[1:]
-    for l in range(lanes):
-        if not is_accurate(b, l, D):
-            copy_lane(x, fixed, half, l, x1, fixed1, half1)
-            code = advance_one(indices, half1, fixed1, x1, a1, units)
-            for i in range(D):
-                x[1, i, l] = x1[1, i, 0]
-            if code != OK:
-                if begin + l < end:
-                    status[begin + l], failed_at[begin + l] = code, n
-                rest(x, fixed, half, b, l)
-
-
-@formula
-def copy_lane(x, fixed, half, l, x1, fixed1, half1):
-    """Copy lane l to a block of one lane."""
-    for i in range(x.shape[1]):
-        x1[0, i, 0], x1[1, i, 0] = x[0, i, l], x[1, i, l]
-        for j in range(x.shape[1] + 1):
-            fixed1[i, j, 0] = fixed[i, j, l]
+def advance_one(indices, x, fixed, half, l, one):
+    """Fill the next state of lane l by `solve`, in the memory of one lane; return its status."""
+    x1, fixed1, half1, a, units = one
+    D = x.shape[1]
     for t in range(len(half)):
         half1[t, 0] = half[t, l]
+    for i in range(D):
+        x1[0, i, 0] = x[0, i, l]
+        for j in range(D + 1):
+            fixed1[i, j, 0] = fixed[i, j, l]
+    fill(indices, half1, fixed1, x1[0], a)
+    for i in range(D):
+        right = x1[0, i, 0] - 2.0 * fixed1[i, D, 0]
+        for j in range(D):
+            right -= (fixed1[i, j, 0] - (1.0 if i == j else 0.0)) * x1[0, j, 0]
+        a[i, D, 0] = right
+    status = solve(a, units)
+    for i in range(D):
+        x1[1, i, 0] = a[i, D, 0] if status == OK else np.nan
+        x[1, i, l] = x1[1, i, 0]
+    return status
 
 
 @function
@@ -181,6 +155,18 @@ def enter(parameters, x0, x, fixed, half, b, begin, end, start, status, failed_a
             rest(x, fixed, half, b, l)
 
 
+@function
+def rest(x, fixed, half, b, l):
+    """End a trajectory: from now on its lane rests at 0, which is written as NaN."""
+    b[UNIT, l] = np.nan
+    for i in range(x.shape[1]):
+        x[0, i, l], x[1, i, l] = 0.0, 0.0
+        for j in range(x.shape[1] + 1):
+            fixed[i, j, l] = 1.0 if i == j else 0.0
+    for t in range(len(half)):
+        half[t, l] = 0.0
+
+
 @kernel
 def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part, as `steps_3d.steps`."""
@@ -193,22 +179,25 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     one = memory_of_one(D, T)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
-        begin = first + block * lanes
+        begin, row = first + block * lanes, next_row
         end = min(begin + lanes, last)
         states = omega0 if start == 0 else carry
         enter(parameters, states, x, fixed, half, b, begin, end, start, status, failed_at)
-        row = next_row
-        if every > 0 and start == 0:
-            write(x, b, begin, end, saved[row])
-            row += 1
-        for n in range(start + 1, stop + 1):
-            fill(indices, half, fixed, x[0], a)
-            if advance(x, a, b) > 0:
-                settle(indices, x, fixed, half, b, one, n, begin, end, status, failed_at)
-            for i in range(D):
-                for l in range(lanes):
-                    x[0, i, l] = x[1, i, l]
-            if every > 0 and n % every == 0:
+        for n in range(start, stop + 1):
+            if n > start:
+                fill(indices, half, fixed, x[0], a)
+                if advance(x, a, b) > 0:
+                    for l in range(lanes):
+                        if not is_accurate(b, l, D):
+                            code = advance_one(indices, x, fixed, half, l, one)
+                            if code != OK:
+                                if begin + l < end:
+                                    status[begin + l], failed_at[begin + l] = code, n
+                                rest(x, fixed, half, b, l)
+                for i in range(D):
+                    for l in range(lanes):
+                        x[0, i, l] = x[1, i, l]
+            if every > 0 and n % every == 0 and (n > start or start == 0):
                 write(x, b, begin, end, saved[row])
                 row += 1
         write(x, b, begin, end, final)
@@ -217,19 +206,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 carry[begin + l, i] = x[0, i, l]
 
 
-@formula
-def rest(x, fixed, half, b, l):
-    """End a trajectory: from now on its lane rests at 0, which is written as NaN."""
-    b[UNIT, l] = np.nan
-    for i in range(x.shape[1]):
-        x[0, i, l], x[1, i, l] = 0.0, 0.0
-        for j in range(x.shape[1] + 1):
-            fixed[i, j, l] = 1.0 if i == j else 0.0
-    for t in range(len(half)):
-        half[t, l] = 0.0
-
-
-@formula
+@function
 def write(x, b, begin, end, target):
     """Write the states of a block to target (B, D)."""
     for l in range(end - begin):

@@ -23,14 +23,13 @@ from .steps_field import (
     UNIT,
     advance,
     advance_one,
-    copy_lane,
     enter,
     enter_field,
     fill,
     is_accurate,
     lanes_of,
     memory_of_one,
-    settle,
+    rest,
 )
 
 # Rows of numbers of lanes, after those of `steps_field`: of `eliminate` for 2 - A(x_next); 1 if
@@ -44,18 +43,19 @@ NEAR_1_LEAST, NEAR_1_LARGEST, LEAST, LARGEST = -0.999, 1e3, 1e-100, 1e100
 @universal("(c,t),(t),(),(d)->(d,d)")
 def matrix(indices, values, eps, x, out):
     """Fill A(x)."""
-    _, one = equations_at(indices, values, eps, x)
+    _, _, _, _, a = equations_at(indices, values, eps, x)
     for i in range(len(x)):
         for j in range(len(x)):
-            out[i, j] = one[3][i, j, 0]
+            out[i, j] = a[i, j, 0]
 
 
 @universal("(c,t),(t),(),(d)->()")
 def determinant(indices, values, eps, x, out):
     """Fill det A(x), 0 if it is so to rounding."""
-    _, one = equations_at(indices, values, eps, x)
-    solve(one[3], one[4])
-    out[0] = determinant_of(one[3], one[4])
+    _, _, _, _, a = equations_at(indices, values, eps, x)
+    units = np.empty((2, len(x)))
+    solve(a, units)
+    out[0] = determinant_of(a, units)
     for i in range(len(x)):
         out[0] += 0.0 * x[i]
 
@@ -63,11 +63,10 @@ def determinant(indices, values, eps, x, out):
 @universal("(c,t),(t),(),(d)->(d,d)")
 def jacobian(indices, values, eps, x, out):
     """Fill DPhi(x)."""
-    D = len(x)
-    terms, one = equations_at(indices, values, eps, x)
-    states, fixed, half, a, _ = one
+    D, undefined = len(x), 0.0
+    terms, states, fixed, half, a = equations_at(indices, values, eps, x)
     b, system = np.empty((ROWS, 1)), np.empty((D, 2 * D, 1))
-    right, after, undefined = np.empty((D, D, 1)), np.empty((D, D + 1, 1)), 0.0
+    right, after = np.empty((D, D, 1)), np.empty((D, D + 1, 1))
     for i in range(D):
         for j in range(D):
             system[i, D + j, 0] = 1.0 if i == j else 0.0
@@ -78,7 +77,9 @@ def jacobian(indices, values, eps, x, out):
                 right[i, j, 0] = 2.0 * system[i, D + j, 0] - after[i, j, 0]
         substitute(a, right)
     else:
-        undefined = 0.0 if derive(terms, one, after, system) == OK else np.nan
+        one = memory_of_one(D, len(values))
+        code = derive(terms, states, fixed, half, 0, one, after, system)
+        undefined = 0.0 if code == OK else np.nan
         for i in range(D):
             for j in range(D):
                 right[i, j, 0] = system[i, D + j, 0]
@@ -89,31 +90,31 @@ def jacobian(indices, values, eps, x, out):
 
 @function
 def equations_at(indices, values, eps, x):
-    """Return the indices as integers, and one lane with the equations of a step from x."""
+    """Return the indices as integers, and a block of one lane with the equations of a step."""
     D, T = len(x), len(values)
-    terms, one = np.empty((3, T), np.int64), memory_of_one(D, T)
+    terms, states, half = np.empty((3, T), np.int64), np.empty((2, D, 1)), np.empty((T, 1))
+    fixed, a = np.empty((D, D + 1, 1)), np.empty((D, D + 1, 1))
     for t in range(T):
         for c in range(3):
             terms[c, t] = int(indices[c, t])
-    states, fixed, half, a, _ = one
     enter_field(terms, values, eps, fixed, half, 0)
     for i in range(D):
         states[0, i, 0] = x[i]
     fill(terms, half, fixed, states[0], a)
-    return terms, one
+    return terms, states, fixed, half, a
 
 
 @function
-def derive(indices, one, after, system):
-    """Replace the right sides v of `system` (D, D + r, 1) by DPhi v, at x[0] of one lane.
+def derive(indices, x, fixed, half, l, one, after, system):
+    """Replace the right sides v of `system` (D, D + r, 1) by DPhi v, at x[0] of lane l.
 
     x[1] becomes the next state, and `after` A there; other columns are those of `solve`.
     """
-    x, fixed, half, a, units = one
+    x1, fixed1, half1, a, units = one
     D, columns, _ = system.shape
-    code = advance_one(indices, half, fixed, x, a, units)
-    fill(indices, half, fixed, x[1], after)
-    fill(indices, half, fixed, x[0], a)
+    code = advance_one(indices, x, fixed, half, l, one)
+    fill(indices, half1, fixed1, x1[1], after)
+    fill(indices, half1, fixed1, x1[0], a)
     for r in range(D, columns):
         for i in range(D):
             units[0, i] = 2.0 * system[i, r, 0]
@@ -166,7 +167,13 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
         for n in range(start + 1, stop + 1):
             fill_diagonals(indices, half, x[0], more[0], -1.0)
             if advance(x, a, b) > 0:
-                settle(indices, x, fixed, half, b, one, n, begin, end, status, failed_at)
+                for l in range(lanes):
+                    if not is_accurate(b, l, D):
+                        code = advance_one(indices, x, fixed, half, l, one)
+                        if code != OK:
+                            if begin + l < end:
+                                status[begin + l], failed_at[begin + l] = code, n
+                            rest(x, fixed, half, b, l)
             fill(indices, half, fixed, x[1], after)
             fill_diagonals(indices, half, x[1], more[1], 1.0)
             fill_right_sides(after, q, v, back)
@@ -181,8 +188,7 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
             if inaccurate > 0:
                 for l in range(lanes):
                     if b[GOOD, l] == 0.0 and b[UNIT, l] == 1.0:
-                        copy_lane(x, fixed, half, l, one[0], one[1], one[2])
-                        derive_lane(indices, one, system, q, v, l, b)
+                        derive_lane(indices, x, fixed, half, l, one, system, q, v, b)
             orthonormalise(v, b)
             take_logarithms(b, sums, begin, end, False)
             a, after, q, v = after, a, v, q
@@ -260,14 +266,14 @@ def multiply_determinants(a, back, more, b):
 
 
 @function
-def derive_lane(indices, one, system, q, v, l, b):
-    """Replace columns v of a lane, and its factors of |det DPhi|, by what pivots give."""
+def derive_lane(indices, x, fixed, half, l, one, system, q, v, b):
+    """Replace columns v of lane l, and its factors of |det DPhi|, by what pivots give."""
     D = len(q)
     after = np.empty((D, D + 1, 1))
     for i in range(D):
         for j in range(D):
             system[i, D + j, 0] = q[i, j, l]
-    derive(indices, one, after, system)
+    derive(indices, x, fixed, half, l, one, after, system)
     of_step = determinant_of(system, one[4])
     for i in range(D):
         for j in range(D):

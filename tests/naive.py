@@ -332,8 +332,8 @@ def far_state_nd(J, I, eps, omega, n):
 def solution_with_rotor(I1, I2, I13, I23, k, eps, w1, w2, n, flows=False):
     """State n of the map for an integer n of any sign, or the state of the flow at time n.
 
-    With z = sqrt(I1) w1 + i sqrt(I2) w2 a step is linear in the half-angle plane (p, q) of theory 6:
-    multiplication by 1 + e G, G = ((0, A + k), (A - k, 0)), or by exp(t G / (2 sqrt(I1 I2))).
+    With z = sqrt(I1) w1 + i sqrt(I2) w2, half its angle (p, q) is multiplied by 1 + e G in a step,
+    G = ((0, A + k), (A - k, 0)), and by exp(t G / (2 sqrt(I1 I2))) in time t.
     """
     root1, root2 = mpmath.sqrt(I1), mpmath.sqrt(I2)
     z, g = mpmath.mpc(root1 * w1, root2 * w2), mpmath.mpc(I13 / root1, I23 / root2)

@@ -38,6 +38,7 @@ STEEP = 2.0  # in place of r, if the angle of a step is above half a quarter tur
 PARITY_KNOWN = 2.0**53
 ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
 RANGE = 1e8  # of X, Y and K: beyond, too few digits are left
+FAINT = 1e-140  # of x / y, on the way from a steady state: squares below that are subnormal
 
 
 @formula
@@ -122,6 +123,7 @@ def orbit(I1, I2, I13, I23, k, eps, w1, w2, discrete, direction):
     rests = x == 0.0
     rate = select(rests, select(undefined, np.nan, 0.0), rate)
     in_range = (abs(X) <= RANGE) & (abs(Y) <= RANGE) & (abs(K) <= RANGE)
+    in_range &= rests | (abs(x) >= FAINT * y)
     passing = select(rests, 0.0, select(passes, 1.0, 0.0))
     return b1, c1, b2, c2, d12, d22, passing, select(in_range, root, np.nan), r, rate
 

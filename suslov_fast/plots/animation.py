@@ -13,15 +13,8 @@ from ..checks import FloatArray, integer, wrong
 from ..quantities.conserved import energy
 from ..runs.iterate import iterate
 from ..space.attitude import attitude
-from .geometry import (
-    BodyIn3D,
-    check_moving,
-    ellipsoid,
-    half_angle,
-    meeting_phase,
-    on_level,
-    steady_line,
-)
+from . import geometry
+from .geometry import BodyIn3D
 from .phase import positive
 from .style import styled
 
@@ -87,7 +80,7 @@ def animate_body(
         raise wrong("eps", "a single number", eps)
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
     body = _EXAMPLE if body is None else body
-    check_moving(body)
+    geometry.check_moving(body)
     start = _passing(body, eps) if omega0 is None else omega0
     omega = iterate(body, start, eps, steps, on_singular="raise").omega
     rotations = attitude(body, omega, eps, R0)
@@ -100,9 +93,9 @@ def animate_body(
 
 def _passing(body: BodyIn3D, eps: float) -> FloatArray:
     """A state near the repelling steady rotation, where there is one."""
-    g, k = half_angle(body)
-    R = 2.0 * float(np.sqrt(2.0 * energy(body, steady_line(body)[1] if g else [1.0, 0.0])))
-    return on_level(body, eps, R, 0.15 - meeting_phase(R * abs(g), k))
+    g, k = geometry.half_angle(body)
+    R = 2.0 * float(np.sqrt(2.0 * energy(body, geometry.steady_line(body)[1] if g else [1.0, 0.0])))
+    return geometry.on_level(body, eps, R, 0.15 - geometry.meeting_phase(R * abs(g), k))
 
 
 def _turning_body(
@@ -111,7 +104,7 @@ def _turning_body(
     """Return a figure, and a function that draws the body in a given state."""
     from .figures import StyledFigure
 
-    radii, principal, I3, _ = ellipsoid(body)
+    radii, principal, I3, _ = geometry.ellipsoid(body)
     radii = _RADIUS * radii
     surface = np.einsum("ij,j,jkl->ikl", principal, radii, _sphere())
     path = _PATH * rotations[:, :, 2]

@@ -10,16 +10,8 @@ from ..checks import FloatArray, integer, real_number, wrong
 from ..quantities.conserved import energy
 from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
-from .geometry import (
-    BodyIn3D,
-    check_moving,
-    half_angle,
-    half_step,
-    level,
-    meeting_phase,
-    on_level,
-    steady_line,
-)
+from . import geometry
+from .geometry import BodyIn3D
 from .style import styled
 
 # Lines differ in style as well as in colour.
@@ -83,11 +75,11 @@ def plot_phase(
     """
     from .figures import COLOURS, axes_for, set_title
 
-    check_moving(body)
-    g, k = half_angle(body)
+    geometry.check_moving(body)
+    g, k = geometry.half_angle(body)
     eps, extent = positive("eps", eps), positive("extent", extent)
     levels = integer("levels", levels, 1)
-    e = half_step(body, eps)
+    e = geometry.half_step(body, eps)
     largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
     if not e * largest * abs(g) < 1:
         expected = "a criticality below 1 in the corners of the picture"
@@ -95,10 +87,10 @@ def plot_phase(
     axes = axes_for(ax, (5.2, 5.8))
     colours = COLOURS(np.linspace(0.05, 0.9, levels))
     for R, colour in zip(largest * np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
-        (curve,) = level(body, eps, R)
+        (curve,) = geometry.level(body, eps, R)
         axes.plot(*curve.T, "-", color=colour, linewidth=0.8, alpha=0.7)
         for psi, steps in _orbits(e, R * abs(g), k):
-            orbit = iterate(body, on_level(body, eps, R, psi), eps, steps).omega
+            orbit = iterate(body, geometry.on_level(body, eps, R, psi), eps, steps).omega
             axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
             _arrow(axes, body, orbit, extent, colour)
     if g:
@@ -130,7 +122,7 @@ def _title(body: BodyIn3D, eps: float, between: str) -> str:
     """The parameters, in two groups."""
     moments = rf"$I_1={body.I1:g}$, $I_2={body.I2:g}$, $\epsilon={eps:g}$"
     products = rf"$I_{{13}}={body.I13:g}$, $I_{{23}}={body.I23:g}$"
-    k = half_angle(body)[1]
+    k = geometry.half_angle(body)[1]
     return moments + between + products + (f", $k={k:g}$" if k else "")
 
 
@@ -140,7 +132,7 @@ def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:
         steps = np.pi / np.arctan(e * np.sqrt(k * k - A * A))
         return [(0.0, int(min(np.ceil(steps), _LONGEST_TURN)))]
     # From the steady state at -end to that at end, on either side.
-    end, rate = meeting_phase(A, k), e * np.sqrt(A * A - k * k)
+    end, rate = geometry.meeting_phase(A, k), e * np.sqrt(A * A - k * k)
     orbits = []
     for side, half in ((1.0, end), (-1.0, np.pi - end)):
         psi = -end + side * 2.0 / np.pi * half * _FROM_LINE
@@ -152,8 +144,8 @@ def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:
 
 def _steady_states(axes: Any, body: Any, reach: float) -> None:
     """The attracting and the repelling half of the line l = 0, which meet where F is least."""
-    middle, direction = steady_line(body)
-    line = _STEADY + (r" + k = 0$" if half_angle(body)[1] else " = 0$")
+    middle, direction = geometry.steady_line(body)
+    line = _STEADY + (r" + k = 0$" if geometry.half_angle(body)[1] else " = 0$")
     for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
         ends = middle + np.outer([0.0, sign * (reach + np.hypot(*middle))], direction)
         label = f"{line}, {name}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import Any
 
 import anywidget
@@ -62,11 +61,5 @@ class Widget(anywidget.AnyWidget):  # type: ignore[misc]
         self.on_msg(self._answer)
 
     def _answer(self, widget: Any, message: dict[str, Any], buffers: Any) -> None:
-        for reply in replies(message):
-            self.send(reply)
-
-
-def replies(message: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield, for a message of the page, that the kernel lives, and then the answer."""
-    yield {"id": message["id"], "heard": True}
-    yield {"id": message["id"], "value": answer(message["query"])}
+        self.send({"id": message["id"], "heard": True})
+        self.send({"id": message["id"], "value": answer(message["query"])})

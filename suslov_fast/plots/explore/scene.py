@@ -16,16 +16,8 @@ from ...runs.iterate import iterate
 from ...runs.solution import flow, limits
 from ...space.scattering import scattering_angle
 from ...space.vectors import to_vector
-from ..geometry import (
-    BodyIn3D,
-    ellipsoid,
-    half_angle,
-    half_step,
-    level,
-    meeting_phase,
-    on_level,
-    steady_line,
-)
+from .. import geometry
+from ..geometry import BodyIn3D
 from .parameters import Parameters, parse_query
 
 # Unbounded branches are drawn beyond the largest view.
@@ -100,7 +92,7 @@ def _line(body: BodyIn3D, eps: float) -> dict[str, Any] | None:
     """The line of steady states, if there is one: its middle and the directions of its halves."""
     if not (body.I13 or body.I23):
         return None
-    middle, direction = steady_line(body)
+    middle, direction = geometry.steady_line(body)
     repelling = math.copysign(1.0, eps) * direction
     return {"middle": middle, "repelling": repelling, "attracting": -repelling}
 
@@ -109,8 +101,8 @@ def _levels(body: BodyIn3D, eps: float, numbers: dict[str, Any]) -> dict[str, An
     """The levels of F and of the energy through the first state."""
     R = 2.0 * float(np.sqrt(body.I1 * body.I2 * numbers["F"]))
     return {
-        "F": level(body, eps, R, _REACH) if R > 0 else [],
-        "energy": level(body, 0.0, math.sqrt(2.0 * numbers["energy"]))[0],
+        "F": geometry.level(body, eps, R, _REACH) if R > 0 else [],
+        "energy": geometry.level(body, 0.0, math.sqrt(2.0 * numbers["energy"]))[0],
     }
 
 
@@ -133,7 +125,7 @@ def _name_of_regime(parameters: Parameters, t: float, status: Status) -> str:
         return "steady"
     if status == Status.SINGULAR:
         return "pole"
-    if abs(half_step(body, eps) * parameters.k) > abs(t):
+    if abs(geometry.half_step(body, eps) * parameters.k) > abs(t):
         return "rotor"
     if abs(t) == 1:
         return "at" if parameters.k == 0 else "above"
@@ -145,13 +137,13 @@ def _portrait(parameters: Parameters) -> dict[str, Any] | None:
     body, eps, extent = parameters.body, parameters.eps, parameters.extent
     if eps == 0 or not (body.I13 or body.I23 or parameters.k):
         return None
-    g, k = half_angle(body)
+    g, k = geometry.half_angle(body)
     largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
     starts, levels = [], []
     for R in largest * np.arange(1, _LEVELS + 1) / _LEVELS:
-        start = -math.copysign(meeting_phase(R * abs(g), k), eps)
-        starts.append(on_level(body, eps, R, np.array([start + _OFFSET, start - _OFFSET])))
-        levels += level(body, eps, R, _REACH)
+        start = -math.copysign(geometry.meeting_phase(R * abs(g), k), eps)
+        starts.append(geometry.on_level(body, eps, R, np.array([start + _OFFSET, start - _OFFSET])))
+        levels += geometry.level(body, eps, R, _REACH)
     steps = min(parameters.steps, _LONGEST_ORBIT)
     orbits = iterate(body, np.concatenate(starts), eps, steps, on_singular="ignore", threads=1)
     return {"levels": levels, "orbits": list(np.moveaxis(orbits.omega, 1, 0))}
@@ -160,7 +152,7 @@ def _portrait(parameters: Parameters) -> dict[str, Any] | None:
 def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
     """The ellipsoid of inertia, if there is one in the range of float64."""
     try:
-        radii, axes, I3, admissible = ellipsoid(body)
+        radii, axes, I3, admissible = geometry.ellipsoid(body)
     except (ValueError, OverflowError, np.linalg.LinAlgError):
         return None
     return {"I3": I3, "matter": admissible, "radii": radii, "axes": axes}

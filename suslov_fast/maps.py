@@ -96,7 +96,7 @@ _RECORDS = (
         body=QuadraticField,
         title="Kahan map of a quadratic field",
         samples=((QuadraticField([[[1]]]), (1.0,)),),  # x' = x**2
-        methods={"auto": Steps(steps_field.steps, lambda D: D, lambda D: 4.0 * D**2)},
+        methods={"auto": Steps(steps_field.steps, steps_field.carried, lambda D: 4.0 * D**2)},
         functions=_of_field,
         variable="x",
         meaning="state",

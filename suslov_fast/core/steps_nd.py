@@ -35,7 +35,6 @@ LANES = 64  # so many that sums do not wait for memory just written
 FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 
 
-@formula
 def carried(m):
     """Return how many numbers of a trajectory a run goes on from."""
     return m

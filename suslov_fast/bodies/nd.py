@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -87,9 +88,13 @@ class SuslovND(Body):
 
     @cached_property
     def _field(self) -> QuadraticField:
+        return self._field_of(Fraction)
+
+    def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
+        """Return the field, with the parameters of a single body as these exact numbers."""
         J, I = self.J, self.I
         if not self.shape:
-            J, I = (np.array([Fraction(a) for a in each.tolist()]) for each in (J, I))
+            J, I = (np.array([number(a) for a in each.tolist()]) for each in (J, I))
         # J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j.
         q = np.zeros((*self.shape, *(self.dimension,) * 3), J.dtype)
         j = np.arange(self.dimension)

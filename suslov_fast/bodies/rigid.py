@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -55,7 +56,11 @@ class _In3D(Body):
 
     @cached_property
     def _field(self) -> QuadraticField:
-        I1, I2, *products = self.parameters if self.shape else map(Fraction, self.parameters)
+        return self._field_of(Fraction)
+
+    def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
+        """Return the field, with the parameters of a single body as these exact numbers."""
+        I1, I2, *products = self.parameters if self.shape else map(number, self.parameters)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*products), axis=-1)
         first, second = -l / np.asarray(I1)[..., None], l / np.asarray(I2)[..., None]

@@ -12,16 +12,21 @@ from ..bodies.field import QuadraticField
 from ..bodies.polynomials import terms_of
 
 _LONG = 2**20  # denominators of floats such as 0.1
+_ODD = 1000  # factors of denominators of fractions of floats
 _DIGITS = 12  # of decimals that sums and products of floats can be
 
 
 def decimal(a: Any) -> Fraction:
     """Return the decimal of at most 15 digits that a float was written as, or its binary value.
 
-    So 0.1 is 1/10, and 1/3 remains the binary number.
+    So 0.1 is 1/10, and 1/3 remains the binary number. Of the thirds of floats, say, that
+    coefficients of a Hamiltonian are, the float is replaced.
     """
     binary = Fraction(a)
-    if binary.denominator < _LONG or binary.denominator & (binary.denominator - 1):
+    odd = binary.denominator // (binary.denominator & -binary.denominator)
+    if odd > 1:
+        return decimal(binary * odd) / odd if odd < _ODD else binary
+    if binary.denominator < _LONG:
         return binary
     text = f"{float(binary):.14e}"
     simple = Fraction(text)
@@ -36,7 +41,7 @@ def field_of(body: Any, decimals: bool) -> QuadraticField:
         return QuadraticField.of(body)
     if not isinstance(body, QuadraticField):
         QuadraticField.of(body)  # checks the type
-        return body if body.shape else body.field(decimal)
+        return body.field() if body.shape else body._field_of(decimal)
     if body.shape:
         return body
     if body.H is None:

@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache, reduce
+from functools import lru_cache, reduce
 from typing import Any, NamedTuple
 
 import flint
@@ -23,7 +23,7 @@ from .functions import (
     product_of,
     quotient_of,
 )
-from .maps import TERMS, BirationalMap, KahanMap, check_map
+from .maps import TERMS, BirationalMap, check_map
 from .pullbacks import invariant_spaces
 from .reconstruction import short_basis
 
@@ -112,8 +112,9 @@ class Invariants:
                 measures = measures or cofactor == self.map.jacobian_cofactor
                 basis = self._basis_of_all(space)
         space = tuple(sorted(space, key=size))
-        # Quotients that are regular at 0, if there are such.
-        below = next((P for P in space if _constant_term(P)), space[0]) if space else None
+        # The denominator is of least degree, and not 0 at 0 if possible.
+        lowest = [P for P in space if degree_of(P) == degree_of(space[0])]
+        below = next((P for P in lowest if _constant_term(P)), space[0] if space else None)
         self.quotients += [quotient_of(P, below, basis) for P in space if P is not below]
         if measures and not self.densities:
             if basis == IDENTITY and not self.map.proves_jacobian:

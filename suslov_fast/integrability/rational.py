@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import random
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from functools import cached_property, reduce
@@ -14,6 +12,7 @@ import numpy as np
 
 from ..checks import integer, wrong
 from .exact import modulo, ring, value_at
+from .functions import exact_quotient
 from .maps import BirationalMap, Steps, homogeneous_value
 
 _NUMBERS = Rational | float | np.integer | np.floating
@@ -100,8 +99,7 @@ class RationalMap(BirationalMap):
     def components(self) -> tuple[str, ...]:
         """The components as text."""
         *above, below = self.forms
-        found = (Quotient(F, below) for F in above)
-        return tuple(str(q.above) if q.below == 1 else f"({q.above})/({q.below})" for q in found)
+        return tuple(str(exact_quotient(F, below)) if F else "0" for F in above)
 
     def _name(self) -> str:
         return f"rational_map({', '.join(self.components)})"

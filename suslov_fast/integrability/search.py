@@ -11,14 +11,10 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Iterator
-from fractions import Fraction
 from typing import Any
 
-import flint
-
 from . import exact
-from .exact import Polynomials
-from .functions import MODULAR, RationalFunction, content_roots, independent, quotient_of
+from .functions import content_roots, independent
 from .growth import degrees_on_a_line, growth
 from .hamiltonian import hamiltonian_of
 from .invariants import Invariants
@@ -114,7 +110,7 @@ def _degrees(map: BirationalMap, seed: int) -> list[int]:
         for each in degrees_on_a_line(map, p, eps, random.Random(p)):
             found.append(each)
             following = each**2 / max(1, found[-2:][0])
-            settled = len(found) >= _ENOUGH and each > _SMALL or following > _LARGE
+            settled = (len(found) >= _ENOUGH and each > _SMALL) or following > _LARGE
             if settled and growth(found).entropy_error == 0:
                 break
             if following > _LARGEST or len(found) == _DEGREES:

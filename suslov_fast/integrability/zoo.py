@@ -1,4 +1,4 @@
-"""The fields of the page "A zoo of Kahan maps"."""
+"""The fields and maps of the page "A zoo of Kahan maps"."""
 
 from __future__ import annotations
 
@@ -67,10 +67,29 @@ def _henon_heiles(x: Any) -> Any:
     return (p1**2 + p2**2 + q1**2 + q2**2) / 2 + q1**2 * q2 - q2**3 / 3
 
 
-def zoo() -> dict[str, tuple[QuadraticField, Fraction]]:
+def _lyness(x: Any) -> Any:
+    return x[1], (x[1] + 3) / x[0]
+
+
+def _mcmillan(x: Any) -> Any:
+    return x[1], 6 * x[1] / (1 + x[1] ** 2) - x[0]
+
+
+def _hone_quispel(x: Any) -> Any:
+    """The polarization of x'' = -x^3 with the step 1/2: z - 2 y + x = -x y z / 4."""
+    return x[1], (2 * x[1] - x[0]) / (1 + x[0] * x[1] / 4)
+
+
+def _reversed(f: Callable[[Any], Any]) -> RationalMap:
+    """Return the map (x, y) to (y, z) of a recurrence that is the same backwards."""
+    return rational_map(f, 2, inverse=lambda x: f(x[::-1])[::-1])
+
+
+def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     """Return the fields of the page "A zoo of Kahan maps", by name, each with a step size.
 
-    The first twelve have integrable maps.
+    The first twelve have integrable maps. The last three are maps (map, None) of second-order
+    recurrences, no Kahan maps, and integrable.
 
     Examples
     --------
@@ -81,6 +100,8 @@ def zoo() -> dict[str, tuple[QuadraticField, Fraction]]:
     QuadraticField(x1' = 2*x2*x3, x2' = -3*x1*x3, x3' = x1*x2)
     >>> iterate(field, [1, 0.5, 0.2], float(eps), steps=2).x.shape
     (3, 3)
+    >>> zoo()["Lyness"]
+    (rational_map(x2, (x2 + 3)/x1), None)
     """
     I, hamiltonian = (4, 2, -0.5, -0.25), QuadraticField.from_hamiltonian
     fields = {
@@ -114,4 +135,8 @@ def zoo() -> dict[str, tuple[QuadraticField, Fraction]]:
             _of(lambda x, y: (-x / 8 - y + x**2, x - y / 8 + x * y / 2 + y**2 / 2)),
         ),
     }
-    return {name: (field, Fraction(eps)) for name, (eps, field) in fields.items()}
+    maps = {"Lyness": _lyness, "McMillan": _mcmillan, "Hone-Quispel": _hone_quispel}
+    return {
+        **{name: (field, Fraction(eps)) for name, (eps, field) in fields.items()},
+        **{name: (_reversed(f), None) for name, f in maps.items()},
+    }

@@ -244,7 +244,7 @@ def instance(name: str, value: Any, expected: Any) -> None:
 
 
 def short(value: Any) -> str:
-    text = repr(value)
+    text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

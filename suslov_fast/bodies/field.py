@@ -274,7 +274,7 @@ class QuadraticField(Body):
 
     @cached_property
     def _floats(self) -> FloatArray:
-        return self.table.astype(np.float64)
+        return np.asarray(self.table, np.float64)
 
     @cached_property
     def batch_of_one(self) -> tuple[Any, FloatArray]:

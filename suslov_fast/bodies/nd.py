@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,12 +56,8 @@ class SuslovND(Body):
     (3, ())
     """
 
-    J: FloatArray
-    I: FloatArray
-
-    if TYPE_CHECKING:  # what is given is not what is kept
-
-        def __init__(self, J: ArrayLike, I: ArrayLike) -> None: ...
+    J: Any  # array_like when given, then an array
+    I: Any
 
     _vector_axes: ClassVar[int] = 1
     _positive: ClassVar[tuple[str, ...]] = ("J",)

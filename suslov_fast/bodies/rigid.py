@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,10 +25,11 @@ _ROUNDING = 1e-14
 class _In3D(Body):
     """A rigid body in three dimensions, whose subclasses have I3 as last parameter."""
 
-    I1: float | FloatArray
-    I2: float | FloatArray
-    I13: float | FloatArray
-    I23: float | FloatArray
+    # What is given is array_like, what is kept a float or an array.
+    I1: Any
+    I2: Any
+    I13: Any
+    I23: Any
 
     _moments: ClassVar[tuple[str, ...]] = ("I1", "I2", "I3")
     _positive: ClassVar[tuple[str, ...]] = _moments
@@ -111,18 +112,7 @@ class Suslov3D(_In3D):
     ((3,), Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3))
     """
 
-    I3: float | FloatArray | None = None
-
-    if TYPE_CHECKING:  # what is given is not what is kept
-
-        def __init__(
-            self,
-            I1: ArrayLike,
-            I2: ArrayLike,
-            I13: ArrayLike,
-            I23: ArrayLike,
-            I3: ArrayLike | None = None,
-        ) -> None: ...
+    I3: Any = None
 
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.
@@ -253,20 +243,8 @@ class SuslovGyrostat(_In3D):
     (3,)
     """
 
-    k: float | FloatArray
-    I3: float | FloatArray | None = None
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            I1: ArrayLike,
-            I2: ArrayLike,
-            I13: ArrayLike,
-            I23: ArrayLike,
-            k: ArrayLike,
-            I3: ArrayLike | None = None,
-        ) -> None: ...
+    k: Any
+    I3: Any = None
 
 
 def inertia_matrix(name: str, value: ArrayLike, n: int) -> FloatArray:

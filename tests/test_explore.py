@@ -432,7 +432,9 @@ class Notebook(http.server.BaseHTTPRequestHandler):
 def notebook(browser, monkeypatch):
     """A notebook that shows a page of a body with a rotor."""
     page = sf.explore(sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.7), [-0.9, 1.3], eps=0.2, steps=50)
-    assert "application/vnd.jupyter.widget-view+json" in page._repr_mimebundle_()[0]
+    bundle, _ = page._repr_mimebundle_()
+    assert "application/vnd.jupyter.widget-view+json" in bundle
+    assert "run this cell" in bundle["text/plain"]
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Notebook) as running:
         running.widget, running.sent, running.alive, running.patience = page._widget, [], True, 10
         monkeypatch.setattr(page._widget, "send", running.sent.append)
@@ -451,7 +453,7 @@ def test_notebook(browser, notebook):
     browser.open(notebook.url)
     frame = browser.frame()
     settle(browser, **frame)
-    assert browser.value("model.get('query')").startswith("I1=4.0&")
+    assert "I1=4" in browser.value("model.get('query')")
     assert (text(browser, "status", **frame), text(browser, "message", **frame)) == ("OK", "")
     before = pixels(browser, **frame)
     put(browser, "I1", "2.5", **frame)

@@ -12,7 +12,6 @@ from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, integer, wrong
 from ..quantities.conserved import energy
 from ..runs.iterate import iterate
-from ..space.attitude import attitude
 from . import geometry
 from .geometry import BodyIn3D
 from .phase import positive
@@ -82,12 +81,12 @@ def animate_body(
     body = _EXAMPLE if body is None else body
     geometry.check_moving(body)
     start = _passing(body, eps) if omega0 is None else omega0
-    omega = iterate(body, start, eps, steps, on_singular="raise").omega
-    rotations = attitude(body, omega, eps, R0)
-    if rotations.ndim != 3:
-        received = f"a batch of shape {rotations.shape[1:-2]}"
+    orientation = True if R0 is None else np.asarray(R0)
+    run = iterate(body, start, eps, steps, attitude=orientation, on_singular="raise")
+    if run.status.ndim:
+        received = f"a batch of shape {run.status.shape}"
         raise wrong("omega0, R0", "a single state and orientation", received)
-    figure, draw = _turning_body(body, rotations, eps)
+    figure, draw = _turning_body(body, run.attitude, eps)
     return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
 
 

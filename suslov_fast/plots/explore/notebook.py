@@ -60,6 +60,10 @@ class Widget(anywidget.AnyWidget):  # type: ignore[misc]
         super().__init__(query=query)
         self.on_msg(self._answer)
 
+    def __repr__(self) -> str:
+        """Return what notebooks show that have no widgets, or not their state."""
+        return "The page of explore: run this cell in a notebook that shows widgets"
+
     def _answer(self, widget: Any, message: dict[str, Any], buffers: Any) -> None:
         self.send({"id": message["id"], "heard": True})
         self.send({"id": message["id"], "value": answer(message["query"])})

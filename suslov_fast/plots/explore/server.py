@@ -30,7 +30,7 @@ _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src data:",
 }
 _REFUSALS = {
-    400: "not a path of text",
+    400: "expected a path of printable text",
     403: "requests of other pages are refused",
     404: "no such page",
 }

@@ -105,7 +105,7 @@ def ensemble(
     ...     print(dict(runs.omega.sizes), int((runs.status < 0).sum()))
     {'n': 3, 'trajectory': 1000, 'component': 2} 0
     """
-    place, map = stores.resolved(store), map_of(body)
+    place, record = stores.resolved(store), map_of(body)
     check_progress(progress)
     if client is not None:
         from distributed import Client
@@ -114,8 +114,8 @@ def ensemble(
     D, is_random = body.dimension, isinstance(omega0, RandomStarts)
     if not (is_random or isinstance(omega0, np.memmap) or hasattr(omega0, "dask")):
         omega0 = states("omega0", omega0, body._labels)
-    if not is_random and omega0.shape[-1:] != (D,):
-        raise wrong("omega0", f"shape (..., {D})", omega0.shape)
+    if not is_random and (omega0.shape[-1:] != (D,) or np.isnan(omega0.shape).any()):
+        raise wrong("omega0", f"known shape (..., {D})", omega0.shape)
     shape = omega0.shape if is_random else omega0.shape[:-1]
     given = _begin(body, np.zeros(D), eps, method, attitude, None)[1]
     batch = common_shape({"omega0": shape, "the other arguments": given.batch})
@@ -124,9 +124,9 @@ def ensemble(
     run = {"body": body, "omega0": omega0, "eps": given.eps, "steps": steps}
     run |= {"save_every": save_every, "method": method, "attitude": turns}
     functions = dict(functions or {})
-    template = stores.template(map, run, batch, functions, dims, coords)
-    stores.prepare(place, template, _sizes(template, map.variable, chunk))
-    _compute_missing(map, run, functions, stores.arrays(place), client, progress)
+    template = stores.template(record, run, batch, functions, dims, coords)
+    stores.prepare(place, template, _sizes(template, record.variable, chunk))
+    _compute_missing(record, run, functions, stores.arrays(place), client, progress)
     return stores.dataset(place)
 
 
@@ -193,10 +193,10 @@ def _alike(length: int, most: int) -> int:
 
 
 def _compute_missing(
-    map: Map, run: Run, functions: Any, arrays: Any, client: Any, progress: Progress
+    record: Map, run: Run, functions: Any, arrays: Any, client: Any, progress: Progress
 ) -> None:
     """Compute the tiles whose `status` is not in the store, here or on the workers of a client."""
-    status, steps, rows = arrays["status"], run["steps"], arrays[map.variable].chunks[0]
+    status, steps, rows = arrays["status"], run["steps"], arrays[record.variable].chunks[0]
     axes = zip(status.shape, status.chunks, strict=True)
     sides = [[slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes]
     tiles = math.prod(len(each) for each in sides)
@@ -206,7 +206,9 @@ def _compute_missing(
             with ThreadPoolExecutor(1, "suslov_fast writer") as writer:
                 writing = writer.submit(int)  # nothing yet
                 for done, where in enumerate(missing, start=1):
-                    for each in _computed(map.variable, _tile(run, where), where, functions, rows):
+                    for each in _computed(
+                        record.variable, _tile(run, where), where, functions, rows
+                    ):
                         writing.result()
                         writing = writer.submit(_write, arrays, *each)
                     show(done * steps)
@@ -216,9 +218,8 @@ def _compute_missing(
 
         def submit(where: Where) -> Any:
             tile = _tile(run, where)
-            return client.submit(
-                _compute, map.variable, tile, where, functions, arrays, 1, pure=False
-            )
+            work = record.variable, tile, where, functions, rows
+            return client.submit(_compute, arrays, *work, pure=False)
 
         abreast = _WAITING * max(1, sum(client.nthreads().values()))
         futures = as_completed(map(submit, islice(missing, abreast)))

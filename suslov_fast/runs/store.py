@@ -12,6 +12,7 @@ import hashlib
 import inspect
 import math
 import os
+import re
 import shutil
 import warnings
 from importlib.util import find_spec
@@ -137,11 +138,18 @@ def template(
         _map=map,
     )
     data = empty.to_xarray(dims, coords).drop_vars("time")
-    data = data.assign_coords({name: each.load() for name, each in data.coords.items()})
     if taken := functions.keys() & {*data.variables, "time"}:
         raise wrong("functions", "names that the dataset does not have", ", ".join(taken))
-    for name in functions:
+    sources = {name: source_of(name, each) for name, each in functions.items()}
+    for name, function in functions.items():
+        values_of(name, function, np.full((3, D), 0.5))  # an error comes before anything is stored
         data[name] = (("n", *data.status.dims), nothing(rows, *batch))
+    for name, variable in data.variables.items():
+        if not re.fullmatch(r"(?!__)[^/]*[^/.][^/]*(?<!zarr\.json)", str(name)):
+            raise wrong("dims, coords and functions", "names of folders", repr(name))
+        if name in data.coords:  # Zarr has strings of variable length
+            kind = object if variable.dtype.kind == "U" else variable.dtype
+            data[name] = variable.load().astype(kind)
     numbers = {**body._arrays, **body._coordinates, "eps": np.asarray(run["eps"])}
     if run["attitude"] is not False:
         numbers["attitude"] = run["attitude"]
@@ -151,7 +159,7 @@ def template(
     about |= {"steps": run["steps"], "save_every": every, "method": run["method"]}
     about |= {"dims": ", ".join(data.status.dims), "body": type(body).__name__, "format": FORMAT}
     about["coords"] = named({str(name): repr(data[name].values) for name in coords or ()})
-    about["functions"] = named({name: source_of(name, each) for name, each in functions.items()})
+    about["functions"] = named(sources)
     return data.assign_attrs({name: each for name, each in about.items() if each is not None})
 
 

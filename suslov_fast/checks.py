@@ -21,6 +21,8 @@ _FLOAT64 = np.dtype(np.float64)
 _NUMBERS = {float, int, np.float64}
 # Up to this size the sum in Python is faster than one call of NumPy.
 _FEW = 64
+# Larger arrays take as long to check as to compute with.
+_MANY = 2**14
 # Moments and step sizes have a modulus between 10**-50 and 10**50, other parameters 10**60.
 MOMENTS, OTHERS = 50, 60
 _HERE = os.path.dirname(__file__) + os.sep
@@ -73,12 +75,18 @@ def within(name: str, value: Any, exponent: int) -> Any:
     return value
 
 
-def states(name: str, value: ArrayLike, labels: Sequence[str]) -> FloatArray:
-    """Return states whose components are `labels`; where one is NaN, all of that state are."""
+def states(
+    name: str, value: ArrayLike, labels: Sequence[str], later: bool = False
+) -> FloatArray:
+    """Return states whose components are `labels`; where one is NaN, all of that state are.
+
+    With `later`, the numbers of a large array are not looked at: the caller calls `real_array` if
+    what it computes from them is not finite.
+    """
     array = _floats(name, value, labels)
     if array.ndim == 0 or array.shape[-1] != len(labels):
         raise wrong(name, f"shape (..., {len(labels)})", array.shape)
-    if _all_finite(name, array, allow_nan=True):
+    if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
         return array
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
 

@@ -76,11 +76,11 @@ def test_families_continue_their_points():
     """Points are in the order of those before that they continue, and new ones are last."""
     a = np.array([-1.0, -0.5, 0.5, 0.75, 2.0])
     family = QuadraticField.from_function(
-        lambda x, a: ((x[0] - a) * x[0], (x[1] - 3) * (x[1] + 4)), 2, a=a
+        lambda x, a: (2 * x[0] - a * (x[1] + 1), x[1] ** 2 - 1), 2, a=a
     )
     found = np.array(fixed_points(family))
-    moving = np.array([[a, a], [0 * a, 0 * a]]).transpose(2, 0, 1)
-    np.testing.assert_array_equal(found[..., 0], moving.reshape(5, 4))
+    np.testing.assert_array_equal(found[..., 0], np.stack([a, 0 * a], axis=-1))
+    np.testing.assert_array_equal(found[..., 1], [[1, -1]] * 5)
     pairs = QuadraticField.from_function(
         lambda x, a, b: ((x[0] ** 2 - a) * 2, x[1] - b), 2, a=[1.0, -1.0, 4.0], b=[0.0, 1.0, 2.0]
     )

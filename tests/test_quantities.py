@@ -416,7 +416,7 @@ def test_poles_are_counted(rng, name, m):
 
 def test_what_does_not_apply_is_refused_with_what_to_use():
     omega, gyrostat = [0.3, 0.9, -0.6], sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
-    with pytest.raises(sf.NotIntegrableError, match=r"^invariant_density: .* body 1 is not"):
+    with pytest.raises(sf.NotIntegrableError, match=r"^invariant_density: .*body 1"):
         sf.invariant_density(sf.SuslovND([1, 2, 3], [[0, 0.5, 0], [0.1, 0.5, 0]]), omega, 0.1)
     with pytest.raises(sf.NotIntegrableError, match=r"modified_energy"):
         sf.first_integral(sf.SuslovND([1, 2, 3], [0.1, 0.5, 0]), omega, 0.1)

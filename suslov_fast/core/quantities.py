@@ -13,7 +13,7 @@ import numpy as np
 
 from .elimination import balance
 from .numba import formula, select, universal
-from .steps_3d import ZERO_TO_ROUNDING, enter, frame_of, is_supercritical, one_step
+from .steps_3d import ZERO_TO_ROUNDING, enter, frame_of, is_supercritical
 
 IN_3D, IN_ND, FIELD = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->", "(c,t),(t),(b),(b,d)->"
 LANES = 128  # states of a field that are evaluated term by term
@@ -73,16 +73,20 @@ def invariant_density(I1, I2, I13, I23, k, eps, w, out):
     """1 / (l (4 I1 I2 + eps**2 l**2))."""
     l = I13 * w[0] + I23 * w[1] + k
     step = eps * l
-    out[0] = 1.0 / (l * (4.0 * I1 * I2 + step * step))
+    out[0] = 1.0 / in_range(l * (4.0 * I1 * I2 + step * step))
 
 
 @formula
 def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
     """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 where runs say that it is."""
-    X, Y, U, _ = numbers_of(I1, I2, I13, I23, k, eps, w1, w2)
-    T = np.sqrt(in_range(U * U + Y * Y) / (1.0 + X * X))
-    beyond = is_supercritical(frame_of(I1, I2, I13, I23, k, eps), X, Y)
-    T = select(beyond & (T < 1.0), 1.0, select((T >= 1.0) & ~beyond, 1.0 - 2.0**-53, T))
+    a, of_g = I1 * I2, I13 * (I13 / I1) + I23 * (I23 / I2)
+    step = eps * (I13 * w1 + I23 * w2 + k)
+    size = 2.0 * eps * eps * energy_at(I1, I2, w1, w2)
+    T = np.sqrt(in_range(size) / (4.0 * a + step * step) * of_g)
+    if k != 0.0 or abs(T - 1.0) < 1e-6:
+        X, Y, _, _ = numbers_of(I1, I2, I13, I23, k, eps, w1, w2)
+        beyond = is_supercritical(frame_of(I1, I2, I13, I23, k, eps), X, Y)
+        T = select(beyond & (T < 1.0), 1.0, select((T >= 1.0) & ~beyond, 1.0 - 2.0**-53, T))
     return select(eps < 0.0, -T, T)
 
 
@@ -159,21 +163,24 @@ def matrix(I1, I2, I13, I23, k, eps, w, out):
 
 
 @formula
-def inverse_determinant(X, Y, K):
+def inverse_determinant(I1, I2, I13, I23, k, h, w1, w2):
     """1 / det A, where det A = 1 - Y + 2 X**2 - K X; NaN at poles."""
-    square, KX = X * (2.0 * X), K * X
+    Y, l = h * (I23 / I2 * w1 - I13 / I1 * w2), I13 * w1 + I23 * w2 + k
+    part = h * l / (I1 * I2)
+    square, KX = 2.0 * h * l * part, h * k * part
     D = ((1.0 - Y) - KX) + square
-    pole = abs(D) <= ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + (square + abs(KX)))
+    pole = abs(D) <= ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
     return 1.0 / select(pole, np.nan, in_range(D))
 
 
 @universal(IN_3D + "(d,d)")
 def jacobian(I1, I2, I13, I23, k, eps, w, out):
-    """A(w; eps)**-1 A(w_next; -eps), by the adjugate of the first matrix."""
-    X, Y, _, K = numbers_of(I1, I2, I13, I23, k, eps, w[0], w[1])
-    inverse, h = inverse_determinant(X, Y, K), 0.5 * eps
-    next1, next2 = one_step(I1, I2, I13, I23, k, eps, w[0], w[1])
+    """A(w; eps)**-1 A(w_next; -eps) with w_next = A(w; eps)**-1 A(0; -eps) w, by the adjugate."""
+    h = 0.5 * eps
+    first, second = w[0] - h * k * w[1] / I1, w[1] + h * k * w[0] / I2
+    inverse = inverse_determinant(I1, I2, I13, I23, k, h, w[0], w[1])
     a11, a12, a21, a22 = matrix_at(I1, I2, I13, I23, k, h, w[0], w[1])
+    next1, next2 = (a22 * first - a12 * second) * inverse, (a11 * second - a21 * first) * inverse
     b11, b12, b21, b22 = matrix_at(I1, I2, I13, I23, k, -h, next1, next2)
     out[0, 0], out[0, 1] = (a22 * b11 - a12 * b21) * inverse, (a22 * b12 - a12 * b22) * inverse
     out[1, 0], out[1, 1] = (a11 * b21 - a21 * b11) * inverse, (a11 * b22 - a21 * b12) * inverse
@@ -186,14 +193,16 @@ def reaction(I1, I2, I13, I23, k, eps, w, out):
     Both are rational functions with the denominator det A, and what cancels in these does so in
     the result.
     """
-    X, Y, _, K = numbers_of(I1, I2, I13, I23, k, eps, w[0], w[1])
-    inverse, a, h = inverse_determinant(X, Y, K), I1 * I2, 0.5 * eps
-    u, v = I13 * w[0] + I23 * w[1], I23 / I2 * w[0] - I13 / I1 * w[1]
-    slope = (u + k) * (v - h * (u + k) * u / a) * inverse
+    a, h, u = I1 * I2, 0.5 * eps, I13 * w[0] + I23 * w[1]
+    l, y = u + k, I23 * I1 * w[0] - I13 * I2 * w[1]
+    if eps == 0.0:
+        out[0] = l * y / a - (I1 - I2) * (w[0] * w[1])
+        return
+    inverse = inverse_determinant(I1, I2, I13, I23, k, h, w[0], w[1])
     of_1 = I1 * w[0] * w[0] * (I13 * w[0] + k)
     of_2 = I2 * w[1] * w[1] * (I23 * w[1] + k)
-    mean = (w[0] * w[1] * (1.0 - K * X) + h * (of_1 - of_2) / a) * inverse
-    out[0] = slope - (I1 - I2) * mean
+    mean = w[0] * w[1] * (1.0 - h * h * k * l / a) + h * (of_1 - of_2) / a
+    out[0] = (l * (y - h * l * u) / a - (I1 - I2) * mean) * inverse
 
 
 # ---------------------------------------------------------------------------------- n dimensions
@@ -311,7 +320,7 @@ def vector_field_nd(J, I, eps, w, out):
 def matrix_nd(J, I, eps, w, out):
     """delta_ij (1 - eps p / (2 J_i)) + eps (2 I_i w_j - I_j w_i) / (2 J_i)."""
     for i in range(len(w)):
-        h, others = 0.5 * eps / J[i], 0.0
+        h, others = 0.5 * eps / J[i], 0.0 * w[i]
         for j in range(len(w)):
             out[i, j] = h * (2.0 * I[i] * w[j] - I[j] * w[i])
             others += I[j] * w[j] if j != i else 0.0
@@ -347,8 +356,10 @@ def factor(x, b, j):
 
 @universal(FIELD + "(b,d)")
 def vector_field_of(places, values, eps, x, out):
-    out[:] = 0.0
     for first in range(0, len(x), LANES):
+        for b in range(first, min(first + LANES, len(x))):
+            for i in range(x.shape[1]):
+                out[b, i] = 0.0 * x[b, i]  # NaN where the state is
         for t in range(len(values)):
             i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
             for b in range(first, min(first + LANES, len(x))):
@@ -361,7 +372,10 @@ def matrix_of(places, values, eps, x, out):
     D = x.shape[1]
     for first in range(0, len(x), LANES):
         last = min(first + LANES, len(x))
-        out[first:last] = 0.0
+        for b in range(first, last):
+            for i in range(D):
+                for j in range(D):
+                    out[b, i, j] = (1.0 if i == j else 0.0) + 0.0 * x[b, i]
         for t in range(len(values)):
             i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
             for b in range(first, last):
@@ -370,16 +384,16 @@ def matrix_of(places, values, eps, x, out):
                     out[b, i, j] -= half * factor(x, b, k)
                 if k < D:
                     out[b, i, k] -= half * factor(x, b, j)
-        for b in range(first, last):
-            for i in range(D):
-                out[b, i, i] += 1.0
 
 
 @universal(FIELD + "(b)")
 def hamiltonian_of(places, values, eps, x, out):
     """The sum of terms v x_i x_j x_k."""
-    out[:] = 0.0
     for first in range(0, len(x), LANES):
+        for b in range(first, min(first + LANES, len(x))):
+            out[b] = 0.0
+            for i in range(x.shape[1]):
+                out[b] += 0.0 * x[b, i]
         for t in range(len(values)):
             i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
             for b in range(first, min(first + LANES, len(x))):

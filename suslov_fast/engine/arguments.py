@@ -38,12 +38,13 @@ def check(
     arguments: dict[str, Any],
     threads: int | None = None,
     components: tuple[str, ...] | None = None,
+    later: bool = False,
 ) -> States:
     """Check the arguments of a public function.
 
     The body is one of `kinds`, if any are given. Arguments are states, by any name, which may be
     NaN and have the components of the body or those given; `eps`; and the rotations `attitude`.
-    Messages call the state of a field x.
+    Messages call the state of a field x; `later` is that of `checks.states`.
     """
     if kinds:
         instance("body", body, kinds)
@@ -64,7 +65,7 @@ def check(
             if isinstance(value, RandomStarts):
                 whole = tuple(slice(0, length) for length in value.shape)
                 value = value._part(whole, len(labels))
-            omega = checks.states(of_states, value, labels)
+            omega = checks.states(of_states, value, labels, later)
             shapes[of_states] = omega.shape[:-1]
     batch, threads = common_shape(shapes), thread_count(threads)
     return States(body, omega, eps, batch, threads, of_states, orientation)

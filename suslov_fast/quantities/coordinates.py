@@ -48,7 +48,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     array([-0.625, -0.75 ])
     """
     refuse_rotor(body, "to_xy", "iterate or flow")
-    states = check(body, Suslov3D, {"omega": omega})
+    states = check(body, Suslov3D, {"omega": omega}, later=True)
     found = formulas.to_xy(*parameters_in_3d(body), 0.0, states.omega)
     return reported(states, found, axes=1)
 
@@ -82,7 +82,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     array([1. , 0.5])
     """
     refuse_rotor(body, "from_xy", "iterate or flow")
-    states = check(body, Suslov3D, {"xy": xy}, components=("x", "y"))
+    states = check(body, Suslov3D, {"xy": xy}, components=("x", "y"), later=True)
     if np.any((np.asarray(body.I13) == 0) & (np.asarray(body.I23) == 0)):
         received = "both 0, where (x, y) is 0 for every omega"
         raise wrong("body", "I13 or I23 other than 0", received)

@@ -16,7 +16,7 @@ import numpy as np
 from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from ..checks import FloatArray, first_index, spell, warn
+from ..checks import FloatArray, first_index, real_array, spell, warn
 from ..core.numba import Universal
 from ..engine.arguments import States, check
 from ..engine.status import SingularStepWarning
@@ -42,7 +42,7 @@ def evaluate(
     """
     kinds: tuple[Any, ...] = (Suslov3D, SuslovGyrostat)
     kinds += (SuslovND,) * bool(in_nd) + (QuadraticField,) * bool(of_field)
-    states = check(body, kinds, arguments)
+    states = check(body, kinds, arguments, later=True)
     with np.errstate(all="ignore"):
         if of_field and isinstance(body, QuadraticField):
             found = of_field(states)
@@ -97,10 +97,14 @@ def next_states(states: States) -> FloatArray:
 
 
 def reported(states: States, found: FloatArray, axes: int, poles: bool = False) -> FloatArray:
-    """Return a quantity, NaN where the state is NaN; a warning counts the other missing values."""
-    if math.isfinite(states.omega.sum()) and math.isfinite(found.sum()):
+    """Return a quantity, NaN where the state is NaN; a warning counts the other missing values.
+
+    Formulas are not finite at states that are not, so that most results need no other test.
+    """
+    if math.isfinite(found.sum()):
         return found
-    unknown = np.broadcast_to(np.isnan(states.omega).any(axis=-1), states.batch)
+    unknown = np.isnan(real_array(states.name, states.omega, allow_nan=True)).any(axis=-1)
+    unknown = np.broadcast_to(unknown, states.batch)
     lost = np.isnan(found) if poles else ~np.isfinite(found)
     lost = lost.any(axis=tuple(range(-axes, 0))) & ~unknown
     if lost.any():

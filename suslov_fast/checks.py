@@ -152,6 +152,8 @@ def refuse(name: str, value: Any) -> None:
     if type(value) is np.ndarray:
         value = value.ravel().tolist() if value.dtype.kind == "O" else []
     if isinstance(value, (list, tuple)):
+        if _NUMBERS.issuperset(map(type, value)):
+            return
         by_type = {type(each): each for each in value}
         nested = not {list, tuple, np.ndarray}.isdisjoint(by_type)
         for item in value if nested else by_type.values():

@@ -50,6 +50,7 @@ def test_coefficients_of_a_function_are_exact():
     assert LORENZ.linear[2, 2] == -F(8 / 3) != -F(8, 3)
     assert (LORENZ.quadratic[1, 0, 2], LORENZ.quadratic[1, 2, 0]) == (F(-1, 2), F(-1, 2))
     x = (F(1, 3), 2, F(-5, 7))
+    assert {type(a) for field in (LORENZ, RIGID) for a in field.table.flat} == {F}
     assert LORENZ(x) == (*lorenz(x)[:2], x[0] * x[1] - F(8 / 3) * x[2])
     A = np.array([[0.1, 1], [-1, 0]])
     assert of_function(lambda x: A @ x, 2).linear.tolist() == [[F(0.1), 1], [-1, 0]]

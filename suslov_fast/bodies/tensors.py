@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from functools import cached_property
 from numbers import Rational
 from typing import Any
@@ -46,7 +47,7 @@ def table_of(q: Any, l: Any, c: Any) -> Any:
     """Return the symmetric table of coefficients."""
     D = q.shape[-1]
     batch = np.broadcast_shapes(q.shape[:-3], l.shape[:-2], c.shape[:-1])
-    table = np.full((*batch, D, D + 1, D + 1), 0 * q.flat[0] if q.size else 0.0)
+    table = np.full((*batch, D, D + 1, D + 1), Fraction(0), q.dtype)
     table[..., :D, :D], table[..., :D, D], table[..., D, D] = q, l, c
     turned = table.swapaxes(-2, -1).copy()
     some = table.astype(bool) | turned.astype(bool)  # fractions are slow
@@ -56,7 +57,7 @@ def table_of(q: Any, l: Any, c: Any) -> Any:
 
 def rates(H: Any, K: Any) -> Any:
     """Return the table of K grad H; most entries of K are 0."""
-    table = np.zeros_like(H[..., :-1, :, :])
+    table = np.full_like(H[..., :-1, :, :], Fraction(0))
     for i, j in np.argwhere(K != 0):
         row, slopes = table[..., i, :, :], H[..., j, :, :]
         some = slopes.astype(bool)
@@ -79,11 +80,11 @@ def sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
 
 def homogeneous(x: Any, D: int, is_single: bool) -> tuple[Any, bool]:
     """Return (x, 1), and whether it is a point of exact numbers, at which a field is exact."""
-    plain_list = isinstance(x, (tuple, list, np.ndarray))
-    if is_single and plain_list and all(isinstance(a, Rational) for a in x):
+    is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
+    if is_single and is_list and all(isinstance(a, Rational) for a in x):
         refuse("x", x)
         if len(x) != D:
             raise wrong("x", f"shape ({D},)", f"({len(x)},)")
-        return np.array([*(exact("x", a) for a in x), exact("x", 1)], dtype=object), True
+        return np.array([*(exact("x", a) for a in x), Fraction(1)], dtype=object), True
     x = states("x", x, [f"x{i}" for i in range(1, D + 1)])
     return np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1), False

@@ -16,6 +16,8 @@ import suslov_fast as sf
 from suslov_fast.engine import exact, stretches, threads
 from suslov_fast.runs.iterate import pieces
 
+# No body has the I3 of some samples.
+pytestmark = pytest.mark.filterwarnings("ignore:I3")
 LANES = 128
 SIZE, STEPS = LANES + 13, 12
 
@@ -32,7 +34,7 @@ def nd(rng, shape, J, m):
 # Functions of (rng, shape) that make sample bodies, and the number of components of a state.
 KINDS = {
     "3D": (body_3d, 2),
-    "with I3": (lambda r, s: body_3d(r, s, more=[r.uniform(1, 5, s)]), 3),
+    "full": (lambda r, s: body_3d(r, s, more=[r.uniform(1, 5, s)]), 3),
     "gyrostat": (lambda r, s: body_3d(r, s, sf.SuslovGyrostat, [r.uniform(-1, 1, s)]), 2),
     "nD": (lambda r, s: nd(r, s, r.uniform(0.5, 4, (*s, 4)), 4), 4),
     "solved": (lambda r, s: nd(r, s, r.uniform(0.5, 4, (*s, 1)), 3), 3),
@@ -103,7 +105,7 @@ ROWS = {
     "closed_form": Row(sf.closed_form, "3D"),
     "limits": Row(sf.limits, "3D gyrostat solved"),
     "step": Row(sf.step, EVERY, threads=True),
-    "step_full": Row(sf.step_full, "with I3"),
+    "step_full": Row(sf.step_full, "full"),
     "iterate": runs(EVERY, save_every=3),
     "iterate: last states": runs(EVERY, save_every=None),
     "iterate: orientation": runs("3D gyrostat nD", attitude=True, save_every=2),
@@ -119,9 +121,8 @@ ROWS = {
     ),
     "to_matrix": Row(sf.to_matrix, "3D gyrostat nD", eps=False),
     "to_vector": Row(sf.to_vector, "3D gyrostat", eps=False),
-    "momentum": Row(sf.momentum, "with I3", eps=False),
+    "momentum": Row(sf.momentum, "3D gyrostat nD", eps=False),
 }  # fmt: skip
-ROWS["momentum"] = Row(lambda b, w: sf.momentum(b, w[..., :2]), "with I3", eps=False)
 
 
 def cases(threaded=False):
@@ -326,7 +327,7 @@ def test_three_dimensions_are_n_dimensions(rng):
 STILL = [
     (sf.Suslov3D(2, 3, 0, 0), [[0.3, -0.7], [0.0, 0.0]], 0.5),
     (sf.Suslov3D(4, 1, -0.5, -0.3), [[0.3, -0.7], [0.0, 0.0]], 0.0),
-    (sf.Suslov3D(1, 1, 1, 0), [[0.0, 0.3], [0.0, -1e9]], 1.0),
+    (sf.Suslov3D(1, 1, 1, 0), [[0.0, 0.3], [0.0, -1e7]], 1.0),
     (sf.SuslovGyrostat(1, 1, 1, 0, 0.5), [-0.5, 3.0], 0.7),
     (sf.SuslovND([1.0, 2.0, 3.0], [0.0] * 3), [0.3, 0.9, -0.6], 0.3),
     (sf.SuslovND([2.0] * 3, [0.0, 0.7, 0.0]), [0.0, -0.3, 0.0], 0.3),

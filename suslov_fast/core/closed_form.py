@@ -25,7 +25,7 @@ L**2 + k x - L y and 1 - (e L)**2 in `orbit`.
 import numpy as np
 
 from .elementary import cosine_and_sine, exponential, is_integer, logarithm, quarter_turns
-from .numba import formula, kernel, lead_of, select, share, shortening, universal, write
+from .numba import formula, kernel, lead_of, pick, select, share, shortening, universal, write
 
 LANES, GROUP = 128, 8
 ROWS_OF_TASK = 128  # times the number of n in a block
@@ -169,10 +169,17 @@ def orbits_of(b, first, width, used, parameters, omega0, discrete, direction):
     for l in range(width):
         i = first + l
         b[W1, l], b[W2, l], b[Q1, l], b[Q2, l] = (
-            omega0[i, 0], omega0[i, 1], I1[i % I1.size], I2[i % I2.size]
-        )  # fmt: skip
-        b[Q13, l], b[Q23, l] = I13[i % I13.size], I23[i % I23.size]
-        b[QK, l], b[QE, l] = k[i % k.size], eps[i % eps.size]
+            omega0[i, 0],
+            omega0[i, 1],
+            pick(I1, i),
+            pick(I2, i),
+        )
+        b[Q13, l], b[Q23, l], b[QK, l], b[QE, l] = (
+            pick(I13, i),
+            pick(I23, i),
+            pick(k, i),
+            pick(eps, i),
+        )
     for group in range(0, width, GROUP):
         for j in range(GROUP):
             l = np.uint64(group) + np.uint64(j)

@@ -380,6 +380,12 @@ else:
 
 
 @formula
+def pick(parameter, i):
+    """Return the parameter of trajectory i: there is one for each, or one for all."""
+    return parameter[min(i, parameter.size - 1)]
+
+
+@formula
 def share(count, part, parts):
     """Return the range of the items, `count` in all, of a part."""
     return count * part // parts, count * (part + 1) // parts

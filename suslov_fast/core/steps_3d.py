@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .numba import formula, kernel, lead_of, select, share, shortening, write
+from .numba import formula, kernel, lead_of, pick, select, share, shortening, write
 
 LANES = 128
 FEW = 6  # so few trajectories take less time one by one than all lanes
@@ -177,12 +177,9 @@ def state_at(b, l):
 
 @formula
 def start_lane(b, l, i, parameters, omega0, carry, start, status, failed_at):
-    """Fill a lane with trajectory i, at state 0 or where it stopped; return whether it is plain."""
+    """Fill a lane with trajectory i, at state 0 or where it stopped; return 1.0 if it is plain."""
     I1, I2, I13, I23, k, eps = parameters
-    body = (
-        I1[i % I1.size], I2[i % I2.size], I13[i % I13.size], I23[i % I23.size], k[i % k.size],
-        eps[i % eps.size],
-    )  # fmt: skip
+    body = pick(I1, i), pick(I2, i), pick(I13, i), pick(I23, i), pick(k, i), pick(eps, i)
     frame = frame_of(*body)
     if start == 0:
         w1, w2 = omega0[i, 0], omega0[i, 1]
@@ -207,7 +204,7 @@ def start_lane(b, l, i, parameters, omega0, carry, start, status, failed_at):
         b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l], b[FRAME + 3, l],
         b[FRAME + 4, l], b[FRAME + 5, l], b[FRAME + 6, l], b[FRAME + 7, l],
     ) = frame  # fmt: skip
-    return kind == PLAIN
+    return select(kind == PLAIN, 1.0, 0.0)
 
 
 @formula
@@ -224,7 +221,7 @@ def finish_lane(b, l, i, carry, start, stop, status, failed_at):
 @formula
 def steps_of_all(b, plains, n, pause):
     """Take all lanes from state n to state `pause`."""
-    if plains > 0:
+    if plains > 0.0:
         for _ in range(n, pause):
             for l in range(LANES):
                 b[X_, l], b[Y_, l] = plain_step(b[X_, l], b[Y_, l])
@@ -244,21 +241,21 @@ def steps_of_all(b, plains, n, pause):
 
 
 @formula
-def steps_of_one(b, n, pause):
-    """Take lane 0 from state n to state `pause`."""
-    if b[KIND, 0] == PLAIN:
-        X, Y = b[X_, 0], b[Y_, 0]
+def steps_of_one(b, l, n, pause):
+    """Take one lane from state n to state `pause`."""
+    if b[KIND, l] == PLAIN:
+        X, Y = b[X_, l], b[Y_, l]
         for _ in range(n, pause):
             X, Y = plain_step(X, Y)
-        b[X_, 0], b[Y_, 0] = X, Y
+        b[X_, l], b[Y_, l] = X, Y
         return
-    frame, X, u, v, alive = frame_at(b, 0), b[XG, 0], b[U, 0], b[V, 0], b[ALIVE, 0]
+    frame, X, u, v, alive = frame_at(b, l), b[XG, l], b[U, l], b[V, l], b[ALIVE, l]
     for _ in range(n, pause):
         X, u, v, pole = general_step(frame, X, u, v)
         alive += select(abs(u) + abs(v) < np.inf, 1.0, pole)
     if pause % RESTORED == 0:
-        X, u, v = restore(frame, b[R2, 0], X, u, v)
-    b[XG, 0], b[U, 0], b[V, 0], b[ALIVE, 0] = X, u, v, alive
+        X, u, v = restore(frame, b[R2, l], X, u, v)
+    b[XG, l], b[U, l], b[V, l], b[ALIVE, l] = X, u, v, alive
 
 
 @kernel
@@ -278,33 +275,27 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     b, tile = np.empty((ROWS, LANES)), np.empty(2 * LANES)
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
+    abreast = 1 if few else LANES
     shift = shortening(lead, B) if begin == 0 and not few else 0
-    blocks = end - begin if few else (end - begin + shift + LANES - 1) // LANES
-    first_block, last_block = share(blocks, part, parts)
+    first_block, last_block = share((end - begin + shift + abreast - 1) // abreast, part, parts)
     for block in range(first_block, last_block):
-        first, width, plains = begin + block, 1, 0
-        if few:
-            start_lane(b, 0, first, parameters, omega0, carry, start, status, failed_at)
-        else:
-            first = begin + max(block * LANES - shift, 0)
-            width = min(begin + (block + 1) * LANES - shift, end) - first
-            for l in range(LANES):  # lanes beyond the last trajectory repeat it
-                i = first + min(l, width - 1)
-                plain = start_lane(b, l, i, parameters, omega0, carry, start, status, failed_at)
-                plains += 1 if plain else 0
+        first = begin + max(block * abreast - shift, 0)
+        width = min(begin + (block + 1) * abreast - shift, end) - first
+        plains = 0.0
+        for l in range(abreast):  # lanes beyond the last trajectory repeat it
+            i = first + min(l, width - 1)
+            plains += start_lane(b, l, i, parameters, omega0, carry, start, status, failed_at)
         n, due, row = start, first_due, first_row
         while True:
             if n == 0:
                 for l in range(width):
                     tile[2 * l], tile[2 * l + 1] = omega0[first + l, 0], omega0[first + l, 1]
-            elif few:
-                tile[0], tile[1] = state_at(b, 0)
             elif plains == LANES:
                 for l in range(LANES):
                     w = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
                     tile[2 * l], tile[2 * l + 1] = w
             else:
-                for l in range(LANES):
+                for l in range(abreast):
                     tile[2 * l], tile[2 * l + 1] = state_at(b, l)
             if n == due:
                 write(tile, 0, flat, 2 * (row * B + first), 2 * width, lead)
@@ -313,7 +304,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 break
             pause = min(stop, due, (n // RESTORED + 1) * RESTORED)
             if few:
-                steps_of_one(b, n, pause)
+                steps_of_one(b, width - 1, n, pause)
             else:
                 steps_of_all(b, plains, n, pause)
             n = pause

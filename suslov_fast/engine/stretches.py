@@ -5,7 +5,7 @@ Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numba
@@ -116,8 +116,8 @@ class March:
                 )
         self.n = stop
 
-    def _stretches(self, stop: int, every: int) -> list[tuple[tuple[int, ...], int]]:
-        """Return trajectories begin to end, states start to stop, and the work, of each stretch.
+    def _stretches(self, stop: int, every: int) -> Iterable[tuple[tuple[int, ...], int]]:
+        """Return trajectories begin to end, states start to stop, and work, of each stretch.
 
         The batch is divided first, so that the data of a stretch stay in the caches; time is
         divided only if few trajectories take long. A block of lanes takes the time of all lanes,
@@ -134,13 +134,13 @@ class March:
         abreast = max(lanes * most, int(_ABREAST / step), int(at_once / length))
         width = -(-size // (-(-size // abreast) * lanes)) * lanes
         length = max(int(_LENGTH / step), int(at_once / width), 1)
-        ranges = [(begin, min(begin + width, size)) for begin in range(0, size, width)]
-        times = [(start, min(start + length, stop)) for start in range(n, max(stop, n + 1), length)]
-        return [
-            ((*lane, *time), int((lane[1] - lane[0]) * length * step) if width > lanes else 0)
-            for lane in ranges
-            for time in times
-        ]
+        work = int(length * step) if width > lanes else 0
+        return (
+            ((begin, end, start, min(start + length, stop)), (end - begin) * work)
+            for begin in range(0, size, width)
+            for end in (min(begin + width, size),)
+            for start in range(n, max(stop, n + 1), length)
+        )
 
     def _turning(
         self,

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import wrong
+from ..checks import instance, wrong
 from ..engine.memory import require
 from ..engine.status import Status
 from ..maps import body_from_dict, map_named
@@ -110,36 +110,40 @@ def to_xarray(
 
     xarray = import_xarray()
     map, body = run._map, run.body
+    # With the numbers of their axes that are not axes of the batch.
     parameters = {"eps": (np.asarray(run.eps), 0)}
-    coefficients = {name: each for name, each in body._arrays.items() if name not in ("H", "K")}
-    parameters |= {name: (each, body._axes(name)) for name, each in coefficients.items()}
-    parameters |= {name: (each, 0) for name, each in body._coordinates.items()}
+    for name, array in (body._arrays | body._coordinates).items():
+        if name not in ("H", "K"):
+            parameters[name] = array, 0 if name in body._coordinates else body._axes(name)
     batch = _batch_names(run, dims, parameters)
     flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
     variables: dict[str, Any] = {
         map.variable: (("n", *batch, "component"), run.states, {"long_name": map.meaning}),
         "final": ((*batch, "component"), run.final, {"long_name": "state after the last step"}),
-        "status": (batch, run.status, flags | {"long_name": "how the trajectory ended"}),
+        "status": (batch, run.status, flags),
         "failed_at": (
             batch,
             run.failed_at,
             {"long_name": "first state that does not exist, or -1"},
         ),
         "n": ("n", run.n, {"long_name": "number of steps"}),
+        # Strings of variable length: Zarr format 3 has none of fixed length.
+        "component": ("component", np.array(body._labels, object)),
     }
     if run.attitude is not None:
-        meaning = {"long_name": "components in space of vectors of the body"}
-        variables["attitude"] = ("n", *batch, "space", "body"), run.attitude, meaning
+        variables["attitude"] = ("n", *batch, "space", "body"), run.attitude
     for name, (array, axes) in parameters.items():
         variables[name] = _along(name, array, axes, batch)
-    # Strings of variable length: Zarr format 3 has none of fixed length.
-    variables["component"] = "component", np.array(body._labels, object)
     attributes = {"title": map.title, "map": map.name, "version": __version__}
     attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
     dataset = xarray.Dataset(variables, attrs=attributes)
     dataset = dataset.set_coords([*body._coordinates, *({*batch} & {*parameters})])
+    if coords is not None:
+        instance("coords", coords, Mapping)
+    if taken := [str(name) for name in coords or () if name in {*dataset.variables, *TAKEN}]:
+        raise wrong("coords", "names not in use", ", ".join(taken))
     time = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
-    return _with_coordinates(dataset.assign_coords(time=time), coords)
+    return dataset.assign_coords({"time": time, **(coords or {})})
 
 
 def _along(name: str, array: NDArray[Any], axes: int, batch: tuple[str, ...]) -> Any:
@@ -147,57 +151,31 @@ def _along(name: str, array: NDArray[Any], axes: int, batch: tuple[str, ...]) ->
     split = array.ndim - axes
     names = (*batch[len(batch) - split :], *_COMPONENTS[:axes])
     kept = [k for k in range(array.ndim) if k >= split or array.shape[k] != 1 or names[k] == name]
-    shape = tuple(array.shape[k] for k in kept)
-    return tuple(names[k] for k in kept), array.reshape(shape)
+    return tuple(names[k] for k in kept), array.reshape([array.shape[k] for k in kept])
 
 
 def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[str, ...]:
     """Return a name for each axis of the batch; a parameter may name the one it varies along."""
-    shape = run.status.shape
-    count = len(shape)
-    along = {
-        name: [
-            k - array.ndim + axes for k, n in enumerate(array.shape[: array.ndim - axes]) if n > 1
-        ]
-        for name, (array, axes) in parameters.items()
-    }
+    count = run.status.ndim
+    alone = {}  # the axes along which parameters vary alone
+    for name, (array, axes) in parameters.items():
+        along = [k - array.ndim + axes for k in range(array.ndim - axes) if array.shape[k] > 1]
+        if len(along) == 1:
+            alone[name] = along[0] + count
     if dims is None:
         names = ["trajectory"] if count == 1 else [f"batch_{k}" for k in range(count)]
-        for name in reversed([*run.body._coordinates]):
-            if len(along[name]) == 1:
-                names[along[name][0]] = name
+        for name in reversed([name for name in run.body._coordinates if name in alone]):
+            names[alone[name]] = name
         return tuple(names)
     names = [dims] if isinstance(dims, str) else list(dims)
-    if not all(isinstance(name, str) for name in names):
-        raise wrong("dims", "names", repr(dims), TypeError)
-    if clashing := sorted({*TAKEN, run._map.variable, "final"} & {*names}):
+    if len(names) != count or len({*names}) != count or not all(isinstance(n, str) for n in names):
+        raise wrong("dims", f"a name for each of the {count} axes of the batch", repr(dims))
+    if clashing := sorted({*TAKEN, run._map.variable} & {*names}):
         raise wrong("dims", "names that are not taken", ", ".join(clashing))
-    if len(names) != count or len({*names}) != count:
-        raise wrong(
-            "dims", f"a distinct name for each of the {count} axes of the batch", repr(dims)
-        )
     for axis, name in enumerate(names):
-        if name in parameters and shape[axis] > 1 and along[name] != [axis - count]:
-            expected = f"{name} for an axis along which it varies, and along no other"
-            received = f"{name} of shape {parameters[name][0].shape} in a batch of shape {shape}"
-            raise wrong("dims", expected, received)
+        if name in parameters and run.status.shape[axis] > 1 and alone.get(name) != axis:
+            raise wrong("dims", f"{name} for the axis along which it varies alone", repr(dims))
     return tuple(names)
-
-
-def _with_coordinates(dataset: Any, coords: Mapping[Any, Any] | None) -> Any:
-    if coords is None:
-        return dataset
-    if not isinstance(coords, Mapping):
-        raise wrong("coords", "a mapping of names to values", type(coords).__name__, TypeError)
-    if taken := [str(name) for name in coords if name in {*dataset.variables, *TAKEN}]:
-        raise wrong("coords", "names not in use", ", ".join(taken))
-    try:
-        labelled = dataset.assign_coords(coords)
-    except ValueError as error:
-        raise ValueError(f"coords: {error}") from error
-    if added := [str(name) for name in labelled.sizes if name not in dataset.sizes]:
-        raise wrong("coords", f"values along {', '.join(dataset.sizes)}", ", ".join(added))
-    return labelled
 
 
 def import_xarray() -> Any:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, integer, one_of, short
+from ..checks import FloatArray, integer, one_of, short, wrong
 from ..engine.arguments import BodyOrField, States, thread_count
 from ..engine.progress import Progress, check_progress
 from ..engine.stretches import March
@@ -122,13 +122,8 @@ class Trajectories:
         ----------
         steps : int
             Number of additional steps, 0 or more. Failures before them are not reported again.
-        threads : int, optional
-            Number of threads, by default Numba's. Results do not depend on it.
-        on_singular : {"warn", "raise", "ignore"}
-            What to do if trajectories fail: one :class:`SingularStepWarning` for all, a
-            :class:`SingularStepError` that holds the result, or nothing.
-        progress : bool or callable, optional
-            True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.
+        threads, on_singular, progress
+            As in :func:`iterate`.
 
         Returns
         -------
@@ -139,18 +134,13 @@ class Trajectories:
         ------
         ValueError
             If this is a copy with other attributes, which lacks what is needed to go on.
-        MemoryError
-            If the result does not fit in memory.
-        SingularStepError
-            If `on_singular` is "raise" and a trajectory fails.
 
         Examples
         --------
         >>> from suslov_fast import Suslov3D, iterate
         >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
         >>> half = iterate(body, [1.0, 0.5], eps=0.2, steps=15)
-        >>> whole = half.extend(15)
-        >>> bool((whole.omega == iterate(body, [1.0, 0.5], eps=0.2, steps=30).omega).all())
+        >>> half.extend(15) == iterate(body, [1.0, 0.5], eps=0.2, steps=30)
         True
         """
         if self._carry is None:
@@ -182,22 +172,12 @@ class Trajectories:
         return self._states_called("x")
 
     def _states_called(self, name: str) -> FloatArray:
-        """Return the saved states by the name that the map gives them."""
-        variable = getattr(vars(self).get("_map"), "variable", "states")
-        if name == variable:
+        if name == self._map.variable:
             return self.states
-        if name in ("omega", "x"):
-            raise AttributeError(
-                f"{name}: expected {variable} or states, the names of the states of a run of "
-                f"{type(self.body).__name__}"
-            )
-        if name == "sel":
-            how = "run.states[:, k] or run.to_xarray().sel(...)"
-            raise AttributeError(f"sel: expected {how}, as a run has no labels")
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-
-    if not TYPE_CHECKING:  # for which every name would be one of the states
-        __getattr__ = _states_called
+        kind = type(self.body).__name__
+        raise AttributeError(
+            f"{name}: expected {self._map.variable}, the states of a run of {kind}"
+        )
 
     def __dir__(self) -> list[str]:
         other = "x" if self._map.variable == "omega" else "omega"
@@ -211,12 +191,9 @@ class Trajectories:
         try:
             return self.states[index]
         except IndexError as error:
-            shape, name = self.states.shape, self._map.variable
-            how = f"run.{name}[:, k] has trajectory k, and run.{name}[:, run.status == 0] those in"
-            raise IndexError(
-                f"index: expected one of NumPy for states of shape {shape}, time first, got "
-                f"{short(index)}; {how} good health"
-            ) from error
+            expected = f"one that NumPy takes for states of shape {self.states.shape}, time first"
+            how = "run.states[:, k] has trajectory k; k may be a mask, as run.status >= 0"
+            raise wrong("index", expected, f"{short(index)}; {how}", IndexError) from error
 
     def __iter__(self) -> Iterator[FloatArray]:
         return iter(self.states)
@@ -261,33 +238,11 @@ class Trajectories:
     def plot(
         self, *, components: tuple[int, int] = (0, 1), lines: bool | None = None, ax: Any = None
     ) -> Any:
-        """Draw the saved states of all trajectories in the plane of two components.
+        """Draw the saved states in the plane of two components; returns Matplotlib axes.
 
-        Where the map conserves F or a modified energy, colours are its levels, with a colour bar;
-        else, and where all levels agree, there is one colour. At most 20,000 dots are drawn: the
-        title, which axes that have one keep, says of how many states.
-
-        Parameters
-        ----------
-        components : tuple of int
-            Indices of the components on the horizontal and the vertical axis.
-        lines : bool, optional
-            Draw lines from each saved state to the next. By default only if every state is saved,
-            there are at most 20,000 of them, and the median of their lengths is below 1/20 of the
-            extent of all states shown.
-        ax : matplotlib.axes.Axes, optional
-            Axes to draw on; by default those of a new figure.
-
-        Returns
-        -------
-        matplotlib.axes.Axes
-
-        Raises
-        ------
-        ValueError
-            If states have a single component.
-        ImportError
-            If Matplotlib is not installed (extra `plots`).
+        States are dots, whose colours are levels of the first integral or of the modified energy
+        where the map conserves one. `lines` joins the states that follow each other; by default
+        only where they are close. `ax` are axes to draw on.
 
         Examples
         --------
@@ -307,23 +262,16 @@ class Trajectories:
         Parameters
         ----------
         dims : str or sequence of str, optional
-            Names for the axes of the batch; by default those of named parameters of the body, each
-            along the axis along which it varies alone, and "trajectory", or "batch_0", "batch_1",
-            ... The name of a parameter that varies along this axis alone, such as "eps" or "I13",
-            makes it the coordinate: ``data.sel(eps=0.2)``.
+            Names for the axes of the batch; by default that of a parameter of the body that varies
+            along this axis alone, else "trajectory", or "batch_0", "batch_1", ... The name of such
+            a parameter, or "eps", makes it the coordinate: ``data.sel(eps=0.2)``.
         coords : mapping, optional
             Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
 
         Returns
         -------
         xarray.Dataset
-            Its dimensions are "n", those of the batch, and "component". Parameters are not repeated
-            along axes on which they do not vary.
-
-        Raises
-        ------
-        ImportError
-            If xarray is not installed (extra `xarray`).
+            Its dimensions are "n", those of the batch, and "component".
 
         Examples
         --------
@@ -339,24 +287,10 @@ class Trajectories:
         return to_xarray(self, dims, coords)
 
     def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
-        """Write the run to a file that :meth:`load` reads, without loss.
+        """Write the run to `path`, a name that ends in .npz, without loss.
 
-        The file appears under its name only when it is complete.
-
-        Parameters
-        ----------
-        path : str or path-like
-            A name that ends in .npz.
-        overwrite : bool
-            True replaces an existing file.
-
-        Raises
-        ------
-        FileExistsError
-            If the file exists and is not to be replaced.
-        ValueError
-            If the name ends otherwise. ``run.to_xarray().to_netcdf(path)`` writes NetCDF, and
-            :func:`ensemble` a Zarr store.
+        The file appears under its name when it is complete. An existing file is an error unless
+        `overwrite` is True.
         """
         from .storage import save
 
@@ -364,22 +298,7 @@ class Trajectories:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectories:
-        """Read a run written by :meth:`save`.
-
-        Parameters
-        ----------
-        path : str or path-like
-            A name that ends in .npz.
-
-        Returns
-        -------
-        Trajectories
-
-        Raises
-        ------
-        ValueError
-            If the file holds something else, is damaged or was written by an earlier version.
-        """
+        """Read a run written by :meth:`save`; ValueError if the file is something else."""
         from .storage import load
 
         return cls._of(**load(path))
@@ -387,9 +306,11 @@ class Trajectories:
     def __repr__(self) -> str:
         failed, n = np.count_nonzero(self.status < 0), self.n
         steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
+        low, high = np.min(self.eps, initial=np.inf), np.max(self.eps, initial=-np.inf)
+        eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
         return (
-            f"Trajectories({self._map.variable}: {self.states.shape}, n: {steps}, "
-            f"eps: {_range(self.eps)}, failed: {failed} of {self.status.size})"
+            f"Trajectories({self._map.variable}: {self.states.shape}, n: {steps}, eps: {eps}, "
+            f"failed: {failed} of {self.status.size})"
         )
 
 
@@ -397,10 +318,3 @@ def _equal(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return np.array_equal(a, b, equal_nan=True)
     return type(a) is type(b) and bool(a == b)
-
-
-def _range(eps: float | FloatArray) -> str:
-    if np.size(eps) == 0:
-        return "none"
-    low, high = np.min(eps), np.max(eps)
-    return f"{low:g}" if low == high else f"{low:g} ... {high:g}"

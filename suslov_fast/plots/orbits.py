@@ -11,8 +11,8 @@ from ..checks import FloatArray, integer
 from ..quantities import conserved
 from .style import styled
 
-# Dots and lines show at most so many states, beyond which a picture grows large and no clearer.
-_MOST = 20_000
+# More dots make a picture large and no clearer; on lines, more than a few hide them.
+_MOST, _FEW = 20_000, 2000
 _LEVELS = {
     "first_integral": "level of the first integral $F$",
     "modified_energy": "level of the modified energy",
@@ -28,19 +28,16 @@ def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any)
 
     first, second = _checked(components, run.states.shape[-1])
     plane = run.states[..., (first, second)].reshape(len(run), -1, 2)
-    apart = int(run.n[1] - run.n[0]) if len(run) > 1 else 1
     if lines is None:
-        lines = apart == 1 and plane[..., 0].size <= _MOST and _are_near(plane)
+        lines = plane[..., 0].size <= _MOST and run.n[-1] == len(run) - 1 and _are_near(plane)
     axes = axes_for(ax, (5.4, 5.0))
     levels, name = _levels(run)
-    thinned, of_orbits = _strides(plane, lines)
-    plane, levels = plane[::thinned, ::of_orbits], levels[::of_orbits]
-    drawn = _draw(axes, plane, levels if name else None, lines)
+    drawn, count = _draw(axes, plane, levels if name else None, lines)
     if name:
         axes.figure.colorbar(drawn, ax=axes, label=name, shrink=0.8)
     symbols = run._map.symbols(run.body)
     axes.set(xlabel=symbols[first], ylabel=symbols[second])
-    set_title(axes, _title(run, thinned * apart, of_orbits))
+    set_title(axes, _title(run, count))
     return axes
 
 
@@ -63,15 +60,6 @@ def _are_near(plane: FloatArray) -> bool:
     return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(known, axis=0).max())
 
 
-def _strides(plane: FloatArray, lines: bool) -> tuple[int, int]:
-    """Strides over states and orbits with which at most _MOST dots are drawn."""
-    states, orbits = plane.shape[:2]
-    if lines or not orbits:
-        return 1, 1
-    over_orbits = math.ceil(orbits / _MOST)
-    return math.ceil(states / max(1, _MOST * over_orbits // orbits)), over_orbits
-
-
 def _levels(run: Any) -> tuple[FloatArray, str]:
     """The levels (B,) of the orbits, and what they are levels of; "" if they have one colour."""
     known = [name for name in _LEVELS if name in run._map.functions(run.body)]
@@ -83,8 +71,12 @@ def _levels(run: Any) -> tuple[FloatArray, str]:
     return np.zeros(math.prod(run.states.shape[1:-1])), ""
 
 
-def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) -> Any:
-    """Draw states (N, B, 2), coloured by the levels (B,) of orbits; return what has the colours."""
+def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) -> tuple[Any, int]:
+    """Draw states (N, B, 2), coloured by the levels (B,) of orbits.
+
+    Return what has the colours, and the number of states drawn: with more than _MOST dots a random
+    choice, as every k-th state of an orbit may show one of k islands.
+    """
     from matplotlib.collections import LineCollection
 
     from .figures import COLOURS
@@ -95,25 +87,23 @@ def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) 
         pen: dict[str, Any] = {"linewidths": 0.7, "joinstyle": "round", "capstyle": "round"}
         drawn = LineCollection(list(np.moveaxis(plane, 1, 0)), array=levels, **pen, **look)
         axes.add_collection(drawn)
-    if not lines or count <= 2000:
+    if not lines or count <= _FEW:
+        shown = np.arange(count)
+        if count > _MOST:
+            shown = np.random.default_rng(0).choice(count, _MOST, replace=False)
+            count = _MOST
         if levels is not None:
-            look["c"] = np.broadcast_to(levels, plane.shape[:-1]).ravel()
+            look["c"] = levels[shown % len(levels)]
         size = 4.0 if lines else min(max(8000.0 / max(count, 1), 2.0), 14.0)
-        drawn = axes.scatter(*plane.reshape(-1, 2).T, s=size, linewidths=0, **look)
+        drawn = axes.scatter(*plane.reshape(-1, 2)[shown].T, s=size, linewidths=0, **look)
     axes.autoscale_view()
-    return drawn
+    return drawn, count
 
 
-def _title(run: Any, apart: int, of_orbits: int) -> str:
-    """What is drawn: the map, the step size, the number of orbits and of states."""
-    count = math.prod(run.states.shape[1:-1])
-    orbits = "1 orbit" if count == 1 else f"{count:,} orbits"
+def _title(run: Any, count: int) -> str:
+    """What is drawn: the map, the step size, the orbits and the number of states."""
+    B, N = math.prod(run.states.shape[1:-1]), int(run.n[-1])
     eps = rf", $\epsilon$ = {float(run.eps):g}" if np.ndim(run.eps) == 0 else ""
-    if len(run) == 1:
-        what = f"state {run.n[0]:,} of {orbits}"
-    else:
-        what = f"{orbits} of {run.n[-1]:,} steps"
-    thinned = [f"one state in {apart:,}"] * (apart > 1) + [f"one orbit in {of_orbits}"] * (
-        of_orbits > 1
-    )
-    return "\n".join([f"{run._map.title}{eps}", ", ".join([what, *thinned])])
+    orbits = "1 orbit" if B == 1 else f"{B:,} orbits"
+    states = f", {count:,} of their states" if count < B * (N + 1) else ""
+    return f"{run._map.title}{eps}\n{orbits} of {N:,} steps{states}"

@@ -8,7 +8,6 @@ from typing import Any
 import anywidget
 import traitlets
 
-from .parameters import SETTINGS
 from .scene import answer
 from .server import PAGE
 
@@ -51,7 +50,6 @@ class Widget(anywidget.AnyWidget):  # type: ignore[misc]
 
     _esm = (PAGE / "widget.js").read_text("utf-8")
     _html = traitlets.Unicode(page_in_one_file()).tag(sync=True)
-    _settings = traitlets.Dict(SETTINGS).tag(sync=True)
     # Seconds until the page says that no kernel answers.
     _patience = traitlets.Int(10).tag(sync=True)
     query = traitlets.Unicode().tag(sync=True)

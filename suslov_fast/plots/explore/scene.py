@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ... import __version__
 from ...bodies.rigid import Suslov3D
 from ...engine.status import Status
 from ...quantities.conserved import criticality, energy, first_integral
@@ -51,8 +52,11 @@ def scene(parameters: Parameters) -> dict[str, Any]:
         run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
         status = Status(int(run.status))
         F = first_integral(body, run.omega, eps)
+        t = float(criticality(body, start, eps))
         numbers = {
-            "criticality": float(criticality(body, start, eps)),
+            "criticality": t,
+            # How many times faster than the flow the map tends to the last steady state.
+            "ahead": math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else None,
             "F": F[0],
             "drift": np.fmax.reduce(abs(F / F[0] - 1.0)),
             "energy": energy(body, start),
@@ -61,6 +65,7 @@ def scene(parameters: Parameters) -> dict[str, Any]:
         }
         numbers["omega_minus"], numbers["omega_plus"] = limits(body, start, eps)
         found = {
+            "version": __version__,
             "parameters": parameters._asdict(),
             "time": list(run.time),
             "omega": run.omega,
@@ -71,7 +76,7 @@ def scene(parameters: Parameters) -> dict[str, Any]:
             "levels": _levels(body, eps, numbers),
             "portrait": _portrait(parameters) if parameters.portrait else None,
             "ellipsoid": _ellipsoid(body),
-            "regime": _regime(parameters, numbers["criticality"], status),
+            "regime": _regime(parameters, t, status),
             "status": {
                 "name": status.name,
                 "message": status.message,
@@ -106,16 +111,8 @@ def _levels(body: BodyIn3D, eps: float, numbers: dict[str, Any]) -> dict[str, An
     }
 
 
-def _regime(parameters: Parameters, t: float, status: Status) -> dict[str, Any]:
-    """The name of the regime, which agrees with the status, and a quotient of rates.
-
-    The rates are those with which map and flow tend to the last steady state.
-    """
-    ahead = math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else 1.0
-    return {"name": _name_of_regime(parameters, t, status), "ahead": ahead}
-
-
-def _name_of_regime(parameters: Parameters, t: float, status: Status) -> str:
+def _regime(parameters: Parameters, t: float, status: Status) -> str:
+    """The name of the regime, which agrees with the status."""
     body, eps = parameters.body, parameters.eps
     if eps == 0:
         return "still"

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from ...checks import instance
 from ..geometry import BodyIn3D
-from .parameters import SETTINGS, query_of
+from .parameters import query_of
 from .scene import answer
 
 PAGE = Path(__file__).with_name("page")
@@ -76,16 +76,14 @@ class _Handler(BaseHTTPRequestHandler):
         path, _, query = self.path.partition("?")
         hosts = [f"{name}:{self.server.port}" for name in (_ADDRESS, "localhost")]
         file = PAGE / (path[1:] or "index.html")
-        if not _is_text(path):
+        site = self.headers.get("Sec-Fetch-Site", "none")
+        foreign = path == "/scene" and site not in ("none", "same-origin")
+        if not unquote(path).isprintable():
             self.send_error(400)
-        elif self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
+        elif foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
             self.send_error(403)
-        elif path in ("/settings", "/scene"):
-            if self.headers.get("Sec-Fetch-Site", "none") not in ("none", "same-origin"):
-                self.send_error(403)
-                return
-            value = SETTINGS if path == "/settings" else answer(query)
-            text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+        elif path == "/scene":
+            text = json.dumps(answer(query), allow_nan=False, separators=(",", ":"))
             self._send(200, text, "application/json")
         elif file in PAGE.iterdir():
             self._send(200, file.read_text("utf-8"), f"{_TYPES[file.suffix]}; charset=utf-8")
@@ -111,13 +109,6 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Log nothing: the page shows errors."""
-
-
-def _is_text(path: str) -> bool:
-    try:
-        return unquote(path, errors="strict").isprintable()
-    except UnicodeDecodeError:
-        return False
 
 
 class Page:

@@ -1,5 +1,6 @@
 // Fields, sliders and presets; what they change is asked for anew.
 
+import { PRESETS } from "./presets.js";
 import { byId, query, state } from "./state.js";
 
 export const FIELDS = {
@@ -21,15 +22,13 @@ export function build(actions) {
   ({ ask, draw, remember: keep } = actions);
   for (const set of document.querySelectorAll("fieldset[data-fields]"))
     for (const name of set.dataset.fields.split(" ")) set.append(field(name));
-  inputs.steps.number.max = state.settings.longest;
   for (const box of document.querySelectorAll("#show input"))
     box.addEventListener("change", () => show(box.value, box.checked));
   byId("controls").addEventListener("submit", (event) => event.preventDefault());
-  const { presets } = state.settings, options = presets.map(({ name }) => new Option(name, name));
+  const options = Object.keys(PRESETS).map((name) => new Option(name, name));
   byId("preset").append(...options, new Option("Own values", ""));
   byId("preset").addEventListener("change", ({ target }) => {
-    const preset = presets.find(({ name }) => name === target.value);
-    if (preset) choose(preset.parameters);
+    if (target.value) choose(PRESETS[target.value]);
   });
 }
 
@@ -74,13 +73,13 @@ function put(name, value, written = true) {
 
 // Select the preset that has these values, if there is one.
 function selectPreset() {
-  const same = ({ parameters }) =>
-    Object.keys(FIELDS).every((field) => Number(state.values[field]) === parameters[field]);
-  byId("preset").value = state.settings.presets.find(same)?.name ?? "";
+  const same = ([, preset]) =>
+    Object.keys(FIELDS).every((field) => Number(state.values[field]) === preset[field]);
+  byId("preset").value = Object.entries(PRESETS).find(same)?.[0] ?? "";
 }
 
 // All values at once: those of a preset or of an address.
-function choose({ extent, portrait, ...parameters }) {
+function choose({ extent, ...parameters }) {
   state.values = {};
   for (const [name, value] of Object.entries(parameters)) put(name, String(value));
   selectPreset();
@@ -116,7 +115,7 @@ function remember() {
 const tidy = (text) => (text && Number.isFinite(Number(text)) ? String(Number(text)) : text);
 
 export function fromQuery(text) {
-  const given = new URLSearchParams(text), first = state.settings.presets[0].parameters;
+  const given = new URLSearchParams(text), [first] = Object.values(PRESETS);
   if (given.has("show")) state.shown = new Set(given.get("show").split(" ").filter(Boolean));
   for (const box of document.querySelectorAll("#show input"))
     box.checked = state.shown.has(box.value);

@@ -11,19 +11,11 @@ import { describe } from "./words.js";
 
 export async function begin(transport) {
   readColours();
-  try {
-    const { settings, query: given } = await transport.begin();
-    state.settings = settings;
-    document.querySelector("h1").title = `version ${settings.version}`;
-    build({ ask: asking(transport), draw, remember: transport.remember });
-    buildPlayer(draw);
-    buildExport(transport.address);
-    fromQuery(given);
-    listen();
-  } catch (error) {
-    complain(error.message);
-    throw error;
-  }
+  build({ ask: asking(transport), draw, remember: transport.remember });
+  buildPlayer(draw);
+  buildExport(transport.address);
+  fromQuery(await transport.begin());
+  listen();
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
 }
 
@@ -62,6 +54,7 @@ function receive(found) {
   document.body.classList.remove("stale");
   byId("moment").max = last();
   setMoment(Math.min(state.moment, last()));
+  document.querySelector("h1").title = `version ${found.version}`;
   describe();
   draw();
 }

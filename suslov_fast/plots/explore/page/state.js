@@ -1,7 +1,6 @@
 // What the page shows, shared by its modules, and words for numbers.
 
 export const state = {
-  settings: null, // { version, longest, presets }
   scene: null, // the numbers of the last answer
   values: {}, // texts of the fields: a wrong value stays as the user wrote it
   extent: 4, // the plane reaches from -extent to extent

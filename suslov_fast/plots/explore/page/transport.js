@@ -1,6 +1,6 @@
 // Where numbers come from: HTTP, or messages to a notebook's kernel by way of the widget around.
 //
-// A transport has: begin() -> { settings, query }; scene(query) -> numbers, or { error, fields };
+// A transport has: begin() -> the query to begin with; scene(query) -> numbers, or { error, fields };
 // remember(query), so that the view is there again; address, before the query of a link; and
 // waiting(seconds) -> { words, lost }, what to say while an answer is under way.
 
@@ -10,17 +10,16 @@ const compiling = (seconds) =>
   ({ words: `Compiling the kernels, once per installation. ${seconds} s`, lost: false });
 
 export function overHttp() {
-  const ask = async (path) => {
-    try {
-      return await (await fetch(path)).json();
-    } catch {
-      throw new Error(GONE);
-    }
-  };
   return {
     address: `${location.origin}/`,
-    begin: async () => ({ settings: await ask("/settings"), query: location.search }),
-    scene: (query) => ask(`/scene?${query}`),
+    begin: async () => location.search,
+    scene: async (query) => {
+      try {
+        return await (await fetch(`/scene?${query}`)).json();
+      } catch {
+        throw new Error(GONE);
+      }
+    },
     remember: (query) => history.replaceState(null, "", `?${query}`),
     waiting: compiling,
   };
@@ -59,7 +58,7 @@ export function overMessages(around = window.parent) {
     begin: async () => {
       const first = await ask({ begin: true });
       patience = first.patience;
-      return first;
+      return first.query;
     },
     scene: (query) => ask({ query }),
     remember: (query) => around.postMessage({ remember: query }, "*"),

@@ -8,10 +8,8 @@ function render({ model, el }) {
   frame.style = "width: 100%; height: 760px; border: 0";
   frame.srcdoc = model.get("_html");
   const down = (message) => frame.contentWindow?.postMessage(message, "*");
-  const begin = ({ id }) => {
-    const [settings, query, patience] = ["_settings", "query", "_patience"].map((name) => model.get(name));
-    down({ id, value: { settings, query, patience } });
-  };
+  const begin = ({ id }) =>
+    down({ id, value: { query: model.get("query"), patience: model.get("_patience") } });
   const remember = (query) => {
     model.set("query", query);
     model.save_changes();

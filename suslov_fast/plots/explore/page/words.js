@@ -29,8 +29,8 @@ const TITLES = { steady: "Steady rotation", still: "No motion: ε = 0", unknown:
 export function describe() {
   const { numbers, regime, status, ellipsoid } = state.scene;
   const t = numbers.criticality;
-  byId("regime-name").textContent = TITLES[regime.name] ?? compared(t);
-  byId("regime-text").textContent = REGIMES[regime.name].replace("{ahead}", short(regime.ahead, 3));
+  byId("regime-name").textContent = TITLES[regime] ?? compared(t);
+  byId("regime-text").textContent = REGIMES[regime].replace("{ahead}", short(numbers.ahead, 3));
   byId("gauge").value = t === null ? 2 : Math.abs(t);
   byId("gauge").textContent = short(t);
   const badge = byId("status"), { name, message, failed_at } = status;

@@ -1,8 +1,7 @@
 """Quantities of a state, each a NumPy universal function that is written as its formula.
 
-What all of them take, used or not: in three dimensions I1, I2, I13, I23, k, eps and the state w
-(k = 0 without a rotor); in n dimensions J, I, eps and w; of a field places (3, T) and values (T,) of
-its terms v x_j x_k in the equation i, with x_D = 1, and B step sizes and states (B, D).
+All take the same, used or not: in three dimensions I1, I2, I13, I23, k, eps and the state w, with
+k = 0 without a rotor; in n dimensions J, I, eps and w. `quantities_field` has those of fields.
 
 X, Y, K, e, l, g and z are those of `steps_3d`, U = X - K; e conj(g) z = U - i Y.
 """
@@ -11,12 +10,10 @@ import math
 
 import numpy as np
 
-from .elimination import balance
 from .numba import formula, select, universal
 from .steps_3d import ZERO_TO_ROUNDING, enter, frame_of, is_supercritical
 
-IN_3D, IN_ND, FIELD = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->", "(c,t),(t),(b),(b,d)->"
-LANES = 128  # states of a field that are evaluated term by term
+IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
 
 
 # ------------------------------------------------------------------------------- three dimensions
@@ -345,105 +342,3 @@ def reaction_nd(J, I, w, after, out):
             out[j, i] = -out[i, j]
     for i in range(len(w)):
         out[i, i] *= 0.0
-
-
-# ---------------------------------------------------------------------------------------- fields
-@formula
-def factor(x, b, j):
-    """x_j of state b, or 1."""
-    return x[b, j] if j < x.shape[1] else 1.0
-
-
-@universal(FIELD + "(b,d)")
-def vector_field_of(places, values, eps, x, out):
-    for first in range(0, len(x), LANES):
-        for b in range(first, min(first + LANES, len(x))):
-            for i in range(x.shape[1]):
-                out[b, i] = 0.0 * x[b, i]  # NaN where the state is
-        for t in range(len(values)):
-            i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
-            for b in range(first, min(first + LANES, len(x))):
-                out[b, i] += values[t] * factor(x, b, j) * factor(x, b, k)
-
-
-@universal(FIELD + "(b,d,d)")
-def matrix_of(places, values, eps, x, out):
-    """1 - (eps / 2) f'."""
-    D = x.shape[1]
-    for first in range(0, len(x), LANES):
-        last = min(first + LANES, len(x))
-        for b in range(first, last):
-            for i in range(D):
-                for j in range(D):
-                    out[b, i, j] = (1.0 if i == j else 0.0) + 0.0 * x[b, i]
-        for t in range(len(values)):
-            i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
-            for b in range(first, last):
-                half = 0.5 * eps[b] * values[t]
-                if j < D:
-                    out[b, i, j] -= half * factor(x, b, k)
-                if k < D:
-                    out[b, i, k] -= half * factor(x, b, j)
-
-
-@universal(FIELD + "(b)")
-def hamiltonian_of(places, values, eps, x, out):
-    """The sum of terms v x_i x_j x_k."""
-    for first in range(0, len(x), LANES):
-        for b in range(first, min(first + LANES, len(x))):
-            out[b] = 0.0
-            for i in range(x.shape[1]):
-                out[b] += 0.0 * x[b, i]
-        for t in range(len(values)):
-            i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
-            for b in range(first, min(first + LANES, len(x))):
-                out[b] += values[t] * factor(x, b, i) * factor(x, b, j) * factor(x, b, k)
-
-
-@universal("(c,t),(t),(d),(d)->()")
-def polarised_hamiltonian(places, values, x, after, out):
-    """H(x, x, after), the symmetric form of H(x) = H(x, x, x)."""
-    D, total = len(x), 0.0
-    for t in range(len(values)):
-        i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
-        a, b, c = x[i] if i < D else 1.0, x[j] if j < D else 1.0, x[k] if k < D else 1.0
-        a1, b1, c1 = (
-            after[i] if i < D else 1.0,
-            after[j] if j < D else 1.0,
-            after[k] if k < D else 1.0,
-        )
-        total += values[t] * (a * b * c1 + a * b1 * c + a1 * b * c)
-    out[0] = total / 3.0
-
-
-@universal("(c,t),(t),(),(d),(d,d,e),(d)->()")
-def density_of(places, values, eps, x, a, units, out):
-    """1 / det A, by elimination with partial pivoting; `a`, of one lane, and `units` are scratch."""
-    D, det = len(x), 1.0
-    for i in range(D):
-        for j in range(D):
-            a[i, j, 0] = 1.0 if i == j else 0.0
-    for t in range(len(values)):
-        i, j, k, half = (
-            int(places[0, t]),
-            int(places[1, t]),
-            int(places[2, t]),
-            0.5 * eps * values[t],
-        )
-        if j < D:
-            a[i, j, 0] -= half * x[k] if k < D else half
-        if k < D:
-            a[i, k, 0] -= half * x[j]
-    balance(a, units)
-    for k in range(D):
-        pivot = k
-        for i in range(k + 1, D):
-            pivot = i if abs(a[i, k, 0]) > abs(a[pivot, k, 0]) else pivot
-        for j in range(k, D):
-            a[k, j, 0], a[pivot, j, 0] = a[pivot, j, 0], a[k, j, 0]
-        det *= a[k, k, 0] if pivot == k else -a[k, k, 0]
-        for i in range(k + 1, D):
-            ratio = a[i, k, 0] / a[k, k, 0] if a[k, k, 0] != 0.0 else 0.0
-            for j in range(k + 1, D):
-                a[i, j, 0] -= ratio * a[k, j, 0]
-    out[0] = 1.0 / det

@@ -4,9 +4,8 @@ A(x) = 1 - (eps/2) f'(x), and DPhi(x) = A(x)**-1 (1 + (eps/2) f'(x_next)); the s
 2 - A(x_next) (theory, section 7). Every map is one of these: `body.field().terms` are its indices
 (3, T) and values (..., T), see `steps_field`.
 
-matrix, determinant, jacobian   universal functions of (indices, values, eps, x), all float64, also
-                                the indices: A, det A and DPhi at x; NaN where a state is
-growth                          a kernel: logarithms of lengths and determinants along orbits
+derive   DPhi at the state of one lane, with pivots
+growth   a kernel: logarithms of lengths and determinants along orbits
 
 The Lyapunov exponents after N steps are, from the sums (B, D) and of_det (B,) of `growth`,
 sums[:, :-1] / N and (of_det - sums[:, :-1].sum(axis=1)) / N; this one is sums[:, -1] / N if one of
@@ -17,14 +16,13 @@ import numpy as np
 
 from .codes import OK
 from .elimination import determinant_of, eliminate, keeps_digits, solve, substitute
-from .numba import function, kernel, select, share, universal
+from .numba import function, kernel, select, share
 from .steps_field import (
     ROWS,
     UNIT,
     advance,
     advance_one,
     enter,
-    enter_field,
     fill,
     is_accurate,
     lanes_of,
@@ -38,70 +36,6 @@ from .steps_field import (
 LEAST_BACK, LARGEST_BACK, GOOD, NEAR_1, FAR, SUM, LENGTHS = range(ROWS, ROWS + 7)
 # Logarithms are taken of products that leave these ranges: what lies within keeps its digits.
 NEAR_1_LEAST, NEAR_1_LARGEST, LEAST, LARGEST = -0.999, 1e3, 1e-100, 1e100
-
-
-@universal("(c,t),(t),(),(d)->(d,d)")
-def matrix(indices, values, eps, x, out):
-    """Fill A(x)."""
-    _, _, _, _, a = equations_at(indices, values, eps, x)
-    for i in range(len(x)):
-        for j in range(len(x)):
-            out[i, j] = a[i, j, 0]
-
-
-@universal("(c,t),(t),(),(d)->()")
-def determinant(indices, values, eps, x, out):
-    """Fill det A(x), 0 if it is so to rounding."""
-    _, _, _, _, a = equations_at(indices, values, eps, x)
-    units = np.empty((2, len(x)))
-    solve(a, units)
-    out[0] = determinant_of(a, units)
-    for i in range(len(x)):
-        out[0] += 0.0 * x[i]
-
-
-@universal("(c,t),(t),(),(d)->(d,d)")
-def jacobian(indices, values, eps, x, out):
-    """Fill DPhi(x)."""
-    D, undefined = len(x), 0.0
-    terms, states, fixed, half, a = equations_at(indices, values, eps, x)
-    b, system = np.empty((ROWS, 1)), np.empty((D, 2 * D, 1))
-    right, after = np.empty((D, D, 1)), np.empty((D, D + 1, 1))
-    for i in range(D):
-        for j in range(D):
-            system[i, D + j, 0] = 1.0 if i == j else 0.0
-    if advance(states, a, b) == 0:
-        fill(terms, half, fixed, states[1], after)
-        for i in range(D):
-            for j in range(D):
-                right[i, j, 0] = 2.0 * system[i, D + j, 0] - after[i, j, 0]
-        substitute(a, right)
-    else:
-        one = memory_of_one(D, len(values))
-        code = derive(terms, states, fixed, half, 0, one, after, system)
-        undefined = 0.0 if code == OK else np.nan
-        for i in range(D):
-            for j in range(D):
-                right[i, j, 0] = system[i, D + j, 0]
-    for i in range(D):
-        for j in range(D):
-            out[i, j] = right[i, j, 0] + undefined
-
-
-@function
-def equations_at(indices, values, eps, x):
-    """Return the indices as integers, and a block of one lane with the equations of a step."""
-    D, T = len(x), len(values)
-    terms, states, half = np.empty((3, T), np.int64), np.empty((2, D, 1)), np.empty((T, 1))
-    fixed, a = np.empty((D, D + 1, 1)), np.empty((D, D + 1, 1))
-    for t in range(T):
-        for c in range(3):
-            terms[c, t] = int(indices[c, t])
-    enter_field(terms, values, eps, fixed, half, 0)
-    for i in range(D):
-        states[0, i, 0] = x[i]
-    fill(terms, half, fixed, states[0], a)
-    return terms, states, fixed, half, a
 
 
 @function

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.field import QuadraticField
@@ -12,6 +12,7 @@ from ..bodies.nd import SuslovND, check_measure, check_solved
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, wrong
 from ..core import quantities as formulas
+from ..core import quantities_field as fields
 from ..engine.arguments import States
 from .evaluation import by_terms, evaluate, next_states
 
@@ -58,14 +59,14 @@ def energy(
 
 
 def _hamiltonian(states: States) -> FloatArray:
-    return by_terms(formulas.hamiltonian_of, states, _with_hamiltonian(states.body).H.terms)
+    return by_terms(fields.hamiltonian, states, _terms_of_hamiltonian(states.body))
 
 
-def _with_hamiltonian(field: QuadraticField) -> QuadraticField:
+def _terms_of_hamiltonian(field: QuadraticField) -> Any:
     if field.H is None:
         expected = "a field with a Hamiltonian, made by QuadraticField.from_hamiltonian"
         raise wrong("body", expected, "one without", TypeError)
-    return field
+    return field.H.terms
 
 
 def first_integral(
@@ -172,10 +173,8 @@ def modified_energy(
 
 
 def _modified_hamiltonian(states: States) -> FloatArray:
-    places, values = _with_hamiltonian(states.body).H.terms
-    after = next_states(states)
-    found: FloatArray = formulas.polarised_hamiltonian(places, values, states.omega, after)
-    return found
+    terms = _terms_of_hamiltonian(states.body)
+    return by_terms(fields.polarised_hamiltonian, states, terms, next_states(states))
 
 
 def criticality(
@@ -331,8 +330,5 @@ def invariant_density(
 
 
 def _density_of_field(states: States) -> FloatArray:
-    _with_hamiltonian(states.body)
-    (places, values), D = states.body.terms, states.body.dimension
-    scratch = np.empty((D, D, 1)), np.empty(D)
-    found: FloatArray = formulas.density_of(places, values, states.eps, states.omega, *scratch)
-    return found
+    _terms_of_hamiltonian(states.body)  # there has to be one
+    return by_terms(fields.density, states)

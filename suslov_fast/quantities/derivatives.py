@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,9 @@ from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, first_index, spell
 from ..core import quantities as formulas
-from ..core import tangent
+from ..core import quantities_field as fields
 from ..engine.arguments import BodyOrField, States, check
-from .evaluation import by_terms, evaluate, next_states, terms_of
+from .evaluation import by_terms, evaluate, next_states
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.
 _FIXED = 1e-8
@@ -53,7 +54,7 @@ def vector_field(
         {"omega": omega},
         in_3d=formulas.vector_field,
         in_nd=formulas.vector_field_nd,
-        of_field=lambda states: by_terms(formulas.vector_field_of, states),
+        of_field=partial(by_terms, fields.vector_field),
         axes=1,
     )
 
@@ -150,7 +151,7 @@ def matrix(
         {"omega": omega, "eps": eps},
         in_3d=formulas.matrix,
         in_nd=formulas.matrix_nd,
-        of_field=lambda states: by_terms(formulas.matrix_of, states),
+        of_field=partial(by_terms, fields.matrix),
         axes=2,
     )
 
@@ -191,15 +192,10 @@ def jacobian(
         body,
         {"omega": omega, "eps": eps},
         in_3d=formulas.jacobian,
-        in_nd=_jacobian_by_terms,
-        of_field=_jacobian_by_terms,
+        in_nd=partial(by_terms, fields.jacobian),
+        of_field=partial(by_terms, fields.jacobian),
         axes=2,
     )
-
-
-def _jacobian_by_terms(states: States) -> FloatArray:
-    found: FloatArray = tangent.jacobian(*terms_of(states.body), states.eps, states.omega)
-    return found
 
 
 def multipliers(

@@ -72,19 +72,21 @@ def terms_of(body: Any) -> tuple[Any, FloatArray]:
     return places, values
 
 
-def by_terms(formula: Universal, states: States, terms: Any = None) -> FloatArray:
-    """Return a quantity of a field by a formula of its terms, or of others.
+def by_terms(
+    formula: Universal, states: States, terms: Any = None, after: FloatArray | None = None
+) -> FloatArray:
+    """Return a quantity by a formula of terms, by default those of the equations, and perhaps of
+    the next states.
 
     Formulas take the states of a single field in rows, which are the last axis of the batch.
     """
     body, omega, eps, batch, *_ = states
-    places, values = terms or body.terms
-    x = np.broadcast_to(omega, (*batch, body.dimension))
-    eps = np.broadcast_to(eps, batch)
+    arrays = [np.broadcast_to(eps, batch), np.broadcast_to(omega, (*batch, body.dimension))]
+    arrays += [] if after is None else [after]
     one_by_one = bool(body.shape) or not batch
     if one_by_one:
-        x, eps = x[..., np.newaxis, :], eps[..., np.newaxis]
-    found = formula(places, values, eps, x)
+        arrays = [np.expand_dims(each, len(batch)) for each in arrays]
+    found: FloatArray = formula(*(terms or terms_of(body)), *arrays)
     return found.reshape(batch + found.shape[len(batch) + 1 :]) if one_by_one else found
 
 

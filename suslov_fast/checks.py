@@ -75,9 +75,7 @@ def within(name: str, value: Any, exponent: int) -> Any:
     return value
 
 
-def states(
-    name: str, value: ArrayLike, labels: Sequence[str], later: bool = False
-) -> FloatArray:
+def states(name: str, value: ArrayLike, labels: Sequence[str], later: bool = False) -> FloatArray:
     """Return states whose components are `labels`; where one is NaN, all of that state are.
 
     With `later`, the numbers of a large array are not looked at: the caller calls `real_array` if

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
@@ -10,7 +9,18 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from ..checks import MOMENTS, OTHERS, FloatArray, common_shape, one_of, real_array, within, wrong
+from ..checks import (
+    MOMENTS,
+    OTHERS,
+    FloatArray,
+    common_shape,
+    one_of,
+    real_array,
+    real_number,
+    short,
+    within,
+    wrong,
+)
 
 # Length of a line of text that represents a body.
 _LINE = 100
@@ -124,18 +134,15 @@ class Body:
     def __iter__(self: Kind) -> Iterator[Kind]:
         return (self[i] for i in range(len(self)))
 
-    def __getitem__(self: Kind, index: int) -> Kind:
+    def __getitem__(self: Kind, index: int | slice) -> Kind:
         """Return a member, or a slice, of a batch along its first axis."""
         size = len(self)
-        if isinstance(index, slice):
-            return self._part(0, index)
         try:
-            i = operator.index(index)
-        except TypeError:
-            raise wrong("index", "an integer or a slice", f"{index!r:.60}", TypeError) from None
-        if not -size <= i < size:
-            raise wrong("index", f"an integer from {-size} to {size - 1}", i, IndexError)
-        return self._part(0, i % size)
+            place = index if isinstance(index, slice) else range(size)[index]
+        except (IndexError, TypeError) as error:
+            expected = f"an integer from {-size} to {size - 1}, or a slice"
+            raise wrong("index", expected, short(index), type(error)) from None
+        return self._part(0, place)
 
     def sel(self: Kind, *, method: str | None = None, **values: float) -> Kind:
         """Return the members of a batch that have given values of named parameters.
@@ -153,12 +160,6 @@ class Body:
         body
             A single one, or a batch with fewer axes.
 
-        Raises
-        ------
-        ValueError
-            If no parameter of the batch has this name and varies along one axis, or if none of its
-            values is the one that is given.
-
         Examples
         --------
         >>> from suslov_fast import Suslov3D
@@ -171,27 +172,28 @@ class Body:
         if method is not None:
             one_of("method", method, ["nearest"])
         for name, value in values.items():
-            self = self._selected(name, value, method)
+            named = self._named.items()
+            known = {each: a for each, a in named if 0 < a.size == max(a.shape, default=0)}
+            if name not in known:
+                expected = f"parameters that vary along one axis ({', '.join(known) or 'none'})"
+                raise wrong("sel", expected, name)
+            column, wanted = known[name], real_number(name, value)
+            if type(wanted) is not float:
+                raise wrong(name, "a number", short(value))
+            i = int(np.argmin(abs(column - wanted)))
+            nearest = column.flat[i]
+            if method is None and nearest != wanted:
+                how = f'the nearest is {nearest}, which method="nearest" takes'
+                raise wrong(name, f"one of its {column.size} values", f"{wanted}: {how}")
+            axis = len(self.shape) - column.ndim + int(np.argmax(column.shape))
+            self = self._part(axis, i)
         return self
 
-    def _selected(self: Kind, name: str, value: float, method: str | None) -> Kind:
-        own = {each: a for each, a in self._arrays.items() if self._axes(each) == 0}
-        known = own | self._coordinates
-        axes = {each: _axes_of_change(a) for each, a in known.items()}
-        if len(axes.get(name, [])) != 1:
-            varying = ", ".join(each for each, of in axes.items() if len(of) == 1) or "none"
-            what = f"parameters that vary along one axis ({varying})"
-            raise wrong("sel", f"names of {what}", name)
-        column, wanted = known[name].ravel(), real_array(name, value)
-        if wanted.ndim:
-            raise wrong(name, "a number", f"{value!r:.60}")
-        i = int(np.argmin(abs(column - wanted)))
-        if method is None and column[i] != wanted:
-            low, high = column.min(), column.max()
-            near = f'{wanted}; the nearest is {column[i]}, which method="nearest" takes'
-            expected = f"one of its {column.size} values from {low} to {high}"
-            raise wrong(name, expected, near)
-        return self._part(len(self.shape) + axes[name][0], i)
+    @property
+    def _named(self) -> dict[str, FloatArray]:
+        """All parameters whose axes are those of the batch alone."""
+        arrays = {name: a for name, a in self._arrays.items() if self._axes(name) == 0}
+        return arrays | self._coordinates
 
     def _part(self: Kind, axis: int, index: int | slice) -> Kind:
         """Return the members with an index along one axis of the batch."""
@@ -214,14 +216,12 @@ class Body:
         return self._of, (self._values,)
 
     def __repr__(self) -> str:
-        name, values = type(self).__name__, self._values.items()
-        if sum(np.size(value) for _, value in values) <= _LINE // 4:
-            text = ", ".join(f"{each}={np.asarray(value).tolist()!r}" for each, value in values)
+        name, values = type(self).__name__, self._values
+        if sum(map(np.size, values.values())) <= _LINE // 4:
+            text = ", ".join(f"{each}={np.asarray(a).tolist()}" for each, a in values.items())
             if len(text) < _LINE:
                 return f"{name}({text})"
-        text = ", ".join(
-            f"{each}={value if np.ndim(value) == 0 else np.shape(value)}" for each, value in values
-        )
+        text = ", ".join(f"{each}={np.shape(a) or a}" for each, a in values.items())
         return f"<{name} of shape {self.shape}: {text}>"
 
     def to_dict(self) -> dict[str, Any]:
@@ -231,8 +231,8 @@ class Body:
         -------
         dict
             Numbers and nested lists by name, and under "body" the name of the class. Exact numbers
-            of a field that are no floats are strings "p/q"; its H is the symmetric tensor in
-            (x1, ..., xD, 1), and its named parameters are under "parameters".
+            of a field that are no floats are strings "p/q", and H is a symmetric tensor in
+            (x1, ..., xD, 1).
 
         Examples
         --------
@@ -253,32 +253,20 @@ class Body:
         Parameters
         ----------
         parameters : mapping
-            Numbers and nested lists by name, and under "body" the name of the class.
+            What `to_dict` returned: a dictionary of another class, or one that lacks parameters or
+            has others, is a ValueError.
 
         Returns
         -------
         body
-
-        Raises
-        ------
-        ValueError
-            If the dictionary is that of another class, or lacks a parameter, or has others.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D
-        >>> Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1, "I13": -0.5, "I23": -0.3})
-        Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
         """
         given = dict(mapping(parameters))
         kind, names = given.pop("body", None), [*cls._names(), *cls._extras]
         if kind != cls.__name__:
             raise wrong("body", repr(cls.__name__), repr(kind))
-        missing = ", ".join(name for name in cls._required() if name not in given)
-        unknown = ", ".join(str(name) for name in given if name not in names)
-        if missing or unknown:
-            what = f"{missing} missing" if missing else f"{unknown} unknown"
-            raise wrong("parameters", f"the names {', '.join(names)}", f"others: {what}")
+        if wrong_names := {*given} - {*names} | {*cls._required()} - {*given}:
+            others = f"others: {', '.join(sorted(wrong_names))} missing or unknown"
+            raise wrong("parameters", f"the names {', '.join(names)}", others)
         return cls._from_plain(given)
 
     @classmethod
@@ -303,12 +291,6 @@ def cut(array: Any, shape: tuple[int, ...], axis: int, index: Any, own: int) -> 
     if array.shape[place] < shape[axis]:  # it is the same for all members
         index = slice(None) if isinstance(index, slice) else 0
     return array[(slice(None),) * place + (index,)]
-
-
-def _axes_of_change(array: FloatArray) -> list[int]:
-    """Return the axes along which a parameter varies; the only one, though it has one value."""
-    axes = [k for k in range(-array.ndim, 0) if array.shape[k] > 1]
-    return axes or [-1] * (array.shape == (1,))
 
 
 def _frozen(array: FloatArray) -> float | FloatArray:

@@ -29,7 +29,7 @@ from .numbers import (
     from_lists,
     to_lists,
 )
-from .polynomials import check_call, tensor, terms_of, text_of, traced
+from .polynomials import components, family, tensor, terms_of, text_of, traced
 from .tensors import Hamiltonian, homogeneous, rates, sparse, table_of
 
 # Numbers of axes that are not axes of the batch.
@@ -101,40 +101,35 @@ class QuadraticField(Body):
     )
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        arrays = {"quadratic": as_given("quadratic", quadratic)}
-        D = (0, *arrays["quadratic"].shape)[-1]
-        for name, given in (("linear", linear), ("constant", constant)):
-            zero = np.zeros((D,) * _AXES[name], dtype=int)
-            arrays[name] = zero if given is None else as_given(name, given)
+        given = {"quadratic": quadratic, "linear": linear, "constant": constant}
+        arrays = {name: as_given(name, each) for name, each in given.items() if each is not None}
+        D = (0, *arrays.get("quadratic", np.zeros(())).shape)[-1]
         for name, array in arrays.items():
             axes = _AXES[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
-                letter = "D" if name == "quadratic" else str(D)
-                raise wrong(name, f"shape (..., {', '.join([letter] * axes)})", array.shape)
+                raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
         batch = common_shape({name: a.shape[: a.ndim - _AXES[name]] for name, a in arrays.items()})
-        self._set(table_of(*(coefficients(name, a, bool(batch)) for name, a in arrays.items())))
+        found = {name: coefficients(name, a, bool(batch)) for name, a in arrays.items()}
+        vars(self).update(vars(self._made(table_of(D, batch, **found))))
 
-    def _set(
-        self, table: Any, H: Any = None, K: Any = None, parameters: Mapping[str, Any] | None = None
-    ) -> None:
-        found = {
-            "quadratic": table[..., :-1, :-1],
-            "linear": 2 * table[..., :-1, -1],
-            "constant": table[..., -1, -1],
-            "table": table,
-            "K": K,
-        }
-        for array in (table, H, *found.values()):
+    @classmethod
+    def _made(
+        cls, table: Any, H: Any = None, K: Any = None, parameters: Mapping[str, Any] | None = None
+    ) -> QuadraticField:
+        """Return the field with a table, and H, K and named parameters, which are not checked."""
+        self = object.__new__(cls)
+        quadratic, linear, constant = (
+            table[..., :-1, :-1],
+            2 * table[..., :-1, -1],
+            table[..., -1, -1],
+        )
+        for array in (table, quadratic, linear, constant, H, K):
             if array is not None:
                 array.flags.writeable = False
         H = None if H is None else Hamiltonian(H)
-        vars(self).update(found, H=H, shape=table.shape[:-3], _parameters=dict(parameters or {}))
-
-    @classmethod
-    def _made(cls, *parts: Any) -> QuadraticField:
-        """Return the field with a table, and H, K and named parameters, which are not checked."""
-        self = object.__new__(cls)
-        self._set(*parts)
+        vars(self).update(quadratic=quadratic, linear=linear, constant=constant)
+        vars(self).update(table=table, H=H, K=K, _parameters=dict(parameters or {}))
+        vars(self)["shape"] = table.shape[:-3]
         return self
 
     @classmethod
@@ -152,18 +147,12 @@ class QuadraticField(Body):
         dimension : int
             The number of variables, D.
         **parameters : float or array_like(float, shape=(...))
-            Named parameters, passed to the function. Arrays broadcast, and make a batch of fields;
-            single numbers remain exact.
+            Named parameters, passed to the function, with names that nothing else has. Arrays
+            broadcast, and make a batch of fields; single numbers remain exact.
 
         Returns
         -------
         QuadraticField
-
-        Raises
-        ------
-        TypeError, ValueError
-            If f does anything with x but +, -, * and divisions by numbers, or needs or has no
-            parameter of a name; if the name is in use, as eps or x.
 
         Examples
         --------
@@ -175,16 +164,7 @@ class QuadraticField(Body):
         ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
         """
         D = integer("dimension", dimension, 1)
-
-        def tables(given: Mapping[str, Any]) -> tuple[Any, None]:
-            found = traced("f", f, D, 2, given)
-            if not isinstance(found, (tuple, list, np.ndarray)):
-                raise wrong("f", f"a tuple of {D} components", f"{found!r:.60}", TypeError)
-            if len(found) != D:
-                raise wrong("f", f"{D} components", f"{len(found)}")
-            return np.stack([tensor("f", each, D, 2) for each in found]), None
-
-        table, _, values = _for_all("f", f, tables, D, parameters)
+        (table,), values = family("f", f, parameters, lambda given: (components(f, D, given),))
         return cls._made(table, None, None, values)
 
     @classmethod
@@ -210,11 +190,6 @@ class QuadraticField(Body):
         -------
         QuadraticField
 
-        Raises
-        ------
-        TypeError, ValueError
-            As of :meth:`from_function`; if K is not antisymmetric, or left out for odd D.
-
         Examples
         --------
         >>> from suslov_fast import QuadraticField
@@ -228,12 +203,12 @@ class QuadraticField(Body):
             whole = tensor("H", traced("H", H, D, 3, given), D, 3)
             return within("H", rates(whole, matrix), OTHERS), whole
 
-        table, whole, values = _for_all("H", H, tables, D, parameters)
+        (table, whole), values = family("H", H, parameters, tables)
         return cls._made(table, whole, matrix.astype(table.dtype), values)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
-        """Return the equations of motion of a body, or of a batch of bodies: its ``field()``.
+        """Return the equations of motion of a body, of a batch too: its ``field()``.
 
         Parameters
         ----------
@@ -243,7 +218,6 @@ class QuadraticField(Body):
         Returns
         -------
         QuadraticField
-            Its variables are the components of a state.
         """
         if not isinstance(body, Body):
             raise wrong("body", "a body or a field", type(body).__name__, TypeError)
@@ -326,12 +300,13 @@ class QuadraticField(Body):
 
     @classmethod
     def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
-        arrays = {name: np.array(each) for name, each in values.items()}
-        table = table_of(*(arrays[name] for name in cls._names()))
-        parts = [table, arrays.get("H"), arrays.get("K")]
-        if table.ndim == 3:
-            parts = [a if a is None else exact_array("body", a) for a in parts]
-        return cls._made(*parts)
+        whole = cls(*(values[name] for name in cls._names()))
+        H, K = (values.get(name) for name in "HK")
+        if H is None:
+            return whole
+        if not whole.shape:
+            H, K = exact_array("H", H), exact_array("K", K)
+        return cls._made(whole.table, np.array(H), np.array(K))
 
     def _part(self, axis: int, index: int | slice) -> QuadraticField:
         part = super()._part(axis, index)
@@ -369,35 +344,20 @@ class QuadraticField(Body):
     def _from_plain(cls, given: dict[str, Any]) -> QuadraticField:
         given = {name: from_lists(name, each) for name, each in given.items()}
         field = cls(*(given.get(name) for name in cls._names()))
-        batch, side = field.shape, field.dimension + 1
         values = check_parameters(given.get("parameters", {}))
         shapes = {name: np.shape(each) for name, each in values.items()}
-        if common_shape({"body": batch, **shapes}) != batch:
-            raise wrong("parameters", f"shapes that broadcast to {batch}", shapes)
-        if given.get("H") is None:
-            return cls._made(field.table, None, None, values)
-        H = coefficients("H", as_given("H", given["H"]), bool(batch))
-        if H.shape != (shape := (*batch, side, side, side)):
-            raise wrong("H", f"shape {shape}", H.shape)
-        K = antisymmetric(given.get("K"), side - 1).astype(H.dtype)
-        expected = rates(H, K)
-        if (abs(expected - field.table) > 1e-9 * abs(expected).max(initial=0)).any():
-            raise wrong("H, K", "those of the coefficients", "others")
+        if common_shape({"body": field.shape, **shapes}) != field.shape:
+            raise wrong("parameters", f"shapes that broadcast to {field.shape}", shapes)
+        H = K = None
+        if given.get("H") is not None:
+            H = coefficients("H", as_given("H", given["H"]), bool(field.shape))
+            K = antisymmetric(given.get("K"), field.dimension).astype(H.dtype)
+            if H.shape != (*field.shape, *(len(K) + 1,) * 3) or not _fits(field, H, K):
+                raise wrong("H, K", "those of the coefficients", "others")
         return cls._made(field.table, H, K, values)
 
 
-def _for_all(
-    name: str, f: Any, tables: Callable[[Any], Any], D: int, parameters: Mapping[str, Any]
-) -> tuple[Any, Any, dict[str, Any]]:
-    """Return the table of f, and of H, for all values of parameters, and these."""
-    values = check_parameters(parameters)
-    check_call(name, f, values)
-    if not any(isinstance(each, np.ndarray) for each in values.values()):
-        return *tables(values), values
-    arrays = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in values.values()))
-    rows = zip(*(array.ravel().tolist() for array in arrays), strict=True)
-    members = [tables(dict(zip(values, row, strict=True))) for row in rows]
-    side, batch = D + 1, arrays[0].shape
-    table = np.array([each[0] for each in members], np.float64).reshape(*batch, D, side, side)
-    H = np.array([each[1] for each in members], np.float64) if name == "H" else None
-    return table, None if H is None else H.reshape(*batch, side, side, side), values
+def _fits(field: QuadraticField, H: Any, K: Any) -> bool:
+    """Return whether coefficients, which may be rounded, are those of H and K."""
+    expected = rates(H, K)
+    return bool((abs(expected - field.table) <= 1e-9 * abs(expected).max(initial=0)).all())

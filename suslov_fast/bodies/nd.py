@@ -124,11 +124,6 @@ class SuslovND(Body):
             ``I_adapted = rotation @ I @ rotation.T``. It is the identity where the given basis is
             adapted already.
 
-        Raises
-        ------
-        ValueError
-            If the matrix is not symmetric and positive definite.
-
         Examples
         --------
         >>> from suslov_fast import SuslovND

@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 
 from ..checks import OTHERS, short, within, wrong
-from .numbers import exact, is_number, plain
+from .numbers import check_parameters, exact, is_number, plain
 
 # The indices of the variables of a monomial, ascending, and its coefficient.
 Terms = Mapping[tuple[int, ...], Fraction]
-# Kinds of parameters that stand for any number of arguments.
-_WHATEVER = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
 _LIFT = (
     ": make it quadratic by a variable for a product, as y for x**2 with y' = 2 x x'; away from "
     "y = x**2 errors may grow, so watch abs(y - x**2), and reset y after each step where it grows"
@@ -91,23 +89,21 @@ class Polynomial:
 
 
 def check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
-    """Raise an error that names the first parameter that f(x, **parameters) lacks, or has not."""
+    """Raise an error that names the parameter that f(x, **parameters) lacks, or does not have."""
     if not callable(f):
         expected = "a function of x, the tuple of variables"
         raise wrong(name, expected, type(f).__name__, TypeError)
     try:
-        known = [*inspect.signature(f).parameters.values()][1:]
-    except (TypeError, ValueError):  # functions of other languages may have no signature
+        inspect.signature(f).bind((), **parameters)
+    except TypeError as error:
+        found = re.search(r"'(\w+)'", str(error))
+        which = found[1] if found else "none, not even x"
+        if str(error).startswith("missing"):
+            which = f"none for {which}: {name} needs {which}: pass {which}=28, say"
+            raise wrong(name, "values for all its parameters", which, TypeError) from None
+        raise wrong(name, "parameters that it has", which, TypeError) from None
+    except ValueError:  # functions of other languages may have no signature
         return
-    by_name = {each.name: each.default for each in known if each.kind not in _WHATEVER}
-    for each, default in by_name.items():
-        if default is inspect.Parameter.empty and each not in parameters:
-            how = f"none for {each}: {name} needs {each}: pass {each}=28, say"
-            raise wrong(name, "values for all its parameters", how, TypeError)
-    others = [each for each in parameters if each not in by_name]
-    if others and all(each.kind is not each.VAR_KEYWORD for each in known):
-        has = f"parameters that it has ({', '.join(by_name) or 'none but x'})"
-        raise wrong(name, has, ", ".join(others), TypeError)
 
 
 def traced(
@@ -124,6 +120,32 @@ def traced(
         raise wrong(name, expected, f"another operation: {which}", TypeError) from error
     except (ValueError, IndexError, ArithmeticError) as error:
         raise wrong(name, expected, f"an error: {error}") from error
+
+
+def components(f: Callable[..., Any], D: int, parameters: Mapping[str, Any]) -> Any:
+    """Return the table of D polynomials f(x, **parameters) of degree 2."""
+    found = traced("f", f, D, 2, parameters)
+    if not isinstance(found, (tuple, list, np.ndarray)):
+        raise wrong("f", f"a tuple of {D} components", short(found), TypeError)
+    if len(found) != D:
+        raise wrong("f", f"{D} components", len(found))
+    return np.stack([tensor("f", each, D, 2) for each in found])
+
+
+def family(
+    name: str, f: Any, parameters: Mapping[str, Any], tables: Callable[[Any], tuple[Any, ...]]
+) -> tuple[tuple[Any, ...], dict[str, Any]]:
+    """Return tables of f(x, **parameters), of floats if these are arrays, and the parameters."""
+    values = check_parameters(parameters)
+    check_call(name, f, values)
+    if not any(map(np.ndim, values.values())):
+        return tables(values), values
+    arrays = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in values.values()))
+    rows = zip(*(array.ravel().tolist() for array in arrays), strict=True)
+    members = [tables(dict(zip(values, row, strict=True))) for row in rows]
+    one = members or [tables(dict.fromkeys(values, 1.0))]  # shapes of an empty batch
+    columns = (np.array(each, np.float64)[: len(members)] for each in zip(*one, strict=True))
+    return tuple(each.reshape(*arrays[0].shape, *each.shape[1:]) for each in columns), values
 
 
 def tensor(name: str, value: Any, D: int, degree: int) -> Any:

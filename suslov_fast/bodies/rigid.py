@@ -166,11 +166,6 @@ class Suslov3D(_In3D):
             ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.
             It is the identity where the given basis is adapted already.
 
-        Raises
-        ------
-        ValueError
-            If no rigid body has this tensor.
-
         Examples
         --------
         >>> import numpy as np

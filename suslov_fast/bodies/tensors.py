@@ -43,12 +43,14 @@ class Hamiltonian:
         return text_of(terms_of(self.tensor))
 
 
-def table_of(q: Any, l: Any, c: Any) -> Any:
+def table_of(
+    D: int, batch: tuple[int, ...], quadratic: Any, linear: Any = 0, constant: Any = 0
+) -> Any:
     """Return the symmetric table of coefficients."""
-    D = q.shape[-1]
-    batch = np.broadcast_shapes(q.shape[:-3], l.shape[:-2], c.shape[:-1])
-    table = np.full((*batch, D, D + 1, D + 1), Fraction(0), q.dtype)
-    table[..., :D, :D], table[..., :D, D], table[..., D, D] = q, l, c
+    table = np.full((*batch, D, D + 1, D + 1), Fraction(0), quadratic.dtype)
+    table[..., :D, :D] = quadratic
+    table[..., :D, D] += linear
+    table[..., D, D] += constant
     turned = table.swapaxes(-2, -1).copy()
     some = table.astype(bool) | turned.astype(bool)  # fractions are slow
     table[some] = (table[some] + turned[some]) / 2

@@ -67,7 +67,8 @@ def _about(what: Path | str) -> Iterator[None]:
         yield
     except Exception as error:
         text = _text_of(error)
-        raise ValueError(text if str(what) in text else f"{what}: {text}") from error
+        text = text if text.startswith(str(what)) else f"{what}: {text}"
+        raise ValueError(text) from error
 
 
 class _Parser(argparse.ArgumentParser):
@@ -240,7 +241,7 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
         return RandomStarts(checks.integer("--trajectories", count, 1), extent, options.seed or 0)
     with _about(path):
         states = np.lib.format.open_memmap(path, mode="r")
-        missing = np.isnan(checks.states(str(path), states, body._labels))
+        missing = np.isnan(checks.states(str(path), np.asarray(states), body._labels))
         if missing.any():
             row = checks.spell(checks.first_index(missing)[:-1])
             raise checks.wrong(str(path), "finite numbers", f"nan in row {row}")
@@ -252,8 +253,10 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
     from . import RandomStarts, iterate
     from .core.numba import compile_timer
 
-    if path is not None:
-        _require_new(path, force)
+    if path is not None and path.exists() and not force:
+        raise FileExistsError(f"{path}: expected a new name, or --force to replace it")
+    if path is not None and not os.access(f"{path.absolute().parent}/", os.W_OK):
+        raise PermissionError(f"{path}: expected a name in a folder that can be written to")
     body, starts, eps, steps = work
     if isinstance(starts, RandomStarts):
         starts = starts.states(starts.size, dimension=body.dimension)
@@ -272,14 +275,6 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
     taken = found.failed_at + (found.failed_at < 0) * (steps + 1)
     facts = _facts_of(found, starts) | {"seconds": seconds}
     return facts | {"steps_per_second": float(taken.sum()) / seconds}
-
-
-def _require_new(path: Path, force: bool) -> None:
-    """Raise an error before the work if a file cannot be written."""
-    if path.exists() and not force:
-        raise FileExistsError(f"{path}: expected a new name, or --force to replace it")
-    if not os.access(path.absolute().parent, os.W_OK):
-        raise PermissionError(f"{path}: expected a name in a folder that can be written to")
 
 
 def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]:
@@ -333,7 +328,8 @@ def _facts_of(found: Any, start: Any = None) -> dict[str, Any]:
 
 def _facts_of_store(data: Any) -> dict[str, Any]:
     """Return the summary of a store, finished or not: its attributes, and its statuses."""
-    return {**data.attrs, "trajectories": data.status.size, "status": _counts(data.status)}
+    facts = {name: each for name, each in data.attrs.items() if name not in ("title", "map")}
+    return {**facts, "trajectories": data.status.size, "status": _counts(data.status)}
 
 
 def _counts(status: Any) -> dict[str, int]:
@@ -403,16 +399,12 @@ def report(options: argparse.Namespace) -> None:
 
 def pictures(options: argparse.Namespace) -> None:
     """Draw the paper's four pictures. The gallery of the documentation has others."""
-    from . import plot_phase
-    from .bodies.paper import PICTURES
+    from .plots.pictures import draw, paths
 
-    options.output.mkdir(parents=True, exist_ok=True)
-    paths = {number: options.output / f"picture{number}.png" for number in PICTURES}
-    for path in paths.values():
-        _require_new(path, options.force)
-    for number, path in paths.items():
-        plot_phase(*PICTURES[number]).figure.savefig(path, dpi=160)
-        print(path, flush=True)
+    for path in paths(options.output):
+        if path.exists() and not options.force:
+            raise FileExistsError(f"{path}: expected a new name, or --force to replace it")
+    print(*draw(options.output), sep="\n", flush=True)
 
 
 def explore(options: argparse.Namespace) -> None:

@@ -31,7 +31,7 @@ def call_all() -> None:
 
 def calls() -> Iterator[tuple[Callable[..., Any], dict[str, Any]]]:
     """Yield public functions with their arguments; half of the states are at a pole."""
-    names = [name for name in dir(suslov_fast) if name not in _WITHOUT]
+    names = [name for name in suslov_fast.__all__ if name not in _WITHOUT]
     public = [getattr(suslov_fast, name) for name in names]
     for record, count in product(MAPS.values(), COUNTS):
         variants: list[dict[str, Any]] = [{"method": name} for name in record.methods]
@@ -40,7 +40,7 @@ def calls() -> Iterator[tuple[Callable[..., Any], dict[str, Any]]]:
             states = np.random.default_rng(0).uniform(0.1, 1.0, (count, body.dimension))
             states[1::2] = pole
             known = {"body": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
-            known |= dict.fromkeys(("omega", "omega0", "xy"), states)
+            known |= {"omega": states, "omega0": states, "xy": states, "x": 0.0 * states}
             for function, more in product(filter(inspect.isfunction, public), variants):
                 wanted = inspect.signature(function).parameters
                 if wanted.keys() >= more.keys():

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import real_array, wrong
+from ..engine.memory import require
 from ..maps import Map
 from .trajectories import Trajectories
 
@@ -119,6 +120,8 @@ def template(
 
     body, every = run["body"], run["save_every"]
     rows, D = 1 if every is None else run["steps"] // every + 1, body.dimension
+
+    require(8 * rows, "raise save_every")
 
     def nothing(*shape: int, value: float = np.nan, kind: Any = np.float64) -> Any:
         return full(shape, value, dtype=kind, chunks=-1)

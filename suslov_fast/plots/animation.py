@@ -81,8 +81,8 @@ def animate_body(
     body = _EXAMPLE if body is None else body
     geometry.check_moving(body)
     start = _passing(body, eps) if omega0 is None else omega0
-    orientation = True if R0 is None else np.asarray(R0)
-    run = iterate(body, start, eps, steps, attitude=orientation, on_singular="raise")
+    turned = True if R0 is None else R0
+    run = iterate(body, start, eps, steps, attitude=turned, on_singular="raise")
     if run.status.ndim:
         received = f"a batch of shape {run.status.shape}"
         raise wrong("omega0, R0", "a single state and orientation", received)

@@ -91,7 +91,7 @@ export function paintCross(pen, [x, y]) {
 
 // Grid lines; returns the labels, which stand outside the frame.
 function paintGrid(pen, { x0, x1, y0, y1, scale, at, from }) {
-  const about = 70 / scale, power = 10 ** Math.floor(Math.log10(about));
+  const about = Math.min(70, (y1 - y0) / 5) / scale, power = 10 ** Math.floor(Math.log10(about));
   const step = power * [1, 2, 5, 10].find((each) => each * power >= about);
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   const far = Math.abs(Math.log10(step)) > 4;

@@ -31,7 +31,7 @@ def states_at(
     The orbits are those of states omega (B, 2), of the map, or else of the flow.
     """
     shape = times.size, *omega.shape
-    require(8 * math.prod(shape), f"the states are {shape}: compute fewer at a time")
+    require(8 * math.prod(shape), "compute fewer states at a time")
     out, reasons = np.empty(shape), np.zeros((3, len(omega)), bool)
     if shape[0] * shape[1] <= _SLICE:
         _fill(parameters, omega, discrete, times, threads, out, reasons)

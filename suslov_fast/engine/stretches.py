@@ -17,6 +17,7 @@ from ..core import orientations
 from ..core.numba import Kernel
 from . import threads as _threads
 from .arguments import States, flat_arrays, parameters_of
+from .memory import require
 
 # Work of a thread in a stretch, in steps of the three-dimensional map.
 _STRETCH = 2**26
@@ -27,8 +28,6 @@ _ABREAST, _LENGTH = 2**13, 2**8
 _SAVING = 8.0
 # Work of a stretch with orientations: the number of states times n**2.
 _TURNING = 2**24
-
-NO_STATES, NO_TURNS = np.empty((0, 1, 1)), np.empty((0, 1, 1, 1))
 
 Report = Callable[[int], object]  # takes the number of steps done so far
 
@@ -71,38 +70,47 @@ class March:
     def to(
         self,
         stop: int,
-        saved: FloatArray = NO_STATES,
         every: int = 0,
-        row: int = 0,
-        turns: FloatArray = NO_TURNS,
+        out: FloatArray | None = None,
         report: Report | None = None,
-    ) -> None:
-        """Go on to state `stop`, and save the states that are multiples of `every`, if that is > 0.
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Go on to state `stop`; return states (rows, B, D) and orientations, None without them.
 
-        The first of them goes to saved[row], its orientation to turns[row]. State 0 is saved by the
-        first call. `report` takes the number of the state that all trajectories have come to.
+        They are those after state n, and state 0 at first, that are multiples of `every`, in `out`
+        if it is given; or the last one if `every` is 0. `report` takes the number of the state that
+        all trajectories have come to.
         """
-        go = self._steps_to if self.turned is None else self._turning
+        (size, D), turned = self.omega0.shape, self.turned
+        rows = stop // every - self.n // every + (not self.begun) if every else 0
+        n = 0 if turned is None else D + 1
+        numbers = rows * size * (D * (out is None) + n * n)
+        require(8 * numbers, "raise save_every or divide the batch")
+        saved = np.empty((rows, size, D)) if out is None else out.reshape(len(out), size, D)
+        turns = np.empty((rows, size, n, n))
+        go, row = self._steps_to if turned is None else self._turning, 0
         if self.begun and self.n == 0 < stop:  # kernels that start at 0 would save it again
-            go(1, NO_STATES, 0, 0, NO_TURNS, None)
+            go(1, 0, saved, turns, 0, None)
             if every == 1:
-                saved[row] = self.final
-                if self.turned is not None:
-                    turns[row] = self.turned
-                row += 1
+                saved[0], turns[0], row = self.final, turned, 1
         if stop > self.n or not self.begun:
-            go(stop, saved, every, row, turns, report)
+            go(stop, every, saved, turns, row, report)
         self.begun = True
+        if not every and out is None:
+            return self.final[np.newaxis], None if turned is None else turned[np.newaxis]
+        if not every:
+            saved[0] = self.final
+        return saved, None if turned is None else turns
 
     def _steps_to(
         self,
         stop: int,
-        saved: FloatArray,
         every: int,
-        row: int,
+        saved: FloatArray,
         turns: FloatArray,
+        row: int,
         report: Report | None,
     ) -> None:
+        """Go on; the first state that is saved goes to saved[row]."""
         origin, total = self.n, len(self.omega0)
         before = self.parameters, self.omega0, self.carry
         after = saved, self.final, self.status, self.failed_at
@@ -111,10 +119,44 @@ class March:
             span = begin, end, start, until, every, row + done
             _threads.call_kernel(self.steps.kernel, work, self.threads, *before, span, *after)
             if report is not None:
-                report(
-                    origin + (begin * (stop - origin) + (end - begin) * (until - origin)) // total
-                )
+                steps = begin * (stop - origin) + (end - begin) * (until - origin)
+                report(origin + steps // total)
         self.n = stop
+
+    def _turning(
+        self,
+        stop: int,
+        every: int,
+        saved: FloatArray,
+        turns: FloatArray,
+        row: int,
+        report: Report | None,
+    ) -> None:
+        """Go on with orientations: all states into memory of our own, then what they turn."""
+        (size, D), eps, turned = self.omega0.shape, self.parameters[-1], self.turned
+        at_once = max(_TURNING // (max(size, 1) * (D + 1) ** 2), 1)
+        path = np.empty((min(at_once, max(stop - self.n, 1)) + 1, size, D))
+        path[0] = self.final
+        while True:
+            start, until = self.n, min(self.n + len(path) - 1, stop)
+            self._steps_to(until, 1, path, turns, int(start > 0), None)
+            states, first = path[: until - start + 1], row
+            if every:
+                multiples = states[every - start % every if start else 0 :: every]
+                row += len(multiples)
+                saved[first:row] = multiples
+                if start == 0:
+                    turns[first] = turned
+                    first += 1
+            work, before = size * (until - start) * (D + 1) ** 2, (states, eps, self.axial, turned)
+            _threads.call_kernel(
+                orientations.turn, work, self.threads, *before, start, every, first, turns
+            )
+            path[0] = states[-1]
+            if report is not None:
+                report(until)
+            if until == stop:
+                return
 
     def _stretches(self, stop: int, every: int) -> Iterable[tuple[tuple[int, ...], int]]:
         """Return trajectories begin to end, states start to stop, and work, of each stretch.
@@ -141,39 +183,3 @@ class March:
             for end in (min(begin + width, size),)
             for start in range(n, max(stop, n + 1), length)
         )
-
-    def _turning(
-        self,
-        stop: int,
-        saved: FloatArray,
-        every: int,
-        row: int,
-        turns: FloatArray,
-        report: Report | None,
-    ) -> None:
-        """Go on with orientations: all states into memory of our own, then what they turn."""
-        (size, D), origin, eps = self.omega0.shape, self.n, self.parameters[-1]
-        at_once = _TURNING // (max(size, 1) * (D + 1) ** 2)
-        path = np.empty((max(min(at_once, stop - origin), 1) + 1, size, D))
-        path[0] = self.final
-        while True:
-            start, until = self.n, min(self.n + len(path) - 1, stop)
-            self._steps_to(until, path, 1, int(start > 0), NO_TURNS, None)
-            states, first = path[: until - start + 1], row
-            if every:
-                multiples = states[every - start % every if start else 0 :: every]
-                saved[row : row + len(multiples)] = multiples
-                row += len(multiples)
-                if start == 0:
-                    turns[first] = self.turned
-                    first += 1
-            before = states, eps, self.axial
-            work, along = size * (until - start) * (D + 1) ** 2, (start, every, first)
-            _threads.call_kernel(
-                orientations.turn, work, self.threads, *before, self.turned, *along, turns
-            )
-            path[0] = states[-1]
-            if report is not None:
-                report(until)
-            if until == stop:
-                return

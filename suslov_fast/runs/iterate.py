@@ -15,7 +15,7 @@ from ..engine.arguments import BodyOrField, States, check, orientations_of, refu
 from ..engine.progress import Progress, check_progress
 from ..engine.starts import RandomStarts
 from ..engine.status import SingularStepWarning
-from ..engine.stretches import NO_TURNS, March
+from ..engine.stretches import March
 from ..maps import Map, map_of
 from .running import ON_SINGULAR, OnSingular, attributes_of_run, failures, report_failures
 from .trajectories import Trajectories
@@ -201,22 +201,15 @@ def pieces(
     map, states = _begin(body, omega0, eps, method, attitude, threads)
     steps, save_every = _counts(steps, save_every)
     march, batch = March(map.methods[method], states), states.batch
-    size, D = march.omega0.shape
     every, last = (save_every, steps // save_every) if save_every else (0, 0)
     for row in range(0, last + 1, rows):
         end = min(row + rows, last + 1)
-        saved, turns = np.empty((end - row, size, D)), NO_TURNS
-        if march.turned is not None:
-            turns = np.empty((end - row, size, D + 1, D + 1))
-        march.to(steps if end > last else (end - 1) * every, saved, every, 0, turns, report)
-        if not every:
-            saved[0] = march.final
-            turns[:1] = NO_TURNS if march.turned is None else march.turned
+        saved, turns = march.to(steps if end > last else (end - 1) * every, every, None, report)
         yield Piece(
             every * np.arange(row, end) if every else np.array([steps]),
-            saved.reshape(-1, *batch, D),
-            None if march.turned is None else turns.reshape(-1, *batch, D + 1, D + 1),
-            march.final.reshape(*batch, D),
+            saved.reshape(len(saved), *batch, body.dimension),
+            None if turns is None else turns.reshape(len(turns), *batch, *turns.shape[2:]),
+            march.final.reshape(*batch, body.dimension),
             march.status.reshape(batch),
             march.failed_at.reshape(batch),
         )

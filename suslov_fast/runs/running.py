@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, first_index, spell, warn
 from ..engine.arguments import States, checked_out
-from ..engine.memory import require
 from ..engine.progress import Progress, reporter
 from ..engine.status import SingularStepWarning, Status
-from ..engine.stretches import NO_TURNS, March
+from ..engine.stretches import March
 from ..maps import Map
 
 OnSingular = Literal["warn", "raise", "ignore"]
@@ -48,40 +47,29 @@ def attributes_of_run(
     earlier: Any = None,
 ) -> dict[str, Any]:
     """Go on to state `steps`; return the attributes of `Trajectories`, with states of `earlier`."""
-    batch, (size, D) = states.batch, march.omega0.shape
-    rows, every = (steps // save_every + 1, save_every) if save_every else (1, 0)
-    shape, n = (rows, *batch, D), 0 if march.turned is None else D + 1
-    numbers = rows * size * (D * (out is None) + n * n) + 4 * size * D
-    require(8 * numbers, f"the saved states are {shape}: raise save_every or divide the batch")
-    saved = np.empty(shape) if out is None else checked_out(out, shape)
-    if out is not None:  # it may overlap state 0
+    batch, start, every = states.batch, march.n, save_every or 0
+    if out is not None:  # which may overlap state 0
+        rows = steps // every + 1 if every else 1
+        out = checked_out(out, (rows, *batch, states.body.dimension))
         march.omega0 = march.omega0.copy()
-    turns = np.empty((rows, *batch, n, n)) if n else None
-    row = 0
-    if every and earlier is not None:
-        row = len(earlier.states)
-        saved[:row] = earlier.states
-        if turns is not None:
-            turns[:row] = earlier.attitude
-    flat = saved.reshape(rows, size, D)
-    flat_turns = NO_TURNS if turns is None else turns.reshape(rows, size, n, n)
     if progress:
-        start = march.n
         with reporter(progress, steps - start) as report:
-            march.to(steps, flat, every, row, flat_turns, lambda n: report(n - start))
+            flat, turns = march.to(steps, every, out, lambda n: report(n - start))
     else:  # a context would take a tenth of a small call
-        march.to(steps, flat, every, row, flat_turns)
-    if not every:
-        flat[0] = march.final
-        if turns is not None:
-            flat_turns[0] = march.turned
+        flat, turns = march.to(steps, every, out)
+    saved = flat.reshape(len(flat), *batch, flat.shape[-1]) if out is None else out
+    if turns is not None:
+        turns = turns.reshape(len(turns), *batch, *turns.shape[-2:])
+    if every and earlier is not None:
+        saved = np.concatenate([earlier.states, saved])
+        turns = None if turns is None else np.concatenate([earlier.attitude, turns])
     return {
         "states": saved,
         "eps": states.eps,
         "body": states.body,
         "status": march.status.reshape(batch),
         "failed_at": march.failed_at.reshape(batch),
-        "final": march.final.reshape(shape[1:]),
+        "final": march.final.reshape(saved.shape[1:]),
         "method": method,
         "steps": steps,
         "save_every": save_every,

@@ -5,7 +5,7 @@ the units of the unknowns change no digit, and loops over lanes are SIMD. The pi
 systems lose digits in this order, see `keeps_digits`: these are for `solve`, one at a time.
 
 A block of systems is a[row, column, lane], with the columns of A and then right sides. One system
-is a block of one lane.
+is a block of one lane; that `lanes` is an argument lets LLVM drop the loops over one lane.
 """
 
 import math
@@ -39,15 +39,15 @@ def keeps_digits(least, largest):
     return least > LEAST_PIVOT * largest
 
 
-@function
-def eliminate(a, least, largest):
+@formula
+def eliminate(a, least, largest, lanes):
     """Replace the right sides of all lanes by solutions, with the diagonal as pivots.
 
     A is factorised in place: above the diagonal is U; on it, inverse pivots; below it, L, whose own
     diagonal is 1. Two pivots are taken at a time, which halves loads and stores. `least` (lanes,)
     receives the least pivot, `largest` the largest number that was on the diagonal, at least 1.
     """
-    m, columns, lanes = a.shape
+    m, columns, _ = a.shape
     for l in range(lanes):
         least[l], largest[l] = np.inf, 1.0
     for i in range(m):

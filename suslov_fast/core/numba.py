@@ -354,6 +354,10 @@ if config.DISABLE_JIT:
         """Copy source[j:j+8] to the cache line target[i:i+8], past the caches."""
         target[i : i + LINE] = source[j : j + LINE]
 
+    def borrowed(arrays):
+        """Return an array, or a tuple of arrays."""
+        return arrays
+
 else:
 
     @formula
@@ -377,6 +381,17 @@ else:
             return context.get_dummy_value()
 
         return types.void(target, types.intp, source, types.intp), emit
+
+    @intrinsic
+    def borrowed(typing, arrays):
+        """Return an array, or a tuple of arrays, that counts no references, for which threads
+        would wait.
+        """
+
+        def emit(context, builder, signature, arguments):
+            return _uncounted(context, builder, signature.args[0], arguments[0])
+
+        return arrays(arrays), emit
 
 
 @formula

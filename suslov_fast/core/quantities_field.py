@@ -103,7 +103,7 @@ def enter_states(terms, values, eps, x, first, states, fixed, half, a):
         enter_field(terms, values, eps[b], fixed, half, l)
         for i in range(x.shape[1]):
             states[0, i, l] = x[b, i]
-    fill(terms, half, fixed, states[0], a)
+    fill(terms, half, fixed, states[0], a, states.shape[2])
 
 
 @universal(FIELD + "(b)")
@@ -115,7 +115,7 @@ def density(places, values, eps, x, out):
     fixed, a = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes))
     for first in range(0, len(x), lanes):
         enter_states(terms, values, eps, x, first, states, fixed, half, a)
-        eliminate(a, b[LEAST], b[LARGEST])
+        eliminate(a, b[LEAST], b[LARGEST], lanes)
         for l in range(min(lanes, len(x) - first)):
             out[first + l] = 1.0
             for i in range(D):
@@ -137,8 +137,8 @@ def jacobian(places, values, eps, x, out):
     after, one_after, right = np.empty_like(a), np.empty((D, D + 1, 1)), np.empty((D, D, lanes))
     for first in range(0, len(x), lanes):
         enter_states(terms, values, eps, x, first, states, fixed, half, a)
-        advance(states, a, b)
-        fill(terms, half, fixed, states[1], after)
+        advance(states, a, b, lanes)
+        fill(terms, half, fixed, states[1], after, lanes)
         for i in range(D):
             for j in range(D):
                 unit = 2.0 if i == j else 0.0

@@ -56,13 +56,14 @@ def enter_field(indices, values, eps, fixed, half, l):
             fixed[i, j, l] -= half[t, l]
 
 
-@function
-def fill(indices, half, fixed, x, a):
+@formula
+def fill(indices, half, fixed, x, a, lanes):
     """Fill A(x), and in column D minus half the step size times f(x)."""
-    D, _, lanes = fixed.shape
-    target, source = a.reshape(a.size), fixed.reshape(a.size)
-    for n in range(a.size):
-        target[n] = source[n]
+    D = len(fixed)
+    for i in range(D):
+        for j in range(D + 1):
+            for l in range(lanes):
+                a[i, j, l] = fixed[i, j, l]
     for t in range(indices.shape[1]):
         i, j, k = indices[0, t], indices[1, t], indices[2, t]
         if j < D:  # for k = D a term of f
@@ -90,11 +91,11 @@ def is_accurate(b, l, D):
     return (b[LOST, l] < D) & keeps_digits(b[LEAST, l], b[LARGEST, l])
 
 
-@function
-def advance(x, a, b):
+@formula
+def advance(x, a, b, lanes):
     """Fill the next states x[1] from `a`; return how many are not finite or not accurate."""
-    _, D, lanes = x.shape
-    eliminate(a, b[LEAST], b[LARGEST])
+    D = len(a)
+    eliminate(a, b[LEAST], b[LARGEST], lanes)
     for l in range(lanes):
         b[LOST, l] = 0.0
     for i in range(D):
@@ -125,7 +126,7 @@ def advance_one(indices, x, fixed, half, l, one):
         x1[0, i, 0] = x[0, i, l]
         for j in range(D + 1):
             fixed1[i, j, 0] = fixed[i, j, l]
-    fill(indices, half1, fixed1, x1[0], a)
+    fill(indices, half1, fixed1, x1[0], a, 1)
     for i in range(D):
         right = x1[0, i, 0] - 2.0 * fixed1[i, D, 0]
         for j in range(D):
@@ -135,6 +136,21 @@ def advance_one(indices, x, fixed, half, l, one):
     for i in range(D):
         x1[1, i, 0] = a[i, D, 0] if status == OK else np.nan
         x[1, i, l] = x1[1, i, 0]
+    return status
+
+
+@function
+def step_of_one(system, given, out, memory):
+    """Write the state that follows `given` to `out`; return its status. For `compiled`."""
+    (fixed, half, indices), (x, b, one) = system, memory
+    for i in range(len(fixed)):
+        x[0, i, 0] = given[i]
+    fill(indices, half, fixed, x[0], one[3], 1)
+    status = OK
+    if advance(x, one[3], b, 1) > 0:
+        status = advance_one(indices, x, fixed, half, 0, one)
+    for i in range(len(fixed)):
+        out[i] = x[1, i, 0]
     return status
 
 
@@ -185,8 +201,8 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
         enter(parameters, states, x, fixed, half, b, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
             if n > start:
-                fill(indices, half, fixed, x[0], a)
-                if advance(x, a, b) > 0:
+                fill(indices, half, fixed, x[0], a, lanes)
+                if advance(x, a, b, lanes) > 0:
                     for l in range(lanes):
                         if not is_accurate(b, l, D):
                             code = advance_one(indices, x, fixed, half, l, one)

@@ -74,10 +74,10 @@ def next_component(I, w, inverse, of_w, of_I):
     return w + (of_w * w + of_I * I) * inverse
 
 
-@function
-def fill(c, b, a):
+@formula
+def fill(c, b, a, lanes):
     """Fill A(w), and w as the right side."""
-    m, _, lanes = a.shape
+    m = len(a)
     for i in range(m):
         for l in range(lanes):
             b[ROW_W, l] = b[EPS, l] * c[I_, i, l] / c[J_, i, l]
@@ -93,13 +93,13 @@ def fill(c, b, a):
             a[i, i, l] = 1.0 - 0.5 * b[EPS, l] * b[OTHERS, l] / c[J_, i, l]
 
 
-@function
-def find_factors(c, b):
+@formula
+def find_factors(c, b, lanes):
     """Find 1 / d and the factors of the increment; return how many lanes are open.
 
     Terms i and M/2 + i are added in pairs, which halves the stores.
     """
-    _, M, lanes = c.shape
+    M = c.shape[1]
     pairs = M // 2
     for l in range(lanes):
         b[HALF, l] = 0.5 * b[EPS, l] * b[P, l]
@@ -130,10 +130,10 @@ def find_factors(c, b):
     return opened
 
 
-@function
-def add_increments(c, b):
+@formula
+def add_increments(c, b, lanes):
     """Go on to the next states, and find their p and |w|**2."""
-    _, M, lanes = c.shape
+    M = c.shape[1]
     pairs = M // 2
     for i in range(M):
         for l in range(lanes):
@@ -165,10 +165,29 @@ def eliminate_one(c, b, l, one):
     b1[EPS, 0], b[OF_W, l], b[OF_I, l] = b[EPS, l], 0.0, 0.0
     for i in range(m):
         c1[J_, i, 0], c1[I_, i, 0], c1[W, i, 0] = c[J_, i, l], c[I_, i, l], c[W, i, l]
-    fill(c1, b1, a)
+    fill(c1, b1, a, 1)
     status = solve(a, units)
     for i in range(m):
         c[W, i, l], c[INVERSE, i, l] = a[i, m, 0], 0.0
+    return status
+
+
+@function
+def step_of_one(system, given, out, memory):
+    """Write the state that follows `given` to `out`; return its status. For `compiled`."""
+    (J, I, eps, near), (c, b, one) = system, memory
+    status = OK
+    b[EPS, 0], b[NEAR, 0], b[OF_W, 0], b[OF_I, 0] = eps, near, 0.0, 0.0
+    for i in range(c.shape[1]):
+        c[J_, i, 0], c[I_, i, 0], c[W, i, 0], c[INVERSE, i, 0] = np.inf, 0.0, 0.0, 0.0
+        if i < len(J):
+            c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = J[i], I[i], given[i]
+    add_increments(c, b, 1)  # none: finds p and |w|**2
+    if find_factors(c, b, 1) > 0:
+        status = eliminate_one(c, b, 0, one)
+    add_increments(c, b, 1)
+    for i in range(len(J)):
+        out[i] = c[W, i, 0] if status == OK else np.nan
     return status
 
 
@@ -187,13 +206,13 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
         enter(c, b, parameters, states, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
             if n > start:
-                if find_factors(c, b) > 0:
+                if find_factors(c, b, lanes) > 0:
                     for l in range(lanes):
                         if b[OPEN, l] > 0.0:
                             code = eliminate_one(c, b, l, one)
                             if code != OK:
                                 end_lane(c, b, l, begin, end, n, code, status, failed_at)
-                add_increments(c, b)
+                add_increments(c, b, lanes)
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write(c, b, begin, end, saved[row])
                 row += 1
@@ -216,8 +235,8 @@ def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, stat
         enter(c, b, parameters, states, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
             if n > start:
-                fill(c, b, a)
-                eliminate(a, b[LEAST], b[LARGEST])
+                fill(c, b, a, lanes)
+                eliminate(a, b[LEAST], b[LARGEST], lanes)
                 for l in range(lanes):
                     b[OTHERS, l] = 0.0
                 for i in range(m):
@@ -266,7 +285,7 @@ def enter(c, b, parameters, states, begin, end, start, status, failed_at):
             status[k], failed_at[k] = NONFINITE, 0
         if status[k] < 0:
             rest(c, b, l)
-    add_increments(c, b)  # none: finds p and |w|**2
+    add_increments(c, b, c.shape[2])  # none: finds p and |w|**2
 
 
 @function

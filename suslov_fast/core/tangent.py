@@ -47,8 +47,8 @@ def derive(indices, x, fixed, half, l, one, after, system):
     x1, fixed1, half1, a, units = one
     D, columns, _ = system.shape
     code = advance_one(indices, x, fixed, half, l, one)
-    fill(indices, half1, fixed1, x1[1], after)
-    fill(indices, half1, fixed1, x1[0], a)
+    fill(indices, half1, fixed1, x1[1], after, 1)
+    fill(indices, half1, fixed1, x1[0], a, 1)
     for r in range(D, columns):
         for i in range(D):
             units[0, i] = 2.0 * system[i, r, 0]
@@ -97,10 +97,10 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
                 for j in range(D):
                     unit = 1.0 if i == j else 0.0
                     q[i, j, l] = unit if start == 0 else carry[k, D + D * i + j]
-        fill(indices, half, fixed, x[0], a)
+        fill(indices, half, fixed, x[0], a, lanes)
         for n in range(start + 1, stop + 1):
             fill_diagonals(indices, half, x[0], more[0], -1.0)
-            if advance(x, a, b) > 0:
+            if advance(x, a, b, lanes) > 0:
                 for l in range(lanes):
                     if not is_accurate(b, l, D):
                         code = advance_one(indices, x, fixed, half, l, one)
@@ -108,11 +108,11 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
                             if begin + l < end:
                                 status[begin + l], failed_at[begin + l] = code, n
                             rest(x, fixed, half, b, l)
-            fill(indices, half, fixed, x[1], after)
+            fill(indices, half, fixed, x[1], after, lanes)
             fill_diagonals(indices, half, x[1], more[1], 1.0)
             fill_right_sides(after, q, v, back)
             substitute(a, v)
-            eliminate(back, b[LEAST_BACK], b[LARGEST_BACK])
+            eliminate(back, b[LEAST_BACK], b[LARGEST_BACK], lanes)
             inaccurate = 0
             for l in range(lanes):
                 good = is_accurate(b, l, D) & keeps_digits(b[LEAST_BACK, l], b[LARGEST_BACK, l])

@@ -118,18 +118,13 @@ class QuadraticField(Body):
     ) -> QuadraticField:
         """Return the field with a table, and H, K and named parameters, which are not checked."""
         self = object.__new__(cls)
-        quadratic, linear, constant = (
-            table[..., :-1, :-1],
-            2 * table[..., :-1, -1],
-            table[..., -1, -1],
-        )
-        for array in (table, quadratic, linear, constant, H, K):
+        found = {"quadratic": table[..., :-1, :-1], "constant": table[..., -1, -1], "table": table}
+        found |= {"linear": 2 * table[..., :-1, -1], "K": K}
+        for array in (H, *found.values()):
             if array is not None:
                 array.flags.writeable = False
         H = None if H is None else Hamiltonian(H)
-        vars(self).update(quadratic=quadratic, linear=linear, constant=constant)
-        vars(self).update(table=table, H=H, K=K, _parameters=dict(parameters or {}))
-        vars(self)["shape"] = table.shape[:-3]
+        vars(self).update(found, H=H, shape=table.shape[:-3], _parameters=dict(parameters or {}))
         return self
 
     @classmethod

@@ -260,11 +260,10 @@ def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
     axis = real_array(name, value)
     if axis.shape[-1:] != (n,):
         raise wrong(name, f"shape (..., {n})", axis.shape)
-    largest = abs(axis).max(axis=-1, keepdims=True, initial=0.0)
-    if not (largest > 0).all():
+    length = np.linalg.norm(axis, axis=-1, keepdims=True)
+    if not (length > 0).all():
         raise wrong(name, "an axis other than 0", "one of length 0")
-    axis = axis / largest
-    unit: FloatArray = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+    unit: FloatArray = axis / length
     return unit
 
 

@@ -33,7 +33,7 @@ from .darboux import darboux_polynomials
 from .functions import RationalFunction
 from .growth import Growth, degrees, growth
 from .invariants import cofactors
-from .maps import KahanMap, kahan
+from .kahan import KahanMap, kahan
 from .rational import RationalMap, rational_map
 from .relations import HKBasis, hk_bases
 from .report import Report, report

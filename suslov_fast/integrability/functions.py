@@ -143,7 +143,18 @@ class RationalFunction:
     @property
     def degree(self) -> int:
         """The degree in x of the numerator or of the denominator, whichever is larger."""
-        return max(sum(degree_of(P) * e for P, e in self._powers(s)) for s in (1, -1))
+        return max(self._degrees)
+
+    @property
+    def _degrees(self) -> tuple[int, int]:
+        """The degrees of numerator and denominator."""
+        above, below = (sum(degree_of(P) * e for P, e in self._powers(s)) for s in (1, -1))
+        return above, below
+
+    @property
+    def numerator_is_larger(self) -> bool:
+        """Whether the degree of the numerator is that of the denominator or more."""
+        return self._degrees[0] >= self._degrees[1]
 
     def __hash__(self) -> int:
         return hash(str(self))

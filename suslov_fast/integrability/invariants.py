@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -54,7 +53,8 @@ class Invariants:
     def integrals(self) -> list[RationalFunction]:
         """First integrals: quotients, and products of powers whose cofactors multiply to 1."""
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
-        return self.quotients + [self._power_product(row) for row in relations]
+        products = (self._power_product(row) for row in relations)
+        return self.quotients + [f if f.numerator_is_larger else f**-1 for f in products]
 
     @property
     def measures(self) -> list[RationalFunction]:
@@ -135,31 +135,37 @@ class Invariants:
 
     def _basis_of_all(self, space: Iterable[Any]) -> str:
         """Return what products of generators rest on."""
-        basis = {str(g.P): g.basis for g in self.generators}
-        found = {
-            basis.get(str(f), MODULAR) for P in space if str(P) not in basis for f, _ in factors(P)
-        } | {basis[str(P)] for P in space if str(P) in basis}
-        return IDENTITY if found == {IDENTITY} else MODULAR
+        for P in space:
+            for g in self.generators:
+                while g.basis == IDENTITY and degree_of(P) and P % g.P == 0:
+                    P = P // g.P
+            if degree_of(P):
+                return MODULAR
+        return IDENTITY
 
     def add_hamiltonian(self, H: Any) -> None:
         """Add the integral H + grad H (x~ - x) / 3 of a field with a Hamiltonian, and 1/det A."""
-        x = [*self.map.ring.gens()[self.map.has_letter :], self.map.ring.constant(1)]
-        self.known.append(quotient_of(x[-1], self.map.minors(x)[-1], IDENTITY))
-        *above, F = self.map.forms
-        first = int(self.map.has_letter)
-        gens = self.map.ring.gens()[first:]
-        steps = (f - x * F for f, x in zip(above, gens, strict=True))
-        change = sum((H.derivative(first + i) * step for i, step in enumerate(steps)), 0 * H)
+        map = self.map
+        *x, one = map.variables
+        *above, F = map.forms
+        determinant = map.steps(None).forms([*x, one])[-1]
+        self.known.append(quotient_of(one, determinant, IDENTITY))
+        change = sum(
+            (
+                H.derivative(i) * (f - y * F)
+                for i, (f, y) in enumerate(zip(above, x, strict=True), map.has_letter)
+            ),
+            0 * H,
+        )
         modified = quotient_of(3 * H * F + change, 3 * F, MODULAR)
-        if not (k := modified.degree):
-            return
-        P, Q = modified.numerator, modified.denominator
-        if self.map.terms(k) + math.comb(self.map.dimension + k, k) <= TERMS:
-            if self.map.pullback(P, k) * Q != self.map.pullback(Q, k) * P:
-                raise ArithmeticError(f"{modified}: expected an integral")
-            modified = replace(modified, basis=IDENTITY)
-            self.add((P, Q))
-        self.quotients.append(modified)
+        if k := modified.degree:
+            P, Q = modified.numerator, modified.denominator
+            if map.writes_out(k):
+                if map.pullback(P, k) * Q != map.pullback(Q, k) * P:
+                    raise ArithmeticError(f"{modified}: expected an integral")
+                modified = replace(modified, basis=IDENTITY)
+                self.add((P, Q))
+            self.quotients.append(modified)
 
     def _products_with(self, cofactor: RationalFunction, degree: int) -> list[Any]:
         """Return independent products of generators up to a degree that have a cofactor."""
@@ -189,7 +195,7 @@ class Invariants:
     def _power_product(self, powers: Sequence[int]) -> RationalFunction:
         chosen = [(g, e) for g, e in zip(self.generators, powers, strict=True) if e]
         basis = MODULAR if any(g.basis == MODULAR for g, _ in chosen) else IDENTITY
-        return product_of(((g.P, e) for g, e in chosen), basis)
+        return product_of(((f, k * e) for g, e in chosen for f, k in factors(g.P)), basis)
 
 
 def _constant_term(P: Any) -> bool:

@@ -101,7 +101,7 @@ class RationalMap(BirationalMap):
         *above, below = self.forms
         return tuple(str(exact_quotient(F, below)) if F else "0" for F in above)
 
-    def _name(self) -> str:
+    def __repr__(self) -> str:
         return f"rational_map({', '.join(self.components)})"
 
     def __eq__(self, other: object) -> bool:
@@ -117,9 +117,6 @@ class RationalMap(BirationalMap):
     def steps(self, p: int | None, eps: int = 0) -> _RationalSteps:
         return _RationalSteps(self, p)
 
-    def minors(self, x: Sequence[Any]) -> list[Any]:
-        return [self.pullback(F, self.degree, x) for F in self.forms]
-
     @cached_property
     def jacobian_polynomial(self) -> Any:
         """The polynomial F_0^(D + 1) det DPhi."""
@@ -130,14 +127,6 @@ class RationalMap(BirationalMap):
         ]
         return _determinant(rows) // below ** (n - 1)
 
-    def jacobian_at(self, x: Sequence[Any], F: Sequence[Any], steps: Any = None) -> tuple[Any, Any]:
-        degree = (self.dimension + 1) * (self.degree - 1)
-        if steps is None:
-            above = self.pullback(self.jacobian_polynomial, degree, x)
-        else:
-            above = homogeneous_value(modulo(self.jacobian_polynomial, steps.p, 0), x, degree)
-        return above, F[-1] ** (self.dimension + 1)
-
     def _with_all_factors(self) -> Iterator[Any]:
         yield self.forms[-1]
         yield self.jacobian_polynomial
@@ -147,7 +136,10 @@ class _RationalSteps(Steps):
     def __init__(self, map: RationalMap, p: int | None) -> None:
         super().__init__(p)
         self.degree, n = map.degree, map.dimension
-        self.polynomials = map.forms if p is None else [modulo(F, p, 0) for F in map.forms]
+        polynomials = [*map.forms, map.jacobian_polynomial]
+        if p is not None:
+            polynomials = [modulo(F, p, 0) for F in polynomials]
+        *self.polynomials, self.determinant = polynomials
         self.gradients = [[F.derivative(i) for i in range(n)] for F in self.polynomials]
 
     def image(self, x: Sequence[Any]) -> list[Any]:
@@ -166,6 +158,10 @@ class _RationalSteps(Steps):
 
     def forms(self, x: Sequence[Any]) -> list[Any]:
         return [homogeneous_value(F, x, self.degree) for F in self.polynomials]
+
+    def jacobian(self, x: Sequence[Any], F: Sequence[Any]) -> tuple[Any, Any]:
+        D = len(x) - 1
+        return homogeneous_value(self.determinant, x, (D + 1) * (self.degree - 1)), F[-1] ** (D + 1)
 
 
 def _determinant(rows: list[list[Any]]) -> Any:
@@ -239,7 +235,7 @@ def rational_map(
 
 def _undoes(back: RationalMap, map: RationalMap) -> bool:
     """Return whether a map takes the images of another one back, as an identity."""
-    *above, below = (back.pullback(F, back.degree, map.forms) for F in back.forms)
+    *above, below = (homogeneous_value(F, map.forms, back.degree) for F in back.forms)
     return below != 0 and all(a == x * below for a, x in zip(above, map.ring.gens(), strict=True))
 
 

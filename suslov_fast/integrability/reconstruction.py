@@ -25,7 +25,7 @@ Quotient = tuple[list[Any], list[Any]]  # coefficients of numerator and denomina
 Rows = list[list[Quotient]]
 
 _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
-_POINTS = 200  # values of eps, enough for degrees that add up to 130
+_POINTS = 64  # values of eps, enough for degrees that add up to 40
 
 
 def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> Rows | None:
@@ -40,6 +40,8 @@ def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> 
                 if candidate.predicts(found, p, e):
                     return candidate.rows
             quotients = _interpolated(rng, search, p, e, found) if letter else _numbers(found)
+            if quotients is None:
+                return None
             shape = tuple(tuple((len(a), len(b)) for a, b in row) for row in quotients)
             known.setdefault(shape, _Residues()).add(quotients, p)
     return None
@@ -94,8 +96,10 @@ def _numbers(found: Residues) -> Rows:
     return [[([c], [1]) for c in row] for row in found]
 
 
-def _interpolated(rng: random.Random, search: Search, p: int, e: int, first: Residues) -> Rows:
-    """Return the rational functions of eps modulo p; ZeroDivisionError if there are none."""
+def _interpolated(
+    rng: random.Random, search: Search, p: int, e: int, first: Residues
+) -> Rows | None:
+    """Return the rational functions of eps modulo p; None if they are too long."""
     lengths, width = len(first), len(first[0]) if first else 0
     functions = [flint.nmod_poly([0], p)] * (lengths * width)
     modulus, found = flint.nmod_poly([1], p), first
@@ -124,7 +128,7 @@ def _interpolated(rng: random.Random, search: Search, p: int, e: int, first: Res
             found = search(p, e)
             if len(found) == lengths:
                 break
-    raise ZeroDivisionError
+    return None
 
 
 def _quotient(f: Any, modulus: Any) -> tuple[Any, Any]:

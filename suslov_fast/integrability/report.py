@@ -18,7 +18,8 @@ from .background import results_until
 from .decimals import decimal, field_of, note_on_floats
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
-from .maps import BirationalMap, KahanMap, check_map, kahan
+from .kahan import KahanMap, kahan
+from .maps import BirationalMap, check_map
 from .progress import check_progress, shown
 from .search import search
 
@@ -75,7 +76,6 @@ class Report:
     def __repr__(self) -> str:
         d, D = self.degree, self.map.dimension
         none = f"none found up to degree {d}" if self.finished else "none found so far"
-        all_sought = any("as cofactors" in what for what in self.searched)
         if self.finished and self.relations is None:
             none = "not sought"
         found = {
@@ -88,11 +88,7 @@ class Report:
             self._title(),
             f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
             self._growth_line(),
-            *(
-                _listed(title, each, none, _SHOWN[title])
-                for title, each in found.items()
-                if each or all_sought or title != "Darboux polynomials"
-            ),
+            *(_listed(title, each, none, _SHOWN[title]) for title, each in found.items()),
         ]
         if (self.relations or 0) > len(self.integrals):
             text = f"{self.relations} independent integrals, {MODULAR}"

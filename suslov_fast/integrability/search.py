@@ -16,7 +16,6 @@ from typing import Any
 from . import exact
 from .functions import content_roots, independent
 from .growth import degrees_on_a_line, growth
-from .hamiltonian import hamiltonian_of
 from .invariants import Invariants
 from .maps import BirationalMap
 from .relations import Relations
@@ -49,9 +48,6 @@ def search(found: Any, seed: int) -> Iterator[Any]:
         found.searched = before + what
         _update(found, invariants)
         yield found
-        if _is_complete(found):
-            found.searched += ["then no more: as many integrals as relations show, and a measure"]
-            break
     found.finished = True
     yield found
 
@@ -75,7 +71,7 @@ def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator
     """Search part by part, and yield what was searched so far."""
     map, d = found.map, found.degree
     D, done = map.dimension, []
-    if (H := hamiltonian_of(map)) is not None:
+    if (H := getattr(map, "hamiltonian", None)) is not None:
         invariants.add_hamiltonian(H)
         done.append("the modified energy and 1/det A of the Hamiltonian")
         yield done
@@ -83,23 +79,26 @@ def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator
         if len(found.integrals) < found.relations:
             invariants.add(relations.integrals(exact.exponents_up_to(k, D)))
             yield done
-    invariants.of_simple_cofactors(d)
-    done.append(f"polynomials up to degree {d} with the cofactors 1 and det DPhi")
-    yield done
+    if not _is_complete(found):
+        invariants.of_simple_cofactors(d)
+        done.append(f"polynomials up to degree {d} with the cofactors 1 and det DPhi")
+        yield done
     if map.factors is None:
         yield [*done, "no other Darboux polynomials, since det DPhi is too long"]
         return
-    cofactors = "products of powers of the factors of det DPhi as cofactors"
-    for k in range(1, d + 1):
+    for k in range(1, 2 * d + 1):
+        unknowns, highest = math.comb(D + k, D), max((f.degree for f in found.integrals), default=0)
+        if _is_complete(found) and (k >= highest or unknowns > _FEW):
+            yield [*done, "no more, since as many integrals as relations show are known"]
+            return
+        # Integrals with irrational coefficients have rational norms, of a higher degree.
+        if k > d and (unknowns > _FEW or len(found.integrals) >= found.relations):
+            return
         invariants.of_degree(k)
-        yield [*done, f"Darboux polynomials up to degree {k} with {cofactors}"]
-    done.append(f"Darboux polynomials up to degree {d} with {cofactors}")
-    # Integrals with irrational coefficients have rational norms, of a higher degree.
-    k = d + 1
-    while len(found.integrals) < found.relations and k <= 2 * d and math.comb(D + k, D) <= _FEW:
-        invariants.of_degree(k)
-        yield [*done, f"the same up to degree {k}, since relations show more integrals"]
-        k += 1
+        done = [each for each in done if not each.endswith("as cofactors")]
+        cofactors = "products of powers of the factors of det DPhi as cofactors"
+        done.append(f"Darboux polynomials up to degree {k} with {cofactors}")
+        yield done
 
 
 def _degrees(map: BirationalMap, seed: int) -> list[int]:

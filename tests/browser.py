@@ -1,4 +1,4 @@
-"""A headless browser, driven by the DevTools protocol."""
+"""A headless browser, driven by the DevTools protocol, and the page of `explore` in it."""
 
 import base64
 import functools
@@ -114,3 +114,33 @@ class Browser:
     def picture(self, path):
         data = self.call("Page.captureScreenshot", format="png")
         path.write_bytes(base64.b64decode(data["data"]))
+
+
+def settle(browser, **context):
+    root = "document.documentElement"
+    script = f"{root}.querySelector('dt') !== null && {root}.dataset.busy === undefined"
+    browser.wait(script, **context)
+
+
+def put(browser, field, value, **context):
+    """Write a number into a field, or move its slider."""
+    place, event = f"document.getElementById({field!r})", "new Event('input', {bubbles: true})"
+    browser.value(f"{place}.value = {str(value)!r}; {place}.dispatchEvent({event})", **context)
+    settle(browser, **context)
+
+
+def pixels(browser, **context):
+    return browser.value("document.getElementById('plane').toDataURL()", **context)
+
+
+def text(browser, name, **context):
+    return browser.value(f"document.getElementById({name!r}).textContent", **context)
+
+
+def check_silence(browser, url):
+    errors = {"Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"}
+    for event in browser.events:
+        assert event.get("method") not in errors, event
+        if event.get("method") == "Network.requestWillBeSent":
+            address = event["params"]["request"]["url"]
+            assert address.startswith((url, "data:", "blob:", "about:")), address

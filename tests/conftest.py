@@ -67,3 +67,15 @@ def _figures():
 
         plt.close("all")
         matplotlib.rcdefaults()
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    """A headless browser, for pages that draw what compiled kernels compute."""
+    from browser import Browser
+
+    if numba.config.DISABLE_JIT:
+        pytest.skip("a page that waits for interpreted kernels")
+    running = Browser(tmp_path_factory.mktemp("browser"))
+    yield running
+    running.close()

@@ -1,8 +1,7 @@
-"""The page of `explore`: its numbers, its server, and its behaviour in a browser and a notebook."""
+"""The page of `explore`: its numbers, its server, and its behaviour in a browser."""
 
 import contextlib
 import http.client
-import http.server
 import json
 import re
 import socket
@@ -10,15 +9,13 @@ import threading
 import urllib.request
 from urllib.parse import urlencode, urlsplit
 
-import numba
 import numpy as np
 import pytest
-from browser import Browser
+from browser import check_silence, pixels, put, settle, text
 
 import suslov_fast as sf
 from suslov_fast.bodies.paper import PICTURES
 from suslov_fast.plots.explore import server as serving
-from suslov_fast.plots.explore.notebook import Widget, page_in_one_file
 from suslov_fast.plots.explore.parameters import Parameters, parse_query
 from suslov_fast.plots.explore.scene import scene
 from suslov_fast.plots.explore.server import PAGE, Server
@@ -191,9 +188,9 @@ def test_nothing_else_is_served(server):
         assert ask(server, path)[0].status == 404, path
     for path in ("/%00", "/main.js%00", "/a%0ab"):
         assert ask(server, path)[0].status == 400, path
-    for method, text in (("POST", b"suslov-fast: expected a GET request\n"), ("HEAD", b"")):
+    for method, words in (("POST", b"suslov-fast: expected a GET request\n"), ("HEAD", b"")):
         reply, body = ask(server, "/", method)
-        assert (reply.status, body) == (501, text)
+        assert (reply.status, body) == (501, words)
     assert server.socket.getsockname()[0] == "127.0.0.1"
 
 
@@ -252,23 +249,6 @@ def test_page_without_a_notebook_extra(monkeypatch):
             assert b"suslov_fast" in answer.read()
     finally:
         page.close()
-    for arguments, name in (
-        ((sf.SuslovND([1, 2], [1, 1]),), "body"),
-        ((sf.Suslov3D([4, 3], 2, -0.5, -0.3),), "body"),
-        ((body, [1, 2, 3]), "omega0"),
-        ((body, [1, 2], 0.1, 6000), "steps"),
-    ):
-        with pytest.raises((TypeError, ValueError), match=name):
-            sf.explore(*arguments)
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if numba.config.DISABLE_JIT:
-        pytest.skip("a page that waits for interpreted kernels")
-    running = Browser(tmp_path_factory.mktemp("browser"))
-    yield running
-    running.close()
 
 
 @pytest.fixture
@@ -281,15 +261,6 @@ def page(browser, server):
     check_silence(browser, server.url)
 
 
-def check_silence(browser, url):
-    errors = {"Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"}
-    for event in browser.events:
-        assert event.get("method") not in errors, event
-        if event.get("method") == "Network.requestWillBeSent":
-            address = event["params"]["request"]["url"]
-            assert address.startswith((url, "data:", "blob:", "about:")), address
-
-
 def show(browser, server, parameters=None, **view):
     address = "" if parameters is None else f"?{query(parameters, **view)}"
     browser.open("about:blank")
@@ -297,27 +268,6 @@ def show(browser, server, parameters=None, **view):
     settle(browser)
     for module in ("state", "space", "plane"):
         browser.value(f"import('/{module}.js').then((found) => void Object.assign(window, found))")
-
-
-def settle(browser, **context):
-    root = "document.documentElement"
-    script = f"{root}.querySelector('dt') !== null && {root}.dataset.busy === undefined"
-    browser.wait(script, **context)
-
-
-def put(browser, field, value, **context):
-    """Write a number into a field, or move its slider."""
-    place, event = f"document.getElementById({field!r})", "new Event('input', {bubbles: true})"
-    browser.value(f"{place}.value = {str(value)!r}; {place}.dispatchEvent({event})", **context)
-    settle(browser, **context)
-
-
-def pixels(browser, **context):
-    return browser.value("document.getElementById('plane').toDataURL()", **context)
-
-
-def text(browser, name, **context):
-    return browser.value(f"document.getElementById({name!r}).textContent", **context)
 
 
 @pytest.mark.slow
@@ -390,127 +340,3 @@ def test_the_body_turns_about_one_axis_between_two_states(page):
     half = np.reshape(page.value("orientation(20, 0.5)"), (3, 3))
     first, second = np.reshape(ends[0], (3, 3)), np.reshape(ends[2], (3, 3))
     np.testing.assert_allclose(half @ first.T @ half, second, atol=1e-12)
-
-
-# A page that mounts the widget as a notebook does, with the Python handler behind its model.
-NOTEBOOK = """<!doctype html><link rel="icon" href="data:,"><script type="module">
-import widget from "/widget.js";
-const state = await (await fetch("/state")).json(), listeners = new Set();
-window.model = {
-  get: (name) => state[name],
-  set: (name, value) => { state[name] = value; },
-  save_changes() {},
-  on: (event, listener) => listeners.add(listener),
-  off: (event, listener) => listeners.delete(listener),
-  async send(message) {
-    const replies = await fetch("/kernel", { method: "POST", body: JSON.stringify(message) });
-    for (const reply of await replies.json()) for (const each of listeners) each(reply);
-  },
-};
-window.stop = widget.render({ model, el: document.body });
-</script>"""
-
-
-class Notebook(http.server.BaseHTTPRequestHandler):
-    """Sends the widget and its state, and gives messages to a widget in Python."""
-
-    def do_GET(self):
-        state = {**self.server.widget.get_state(), "_patience": self.server.patience}
-        text, kind = {
-            "/": (NOTEBOOK, "text/html"),
-            "/widget.js": (state["_esm"], "text/javascript"),
-            "/state": (json.dumps(state), "application/json"),
-        }[self.path]
-        self.answer(text, kind)
-
-    def do_POST(self):
-        message = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        self.server.sent.clear()
-        if self.server.alive:
-            self.server.widget._handle_custom_msg(message, [])
-        self.answer(json.dumps(self.server.sent), "application/json")
-
-    def answer(self, text, kind):
-        self.send_response(200)
-        self.send_header("Content-Type", kind)
-        self.end_headers()
-        self.wfile.write(text.encode())
-
-    def log_message(self, *arguments):
-        pass
-
-
-@pytest.fixture
-def notebook(browser, monkeypatch):
-    """A notebook that shows a page of a body with a rotor."""
-    page = sf.explore(sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.7), [-0.9, 1.3], eps=0.2, steps=50)
-    bundle, _ = page._repr_mimebundle_()
-    assert "application/vnd.jupyter.widget-view+json" in bundle
-    assert "run this cell" in bundle["text/plain"]
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Notebook) as running:
-        running.widget, running.sent, running.alive, running.patience = page._widget, [], True, 10
-        monkeypatch.setattr(page._widget, "send", running.sent.append)
-        thread = threading.Thread(target=running.serve_forever, args=(0.02,))
-        thread.start()
-        running.url = f"http://127.0.0.1:{running.server_address[1]}/"
-        browser.look(1280, 800)
-        browser.events.clear()
-        yield running
-        running.shutdown()
-        thread.join()
-    check_silence(browser, running.url)
-
-
-def test_notebook(browser, notebook):
-    browser.open(notebook.url)
-    frame = browser.frame()
-    settle(browser, **frame)
-    assert "I1=4" in browser.value("model.get('query')")
-    assert (text(browser, "status", **frame), text(browser, "message", **frame)) == ("OK", "")
-    before = pixels(browser, **frame)
-    put(browser, "I1", "2.5", **frame)
-    assert pixels(browser, **frame) != before
-    browser.wait("model.get('query').includes('I1=2.5')")
-    put(browser, "I1", "0", **frame)
-    assert text(browser, "message", **frame).startswith("I1: expected")
-    # The frame can neither read the notebook nor load anything.
-    for script in (
-        "parent.document.body",
-        "localStorage.length",
-        f"fetch({notebook.url!r})",
-    ):
-        refused = f"(async () => {{ try {{ await {script}; }} catch {{ return true; }} }})()"
-        assert browser.value(refused, **frame) is True, script
-    browser.events[:] = [each for each in browser.events if "Log" not in each.get("method", "")]
-    assert browser.value("stop(); model.send({ id: 'x', query: '' })") is None
-
-
-def test_notebook_without_a_kernel(browser, notebook):
-    """Words say so, also where there never was one, and a kernel that answers later is heard."""
-    notebook.patience = 0
-    browser.open(notebook.url)
-    frame = browser.frame()
-    settle(browser, **frame)
-    notebook.alive = False
-    browser.value("document.getElementById('I1-slider').stepUp()", **frame)
-    put_value = "document.getElementById('I1-slider').dispatchEvent(new Event('input'))"
-    browser.value(put_value, **frame)
-    words = "document.getElementById('message').textContent.includes('run this cell again')"
-    browser.wait(words, **frame)
-    assert "any more" in text(browser, "message", **frame)
-    browser.events.clear()
-    browser.open(notebook.url)
-    frame = browser.frame()
-    browser.wait(words, **frame)
-    assert "saved notebook" in text(browser, "message", **frame)
-
-
-def test_modules_in_one_file_are_those_of_the_page():
-    html = page_in_one_file()
-    assert Widget(query="")._html == html
-    assert not re.search(r"^(import|export) ", html, re.MULTILINE)
-    assert 'src="' not in html
-    for file in PAGE.glob("*.js"):
-        body = file.read_text("utf-8").splitlines()
-        assert body[0].startswith("// ")
-        assert (body[0] in html) == (file.name not in ("http.js", "widget.js"))

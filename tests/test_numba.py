@@ -26,7 +26,7 @@ def change(x):
     return 2.0 * x
 """,
     "core/loops.py": """
-from .numba import kernel, select, share, stream_line, universal, write
+from .numba import kernel, select, share, stream_line, universal
 from .small import change
 
 @kernel
@@ -41,8 +41,8 @@ def copy(part, parts, source, out):
     stream_line(out, 0, source, 3)
 
 @universal("(),()->()")
-def ratio(x, y):
-    return change(x) / y
+def ratio(x, y, out):
+    out[0] = change(x) / y
 
 @universal("(),(d)->(d,d),(d)")
 def outer(a, x, product, row):

@@ -249,7 +249,28 @@ STORES = [
     (lambda: sf.open_ensemble(3), TypeError, "store"),
 ]  # fmt: skip
 
-TABLE = [*BODIES, *FIELDS, *RUNS, *STATES, *STORES]
+PLOTS = [
+    (lambda: sf.iterate(FAMILY, [0.1], 0.1, 9).plot(), ValueError, "plot"),
+    (lambda: run()().plot(components=(0, 2)), ValueError, "components"),
+    (lambda: run()().plot(components=(0, 1, 1)), ValueError, "components"),
+    (lambda: run()().plot(ax=OMEGA), TypeError, "ax"),
+    (lambda: sf.plot_phase(BODY, 10, 4), ValueError, "extent"),
+    (lambda: sf.plot_phase(BODY, 0.2, -4), ValueError, "extent"),
+    (lambda: sf.plot_phase(BODY, 0, 4), ValueError, "eps"),
+    (lambda: sf.plot_phase(BODY, 0.2, 4, levels=0), ValueError, "levels"),
+    (lambda: sf.plot_phase(Suslov3D(1, 2, 0, 0), 0.1, 4), ValueError, "body"),
+    (lambda: sf.plot_phase(ND, 0.1, 4), TypeError, "body"),
+    (lambda: sf.animate_body(BODY, fps=0), ValueError, "fps"),
+    (lambda: sf.animate_body(BODY, every=0), ValueError, "every"),
+    (lambda: sf.animate_body(BODY, eps=[0.1, 0.2]), ValueError, "eps"),
+    (lambda: sf.animate_body(BODY, R0=[ID]), ValueError, "omega0, R0"),
+    (lambda: sf.animate_body(BODY, [[1, 2]]), ValueError, "omega0, R0"),
+    (lambda: sf.explore(ND), TypeError, "body"), (lambda: sf.explore(BATCH), ValueError, "body"),
+    (lambda: sf.explore(BODY, [1, 2, 3]), ValueError, "omega0"),
+    (lambda: sf.explore(BODY, [1, 2], 0.1, 6000), ValueError, "steps"),
+]  # fmt: skip
+
+TABLE = [*BODIES, *FIELDS, *RUNS, *STATES, *STORES, *PLOTS]
 
 
 @pytest.mark.parametrize(("call", "exception", "name"), TABLE)

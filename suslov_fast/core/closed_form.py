@@ -25,7 +25,8 @@ L**2 + k x - L y and 1 - (e L)**2 in `orbit`.
 import numpy as np
 
 from .elementary import cosine_and_sine, exponential, is_integer, logarithm, quarter_turns
-from .numba import formula, kernel, lead_of, pick, select, share, shortening, universal, write
+from .numba import formula, kernel, pick, select, share, universal
+from .rows import lead_of, shortening, write
 
 LANES, GROUP = 128, 8
 ROWS_OF_TASK = 128  # times the number of n in a block
@@ -266,7 +267,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
                             explain(b, l, times[l], reasons, first + l % width)
                 place = 2 * (order[at] * B + first)
                 if order[at + count - 1] - order[at] == count - 1:  # neighbours in the output
-                    write(tile, 0, flat, place, 2 * used, lead)
+                    write(tile, flat, place, 2 * used, lead)
                 else:
                     for row in range(count):
                         place = 2 * order[at + row] * B
@@ -290,9 +291,9 @@ def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
     in_range = abs(X) <= RANGE and abs(Y) <= RANGE and abs(K) <= RANGE
     per_g = 1.0 / (I13 * (I13 / I1) + I23 * (I23 / I2))
     L = np.copysign(np.sqrt(square), eps) if in_range and square >= 0.0 else np.nan
-    if eps == 0.0 or x == 0.0 or (w1 == 0.0 and w2 == 0.0):
-        minus[0], minus[1], plus[0], plus[1] = w1, w2, w1, w2
-    else:
-        for out, end in ((minus, L), (plus, -L)):
-            v1, v2 = steady(I1, I2, I13, I23, s, -k, end)
-            out[0], out[1] = v1 * per_g, v2 * per_g
+    rests = eps == 0.0 or x == 0.0 or (w1 == 0.0 and w2 == 0.0)
+    for out, sign in ((minus, 1.0), (plus, -1.0)):
+        v1, v2 = steady(I1, I2, I13, I23, s, -k, sign * L)
+        out[0], out[1] = (w1, w2) if rests else (v1 * per_g, v2 * per_g)
+        if x == 0.0 and abs(1.0 + sign * Y) < 2.0 * ZERO_TO_ROUNDING:  # 0 / 0
+            out[0], out[1] = np.nan, np.nan

@@ -1,21 +1,20 @@
-"""Numba, as the package uses it: options, cache, calls from Python, and two instructions in LLVM.
+"""Numba: its options, its cache, calls from Python, and what it lacks, in LLVM.
 
 formula     a function of numbers, which LLVM inlines: loops over lanes that call it become SIMD
 function    a function that kernels call
 kernel      what Python calls: `kernel.serial(*arguments)`, `kernel.parallel(threads, *arguments)`
             for `function(part, parts, *arguments)`, which does one of `parts` parts of the work
-universal   a NumPy universal function, from the formula for one state
+universal   a NumPy universal function, from the function of one state
 for_users   a formula that users call, from their own compiled loops and from Python
 
-Everything is compiled when it is first called, and cached on disk. With NUMBA_DISABLE_JIT=1 all of
-it is Python; with NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other.
+All is compiled when it is first called. With NUMBA_DISABLE_JIT=1 it is Python; with
+NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other. A loop becomes SIMD if
 
-How a loop becomes SIMD: a block of lanes is one array b[ROW, lane] with constant numbers of rows
-and lanes, so that LLVM has one pointer and nothing to compare; the loop calls formulas without
-branches (`select`); functions of the C library have loops of their own. Without fastmath LLVM forms
-no FMA and reorders no sum, so that serial, parallel, vectorised and interpreted runs agree to the
-bit. Integers that are global constants are types of their own to Numba: a function that takes one
-as an argument is compiled once for each.
+- its numbers are rows b[ROW, lane] of one array, so that LLVM has one pointer and nothing to
+  compare, with constant numbers of rows and lanes; other indices than from 0 on are unsigned,
+- it calls formulas without branches (`select`), and nothing of the C library.
+
+Constant integers have types of their own: a function that takes one is compiled for each.
 """
 
 import functools
@@ -34,53 +33,55 @@ from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
 LINE = 8  # numbers of a cache line
-STREAM_FROM = 2**20  # numbers: smaller arrays stay in the caches, where they are read again
 
-# The default error model tests every divisor and raises: that costs 30 % and prevents SIMD. Other
-# Python threads run while a kernel does.
+# The default error model tests every divisor: that costs 30 % and prevents SIMD. Other threads of
+# Python run while a kernel does. No fastmath: no FMA is formed and no sum reordered, so that serial,
+# parallel, vectorised and interpreted runs agree to the bit.
 _OPTIONS = {"error_model": "numpy", "nogil": True}
 # A wrapper, for calls from Python or from C, takes as long to compile as a short function.
-_INNER = _OPTIONS | {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_FOR_USERS = _OPTIONS | {"forceinline": True, "no_cfunc_wrapper": True}
+_FORMULA = _FOR_USERS | {"no_cpython_wrapper": True}
+_FUNCTION = _FORMULA | {"forceinline": False}
 
 
 # ------------------------------------------------------------------------------------------- cache
 # Numba checks a file of its cache only against the source file of one function. Here the name of a
-# function contains a digest of all sources that are compiled and one of the versions of what
-# compiles them, so that every edit and every upgrade make new files. A cache folder must be as
-# trusted as the code itself.
-_DIGITS = 12
-_SOURCES = ("core/*.py", "compiled.py")
-
-
+# function contains digests of all sources that are compiled and of the versions of what compiles
+# them, so that every edit and upgrade make new files. The folder must be as trusted as the code.
 @functools.cache
 def _digests():
     """Digests of the compiled sources, and of the versions of libraries."""
-    sources = hashlib.sha256()
-    for pattern in _SOURCES:
-        for path in sorted(Path(__file__).parent.parent.glob(pattern)):
-            sources.update(path.read_bytes())
+    package = Path(__file__).parent.parent
+    files = [*sorted(package.glob("core/*.py")), package / "compiled.py"]
+    sources = b"".join(path.read_bytes() for path in files if path.exists())
     versions = f"{numba.__version__} {version('llvmlite')} {np.__version__}".encode()
-    return tuple(each.hexdigest()[:_DIGITS] for each in (sources, hashlib.sha256(versions)))
+    return tuple(hashlib.sha256(each).hexdigest()[:12] for each in (sources, versions))
 
 
-def _cached(function, compile_with):
+def _delete(folder, name, stale=True):
+    """Delete the files of a function that belong to other sources, or all of them."""
+    sources, versions = _digests()
+    for path in list(folder.glob(f"*.{name}_{'?' * len(sources)}_{versions}-*")):
+        if not (stale and f"_{sources}_{versions}-" in path.name):
+            path.unlink(missing_ok=True)
+
+
+def _cached(compile_with, py_function):
     """Compile a function on its first call, with a cache if there is a folder for it."""
-    name = function.__qualname__
-    function.__qualname__ = "_".join((name, *_digests()))
-    compiled = compile_with(function)
+    name = py_function.__qualname__
+    py_function.__qualname__ = "_".join((name, *_digests()))
+    compiled = compile_with(py_function)
     # Numba would cache code with and without checks of bounds under one name.
     if config.BOUNDSCHECK or config.DISABLE_JIT:
         return compiled
     with suppress(RuntimeError):  # no writable folder: each process compiles
         compiled.enable_caching()
-        _tolerate_unusable_files(getattr(compiled, "_cache", None), name)
+        _tolerate_unusable_files(compiled._cache, name)
     return compiled
 
 
 def _tolerate_unusable_files(cache, name):
     """Compile again if a file of the cache cannot be read; go on if none can be written."""
-    if not all(hasattr(cache, method) for method in ("load_overload", "save_overload")):
-        return  # a Numba with another cache class
     load, save = cache.load_overload, cache.save_overload
 
     def load_overload(signature, target_context):
@@ -97,17 +98,9 @@ def _tolerate_unusable_files(cache, name):
     def save_overload(signature, data):
         with suppress(Exception):
             save(signature, data)
-            _delete_stale(Path(cache.cache_path), name)
+            _delete(Path(cache.cache_path), name)
 
     cache.load_overload, cache.save_overload = load_overload, save_overload
-
-
-def _delete_stale(folder, name, current=True):
-    """Delete the files of a function that belong to earlier sources, or all of them."""
-    sources, versions = _digests()
-    for path in list(folder.glob(f"*.{name}_{'?' * _DIGITS}_{versions}-*")):
-        if not (current and f"_{sources}_{versions}-" in path.name):
-            path.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -117,28 +110,19 @@ def compile_timer():
         yield lambda: lock.duration if lock.done else 0.0
 
 
-# -------------------------------------------------------------------------------------- decorators
-def function(py_function):
-    """Compile a function that kernels call."""
-    return _cached(py_function, numba.njit(**_INNER))
+function = functools.partial(_cached, numba.njit(**_FUNCTION))
+formula = functools.partial(_cached, numba.njit(**_FORMULA))
+for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
 
 
-def formula(py_function):
-    """Compile a formula: LLVM inlines it, so that loops over lanes that call it become SIMD."""
-    return _cached(py_function, numba.njit(forceinline=True, **_INNER))
-
-
-def for_users(py_function):
-    """Compile a `formula` that users call, from their own compiled loops and from Python."""
-    options = _OPTIONS | {"no_cfunc_wrapper": True, "forceinline": True}
-    return _cached(py_function, numba.njit(**options))
-
-
+# ---------------------------------------------------------------------------- universal functions
 class Universal:
     """A universal function of float64 numbers, compiled when it is first called."""
 
-    def __init__(self, py_function, layout):
-        self.py_function, self.layout = py_function, layout
+    def __init__(self, layout, py_function):
+        self.layout, self.py_function = layout, py_function
+        sides = [re.findall(r"\(([^)]*)\)", side) for side in layout.split("->")]
+        self.inputs, self.outputs = [[re.findall(r"\w+", each) for each in side] for side in sides]
         functools.update_wrapper(self, py_function)
 
     def __call__(self, *arguments, **options):
@@ -148,71 +132,46 @@ class Universal:
     @functools.cached_property
     def compiled(self):
         if config.DISABLE_JIT:
-            return _interpreted(self.py_function, self.layout)
-        if config.BOUNDSCHECK:
-            return self._compile(cache=False)
+            kinds = [float] * len(self.outputs)
+            return np.vectorize(self._interpreted, otypes=kinds, signature=self.layout)
         name = self.py_function.__qualname__
         self.py_function.__qualname__ = "_".join((name, *_digests()))
-        for clean in (False, True):
+        for stale in () if config.BOUNDSCHECK else (True, False):
             with suppress(Exception):  # a file that cannot be read; or no folder
-                folder = Path(FunctionCache(self.py_function).cache_path)
-                _delete_stale(folder, name, current=not clean)
+                _delete(Path(FunctionCache(self.py_function).cache_path), name, stale)
                 return self._compile(cache=True)
         return self._compile(cache=False)
 
     def _compile(self, cache):
-        inputs, outputs = _axes(self.layout)
-        options = {"nopython": True, "cache": cache}
-        if not any(inputs + outputs):
-            kind = types.float64(*[types.float64] * len(inputs))
-            return numba.vectorize([kind], **options)(self.py_function)
-        arrays = [max(len(axes), 1) for axes in outputs]  # a number is an array of one
-        kinds = [
-            types.Array(types.float64, d, "A") if d else types.float64
-            for d in [*map(len, inputs), *arrays]
-        ]
-        return numba.guvectorize([types.void(*kinds)], self.layout, **options)(self.py_function)
+        dimensions = [*map(len, self.inputs), *(len(axes) or 1 for axes in self.outputs)]
+        kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
+        compile_with = numba.guvectorize(
+            [types.void(*kinds)], self.layout, cache=cache, nopython=True
+        )
+        return compile_with(self.py_function)
 
-
-def _axes(layout):
-    """Return the names of the axes of each input and of each output."""
-    return [
-        [tuple(filter(None, each.split(","))) for each in re.findall(r"\(([^)]*)\)", side)]
-        for side in layout.split("->")
-    ]
-
-
-def _interpreted(py_function, layout):
-    """Return a universal function in Python."""
-    inputs, outputs = _axes(layout)
-    kinds = [float] * len(outputs)
-    if not any(inputs + outputs):
-        return np.vectorize(lambda *numbers: py_function(*map(np.float64, numbers)), otypes=kinds)
-
-    def one_state(*arguments):
-        sizes = {}
-        for axes, each in zip(inputs, arguments, strict=True):
+    def _interpreted(self, *arguments):
+        arguments, sizes = [np.asarray(each, float)[()] for each in arguments], {}
+        for axes, each in zip(self.inputs, arguments, strict=True):
             sizes |= zip(axes, np.shape(each), strict=True)
-        results = [np.empty([sizes[axis] for axis in axes] or 1) for axes in outputs]
-        py_function(*(np.asarray(each, float)[()] for each in arguments), *results)
-        results = [each if axes else each[0] for axes, each in zip(outputs, results, strict=True)]
-        return results[0] if len(results) == 1 else tuple(results)
-
-    return np.vectorize(one_state, otypes=kinds, signature=layout)
+        results = [np.empty([sizes[axis] for axis in axes] or 1) for axes in self.outputs]
+        self.py_function(*arguments, *results)
+        pairs = zip(self.outputs, results, strict=True)
+        results = tuple(each if axes else each[0] for axes, each in pairs)
+        return results if len(results) > 1 else results[0]
 
 
 def universal(layout):
-    """Make a NumPy universal function of float64 numbers from the function of one state.
-
-    With axes in the layout, such as "(),(d)->(d,d)", the function writes to its last arguments, as
-    in `numba.guvectorize`; without, as in "(),()->()", it returns a number.
+    """Make a NumPy universal function of float64 numbers from the function of one state, for a
+    layout such as "(),(d)->(d,d),()": it writes to its last arguments, a number as an array of one.
     """
-    return lambda py_function: Universal(py_function, layout)
+    return functools.partial(Universal, layout)
 
 
+# ---------------------------------------------------------------------------------------- kernels
 class Kernel:
-    """A function called from Python: `function(part, parts, *arguments)`, for numbers, arrays and
-    tuples of them. It does one of `parts` equal parts of the work for a batch.
+    """A function called from Python: `function(part, parts, *arguments)` for numbers, arrays and
+    tuples of them, compiled when it is first called.
     """
 
     def __init__(self, py_function):
@@ -223,7 +182,7 @@ class Kernel:
     def compiled(self):
         if config.DISABLE_JIT:
             return np.errstate(all="ignore")(self.py_function)  # compiled code does not warn
-        return _cached(self.py_function, numba.njit(**_OPTIONS))
+        return _cached(numba.njit(**_OPTIONS), self.py_function)
 
     def serial(self, *arguments):
         """Do all the work in this thread."""
@@ -235,20 +194,16 @@ class Kernel:
             for part in range(threads):
                 self.compiled(part, threads, *arguments)
             return
-        key = tuple(map(_key, arguments))
-        if key not in self._addresses:
-            kinds = map(numba.typeof, (0, 0, *arguments))
-            self._addresses[key] = _address(self.compiled, *kinds)
+        kinds = tuple(map(numba.typeof, (0, 0, *arguments)))
+        if kinds not in self._addresses:
+            self._addresses[kinds] = _address(self.compiled, *kinds)
         loop, start = _parallel_loop()
-        start(loop, self._addresses[key], threads, arguments)
+        start(loop, self._addresses[kinds], threads, arguments)
 
 
-def kernel(py_function):
-    """Compile a function when it is first called from Python, as `serial` or `parallel`."""
-    return Kernel(py_function)
+kernel = Kernel  # the decorator
 
 
-# -------------------------------------------------------------------- one loop for all kernels
 # A parallel call is a loop over parts, which calls the kernel by its address: so a kernel is
 # compiled once, for serial and parallel calls, and this loop once for all kernels (each `prange`
 # takes seconds). It takes the address of the arguments too, since `prange` passes no nested tuples.
@@ -265,8 +220,8 @@ def _start(loop, kernel, parts, arguments):
 @functools.cache
 def _parallel_loop():
     """Return the address of the loop over parts, and the function that starts it."""
-    loop = _cached(_loop, numba.njit(parallel=True, **_OPTIONS))
-    return _address(loop, *[types.int64] * 4), _cached(_start, numba.njit(**_OPTIONS))
+    loop = _cached(numba.njit(parallel=True, **_OPTIONS), _loop)
+    return _address(loop, *[types.int64] * 4), _cached(numba.njit(**_OPTIONS), _start)
 
 
 def _address(compiled, *kinds):
@@ -275,13 +230,9 @@ def _address(compiled, *kinds):
     return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
 
 
-def _key(argument):
-    """Return a key for the type of an argument, ten times faster than `numba.typeof`."""
-    if isinstance(argument, tuple):
-        return tuple(map(_key, argument))
-    if isinstance(argument, np.ndarray):
-        return argument.dtype, argument.ndim, argument.flags.num
-    return type(argument)
+def _emit_call(context, builder, address, values):
+    kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
+    builder.call(builder.inttoptr(address, kind.as_pointer()), values)
 
 
 @intrinsic
@@ -294,11 +245,6 @@ def _call(typing, address, numbers):
         return context.get_dummy_value()
 
     return types.void(types.int64, numbers), emit
-
-
-def _emit_call(context, builder, address, values):
-    kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
-    builder.call(builder.inttoptr(address, kind.as_pointer()), values)
 
 
 @intrinsic
@@ -341,7 +287,7 @@ def _uncounted(context, builder, kind, value):
     return value
 
 
-# ------------------------------------------------------------------------------ in kernels: choices
+# ------------------------------------------------------------------------------------- in kernels
 if config.DISABLE_JIT:
 
     def select(condition, first, second):
@@ -404,31 +350,3 @@ def pick(parameter, i):
 def share(count, part, parts):
     """Return the range of the items, `count` in all, of a part."""
     return count * part // parts, count * (part + 1) // parts
-
-
-# ------------------------------------------------------------------- in kernels: rows of an output
-@formula
-def lead_of(out):
-    """Return how many numbers of `out` lie before its first cache line; -1 if it is small."""
-    return -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
-
-
-@formula
-def shortening(lead, batch):
-    """Return by how many trajectories, of two numbers each, a first block is shorter, so that all
-    others begin at a cache line. (NumPy's large arrays begin 16 bytes after one.)
-    """
-    return -(lead // 2) % 4 if lead >= 0 and batch % 4 == 0 else 0
-
-
-@formula
-def write(tile, at, flat, place, count, lead):
-    """Copy tile[at : at + count] to flat[place : place + count]; whole lines past the caches."""
-    head = min((lead - place) % LINE, count) if lead >= 0 else count
-    for j in range(head):
-        flat[place + j] = tile[at + j]
-    lines = (count - head) // LINE
-    for line in range(lines):
-        stream_line(flat, place + head + LINE * line, tile, at + head + LINE * line)
-    for j in range(head + LINE * lines, count):
-        flat[place + j] = tile[at + j]

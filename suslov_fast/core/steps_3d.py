@@ -28,7 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .numba import formula, kernel, lead_of, pick, select, share, shortening, write
+from .numba import formula, kernel, pick, select, share
+from .rows import lead_of, shortening, write
 
 LANES = 128
 FEW = 6  # so few trajectories take less time one by one than all lanes
@@ -298,7 +299,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 for l in range(abreast):
                     tile[2 * l], tile[2 * l + 1] = state_at(b, l)
             if n == due:
-                write(tile, 0, flat, 2 * (row * B + first), 2 * width, lead)
+                write(tile, flat, 2 * (row * B + first), 2 * width, lead)
                 due, row = due + every, row + 1
             if n == stop:
                 break

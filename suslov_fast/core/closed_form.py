@@ -25,8 +25,9 @@ L**2 + k x - L y and 1 - (e L)**2 in `orbit`.
 import numpy as np
 
 from .elementary import cosine_and_sine, exponential, is_integer, logarithm, quarter_turns
-from .numba import formula, kernel, pick, select, share, universal
-from .rows import lead_of, shortening, write
+from .numba import formula, kernel, select, share
+from .rows import lead_of, pick, shortening, write
+from .universal import universal
 
 LANES, GROUP = 128, 8
 ROWS_OF_TASK = 128  # times the number of n in a block

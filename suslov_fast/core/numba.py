@@ -1,10 +1,9 @@
-"""Numba: its options, its cache, calls from Python, and what it lacks, in LLVM.
+"""Numba: its options, its cache, calls of kernels, and what it lacks, in LLVM.
 
 formula     a function of numbers, which LLVM inlines: loops over lanes that call it become SIMD
 function    a function that kernels call
 kernel      what Python calls: `kernel.serial(*arguments)`, `kernel.parallel(threads, *arguments)`
             for `function(part, parts, *arguments)`, which does one of `parts` parts of the work
-universal   a NumPy universal function, from the function of one state
 for_users   a formula that users call, from their own compiled loops and from Python
 
 All is compiled when it is first called. With NUMBA_DISABLE_JIT=1 it is Python; with
@@ -19,7 +18,6 @@ Constant integers have types of their own: a function that takes one is compiled
 
 import functools
 import hashlib
-import re
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -29,13 +27,12 @@ import numpy as np
 from llvmlite import ir
 from numba import config, prange, types
 from numba.core import event
-from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
 LINE = 8  # numbers of a cache line
 
 # The default error model tests every divisor: that costs 30 % and prevents SIMD. Other threads of
-# Python run while a kernel does. No fastmath: no FMA is formed and no sum reordered, so that serial,
+# Python run while a kernel does. Without fastmath no FMA is formed and no sum reordered: serial,
 # parallel, vectorised and interpreted runs agree to the bit.
 _OPTIONS = {"error_model": "numpy", "nogil": True}
 # A wrapper, for calls from Python or from C, takes as long to compile as a short function.
@@ -49,7 +46,7 @@ _FUNCTION = _FORMULA | {"forceinline": False}
 # function contains digests of all sources that are compiled and of the versions of what compiles
 # them, so that every edit and upgrade make new files. The folder must be as trusted as the code.
 @functools.cache
-def _digests():
+def digests():
     """Digests of the compiled sources, and of the versions of libraries."""
     package = Path(__file__).parent.parent
     files = [*sorted(package.glob("core/*.py")), package / "compiled.py"]
@@ -58,9 +55,9 @@ def _digests():
     return tuple(hashlib.sha256(each).hexdigest()[:12] for each in (sources, versions))
 
 
-def _delete(folder, name, stale=True):
+def delete_files(folder, name, stale=True):
     """Delete the files of a function that belong to other sources, or all of them."""
-    sources, versions = _digests()
+    sources, versions = digests()
     for path in list(folder.glob(f"*.{name}_{'?' * len(sources)}_{versions}-*")):
         if not (stale and f"_{sources}_{versions}-" in path.name):
             path.unlink(missing_ok=True)
@@ -69,7 +66,7 @@ def _delete(folder, name, stale=True):
 def _cached(compile_with, py_function):
     """Compile a function on its first call, with a cache if there is a folder for it."""
     name = py_function.__qualname__
-    py_function.__qualname__ = "_".join((name, *_digests()))
+    py_function.__qualname__ = "_".join((name, *digests()))
     compiled = compile_with(py_function)
     # Numba would cache code with and without checks of bounds under one name.
     if config.BOUNDSCHECK or config.DISABLE_JIT:
@@ -98,7 +95,7 @@ def _tolerate_unusable_files(cache, name):
     def save_overload(signature, data):
         with suppress(Exception):
             save(signature, data)
-            _delete(Path(cache.cache_path), name)
+            delete_files(Path(cache.cache_path), name)
 
     cache.load_overload, cache.save_overload = load_overload, save_overload
 
@@ -113,59 +110,6 @@ def compile_timer():
 function = functools.partial(_cached, numba.njit(**_FUNCTION))
 formula = functools.partial(_cached, numba.njit(**_FORMULA))
 for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
-
-
-# ---------------------------------------------------------------------------- universal functions
-class Universal:
-    """A universal function of float64 numbers, compiled when it is first called."""
-
-    def __init__(self, layout, py_function):
-        self.layout, self.py_function = layout, py_function
-        sides = [re.findall(r"\(([^)]*)\)", side) for side in layout.split("->")]
-        self.inputs, self.outputs = [[re.findall(r"\w+", each) for each in side] for side in sides]
-        functools.update_wrapper(self, py_function)
-
-    def __call__(self, *arguments, **options):
-        with np.errstate(all="ignore"):  # NumPy would warn of each NaN
-            return self.compiled(*arguments, **options)
-
-    @functools.cached_property
-    def compiled(self):
-        if config.DISABLE_JIT:
-            kinds = [float] * len(self.outputs)
-            return np.vectorize(self._interpreted, otypes=kinds, signature=self.layout)
-        name = self.py_function.__qualname__
-        self.py_function.__qualname__ = "_".join((name, *_digests()))
-        for stale in () if config.BOUNDSCHECK else (True, False):
-            with suppress(Exception):  # a file that cannot be read; or no folder
-                _delete(Path(FunctionCache(self.py_function).cache_path), name, stale)
-                return self._compile(cache=True)
-        return self._compile(cache=False)
-
-    def _compile(self, cache):
-        dimensions = [*map(len, self.inputs), *(len(axes) or 1 for axes in self.outputs)]
-        kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
-        compile_with = numba.guvectorize(
-            [types.void(*kinds)], self.layout, cache=cache, nopython=True
-        )
-        return compile_with(self.py_function)
-
-    def _interpreted(self, *arguments):
-        arguments, sizes = [np.asarray(each, float)[()] for each in arguments], {}
-        for axes, each in zip(self.inputs, arguments, strict=True):
-            sizes |= zip(axes, np.shape(each), strict=True)
-        results = [np.empty([sizes[axis] for axis in axes] or 1) for axes in self.outputs]
-        self.py_function(*arguments, *results)
-        pairs = zip(self.outputs, results, strict=True)
-        results = tuple(each if axes else each[0] for axes, each in pairs)
-        return results if len(results) > 1 else results[0]
-
-
-def universal(layout):
-    """Make a NumPy universal function of float64 numbers from the function of one state, for a
-    layout such as "(),(d)->(d,d),()": it writes to its last arguments, a number as an array of one.
-    """
-    return functools.partial(Universal, layout)
 
 
 # ---------------------------------------------------------------------------------------- kernels
@@ -338,12 +282,6 @@ else:
             return _uncounted(context, builder, signature.args[0], arguments[0])
 
         return arrays(arrays), emit
-
-
-@formula
-def pick(parameter, i):
-    """Return the parameter of trajectory i: there is one for each, or one for all."""
-    return parameter[min(i, parameter.size - 1)]
 
 
 @formula

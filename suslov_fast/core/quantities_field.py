@@ -10,7 +10,7 @@ import numpy as np
 
 from .codes import OK
 from .elimination import determinant_of, eliminate, keeps_digits, substitute
-from .numba import formula, function, universal
+from .numba import formula, function
 from .steps_field import (
     LARGEST,
     LEAST,
@@ -24,6 +24,7 @@ from .steps_field import (
     memory_of_one,
 )
 from .tangent import derive
+from .universal import universal
 
 FIELD = "(c,t),(t),(b),(b,d)->"
 BLOCK = 128

@@ -28,8 +28,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .numba import formula, kernel, pick, select, share
-from .rows import lead_of, shortening, write
+from .numba import formula, kernel, select, share
+from .rows import lead_of, pick, shortening, write
 
 LANES = 128
 FEW = 6  # so few trajectories take less time one by one than all lanes

@@ -17,7 +17,7 @@ from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, first_index, real_array, spell, warn
-from ..core.numba import Universal
+from ..core.universal import Universal
 from ..engine.arguments import States, check
 from ..engine.status import SingularStepWarning
 from ..engine.stretches import March

@@ -14,13 +14,13 @@ from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import MOMENTS, FloatArray, common_shape, first_index, instance, spell, wrong
 from ..core import orientations
 from ..engine import threads as _threads
-from ..engine.arguments import AnyBody, flat_arrays, flat_parameter, thread_count
+from ..engine.arguments import AnyBody, States, flat_arrays, flat_parameter, thread_count
+from ..engine.stretches import March
+from ..maps import map_of
 
-# States follow each other if what the equations leave is below this part of the step between them,
-# which is above rounding and below what any other method or step size leaves,
-_OF_THE_STEP = 1e-6
-# plus this part of the terms, and in three dimensions this part over the distance to a pole.
-_OF_THE_TERMS, _NEXT_TO_POLES = 1e-10, 2.0**-47
+# A state follows another if it differs from the image of that by less than this part of the step,
+# which is above rounding and below what any other method or step size gives, and of the state.
+_OF_THE_STEP, _OF_THE_STATE = 1e-6, 1e-10
 # Numbers of the states that are tested at a time.
 _SLAB = 2**16
 
@@ -66,9 +66,8 @@ def attitude(
     R_next = R cay(eps (Omega + Omega_next) / 2) with the Cayley map, a discretization of order 2 of
     R' = R Omega.
 
-    Two states are consecutive if they satisfy the implicit equations (4), in n dimensions (15), to
-    one part in 1e6 of the step between them. All are accepted where that cannot be tested: if the
-    step is below one part in 1e10 of the state, and in three dimensions next to a pole.
+    Two states are consecutive if the map takes the first to the second, or its inverse the second
+    to the first, to one part in 1e6 of the step between them and one in 1e10 of the states.
 
     Examples
     --------
@@ -94,7 +93,7 @@ def attitude(
     states = np.expand_dims(states, tuple(range(1, len(batch) + 3 - states.ndim)))
     states = np.broadcast_to(states, (len(states), *batch, D))
     _check_that_states_follow(body, states, step_size)
-    flat = flat_arrays(states.reshape(len(states), -1, D), states.shape[:1], 2)
+    flat = flat_arrays(states.reshape(len(states), math.prod(batch), D), states.shape[:1], 2)
     turns = np.empty((*flat.shape[:2], n, n))
     turns[0] = flat_arrays(start, batch, 2)
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
@@ -108,57 +107,25 @@ def _check_that_states_follow(body: Any, states: FloatArray, eps: FloatArray) ->
     """Raise ValueError if states (N + 1, ..., D) are not consecutive states of the map."""
     rows = max(_SLAB // max(math.prod(states.shape[1:]), 1), 1)
     for first in range(0, len(states) - 1, rows):
-        part = states[first : first + rows + 1]
+        before, after = states[first : first + rows], states[first + 1 : first + rows + 1]
+        before = before[: len(after)]
         with np.errstate(all="ignore"):
-            strays = _strays(body, part[:-1], part[1:], eps)
+            strays = ~(_follows(body, before, after, eps) | _follows(body, after, before, -eps))
+        strays &= ~np.isnan(before + after).any(axis=-1)
         if strays.any():
             row, *place = first_index(strays)
             where = f" of trajectory {spell(tuple(place))}" if place else ""
-            number = first + row
-            received = f"states {number} and {number + 1}{where} that are not"
+            received = f"states {first + row} and {first + row + 1}{where} that are not"
             hint = "if the run was saved with save_every > 1, save every state"
             expected = "consecutive states of the map with this eps"
             raise wrong("omega", expected, f"{received}; {hint}")
 
 
-def _strays(body: Any, w: FloatArray, v: FloatArray, eps: FloatArray) -> Any:
-    """Return where v is not the next state of w, by the implicit equations; nowhere for NaN.
-
-    In all dimensions v_i - w_i = (eps / J_i) ((p v_i + p_next w_i) / 2 - I_i v.w), where p = I.w
-    and p_next = I.v; in three dimensions a rotor adds a term.
-    """
-    distance: Any = 1.0
-    k = np.asarray(getattr(body, "k", 0.0))[..., np.newaxis]
-    if isinstance(body, SuslovND):
-        J, I = body.J, body.I
-    else:
-        J = np.stack(np.broadcast_arrays(body.I1, body.I2), axis=-1)
-        I = np.stack(np.broadcast_arrays(body.I23, np.negative(body.I13)), axis=-1)
-        distance = _distance_to_pole(J, I, k, eps, w)
-    size = np.maximum(abs(v).max(axis=-1), abs(w).max(axis=-1))[..., np.newaxis]
-    w, v = w / size, v / size  # products are in range
-    h, weights = eps[..., np.newaxis] * size / J, np.sqrt(J)
-    turn = 0.5 * k / size * (v + w)[..., ::-1] * [1.0, -1.0] if k.any() else 0.0 * w
-
-    def total(each: FloatArray) -> FloatArray:
-        return np.asarray(each.sum(axis=-1, keepdims=True))
-
-    left = v - w - h * (0.5 * (total(I * w) * v + total(I * v) * w) - I * total(v * w) - turn)
-    terms = abs(w) + abs(v) + abs(turn) * abs(h)
-    terms += abs(h) * 0.5 * (total(abs(I * w)) * abs(v) + total(abs(I * v)) * abs(w))
-    terms += abs(h) * abs(I) * total(abs(v * w))
-    residual, step, size = ((weights * abs(each)).sum(axis=-1) for each in (left, v - w, terms))
-    allowed = distance * _OF_THE_STEP * step + (_OF_THE_TERMS * distance + _NEXT_TO_POLES) * size
-    return distance * residual > allowed
-
-
-def _distance_to_pole(J: Any, I: Any, k: Any, eps: FloatArray, w: FloatArray) -> FloatArray:
-    """Return |det A| over the sum of the moduli of its terms; 1 if that is not a number."""
-    h1, h2 = np.moveaxis(0.5 * eps[..., np.newaxis] / J, -1, 0)
-    (I_1, I_2), (w1, w2) = np.moveaxis(I, -1, 0), np.moveaxis(w, -1, 0)
-    l = I_1 * w2 - I_2 * w1 + k[..., 0]
-    first, second = h1 * I_2 * w2, h2 * I_1 * w1
-    product = h1 * (l + I_1 * w2) * (h2 * (l - I_2 * w1))
-    size = (1.0 + abs(first)) * (1.0 + abs(second)) + abs(product)
-    distance = abs((1.0 - first) * (1.0 - second) + product) / size
-    return np.where(distance < 1.0, distance, 1.0)
+def _follows(body: Any, before: FloatArray, after: FloatArray, eps: FloatArray) -> Any:
+    """Return where the map takes states to the others."""
+    steps = next(iter(map_of(body).methods.values()))
+    march = March(steps, States(body, before, eps, before.shape[:-1]))
+    march.to(1)
+    error = abs(march.final.reshape(after.shape) - after).max(axis=-1)
+    step, size = (abs(each).max(axis=-1) for each in (after - before, abs(after) + abs(before)))
+    return error <= _OF_THE_STEP * step + _OF_THE_STATE * size

@@ -8,28 +8,21 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ..bodies.field import QuadraticField
-from ..bodies.nd import SuslovND, check_measure, check_solved
-from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..bodies.nd import check_measure, check_solved
 from ..checks import FloatArray, wrong
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
-from ..engine.arguments import States
+from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States
 from .evaluation import by_terms, evaluate, next_states
 
 
-def energy(
-    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike
-) -> FloatArray:
-    """Energy, half the sum of J_i Omega_i**2, conserved by the continuous motion.
-
-    In three dimensions it is (I1 Omega1**2 + I2 Omega2**2) / 2; of a field made by
-    `QuadraticField.from_hamiltonian` it is H. The map conserves :func:`first_integral` or
-    :func:`modified_energy` instead.
+def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
+    """Energy, half the sum of J_i Omega_i**2, conserved by the continuous motion; H of a field.
 
     Parameters
     ----------
     body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch.
+        A single one, or a batch; a field has to be made by `QuadraticField.from_hamiltonian`.
     omega : array_like(float, shape=(..., D))
         States.
 
@@ -49,13 +42,8 @@ def energy(
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    return evaluate(
-        body,
-        {"omega": omega},
-        in_3d=formulas.energy,
-        in_nd=formulas.energy_nd,
-        of_field=_hamiltonian,
-    )
+    given = {"omega": omega}
+    return evaluate(body, given, formulas.energy, formulas.energy_nd, _hamiltonian)
 
 
 def _hamiltonian(states: States) -> FloatArray:
@@ -69,9 +57,7 @@ def _terms_of_hamiltonian(field: QuadraticField) -> Any:
     return field.H.terms
 
 
-def first_integral(
-    body: Suslov3D | SuslovND | SuslovGyrostat, omega: ArrayLike, eps: ArrayLike
-) -> FloatArray:
+def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """First integral F of the map.
 
     In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2) with
@@ -107,33 +93,26 @@ def first_integral(
     --------
     >>> from suslov_fast import Suslov3D, first_integral, step
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> states = [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)]
-    >>> first_integral(body, states, eps=0.2).round(9)
+    >>> first_integral(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(9)
     array([0.26534473, 0.26534473])
     """
-    return evaluate(
-        body,
-        {"omega": omega, "eps": eps},
-        in_3d=formulas.first_integral,
-        in_nd=formulas.first_integral_nd,
-        require=partial(check_solved, function="first_integral"),
-    )
+    given, solved = {"omega": omega, "eps": eps}, partial(check_solved, function="first_integral")
+    in_nd = formulas.first_integral_nd
+    return evaluate(body, given, formulas.first_integral, in_nd, require=solved)
 
 
-def modified_energy(
-    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike, eps: ArrayLike
-) -> FloatArray:
+def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Modified energy E**2 / (E + eps**2 f.Jf / 8), where f is the vector field.
 
-    The map conserves it wherever :func:`first_integral` is known, and for every other body up to an
-    error of order eps**4; the error of E is of order eps**2. In three dimensions it is 2 I1 I2 F,
-    also with a rotor. For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with
-    the :func:`matrix` A, which the map conserves exactly.
+    The map conserves it wherever :func:`first_integral` is known (in three dimensions it is
+    2 I1 I2 F), and for every other body up to an error of order eps**4; the error of E is of order
+    eps**2. For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the
+    :func:`matrix` A, which the map conserves exactly.
 
     Parameters
     ----------
     body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch.
+        A single one, or a batch; a field has to be made by `QuadraticField.from_hamiltonian`.
     omega : array_like(float, shape=(..., D))
         States.
     eps : array_like(float, shape=(...))
@@ -159,17 +138,11 @@ def modified_energy(
     --------
     >>> from suslov_fast import Suslov3D, modified_energy, step
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> states = [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)]
-    >>> modified_energy(body, states, eps=0.2).round(6)
+    >>> modified_energy(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(6)
     array([2.122758, 2.122758])
     """
-    return evaluate(
-        body,
-        {"omega": omega, "eps": eps},
-        in_3d=formulas.modified_energy,
-        in_nd=formulas.modified_energy_nd,
-        of_field=_modified_hamiltonian,
-    )
+    given, in_nd = {"omega": omega, "eps": eps}, formulas.modified_energy_nd
+    return evaluate(body, given, formulas.modified_energy, in_nd, _modified_hamiltonian)
 
 
 def _modified_hamiltonian(states: States) -> FloatArray:
@@ -177,9 +150,7 @@ def _modified_hamiltonian(states: States) -> FloatArray:
     return by_terms(fields.polarised_hamiltonian, states, terms, next_states(states))
 
 
-def criticality(
-    body: Suslov3D | SuslovND | SuslovGyrostat, omega: ArrayLike, eps: ArrayLike
-) -> FloatArray:
+def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
 
     It is constant along an orbit, and has the sign of eps. If -1 < t < 1, the orbit follows the
@@ -208,8 +179,8 @@ def criticality(
 
     Notes
     -----
-    h is the first integral of equation (9) of the paper, which is constant along an orbit:
-    D = I13**2 I2 + I23**2 I1 times :func:`first_integral`.
+    h is the first integral of equation (9) of the paper: D = I13**2 I2 + I23**2 I1 times
+    :func:`first_integral`.
 
     Examples
     --------
@@ -218,18 +189,11 @@ def criticality(
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    return evaluate(
-        body,
-        {"omega": omega, "eps": eps},
-        in_3d=formulas.criticality,
-        in_nd=formulas.criticality_nd,
-        require=partial(check_solved, function="criticality"),
-    )
+    given, solved = {"omega": omega, "eps": eps}, partial(check_solved, function="criticality")
+    return evaluate(body, given, formulas.criticality, formulas.criticality_nd, require=solved)
 
 
-def rotation_number(
-    body: Suslov3D | SuslovGyrostat, omega: ArrayLike, eps: ArrayLike
-) -> FloatArray:
+def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Rotation number of an orbit of the map of a gyrostat: turns of its phase per step.
 
     It is constant along an orbit, and 0 where orbits go from one steady state to another: for every
@@ -262,24 +226,22 @@ def rotation_number(
     >>> rotation_number(body, [1.1, -0.4], eps=0.35).round(6)
     array([0.      , 0.      , 0.043038])
     """
-    return evaluate(body, {"omega": omega, "eps": eps}, in_3d=formulas.rotation_number)
+    return evaluate(body, {"omega": omega, "eps": eps}, formulas.rotation_number)
 
 
-def invariant_density(
-    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike, eps: ArrayLike
-) -> FloatArray:
+def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Density of an invariant measure of the map.
 
-    rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat), in
-    (Omega1, Omega2). For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. In
-    n dimensions one is known for n = 3, and for n = 4 with I along one axis. With the
-    :func:`jacobian` J at omega, rho(next omega) det J = rho(omega), signs included. For eps = 0 it
-    is a density of the continuous motion.
+    rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat); for
+    a field with a Hamiltonian 1 / det A, with the :func:`matrix` A. In n dimensions one is known for
+    n = 3, and for n = 4 with I along one axis. With the :func:`jacobian` J at omega,
+    rho(next omega) det J = rho(omega), signs included. For eps = 0 it is a density of the
+    continuous motion.
 
     Parameters
     ----------
     body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch.
+        A single one, or a batch; a field has to be made by `QuadraticField.from_hamiltonian`.
     omega : array_like(float, shape=(..., D))
         States.
     eps : array_like(float, shape=(...))
@@ -289,8 +251,8 @@ def invariant_density(
     -------
     ndarray(float, shape=(...))
         In three dimensions in the unit of 1 / omega over that of inertia to the third power, with
-        the sign of x, and infinite on the line x = 0 of steady states. For n = 4 in the unit of
-        1 / omega squared. Dimensionless for a field, and infinite at poles.
+        the sign of x, and infinite where x = 0. For n = 4 in the unit of 1 / omega squared.
+        Dimensionless for a field, and infinite at poles.
 
     Raises
     ------
@@ -312,21 +274,18 @@ def invariant_density(
     >>> import numpy as np
     >>> from suslov_fast import Suslov3D, invariant_density, jacobian, step
     >>> body, omega = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]
-    >>> float(invariant_density(body, omega, eps=0.2).round(9))
-    -0.096052391
     >>> after = invariant_density(body, step(body, omega, eps=0.2), eps=0.2)
     >>> float((after * np.linalg.det(jacobian(body, omega, eps=0.2))).round(9))
     -0.096052391
+    >>> float(invariant_density(body, omega, eps=0.2).round(9))
+    -0.096052391
     """
-    return evaluate(
-        body,
+    given, known = (
         {"omega": omega, "eps": eps},
-        in_3d=formulas.invariant_density,
-        in_nd=formulas.invariant_density_nd,
-        of_field=_density_of_field,
-        require=partial(check_measure, function="invariant_density"),
-        poles=True,
+        partial(check_measure, function="invariant_density"),
     )
+    in_3d, in_nd = formulas.invariant_density, formulas.invariant_density_nd
+    return evaluate(body, given, in_3d, in_nd, _density_of_field, require=known, poles=True)
 
 
 def _density_of_field(states: States) -> FloatArray:

@@ -10,20 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
-from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..bodies.rigid import SuslovGyrostat
 from ..checks import FloatArray, first_index, spell
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
-from ..engine.arguments import BodyOrField, States, check
+from ..engine.arguments import AnyBody, BodyOrField, States, check
 from .evaluation import by_terms, evaluate, next_states
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.
 _FIXED = 1e-8
 
 
-def vector_field(
-    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike
-) -> FloatArray:
+def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     """Time derivative of omega in the continuous motion, or of the state x of a field.
 
     Parameters
@@ -49,19 +47,12 @@ def vector_field(
     >>> vector_field(body, [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    return evaluate(
-        body,
-        {"omega": omega},
-        in_3d=formulas.vector_field,
-        in_nd=formulas.vector_field_nd,
-        of_field=partial(by_terms, fields.vector_field),
-        axes=1,
-    )
+    in_3d, in_nd = formulas.vector_field, formulas.vector_field_nd
+    of_field = partial(by_terms, fields.vector_field)
+    return evaluate(body, {"omega": omega}, in_3d, in_nd, of_field, axes=1)
 
 
-def reaction(
-    body: Suslov3D | SuslovND | SuslovGyrostat, omega: ArrayLike, eps: ArrayLike | None = None
-) -> FloatArray:
+def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> FloatArray:
     """Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
 
     Parameters
@@ -98,7 +89,7 @@ def reaction(
     """
     arguments = {"omega": omega} if eps is None else {"omega": omega, "eps": eps}
     axes = 2 * isinstance(body, SuslovND)
-    return evaluate(body, arguments, in_3d=formulas.reaction, in_nd=_reaction_nd, axes=axes)
+    return evaluate(body, arguments, formulas.reaction, _reaction_nd, axes=axes)
 
 
 def _reaction_nd(states: States) -> FloatArray:
@@ -108,9 +99,7 @@ def _reaction_nd(states: States) -> FloatArray:
     return found
 
 
-def matrix(
-    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike, eps: ArrayLike
-) -> FloatArray:
+def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
 
     It is the identity minus eps / 2 times the derivative f' of the vector field f. For every body
@@ -146,19 +135,11 @@ def matrix(
     >>> (A @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    return evaluate(
-        body,
-        {"omega": omega, "eps": eps},
-        in_3d=formulas.matrix,
-        in_nd=formulas.matrix_nd,
-        of_field=partial(by_terms, fields.matrix),
-        axes=2,
-    )
+    given, of_field = {"omega": omega, "eps": eps}, partial(by_terms, fields.matrix)
+    return evaluate(body, given, formulas.matrix, formulas.matrix_nd, of_field, axes=2)
 
 
-def jacobian(
-    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, omega: ArrayLike, eps: ArrayLike
-) -> FloatArray:
+def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Derivative of the map: the Jacobian matrix of the next state with respect to the state.
 
     Parameters
@@ -188,19 +169,11 @@ def jacobian(
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    return evaluate(
-        body,
-        {"omega": omega, "eps": eps},
-        in_3d=formulas.jacobian,
-        in_nd=partial(by_terms, fields.jacobian),
-        of_field=partial(by_terms, fields.jacobian),
-        axes=2,
-    )
+    given, in_terms = {"omega": omega, "eps": eps}, partial(by_terms, fields.jacobian)
+    return evaluate(body, given, formulas.jacobian, in_terms, in_terms, axes=2)
 
 
-def multipliers(
-    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField, x: ArrayLike, eps: ArrayLike
-) -> NDArray[Any]:
+def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]:
     """Eigenvalues of the derivative of the map at a fixed point.
 
     Parameters
@@ -244,8 +217,9 @@ def multipliers(
     states = check(body, BodyOrField, {"x": x, "eps": eps})
     half_step = 0.5 * np.asarray(states.eps)[..., np.newaxis]
     with np.errstate(all="ignore"):
-        of_class = _rates_of_field if isinstance(body, QuadraticField) else _rates_of_body
-        Y = half_step * of_class(states)
+        slopes = _slopes_at_fixed_points(states)
+        is_field = isinstance(body, QuadraticField)
+        Y = half_step * (_eigenvalues(slopes) if is_field else _rates_of_body(states))
         large = (1.0 / Y + 1.0) / (1.0 / Y - 1.0)
         found = np.where(Y == 1.0, np.inf, np.where(abs(Y) < 1.0, (1.0 + Y) / (1.0 - Y), large))
         found = np.broadcast_to(found, (*states.batch, body.dimension))
@@ -254,33 +228,53 @@ def multipliers(
     return np.where(unknown, np.nan, np.take_along_axis(found, order, axis=-1))
 
 
-def _rates_of_body(states: States) -> NDArray[Any]:
-    """Return the eigenvalues of f' at steady states of a body, (..., m), of which one is 0.
+def _slopes_at_fixed_points(states: States) -> FloatArray:
+    """Return f' (..., D, D), or raise ValueError if f is not 0 to rounding.
 
-    In all dimensions J_i f_i = sum_j I_j x_j x_i - I_i x_j x_j, and in three a rotor adds a term.
+    With y = (x, 1) and the symmetric table of coefficients, f_i = table_ijk y_j y_k.
     """
-    body, x, m = states.body, states.omega, states.body.dimension
-    others = 1.0 - np.eye(m)  # the terms with j = i cancel
-    turn = np.zeros(m)
+    table, x = states.body.field().table.astype(np.float64), states.omega
+    y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)[..., np.newaxis, :, np.newaxis]
+    half_slopes = (table @ y)[..., 0]
+    f, terms = half_slopes @ y[..., 0, :, :], (abs(table) @ abs(y))[..., 0] @ abs(y[..., 0, :, :])
+    unknown = np.isnan(x).any(axis=-1)
+    moves = (~(abs(f) <= _FIXED * terms)).any(axis=(-2, -1)) & ~unknown
+    moves = np.broadcast_to(moves, states.batch)
+    if moves.any():
+        where = f", first: {spell(first_index(moves))}" if states.batch else ""
+        raise ValueError(
+            f"{states.name}: expected fixed points of the map, got {np.count_nonzero(moves)} other "
+            f"states{where}: use jacobian for the derivative at these"
+        )
+    return 2.0 * half_slopes[..., :-1]
+
+
+def _eigenvalues(matrices: FloatArray) -> NDArray[Any]:
+    """Return eigenvalues, complex; NaN for matrices that are not finite."""
+    known = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))[..., np.newaxis]
+    found = np.linalg.eigvals(np.where(known[..., np.newaxis], matrices, 0.0))
+    return np.where(known, found.astype(complex), np.nan)
+
+
+def _rates_of_body(states: States) -> NDArray[Any]:
+    """Return the eigenvalues of f' at steady states of a body, (..., m), of which one is 0."""
+    body, x = states.body, states.omega
+    if isinstance(body, SuslovND) and body.dimension != 2:
+        along = (body.I * body.I).sum(axis=-1, keepdims=True)
+        c = (body.I * x).sum(axis=-1, keepdims=True) / along
+        across = np.where(along > 0.0, c * _spectrum(body.J, body.I), 0.0)
+        return np.concatenate([across, np.zeros((*across.shape[:-1], 1))], axis=-1)
     if isinstance(body, SuslovND):
-        J, I = body.J, body.I
+        trace = (
+            body.I[..., 1] * x[..., 1] / body.J[..., 0]
+            + body.I[..., 0] * x[..., 0] / body.J[..., 1]
+        )
     else:
-        J = np.stack(np.broadcast_arrays(body.I1, body.I2), axis=-1)
-        I = np.stack(np.broadcast_arrays(body.I23, np.negative(body.I13)), axis=-1)
-        turn = np.asarray(getattr(body, "k", 0.0))[..., np.newaxis] * x[..., ::-1] * [-1.0, 1.0]
-    p, square = (I * x) @ others, (x * x) @ others
-    terms = abs(x) * (abs(I * x) @ others) + abs(I) * square + abs(turn)
-    _refuse_moving(states, x * p - I * square + turn, terms)
-    if m == 2:
-        across = (p / J).sum(axis=-1, keepdims=True)  # the trace of f'
-    else:
-        along = (I * I).sum(axis=-1, keepdims=True)
-        c = (I * x).sum(axis=-1, keepdims=True) / along
-        across = np.where(along > 0.0, c * _spectrum(J, I), 0.0)
-    rates = np.concatenate([across, np.zeros((*across.shape[:-1], 1))], axis=-1)
+        trace = body.I23 / body.I2 * x[..., 0] - body.I13 / body.I1 * x[..., 1]
+    rates = np.stack([trace, 0.0 * trace], axis=-1)
     if not isinstance(body, SuslovGyrostat):
         return rates
-    speed = np.asarray(body.k / np.sqrt(J[..., 0] * J[..., 1]))[..., np.newaxis]
+    speed = np.asarray(body.k / np.sqrt(body.I1 * body.I2))[..., np.newaxis]
     pair = 1j * speed * np.array([1.0, -1.0])  # at rest, where f' turns
     return np.where((x == 0.0).all(axis=-1, keepdims=True) & (speed != 0.0), pair, rates)
 
@@ -301,35 +295,3 @@ def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
         above = (square / (poles - middle[..., np.newaxis])).sum(axis=-1) < 0.0
         low, high = np.where(above, middle, low), np.where(above, high, middle)
     return high
-
-
-def _rates_of_field(states: States) -> NDArray[Any]:
-    """Return the eigenvalues of f' at zeros of a field, (..., D)."""
-    body, x, D = states.body, states.omega, states.body.dimension
-    (i, j, k), values = body.terms
-    x = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
-    along_j, along_k = values * x[..., k], values * x[..., j]
-    terms = along_j * x[..., j]
-    field, sizes = np.zeros((2, *terms.shape[:-1], D))
-    np.add.at(field, (..., i), terms)
-    np.add.at(sizes, (..., i), abs(terms))
-    _refuse_moving(states, field, sizes)
-    slopes = np.zeros((*terms.shape[:-1], D, D + 1))
-    np.add.at(slopes, (..., i, j), along_j)
-    np.add.at(slopes, (..., i, k), along_k)
-    known = np.isfinite(slopes).all(axis=(-2, -1), keepdims=True)
-    found = np.linalg.eigvals(np.where(known, slopes, 0.0)[..., :D]).astype(complex)
-    return np.where(known[..., 0], found, np.nan)
-
-
-def _refuse_moving(states: States, field: FloatArray, terms: FloatArray) -> None:
-    """Raise ValueError for a state at which the vector field is not 0 to rounding."""
-    unknown = np.isnan(states.omega).any(axis=-1, keepdims=True)
-    moves = (~(abs(field) <= _FIXED * terms) & ~unknown).any(axis=-1)
-    moves = np.broadcast_to(moves, states.batch)
-    if moves.any():
-        where = f", first: {spell(first_index(moves))}" if states.batch else ""
-        raise ValueError(
-            f"{states.name}: expected fixed points of the map, got {np.count_nonzero(moves)} other "
-            f"states{where}: use jacobian for the derivative at these"
-        )

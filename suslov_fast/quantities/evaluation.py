@@ -27,11 +27,11 @@ from ..maps import map_of
 def evaluate(
     body: Any,
     arguments: dict[str, Any],
-    *,
     in_3d: Universal,
     in_nd: Universal | Callable[[States], FloatArray] | None = None,
     of_field: Callable[[States], FloatArray] | None = None,
-    require: Callable[[Any], None] = lambda body: None,
+    *,
+    require: Callable[[Any], object] = lambda body: None,
     axes: int = 0,
     poles: bool = False,
 ) -> FloatArray:
@@ -50,9 +50,10 @@ def evaluate(
             found = in_3d(*parameters_in_3d(body), states.eps, states.omega)
         else:
             require(body)
-            assert in_nd
-            is_formula = isinstance(in_nd, Universal)
-            found = in_nd(body.J, body.I, states.eps, states.omega) if is_formula else in_nd(states)
+            if isinstance(in_nd, Universal):
+                found = in_nd(body.J, body.I, states.eps, states.omega)
+            else:
+                found = in_nd(states)  # type: ignore[misc]
         return reported(states, found, axes, poles)
 
 

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..bodies.field import QuadraticField
-from ..bodies.nd import SuslovND
-from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, integer
 from ..core import tangent
 from ..engine import threads as _threads
@@ -23,7 +18,7 @@ _STRETCH = 2**26
 
 
 def lyapunov_exponents(
-    body: Suslov3D | SuslovND | SuslovGyrostat | QuadraticField,
+    body: BodyOrField,
     omega0: ArrayLike,
     eps: ArrayLike,
     steps: int,
@@ -91,19 +86,14 @@ def lyapunov_exponents(
 
 def _growth(states: States, start: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
     """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
-    (places, values), (B, D) = terms_of(states.body), start.shape
-    parameters = (
-        places,
-        flat_parameter(values, states.batch, 1),
-        flat_parameter(states.eps, states.batch),
-    )
+    (places, values), (B, D), batch = terms_of(states.body), start.shape, states.batch
+    parameters = places, flat_parameter(values, batch, 1), flat_parameter(states.eps, batch)
     sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, D + D * D))
-    status, failed_at = np.zeros(B, np.int8), np.full(B, -1)
+    arrays = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
     cost = max(B, 1) * (4 * D**3 + len(places[0]))
     length = max(_STRETCH // cost, 1)
     for first in range(0, steps, length):
         span = 0, B, first, min(first + length, steps)
-        work = math.prod((cost, span[3] - first))
-        arguments = parameters, start, carry, span, sums, of_det, status, failed_at
-        _threads.call_kernel(tangent.growth, work, states.threads, *arguments)
+        arguments = parameters, start, carry, span, *arrays
+        _threads.call_kernel(tangent.growth, cost * length, states.threads, *arguments)
     return sums, of_det

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..bodies.nd import SuslovND
-from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import MOMENTS, FloatArray, common_shape, first_index, instance, spell, wrong
 from ..core import orientations
 from ..engine import threads as _threads
@@ -26,7 +25,7 @@ _SLAB = 2**16
 
 
 def attitude(
-    body: Suslov3D | SuslovND | SuslovGyrostat,
+    body: AnyBody,
     omega: ArrayLike,
     eps: ArrayLike,
     R0: ArrayLike | None = None,

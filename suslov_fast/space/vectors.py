@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.nd import SuslovND
-from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, common_shape, square_matrices, wrong
 from ..engine.arguments import AnyBody, BodyIn3D, check
 
 
 def to_matrix(
-    body: Suslov3D | SuslovND | SuslovGyrostat,
+    body: AnyBody,
     omega: ArrayLike,
     *,
     rotation: ArrayLike | None = None,
@@ -31,10 +30,10 @@ def to_matrix(
     omega : array_like(float, shape=(..., D))
         States.
     rotation : array_like(float, shape=(..., n, n)), optional
-        What `from_inertia` or `from_mass_tensor` returned: the result is in the basis of the tensor
-        given to it. By default it is in the adapted basis.
+        What `from_inertia` or `from_mass_tensor` returned: the result is in the basis of their
+        tensor, not in the adapted basis.
     attitude : array_like(float, shape=(..., n, n)), optional
-        Orientations of the body, as of :func:`attitude`: the result is in space.
+        Orientations of the body: the result is in space.
 
     Returns
     -------
@@ -61,7 +60,7 @@ def to_matrix(
 
 
 def to_vector(
-    body: Suslov3D | SuslovGyrostat,
+    body: BodyIn3D,
     omega: ArrayLike,
     *,
     rotation: ArrayLike | None = None,
@@ -76,10 +75,9 @@ def to_vector(
     omega : array_like(float, shape=(..., 2))
         States.
     rotation : array_like(float, shape=(..., 3, 3)), optional
-        What `from_inertia` returned: the result is in the basis of the tensor given to it. By
-        default it is in the adapted basis.
+        What `from_inertia` returned: the result is in the basis of its tensor.
     attitude : array_like(float, shape=(..., 3, 3)), optional
-        Orientations of the body, as of :func:`attitude`: the result is in space.
+        Orientations of the body: the result is in space.
 
     Returns
     -------
@@ -104,7 +102,7 @@ def to_vector(
 
 
 def momentum(
-    body: Suslov3D | SuslovND | SuslovGyrostat,
+    body: AnyBody,
     omega: ArrayLike,
     *,
     rotation: ArrayLike | None = None,
@@ -121,10 +119,10 @@ def momentum(
     omega : array_like(float, shape=(..., D))
         States.
     rotation : array_like(float, shape=(..., n, n)), optional
-        What `from_inertia` or `from_mass_tensor` returned: the result is in the basis of the tensor
-        given to it. By default it is in the adapted basis.
+        What `from_inertia` or `from_mass_tensor` returned: the result is in the basis of their
+        tensor, not in the adapted basis.
     attitude : array_like(float, shape=(..., n, n)), optional
-        Orientations of the body, as of :func:`attitude`: the result is in space.
+        Orientations of the body: the result is in space.
 
     Returns
     -------

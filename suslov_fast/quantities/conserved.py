@@ -31,11 +31,6 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     ndarray(float, shape=(...))
         In the unit of inertia times that of omega squared; of a field, in the unit of H.
 
-    Raises
-    ------
-    TypeError
-        For a field without a Hamiltonian.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, energy
@@ -86,8 +81,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
 
     Notes
     -----
-    Lemma 1 of the paper, equation (6). The integral of equation (9) is F times
-    D = I13**2 I2 + I23**2 I1.
+    Lemma 1 of the paper, equation (6).
 
     Examples
     --------
@@ -124,11 +118,6 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
         In the unit of the :func:`energy`. NaN, with one :class:`SingularStepWarning`, where a state
         of a field has no next state.
 
-    Raises
-    ------
-    TypeError
-        For a field without a Hamiltonian.
-
     Notes
     -----
     That of a field is due to Celledoni, McLachlan, Owren and Quispel (2013), arXiv:1209.1164. With
@@ -154,9 +143,7 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
 
     It is constant along an orbit, and has the sign of eps. If -1 < t < 1, the orbit follows the
-    continuous motion; otherwise it jumps across the line of steady states, and can meet a pole. For
-    a gyrostat, with the same for k = 0, t = e A with e = eps / (2 sqrt(I1 I2)) and
-    A**2 = 4 I1 I2 F (I13**2 / I1 + I23**2 / I2).
+    continuous motion; otherwise it jumps across the line of steady states, and can meet a pole.
 
     Parameters
     ----------
@@ -179,8 +166,9 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
 
     Notes
     -----
-    h is the first integral of equation (9) of the paper: D = I13**2 I2 + I23**2 I1 times
-    :func:`first_integral`.
+    h is the integral of equation (9) of the paper, I13**2 I2 + I23**2 I1 times the
+    :func:`first_integral` F. With a rotor t = e A, with e = eps / (2 sqrt(I1 I2)) and
+    A**2 = 4 I1 I2 F (I13**2 / I1 + I23**2 / I2); without one that is the same.
 
     Examples
     --------
@@ -196,8 +184,7 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
 def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Rotation number of an orbit of the map of a gyrostat: turns of its phase per step.
 
-    It is constant along an orbit, and 0 where orbits go from one steady state to another: for every
-    body without a rotor, and for a gyrostat where abs(k) <= A.
+    It is constant along an orbit, and 0 where orbits go from one steady state to another.
 
     Parameters
     ----------
@@ -233,10 +220,9 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     """Density of an invariant measure of the map.
 
     rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat); for
-    a field with a Hamiltonian 1 / det A, with the :func:`matrix` A. In n dimensions one is known for
-    n = 3, and for n = 4 with I along one axis. With the :func:`jacobian` J at omega,
-    rho(next omega) det J = rho(omega), signs included. For eps = 0 it is a density of the
-    continuous motion.
+    a field with a Hamiltonian 1 / det A, with the :func:`matrix` A. In n dimensions one is known
+    for n = 3, and for n = 4 with I along one axis. With the :func:`jacobian` J at omega,
+    rho(next omega) det J = rho(omega), signs included; eps = 0 is the continuous motion.
 
     Parameters
     ----------
@@ -258,16 +244,12 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     ------
     NotIntegrableError
         If no invariant measure is known for the body.
-    TypeError
-        For a field without a Hamiltonian.
 
     Notes
     -----
-    The measures are not in the paper. A density is determined up to a constant factor; in three
-    dimensions with this one rho is also the density in the coordinates (x, y) of :func:`to_xy`.
-    For n = 4 and I = (I1, 0, 0) it is
-    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))), infinite
-    where the denominator is 0; for another axis the indices are permuted.
+    The measures are not in the paper. For n = 4 and I = (I1, 0, 0) rho is
+    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))); for another
+    axis the indices are permuted.
 
     Examples
     --------

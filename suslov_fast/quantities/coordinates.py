@@ -11,7 +11,7 @@ from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, wrong
 from ..core import quantities as formulas
 from ..engine.arguments import check, refuse_rotor
-from .evaluation import parameters_in_3d, reported
+from .evaluation import reported
 
 
 def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
@@ -32,11 +32,6 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
         x, in the unit of inertia times that of omega, and y, in that of inertia squared times that
         of omega.
 
-    Raises
-    ------
-    TypeError
-        For a gyrostat, whose steady states are another line.
-
     Notes
     -----
     Section 4 of the paper, equation (7).
@@ -49,7 +44,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     """
     refuse_rotor(body, "to_xy", "iterate or flow")
     states = check(body, Suslov3D, {"omega": omega}, later=True)
-    found = formulas.to_xy(*parameters_in_3d(body), 0.0, states.omega)
+    found = formulas.to_xy(*body.parameters, 0.0, states.omega)
     return reported(states, found, axes=1)
 
 
@@ -70,8 +65,6 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
 
     Raises
     ------
-    TypeError
-        For a gyrostat.
     ValueError
         If I13 and I23 are both 0, where (x, y) is 0 for every omega.
 
@@ -86,7 +79,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     if np.any((np.asarray(body.I13) == 0) & (np.asarray(body.I23) == 0)):
         received = "both 0, where (x, y) is 0 for every omega"
         raise wrong("body", "I13 or I23 other than 0", received)
-    found = formulas.from_xy(*parameters_in_3d(body), 0.0, states.omega)
+    found = formulas.from_xy(*body.parameters, 0.0, states.omega)
     return reported(states, found, axes=1)
 
 
@@ -124,16 +117,11 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
         -1 and 1, because the solution has another form there. k2 is infinite on the line x = 0, and
         0 at rest.
 
-    Raises
-    ------
-    TypeError
-        For a gyrostat; :func:`exact` has its states.
-
     Notes
     -----
     h is the integral of equation (9), k1 = -(2 / eps) artanh t solves equation (12), and k2 is that
-    of Theorem 1 for t_0 = 0, corrected: the prefactor of the theorem is 2 sqrt(h I1 I2), its
-    denominator I23**2 I1 + I13**2 I2, and it holds for positive x.
+    of Theorem 1, which holds for positive x, with the prefactor 2 sqrt(h I1 I2) and the denominator
+    I23**2 I1 + I13**2 I2.
 
     Examples
     --------
@@ -149,4 +137,4 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
     """
     refuse_rotor(body, "closed_form", "exact")
     states = check(body, Suslov3D, {"omega0": omega0, "eps": eps})
-    return ClosedForm(*formulas.closed_form(*parameters_in_3d(body), states.eps, states.omega))
+    return ClosedForm(*formulas.closed_form(*body.parameters, states.eps, states.omega))

@@ -75,8 +75,7 @@ def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> F
     Notes
     -----
     In three dimensions lambda follows from the third equation of (2), which is discretized as
-    (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2. A rotor
-    does not change it.
+    (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
 
     Examples
     --------
@@ -102,8 +101,8 @@ def _reaction_nd(states: States) -> FloatArray:
 def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
 
-    It is the identity minus eps / 2 times the derivative f' of the vector field f. For every body
-    and field, A(omega; eps) (next_omega - omega) = eps f(omega).
+    It is 1 - (eps / 2) f'(omega), where f is the vector field. For every body and field,
+    A(omega; eps) (next_omega - omega) = eps f(omega).
 
     Parameters
     ----------
@@ -201,10 +200,8 @@ def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]
 
     Notes
     -----
-    At a fixed point the derivative of the map is (1 - eps f' / 2)**-1 (1 + eps f' / 2), so that an
-    eigenvalue mu of f' gives the multiplier (1 + eps mu / 2) / (1 - eps mu / 2). On the line
-    x = 0 of equation (8) of the paper this is (1 + Y) / (1 - Y) with Y = eps y / (2 I1 I2). In n
-    dimensions mu = c s at omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
+    An eigenvalue mu of f' gives the multiplier (1 + eps mu / 2) / (1 - eps mu / 2). In n dimensions
+    mu = c s at omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Examples
     --------
@@ -219,7 +216,7 @@ def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]
     with np.errstate(all="ignore"):
         slopes = _slopes_at_fixed_points(states)
         is_field = isinstance(body, QuadraticField)
-        Y = half_step * (_eigenvalues(slopes) if is_field else _rates_of_body(states))
+        Y = half_step * (_eigenvalues(slopes) if is_field else _rates_of_body(states, slopes))
         large = (1.0 / Y + 1.0) / (1.0 / Y - 1.0)
         found = np.where(Y == 1.0, np.inf, np.where(abs(Y) < 1.0, (1.0 + Y) / (1.0 - Y), large))
         found = np.broadcast_to(found, (*states.batch, body.dimension))
@@ -246,7 +243,7 @@ def _slopes_at_fixed_points(states: States) -> FloatArray:
             f"{states.name}: expected fixed points of the map, got {np.count_nonzero(moves)} other "
             f"states{where}: use jacobian for the derivative at these"
         )
-    return 2.0 * half_slopes[..., :-1]
+    return np.asarray(2.0 * half_slopes[..., :-1])
 
 
 def _eigenvalues(matrices: FloatArray) -> NDArray[Any]:
@@ -256,7 +253,7 @@ def _eigenvalues(matrices: FloatArray) -> NDArray[Any]:
     return np.where(known, found.astype(complex), np.nan)
 
 
-def _rates_of_body(states: States) -> NDArray[Any]:
+def _rates_of_body(states: States, slopes: FloatArray) -> NDArray[Any]:
     """Return the eigenvalues of f' at steady states of a body, (..., m), of which one is 0."""
     body, x = states.body, states.omega
     if isinstance(body, SuslovND) and body.dimension != 2:
@@ -264,13 +261,7 @@ def _rates_of_body(states: States) -> NDArray[Any]:
         c = (body.I * x).sum(axis=-1, keepdims=True) / along
         across = np.where(along > 0.0, c * _spectrum(body.J, body.I), 0.0)
         return np.concatenate([across, np.zeros((*across.shape[:-1], 1))], axis=-1)
-    if isinstance(body, SuslovND):
-        trace = (
-            body.I[..., 1] * x[..., 1] / body.J[..., 0]
-            + body.I[..., 0] * x[..., 0] / body.J[..., 1]
-        )
-    else:
-        trace = body.I23 / body.I2 * x[..., 0] - body.I13 / body.I1 * x[..., 1]
+    trace = np.trace(slopes, axis1=-2, axis2=-1)
     rates = np.stack([trace, 0.0 * trace], axis=-1)
     if not isinstance(body, SuslovGyrostat):
         return rates

@@ -23,13 +23,15 @@ from ..engine.status import SingularStepWarning
 from ..engine.stretches import March
 from ..maps import map_of
 
+OfState = Universal | Callable[[States], FloatArray]
+
 
 def evaluate(
     body: Any,
     arguments: dict[str, Any],
-    in_3d: Universal,
-    in_nd: Universal | Callable[[States], FloatArray] | None = None,
-    of_field: Callable[[States], FloatArray] | None = None,
+    in_3d: OfState,
+    in_nd: OfState | None = None,
+    of_field: OfState | None = None,
     *,
     require: Callable[[Any], object] = lambda body: None,
     axes: int = 0,
@@ -42,30 +44,25 @@ def evaluate(
     """
     kinds: tuple[Any, ...] = (Suslov3D, SuslovGyrostat)
     kinds += (SuslovND,) * bool(in_nd) + (QuadraticField,) * bool(of_field)
-    states = check(body, kinds, arguments, later=True)
+    states, quantity = check(body, kinds, arguments, later=True), in_3d
+    if isinstance(body, SuslovND):
+        require(body)
+        quantity = in_nd or in_3d
+    elif isinstance(body, QuadraticField):
+        quantity = of_field or in_3d
     with np.errstate(all="ignore"):
-        if of_field and isinstance(body, QuadraticField):
-            found = of_field(states)
-        elif not isinstance(body, SuslovND):
-            found = in_3d(*parameters_in_3d(body), states.eps, states.omega)
+        if isinstance(quantity, Universal):
+            found = quantity(*body.parameters, states.eps, states.omega)
         else:
-            require(body)
-            if isinstance(in_nd, Universal):
-                found = in_nd(body.J, body.I, states.eps, states.omega)
-            else:
-                found = in_nd(states)  # type: ignore[misc]
+            found = quantity(states)
         return reported(states, found, axes, poles)
-
-
-def parameters_in_3d(body: Suslov3D | SuslovGyrostat) -> tuple[Any, ...]:
-    """Return I1, I2, I13, I23 and k, which is 0 without a rotor."""
-    return body.I1, body.I2, body.I13, body.I23, getattr(body, "k", 0.0)
 
 
 def terms_of(body: Any) -> tuple[Any, FloatArray]:
     """Return the terms v x_j x_k, j <= k, of the equations i: places (3, T) and values (..., T)."""
     if not isinstance(body, SuslovND):
-        return body.field().terms
+        terms: tuple[Any, FloatArray] = body.field().terms
+        return terms
     i, j = np.nonzero(~np.eye(body.dimension, dtype=bool))  # faster than its exact field
     J, I = np.broadcast_arrays(body.J, body.I)
     places = np.array([[*i, *i], [*np.minimum(i, j), *j], [*np.maximum(i, j), *j]], np.int64)

@@ -39,8 +39,7 @@ def lyapunov_exponents(
     steps : int
         Number of steps of the mean, 1 or more.
     transient : int
-        Number of steps before the mean begins: the exponents are those of the orbit that starts at
-        the state after them.
+        Number of steps before the mean begins.
     threads : int, optional
         Number of threads, by default Numba's. Results do not depend on it.
 
@@ -53,11 +52,9 @@ def lyapunov_exponents(
     Notes
     -----
     The derivatives of the map along the orbit are multiplied, and the product is decomposed as Q R
-    after each step, beginning with Q = Id. The exponents are the mean logarithms of the diagonal of
-    R; their sum is the mean of ``log |det DPhi|``, with an error below 1e-10 of the mean of its
-    modulus. Where an orbit tends to a steady state, they tend to the logarithms of its
-    :func:`multipliers`, with an error of order 1 / steps. Where a displacement along the orbit
-    outgrows that across by 1e16, single exponents lose all digits; their sum does not.
+    after each step. The exponents are the mean logarithms of the diagonal of R; their sum is the
+    mean of ``log |det DPhi|``, with an error below 1e-10 of the mean of its modulus. Where a
+    displacement along the orbit outgrows that across by 1e16, single exponents lose all digits.
 
     Examples
     --------

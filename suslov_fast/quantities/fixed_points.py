@@ -38,14 +38,13 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
         If there are more than 3 variables, or infinitely many fixed points, as of all Suslov
         bodies, or if a batch has several axes.
     ImportError
-        For D = 2 and 3, if python-flint is not installed (extra `algebra`).
+        For D > 1 without python-flint (extra `algebra`).
 
     Notes
     -----
     Groebner bases reduce the equations to irreducible ones in one variable, and the points are
-    polynomials in their roots. For D = 3, fields whose complex fixed points form an irreducible
-    curve, such as that of two ellipsoids, count as having infinitely many, even if no real point or
-    a single one lies on it. For more variables ``scipy.optimize.root`` finds single points.
+    polynomials in their roots. For D = 3, complex fixed points that form an irreducible curve, such
+    as that of two ellipsoids, count as infinitely many, even if none or one of them is real.
 
     Examples
     --------
@@ -96,7 +95,8 @@ def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:
     distances = np.linalg.norm((before[:, np.newaxis] - points) / scale, axis=-1)
     _, continued = linear_sum_assignment(distances)
     new = np.setdiff1d(np.arange(len(points)), continued)
-    return points[np.concatenate([continued, new]).astype(int)]
+    order = np.concatenate([continued, new]).astype(np.intp)
+    return np.asarray(points[order])
 
 
 def _eliminated(field: Any) -> set[tuple[float, ...]] | None:

@@ -52,8 +52,7 @@ def attitude(
     -------
     ndarray(float, shape=(N + 1, ..., n, n))
         Matrices R that take components in the body frame to components in space, orthogonal to
-        rounding; NaN from the first NaN state on. In three dimensions
-        ``scipy.spatial.transform.Rotation.from_matrix(R.reshape(-1, 3, 3))`` converts them.
+        rounding; NaN from the first NaN state on.
 
     Raises
     ------
@@ -64,9 +63,8 @@ def attitude(
     -----
     R_next = R cay(eps (Omega + Omega_next) / 2) with the Cayley map, a discretization of order 2 of
     R' = R Omega.
-
-    Two states are consecutive if the map takes the first to the second, or its inverse the second
-    to the first, to one part in 1e6 of the step between them and one in 1e10 of the states.
+    States follow each other if the map takes the first to the second, or its inverse the second to
+    the first, to 1e-6 of the step between them and 1e-10 of the states.
 
     Examples
     --------

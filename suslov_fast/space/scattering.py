@@ -26,11 +26,6 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
         Angle in radians, from 0, if the body turns over, to pi, if its final orientation is
         the initial one; NaN if I13 = I23 = 0, because then every state is steady.
 
-    Raises
-    ------
-    TypeError
-        For a gyrostat; :func:`iterate` or :func:`flow` have its motion.
-
     Notes
     -----
     With D = I13**2 I2 + I23**2 I1, k**2 = I13**2 + I23**2, alpha = I1 I2 k / D,
@@ -40,10 +35,8 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     sin(angle / 2)**2 = (Re cosh(pi kappa / 2) / cosh(pi alpha / 2))**2
     + (Im cosh(pi kappa / 2) / sinh(pi alpha / 2))**2.
 
-    The formula amplifies the rounding of the body's parameters: the error is about
-    1e-15 (alpha + beta + abs(gamma)), times the angle if that is exponentially small. It is below
-    1e-10 if I1 and I2 are within a factor of 1e8 of each other. The angle of the discrete problem
-    converges to this one with order 2.
+    The error is about 1e-15 (alpha + beta + abs(gamma)), below 1e-10 if I1 and I2 are within a
+    factor of 1e8. The angle of the discrete problem converges to this one with order 2.
 
     References
     ----------

@@ -43,11 +43,7 @@ def to_matrix(
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, SuslovND, to_matrix
-    >>> to_matrix(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]), [2.0, 5.0])
-    array([[ 0.,  0.,  2.],
-           [ 0.,  0.,  5.],
-           [-2., -5.,  0.]])
+    >>> from suslov_fast import Suslov3D, to_matrix
     >>> to_matrix(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([[ 0.,  0.,  5.],
            [ 0.,  0., -2.],
@@ -83,11 +79,6 @@ def to_vector(
     -------
     ndarray(float, shape=(..., 3))
         (Omega1, Omega2, 0), or its components in the other basis.
-
-    Raises
-    ------
-    TypeError
-        In n dimensions, where it is no vector; :func:`to_matrix` is for all.
 
     Examples
     --------
@@ -132,9 +123,8 @@ def momentum(
 
     Notes
     -----
-    I3 does not enter because Omega3 = 0. The :func:`energy` is half the scalar product of M and
-    Omega, or -trace(M Omega) / 4 for matrices. In space M is not conserved: in three dimensions
-    its derivative is the :func:`reaction` times the constrained axis.
+    I3 does not enter because Omega3 = 0. In space M is not conserved: in three dimensions its
+    derivative is the :func:`reaction` times the constrained axis.
 
     Examples
     --------

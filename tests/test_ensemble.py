@@ -221,7 +221,7 @@ BAD = [
     ({"eps": [0.1, 0.2], "omega0": [[1, 1]] * 3}, ValueError, "omega0"),
     ({"chunk": 0}, ValueError, "chunk"), ({"chunk": {"time": 3}}, ValueError, "chunk.*time"),
     ({"chunk": "many"}, TypeError, "chunk"), ({"dims": ("a", "b")}, ValueError, "dims"),
-    ({"coords": {"trajectory": [1, 2]}}, ValueError, "coords"),
+    ({"coords": {"trajectory": [1, 2]}}, ValueError, "trajectory"),
     *[({"coords": {name: 3}}, ValueError, "coords") for name in ("a/b", "omega")],
     *[({"functions": {name: radius}}, ValueError, "functions") for name in ("omega", "time")],
     ({"functions": {"a/b": radius}}, ValueError, "functions"),

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; and the
 # number of trajectories below which the processor would be idle.
 _CHUNK, _WORK, _FEWEST = 2**24, 2**31, 2**12
+_LITTLE = 2**24
 # Tiles queued per thread of a worker: no thread is idle, and few initial states are in memory.
 _WAITING = 2
 
@@ -200,15 +201,16 @@ def _compute_missing(
     axes = zip(status.shape, status.chunks, strict=True)
     sides = [[slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes]
     tiles = math.prod(len(each) for each in sides)
+    # With less work than this a tile is computed before a second thread has started.
+    threads = 1 if math.prod(status.chunks) * steps < _LITTLE else None
     missing = (each for each in product(*sides) if not stores.is_done(status, each))
     with reporter(progress, tiles * steps) as show:
         if client is None:
             with ThreadPoolExecutor(1, "suslov_fast writer") as writer:
                 writing = writer.submit(int)  # nothing yet
                 for done, where in enumerate(missing, start=1):
-                    for each in _computed(
-                        record.variable, _tile(run, where), where, functions, rows
-                    ):
+                    work = record.variable, _tile(run, where), where, functions, rows, threads
+                    for each in _computed(*work):
                         writing.result()
                         writing = writer.submit(_write, arrays, *each)
                     show(done * steps)

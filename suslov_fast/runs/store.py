@@ -12,7 +12,6 @@ import hashlib
 import inspect
 import math
 import os
-import re
 import shutil
 import warnings
 from importlib.util import find_spec
@@ -30,6 +29,7 @@ from .trajectories import Trajectories
 FORMAT, PENDING = 6, -128
 # Arguments with at most so many numbers are attributes as they are; so many are read at a time.
 _FEW, _READ = 1000, 2**21
+_RESULTS = ("final", "status", "failed_at", "attitude")
 
 
 def resolved(store: Any) -> Any:
@@ -89,7 +89,7 @@ def _differences(asked: dict[str, Any], stored: dict[str, Any]) -> str:
     """Return in words how the arguments of two runs differ."""
     texts = []
     for name in dict.fromkeys([*asked, *stored]):
-        if name != "version" and asked.get(name) != stored.get(name):
+        if name not in ("version", "coordinates") and asked.get(name) != stored.get(name):
             ours, theirs = _words(asked.get(name)), _words(stored.get(name))
             texts.append(f"{name}: {ours}, the store has {'others' if ours == theirs else theirs}")
     return "; ".join(texts)
@@ -113,51 +113,39 @@ def attributes(store: Any) -> dict[str, Any]:
 
 
 def template(
-    map: Map, run: dict[str, Any], batch: tuple[int, ...], functions: Any, dims: Any, coords: Any
+    record: Map, run: dict[str, Any], batch: tuple[int, ...], functions: Any, dims: Any, coords: Any
 ) -> Any:
     """Return the dataset of a run, with its arguments as attributes and nothing computed."""
-    from dask.array import full
-
-    body, every = run["body"], run["save_every"]
+    body, every, turns = run["body"], run["save_every"], run["attitude"]
     rows, D = 1 if every is None else run["steps"] // every + 1, body.dimension
-
     require(8 * rows, "raise save_every")
-
-    def nothing(*shape: int, value: float = np.nan, kind: Any = np.float64) -> Any:
-        return full(shape, value, dtype=kind, chunks=-1)
-
-    turns = None if run["attitude"] is False else nothing(rows, *batch, D + 1, D + 1)
-    empty = Trajectories(
-        states=nothing(rows, *batch, D),
-        final=nothing(*batch, D),
-        status=nothing(*batch, value=PENDING, kind=np.int8),
-        failed_at=nothing(*batch, value=PENDING, kind=np.int64),
-        body=body,
-        eps=run["eps"],
-        attitude=turns,
-        method=run["method"],
-        steps=run["steps"],
-        save_every=every,
-        _map=map,
-    )
-    data = empty.to_xarray(dims, coords).drop_vars("time")
+    whole, pending = (rows, *batch), np.int8(PENDING)
+    run = run | {
+        "states": np.broadcast_to(np.nan, (*whole, D)),
+        "final": np.broadcast_to(np.nan, (*batch, D)),
+        "status": np.broadcast_to(pending, batch),
+        "failed_at": np.broadcast_to(np.int64(pending), batch),
+        "attitude": None if turns is False else np.broadcast_to(np.nan, (*whole, D + 1, D + 1)),
+    }
+    starts = run.pop("omega0")
+    data = Trajectories(**run, _map=record).to_xarray(dims, coords).drop_vars("time")
     if taken := functions.keys() & {*data.variables, "time"}:
         raise wrong("functions", "names that the dataset does not have", ", ".join(taken))
     sources = {name: source_of(name, each) for name, each in functions.items()}
     for name, function in functions.items():
         values_of(name, function, np.full((3, D), 0.5))  # an error comes before anything is stored
-        data[name] = (("n", *data.status.dims), nothing(rows, *batch))
-    for name, variable in data.variables.items():
-        if not re.fullmatch(r"(?!__)[^/]*[^/.][^/]*(?<!zarr\.json)", str(name)):
-            raise wrong("dims, coords and functions", "names of folders", repr(name))
-        if name in data.coords:  # Zarr has strings of variable length
-            kind = object if variable.dtype.kind == "U" else variable.dtype
-            data[name] = variable.load().astype(kind)
+        data[name] = (("n", *data.status.dims), np.broadcast_to(np.nan, whole))
+    if bad := [
+        each
+        for each in [str(name) for name in data.variables]
+        if each in ("", ".", "..") or "/" in each
+    ]:
+        raise wrong("dims, coords and functions", "names of folders", repr(bad[0]))
+    for name in {record.variable, *_RESULTS, *functions} & {*data}:
+        data[name].encoding["fill_value"] = PENDING if data[name].dtype.kind == "i" else np.nan
     numbers = {**body._arrays, **body._coordinates, "eps": np.asarray(run["eps"])}
-    if run["attitude"] is not False:
-        numbers["attitude"] = run["attitude"]
+    numbers |= {} if turns is False else {"attitude": turns}
     about: dict[str, Any] = {name: described(name, each) for name, each in numbers.items()}
-    starts = run["omega0"]
     about["omega0"] = described("omega0", starts, 0) if hasattr(starts, "ndim") else repr(starts)
     about |= {"steps": run["steps"], "save_every": every, "method": run["method"]}
     about |= {"dims": ", ".join(data.status.dims), "body": type(body).__name__, "format": FORMAT}
@@ -198,27 +186,30 @@ def _check_folder(folder: Path, template: Any) -> None:
 
 def _made(data: Any, sizes: dict[str, int]) -> dict[str, Any]:
     """Return the contents of the store of a dataset, by their keys."""
-    from zarr.codecs import Crc32cCodec
-    from zarr.storage import MemoryStore
+    import zarr
 
     contents: dict[str, Any] = {}
-    encoding: dict[Any, dict[str, Any]] = {}
+    labels = " ".join(str(name) for name in data.coords if name not in data.dims)
+    about = {**data.attrs, "coordinates": labels}  # as xarray reads it
+    root = zarr.create_group(zarr.storage.MemoryStore(contents), attributes=about)
     for name, variable in data.variables.items():
-        encoding[name] = {"compressors": [Crc32cCodec()]}
-        if variable.dtype.kind == "f":
-            encoding[name] |= {"fill_value": np.nan, "_FillValue": None}
-        if hasattr(variable.data, "dask"):
-            lengths = variable.sizes.items()
-            encoding[name]["chunks"] = tuple(sizes.get(dim, max(n, 1)) for dim, n in lengths)
-    for name in ("status", "failed_at"):
-        encoding[name]["fill_value"] = PENDING
-    options: dict[str, Any] = {"zarr_format": 3, "consolidated": True, "safe_chunks": False}
+        computed = "fill_value" in variable.encoding
+        lengths = {dim: max(1, n) for dim, n in variable.sizes.items()}
+        array = root.create_array(
+            name,
+            shape=variable.shape,
+            dtype=str if variable.dtype.kind in "OU" else variable.dtype,
+            chunks=tuple((lengths | sizes if computed else lengths)[dim] for dim in lengths),
+            fill_value=variable.encoding.get("fill_value"),
+            compressors=zarr.codecs.Crc32cCodec(),
+            dimension_names=variable.dims,
+            attributes=variable.attrs,
+        )
+        if not computed:
+            array[...] = variable.values
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # consolidated metadata extend the format
-        try:
-            data.to_zarr(MemoryStore(contents), compute=False, encoding=encoding, **options)
-        except (ValueError, TypeError) as error:
-            raise wrong("dims, coords", "names and values that Zarr can store", error) from error
+        zarr.consolidate_metadata(root.store)
     return contents
 
 

@@ -43,29 +43,25 @@ GENERAL, PLAIN, RESTS = 0.0, 1.0, 2.0
 
 class Frame(NamedTuple):
     """The numbers of a body and a step size, for states (u, v) = (w1, w2 / back):
-    X = a1 u + a2 v + K, Y = a2 u - a1 v; w = (n11 X + n12 Y, n21 X + n22 Y) without a rotor.
+    X = a1 u + a2 v + K, Y = a2 u - a1 v; u = m1 X + m2 Y, v = m2 X - m1 Y without a rotor.
     """
 
     K: float
     a1: float
     a2: float
     back: float
-    n11: float
-    n12: float
-    n21: float
-    n22: float
+    m1: float
+    m2: float
 
 
 @formula
 def frame_of(I1, I2, I13, I23, k, eps):
-    """The frame of a body. For g = 0 or eps = 0 the last four numbers are not finite."""
+    """The frame of a body. For g = 0 or eps = 0 the last two numbers are not finite."""
     s = np.sqrt(I1 * I2)
     e, back = 0.5 * eps / s, s / I2
-    g1, g2 = I13 / I1, I23 / I2
-    per_g = 1.0 / (e * (I13 * g1 + I23 * g2))
+    per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
     return Frame(
-        e * k, e * I13, e * (I23 * back), back,
-        g1 * per_g, (I23 / s) * per_g, g2 * per_g, -(I13 / s) * per_g,
+        e * k, e * I13, e * (I23 * back), back, (I13 / I1) * per_g, (I23 / s) * per_g
     )  # fmt: skip
 
 
@@ -79,7 +75,7 @@ def enter(frame, I1, I2, I13, I23, k, eps, w1, w2):
 @formula
 def is_plain(frame, X, Y):
     """Whether steps take the plain form."""
-    finite = abs(frame.n11) + abs(frame.n12) + abs(frame.n21) + abs(frame.n22) < np.inf
+    finite = abs(frame.m1) + abs(frame.m2) < np.inf
     return (frame.K == 0.0) & finite & (abs(Y) < 1.0) & (X != 0.0) & (abs(X) < LARGE)
 
 
@@ -101,7 +97,7 @@ def plain_step(X, Y):
 @formula
 def leave_plain(frame, X, Y):
     """The state of X and Y, without a rotor."""
-    return frame.n11 * X + frame.n12 * Y, frame.n21 * X + frame.n22 * Y
+    return frame.m1 * X + frame.m2 * Y, (frame.m2 * X - frame.m1 * Y) * frame.back
 
 
 @formula
@@ -154,16 +150,14 @@ def one_step(I1, I2, I13, I23, k, eps, w1, w2):
 # Rows of a block: the numbers of the plain form; those of the general one, with R**2 and how many
 # of its states exist (and a half after a pole); the frame.
 KIND, X_, Y_, XG, U, V, R2, ALIVE, FRAME = range(9)
-ROWS = FRAME + 8
+ROWS = FRAME + 6
 
 
 @formula
 def frame_at(b, l):
     """The frame of a lane."""
-    return Frame(
-        b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l], b[FRAME + 3, l],
-        b[FRAME + 4, l], b[FRAME + 5, l], b[FRAME + 6, l], b[FRAME + 7, l],
-    )  # fmt: skip
+    K, a1, a2 = b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l]
+    return Frame(K, a1, a2, b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l])
 
 
 @formula
@@ -198,13 +192,11 @@ def start_lane(b, l, i, parameters, omega0, carry, start, status, failed_at):
         kind, X, Y = carry[i, 0], carry[i, 1], carry[i, 2]
         u, v, R_squared = carry[i, 2], carry[i, 3], carry[i, 4]
     if kind == RESTS:
-        frame = Frame(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+        frame = Frame(0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
     b[KIND, l], b[X_, l], b[Y_, l], b[XG, l], b[U, l], b[V, l] = kind, X, Y, X, u, v
     b[R2, l], b[ALIVE, l] = R_squared, 0.0
-    (
-        b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l], b[FRAME + 3, l],
-        b[FRAME + 4, l], b[FRAME + 5, l], b[FRAME + 6, l], b[FRAME + 7, l],
-    ) = frame  # fmt: skip
+    b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l] = frame.K, frame.a1, frame.a2
+    b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l] = frame.back, frame.m1, frame.m2
     return select(kind == PLAIN, 1.0, 0.0)
 
 

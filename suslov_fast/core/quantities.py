@@ -121,19 +121,14 @@ def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
     k1 = -(2 / eps) artanh t and sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
     """
     X, Y, _, _ = numbers_of(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
-    x = I13 * w[0] + I23 * w[1]
-    y = np.sqrt(I1 * I2) * (I23 / I2 * w[0] - I13 / I1 * w[1])
+    x, y = I13 * w[0] + I23 * w[1], np.sqrt(I1 * I2) * (I23 / I2 * w[0] - I13 / I1 * w[1])
     t[0] = criticality_at(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
-    h[0] = 0.25 * (x * x + y * y) / (1.0 + X * X)
-    T, complement = abs(t[0]), (1.0 - Y) * (1.0 + Y) / (1.0 + X * X)
-    slow = math.atanh(min(T, 0.5))
-    half_log = slow if T < 0.5 else -0.5 * math.log(max(complement, 0.0) / (1.0 + T) ** 2)
-    exists = abs(Y) < 1.0
-    k1[0] = select(
-        exists, -2.0 * np.sqrt(h[0] / (I1 * I2)) * (half_log / T if T > 0.0 else 1.0), np.nan
-    )
-    k2[0] = 0.0 if h[0] == 0.0 else math.asinh(y / (abs(x) * np.sqrt(max(complement, 0.0))))
-    k2[0] = select(exists, k2[0], np.nan)
+    h[0], k1[0], k2[0] = 0.25 * (x * x + y * y) / (1.0 + X * X), np.nan, np.nan
+    if abs(Y) < 1.0:
+        T, complement = abs(t[0]), (1.0 - Y) * (1.0 + Y) / (1.0 + X * X)  # 1 - T**2
+        angle = math.atanh(T) if T < 0.5 else -0.5 * math.log(complement / (1.0 + T) ** 2)
+        k1[0] = -2.0 * np.sqrt(h[0] / (I1 * I2)) * (angle / T if T > 0.0 else 1.0)
+        k2[0] = 0.0 if h[0] == 0.0 else math.asinh(y / (abs(x) * np.sqrt(complement)))
 
 
 @universal(IN_3D + "(d)")
@@ -155,9 +150,8 @@ def matrix_at(I1, I2, I13, I23, k, h, w1, w2):
 
 @universal(IN_3D + "(d,d)")
 def matrix(I1, I2, I13, I23, k, eps, w, out):
-    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = matrix_at(
-        I1, I2, I13, I23, k, 0.5 * eps, w[0], w[1]
-    )
+    a11, a12, a21, a22 = matrix_at(I1, I2, I13, I23, k, 0.5 * eps, w[0], w[1])
+    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = a11, a12, a21, a22
 
 
 @formula
@@ -294,7 +288,7 @@ def invariant_density_nd(J, I, eps, w, out):
     if len(w) == 2:
         l = I[0] * w[1] - I[1] * w[0]
         step = eps * l
-        out[0] = 1.0 / (l * (4.0 * J[0] * J[1] + step * step))
+        out[0] = 1.0 / in_range(l * (4.0 * J[0] * J[1] + step * step))
     else:
         a = 0
         for i in range(3):
@@ -302,8 +296,8 @@ def invariant_density_nd(J, I, eps, w, out):
         b, c, h = (a + 1) % 3, (a + 2) % 3, 0.5 * eps * I[a]
         along = (h * w[a] / J[b]) * (h * w[a] / J[c])
         across = (w[b] - w[c]) * (w[b] + w[c]) * (h / J[a]) * (h / J[b]) * ((J[c] - J[b]) / J[c])
-        below = w[b] * w[c] * (1.0 - along + across)
-        out[0] = 1.0 / abs(below) if below == 0.0 else 1.0 / below
+        below = in_range(w[b] * w[c] * (1.0 - along + across))
+        out[0] = np.inf if below == 0.0 else 1.0 / below
 
 
 @universal(IN_ND + "(d)")
@@ -312,17 +306,6 @@ def vector_field_nd(J, I, eps, w, out):
     largest, p, square = sums_of_others(I, w)
     for i in range(len(w)):
         out[i] = force(I, w, i, largest, p, square) / J[i]
-
-
-@universal(IN_ND + "(d,d)")
-def matrix_nd(J, I, eps, w, out):
-    """delta_ij (1 - eps p / (2 J_i)) + eps (2 I_i w_j - I_j w_i) / (2 J_i)."""
-    for i in range(len(w)):
-        h, others = 0.5 * eps / J[i], 0.0 * w[i]
-        for j in range(len(w)):
-            out[i, j] = h * (2.0 * I[i] * w[j] - I[j] * w[i])
-            others += I[j] * w[j] if j != i else 0.0
-        out[i, i] = 1.0 - h * others
 
 
 @universal("(d),(d),(d),(d)->(d,d)")

@@ -134,8 +134,8 @@ def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> (A @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    given, of_field = {"omega": omega, "eps": eps}, partial(by_terms, fields.matrix)
-    return evaluate(body, given, formulas.matrix, formulas.matrix_nd, of_field, axes=2)
+    given, in_terms = {"omega": omega, "eps": eps}, partial(by_terms, fields.matrix)
+    return evaluate(body, given, formulas.matrix, in_terms, in_terms, axes=2)
 
 
 def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:

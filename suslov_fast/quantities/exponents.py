@@ -89,7 +89,7 @@ def _growth(states: States, start: FloatArray, steps: int) -> tuple[FloatArray, 
     arrays = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
     cost = max(B, 1) * (4 * D**3 + len(places[0]))
     length = max(_STRETCH // cost, 1)
-    for first in range(0, steps, length):
+    for first in range(0, steps if B else 0, length):
         span = 0, B, first, min(first + length, steps)
         arguments = parameters, start, carry, span, *arrays
         _threads.call_kernel(tangent.growth, cost * length, states.threads, *arguments)

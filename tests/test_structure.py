@@ -68,11 +68,14 @@ def test_imports_follow_the_arrows_without_cycles():
             assert rooms <= {"integrability", "bodies", "checks", "maps", "engine"}, name
 
 
+COMPILING = [PACKAGE / "core" / name for name in ("numba.py", "universal.py", "__init__.py")]
+
+
 def test_numba_is_chosen_in_one_file():
-    """Only core/numba.py names options and internals of Numba, and LLVM."""
-    words = re.compile(r"njit\(|numba\.(gu)?vectorize|fastmath|error_model|nogil|llvmlite|numba\.core\b")
+    """Only core/numba.py and core/universal.py name options and internals of Numba."""
+    words = re.compile(r"njit\(|numba\.(gu)?vectorize|error_model|nogil|llvmlite|numba\.core\b")
     for path, text in TEXTS.items():
-        if path.parts[-2:] not in (("core", "numba.py"), ("core", "__init__.py")):
+        if path not in COMPILING:
             assert not words.search(text), path
     loops = [path for path, text in TEXTS.items() if "prange(" in text]
     assert [path.name for path in loops] == ["numba.py"]
@@ -80,7 +83,7 @@ def test_numba_is_chosen_in_one_file():
 
 def test_the_core_is_pure_numerics():
     for path in TEXTS:
-        if path.parent.name == "core" and path.name != "numba.py":
+        if path.parent.name == "core" and path not in COMPILING:
             assert not any(isinstance(node, ast.Raise) for node in NODES[path]), path
             modules = {each.split(".")[0] for each in importing(path)}
             assert modules <= {"suslov_fast", "math", "typing", "numpy", "numba", "collections"}

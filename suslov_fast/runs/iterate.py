@@ -34,29 +34,16 @@ def step(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch.
+    body, eps, threads
+        As in :func:`iterate`.
     omega : array_like(float, shape=(..., D))
-        Angular velocities: (Omega1, Omega2), or the n - 1 components Omega_in; or states x of a
-        field.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of the states, 0 or between 1e-50 and 1e50 in modulus; a
-        negative one is that of the inverse map.
-    threads : int, optional
-        Number of threads, by default Numba's. Results do not depend on it.
+        Angular velocities, or states x of a field.
 
     Returns
     -------
     ndarray(float, shape=(..., D))
         The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`,
-        at poles and beyond the range of float64.
-
-    Notes
-    -----
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond the pole, as the birational map does:
-    :func:`exact` and :func:`limits` have the states after it, and only the state directly after
-    the pole is NaN.
+        where there is no next state.
 
     Examples
     --------
@@ -93,8 +80,7 @@ def iterate(
 
     The shapes of the body, of `eps` and of `omega0` without its last axis broadcast to the batch
     shape ``...``. A trajectory has the same bits in any batch, order and number of threads, for any
-    `save_every`, and in however many calls it is computed. :func:`exact` has any state by the
-    closed form.
+    `save_every`, and in however many calls it is computed.
 
     Parameters
     ----------
@@ -111,12 +97,12 @@ def iterate(
     save_every : int or None
         Save the states 0, k, 2k, ... up to `steps`; None saves only the last.
     method : {"auto"}, or {"auto", "gauss", "rank2"} in n dimensions
-        "gauss" eliminates the matrix A, with partial pivoting, in some n**3 / 3 operations;
-        "rank2" uses that A is diagonal plus rank two and needs some 20 n, but eliminates, too,
-        where that would lose digits, as "auto" does.
+        "gauss" eliminates the matrix A with pivoting, in some n**3 / 3 operations; "rank2" uses
+        that A is diagonal plus rank two, in some 20 n, and eliminates where that would lose digits,
+        as "auto" does.
     attitude : bool or array_like(float, shape=(..., n, n))
-        True, or the initial rotation matrix (by default the identity), to compute the orientation
-        of the body at every step, for any `save_every`; see :func:`attitude`.
+        True, or the initial rotation matrix (by default the identity), to carry the orientation of
+        the body along at every step; see :func:`attitude`.
     out : ndarray(float64, shape=(n_saved, ..., D)), optional
         C-contiguous array that receives the saved states, instead of a new one.
     threads : int, optional
@@ -135,8 +121,6 @@ def iterate(
     ------
     MemoryError
         If the result does not fit in memory.
-    ImportError
-        If `progress` is True and tqdm is not installed.
     SingularStepError
         If `on_singular` is "raise" and a trajectory fails.
 
@@ -259,14 +243,9 @@ def step_full(
         The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`,
         where there is no next state.
 
-    Raises
-    ------
-    TypeError
-        If `I3` is not given and the body has none, or if the body has a rotor.
-
     Notes
     -----
-    Unless Omega3 is 0, as in the paper, the scheme has no limit for eps -> 0: in the example
+    Unless Omega3 is 0 the scheme has no limit for eps -> 0: in the example
     (Omega1_next - Omega1) / eps is -0.174, -2.42, -24.9 for eps = 0.1, 0.01, 0.001; with
     Omega3 = 0 it is 0.0782, 0.081, 0.0812.
 

@@ -39,8 +39,8 @@ def exact(
     omega0 : array_like(float, shape=(..., D))
         State 0. The result is NaN where it is NaN.
     eps : array_like(float, shape=(...))
-        Step size, in the unit of time of the angular velocities, 0 or between 1e-50 and 1e50 in
-        modulus; a negative one is that of the inverse map.
+        Step size, in the unit of time of the angular velocities; a negative one is that of the
+        inverse map.
     n : array_like(float, shape=() or (N,))
         Indices of the states, positive or negative. For t < 1 (:func:`criticality`) n may be any
         real number, which gives a curve through the orbit; also for a gyrostat that is periodic.
@@ -58,8 +58,6 @@ def exact(
     ------
     NotIntegrableError
         If no closed form is known for the body; in three dimensions there always is one.
-    MemoryError
-        If the states do not fit in memory.
 
     Notes
     -----
@@ -77,8 +75,6 @@ def exact(
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> exact(body, [1.0, 0.5], eps=0.2, n=25).round(6)
     array([ 0.873325, -1.093093])
-    >>> iterate(body, [1.0, 0.5], eps=0.2, steps=25).final.round(6)
-    array([ 0.873325, -1.093093])
     >>> exact(body, [1.0, 0.5], eps=0.2, n=[-(10**12), 0.5, 10**12]).round(6)
     array([[-0.791446,  1.319077],
            [ 1.007482,  0.435551],
@@ -91,18 +87,14 @@ def exact(
 def flow(
     body: AnyBody, omega0: ArrayLike, time: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """Return the continuous motion at given times, by its closed form.
+    """Return the continuous motion at given times, the solution of equation (2) of the paper.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        A single one, or a batch.
-    omega0 : array_like(float, shape=(..., D))
-        The state at time 0. The result is NaN where it is NaN.
+    body, omega0, threads
+        As in :func:`exact`.
     time : array_like(float, shape=() or (N,))
         Times, positive or negative, in the unit of time of omega0.
-    threads : int, optional
-        Number of threads, by default Numba's. Results do not depend on it.
 
     Returns
     -------
@@ -113,10 +105,6 @@ def flow(
     ------
     NotIntegrableError
         If no closed form is known for the body; in three dimensions there always is one.
-
-    Notes
-    -----
-    The solution of equation (2) of the paper.
 
     Examples
     --------
@@ -139,21 +127,16 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        A single one, or a batch.
-    omega0 : array_like(float, shape=(..., D))
-        State 0. The result is NaN where it is NaN.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of the angular velocities, 0 or between 1e-50 and 1e50 in
-        modulus; a negative one is that of the inverse map.
+    body, omega0, eps
+        As in :func:`exact`.
 
     Returns
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
         Opposite points of the line I13 Omega1 + I23 Omega2 = 0, or for a gyrostat points of the
-        line I13 Omega1 + I23 Omega2 = -k. A fixed point is its own limit. NaN where a gyrostat is
-        periodic, if omega0 is NaN, and for the one state of a body at which the map, or its
-        inverse, is undefined.
+        line I13 Omega1 + I23 Omega2 = -k; beyond a pole, too. A fixed point is its own limit. NaN
+        where a gyrostat is periodic, if omega0 is NaN, and for the one state of a body at which the
+        map, or its inverse, is undefined.
 
     Raises
     ------
@@ -164,11 +147,6 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
     -----
     This is Proposition 2 in Section 4 of the paper. For eps > 0 the limits are plus and minus
     2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
-
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond the pole, as the birational map does:
-    :func:`exact` and :func:`limits` have the states after it, and only the state directly after
-    the pole is NaN.
 
     Examples
     --------

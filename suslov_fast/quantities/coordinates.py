@@ -126,14 +126,12 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
     Examples
     --------
     >>> import numpy as np
-    >>> from suslov_fast import Suslov3D, closed_form, iterate, to_xy
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> h, k1, k2, t = closed_form(body, [1.0, 0.5], eps=0.2)
-    >>> states = iterate(body, [1.0, 0.5], eps=0.2, steps=3).omega
-    >>> to_xy(body, states)[:, 1].round(6)
-    array([-0.95    , -1.030413, -1.102959, -1.167933])
-    >>> (2 * np.sqrt(4 * h) * np.tanh(k1 * 0.2 * np.arange(4) + k2)).round(6)
-    array([-0.95    , -1.030413, -1.102959, -1.167933])
+    >>> from suslov_fast import Suslov3D, closed_form, exact, to_xy
+    >>> body, eps = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), 0.2
+    >>> h, k1, k2, t = closed_form(body, [1.0, 0.5], eps)
+    >>> y = 2 * np.sqrt(h * body.I1 * body.I2) * np.tanh(k1 * 3 * eps + k2)
+    >>> print(y.round(6), to_xy(body, exact(body, [1.0, 0.5], eps, n=3))[1].round(6))
+    -1.167933 -1.167933
     """
     refuse_rotor(body, "closed_form", "exact")
     states = check(body, Suslov3D, {"omega0": omega0, "eps": eps})

@@ -50,12 +50,11 @@ def evaluate(
         quantity = in_nd or in_3d
     elif isinstance(body, QuadraticField):
         quantity = of_field or in_3d
-    with np.errstate(all="ignore"):
-        if isinstance(quantity, Universal):
-            found = quantity(*body.parameters, states.eps, states.omega)
-        else:
-            found = quantity(states)
-        return reported(states, found, axes, poles)
+    if isinstance(quantity, Universal):
+        found = quantity(*body.parameters, states.eps, states.omega)
+    else:
+        found = quantity(states)
+    return reported(states, found, axes, poles)
 
 
 def terms_of(body: Any) -> tuple[Any, FloatArray]:
@@ -101,8 +100,9 @@ def reported(states: States, found: FloatArray, axes: int, poles: bool = False) 
 
     Formulas are not finite at states that are not, so that most results need no other test.
     """
-    if math.isfinite(found.sum()):
-        return found
+    with np.errstate(all="ignore"):
+        if math.isfinite(found.sum()):
+            return found
     unknown = np.isnan(real_array(states.name, states.omega, allow_nan=True)).any(axis=-1)
     unknown = np.broadcast_to(unknown, states.batch)
     lost = np.isnan(found) if poles else ~np.isfinite(found)

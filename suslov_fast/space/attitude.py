@@ -68,14 +68,10 @@ def attitude(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from suslov_fast import Suslov3D, attitude, iterate
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> R = attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2)
-    >>> R.shape
+    >>> attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2).shape
     (101, 3, 3)
-    >>> bool(abs(R @ R.swapaxes(-2, -1) - np.eye(3)).max() < 2e-15)
-    True
     """
     instance("body", body, AnyBody)
     n, D = body.dimension + 1, body.dimension

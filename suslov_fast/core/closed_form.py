@@ -224,27 +224,21 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     """
     B, N, flat, lead = len(omega0), len(n), out.reshape(out.size), lead_of(out)
     b, tile, times = np.ones((ROWS, LANES)), np.empty(2 * LANES), np.ones(LANES)
-    order, forth = np.empty(N, np.int64), 0  # the indices of n >= 0, then those of n < 0
-    for j in range(N):
-        if n[j] >= 0.0:
-            order[forth], forth = j, forth + 1
-    back = forth
-    for j in range(N):
-        if n[j] < 0.0:
-            order[back], back = j, back + 1
     abreast = max(1, LANES // max(B, 1))
-    shift = shortening(lead, B) if B > LANES else 0
+    shift = shortening(lead, 0, B) if B > LANES else 0
     blocks = (B + shift + LANES - 1) // LANES
     rows = abreast * ROWS_OF_TASK
-    chunks = (N + rows - 1) // rows
+    chunks, order = (N + rows - 1) // rows, np.empty(rows + 1, np.int64)
     first_task, last_task = share(blocks * chunks, part, parts)
     for task in range(first_task, last_task):
         block, begin = task // chunks, task % chunks * rows
         first = max(block * LANES - shift, 0)
         width = min((block + 1) * LANES - shift, B) - first
+        at, end = 0, 0
         for direction in (1.0, -1.0):
-            at = begin if direction > 0.0 else max(begin, forth)
-            end = min(begin + rows, forth if direction > 0.0 else N)
+            for j in range(begin, min(begin + rows, N)):
+                order[end] = j  # kept if n has this sign
+                end += 1 if (n[j] >= 0.0) == (direction > 0.0) else 0
             if at < end:
                 used = width * min(abreast, end - at)
                 orbits_of(b, first, width, used, parameters, omega0, discrete, direction)

@@ -21,11 +21,11 @@ def lead_of(out):
 
 
 @formula
-def shortening(lead, batch):
-    """Return by how many trajectories, of two numbers each, a first block is shorter, so that all
-    others begin at a cache line. (NumPy's large arrays begin 16 bytes after one.)
+def shortening(lead, begin, batch):
+    """Return by how many trajectories, of two numbers each, the block from trajectory `begin` on is
+    shorter, so that all others begin at a cache line. (Large arrays begin 16 bytes after one.)
     """
-    return -(lead // 2) % 4 if lead >= 0 and batch % 4 == 0 else 0
+    return (begin - lead // 2) % 4 if lead >= 0 and batch % 4 == 0 else 0
 
 
 @formula

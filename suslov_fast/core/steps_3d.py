@@ -269,7 +269,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
     abreast = 1 if few else LANES
-    shift = shortening(lead, B) if begin == 0 and not few else 0
+    shift = 0 if few else shortening(lead, begin, B)
     first_block, last_block = share((end - begin + shift + abreast - 1) // abreast, part, parts)
     for block in range(first_block, last_block):
         first = begin + max(block * abreast - shift, 0)

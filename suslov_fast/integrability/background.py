@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import pickle
 import queue
 import signal
@@ -27,28 +28,24 @@ def results_until(deadline: float, function: Callable[..., Iterator[Any]], *argu
     pickled. Its last value is followed by None; at the deadline there is no None.
     """
     command = [sys.executable, "-c", _START.format(path=sys.path)]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-    assert process.stdin is not None
-    assert process.stdout is not None
-    arrived: queue.Queue[Any] = queue.Queue()
-    threading.Thread(target=_read, args=(process.stdout, arrived), daemon=True).start()
-    try:
-        pickle.dump((function, arguments), process.stdin)
-        process.stdin.close()
-        while (left := deadline - time.monotonic()) > 0:
-            try:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe) as process:
+        arrived: queue.Queue[Any] = queue.Queue()
+        threading.Thread(target=_read, args=(process.stdout, arrived), daemon=True).start()
+        try:
+            with contextlib.suppress(BrokenPipeError), process.stdin as stdin:  # type: ignore[union-attr]
+                pickle.dump((function, arguments), stdin)
+            while (left := deadline - time.monotonic()) > 0:
                 value = arrived.get(timeout=min(left, threading.TIMEOUT_MAX))
-            except queue.Empty:
-                return
-            if isinstance(value, BaseException):
-                raise value
-            yield value
-            if value is None:
-                return
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
+                if isinstance(value, BaseException):
+                    raise value
+                yield value
+                if value is None:
+                    return
+        except queue.Empty:
+            return
+        finally:
+            process.kill()
 
 
 def _read(stream: BinaryIO, arrived: queue.Queue[Any]) -> None:

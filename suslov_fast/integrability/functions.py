@@ -164,21 +164,15 @@ class RationalFunction:
 
     def text(self, longest: int | None = None) -> str:
         """Return the formula; polynomials of more characters are described in brackets."""
+        alone = self.constant == 1 and [e for _, e in self.factors] == [1]
         parts = []
-        for sign, number in ((1, self.constant.numerator), (-1, self.constant.denominator)):
+        for sign, number in ((1, abs(self.constant.numerator)), (-1, self.constant.denominator)):
             powers = self._powers(sign)
-            alone = self.factors == powers == ((powers[0][0], 1),) if powers else False
-            texts = [] if abs(number) == 1 and powers else [str(abs(number))]
-            alone = alone and not texts
-            texts += [_power_text(P, e, alone, longest) for P, e in powers]
-            parts.append((texts, "*".join(texts)))
-        (_, above), (texts, below) = parts
-        sign = "-" if self.constant < 0 else ""
-        if sign and self.factors and above == str(self.factors[0][0]):
-            above = f"({above})"
-        if below == "1":
-            return sign + above
-        return f"{sign}{above}/({below})" if len(texts) > 1 else f"{sign}{above}/{below}"
+            texts = [] if number == 1 and powers else [str(number)]
+            parts.append(texts + [_power_text(P, e, alone, longest) for P, e in powers])
+        above, below = map("*".join, parts)
+        below = f"({below})" if len(parts[1]) > 1 else below
+        return f"{'-' if self.constant < 0 else ''}{above}{'' if below == '1' else f'/{below}'}"
 
     def _repr_latex_(self) -> str:
         return f"$\\displaystyle {latex(self)}$"
@@ -246,7 +240,7 @@ def at_eps(P: Any, eps: Fraction) -> tuple[Any, Fraction]:
     """Return a primitive polynomial in x, and the number by which it is multiplied at this eps."""
     terms: dict[Any, Fraction] = {}
     for (k, *e), c in P.to_dict().items():
-        terms[tuple(e)] = terms.get(tuple(e), Fraction(0)) + int(c) * eps**k
+        terms[tuple(e)] = terms.get(tuple(e), Fraction(0)) + int(c) * eps ** int(k)
     of = ring(P.context().nvars() - 1, False)
     scale = math.lcm(*(c.denominator for c in terms.values()))
     whole = of.from_dict({e: int(c * scale) for e, c in terms.items() if c})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import reduce
 from itertools import islice
 from typing import Any, NamedTuple
@@ -113,8 +113,8 @@ def growth(degrees: Sequence[int]) -> Growth:
     Examples
     --------
     >>> from suslov_fast.integrability import growth
-    >>> growth([2, 4, 6, 8, 10, 12]).based_on
-    'd(k+2) = 2 d(k+1) - 1 d(k), all 6 degrees'
+    >>> growth([2, 4, 6, 8, 10, 12, 14]).based_on
+    'd(k+2) = 2 d(k+1) - 1 d(k), all 7 degrees'
     >>> growth([2, 4, 6, 7, 8, 8, 8, 8, 8, 8])[::3]
     ('bounded', 'd(k+1) = 1 d(k), all 10 degrees but the first 4')
     >>> kind, entropy, error, _ = growth([2, 3, 5, 8, 13, 21, 34])
@@ -123,15 +123,16 @@ def growth(degrees: Sequence[int]) -> Growth:
     >>> growth([1, 5, 2, 7, 9, 1, 1, 1]).kind
     'unclear'
     """
-    if not isinstance(degrees, Iterable):
+    try:
+        d = list(degrees)
+    except TypeError:
         expected = "integers, as degrees(map, n) returns them"
-        raise wrong("degrees", expected, type(degrees).__name__, TypeError)
-    d = []
-    for each in degrees:
+        raise wrong("degrees", expected, type(degrees).__name__, TypeError) from None
+    for each in d:
         instance("degrees", each, (int, np.integer))
         if each < 0:
             raise wrong("degrees", "integers of at least 0", each)
-        d.append(int(each))
+    d = [int(each) for each in d]
     found = _recurrence(d)
     return _by_fit(d) if found is None else _by_recurrence(*found, len(d))
 

@@ -44,6 +44,8 @@ def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> 
                 return None
             shape = tuple(tuple((len(a), len(b)) for a, b in row) for row in quotients)
             known.setdefault(shape, _Residues()).add(quotients, p)
+    if not known:
+        raise ArithmeticError("the iterates reach poles of the map")
     return None
 
 

@@ -72,11 +72,12 @@ def hk_bases(
 ) -> HKBasis:
     """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
 
-    An orbit has 10 points more than there are monomials, and is extended until the number of
-    relations remains constant. The coefficients of a relation in the form of `HKBasis.basis` are
-    first integrals; the rank of their derivatives is the number of independent ones. If the
-    relations of all orbits together span one dimension more than those of one orbit, then quotients
-    of these polynomials are first integrals, too; otherwise, Darboux polynomials of equal cofactor
+    An orbit has 10 points more than there are monomials, which shows all relations: if the
+    monomials at a point of a generic orbit depend on those before, so do all that follow. The
+    coefficients of a relation in the form of `HKBasis.basis` are first integrals; the rank of their
+    derivatives is the number of independent ones. If the relations of all orbits together span one
+    dimension more than those of one orbit, then quotients of these polynomials are first integrals,
+    too; otherwise, Darboux polynomials of equal cofactor
     are sought.
 
     Parameters
@@ -157,13 +158,8 @@ class Relations:
         """Return the relations along an orbit, in the form of `HKBasis.basis`."""
         steps = self.map.steps(p, eps)
         x = steps.point(self._random_point() if point is None else point)
-        length, before = len(exponents) + MORE, None
-        while True:
-            rows = [list(monomial_values(exponents, y)) for y in steps.orbit(x, length)]
-            relations = exact.null_space(steps.matrix(rows))
-            if len(relations) in (0, before):
-                return relations
-            before, length = len(relations), 2 * length
+        orbit = steps.orbit(x, len(exponents) + MORE)
+        return exact.null_space(steps.matrix([list(monomial_values(exponents, y)) for y in orbit]))
 
     def basis(self, exponents: Exponents, start: Point | None) -> Matrix | None:
         """Return the relations along the orbit of a point; none without a point."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+from contextlib import closing
 from fractions import Fraction
 from typing import Any
 
@@ -237,7 +238,7 @@ def report(
         if seconds < 0:
             raise wrong("time_limit", "None or a number of seconds of at least 0", seconds)
         parts = results_until(time.monotonic() + seconds, search, found, seed)
-    with shown(progress, degree + 4) as show:
+    with closing(parts), shown(progress, degree + 4) as show:
         try:
             for k, part in enumerate(parts, start=1):
                 found = part or found

@@ -22,13 +22,12 @@ from .relations import Relations
 
 _FEW = 80  # coefficients of a polynomial of more than the degree
 _ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
-_SMALL, _LARGE, _LARGEST = 100, 3_000, 25_000  # degrees that cost little, and likewise
+_SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees that cost little, and likewise
 
 
 def search(found: Any, seed: int) -> Iterator[Any]:
     """Fill a `Report`, and yield it after each part."""
-    map, d = found.map, found.degree
-    D = map.dimension
+    map = found.map
     found.degrees = _degrees(map, seed)
     found.searched.append(f"degrees of {len(found.degrees)} iterates")
     yield found
@@ -37,14 +36,9 @@ def search(found: Any, seed: int) -> Iterator[Any]:
         found.finished = True
         yield found
         return
-    exponents = exact.exponents_up_to(d, D)
-    relations = Relations(map, random.Random(seed))
-    found.relations = relations.counts(exponents)[1]
-    found.searched.append(f"relations between the {len(exponents)} monomials up to degree {d}")
-    yield found
     invariants = Invariants(map)
     before = found.searched
-    for what in _parts(found, invariants, relations):
+    for what in _parts(found, invariants, Relations(map, random.Random(seed))):
         found.searched = before + what
         _update(found, invariants)
         yield found
@@ -76,9 +70,12 @@ def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator
         done.append("the modified energy and 1/det A of the Hamiltonian")
         yield done
     for k in range(1, d + 1):
+        exponents = exact.exponents_up_to(k, D)
+        found.relations = relations.counts(exponents)[1]
         if len(found.integrals) < found.relations:
-            invariants.add(relations.integrals(exact.exponents_up_to(k, D)))
-            yield done
+            invariants.add(relations.integrals(exponents))
+        yield [*done, f"relations between the {len(exponents)} monomials up to degree {k}"]
+    done.append(f"relations between the {len(exponents)} monomials up to degree {d}")
     if not _is_complete(found):
         invariants.of_simple_cofactors(d)
         done.append(f"polynomials up to degree {d} with the cofactors 1 and det DPhi")

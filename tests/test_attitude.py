@@ -35,10 +35,6 @@ def test_it_begins_at_r0_and_agrees_with_a_run(case, rng):
     np.testing.assert_array_equal(found[:, 1], sf.attitude(body, run.omega[:, 1], 0.2, R0[1]))
     assert abs(found @ found.swapaxes(-2, -1) - np.eye(n)).max() < 2e-14
     assert sf.attitude(body, [omega0], 0.2).shape == (1, n, n)
-    with pytest.raises(ValueError, match="R0: expected rotation"):
-        sf.attitude(body, run.omega, 0.2, 2 * R0)
-    with pytest.raises(ValueError, match=r"omega: expected shape \(N \+ 1"):
-        sf.attitude(body, omega0, 0.2)
 
 
 @pytest.mark.parametrize(("eps", "size"), [(1.0, 1e14), (-1.0, 1e100), (1e50, 1e-20)])

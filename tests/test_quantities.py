@@ -403,22 +403,3 @@ def test_poles_are_counted(rng, name, m):
     assert warning.filename == __file__
     missing = np.isnan(values.reshape(4, 400, -1)).all(axis=-1)
     assert np.argwhere(missing).tolist() == [[2, 16], [2, 17], [2, 399], [3, 5]]
-
-
-def test_what_does_not_apply_is_refused_with_what_to_use():
-    omega, gyrostat = [0.3, 0.9, -0.6], sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
-    with pytest.raises(sf.NotIntegrableError, match=r"^invariant_density: .*body 1"):
-        sf.invariant_density(sf.SuslovND([1, 2, 3], [[0, 0.5, 0], [0.1, 0.5, 0]]), omega, 0.1)
-    with pytest.raises(sf.NotIntegrableError, match=r"modified_energy"):
-        sf.first_integral(sf.SuslovND([1, 2, 3], [0.1, 0.5, 0]), omega, 0.1)
-    for function in (sf.energy, partial(sf.modified_energy, eps=0.1)):
-        with pytest.raises(TypeError, match="from_hamiltonian"):
-            function(LORENZ, omega)
-    for function in (sf.to_xy, sf.from_xy, partial(sf.closed_form, eps=0.1)):
-        with pytest.raises(TypeError, match=r"body: .*instead of"):
-            function(gyrostat, omega[:2])
-    for function in (sf.first_integral, sf.criticality, sf.rotation_number, sf.reaction):
-        with pytest.raises(TypeError, match=r"body: .*got QuadraticField"):
-            function(LORENZ, omega, 0.1)
-    with pytest.raises(ValueError, match="body: expected I13 or I23"):
-        sf.from_xy(sf.Suslov3D(1, 2, 0, 0), [1.0, 2.0])

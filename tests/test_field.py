@@ -240,7 +240,6 @@ def test_names_that_parameters_may_not_have(tmp_path):
 def test_dictionaries_that_do_not_fit():
     for change, name in (
         ({"linear": [["a", 0]]}, "linear"), ({"H": [1.0]}, "H"), ({"K": [[0, 2], [-2, 0]]}, "H, K"),
-        ({"parameters": {"a": [1.0, 2.0]}}, "parameters"),
         ({"parameters": {"x": 1.0}}, "parameters"),
         ({"constant": [1.0, 0.0]}, "H, K"), ({"body": "Suslov3D"}, "body"),
     ):  # fmt: skip

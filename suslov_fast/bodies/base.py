@@ -2,28 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
+from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from ..checks import (
-    MOMENTS,
-    OTHERS,
-    FloatArray,
-    common_shape,
-    one_of,
-    real_array,
-    real_number,
-    short,
-    within,
-    wrong,
-)
-
-# Length of a line of text that represents a body.
-_LINE = 100
+from .. import checks
+from ..checks import FloatArray, real_array, wrong
 
 Kind = TypeVar("Kind", bound="Body")
 
@@ -41,18 +29,14 @@ class Body:
     _extras: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
-        arrays = {
-            name: real_array(name, value)
-            for name in self._names()
-            if (value := getattr(self, name)) is not None or name in self._required()
-        }
+        required = {name: getattr(self, name) for name in self._required()}
+        arrays = {name: real_array(name, each) for name, each in (required | self._values).items()}
         for name, array in arrays.items():
-            within(name, array, MOMENTS if name in self._moments else OTHERS)
+            checks.within(name, array, checks.MOMENTS if name in self._moments else checks.OTHERS)
             if name in self._positive and not (array > 0).all():
                 raise wrong(name, "positive numbers", array.min())
-        common_shape({name: self._batch_of(name, array) for name, array in arrays.items()})
-        for name, array in arrays.items():
-            object.__setattr__(self, name, _frozen(array))
+        checks.common_shape({name: self._batch_of(name, array) for name, array in arrays.items()})
+        vars(self).update({name: _frozen(array) for name, array in arrays.items()})
 
     @classmethod
     def _names(cls) -> list[str]:
@@ -95,7 +79,15 @@ class Body:
 
     def field(self) -> Any:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
-        raise wrong("body", "one with a quadratic vector field", type(self).__name__, TypeError)
+        return self._field
+
+    @cached_property
+    def _field(self) -> Any:
+        return self._field_of(Fraction)
+
+    def _field_of(self, number: Callable[[float], Fraction]) -> Any:
+        """Return the field, with the parameters of a single body as these exact numbers."""
+        raise NotImplementedError
 
     @property
     def parameters(self) -> Any:
@@ -141,7 +133,7 @@ class Body:
             place = index if isinstance(index, slice) else range(size)[index]
         except (IndexError, TypeError) as error:
             expected = f"an integer from {-size} to {size - 1}, or a slice"
-            raise wrong("index", expected, short(index), type(error)) from None
+            raise wrong("index", expected, checks.short(index), type(error)) from None
         return self._part(0, place)
 
     def sel(self: Kind, *, method: str | None = None, **values: float) -> Kind:
@@ -170,16 +162,15 @@ class Body:
         4.0
         """
         if method is not None:
-            one_of("method", method, ["nearest"])
+            checks.one_of("method", method, ["nearest"])
         for name, value in values.items():
-            named = self._named.items()
-            known = {each: a for each, a in named if 0 < a.size == max(a.shape, default=0)}
-            if name not in known:
-                expected = f"parameters that vary along one axis ({', '.join(known) or 'none'})"
-                raise wrong("sel", expected, name)
-            column, wanted = known[name], real_number(name, value)
+            scalars = {each: a for each, a in self._arrays.items() if self._axes(each) == 0}
+            column = (scalars | self._coordinates).get(name, np.empty(0))
+            if not 0 < column.size == max(column.shape, default=0):
+                raise wrong("sel", "a parameter that varies along one axis", name)
+            wanted = checks.real_number(name, value)
             if type(wanted) is not float:
-                raise wrong(name, "a number", short(value))
+                raise wrong(name, "a number", checks.short(value))
             i = int(np.argmin(abs(column - wanted)))
             nearest = column.flat[i]
             if method is None and nearest != wanted:
@@ -188,12 +179,6 @@ class Body:
             axis = len(self.shape) - column.ndim + int(np.argmax(column.shape))
             self = self._part(axis, i)
         return self
-
-    @property
-    def _named(self) -> dict[str, FloatArray]:
-        """All parameters whose axes are those of the batch alone."""
-        arrays = {name: a for name, a in self._arrays.items() if self._axes(name) == 0}
-        return arrays | self._coordinates
 
     def _part(self: Kind, axis: int, index: int | slice) -> Kind:
         """Return the members with an index along one axis of the batch."""
@@ -217,9 +202,9 @@ class Body:
 
     def __repr__(self) -> str:
         name, values = type(self).__name__, self._values
-        if sum(map(np.size, values.values())) <= _LINE // 4:
+        if sum(map(np.size, values.values())) <= 25:
             text = ", ".join(f"{each}={np.asarray(a).tolist()}" for each, a in values.items())
-            if len(text) < _LINE:
+            if len(text) < 100:
                 return f"{name}({text})"
         text = ", ".join(f"{each}={np.shape(a) or a}" for each, a in values.items())
         return f"<{name} of shape {self.shape}: {text}>"
@@ -260,7 +245,8 @@ class Body:
         -------
         body
         """
-        given = dict(mapping(parameters))
+        checks.instance("parameters", parameters, Mapping)
+        given = dict(parameters)
         kind, names = given.pop("body", None), [*cls._names(), *cls._extras]
         if kind != cls.__name__:
             raise wrong("body", repr(cls.__name__), repr(kind))
@@ -272,15 +258,6 @@ class Body:
     @classmethod
     def _from_plain(cls: type[Kind], given: dict[str, Any]) -> Kind:
         return cls(**given)
-
-
-def mapping(parameters: Any) -> Mapping[str, Any]:
-    """Return the argument of `from_dict`; TypeError if it is no dictionary."""
-    if isinstance(parameters, Mapping):
-        return parameters
-    text = isinstance(parameters, (str, bytes))
-    received = "text: pass json.loads(text)" if text else type(parameters).__name__
-    raise wrong("parameters", "a dictionary, as to_dict() returns it", received, TypeError)
 
 
 def cut(array: Any, shape: tuple[int, ...], axis: int, index: Any, own: int) -> Any:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -25,17 +26,14 @@ from .numbers import (
     as_given,
     check_parameters,
     coefficients,
-    exact_array,
     from_lists,
     to_lists,
 )
 from .polynomials import components, family, tensor, terms_of, text_of, traced
-from .tensors import Hamiltonian, homogeneous, rates, sparse, table_of
+from .tensors import Hamiltonian, homogeneous, rates, sparse
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
-# Length of the text of a single field.
-_LINE = 300
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -101,16 +99,22 @@ class QuadraticField(Body):
     )
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        given = {"quadratic": quadratic, "linear": linear, "constant": constant}
-        arrays = {name: as_given(name, each) for name, each in given.items() if each is not None}
-        D = (0, *arrays.get("quadratic", np.zeros(())).shape)[-1]
+        arrays = {"quadratic": as_given("quadratic", quadratic)}
+        for name, each in (("linear", linear), ("constant", constant)):
+            if each is not None:
+                arrays[name] = as_given(name, each)
+        D = (0, *arrays["quadratic"].shape)[-1]
         for name, array in arrays.items():
             axes = _AXES[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
                 raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
         batch = common_shape({name: a.shape[: a.ndim - _AXES[name]] for name, a in arrays.items()})
         found = {name: coefficients(name, a, bool(batch)) for name, a in arrays.items()}
-        vars(self).update(vars(self._made(table_of(D, batch, **found))))
+        table = np.full((*batch, D, D + 1, D + 1), Fraction(0), found["quadratic"].dtype)
+        table[..., :-1, :-1] = found["quadratic"]
+        table[..., :-1, -1] += found.get("linear", 0)
+        table[..., -1, -1] += found.get("constant", 0)
+        vars(self).update(vars(self._made((table + table.swapaxes(-2, -1)) / 2)))
 
     @classmethod
     def _made(
@@ -123,8 +127,8 @@ class QuadraticField(Body):
         for array in (H, *found.values()):
             if array is not None:
                 array.flags.writeable = False
-        H = None if H is None else Hamiltonian(H)
-        vars(self).update(found, H=H, shape=table.shape[:-3], _parameters=dict(parameters or {}))
+        found |= {"H": None if H is None else Hamiltonian(H), "shape": table.shape[:-3]}
+        vars(self).update(found, _parameters=dict(parameters or {}))
         return self
 
     @classmethod
@@ -159,7 +163,7 @@ class QuadraticField(Body):
         ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
         """
         D = integer("dimension", dimension, 1)
-        (table,), values = family("f", f, parameters, lambda given: (components(f, D, given),))
+        (table,), values = family(parameters, lambda given: (components(f, D, given),))
         return cls._made(table, None, None, values)
 
     @classmethod
@@ -198,7 +202,7 @@ class QuadraticField(Body):
             whole = tensor("H", traced("H", H, D, 3, given), D, 3)
             return within("H", rates(whole, matrix), OTHERS), whole
 
-        (table, whole), values = family("H", H, parameters, tables)
+        (table, whole), values = family(parameters, tables)
         return cls._made(table, whole, matrix.astype(table.dtype), values)
 
     @classmethod
@@ -219,8 +223,8 @@ class QuadraticField(Body):
         field: QuadraticField = body.field()
         return field
 
-    def field(self) -> QuadraticField:
-        """Return the field itself."""
+    @property
+    def _field(self) -> QuadraticField:
         return self
 
     @property
@@ -273,8 +277,7 @@ class QuadraticField(Body):
         if is_exact:
             return tuple((self.table @ point) @ point)
         with np.errstate(all="ignore"):
-            slopes = (self._floats @ point[..., None, :, None])[..., 0]
-            return (slopes @ point[..., :, None])[..., 0]
+            return np.einsum("...ijk,...j,...k->...i", self._floats, point, point)
 
     @classmethod
     def _axes(cls, name: str) -> int:
@@ -295,13 +298,17 @@ class QuadraticField(Body):
 
     @classmethod
     def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
-        whole = cls(*(values[name] for name in cls._names()))
-        H, K = (values.get(name) for name in "HK")
-        if H is None:
+        whole = cls(*(values.get(name) for name in cls._names()))
+        if values.get("H") is None:
             return whole
-        if not whole.shape:
-            H, K = exact_array("H", H), exact_array("K", K)
-        return cls._made(whole.table, np.array(H), np.array(K))
+        H = coefficients("H", as_given("H", values["H"]), bool(whole.shape))
+        K = antisymmetric(values.get("K"), whole.dimension).astype(H.dtype)
+        if H.shape != (*whole.shape, *(len(K) + 1,) * 3):
+            raise wrong("H, K", "those of the coefficients", f"shape {H.shape}")
+        expected = rates(H, K)  # the coefficients of a batch are rounded
+        if not (abs(expected - whole.table) <= 1e-9 * abs(expected).max(initial=0)).all():
+            raise wrong("H, K", "those of the coefficients", "others")
+        return cls._made(whole.table, H, K)
 
     def _part(self, axis: int, index: int | slice) -> QuadraticField:
         part = super()._part(axis, index)
@@ -326,7 +333,7 @@ class QuadraticField(Body):
             return f"<QuadraticField of shape {self.shape}: D={self.dimension}{names}>"
         equations = [f"x{i}' = {text_of(terms_of(row))}" for i, row in enumerate(self.table, 1)]
         equations += [] if self.H is None else [f"H = {self.H}"]
-        short = textwrap.shorten(", ".join(equations), _LINE, placeholder=" ...")
+        short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
         return f"QuadraticField({short})"
 
     @property
@@ -338,21 +345,6 @@ class QuadraticField(Body):
     @classmethod
     def _from_plain(cls, given: dict[str, Any]) -> QuadraticField:
         given = {name: from_lists(name, each) for name, each in given.items()}
-        field = cls(*(given.get(name) for name in cls._names()))
-        values = check_parameters(given.get("parameters", {}))
-        shapes = {name: np.shape(each) for name, each in values.items()}
-        if common_shape({"body": field.shape, **shapes}) != field.shape:
-            raise wrong("parameters", f"shapes that broadcast to {field.shape}", shapes)
-        H = K = None
-        if given.get("H") is not None:
-            H = coefficients("H", as_given("H", given["H"]), bool(field.shape))
-            K = antisymmetric(given.get("K"), field.dimension).astype(H.dtype)
-            if H.shape != (*field.shape, *(len(K) + 1,) * 3) or not _fits(field, H, K):
-                raise wrong("H, K", "those of the coefficients", "others")
-        return cls._made(field.table, H, K, values)
-
-
-def _fits(field: QuadraticField, H: Any, K: Any) -> bool:
-    """Return whether coefficients, which may be rounded, are those of H and K."""
-    expected = rates(H, K)
-    return bool((abs(expected - field.table) <= 1e-9 * abs(expected).max(initial=0)).all())
+        field = cls._of(given)
+        field._parameters.update(check_parameters(given.get("parameters", {})))
+        return field

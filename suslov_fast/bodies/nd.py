@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -78,16 +77,7 @@ class SuslovND(Body):
     def _labels(self) -> tuple[str, ...]:
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
-    def field(self) -> QuadraticField:
-        """Return the equations of motion as a `QuadraticField`, exact for a single body."""
-        return self._field
-
-    @cached_property
-    def _field(self) -> QuadraticField:
-        return self._field_of(Fraction)
-
     def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
-        """Return the field, with the parameters of a single body as these exact numbers."""
         J, I = self.J, self.I
         if not self.shape:
             J, I = (np.array([number(a) for a in each.tolist()]) for each in (J, I))
@@ -180,9 +170,8 @@ def are_solved(body: SuslovND) -> NDArray[np.bool_]:
     left_out = coupled & (coupled.sum(axis=-1, keepdims=True) == 1)
     low = np.where(left_out, np.inf, J).min(axis=-1)
     high = np.where(left_out, 0.0, J).max(axis=-1)
-    solved: NDArray[np.bool_] = high * (1.0 - _ROUNDING) <= low
-    solved |= (largest[..., 0] == 0.0) | (J.shape[-1] == 2)
-    return solved
+    solved = (high * (1.0 - _ROUNDING) <= low) | (largest[..., 0] == 0.0) | (J.shape[-1] == 2)
+    return np.asarray(solved)
 
 
 def check_solved(body: SuslovND, function: str) -> None:

@@ -27,7 +27,7 @@ _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 def is_number(value: Any) -> bool:
     """Return True for integers, fractions, decimals and floats, of NumPy and SymPy too."""
     known = isinstance(value, Rational) or hasattr(value, "as_integer_ratio")
-    return known and not isinstance(value, (bool, np.bool_))
+    return known and not isinstance(value, bool)
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -45,14 +45,9 @@ def exact(name: str, value: Any) -> Fraction:
 
 def exact_array(name: str, array: Any) -> Any:
     """Return an array of fractions."""
-    numbers = array.ravel().tolist()
-    for each in {type(each): each for each in numbers}.values():  # the types of zeros, too
-        exact(name, each)
-    found = np.full(array.size, Fraction(0))
-    for i, each in enumerate(numbers):
-        if each:
-            found[i] = exact(name, each)
-    return found.reshape(array.shape)
+    found, some = np.full(array.shape, Fraction(0)), array != 0
+    found[some] = [exact(name, each) for each in array[some].tolist()]
+    return found
 
 
 def as_given(name: str, value: Any) -> Any:
@@ -72,14 +67,10 @@ def antisymmetric(K: Any, D: int) -> Any:
         if D % 2:
             raise wrong("dimension", "an even number without K", D)
         K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
-    matrix = as_given("K", K)
-    if matrix.shape != (D, D):
-        raise wrong("K", f"shape ({D}, {D})", matrix.shape)
-    matrix = coefficients("K", matrix, False)
-    if (matrix != -matrix.T).any():
-        i, j = np.argwhere(matrix != -matrix.T)[0]
-        received = f"{matrix[i, j]} at [{i}, {j}] and {matrix[j, i]} at [{j}, {i}]"
-        raise wrong("K", "an antisymmetric matrix", received)
+    matrix = coefficients("K", as_given("K", K), False)
+    if matrix.shape != (D, D) or (matrix != -matrix.T).any():
+        expected = f"an antisymmetric matrix of shape ({D}, {D})"
+        raise wrong("K", expected, short(matrix.astype(str).tolist()))
     return matrix
 
 
@@ -91,7 +82,7 @@ def check_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
             raise wrong("parameters", "names that are not in use, as a or rho", repr(name))
         refuse(name, value)
         if isinstance(value, (list, tuple)) or np.ndim(value):
-            found[name] = np.array(real_array(name, value))
+            found[name] = real_array(name, value).copy()
             found[name].flags.writeable = False
         else:
             found[name] = value.item() if hasattr(value, "item") else value
@@ -103,10 +94,7 @@ def check_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
 def plain(value: Any) -> float | str:
     """Return a number as a float if it is one, else as the string "p/q"."""
     number = exact("value", value)
-    try:
-        return float(number) if Fraction(float(number)) == number else str(number)
-    except OverflowError:
-        return str(number)
+    return float(number) if float(number) == number else str(number)
 
 
 def to_lists(value: Any) -> Any:

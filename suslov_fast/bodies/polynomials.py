@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -25,8 +24,6 @@ _LIFT = (
 
 class Polynomial:
     """A polynomial with exact coefficients, with which functions of the user calculate."""
-
-    __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, terms: Terms) -> None:
         self.terms = {powers: c for powers, c in terms.items() if c}
@@ -88,36 +85,19 @@ class Polynomial:
         return text_of(self.terms)
 
 
-def check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
-    """Raise an error that names the parameter that f(x, **parameters) lacks, or does not have."""
-    if not callable(f):
-        expected = "a function of x, the tuple of variables"
-        raise wrong(name, expected, type(f).__name__, TypeError)
-    try:
-        inspect.signature(f).bind((), **parameters)
-    except TypeError as error:
-        found = re.search(r"'(\w+)'", str(error))
-        which = found[1] if found else "none, not even x"
-        if str(error).startswith("missing"):
-            which = f"none for {which}: {name} needs {which}: pass {which}=28, say"
-            raise wrong(name, "values for all its parameters", which, TypeError) from None
-        raise wrong(name, "parameters that it has", which, TypeError) from None
-    except ValueError:  # functions of other languages may have no signature
-        return
-
-
 def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
     """Return f(x, **parameters) for polynomials x, with errors that say what f may do."""
-    what = f"polynomials of degree at most {degree} in x[0] to x[{D - 1}]"
-    expected = f"{what}, by +, -, * and divisions by numbers"
+    what = f"a function of x that returns polynomials of degree at most {degree} in x[0] to"
+    expected = f"{what} x[{D - 1}], made by +, -, * and divisions by numbers"
     try:
         return f(tuple(Polynomial({(i,): Fraction(1)}) for i in range(D)), **parameters)
     except (TypeError, AttributeError) as error:
         of_numpy = re.search(r"callable (\w+) method", str(error))
-        which = f"{of_numpy[1]} of x" if of_numpy else error
-        raise wrong(name, expected, f"another operation: {which}", TypeError) from error
+        raise wrong(
+            name, expected, f"{of_numpy[1]} of x" if of_numpy else error, TypeError
+        ) from error
     except (ValueError, IndexError, ArithmeticError) as error:
         raise wrong(name, expected, f"an error: {error}") from error
 
@@ -125,19 +105,16 @@ def traced(
 def components(f: Callable[..., Any], D: int, parameters: Mapping[str, Any]) -> Any:
     """Return the table of D polynomials f(x, **parameters) of degree 2."""
     found = traced("f", f, D, 2, parameters)
-    if not isinstance(found, (tuple, list, np.ndarray)):
-        raise wrong("f", f"a tuple of {D} components", short(found), TypeError)
-    if len(found) != D:
-        raise wrong("f", f"{D} components", len(found))
+    if not isinstance(found, (tuple, list, np.ndarray)) or len(found) != D:
+        raise wrong("f", f"a function that returns a tuple of {D} components", short(found))
     return np.stack([tensor("f", each, D, 2) for each in found])
 
 
 def family(
-    name: str, f: Any, parameters: Mapping[str, Any], tables: Callable[[Any], tuple[Any, ...]]
+    parameters: Mapping[str, Any], tables: Callable[[Any], tuple[Any, ...]]
 ) -> tuple[tuple[Any, ...], dict[str, Any]]:
-    """Return tables of f(x, **parameters), of floats if these are arrays, and the parameters."""
+    """Return what `tables` makes of parameters, of floats if these are arrays, and them checked."""
     values = check_parameters(parameters)
-    check_call(name, f, values)
     if not any(map(np.ndim, values.values())):
         return tables(values), values
     arrays = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in values.values()))
@@ -181,13 +158,10 @@ def text_of(terms: Terms) -> str:
     text = ""
     for powers, c in sorted(terms.items(), key=lambda term: (-len(term[0]), term[0])):
         size = abs(c)
-        factors = [str(plain(size) if size.denominator > 2**20 else size)]
-        if powers and size == 1:
-            factors = []
+        number = str(plain(size) if size.denominator > 2**20 else size)
+        factors = [] if powers and size == 1 else [number]
         for i in dict.fromkeys(powers):
             power = powers.count(i)
             factors.append(f"x{i + 1}^{power}" if power > 1 else f"x{i + 1}")
         text += (" - " if c < 0 else " + ") + "*".join(factors)
-    if not text:
-        return "0"
-    return text[3:] if text.startswith(" +") else f"-{text[3:]}"
+    return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..checks import FloatArray, common_shape, real_array, square_matrices, warn, wrong
 from .base import Body
@@ -39,8 +38,7 @@ class _In3D(Body):
         I1, I2, I13, I23, *_, I3 = (getattr(self, name) for name in self._names())
         if I3 is None:
             return
-        entries = np.broadcast_arrays(I1, 0.0, I13, 0.0, I2, I23, I13, I23, I3)
-        tensors = np.stack(entries, axis=-1).reshape(-1, 3, 3)
+        tensors = _matrices((I1, 0.0, I13), (0.0, I2, I23), (I13, I23, I3)).reshape(-1, 3, 3)
         moments = np.linalg.eigvalsh(tensors / abs(tensors).max(axis=(1, 2), keepdims=True))
         if not (fits := _obey_triangles(moments)).all():
             expected = "one that a body with these parameters can have (see admissible_I3)"
@@ -51,16 +49,7 @@ class _In3D(Body):
         """I1, I2, I13, I23 and k, which is 0 without a rotor."""
         return self.I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
 
-    def field(self) -> QuadraticField:
-        """Return the equations of motion as a `QuadraticField`, exact for a single body."""
-        return self._field
-
-    @cached_property
-    def _field(self) -> QuadraticField:
-        return self._field_of(Fraction)
-
     def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
-        """Return the field, with the parameters of a single body as these exact numbers."""
         I1, I2, *products = self.parameters if self.shape else map(number, self.parameters)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*products), axis=-1)
@@ -72,11 +61,16 @@ class _In3D(Body):
         return QuadraticField(quadratic, linear)
 
 
-def _obey_triangles(moments: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+def _matrices(*rows: tuple[Any, ...]) -> FloatArray:
+    """Return matrices (..., 3, 3) of entries that broadcast."""
+    entries = np.broadcast_arrays(*(each for row in rows for each in row))
+    return np.stack(entries, axis=-1).reshape(*entries[0].shape, 3, 3)
+
+
+def _obey_triangles(moments: Any) -> Any:
     """Return where principal moments (..., 3), in order, obey the triangle inequalities."""
-    largest = moments[..., 2]
-    obey: NDArray[np.bool_] = moments[..., 0] + moments[..., 1] - largest >= -_ROUNDING * largest
-    return obey
+    smallest, middle, largest = np.moveaxis(moments, -1, 0)
+    return smallest + middle - largest >= -_ROUNDING * largest
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,12 +125,11 @@ class Suslov3D(_In3D):
         >>> round(float(low), 6), round(float(high), 6)
         (0.053816, 5.946184)
         """
-        I1, I2, I13, I23 = np.broadcast_arrays(self.I1, self.I2, self.I13, self.I23)
+        I1, I2, I13, I23, _ = self.parameters
         # The second moments tr(T) / 2 - T are (B + I3 diag(1, 1, -1)) / 2, singular at both ends,
         # which are the larger eigenvalues of -diag(1, 1, -1) B.
-        zero, d = np.zeros_like(I1), I1 - I2
-        rows = (d, zero, 2 * I13), (zero, -d, 2 * I23), (-2 * I13, -2 * I23, I1 + I2)
-        ends = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+        rows = (I1 - I2, 0.0, 2 * I13), (0.0, I2 - I1, 2 * I23), (-2 * I13, -2 * I23, I1 + I2)
+        ends = _matrices(*rows)
         low, high = np.moveaxis(np.sort(np.linalg.eigvals(ends).real, axis=-1)[..., 1:], -1, 0)
         signs = np.array([1.0, 1.0, -1.0])
         middle = np.diag(signs) * (0.5 * (low + high))[..., None, None] - signs[:, None] * ends
@@ -180,10 +173,7 @@ class Suslov3D(_In3D):
         tensor = inertia_matrix("I", I, 3)
         moments = np.linalg.eigvalsh(tensor)
         if not (fits := _obey_triangles(moments)).all():
-            expected = (
-                "an inertia tensor that a body can have, no principal moment larger than the sum "
-                "of the others"
-            )
+            expected = "no principal moment larger than the sum of the others"
             raise wrong("I", expected, f"the principal moments {moments[~fits][0].tolist()}")
         axis = unit_axis("a", a, 3)
         common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
@@ -193,12 +183,11 @@ class Suslov3D(_In3D):
         I12 = turned[..., 0, 1]
         gap = turned[..., 0, 0] - turned[..., 1, 1]
         angle = 0.5 * np.arctan2(np.copysign(2.0, gap) * I12, abs(gap))
-        c, s, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
-        about_e3 = np.stack([c, s, zero, -s, c, zero, zero, zero, zero + 1.0], axis=-1)
-        rotation = about_e3.reshape((*angle.shape, 3, 3)) @ to_e3
+        c, s = np.cos(angle), np.sin(angle)
+        rotation = _matrices((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)) @ to_e3
         I = rotation @ tensor @ rotation.swapaxes(-2, -1)
         I1, I2, I3 = np.moveaxis(np.diagonal(I, axis1=-2, axis2=-1), -1, 0)
-        largest = np.maximum(np.maximum(I1, I2), I3)
+        largest = np.diagonal(I, axis1=-2, axis2=-1).max(axis=-1)
         I13, I23 = (without_rounding(I[..., i, 2], largest) for i in (0, 1))
         return cls(I1, I2, I13, I23, I3), rotation
 
@@ -263,8 +252,7 @@ def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
     if not (length > 0).all():
         raise wrong(name, "an axis other than 0", "one of length 0")
-    unit: FloatArray = axis / length
-    return unit
+    return np.asarray(axis / length)
 
 
 def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:

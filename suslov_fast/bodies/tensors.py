@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import FloatArray, refuse, states, wrong
+from ..checks import FloatArray, refuse, states
 from .numbers import exact
 from .polynomials import terms_of, text_of
 
@@ -43,37 +43,19 @@ class Hamiltonian:
         return text_of(terms_of(self.tensor))
 
 
-def table_of(
-    D: int, batch: tuple[int, ...], quadratic: Any, linear: Any = 0, constant: Any = 0
-) -> Any:
-    """Return the symmetric table of coefficients."""
-    table = np.full((*batch, D, D + 1, D + 1), Fraction(0), quadratic.dtype)
-    table[..., :D, :D] = quadratic
-    table[..., :D, D] += linear
-    table[..., D, D] += constant
-    turned = table.swapaxes(-2, -1).copy()
-    some = table.astype(bool) | turned.astype(bool)  # fractions are slow
-    table[some] = (table[some] + turned[some]) / 2
-    return table
-
-
 def rates(H: Any, K: Any) -> Any:
     """Return the table of K grad H; most entries of K are 0."""
     table = np.full_like(H[..., :-1, :, :], Fraction(0))
     for i, j in np.argwhere(K != 0):
-        row, slopes = table[..., i, :, :], H[..., j, :, :]
-        some = slopes.astype(bool)
-        row[some] += 3 * K[i, j] * slopes[some]
+        table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
     return table
 
 
 def sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
     """Return indices and values of the nonzero terms of a table symmetric in its last axes."""
-    places = np.argwhere(np.any(table != 0, axis=tuple(range(table.ndim - 3))))
-    last = places[:, 3 - ordered :]
-    places = places[(np.diff(last) >= 0).all(axis=1)]
-    last = places[:, 3 - ordered :]
-    places = places[np.argsort(last[:, -1] == table.shape[-1] - 1, kind="stable")].T
+    places = np.argwhere(np.any(table != 0, axis=tuple(range(table.ndim - 3)))).T
+    places = places[:, (np.diff(places[3 - ordered :], axis=0) >= 0).all(axis=0)]
+    places = places[:, np.argsort(places[-1] == table.shape[-1] - 1, kind="stable")]
     kinds = 1 + (np.diff(places[3 - ordered :], axis=0) > 0).sum(axis=0)  # of variables in a term
     count = kinds if ordered == 2 else np.array([0, 1, 3, 6])[kinds]
     values = (table[(..., *places)] * count).astype(np.float64)
@@ -83,10 +65,8 @@ def sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
 def homogeneous(x: Any, D: int, is_single: bool) -> tuple[Any, bool]:
     """Return (x, 1), and whether it is a point of exact numbers, at which a field is exact."""
     is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
-    if is_single and is_list and all(isinstance(a, Rational) for a in x):
+    if is_single and is_list and len(x) == D and all(isinstance(a, Rational) for a in x):
         refuse("x", x)
-        if len(x) != D:
-            raise wrong("x", f"shape ({D},)", f"({len(x)},)")
         return np.array([*(exact("x", a) for a in x), Fraction(1)], dtype=object), True
     x = states("x", x, [f"x{i}" for i in range(1, D + 1)])
     return np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1), False

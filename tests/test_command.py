@@ -318,7 +318,7 @@ MISTAKES = """
 1 | run -o good.npz | good.npz: expected a new name, or --force
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
 1 | run -o good.npz/o.npz | good.npz/o.npz:
-1 | run -o good.npz/o.zarr | good.npz/o.zarr: .* written to
+1 | run -o good.npz/o.zarr | good.npz
 1 | run -o folder.zarr | folder.zarr .* thesis.tex
 1 | run -o folder.zarr --force | folder.zarr
 1 | info missing.npz | missing.npz: No such file

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import FloatArray, common_shape, instance, integer, states, wrong
+from ..checks import FloatArray, common_shape, integer, states, wrong
 from ..engine.progress import Progress, check_progress, reporter
 from ..engine.starts import RandomStarts
-from ..maps import Map, map_of
+from ..maps import map_of
 from . import store as stores
 from .iterate import _begin, _counts, pieces
 
@@ -22,12 +22,10 @@ if TYPE_CHECKING:
     import distributed
     import xarray
 
-# Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; and the
-# number of trajectories below which the processor would be idle.
-_CHUNK, _WORK, _FEWEST = 2**24, 2**31, 2**12
-_LITTLE = 2**24
-# Tiles queued per thread of a worker: no thread is idle, and few initial states are in memory.
-_WAITING = 2
+# Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
+# number of trajectories below which the processor would be idle; steps that one thread takes before
+# a second one has started; tiles queued per thread of a worker.
+_CHUNK, _WORK, _FEWEST, _LITTLE, _WAITING = 2**24, 2**31, 2**12, 2**24, 2
 
 Where = tuple[slice, ...]
 Run = dict[str, Any]  # the arguments of a run, or of a tile of it
@@ -35,7 +33,7 @@ Run = dict[str, Any]  # the arguments of a run, or of a tile of it
 
 def ensemble(
     body: Any,
-    omega0: ArrayLike | RandomStarts | Any,
+    omega0: Any,
     eps: ArrayLike,
     steps: int,
     *,
@@ -57,7 +55,7 @@ def ensemble(
 
     Parameters
     ----------
-    body, eps, steps, save_every, method, attitude
+    body, eps, steps, save_every, method, attitude, progress
         As in :func:`iterate`.
     omega0 : array_like(float, shape=(..., D)) or RandomStarts
         Initial states. Memory maps and Dask arrays are read in parts, twice: the first time for
@@ -78,9 +76,6 @@ def ensemble(
         values of variables that a source uses are not. With `client` they must be picklable.
     client : distributed.Client, optional
         Computes the tiles on its workers, which have access to the store.
-    progress : bool or callable, optional
-        True shows a bar (needs tqdm); a callable is called as ``progress(done, total)``, both in
-        steps of one trajectory.
 
     Returns
     -------
@@ -106,29 +101,26 @@ def ensemble(
     ...     print(dict(runs.omega.sizes), int((runs.status < 0).sum()))
     {'n': 3, 'trajectory': 1000, 'component': 2} 0
     """
-    place, record = stores.resolved(store), map_of(body)
     check_progress(progress)
-    if client is not None:
-        from distributed import Client
-
-        instance("client", client, Client)
-    D, is_random = body.dimension, isinstance(omega0, RandomStarts)
+    if client is not None and not hasattr(client, "nthreads"):
+        raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
+    map_of(body)
+    given = _begin(body, np.zeros(body.dimension), eps, method, attitude, None)[1]
+    is_random = isinstance(omega0, RandomStarts)
     if not (is_random or isinstance(omega0, np.memmap) or hasattr(omega0, "dask")):
         omega0 = states("omega0", omega0, body._labels)
-    if not is_random and (omega0.shape[-1:] != (D,) or np.isnan(omega0.shape).any()):
-        raise wrong("omega0", f"known shape (..., {D})", omega0.shape)
     shape = omega0.shape if is_random else omega0.shape[:-1]
-    given = _begin(body, np.zeros(D), eps, method, attitude, None)[1]
+    if not is_random and (omega0.shape[-1:] != (body.dimension,) or np.isnan(shape).any()):
+        raise wrong("omega0", f"known shape (..., {body.dimension})", omega0.shape)
     batch = common_shape({"omega0": shape, "the other arguments": given.batch})
     steps, save_every = _counts(steps, save_every)
-    turns = False if given.orientation is None else given.orientation
-    run = {"body": body, "omega0": omega0, "eps": given.eps, "steps": steps}
-    run |= {"save_every": save_every, "method": method, "attitude": turns}
+    run = {"body": body, "omega0": omega0, "eps": given.eps, "steps": steps, "method": method}
+    run |= {"save_every": save_every, "attitude": given.orientation}
     functions = dict(functions or {})
-    template = stores.template(record, run, batch, functions, dims, coords)
-    stores.prepare(place, template, _sizes(template, record.variable, chunk))
-    _compute_missing(record, run, functions, stores.arrays(place), client, progress)
-    return stores.dataset(place)
+    place, data = stores.resolved(store), stores.template(run, batch, functions, dims, coords)
+    stores.prepare(place, data, _sizes(data, chunk))
+    _compute_missing(run, functions, place, client, progress)
+    return open_ensemble(place)
 
 
 def open_ensemble(store: Any) -> xarray.Dataset:
@@ -148,10 +140,8 @@ def open_ensemble(store: Any) -> xarray.Dataset:
 
     Raises
     ------
-    FileNotFoundError
-        If there is nothing of that name.
-    ValueError
-        If it is no store of :func:`ensemble`, one of an earlier version, or damaged.
+    FileNotFoundError, ValueError
+        If there is nothing of that name, or something else.
 
     Examples
     --------
@@ -163,108 +153,103 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     ...     open_ensemble(f"{folder}/runs.zarr").attrs["eps"]
     0.2
     """
-    return stores.dataset(stores.resolved(store))
+    import xarray
+
+    place = stores.resolved(store)
+    if not stores.attributes(place):
+        raise wrong("store", "a store of ensemble", f"none at {place}", FileNotFoundError)
+    data = xarray.open_zarr(place, consolidated=True, chunks={})
+    return data.assign_coords(time=data.n * data.eps)
 
 
-def _sizes(template: Any, variable: str, chunk: Any) -> dict[str, int]:
+def _sizes(data: Any, chunk: Any) -> dict[str, int]:
     """Return the lengths of chunks: tiles along the last axes, and saved states."""
-    lengths = {"n": template.sizes["n"], **template.status.sizes}
+    lengths = {"n": data.sizes["n"], **data.status.sizes}
     expected = f"a number of trajectories, or sizes along {', '.join(map(str, lengths))}"
-    whole = template.attitude if "attitude" in template else template[variable]
-    width = whole.nbytes // max(1, math.prod(lengths.values()))
-    work = _WORK // (template.attrs["steps"] + 1)
+    largest = max(each.nbytes for name, each in data.items() if "fill_value" in each.encoding)
+    width = max(1, largest // max(1, math.prod(lengths.values())))
     given = dict(chunk) if isinstance(chunk, Mapping) else {}
     if unknown := given.keys() - lengths:
         raise wrong("chunk", expected, ", ".join(map(str, unknown)))
-    left = max(min(_CHUNK // (width * lengths["n"] or 1), work), _FEWEST)
-    if chunk is not None and not given:
-        left = integer("chunk", chunk, 1, expected)
+    left = chunk
+    if chunk is None or given:
+        left = max(
+            _FEWEST, min(_CHUNK // (width * lengths["n"]), _WORK // (data.attrs["steps"] + 1))
+        )
     sizes: dict[str, int] = {}
     for name in reversed(lengths):
         if name == "n":
-            left = max(1, _CHUNK // (width * math.prod(sizes.values()) or 1))
-        sizes[name] = _alike(lengths[name], integer("chunk", given.get(name, left), 1, expected))
+            left = max(1, _CHUNK // (width * math.prod(sizes.values())))
+        most = integer("chunk", given.get(name, left), 1, expected)
+        parts = max(
+            1, -(-lengths[name] // most)
+        )  # of equal size: a shorter one takes as much space
+        sizes[name] = max(1, -(-lengths[name] // parts))
         left = max(1, left // sizes[name])
     return sizes
 
 
-def _alike(length: int, most: int) -> int:
-    """Return the length of parts of about equal length, since a short chunk takes as much space."""
-    return -(-length // -(-length // most)) if length else 1
-
-
-def _compute_missing(
-    record: Map, run: Run, functions: Any, arrays: Any, client: Any, progress: Progress
-) -> None:
+def _compute_missing(run: Run, functions: Any, store: Any, client: Any, progress: Progress) -> None:
     """Compute the tiles whose `status` is not in the store, here or on the workers of a client."""
-    status, steps, rows = arrays["status"], run["steps"], arrays[record.variable].chunks[0]
+    import zarr
+
+    with zarr.config.set({"array.write_empty_chunks": True}):  # to look for them takes time
+        arrays = dict(zarr.open_group(store, mode="r+", use_consolidated=True).arrays())
+    status, steps = arrays["status"], run["steps"]
     axes = zip(status.shape, status.chunks, strict=True)
     sides = [[slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes]
-    tiles = math.prod(len(each) for each in sides)
-    # With less work than this a tile is computed before a second thread has started.
+    missing = (
+        each for each in product(*sides) if (np.asarray(status[each]) == stores.PENDING).any()
+    )
     threads = 1 if math.prod(status.chunks) * steps < _LITTLE else None
-    missing = (each for each in product(*sides) if not stores.is_done(status, each))
-    with reporter(progress, tiles * steps) as show:
+    with reporter(progress, math.prod(map(len, sides)) * steps) as show:
         if client is None:
             with ThreadPoolExecutor(1, "suslov_fast writer") as writer:
                 writing = writer.submit(int)  # nothing yet
                 for done, where in enumerate(missing, start=1):
-                    work = record.variable, _tile(run, where), where, functions, rows, threads
-                    for each in _computed(*work):
+                    work = _tile(run, where), where, functions, arrays, threads
+                    for array, part, values in _computed(*work):
                         writing.result()
-                        writing = writer.submit(_write, arrays, *each)
+                        writing = writer.submit(array.__setitem__, part, values)
                     show(done * steps)
                 writing.result()
             return
         from distributed import as_completed
 
         def submit(where: Where) -> Any:
-            tile = _tile(run, where)
-            work = record.variable, tile, where, functions, rows
-            return client.submit(_compute, arrays, *work, pure=False)
+            return client.submit(_compute, _tile(run, where), where, functions, arrays, pure=False)
 
         abreast = _WAITING * max(1, sum(client.nthreads().values()))
         futures = as_completed(map(submit, islice(missing, abreast)))
-        try:
-            for done, future in enumerate(futures, start=1):
-                future.result()
-                show(done * steps)
-                futures.update(map(submit, islice(missing, 1)))
-        except BaseException:
-            client.cancel(list(futures.futures))
-            raise
+        for done, future in enumerate(futures, start=1):
+            future.result()
+            show(done * steps)
+            futures.update(map(submit, islice(missing, 1)))
 
 
 def _computed(
-    variable: str, tile: Run, where: Where, functions: Any, rows: int, threads: int | None = None
-) -> Iterator[tuple[str, Any, Any]]:
-    """Yield parts of arrays, by name, of a tile, in pieces that fill a chunk, its `status` last."""
-    row = 0
-    for piece in pieces(**tile, rows=rows, threads=threads):
+    tile: Run, where: Where, functions: Any, arrays: Any, threads: int | None
+) -> Iterator[tuple[Any, Any, Any]]:
+    """Yield arrays, places and values of a tile, in pieces that fill a chunk, its `status` last."""
+    variable, row = map_of(tile["body"]).variable, 0
+    for piece in pieces(**tile, rows=arrays[variable].chunks[0], threads=threads):
+        found = {variable: piece.states, "attitude": piece.attitude}
+        found |= {name: stores.values(name, f, piece.states) for name, f in functions.items()}
         part = slice(row, row + len(piece.n)), *where
-        yield variable, part, piece.states
-        if piece.attitude is not None:
-            yield "attitude", part, piece.attitude
-        for name, function in functions.items():
-            yield name, part, stores.values_of(name, function, piece.states)
+        yield from ((arrays[name], part, found[name]) for name in found if name in arrays)
         row += len(piece.n)
-    for name in ("final", "failed_at", "status"):
-        yield name, where, getattr(piece, name)
+    yield from ((arrays[name], where, getattr(piece, name)) for name in stores.LAST)
 
 
-def _write(arrays: Any, name: str, where: Where, values: Any) -> None:
-    arrays[name][where] = values
-
-
-def _compute(arrays: Any, *work: Any) -> None:
-    """Compute and write a tile, on a worker with one thread."""
-    for each in _computed(*work, 1):
-        _write(arrays, *each)
+def _compute(*work: Any) -> None:
+    """Compute and write a tile, in one thread of a worker."""
+    for array, part, values in _computed(*work, 1):
+        array[part] = values
 
 
 def _tile(run: Run, where: Where) -> Run:
     """Return the run of a part of the batch, whose initial states are read."""
-    body, omega0, eps, turns = (run[name] for name in ("body", "omega0", "eps", "attitude"))
+    body, omega0, turns = run["body"], run["omega0"], run["attitude"]
     if isinstance(omega0, RandomStarts):
         omega0 = omega0._part(_along(omega0.shape, where), body.dimension)
     else:
@@ -272,13 +257,13 @@ def _tile(run: Run, where: Where) -> Run:
     if body.shape:
         arrays = body._arrays.items()
         body = body._of({name: _cut(each, where, body._axes(name)) for name, each in arrays})
-    eps = _cut(np.asarray(eps), where)
-    turns = turns if turns is False else _cut(turns, where, 2)
+    turns = False if turns is None else _cut(turns, where, 2)
+    eps = _cut(np.asarray(run["eps"]), where)
     return {**run, "body": body, "omega0": omega0, "eps": eps, "attitude": turns}
 
 
 def _cut(array: Any, where: Where, own: int = 0) -> Any:
-    """Return the part of a parameter, whose last axes are its own."""
+    """Return the part of an array, whose last axes are its own."""
     return array[_along(array.shape[: array.ndim - own], where)]
 
 

@@ -29,6 +29,8 @@ _SAVING = 8.0
 # Work of a stretch with orientations: the number of states times n**2.
 _TURNING = 2**24
 
+_NO_TURNS = np.empty((0, 1, 1, 1))
+
 Report = Callable[[int], object]  # takes the number of steps done so far
 
 
@@ -86,12 +88,14 @@ class March:
         numbers = rows * size * (D * (out is None) + n * n)
         require(8 * numbers, "raise save_every or divide the batch")
         saved = np.empty((rows, size, D)) if out is None else out.reshape(len(out), size, D)
-        turns = np.empty((rows, size, n, n))
+        turns = np.empty((rows, size, n, n)) if n else _NO_TURNS
         go, row = self._steps_to if turned is None else self._turning, 0
         if self.begun and self.n == 0 < stop:  # kernels that start at 0 would save it again
             go(1, 0, saved, turns, 0, None)
             if every == 1:
-                saved[0], turns[0], row = self.final, turned, 1
+                saved[0], row = self.final, 1
+                if turned is not None:
+                    turns[0] = turned
         if stop > self.n or not self.begun:
             go(stop, every, saved, turns, row, report)
         self.begun = True

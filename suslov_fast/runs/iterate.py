@@ -146,9 +146,8 @@ def iterate(
     map, states = _begin(body, omega0, eps, method, attitude, threads)
     steps, save_every = _counts(steps, save_every)
     march = March(map.methods[method], states)
-    run = Trajectories._of(
-        **attributes_of_run(map, states, march, method, steps, save_every, progress, out)
-    )
+    options = method, steps, save_every, progress, out
+    run = Trajectories._of(attributes_of_run(map, states, march, *options))
     report_failures(run, on_singular)
     return run
 

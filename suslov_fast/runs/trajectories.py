@@ -103,7 +103,7 @@ class Trajectories:
     _turned: FloatArray | None = field(init=False, default=None)
 
     @classmethod
-    def _of(cls, **attributes: Any) -> Trajectories:
+    def _of(cls, attributes: dict[str, Any]) -> Trajectories:
         run = cls.__new__(cls)
         vars(run).update(attributes)  # faster than a call of a frozen dataclass
         return run
@@ -154,10 +154,8 @@ class Trajectories:
         threads = thread_count(threads)
         states = States(self.body, self.final, self.eps, batch, threads, orientation=turned)
         march = March.going_on(self._map.methods[self.method], states, self)
-        options = whole, self.save_every, progress
-        run = Trajectories._of(
-            **attributes_of_run(self._map, states, march, self.method, *options, earlier=self)
-        )
+        options = self.method, whole, self.save_every, progress
+        run = Trajectories._of(attributes_of_run(self._map, states, march, *options, earlier=self))
         report_failures(run, on_singular, self.steps + 1)
         return run
 
@@ -301,7 +299,7 @@ class Trajectories:
         """Read a run written by :meth:`save`; ValueError if the file is something else."""
         from .storage import load
 
-        return cls._of(**load(path))
+        return cls._of(load(path))
 
     def __repr__(self) -> str:
         failed, n = np.count_nonzero(self.status < 0), self.n

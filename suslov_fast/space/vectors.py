@@ -49,10 +49,11 @@ def to_matrix(
            [ 0.,  0., -2.],
            [-5.,  2.,  0.]])
     """
-    column, turn = _states_and_turn(body, AnyBody, omega, rotation, attitude)
+    column = _states(body, AnyBody, omega)
     if isinstance(body, BodyIn3D):
-        column = np.stack([column[..., 1], -column[..., 0]], axis=-1)
-    return _turned(_antisymmetric(column, _zero(column)[..., np.newaxis]), turn)
+        column = column[..., ::-1] * [1.0, -1.0]
+    block = 0.0 * column[..., np.newaxis, :1]
+    return _shown(body, _antisymmetric(column, block), 2, rotation, attitude)
 
 
 def to_vector(
@@ -88,8 +89,9 @@ def to_vector(
     """
     if isinstance(body, SuslovND):
         raise wrong("body", "one in three dimensions", "SuslovND: use to_matrix", TypeError)
-    state, turn = _states_and_turn(body, BodyIn3D, omega, rotation, attitude)
-    return _turned_vector(np.concatenate([state, _zero(state)], axis=-1), turn)
+    state = _states(body, BodyIn3D, omega)
+    vector = np.concatenate([state, abs(0.0 * state[..., :1])], axis=-1)
+    return _shown(body, vector, 1, rotation, attitude)
 
 
 def momentum(
@@ -132,54 +134,47 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    state, turn = _states_and_turn(body, AnyBody, omega, rotation, attitude)
+    state = _states(body, AnyBody, omega)
     with np.errstate(all="ignore"):
         if isinstance(body, BodyIn3D):
+            I1, I2, I13, I23, k = body.parameters
             w1, w2 = state[..., 0], state[..., 1]
-            third = body.I13 * w1 + body.I23 * w2 + getattr(body, "k", 0.0)
-            components = body.I1 * w1, body.I2 * w2, third
-            return _turned_vector(np.stack(np.broadcast_arrays(*components), axis=-1), turn)
+            vector = np.stack(np.broadcast_arrays(I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k), -1)
+            return _shown(body, vector, 1, rotation, attitude)
         product = state[..., :, np.newaxis] * body.I[..., np.newaxis, :]
         matrix = _antisymmetric(body.J * state, product - product.swapaxes(-2, -1))
-    return _turned(matrix, turn)
+        return _shown(body, matrix, 2, rotation, attitude)
 
 
-def _states_and_turn(
-    body: Any, kinds: Any, omega: Any, rotation: Any, attitude: Any
-) -> tuple[FloatArray, FloatArray | None]:
-    """Return states (..., D) of the whole batch, and the matrices that convert components from the
-    adapted basis to the requested one.
-    """
+def _states(body: Any, kinds: Any, omega: ArrayLike) -> FloatArray:
+    """Return states (..., D) of the whole batch."""
     states = check(body, kinds, {"omega": omega})
-    if rotation is not None and attitude is not None:
-        raise wrong("rotation, attitude", "at most one of them", "both")
-    n, turn = body.dimension + 1, None
-    if rotation is not None:
-        turn = square_matrices("rotation", rotation, n).swapaxes(-2, -1)
-    elif attitude is not None:
-        turn = square_matrices("attitude", attitude, n, allow_nan=True)
-    common_shape({"omega": states.batch, "matrices": () if turn is None else turn.shape[:-2]})
-    return np.broadcast_to(states.omega, (*states.batch, n - 1)), turn
+    return np.broadcast_to(states.omega, (*states.batch, body.dimension))
 
 
 def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:
     """Return antisymmetric matrices from their last column and the remaining block."""
-    batch = np.broadcast_shapes(column.shape[:-1], block.shape[:-2])
     n = column.shape[-1] + 1
-    matrix = np.empty((*batch, n, n))
-    matrix[..., :-1, :-1], matrix[..., -1, -1] = block, _zero(block[..., 0])[..., 0]
+    matrix = np.empty((*column.shape[:-1], n, n))
+    matrix[..., :-1, :-1], matrix[..., -1, -1] = block, 0.0 * column[..., 0]
     matrix[..., :-1, -1], matrix[..., -1, :-1] = column, -column
-    return matrix
+    return matrix + 0.0  # no -0.0
 
 
-def _zero(state: FloatArray) -> FloatArray:
-    """Return zeros (..., 1) for states (..., D), and NaN where these are NaN."""
-    return 0.0 * state[..., :1] + 0.0  # not -0.0
-
-
-def _turned(matrix: FloatArray, turn: FloatArray | None) -> FloatArray:
-    return matrix if turn is None else turn @ matrix @ turn.swapaxes(-2, -1)
-
-
-def _turned_vector(vector: FloatArray, turn: FloatArray | None) -> FloatArray:
-    return vector if turn is None else (turn @ vector[..., np.newaxis])[..., 0]
+def _shown(
+    body: Any, found: FloatArray, axes: int, rotation: ArrayLike | None, attitude: ArrayLike | None
+) -> FloatArray:
+    """Return vectors, or matrices for two axes, of the adapted basis in the requested one."""
+    n = body.dimension + 1
+    if rotation is not None and attitude is not None:
+        raise wrong("rotation, attitude", "at most one of them", "both")
+    if rotation is not None:
+        turn = square_matrices("rotation", rotation, n).swapaxes(-2, -1)
+    elif attitude is not None:
+        turn = square_matrices("attitude", attitude, n, allow_nan=True)
+    else:
+        return found
+    common_shape({"omega": found.shape[:-axes], "matrices": turn.shape[:-2]})
+    if axes == 1:
+        return np.asarray((turn @ found[..., np.newaxis])[..., 0])
+    return np.asarray(turn @ found @ turn.swapaxes(-2, -1))

@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property, reduce
 from typing import Any
 
 import flint
@@ -19,7 +18,6 @@ from .exact import (
     factors,
     has_letter,
     modulo,
-    primitive,
     random_prime,
     rational,
     ring,
@@ -28,7 +26,6 @@ from .exact import (
 )
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
-_TERMS = 400  # of polynomials whose special values of eps are sought
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,8 +35,7 @@ class RationalFunction:
     Called with a point, D rational numbers, it returns a fraction. ``sympy.sympify(str(f))``
     converts one to SymPy. As a result of `report`, its `basis` says what it rests on, and
     `cofactor` is that of a Darboux polynomial. If eps is a letter, `subs` puts a number in its
-    place, and `special` are the rational numbers, as far as they are known, at which the formula
-    has no meaning: it has no value, or is a constant.
+    place, and `special` are the rational numbers at which a factor of the formula is 0 for all x.
     """
 
     factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
@@ -74,37 +70,23 @@ class RationalFunction:
         1
         """
         value = rational("eps", Fraction(eps) if isinstance(eps, str) else eps)
-        powers, constant = [], self.constant
-        for P, e in self.factors:
-            Q, scale = at_eps(P, value) if has_letter(P) else (P, Fraction(1))
-            if scale == 0 and e < 0:
-                raise ZeroDivisionError(f"{self} has no value at eps = {value}")
-            constant *= scale**e
-            powers += [(f, k * e) for f, k in factors(Q)] if scale else []
-        cofactor = self.cofactor and self.cofactor.subs(value)
-        return replace(product_of(powers, self.basis), constant=constant, cofactor=cofactor)
+        above, below = (at_eps(P, value, self._highest) for P in (self.numerator, self.denominator))
+        if below == 0:
+            raise ZeroDivisionError(f"{self} has no value at eps = {value}")
+        found = exact_quotient(above, below) if above else RationalFunction((), Fraction(0))
+        return replace(
+            found, basis=self.basis, cofactor=self.cofactor and self.cofactor.subs(value)
+        )
 
-    @cached_property
+    @property
+    def _highest(self) -> int:
+        """A bound of the powers of eps."""
+        return sum(int(P.degrees()[0]) * abs(e) for P, e in self.factors if has_letter(P))
+
+    @property
     def special(self) -> tuple[Fraction, ...]:
-        """The rational eps, as far as they are known, at which the formula has no meaning."""
-        found: set[Fraction] = set()
-        for P, _ in self.factors:
-            found |= content_roots(P)
-        if self.has_letter and max(len(P) for P, _ in self.factors) <= _TERMS:
-            found |= self._where_constant()
-        return tuple(sorted(found))
-
-    def _where_constant(self) -> set[Fraction]:
-        """Return the rational eps at which numerator and denominator are proportional."""
-        above, below = _by_monomial(self.numerator), _by_monomial(self.denominator)
-        zero, common = flint.fmpz_poly([0]), flint.fmpz_poly([0])
-        pairs = [(above.get(e, zero), below.get(e, zero)) for e in above | below]
-        for i, (a, b) in enumerate(pairs):
-            for c, d in pairs[i + 1 :]:
-                common = common.gcd(a * d - b * c)
-                if common.degree() == 0:
-                    return set()
-        return _roots(common)
+        """The rational eps at which a factor is 0 for all x."""
+        return tuple(sorted({eps for P, _ in self.factors for eps in content_roots(P)}))
 
     def __mul__(self, other: RationalFunction) -> RationalFunction:
         basis = MODULAR if MODULAR in (self.basis, other.basis) else self.basis
@@ -118,24 +100,19 @@ class RationalFunction:
     @property
     def numerator(self) -> Any:
         """The numerator as one polynomial."""
-        return self.quotient_in(self._ring)[0]
+        return self.quotient_in()[0]
 
     @property
     def denominator(self) -> Any:
         """The denominator as one polynomial."""
-        return self.quotient_in(self._ring)[1]
+        return self.quotient_in()[1]
 
-    @property
-    def _ring(self) -> Any:
-        return self.factors[0][0].context() if self.factors else ring(0, False)
-
-    def quotient_in(self, of: Any) -> tuple[Any, Any]:
-        """Return numerator and denominator as polynomials in a ring."""
-        constants = (self.constant.numerator, self.constant.denominator)
-        return tuple(  # type: ignore[return-value]
-            math.prod((P**e for P, e in self._powers(sign)), start=of.constant(c))
-            for sign, c in zip((1, -1), constants, strict=True)
-        )
+    def quotient_in(self, of: Any = None) -> tuple[Any, Any]:
+        """Return numerator and denominator as polynomials, in a ring of as many variables."""
+        of = of or (self.factors[0][0].context() if self.factors else ring(0, False))
+        above, below = map(of.constant, (self.constant.numerator, self.constant.denominator))
+        above *= math.prod(P**e for P, e in self._powers(1))
+        return above, below * math.prod(P**e for P, e in self._powers(-1))
 
     def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
         return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
@@ -143,18 +120,7 @@ class RationalFunction:
     @property
     def degree(self) -> int:
         """The degree in x of the numerator or of the denominator, whichever is larger."""
-        return max(self._degrees)
-
-    @property
-    def _degrees(self) -> tuple[int, int]:
-        """The degrees of numerator and denominator."""
-        above, below = (sum(degree_of(P) * e for P, e in self._powers(s)) for s in (1, -1))
-        return above, below
-
-    @property
-    def numerator_is_larger(self) -> bool:
-        """Whether the degree of the numerator is that of the denominator or more."""
-        return self._degrees[0] >= self._degrees[1]
+        return max(sum(degree_of(P) * e for P, e in self._powers(sign)) for sign in (1, -1))
 
     def __hash__(self) -> int:
         return hash(str(self))
@@ -236,40 +202,28 @@ def product_of(powers: Iterable[tuple[Any, int]], basis: str) -> RationalFunctio
     return RationalFunction(tuple(chosen), basis=basis)
 
 
-def at_eps(P: Any, eps: Fraction) -> tuple[Any, Fraction]:
-    """Return a primitive polynomial in x, and the number by which it is multiplied at this eps."""
-    terms: dict[Any, Fraction] = {}
+def at_eps(P: Any, eps: Fraction, power: int) -> Any:
+    """Return a polynomial in x at this eps, times a power of the denominator of eps."""
+    if not has_letter(P):
+        return P * eps.denominator**power
+    terms: dict[Any, int] = {}
     for (k, *e), c in P.to_dict().items():
-        terms[tuple(e)] = terms.get(tuple(e), Fraction(0)) + int(c) * eps ** int(k)
-    of = ring(P.context().nvars() - 1, False)
-    scale = math.lcm(*(c.denominator for c in terms.values()))
-    whole = of.from_dict({e: int(c * scale) for e, c in terms.items() if c})
-    if whole == 0:
-        return whole, Fraction(0)
-    found = primitive(whole)
-    return found, Fraction(
-        int(whole.leading_coefficient()), int(found.leading_coefficient())
-    ) / scale
+        c = int(c) * eps.numerator ** int(k) * eps.denominator ** (power - int(k))
+        terms[tuple(e)] = terms.get(tuple(e), 0) + c
+    return ring(P.context().nvars() - 1, False).from_dict(terms)
 
 
 def content_roots(P: Any) -> set[Fraction]:
-    """Return the rational eps at which a polynomial vanishes for all x."""
-    return _roots(reduce(lambda a, b: a.gcd(b), _by_monomial(P).values()))
-
-
-def _by_monomial(P: Any) -> dict[tuple[int, ...], Any]:
-    """Return the coefficients of monomials in x: polynomials in eps."""
-    found: dict[tuple[int, ...], Any] = {}
-    for (k, *e), c in (P.to_dict() if has_letter(P) else {(0,): P.leading_coefficient()}).items():
-        term = flint.fmpz_poly([0] * int(k) + [int(c)])
-        found[tuple(e)] = found.get(tuple(e), 0) + term
-    return found
-
-
-def _roots(f: Any) -> set[Fraction]:
-    """Return the rational roots of a polynomial in eps."""
-    linear = (g.coeffs() for g, _ in f.factor()[1] if g.degree() == 1)
-    return {Fraction(-int(a), int(b)) for a, b in linear}
+    """Return the rational eps at which a polynomial is 0 for all x."""
+    by_monomial: dict[Any, dict[int, int]] = {}
+    for (k, *e), c in P.to_dict().items() if has_letter(P) else ():
+        by_monomial.setdefault(tuple(e), {})[int(k)] = int(c)
+    roots = []
+    for terms in by_monomial.values():
+        f = flint.fmpz_poly([terms.get(k, 0) for k in range(max(terms) + 1)])
+        linear = (g.coeffs() for g, _ in f.factor()[1] if g.degree() == 1)
+        roots.append({Fraction(-int(a), int(b)) for a, b in linear})
+    return set.intersection(*roots) if roots else set()
 
 
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:

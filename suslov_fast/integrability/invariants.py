@@ -54,7 +54,8 @@ class Invariants:
         """First integrals: quotients, and products of powers whose cofactors multiply to 1."""
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
         products = (self._power_product(row) for row in relations)
-        return self.quotients + [f if f.numerator_is_larger else f**-1 for f in products]
+        above = [max((f, f**-1), key=lambda g: degree_of(g.numerator)) for f in products]
+        return self.quotients + above
 
     @property
     def measures(self) -> list[RationalFunction]:

@@ -68,12 +68,16 @@ def with_small_d(J, I, eps, omega, i, gap):
     return omega * 2 * J[i] * (1 - gap) / (eps * (I @ omega))
 
 
-def test_a_small_d():
-    J, I, eps = np.array([1.5, 2.5, 3.5]), np.array([0.5, -0.75, 1.0]), 0.5
-    for gap in (0.2, 1e-2, 1e-4, 1e-7, 1e-12, 0.0):
-        for i in range(3):
-            omega = with_small_d(J, I, eps, np.array([1.0, 0.25, 1.5]), i, gap)
-            assert error_by_condition("auto", J, I, eps, omega) < 1e-15
+@pytest.mark.parametrize("gap", [0.2, 1e-2, 1e-4, 2.0**-28, 1e-12, 0.0])
+def test_a_small_d(gap):
+    """Also of a component with little weight, whose terms the sums hide."""
+    for i in range(3):
+        J, I, eps = np.array([1.5, 2.5, 3.5]), np.array([0.5, -0.75, 1.0]), 0.5
+        omega = with_small_d(J, I, eps, np.array([1.0, 0.25, 1.5]), i, gap)
+        assert error_by_condition("auto", J, I, eps, omega) < 1e-15
+    J, I = np.array([0.25, 0.5, 1.0]), np.array([-(2.0**-8), -256.0, 2.0**-6])
+    omega = with_small_d(J, I, eps, np.array([128.0, 64.0, 1.0]), 0, gap)
+    assert error_by_condition("auto", J, I, eps, omega) < 1e-15
 
 
 def test_omega_and_increment_cancel():

@@ -171,33 +171,52 @@ def state_at(b, l):
 
 
 @formula
-def start_lane(b, l, i, parameters, omega0, carry, start, status, failed_at):
-    """Fill a lane with trajectory i, at state 0 or where it stopped; return 1.0 if it is plain."""
-    I1, I2, I13, I23, k, eps = parameters
-    body = pick(I1, i), pick(I2, i), pick(I13, i), pick(I23, i), pick(k, i), pick(eps, i)
-    frame = frame_of(*body)
-    if start == 0:
-        w1, w2 = omega0[i, 0], omega0[i, 1]
-        X, Y = enter(frame, *body, w1, w2)
-        if not abs(w1) + abs(w2) < np.inf:
-            status[i], failed_at[i] = NONFINITE, 0
-        elif is_supercritical(frame, X, Y):
+def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status, failed_at):
+    """Fill lanes with trajectories from `first` on, at state 0 or where they stopped; return how
+    many are plain. Lanes beyond the last of `width` trajectories repeat it.
+    """
+    for l in range(lanes):
+        i = first + min(l, width - 1)
+        b[FRAME, l], b[FRAME + 1, l] = pick(parameters[0], i), pick(parameters[1], i)
+        b[FRAME + 2, l], b[FRAME + 3, l] = pick(parameters[2], i), pick(parameters[3], i)
+        b[FRAME + 4, l], b[FRAME + 5, l] = pick(parameters[4], i), pick(parameters[5], i)
+        if start == 0:
+            b[U, l], b[V, l] = omega0[i, 0], omega0[i, 1]
+        else:
+            b[KIND, l], b[X_, l], b[Y_, l] = carry[i, 0], carry[i, 1], carry[i, 2]
+            b[XG, l], b[U, l], b[V, l], b[R2, l] = (
+                carry[i, 1],
+                carry[i, 2],
+                carry[i, 3],
+                carry[i, 4],
+            )
+    for l in range(lanes):
+        I1, I2, I13, I23, k, eps = frame_at(b, l)  # not yet a frame
+        frame = frame_of(I1, I2, I13, I23, k, eps)
+        if start == 0:
+            w1, w2 = b[U, l], b[V, l]
+            X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
+            rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
+            b[KIND, l] = select(is_plain(frame, X, Y), PLAIN, select(rests, RESTS, GENERAL))
+            v = select(rests, w2, w2 / frame.back)  # at rest it keeps all bits
+            b[X_, l], b[Y_, l], b[XG, l], b[V, l] = X, Y, X, v
+            b[R2, l] = (w1 * w1 + v * v) / (1.0 + X * X)
+            b[ALIVE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)
+        rests = b[KIND, l] == RESTS
+        b[FRAME, l], b[FRAME + 1, l] = select(rests, 0.0, frame.K), select(rests, 0.0, frame.a1)
+        b[FRAME + 2, l] = select(rests, 0.0, frame.a2)
+        b[FRAME + 3, l] = select(rests, 1.0, frame.back)
+        b[FRAME + 4, l], b[FRAME + 5, l] = frame.m1, frame.m2
+    plains = 0.0
+    for l in range(lanes):
+        i = first + min(l, width - 1)
+        if start == 0 and b[ALIVE, l] > 0.0:
             status[i] = SUPERCRITICAL
-        kind = PLAIN if is_plain(frame, X, Y) else GENERAL
-        if X == 0.0 and abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)):
-            kind = RESTS  # it keeps all bits, those of w2 / back too
-        u, v = w1, w2 if kind == RESTS else w2 / frame.back
-        R_squared = (u * u + v * v) / (1.0 + X * X)
-    else:
-        kind, X, Y = carry[i, 0], carry[i, 1], carry[i, 2]
-        u, v, R_squared = carry[i, 2], carry[i, 3], carry[i, 4]
-    if kind == RESTS:
-        frame = Frame(0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-    b[KIND, l], b[X_, l], b[Y_, l], b[XG, l], b[U, l], b[V, l] = kind, X, Y, X, u, v
-    b[R2, l], b[ALIVE, l] = R_squared, 0.0
-    b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l] = frame.K, frame.a1, frame.a2
-    b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l] = frame.back, frame.m1, frame.m2
-    return select(kind == PLAIN, 1.0, 0.0)
+        if start == 0 and not abs(b[U, l]) + abs(b[V, l]) < np.inf:
+            status[i], failed_at[i] = NONFINITE, 0
+        b[ALIVE, l] = 0.0
+        plains += select(b[KIND, l] == PLAIN, 1.0, 0.0)
+    return plains
 
 
 @formula
@@ -274,10 +293,9 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     for block in range(first_block, last_block):
         first = begin + max(block * abreast - shift, 0)
         width = min(begin + (block + 1) * abreast - shift, end) - first
-        plains = 0.0
-        for l in range(abreast):  # lanes beyond the last trajectory repeat it
-            i = first + min(l, width - 1)
-            plains += start_lane(b, l, i, parameters, omega0, carry, start, status, failed_at)
+        plains = start_lanes(
+            b, abreast, first, width, parameters, omega0, carry, start, status, failed_at
+        )
         n, due, row = start, first_due, first_row
         while True:
             if n == 0:

@@ -56,10 +56,11 @@ def step(
     states = check(body, (), {"omega": omega, "eps": eps}, threads)
     march = March(map.methods["auto"], states)
     march.to(1)
-    status, failed_at = (each.reshape(states.batch) for each in (march.status, march.failed_at))
+    batch = states.batch
+    status, failed_at = march.status.reshape(batch), march.failed_at.reshape(batch)
     if message := failures(status, failed_at, 1):  # those at step 0 are NaN in the input
         warn(message, SingularStepWarning)
-    return march.final.reshape(*states.batch, body.dimension)
+    return march.final.reshape(*batch, body.dimension)
 
 
 def iterate(
@@ -258,7 +259,7 @@ def step_full(
     refuse_rotor(body, "the three-component scheme", "iterate or flow")
     instance("body", body, Suslov3D)
     if I3 is not None:
-        body = replace(body, I3=I3)  # type: ignore[arg-type]
+        body = replace(body, I3=I3)
     elif body.I3 is None:
         raise wrong("I3", "a number, or a body whose I3 is set", "neither", TypeError)
     labels = "Omega1", "Omega2", "Omega3"

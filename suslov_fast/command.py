@@ -24,12 +24,8 @@ from typing import Any, NoReturn
 
 from . import __version__
 
-# Exit statuses, the last two those of a shell for a process that a signal ends.
-_FAILURE, _INTERRUPTED, _CLOSED_PIPE = 1, 130, 141
 _PARAMETERS = ("I1", "I2", "I13", "I23", "I3", "k", "J", "I")
 _SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
-# Duration in seconds, without compilation, above which the first calls of threads are negligible.
-_LONG = 0.5
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -41,13 +37,13 @@ def main(words: Sequence[str] | None = None) -> int:
             return int(options.function(options) or 0)
     except KeyboardInterrupt as error:
         _tell(f"interrupted{error}")
-        return _INTERRUPTED
+        return 130  # as a shell does for a process that a signal ended
     except BrokenPipeError:  # nobody reads the output, whose rest Python would write at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return _CLOSED_PIPE
+        return 141
     except Exception as error:
         _tell(_text_of(error))
-        return _FAILURE
+        return 1
 
 
 def _tell(text: str) -> None:
@@ -153,8 +149,7 @@ def _add_options_of_run(parser: Any) -> None:
     group.add_argument("--threads", type=integer, metavar="N", help="(all)")
     group.add_argument("--save-every", type=integer, metavar="K", help="(only the last state)")
     group.add_argument("--attitude", action="store_true", help="the orientation, too")
-    text = ".npz, or .zarr, which the same command completes"
-    group.add_argument("-o", "--output", type=Path, metavar="FILE", help=text)
+    group.add_argument("-o", "--output", type=Path, metavar="FILE", help=".npz or .zarr")
     group.add_argument("--force", action="store_true", help="replace what is there")
     group.add_argument("--json", action="store_true", help="print JSON, for programs")
 
@@ -163,7 +158,7 @@ def run(options: argparse.Namespace) -> int:
     """Iterate a batch of trajectories and print a summary.
 
     By default 65,536 random initial states take 1000 steps of the body and with the step size of
-    picture 2 of the paper.
+    picture 2 of the paper. A run into FILE.zarr is written in parts: the same command goes on.
     """
     path = options.output
     if path is not None and path.suffix not in (".npz", ".zarr"):
@@ -182,7 +177,7 @@ def run(options: argparse.Namespace) -> int:
     settings["progress"] = True if sys.stderr.isatty() and find_spec("tqdm") else None
     compute = _stored if path is not None and path.suffix == ".zarr" else _held
     facts = compute(path, options.force, work, settings)
-    facts |= {"threads": numba.get_num_threads(), "written": path and str(path)}
+    facts |= {"threads": numba.get_num_threads()} | ({} if path is None else {"written": str(path)})
     print(_lines_of(facts, options.json), flush=True)
     if facts["trajectories"] and not facts["status"].keys() & {"OK", "SUPERCRITICAL"}:
         raise ArithmeticError("run: all trajectories failed")
@@ -197,8 +192,7 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, float]:
     given = {name: getattr(options, name) for name in _PARAMETERS}
     given = {name: value for name, value in given.items() if value is not None}
     if given and (options.picture or options.body):
-        name = next(iter(given))
-        options.usage_error(f"argument --{name}: not allowed with arguments --picture and --body")
+        options.usage_error(f"argument --{min(given)}: not allowed with --picture or --body")
     if not (given or options.body):
         body, eps, _ = PICTURES[options.picture or 2]
         return body, eps if options.eps is None else options.eps
@@ -253,20 +247,20 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
     from . import RandomStarts, iterate
     from .core.numba import compile_timer
 
-    if path is not None and path.exists() and not force:
-        raise FileExistsError(f"{path}: expected a new name, or --force to replace it")
-    if path is not None and not os.access(f"{path.absolute().parent}/", os.W_OK):
-        raise PermissionError(f"{path}: expected a name in a folder that can be written to")
+    if path is not None:
+        _require_new([path], force)
+        if not os.access(f"{path.absolute().parent}/", os.W_OK):
+            raise PermissionError(f"{path}: expected a name in a folder that can be written to")
     body, starts, eps, steps = work
     if isinstance(starts, RandomStarts):
-        starts = starts.states(starts.size, dimension=body.dimension)
+        starts = starts.states(starts.shape[0], dimension=body.dimension)
     try:
-        for _ in range(2):  # short runs twice: the first one starts threads
+        for _ in range(2):  # short runs twice, since the first one starts threads
             with compile_timer() as compiling:
                 begin = time.perf_counter()
                 found = iterate(body, starts, eps, steps, on_singular="ignore", **settings)
                 seconds = time.perf_counter() - begin - compiling()
-            if seconds > _LONG:
+            if seconds > 0.5:
                 break
         if path is not None:
             found.save(path, overwrite=force)
@@ -275,6 +269,11 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
     taken = found.failed_at + (found.failed_at < 0) * (steps + 1)
     facts = _facts_of(found, starts) | {"seconds": seconds}
     return facts | {"steps_per_second": float(taken.sum()) / seconds}
+
+
+def _require_new(paths: Sequence[Path], force: bool) -> None:
+    if there := [] if force else [path for path in paths if path.exists()]:
+        raise FileExistsError(f"{there[0]}: expected a new name, or --force to replace it")
 
 
 def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]:
@@ -308,7 +307,7 @@ def info(options: argparse.Namespace) -> int:
         except ValueError as error:
             _tell(str(error))
             failed = True
-    return _FAILURE if failed else 0
+    return int(failed)
 
 
 def _facts_of(found: Any, start: Any = None) -> dict[str, Any]:
@@ -327,9 +326,8 @@ def _facts_of(found: Any, start: Any = None) -> dict[str, Any]:
 
 
 def _facts_of_store(data: Any) -> dict[str, Any]:
-    """Return the summary of a store, finished or not: its attributes, and its statuses."""
-    facts = {name: each for name, each in data.attrs.items() if name not in ("title", "map")}
-    return {**facts, "trajectories": data.status.size, "status": _counts(data.status)}
+    """Return the summary of a store, finished or not: its attributes and statuses."""
+    return {**data.attrs, "trajectories": data.status.size, "status": _counts(data.status)}
 
 
 def _counts(status: Any) -> dict[str, int]:
@@ -366,7 +364,7 @@ def _lines_of(facts: dict[str, Any], as_json: bool) -> str:
 
     facts = dict(facts)
     drift, counts = facts.pop("drift", {}), facts.pop("status")
-    rows = [(name.replace("_", " "), _spelled(each)) for name, each in facts.items() if each]
+    rows = [(name.replace("_", " "), _spelled(each)) for name, each in facts.items()]
     rows += [(f"drift of {name}", f"{each:.2g}, largest relative") for name, each in drift.items()]
     for name, count in counts.items():
         meaning = Status[name].message if name in Status.__members__ else "not computed yet"
@@ -401,9 +399,7 @@ def pictures(options: argparse.Namespace) -> None:
     """Draw the paper's four pictures. The gallery of the documentation has others."""
     from .plots.pictures import draw, paths
 
-    for path in paths(options.output):
-        if path.exists() and not options.force:
-            raise FileExistsError(f"{path}: expected a new name, or --force to replace it")
+    _require_new(paths(options.output), options.force)
     print(*draw(options.output), sep="\n", flush=True)
 
 

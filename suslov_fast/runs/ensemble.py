@@ -241,9 +241,9 @@ def _computed(
     yield from ((arrays[name], where, getattr(piece, name)) for name in stores.LAST)
 
 
-def _compute(*work: Any) -> None:
+def _compute(tile: Run, where: Where, functions: Any, arrays: Any) -> None:
     """Compute and write a tile, in one thread of a worker."""
-    for array, part, values in _computed(*work, 1):
+    for array, part, values in _computed(tile, where, functions, arrays, 1):
         array[part] = values
 
 

@@ -95,7 +95,7 @@ def _contents(name: str) -> dict[str, Any]:
             return {each: found[each] for each in found.files}
     except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         expected = "a .npz file that Trajectories.save wrote"
-        raise wrong(name, expected, f"another, or a damaged one: {error}") from error
+        raise wrong(name, expected, "another, or a damaged one") from error
 
 
 def to_xarray(

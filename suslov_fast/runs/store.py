@@ -49,15 +49,15 @@ def template(
     rows, D = 1 if every is None else run["steps"] // every + 1, body.dimension
     require(8 * rows, "raise save_every")
     record, whole, pending = map_of(body), (rows, *batch), np.int8(PENDING)
-    empty = {
+    empty: dict[str, Any] = {
         "states": np.broadcast_to(np.nan, (*whole, D)),
         "final": np.broadcast_to(np.nan, (*batch, D)),
         "status": np.broadcast_to(pending, batch),
         "failed_at": np.broadcast_to(np.int64(pending), batch),
         "attitude": None if turns is None else np.broadcast_to(np.nan, (*whole, D + 1, D + 1)),
     }
-    known = {name: run[name] for name in ("body", "eps", "method", "steps", "save_every")}
-    data = Trajectories(**known, **empty, _map=record).to_xarray(dims, coords).drop_vars("time")
+    empty |= {name: run[name] for name in ("body", "eps", "method", "steps", "save_every")}
+    data = Trajectories(**empty, _map=record).to_xarray(dims, coords).drop_vars("time")
     sources = {}
     for name, function in functions.items():
         if name in (*data.variables, "time"):

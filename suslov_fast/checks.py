@@ -66,10 +66,8 @@ def within(name: str, value: Any, exponent: int) -> Any:
     if type(value) is float and (value == 0.0 or low <= abs(value) <= high):
         return value
     array = np.asarray(value)
-    some = array[array.astype(bool)]
-    size = abs(some)
-    bad = some[(size < low) | (size > high)]
-    if len(bad):
+    size = abs(array[array != 0])
+    if len(bad := size[(size < low) | (size > high)]):
         expected = f"0 or numbers from 1e-{exponent} to 1e{exponent} in modulus"
         raise wrong(name, expected, f"{bad[0]}: change the units")
     return value
@@ -102,21 +100,18 @@ def _floats(name: str, value: Any, labels: Sequence[str] = ()) -> FloatArray:
         raise wrong(name, "a rectangular array of real numbers", short(value)) from error
     if array.dtype is _FLOAT64:
         return array
+    refuse(name, array)
+    are_real = array.dtype.kind in "iuf"
     if array.dtype.kind == "O":
-        refuse(name, array)
-        for item in array.flat:
-            if not isinstance(item, numbers.Real):
-                received = f"{short(item)} of type {type(item).__name__}"
-                raise wrong(name, "real numbers", received, TypeError)
-        try:
-            return array.astype(np.float64)
-        except OverflowError as error:
-            raise wrong(name, "numbers in the range of float64", short(value)) from error
-    if array.dtype.kind not in "iuf":
+        are_real = all(isinstance(item, numbers.Real) for item in array.flat)
+    if not are_real:
         received = f"{short(value)} of dtype {array.dtype}"
         raise wrong(name, "real numbers", received, TypeError)
-    with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
-        return array.astype(np.float64, copy=False)
+    try:
+        with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
+            return array.astype(np.float64, copy=False)
+    except OverflowError as error:
+        raise wrong(name, "numbers in the range of float64", short(value)) from error
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
@@ -150,27 +145,22 @@ def refuse(name: str, value: Any) -> None:
     if type(value) is np.ndarray:
         value = value.ravel().tolist() if value.dtype.kind == "O" else []
     if isinstance(value, (list, tuple)):
-        if _NUMBERS.issuperset(map(type, value)):
-            return
-        by_type = {type(each): each for each in value}
-        nested = not {list, tuple, np.ndarray}.isdisjoint(by_type)
-        for item in value if nested else by_type.values():
-            refuse(name, item)
+        if not _NUMBERS.issuperset(map(type, value)):
+            for item in value:
+                refuse(name, item)
         return
     kind = type(value).__name__
     if isinstance(value, (bool, np.bool_)):
         raise wrong(name, "real numbers", f"{value} of dtype bool", TypeError)
-    if any(hasattr(value, each) for each in ("dims", "columns")) or not callable(
-        getattr(value, "index", len)
-    ):
+    has_index = not callable(getattr(value, "index", len))
+    if has_index or hasattr(value, "dims") or hasattr(value, "columns"):
         how = f"{kind} with labels: pass its array, by .to_numpy()"
         raise wrong(name, "an array without labels", how, TypeError)
     if hasattr(value, "unit") or hasattr(value, "units"):
         number = "magnitude" if hasattr(value, "magnitude") else "value"
-        unit = getattr(value, "unit", getattr(value, "units", None))
-        how = f"in the unit that all arguments share, as {name}.to(...).{number}"
-        received = f"{kind} in {unit}: pass its number {how}"
-        raise wrong(name, "numbers without a unit", received, TypeError)
+        unit = value.unit if hasattr(value, "unit") else value.units
+        how = f"pass its number in the unit of all arguments, as {name}.to(...).{number}"
+        raise wrong(name, "numbers without a unit", f"{kind} in {unit}: {how}", TypeError)
     if isinstance(value, np.ndarray) and np.ma.is_masked(value):
         raise wrong(name, "real numbers", "a masked array with missing values")
 
@@ -187,8 +177,8 @@ def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
     """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
     matrices = square_matrices(name, value, n)
     error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
-    least = np.linalg.det(matrices).min(initial=np.inf)
-    if error > 1e-10 or not least > 0:
+    least = np.linalg.det(matrices).min(initial=1.0)
+    if error > 1e-10 or least < 0:
         received = f"|R R.T - 1| = {error:.2g} and determinant {least:.2g}"
         raise wrong(name, "rotation matrices", received)
     return matrices
@@ -208,19 +198,17 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
 
 def _axes_that_fit(shapes: dict[str, tuple[int, ...]]) -> str:
     """Return a hint if one argument, with more axes, gives all combinations."""
+    more = max(map(len, shapes.values()))
     for name, shape in reversed(shapes.items()):
-        for more in range(1, max(map(len, shapes.values())) + 1):
-            if name != "body" and name.isidentifier() and len(shape) == 1:
-                with suppress(ValueError):
-                    np.broadcast_shapes(*(shapes | {name: shape + (1,) * more}).values())
-                    return f"; {name}[:{', None' * more}] would fit"
+        if name.isidentifier() and name != "body" and len(shape) == 1:
+            with suppress(ValueError):
+                np.broadcast_shapes(*(shapes | {name: shape + (1,) * more}).values())
+                return f"; {name}[:{', None' * more}] would fit"
     return ""
 
 
 def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
     """Return an integer of at least `minimum` that fits in 64 bits."""
-    if type(value) is int and minimum <= value < 2**62:
-        return value
     expected = expected or f"an integer of at least {minimum}"
     try:
         if isinstance(value, (bool, np.bool_)):

@@ -1,9 +1,7 @@
-"""Plots show the values of the functions, in a style that journals accept."""
+"""Plots show the values of the functions."""
 
-import io
 import re
 
-import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -187,17 +185,3 @@ def test_animation():
     # No rigid body has the parameters of the first picture, but there is an ellipsoid.
     for body in (BODY, GYROSTAT):
         sf.animate_body(body, steps=1)._draw_was_started = True
-
-
-def test_style():
-    """Plots use TrueType fonts, set mathematics in the text font, and keep the user's settings."""
-    with matplotlib.rc_context({"font.family": "serif", "pdf.compression": 0}):
-        before = dict(matplotlib.rcParams)
-        axes = sf.plot_phase(*PICTURES[1], levels=2)
-        file = io.BytesIO()
-        axes.figure.savefig(file, format="pdf")
-        assert dict(matplotlib.rcParams) == before
-    assert axes.xaxis.label.get_math_fontfamily() == "dejavuserif"
-    assert b"/Subtype /Type3" not in file.getvalue()
-    fonts = re.findall(rb"/BaseFont /(?:\w+\+)?DejaVu(Serif|Sans)", file.getvalue())
-    assert set(fonts) == {b"Serif"}

@@ -15,7 +15,6 @@ from ..runs.iterate import iterate
 from . import geometry
 from .geometry import BodyIn3D
 from .phase import positive
-from .style import styled
 
 # A realizable body: admissible_I3() contains 2.28 to 5.68.
 _EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
@@ -24,7 +23,6 @@ _BODY_AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
 _RADIUS, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
 
 
-@styled
 def animate_body(
     body: BodyIn3D | None = None,
     omega0: ArrayLike | None = None,
@@ -73,8 +71,6 @@ def animate_body(
     >>> animation = animate_body()  # doctest: +SKIP
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
-    from matplotlib.animation import FuncAnimation
-
     if np.ndim(eps):
         raise wrong("eps", "a single number", eps)
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
@@ -87,6 +83,9 @@ def animate_body(
         received = f"a batch of shape {run.status.shape}"
         raise wrong("omega0, R0", "a single state and orientation", received)
     figure, draw = _turning_body(body, run.attitude, eps)
+
+    from matplotlib.animation import FuncAnimation
+
     return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
 
 
@@ -101,17 +100,16 @@ def _turning_body(
     body: BodyIn3D, rotations: FloatArray, eps: float
 ) -> tuple[Any, Callable[[int], list[Any]]]:
     """Return a figure, and a function that draws the body in a given state."""
-    from .figures import StyledFigure
+    from .figures import plt
 
     radii, principal, I3, _ = geometry.ellipsoid(body)
     radii = _RADIUS * radii
     surface = np.einsum("ij,j,jkl->ikl", principal, radii, _sphere())
     path = _PATH * rotations[:, :, 2]
-    axes = StyledFigure(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
+    axes = plt.Figure(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
     axes.computed_zorder = False
     axes.set_proj_type("ortho")
 
-    @styled
     def draw(number: int) -> list[Any]:
         axes.clear()
         R, eye = rotations[number], _towards_eye(axes)

@@ -1,30 +1,25 @@
-"""Figures and axes in the style of all pictures. Importing this module imports Matplotlib."""
+"""Axes and colours of all pictures. Importing this module imports Matplotlib (extra `plots`)."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
 
 from ..checks import wrong
-from .style import style
 
+try:
+    import matplotlib.pyplot as plt
+    from matplotlib import colormaps
+    from matplotlib.axes import Axes
+    from matplotlib.colors import ListedColormap
+except ImportError as error:
+    install = "pip install '.[plots]' in a copy of the repository"
+    raise ImportError(f"plots need matplotlib: {install}") from error
+
+__all__ = ["COLOURS", "axes_for", "plt", "set_title"]
 # Without the lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
-
-
-class StyledFigure(Figure):
-    """A figure that is saved in the style it was drawn in."""
-
-    def savefig(self, *arguments: Any, **keywords: Any) -> None:
-        """Save the figure, as `matplotlib.figure.Figure.savefig` does."""
-        with style():
-            super().savefig(*arguments, **keywords)
 
 
 def axes_for(ax: Any, size: tuple[float, float]) -> Any:
@@ -33,8 +28,7 @@ def axes_for(ax: Any, size: tuple[float, float]) -> Any:
     pyplot knows the new figure, so that notebooks and `plt.show()` show it.
     """
     if ax is None:
-        figure = plt.figure(FigureClass=StyledFigure, figsize=size, layout="constrained")
-        return figure.add_subplot()
+        return plt.figure(figsize=size, layout="constrained").add_subplot()
     if not isinstance(ax, Axes) or ax.name == "3d":
         raise wrong("ax", "plane axes of Matplotlib", repr(ax), TypeError)
     return ax

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..checks import FloatArray, integer
 from ..quantities import conserved
-from .style import styled
 
 # More dots make a picture large and no clearer; on lines, more than a few hide them.
 _MOST, _FEW = 20_000, 2000
@@ -21,7 +20,6 @@ _LEVELS = {
 _SAME = 1e-9
 
 
-@styled
 def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
     from .figures import axes_for, set_title

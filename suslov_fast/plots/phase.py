@@ -12,7 +12,6 @@ from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
 from . import geometry
 from .geometry import BodyIn3D
-from .style import styled
 
 # Lines differ in style as well as in colour.
 _LINE_COLOUR = "crimson"
@@ -21,7 +20,6 @@ _STEADY = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2"
 _FROM_LINE, _LONGEST_TURN = 0.03, 1000
 
 
-@styled
 def plot_phase(
     body: BodyIn3D,
     eps: float,

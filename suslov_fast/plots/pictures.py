@@ -6,7 +6,6 @@ from pathlib import Path
 
 from ..bodies.paper import PICTURES
 from .phase import plot_phase
-from .style import style
 
 
 def paths(directory: str | Path) -> list[Path]:
@@ -16,12 +15,11 @@ def paths(directory: str | Path) -> list[Path]:
 
 def draw(directory: str | Path) -> list[Path]:
     """Draw the pictures into a directory, made if need be, and return the names of the files."""
-    with style():  # which says how to get Matplotlib where it is missing
-        from .figures import StyledFigure
+    from .figures import plt
 
     Path(directory).mkdir(parents=True, exist_ok=True)
     for path, picture in zip(paths(directory), PICTURES.values(), strict=True):
-        figure = StyledFigure(figsize=(5.2, 5.8), layout="constrained")
-        plot_phase(*picture, ax=figure.add_subplot())
+        figure = plot_phase(*picture).figure
         figure.savefig(path, dpi=150)
+        plt.close(figure)
     return paths(directory)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import parse_qsl, urlencode
 
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
 from ...checks import states, wrong
@@ -57,13 +57,6 @@ def parse_query(query: str) -> Parameters:
         raise wrong("steps", f"an integer from 1 to {_STEPS}", f"{values['steps']:g}")
     whole = {name: int(values.get(name, 0)) for name in ("steps", "portrait")}
     return Parameters(**values | whole)
-
-
-def query_of_link(link: str) -> str:
-    """Return the query of an address copied from the page; ValueError if it is not one."""
-    query = urlsplit(link).query
-    parse_query(query)
-    return query
 
 
 def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:

@@ -11,7 +11,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from socketserver import ThreadingTCPServer
 from typing import Any
-from urllib.parse import unquote
 
 from numpy.typing import ArrayLike
 
@@ -22,17 +21,11 @@ from .scene import answer
 
 PAGE = Path(__file__).with_name("page")
 _ADDRESS = "127.0.0.1"
-_THREADS = 32
 _TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 _HEADERS = {
     "Cache-Control": "no-store",
     # The browser refuses whatever the page would load from elsewhere.
     "Content-Security-Policy": "default-src 'self'; img-src data:",
-}
-_REFUSALS = {
-    400: "expected a path of printable text",
-    403: "requests of other pages are refused",
-    404: "no such page",
 }
 
 
@@ -47,18 +40,6 @@ class Server(ThreadingTCPServer):
         super().__init__((_ADDRESS, port), _Handler)
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
-        self._free = threading.BoundedSemaphore(_THREADS)
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer in a thread; with too many under way, wait for the end of one."""
-        self._free.acquire()
-        super().process_request(request, client_address)
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._free.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error, unless the browser has closed the connection."""
@@ -78,34 +59,25 @@ class _Handler(BaseHTTPRequestHandler):
         file = PAGE / (path[1:] or "index.html")
         site = self.headers.get("Sec-Fetch-Site", "none")
         foreign = path == "/scene" and site not in ("none", "same-origin")
-        if not unquote(path).isprintable():
-            self.send_error(400)
-        elif foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
+        if foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
             self.send_error(403)
         elif path == "/scene":
             text = json.dumps(answer(query), allow_nan=False, separators=(",", ":"))
-            self._send(200, text, "application/json")
+            self._send(text, "application/json")
         elif file in PAGE.iterdir():
-            self._send(200, file.read_text("utf-8"), f"{_TYPES[file.suffix]}; charset=utf-8")
+            self._send(file.read_text("utf-8"), f"{_TYPES[file.suffix]}; charset=utf-8")
         else:
             self.send_error(404)
 
-    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """Answer in one line; but for some codes the request was not a GET."""
-        self.close_connection = True
-        text = _REFUSALS.get(code, "expected a GET request")
-        self._send(code, f"suslov-fast: {text}\n", "text/plain; charset=utf-8")
-
-    def _send(self, status: int, text: str, kind: str) -> None:
+    def _send(self, text: str, kind: str) -> None:
         body = text.encode()
-        self.send_response(status)
+        self.send_response(200)
         for name, value in _HEADERS.items():
             self.send_header(name, value)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
-        if self.command != "HEAD":
-            self.wfile.write(body)
+        self.wfile.write(body)
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Log nothing: the page shows errors."""

@@ -53,7 +53,7 @@ def test_every_map(body, states, status):
     assert run.status.tolist() == [status, run.status[1]]
     assert run.status[1] >= 0
     assert run.failed_at.tolist() == [1, -1]
-    with pytest.warns(sf.SingularStepWarning, match="^1 of 2 "):
+    with pytest.warns(sf.SingularStepWarning, match=r"^1 of 2 "):
         assert np.isnan(sf.step(body, states, 1)).all(axis=1).tolist() == [True, False]
 
 
@@ -77,12 +77,13 @@ def test_states_that_do_not_exist(body, unit):
     assert np.isnan(run.omega[:, 1]).all()
     assert np.isnan(sf.step(body, [np.nan, 1.0], 0.2)).all()
     assert run.extend(3).failed_at.tolist() == [-1, 0]
-    assert [each.message for each in sf.Status] and sf.Status(-1).message.startswith("singular")
+    assert [each.message for each in sf.Status]
+    assert sf.Status(-1).message.startswith("singular")
 
 
 def test_raise_and_ignore(unit):
     """The error carries the run and survives pickling."""
-    with pytest.raises(sf.SingularStepError, match="^1 of 2 ") as caught:
+    with pytest.raises(sf.SingularStepError, match=r"^1 of 2 ") as caught:
         sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="raise")
     again = pickle.loads(pickle.dumps(caught.value))
     assert str(again) == str(caught.value)
@@ -90,27 +91,8 @@ def test_raise_and_ignore(unit):
         unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="ignore"
     )
     for wrong in ("no", None):
-        with pytest.raises(ValueError, match="^on_singular: "):
+        with pytest.raises(ValueError, match=r"^on_singular: "):
             sf.iterate(unit, HEALTHY, 1, 4, on_singular=wrong)
-
-
-BAD = [
-    ({"steps": -1}, "steps"), ({"steps": 2.5}, "steps"), ({"save_every": 0}, "save_every"),
-    ({"save_every": "all"}, "save_every"), ({"method": "gauss"}, "method"),
-    ({"method": "canonical"}, "method"), ({"attitude": "yes"}, "attitude"),
-    ({"out": np.empty((4, 2))}, "out"), ({"out": np.empty((5, 2), np.float32)}, "out"),
-    ({"out": np.empty((2, 5)).T}, "out"), ({"out": [0.0]}, "out"),
-    ({"progress": 3}, "progress"), ({"eps": 1e-60}, "eps"), ({"eps": [0.1, np.nan]}, "eps"),
-    ({"omega0": [1.0, np.inf]}, "omega0"), ({"omega0": [1.0, 1j]}, "omega0"),
-    ({"omega0": "ab"}, "omega0"), ({"omega0": [True, False]}, "omega0"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("change", "name"), BAD, ids=str)
-def test_bad_arguments(body, change, name):
-    given = {"omega0": HEALTHY, "eps": 0.2, "steps": 4} | change
-    with pytest.raises((TypeError, ValueError), match=f"^{name}: expected"):
-        sf.iterate(body, **given)
 
 
 def test_memory(body):
@@ -147,12 +129,12 @@ def test_three_components(rng):
     omega[:, 2] = 0.0
     expected = sf.step(body, omega[:, :2], 0.2)
     np.testing.assert_allclose(sf.step_full(body, omega, 0.2)[:, :2], expected, atol=1e-14)
-    with pytest.warns(sf.SingularStepWarning, match="^1 of 2 "):
+    with pytest.warns(sf.SingularStepWarning, match=r"^1 of 2 "):
         lost = sf.step_full(sf.Suslov3D(1, 1, 1, 0), [[1.0, -3.0, 0.0], [0.3, 0.1, 0]], 1, 2)
     assert np.isnan(lost).all(axis=1).tolist() == [True, False]
-    with pytest.raises(TypeError, match="^I3: "):
+    with pytest.raises(TypeError, match=r"^I3: "):
         sf.step_full(sf.Suslov3D(1, 1, 1, 0), [1, 2, 3], 0.1)
-    with pytest.raises(TypeError, match="^body: .*iterate or flow"):
+    with pytest.raises(TypeError, match=r"^body: .*iterate or flow"):
         sf.step_full(sf.SuslovGyrostat(1, 1, 1, 0, 0.5), [1, 2, 3], 0.1)
 
 

@@ -46,7 +46,7 @@ def test_existing_files(path):
     for name in ("run.nc", "run", "run.zarr"):
         with pytest.raises(ValueError, match=r"^path: .*\.npz.*ensemble"):
             run.save(path.with_name(name))
-    with pytest.raises(TypeError, match="^path: "):
+    with pytest.raises(TypeError, match=r"^path: "):
         run.save(3)
     with pytest.raises(FileNotFoundError):
         run.save(path.parent / "absent" / "run.npz")

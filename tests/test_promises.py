@@ -221,15 +221,15 @@ def test_bad_input(rng, name, kind):
         list(row.values(body, omega, eps))
     with pytest.raises(ValueError, match=f"^({state}): "):
         list(row.values(body, np.ones(9), eps))
-    with pytest.raises(TypeError, match="^body: "):
+    with pytest.raises(TypeError, match=r"^body: "):
         row.call(1, omega, *(eps,) * row.eps)
     with pytest.raises(ValueError, match="broadcast"):
         row.call(part(body, ..., (3,)), np.ones_like(omega), *(eps,) * row.eps)
     for wrong in (np.inf, 1e-51, 1e51, "a") if row.eps else ():
-        with pytest.raises((ValueError, TypeError), match="^eps: "):
+        with pytest.raises((ValueError, TypeError), match=r"^eps: "):
             list(row.values(body, np.ones_like(omega), wrong))
     for count in (0, 1.5, 10**6) if row.threads else ():
-        with pytest.raises((ValueError, TypeError), match="^threads: "):
+        with pytest.raises((ValueError, TypeError), match=r"^threads: "):
             list(row.values(body, np.ones_like(omega), eps, threads=count))
 
 

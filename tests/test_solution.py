@@ -71,13 +71,13 @@ def test_flow_against_taylor_series(rng, k, time):
 def test_reasons_for_missing_states(unit):
     """One warning for each reason, with the number of orbits, at the line of the user."""
     omega, n = [[0.3, 0.1], [0.5, -9.0], [0.0, -9.0]], [2.5, 3, 2.0**53, -(2.0**60)]
-    with pytest.warns(RuntimeWarning, match="^1 of 3 orbits") as caught:
+    with pytest.warns(RuntimeWarning, match=r"^1 of 3 orbits") as caught:
         states = sf.exact(unit, omega, 1, n)
     assert [(each.category, each.filename) for each in caught] == [(RuntimeWarning, __file__)]
     missing = np.isnan(states).all(axis=-1)
     assert not missing[:, [0, 2]].any()
     assert missing[:, 1].tolist() == [True, False, False, True]
-    with pytest.warns(RuntimeWarning, match="^1 of 2 orbits"):
+    with pytest.warns(RuntimeWarning, match=r"^1 of 2 orbits"):
         states = sf.exact(unit, [[1e10, 0.3], [0.3, 0.1]], 1, 5)
     assert np.isnan(states).any(axis=-1).tolist() == [True, False]
 
@@ -108,7 +108,7 @@ def test_poles_in_fractions(parameters, x):
             other = naive.rational_step(*parameters, sign, other)
             expected[n + sign * k] = np.array(other, float)
     n = np.arange(-3, 6)
-    with pytest.warns(sf.SingularStepWarning, match="^1 of 1 orbits"):
+    with pytest.warns(sf.SingularStepWarning, match=r"^1 of 1 orbits"):
         states = sf.exact(body, omega, 1, n)
     assert n[np.isnan(states[:, 0])].tolist() == [1]
     for k, state_k in expected.items():
@@ -152,10 +152,10 @@ def test_bodies_without_a_closed_form(call):
     body = sf.SuslovND([[2.0, 2.0, 2.0], [1.3, 2.1, 3.7]], [0.4, -0.7, 0.5])
     eps = () if call is sf.flow else (0.2,)
     n = () if call is sf.limits else (3,)
-    with pytest.raises(sf.NotIntegrableError, match="body 1,.* use (iterate|vector_field)"):
+    with pytest.raises(sf.NotIntegrableError, match=r"body 1,.* use (iterate|vector_field)"):
         call(body, [0.3, 0.9, -0.6], *eps, *n)
     field = sf.QuadraticField([[[1]]])
-    with pytest.raises(TypeError, match="^body: .*iterate"):
+    with pytest.raises(TypeError, match=r"^body: .*iterate"):
         call(field, [0.3], *eps, *n)
 
 
@@ -164,7 +164,7 @@ def test_times(body):
     assert sf.exact(body, np.ones((4, 3, 2)), 0.2, [1, 2]).shape == (2, 4, 3, 2)
     assert sf.flow(body, np.ones((4, 3, 2)), 2).shape == (4, 3, 2)
     for n in ([[1, 2]], np.nan, "a", [1, 1j]):
-        with pytest.raises((TypeError, ValueError), match="^n: "):
+        with pytest.raises((TypeError, ValueError), match=r"^n: "):
             sf.exact(body, [1, 0.5], 0.2, n)
-        with pytest.raises((TypeError, ValueError), match="^time: "):
+        with pytest.raises((TypeError, ValueError), match=r"^time: "):
             sf.flow(body, [1, 0.5], n)

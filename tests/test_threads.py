@@ -26,23 +26,6 @@ needs_two_threads = pytest.mark.skipif(few, reason="needs two threads")
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
 
-@needs_two_threads
-@pytest.mark.compiled
-def test_an_error_in_a_parallel_call(body, monkeypatch):
-    """After an error, the next call is parallel again, with the requested number of threads."""
-    seen = []
-
-    def fail(threads, *arguments):
-        seen.append(threads)
-        raise MemoryError
-
-    monkeypatch.setattr(steps, "parallel", fail)
-    for count in (2, None):
-        with pytest.raises(MemoryError):
-            sf.iterate(body, np.ones((3 * LANES, 2)), 0.2, 4000, threads=count)
-    assert seen == [2, numba.get_num_threads()]
-
-
 def test_little_work_stays_serial(body, monkeypatch):
     """A small batch is serial, and a single block of lanes for any number of steps."""
     monkeypatch.setattr(steps, "parallel", None)
@@ -113,24 +96,6 @@ thread.join()
 def test_forks(layer, count):
     """A child forked while another thread computes neither aborts nor hangs."""
     children.run(children.SETUP + FORKS, count, timeout=1800, **children.layer(layer))
-
-
-@needs_fork
-@pytest.mark.compiled
-def test_forks_leave_the_parent_its_threads():
-    in_child(
-        """
-        import os
-        from suslov_fast.engine import threads
-        assert (run() == expected).all()
-        if os.fork() == 0:
-            os._exit(threads._may_use_threads)
-        assert os.wait()[1] == 0
-        assert threads._may_use_threads
-        assert threads._one_at_a_time.acquire(blocking=False)
-        """,
-        **children.layer("omp"),
-    )
 
 
 class Alarm(Exception):
@@ -237,22 +202,6 @@ def test_progress(body, capsys, monkeypatch):
     assert max(seen) == seen[-1] == (300, 300)
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
-
-
-@needs_fork
-@pytest.mark.parametrize("busy", [False, True])
-def test_a_child_of_a_process_in_a_parallel_call(monkeypatch, busy):
-    """It stays serial with `workqueue`, too, which has lost its threads in the middle of work."""
-    lock = threading.Lock()
-    monkeypatch.setattr(threads, "_idle_at_fork", busy)
-    monkeypatch.setattr(threads, "_may_use_threads", True)
-    monkeypatch.setattr(threads, "_one_at_a_time", lock)
-    monkeypatch.setattr(threads.numba, "threading_layer", lambda: "workqueue")
-    if busy:
-        lock.acquire()
-    threads._before_fork()
-    threads._after_fork_in_child()
-    assert threads._may_use_threads != busy
 
 
 @pytest.mark.parametrize("error", [RuntimeError, MemoryError])

@@ -100,7 +100,7 @@ def test_a_run_as_an_array():
         np.testing.assert_array_equal(run[index], run.states[index])
     np.testing.assert_array_equal([*run], run.states)
     for index in (6, "a", run.status == 0):
-        with pytest.raises(IndexError, match="^index: "):
+        with pytest.raises(IndexError, match=r"^index: "):
             _ = run[index]
 
 
@@ -112,11 +112,11 @@ def test_an_extended_run_stays_as_it_is(name):
     assert once == run.extend(2).extend(3)
     assert run == run_of(name)
     for other in (replace(run, eps=0.5), replace(run)):
-        with pytest.raises(ValueError, match="^extend: "):
+        with pytest.raises(ValueError, match=r"^extend: "):
             other.extend(1)
     assert asdict(run)["steps"] == run.steps
     for steps in (-1, 0.5, True):
-        with pytest.raises((TypeError, ValueError), match="^steps: "):
+        with pytest.raises((TypeError, ValueError), match=r"^steps: "):
             run.extend(steps)
 
 
@@ -137,12 +137,12 @@ def test_orientations(rng, body):
         plain = sf.iterate(each, omega, 0.2, 40, save_every=5)
         assert (plain.states == run.states).all()
         for bad in (2 * first, first[:-1], "a"):
-            with pytest.raises((TypeError, ValueError), match="^attitude: "):
+            with pytest.raises((TypeError, ValueError), match=r"^attitude: "):
                 sf.iterate(each, omega, 0.2, 4, attitude=bad)
     with pytest.warns(sf.SingularStepWarning):
         lost = sf.iterate(sf.Suslov3D(1, 1, 1, 0), [1.0, -3.0], 1, 3, attitude=True)
     assert np.isnan(lost.attitude[1:]).all()
-    with pytest.raises(TypeError, match="^attitude: "):
+    with pytest.raises(TypeError, match=r"^attitude: "):
         sf.iterate(HENON, [0.1, 0.1], 0.1, 3, attitude=True)
 
 
@@ -156,7 +156,7 @@ def test_a_parameter_as_a_coordinate():
     one = sf.iterate(BODY, [[1.0, 0.5]], [0.2], 5).to_xarray(dims="eps")
     assert one.omega.sel(eps=0.2).shape == (6, 2)
     for dims in (("I13", "eps", "start"), ("eps", "I13", "I1"), ("a", "b", "eps")):
-        with pytest.raises(ValueError, match="^dims: "):
+        with pytest.raises(ValueError, match=r"^dims: "):
             run.to_xarray(dims=dims)
     family = run_of("field").to_xarray()
     assert (family.x.sel(a=2).values == run_of("field").x[:, 1]).all()

@@ -146,9 +146,9 @@ def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFr
     if number == 0.0 or not any(given[2:]):
         expected = "eps != 0, and I13, I23 or k != 0"
         raise wrong("body, eps", expected, f"{body!r}, eps = {number!r}: the map is the identity")
-    f = _frame_of(*given, number)
+    with np.errstate(divide="ignore", invalid="ignore"):  # interpreted
+        f, one, half = _frame_of(*given, number), _frame_of(*given, 2.0), 0.5 * number
     if isinstance(body, SuslovGyrostat):
-        half, one = 0.5 * number, _frame_of(*given, 2.0)
         there = half, 0.0, 0.0, half / f.back, f.back / half / half
         return GyrostatFrame(*given, number, *map(float, (*there, f.K, one.a1, one.a2)))
     there = f.a1, f.a2 / f.back, f.a2, -f.a1 / f.back

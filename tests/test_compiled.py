@@ -64,6 +64,7 @@ def condition(body, state, eps, following):
     return max(1.0, found / np.linalg.norm(following))
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
 @pytest.mark.parametrize(
     "body",
     [

@@ -1,6 +1,4 @@
-"""
-Path of the constrained axis
-============================
+"""Path of the constrained axis.
 
 The axis about which the body cannot turn, seen from space, while the body passes from one steady
 rotation to the other. At both ends the axis moves along a great circle, orthogonal to the axis of

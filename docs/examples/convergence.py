@@ -1,9 +1,7 @@
-"""
-Order of convergence
-====================
+"""Order of convergence.
 
 The error of the map at a fixed time is of order 2 in the step size, and so is that of the
-orientation reconstructed from its states. The exact motion is :func:`~suslov_fast.flow`; the
+orientation reconstructed from its states. The exact motion is flow; the
 orientation is compared with that of a run with much smaller steps, in the Frobenius norm.
 """
 

@@ -1,6 +1,4 @@
-"""
-Five ways to compute one motion
-===============================
+"""Five ways to compute one motion.
 
 The map of this package, Runge-Kutta 4, the implicit midpoint rule, a variational nonholonomic
 integrator and the exact flow, on one realizable body. Numba compiles all steps with the

@@ -1,6 +1,4 @@
-"""
-Energy and modified energy
-==========================
+"""Energy and modified energy.
 
 The continuous motion conserves the energy. Under the map it rises while the body passes from one
 steady rotation to the other, by an amount of order eps squared, and returns. The map conserves the

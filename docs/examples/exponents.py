@@ -1,6 +1,4 @@
-"""
-Lyapunov exponents
-==================
+"""Lyapunov exponents.
 
 An orbit tends to a line of steady states. Distances along the line are constant: one exponent tends
 to 0. Each step multiplies distances across it by a multiplier of the steady state: the other

@@ -1,6 +1,4 @@
-"""
-Portraits of two quadratic fields
-=================================
+"""Portraits of two quadratic fields.
 
 On the left a run of the Lorenz system with eps = 1/64, drawn by the run itself. On the right the
 system of Henon and Heiles at the energy 1/8, with eps = 1/16: the points where 17 orbits of the map

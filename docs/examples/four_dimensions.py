@@ -1,6 +1,4 @@
-"""
-Four dimensions
-===============
+"""Four dimensions.
 
 For n = 4 a state has three components. The steady states are the multiples c I of the vector I of
 couplings. On the ellipsoid of constant energy, orbits leave the one with c > 0 and end close to the

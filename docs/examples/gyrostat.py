@@ -1,6 +1,4 @@
-"""
-The gyrostat
-============
+"""The gyrostat.
 
 A rotor along the constrained axis moves the line of steady states off the origin. Orbits whose
 ellipse of energy meets the line go from its repelling (dashed) to its attracting (solid) half, on

@@ -1,6 +1,4 @@
-"""
-One map for all bodies
-======================
+"""One map for all bodies.
 
 In X = eps x / (2 sqrt(I1 I2)) and Y = eps y / (2 I1 I2) the map has no parameter. Orbits of twelve
 random realizable bodies with twelve step sizes from 0.2 to 1.9 lie on the conics (X**2 + Y**2) / (1

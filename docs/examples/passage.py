@@ -1,6 +1,4 @@
-"""
-Time of passage
-===============
+"""Time of passage.
 
 The number of steps until an orbit is half way between its two steady states, where y = 0 and, in
 the closed form, theta = k1 n eps + k2 vanishes; here eps = 1.5. It diverges at the dashed,

@@ -1,6 +1,4 @@
-"""
-Reaction torque of the constraint
-=================================
+"""Reaction torque of the constraint.
 
 The torque that keeps the body from turning about the constrained axis, while it passes from one
 steady rotation to the other: the Lagrange multiplier of the continuous equations on the exact

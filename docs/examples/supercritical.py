@@ -1,6 +1,4 @@
-"""
-Sweep over bodies and step sizes
-================================
+"""Sweep over bodies and step sizes.
 
 A sweep is an ordinary batch. For each of 60 bodies and 48 step sizes, 2,000 random states with
 components between -2 and 2 are drawn; the colour is the fraction of them with t >= 1, whose orbits

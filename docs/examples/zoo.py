@@ -1,6 +1,4 @@
-"""
-A zoo of Kahan maps
-===================
+"""A zoo of Kahan maps.
 
 Orbits of the maps of twenty quadratic fields, in the plane of two components. The first twelve maps
 are integrable. Orbits whose largest Lyapunov exponent exceeds 0.02 per unit of time are red.

@@ -16,7 +16,7 @@ import numpy as np
 from suslov_fast import Suslov3D, flow, limits
 
 body, omega0, duration = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), np.array([-0.9, 1.3]), 30.0
-I1, I2, I13, I23 = body.parameters
+I1, I2, I13, I23 = body.I1, body.I2, body.I13, body.I23
 compiled = numba.njit(error_model="numpy")
 
 

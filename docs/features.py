@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import suslov_fast as sf
-from suslov_fast._maps import map_of
+from suslov_fast.maps import map_of
 
 PAGE = Path(__file__).parent / "index.md"
 TABLE = re.compile(

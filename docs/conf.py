@@ -44,7 +44,9 @@ html_context = {"default_mode": "auto"}
 html_static_path = ["_static"]
 html_css_files = ["style.css"]
 html_show_sourcelink = False
-wide = "index tutorial gallery architecture performance bibliography changelog citing search genindex"
+wide = (
+    "index tutorial gallery architecture performance bibliography changelog citing search genindex"
+)
 html_sidebars = {page: [] for page in wide.split()}
 
 copybutton_exclude = ".linenos, .gp, .go"

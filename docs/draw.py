@@ -50,7 +50,9 @@ def draw(name, folder=IMAGES):
     for number, figure in enumerate(figures, start=1):
         path = folder / f"{name}_{number}.png"
         figure.savefig(path, dpi=100)
-        Image.open(path).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+        Image.open(path).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
+            path, optimize=True
+        )
     plt.close("all")
     return len(figures)
 

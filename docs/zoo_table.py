@@ -24,7 +24,9 @@ def row(name):
         map.dimension,
         "–" if eps is None else eps,
         ", ".join(str(each) for each in found.degrees[:6]),
-        f"{found.growth.kind}, {found.growth.entropy:.3f}" if found.growth.entropy else found.growth.kind,
+        f"{found.growth.kind}, {found.growth.entropy:.3f}"
+        if found.growth.entropy
+        else found.growth.kind,
         integrals,
         f"degree {found.measures[0].degree}" if found.measures else f"none to {found.degree}",
     )

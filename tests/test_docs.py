@@ -75,7 +75,7 @@ def script_of(name):
 def sizes_of_figures():
     """Pixel sizes of the open figures, as `draw.py` saves them."""
     figures = [plt.figure(number) for number in plt.get_fignums()]
-    return [tuple(int(round(100 * side)) for side in each.get_size_inches()) for each in figures]
+    return [tuple(round(100 * side) for side in each.get_size_inches()) for each in figures]
 
 
 def sizes_of_pictures(name, folder=DOCS / "images"):
@@ -148,7 +148,9 @@ def test_length_and_set_up_of_the_readme():
 def test_the_summary_has_the_lines_that_the_command_prints(capsys):
     assert main(["run", "--trajectories", "5", "--steps", "5"]) == 0
     (shown,) = blocks(README, "text")
-    heads = [re.findall(r"^.{1,16}", text, re.MULTILINE) for text in (capsys.readouterr().out, shown)]
+    heads = [
+        re.findall(r"^.{1,16}", text, re.MULTILINE) for text in (capsys.readouterr().out, shown)
+    ]
     assert heads[0] == heads[1]
 
 

@@ -266,9 +266,8 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
             found.save(path, overwrite=force)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("" if path is None else f": {path} was not written") from None
-    taken = found.failed_at + (found.failed_at < 0) * (steps + 1)
-    facts = _facts_of(found, starts) | {"seconds": seconds}
-    return facts | {"steps_per_second": float(taken.sum()) / seconds}
+    rate = float((found.failed_at + (found.failed_at < 0) * (steps + 1)).sum()) / seconds
+    return _facts_of(found, starts) | {"seconds": seconds, "steps_per_second": rate}
 
 
 def _require_new(paths: Sequence[Path], force: bool) -> None:
@@ -362,11 +361,11 @@ def _lines_of(facts: dict[str, Any], as_json: bool) -> str:
         return json.dumps(facts)
     from . import Status
 
-    facts = dict(facts)
-    drift, counts = facts.pop("drift", {}), facts.pop("status")
-    rows = [(name.replace("_", " "), _spelled(each)) for name, each in facts.items()]
-    rows += [(f"drift of {name}", f"{each:.2g}, largest relative") for name, each in drift.items()]
-    for name, count in counts.items():
+    names = [name for name in facts if name not in ("drift", "status")]
+    rows = [(name.replace("_", " "), _spelled(facts[name])) for name in names]
+    for name, change in facts.get("drift", {}).items():
+        rows.append((f"drift of {name}", f"{change:.2g}, largest relative"))
+    for name, count in facts["status"].items():
         meaning = Status[name].message if name in Status.__members__ else "not computed yet"
         rows.append(("status", f"{count:,} {name}: {meaning}"))
     return "\n".join(f"{name:<17}{text}" for name, text in rows)
@@ -377,9 +376,8 @@ def _spelled(value: Any) -> str:
     if isinstance(value, dict):
         names = [name for name in value if name != "body"]
         return ", ".join(f"{name} = {_spelled(value[name])}" for name in names)
-    if isinstance(value, int):
-        return f"{value:,}"
-    return f"{value:.4g}" if isinstance(value, float) else str(value).partition(", sha256")[0]
+    text = f"{value:,}" if isinstance(value, int) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else text.partition(", sha256")[0]
 
 
 def report(options: argparse.Namespace) -> None:
@@ -390,8 +388,8 @@ def report(options: argparse.Namespace) -> None:
     """
     from .integrability import report as report_of
 
-    body, settings = _body_in(options.body), {"time_limit": options.time_limit, "decimals": True}
-    found = report_of(body, options.eps, options.degree, **settings)
+    settings = {"time_limit": options.time_limit, "decimals": True}
+    found = report_of(_body_in(options.body), options.eps, options.degree, **settings)
     print(json.dumps(found.to_dict()) if options.json else repr(found), flush=True)
 
 
@@ -423,6 +421,4 @@ def warm_up(options: argparse.Namespace) -> None:
     """Compile all kernels in advance: later processes read them from the cache on disk."""
     from .warm_up import call_all
 
-    begin = time.perf_counter()
     call_all()
-    print(f"compiled in {time.perf_counter() - begin:.1f} s")

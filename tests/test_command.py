@@ -217,32 +217,24 @@ def test_a_store_is_finished_or_refused():
 MISTAKES = """
 2 | | required: COMMAND
 2 | -v | required: COMMAND
-2 | --steps=10 -o o.npz | COMMAND
 2 | rum | invalid choice: 'rum' .* did you mean run?
-2 | warmup | did you mean warm-up?
 2 | good.npz | invalid choice: 'good.npz'
 2 | run --stpes 3 | unrecognized arguments: --stpes 3; did you mean --steps?
 2 | run --Steps=3 | --Steps=3; did you mean --steps?
-2 | run --savevery 3 | did you mean --save-every?
 2 | run --trajectory 3 | did you mean --trajectories?
 2 | run --dt 3 | unrecognized arguments: --dt 3
 2 | run --sweep eps=1:2:3 | unrecognized arguments: --sweep
 2 | run --i1 3 | --i1 3; did you mean --I1?
 2 | report --body good.json --digree 3 | did you mean --degree?
 2 | pictures --outptu x | did you mean --output?
-2 | info --jsn good.npz | did you mean --json?
 2 | run 10 | unrecognized arguments: 10
-2 | run --steps 10 20 | unrecognized arguments: 20
 2 | run --steps | --steps: expected one argument
 2 | run --steps 1.5 | --steps: invalid integer value: '1.5'
-2 | run --steps ten | --steps: invalid integer value: 'ten'
 2 | run --omega0 1 2 | unrecognized arguments: 2
 2 | run --omega0 1,x | --omega0: invalid numbers value: '1,x'
-2 | run --omega0 | --omega0: expected one argument
 2 | run --eps 0,1 | --eps: invalid float value: '0,1'
 2 | run --picture 5 | --picture: invalid choice
 2 | run --I1 4kg | --I1: invalid float value: '4kg'
-2 | run --I1 4,3 --I2 1 --I13 1 --I23 1 --eps 1 | --I1: invalid float value
 2 | run --J 1;2 --I 1 --eps 1 | --J: invalid numbers value
 2 | run --I1 4.5 --eps 1 | required: --I2, --I13, --I23
 2 | run --J 1,2 --eps 1 | required: --I
@@ -253,26 +245,19 @@ MISTAKES = """
 2 | run --body good.json --picture 1 | --picture: not allowed with argument --body
 2 | run --omega0 1,2 --initial good.npy | --initial: not allowed with argument --omega0
 2 | run --omega0 1,2 --seed 0 | --seed: expected random
-2 | run --initial good.npy --extent 2 | --extent: expected random
 2 | run --save-every 3 | --save-every: expected -o FILE
 2 | run --attitude | --attitude: expected -o FILE
 2 | run -o o.csv | -o/--output: expected FILE.npz or FILE.zarr, got 'o.csv'
-2 | run -o | expected one argument
-2 | run --threads x | --threads: invalid integer value
 2 | info | required: FILE
 2 | report | required: --body
 2 | report --body good.json --eps x | --eps: invalid Fraction value: 'x'
-2 | report --body good.json --degree three | --degree: invalid integer value
-2 | explore --port http | --port: invalid integer value
 2 | explore now | unrecognized arguments: now
 2 | warm-up all | unrecognized arguments: all
 1 | report --body good.json --eps 1/0 | Fraction(1, 0)
 1 | run --omega0 1,2,3 | --omega0: expected 2 numbers Omega1,Omega2
 1 | run --omega0 1,2 --omega0 1 | --omega0: expected 2 numbers
 1 | run --omega0 nan,1 | --omega0: .* nan
-1 | run --omega0 1,inf | --omega0: .* inf
 1 | run --I1 -3 --I2 1 --I13 1 --I23 1 --eps 1 | I1: .* -3
-1 | run --I1 nan --I2 1 --I13 1 --I23 1 --eps 1 | I1: .* nan
 1 | run --I1 1e99 --I2 1 --I13 1 --I23 1 --eps 1 | I1: .* 1e+99
 1 | run --J 1,2 --I 1,2,3 --eps 1 | I
 1 | run --J 1,-2 --I 1,2 --eps 1 | J: .* -2
@@ -280,20 +265,16 @@ MISTAKES = """
 1 | run --steps -1 | steps: expected .* -1
 1 | run --steps 1e40 | steps: expected
 1 | run --trajectories 0 | --trajectories: expected .* 0
-1 | run --trajectories -5 | --trajectories: expected .* -5
 1 | run --trajectories 1e12 --steps 9 | memory
 1 | run --steps 1000000000 --save-every 1 -o o.npz | memory
 1 | run --steps 1e12 --save-every 1 -o o.zarr | memory
 1 | run --save-every 0 -o o.npz | save_every: expected .* 0
 1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* bytes, fewer than
-1 | run --save-every -2 -o o.zarr | save_every: expected .* -2
 1 | run --threads 100000 | threads: expected .* 100000
-1 | run --threads 0 | threads: expected .* 0
 1 | run --eps inf | eps: expected .* inf
 1 | run --eps nan | eps: expected .* nan
 1 | run --eps 1e99 | eps: expected .* units
 1 | run --extent 0 | extent: expected .* 0
-1 | run --extent -1 | extent: expected .* -1
 1 | run --seed -1 | seed: expected .* -1
 1 | run --method rk4 | method: expected .* 'rk4'
 1 | run --body field.json --eps 1 --attitude -o o.npz | attitude: expected
@@ -424,7 +405,7 @@ def test_warm_up_calls_all_functions(monkeypatch):
     others = "plot_phase animate_body ensemble open_ensemble explore"
     functions = {name for name in sf.__all__ if inspect.isfunction(getattr(sf, name))}
     assert functions - called == {*others.split()}
-    assert succeed("warm-up").startswith("compiled in ")
+    assert succeed("warm-up") == ""
 
 
 def test_report():

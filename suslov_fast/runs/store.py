@@ -77,10 +77,8 @@ def template(
     arrays |= {} if turns is None else {"attitude": turns}
     about = {name: _described(name, each) for name, each in arrays.items()}
     about["omega0"] = _described("omega0", run["omega0"], 0)
-    for name, each in (
-        ("functions", sources),
-        ("coords", {n: data[n].values for n in coords or ()}),
-    ):
+    labels = {name: data[name].values.tolist() for name in coords or ()}
+    for name, each in (("functions", sources), ("coords", labels)):
         digest = hashlib.sha256(repr(sorted(each.items())).encode()).hexdigest()
         about |= {name: f"{', '.join(each)}, sha256 {digest}"} if each else {}
     about |= {} if every is None else {"save_every": every}

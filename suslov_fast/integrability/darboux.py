@@ -52,8 +52,6 @@ def darboux_polynomials(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument has a wrong type or value.
     ArithmeticError
         If there is no map, or the map or the cofactor is undefined at most points.
 

@@ -6,6 +6,7 @@ Polynomials are those of python-flint in x1, ..., xD, with `eps` before them if 
 from __future__ import annotations
 
 import contextlib
+import copyreg
 import math
 import random
 from collections.abc import Callable, Sequence
@@ -26,6 +27,18 @@ Polynomials = tuple[Any, ...]
 
 MORE = 10  # equations more than unknowns
 _DRAWS = 8  # of primes with points or lines, of which two must agree
+
+
+def _load(names: Any, terms: Any) -> Any:
+    return flint.fmpz_mpoly_ctx.get(names, ordering="deglex").from_dict(dict(terms))
+
+
+def _dump(P: Any) -> Any:
+    terms = [(tuple(map(int, e)), int(c)) for e, c in P.to_dict().items()]
+    return _load, (P.context().names(), terms)
+
+
+copyreg.pickle(flint.fmpz_mpoly, _dump)  # python-flint 0.9 does not pickle polynomials
 
 
 def rational(name: str, value: Any) -> Fraction:

@@ -143,20 +143,6 @@ class RationalFunction:
     def _repr_latex_(self) -> str:
         return f"$\\displaystyle {latex(self)}$"
 
-    def __reduce__(self) -> Any:
-        plain = [
-            (P.context().names(), [(tuple(map(int, k)), int(c)) for k, c in P.to_dict().items()], e)
-            for P, e in self.factors
-        ]
-        return _loaded, (plain, self.constant, self.basis, self.cofactor)
-
-
-def _loaded(plain: Any, *rest: Any) -> RationalFunction:
-    """Return the function that was pickled; python-flint does not pickle polynomials."""
-    of = flint.fmpz_mpoly_ctx.get
-    powers = [(of(names, ordering="deglex").from_dict(dict(terms)), e) for names, terms, e in plain]
-    return RationalFunction(tuple(powers), *rest)
-
 
 def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:
     text = str(P)

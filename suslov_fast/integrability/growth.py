@@ -40,8 +40,6 @@ def degrees(map: BirationalMap, n: int, *, seed: int = 0) -> list[int]:
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument has a wrong type or value.
     ArithmeticError
         If there is no map, or every line runs into points without an image.
 

@@ -254,8 +254,6 @@ def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument has a wrong type or value.
     ArithmeticError
         If there is no map, it has no inverse, or the factors are too long to write out.
 

@@ -18,6 +18,17 @@ from .maps import BirationalMap, Steps, homogeneous_value
 _NUMBERS = Rational | float | np.integer | np.floating
 
 
+def _binary(combine: Callable[..., tuple[Any, Any]]) -> Any:
+    """Return the method for an operation on a / b and c / d."""
+
+    def method(self: Quotient, other: Any) -> Any:
+        if (right := self.of(other)) is None:
+            return NotImplemented
+        return Quotient(*combine(self.above, self.below, right.above, right.below))
+
+    return method
+
+
 class Quotient:
     """A quotient of polynomials in x, with which functions of the user calculate."""
 
@@ -30,7 +41,8 @@ class Quotient:
         common = above.gcd(below)
         self.above, self.below = above // common, below // common
 
-    def _of(self, other: Any) -> Quotient | None:
+    def of(self, other: Any) -> Quotient | None:
+        """Return a number as a quotient; None for anything else."""
         if isinstance(other, Quotient):
             return other
         if isinstance(other, bool) or not isinstance(other, _NUMBERS):
@@ -38,46 +50,24 @@ class Quotient:
         number, constant = Fraction(other), self.above.context().constant
         return Quotient(constant(number.numerator), constant(number.denominator))
 
-    def __add__(self, other: Any) -> Any:
-        if (right := self._of(other)) is None:
-            return NotImplemented
-        return Quotient(
-            self.above * right.below + right.above * self.below, self.below * right.below
-        )
+    __add__ = __radd__ = _binary(lambda a, b, c, d: (a * d + c * b, b * d))
+    __sub__ = _binary(lambda a, b, c, d: (a * d - c * b, b * d))
+    __rsub__ = _binary(lambda a, b, c, d: (c * b - a * d, b * d))
+    __mul__ = __rmul__ = _binary(lambda a, b, c, d: (a * c, b * d))
+    __truediv__ = _binary(lambda a, b, c, d: (a * d, b * c))
+    __rtruediv__ = _binary(lambda a, b, c, d: (c * b, d * a))
 
-    def __mul__(self, other: Any) -> Any:
-        if (right := self._of(other)) is None:
-            return NotImplemented
-        return Quotient(self.above * right.above, self.below * right.below)
-
-    def __truediv__(self, other: Any) -> Any:
-        if (right := self._of(other)) is None:
-            return NotImplemented
-        return Quotient(self.above * right.below, self.below * right.above)
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return NotImplemented if (left := self._of(other)) is None else left / self
-
-    def __neg__(self) -> Any:
-        return self * -1
+    def __neg__(self) -> Quotient:
+        return Quotient(-self.above, self.below)
 
     def __pos__(self) -> Quotient:
         return self
 
-    def __sub__(self, other: Any) -> Any:
-        return self + -other
-
-    def __rsub__(self, other: Any) -> Any:
-        return -self + other
-
-    def __pow__(self, power: Any) -> Any:
+    def __pow__(self, power: Any) -> Quotient:
         if power not in range(-99, 100):
             raise wrong("power", "a small integer", power)
-        k = abs(int(power))
         above, below = (self.above, self.below) if power >= 0 else (self.below, self.above)
-        return Quotient(above**k, below**k)
+        return Quotient(above ** abs(int(power)), below ** abs(int(power)))
 
     def __eq__(self, other: object) -> bool:
         raise TypeError("functions of x cannot be compared")
@@ -111,8 +101,7 @@ class RationalMap(BirationalMap):
         return hash(self.components)
 
     def __reduce__(self) -> Any:
-        plain = [[(tuple(map(int, e)), int(c)) for e, c in F.to_dict().items()] for F in self.forms]
-        return _loaded, (plain, self.inverse)
+        return RationalMap, (self.forms, self.inverse)
 
     def steps(self, p: int | None, eps: int = 0) -> _RationalSteps:
         return _RationalSteps(self, p)
@@ -175,11 +164,6 @@ def _determinant(rows: list[list[Any]]) -> Any:
     )
 
 
-def _loaded(plain: Any, inverse: RationalMap | None) -> RationalMap:
-    of = ring(len(plain) - 1, False)
-    return RationalMap([of.from_dict(dict(terms)) for terms in plain], inverse)
-
-
 def rational_map(
     f: Callable[[Any], Any], dimension: int, inverse: Callable[[Any], Any] | None = None
 ) -> RationalMap:
@@ -225,18 +209,13 @@ def rational_map(
     forms = _traced("f", f, n)
     if inverse is None:
         return RationalMap(forms)
-    map, back = RationalMap(forms), RationalMap(_traced("inverse", inverse, n))
-    back.inverse, map.inverse = map, back
-    if not _undoes(back, map):
+    back = _traced("inverse", inverse, n)
+    map = RationalMap(forms, RationalMap(back, RationalMap(forms)))
+    # The inverse takes images back, as an identity.
+    *above, below = (homogeneous_value(F, forms, map.inverse.degree) for F in back)
+    if below == 0 or [*above] != [x * below for x in map.variables[:-1]]:
         raise wrong("inverse", "the inverse of f", "another map")
-    map.inverse = RationalMap(back.forms, RationalMap(forms))
     return map
-
-
-def _undoes(back: RationalMap, map: RationalMap) -> bool:
-    """Return whether a map takes the images of another one back, as an identity."""
-    *above, below = (homogeneous_value(F, map.forms, back.degree) for F in back.forms)
-    return below != 0 and all(a == x * below for a, x in zip(above, map.ring.gens(), strict=True))
 
 
 def _traced(name: str, f: Any, n: int) -> list[Any]:
@@ -249,7 +228,7 @@ def _traced(name: str, f: Any, n: int) -> list[Any]:
     expected = f"{n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, / and powers"
     try:
         found = f(tuple(Quotient(x, one) for x in of.gens()))
-        components = [Quotient(one, one)._of(each) for each in found]
+        components = [Quotient(one, one).of(each) for each in found]
     except (TypeError, AttributeError) as error:
         raise wrong(name, expected, f"another operation: {error}", TypeError) from error
     except (ValueError, IndexError, ArithmeticError) as error:

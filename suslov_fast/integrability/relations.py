@@ -102,8 +102,6 @@ def hk_bases(
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument has a wrong type or value.
     ArithmeticError
         If there is no map, or the orbit of `point`, or of most points, ends at a pole.
 

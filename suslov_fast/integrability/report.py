@@ -21,7 +21,6 @@ from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .kahan import KahanMap, kahan
 from .maps import BirationalMap, check_map
-from .progress import check_progress, shown
 from .search import search
 
 _WIDTH = 150  # characters of a polynomial in the text
@@ -192,8 +191,8 @@ def report(
         in a process of its own. Without a limit the report does not depend on `seed`.
     seed : int, optional
         Seed of the random primes, points and lines.
-    progress : bool or callable, optional
-        True shows a bar (needs tqdm); a callable is called as ``progress(done, parts)``.
+    progress : callable, optional
+        Called as ``progress(done, parts)`` after each part of the search.
 
     Returns
     -------
@@ -229,8 +228,10 @@ def report(
     map, notes = _map_of(field, eps, decimals)
     check_map(map)
     exact.check_unknowns("degree", degree, map.dimension)
-    check_progress(progress)
-    found = Report(map, degree, notes=notes)
+    if progress is not None and not callable(progress):
+        expected = "None or a callable (done, parts)"
+        raise wrong("progress", expected, type(progress).__name__, TypeError)
+    found, most = Report(map, degree, notes=notes), 2 * degree + 3
     if time_limit is None:
         parts = search(found, seed)
     else:
@@ -238,11 +239,12 @@ def report(
         if seconds < 0:
             raise wrong("time_limit", "None or a number of seconds of at least 0", seconds)
         parts = results_until(time.monotonic() + seconds, search, found, seed)
-    with closing(parts), shown(progress, degree + 4) as show:
+    with closing(parts):
         try:
             for k, part in enumerate(parts, start=1):
                 found = part or found
-                show(k)
+                if progress is not None:
+                    progress(min(k, most), most)
         except KeyboardInterrupt as error:
             error.report = found  # type: ignore[attr-defined]
             raise

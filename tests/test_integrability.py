@@ -249,7 +249,7 @@ HENON_HEILES = [3, 7, 17, 39, 93, 215, 495, 1137, 2615, 6007, 13797]  # eps = 1/
         (HENON_HEILES[:7], "exponential", 0.832, 0.04),
         ([round(k**2.05) for k in range(1, 30)], "quadratic", 0, 0.08),
         # A line far from 0, whose logarithm looks straight.
-        ([10000, 11000, 12001, 13000, 14003, 15001], "linear", 0, 0.08),
+        ([10000, 10500, 11001, 11500, 12003, 12501], "linear", 0, 0.08),
         # Nothing fits. One more term of the first would give a recurrence.
         ([9, 5, 7, 7, 7, 7, 7], "bounded", 0, 0),
         ([9, 5, 7, 7, 7, 7], "unclear", None, None),
@@ -688,9 +688,7 @@ def assert_text(found):
 
 
 @pytest.mark.parametrize("letter", [False, True])
-@pytest.mark.parametrize(
-    "name", ["Suslov gyrostat", "Euler top", "Nambu", "Lotka-Volterra", "Volterra chain, N = 4"]
-)
+@pytest.mark.parametrize("name", ["Suslov gyrostat", "Euler top", "Nambu", "Lotka-Volterra"])
 def test_texts(name, letter):
     field, eps = ZOO[name]
     assert_text(report(field, None if letter else eps, 3))
@@ -800,7 +798,7 @@ class Quantity(float):
     [
         (lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1), ValueError, r"field: .*shape \(2,\)"),
         (lambda: kahan(BODY, 1), TypeError, "field: expected QuadraticField, got Suslov3D"),
-        (lambda: kahan(CUBIC, [1]), TypeError, "eps: .*got list"),
+        (lambda: kahan(CUBIC, [1]), TypeError, "eps: .*of type list"),
         (lambda: kahan(CUBIC, Quantity(1)), TypeError, "eps: .*without a unit, got Quantity"),
         (lambda: kahan(CUBIC, math.inf), ValueError, "eps: .*got inf"),
         (lambda: kahan(QuadraticField([[[0]]], [[2]]), 1)([1]), ZeroDivisionError, "no image"),
@@ -828,7 +826,7 @@ class Quantity(float):
         (lambda: report(BODY, EPS, progress=3), TypeError, "progress: .*got int"),
         (lambda: report(1, EPS), TypeError, "body: .*got int"),
         (lambda: cofactors(CLEBSCH, -1), ValueError, "degree: .*got -1"),
-        (lambda: darboux_polynomials(MAP, 1, "x"), TypeError, "cofactor: .*got str"),
+        (lambda: darboux_polynomials(MAP, 1, "x"), TypeError, "cofactor: .*of type str"),
         (lambda: darboux_polynomials(MAP, 1, lambda x: 0.5), TypeError, "cofactor: .*got float"),
         (lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0)), ArithmeticError, "undefined"),
         (lambda: rational_map(3, 2), TypeError, "f: .*got int"),

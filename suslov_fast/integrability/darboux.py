@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
@@ -15,9 +14,6 @@ from .exact import MORE, Polynomials, Residues, monomial_values, rational, value
 from .functions import RationalFunction
 from .maps import BirationalMap, check_map
 from .reconstruction import over_rationals, polynomials_with
-
-# The value of a cofactor at a point modulo a prime: of the steps, eps and the point.
-Cofactor = Callable[[Any, int, list[Any]], Any]
 
 
 def darboux_polynomials(
@@ -69,13 +65,17 @@ def darboux_polynomials(
     degree = integer("degree", degree, 0)
     exact.check_unknowns("degree", degree, map.dimension)
     rng = random.Random(integer("seed", seed, 0))
-    return with_cofactor(map, degree, _values_of(cofactor, map), rng)
+    if cofactor is not None and not callable(cofactor):
+        cofactor = RationalFunction((), rational("cofactor", cofactor))
+    if map.has_letter and not isinstance(cofactor, RationalFunction | None):
+        raise wrong("cofactor", "a number or RationalFunction", "another function", TypeError)
+    return with_cofactor(map, degree, cofactor, rng)
 
 
 def with_cofactor(
-    map: BirationalMap, degree: int, cofactor: Cofactor, rng: random.Random
+    map: BirationalMap, degree: int, cofactor: Any, rng: random.Random
 ) -> Polynomials:
-    """Return a basis of the polynomials up to a degree that have a cofactor."""
+    """Return a basis of the polynomials up to a degree that have a cofactor, None for det DPhi."""
     exponents = exact.exponents_up_to(degree, map.dimension)
 
     def search(p: int, eps: int) -> Residues:
@@ -83,7 +83,7 @@ def with_cofactor(
         for _ in range(2 * (len(exponents) + MORE)):
             x = steps.point([rng.randrange(-(2**12), 2**12) for _ in range(map.dimension)])
             try:
-                image, c = steps.image(x), cofactor(steps, eps, x)
+                image, c = steps.image(x), _value(cofactor, steps, eps, x)
             except ZeroDivisionError:  # at a pole
                 continue
             before, after = (monomial_values(exponents, y) for y in (x, image))
@@ -98,44 +98,18 @@ def with_cofactor(
     return polynomials_with(rows, exponents, map.has_letter)
 
 
-def constant_cofactor(c: Fraction) -> Cofactor:
-    """Return a number as a cofactor."""
-    return lambda steps, eps, x: flint.nmod(exact.fmpq(c), steps.p)
-
-
-def determinant(steps: Any, eps: int, x: list[Any]) -> Any:
-    """The determinant of the derivative as a cofactor."""
-    return steps.derivative(x).det()
-
-
-def _values_of(cofactor: Any, map: BirationalMap) -> Cofactor:
-    """Return what a user gives as a cofactor."""
+def _value(cofactor: Any, steps: Any, eps: int, x: list[Any]) -> Any:
+    """Return the value of a cofactor at a point modulo a prime."""
     if cofactor is None:
-        return determinant
+        return steps.derivative(x).det()
     if isinstance(cofactor, RationalFunction):
-        return _value_of_function(cofactor)
-    if not callable(cofactor):
-        return constant_cofactor(rational("cofactor", cofactor))
-    if map.has_letter:
-        raise wrong("cofactor", "a number or RationalFunction", "another function", TypeError)
-
-    def value(steps: Any, eps: int, x: list[Any]) -> Any:
-        half = steps.p // 2
-        point = tuple(Fraction((int(a) + half) % steps.p - half) for a in x[:-1])
-        number = cofactor(point)
-        if isinstance(number, float):
-            raise wrong("cofactor", "exact numbers", "float", TypeError)
-        return flint.nmod(exact.fmpq(rational("cofactor", number)), steps.p)
-
-    return value
-
-
-def _value_of_function(f: RationalFunction) -> Cofactor:
-    def value(steps: Any, eps: int, x: list[Any]) -> Any:
-        product = flint.nmod(exact.fmpq(f.constant), steps.p)
-        for P, e in f.factors:
-            variables = [flint.nmod(eps, steps.p)] if exact.has_letter(P) else []
-            product *= value_at(P, [*variables, *x]) ** e
-        return product
-
-    return value
+        value = flint.nmod(exact.fmpq(cofactor.constant), steps.p)
+        for P, e in cofactor.factors:
+            letter = [flint.nmod(eps, steps.p)] if exact.has_letter(P) else []
+            value *= value_at(P, [*letter, *x]) ** e
+        return value
+    half = steps.p // 2
+    found = cofactor(tuple(Fraction((int(a) + half) % steps.p - half) for a in x[:-1]))
+    if isinstance(found, float):
+        raise wrong("cofactor", "exact numbers", "float", TypeError)
+    return flint.nmod(exact.fmpq(rational("cofactor", found)), steps.p)

@@ -12,13 +12,13 @@ import random
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import combinations_with_replacement
-from numbers import Rational
 from typing import Any
 
 import flint
 import numpy as np
 
-from ..checks import wrong
+from ..bodies.numbers import exact as as_fraction
+from ..checks import refuse, wrong
 
 Point = tuple[Fraction, ...]
 Residues = list[list[int]]  # a matrix modulo a prime
@@ -43,15 +43,8 @@ copyreg.pickle(flint.fmpz_mpoly, _dump)  # python-flint 0.9 does not pickle poly
 
 def rational(name: str, value: Any) -> Fraction:
     """Return a number as a fraction, a float as its binary value."""
-    number = value.item() if isinstance(value, np.generic) else value
-    if hasattr(number, "unit") or hasattr(number, "units"):
-        raise wrong(name, "a number without a unit", type(number).__name__, TypeError)
-    if isinstance(number, bool) or not isinstance(number, Rational | float):
-        kinds = "an integer, a fraction or a float"
-        raise wrong(name, kinds, type(value).__name__, TypeError)
-    if isinstance(number, float) and not math.isfinite(number):
-        raise wrong(name, "a finite number", number)
-    return Fraction(number)
+    refuse(name, value)
+    return as_fraction(name, value)
 
 
 def rationals(name: str, value: Any, count: int) -> Point:

@@ -156,11 +156,8 @@ def _characteristic(d: list[int], order: int) -> Any:
     """Return the monic polynomial of a recurrence of this order that all degrees satisfy."""
     hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
     reduced, _ = flint.fmpq_mat(hankel).rref()
-    coefficients = [-reduced[i, order] for i in range(order)]
     # Every infinite sequence of integers with a recurrence has one of integers.
-    if any(a.q != 1 for a in coefficients):
-        return None
-    c = flint.fmpz_poly([*(a.p for a in coefficients), 1])
+    c = flint.fmpz_poly([*(-reduced[i, order].p for i in range(order)), 1])
     return None if any((hankel * flint.fmpz_mat(order + 1, 1, c.coeffs())).entries()) else c
 
 

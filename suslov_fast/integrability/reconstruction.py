@@ -25,7 +25,7 @@ Quotient = tuple[list[Any], list[Any]]  # coefficients of numerator and denomina
 Rows = list[list[Quotient]]
 
 _PRIMES = 128  # enough for numerators and denominators of 1000 decimal digits
-_POINTS = 64  # values of eps, enough for degrees that add up to 40
+_POINTS = 48  # values of eps, enough for degrees that add up to 40
 
 
 def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> Rows | None:
@@ -39,8 +39,8 @@ def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> 
             for candidate in known.values():
                 if candidate.predicts(found, p, e):
                     return candidate.rows
-            quotients = _interpolated(rng, search, p, e, found) if letter else _numbers(found)
-            if quotients is None:
+            quotients: Rows | None = [[([c], [1]) for c in row] for row in found]
+            if letter and (quotients := _interpolated(rng, search, p, e, found)) is None:
                 return None
             shape = tuple(tuple((len(a), len(b)) for a, b in row) for row in quotients)
             known.setdefault(shape, _Residues()).add(quotients, p)
@@ -94,42 +94,34 @@ def simplest_fraction(residue: int, modulus: int) -> Fraction:
     return Fraction(int(shortest[0, 0]), int(shortest[0, 1]))
 
 
-def _numbers(found: Residues) -> Rows:
-    return [[([c], [1]) for c in row] for row in found]
-
-
 def _interpolated(
     rng: random.Random, search: Search, p: int, e: int, first: Residues
 ) -> Rows | None:
     """Return the rational functions of eps modulo p; None if they are too long."""
-    lengths, width = len(first), len(first[0]) if first else 0
-    functions = [flint.nmod_poly([0], p)] * (lengths * width)
+    if not first:
+        return []
+    functions = [flint.nmod_poly([0], p)] * (len(first) * len(first[0]))
     modulus, found = flint.nmod_poly([1], p), first
     candidate: list[tuple[Any, Any]] = []
     following = 2
     for count in range(1, _POINTS):
-        values = [c for row in found for c in row]
-        at = flint.nmod(e, p)
-        if candidate and all(
-            a(at) == c * b(at) for (a, b), c in zip(candidate, values, strict=True)
-        ):
-            quotients = [([*map(int, a.coeffs())], [*map(int, b.coeffs())]) for a, b in candidate]
-            return [quotients[i * width : (i + 1) * width] for i in range(lengths)]
+        values, at = [c for row in found for c in row], flint.nmod(e, p)
+        pairs = zip(candidate, values, strict=False)
+        if candidate and all(a(at) == c * b(at) for (a, b), c in pairs):
+            quotients = iter([tuple([*map(int, f.coeffs())] for f in each) for each in candidate])
+            return [[next(quotients) for _ in row] for row in first]  # type: ignore[misc]
         scale = 1 / modulus(at)
         functions = [
             f + modulus * ((c - f(at)) * scale) for f, c in zip(functions, values, strict=True)
         ]
         modulus *= flint.nmod_poly([-e, 1], p)
-        if count == following or not functions:
+        if count == following:
             candidate = [_quotient(f, modulus) for f in functions]
             following += 1 + following // 2
-        if not functions:
-            return []
-        while True:
-            e = rng.randrange(2, p)
-            found = search(p, e)
-            if len(found) == lengths:
-                break
+        e = rng.randrange(2, p)
+        found = search(p, e)
+        if len(found) != len(first):  # one of the numbers is special
+            raise ZeroDivisionError
     return None
 
 
@@ -149,39 +141,25 @@ def _quotient(f: Any, modulus: Any) -> tuple[Any, Any]:
 
 def polynomials_with(rows: Rows, exponents: Exponents, letter: bool = False) -> Polynomials:
     """Return polynomials with the same span whose integer coefficients are short and coprime."""
-    if not rows:
-        return ()
-    of = ring(len(exponents[0]), letter)
-    if letter:
-        return tuple(_with_letter(row, exponents, of) for row in rows)
-    integers = []
+    of, found = ring(len(exponents[0]), letter), []
     for row in rows:
-        numbers = [a[0] / b[0] for a, b in row]
-        scale = math.lcm(*(a.denominator for a in numbers))
-        integers.append([int(a * scale) for a in numbers])
-    return short_basis([of.from_dict(dict(zip(exponents, row, strict=True))) for row in integers])
+        pairs = [[flint.fmpq_poly([fmpq(c) for c in part]) for part in pair] for pair in row]
+        common = reduce(lambda a, b: a * b // a.gcd(b), (below for _, below in pairs))
+        terms = {}
+        for e, (above, below) in zip(exponents, pairs, strict=True):
+            for k, c in enumerate((above * (common // below)).coeffs()):
+                terms[(*[k] * letter, *e)] = c
+        scale = math.lcm(*(int(c.q) for c in terms.values()))
+        found.append(of.from_dict({e: (c * scale).p for e, c in terms.items() if c != 0}))
+    return short_basis(found)
 
 
 def short_basis(polynomials: Sequence[Any]) -> Polynomials:
-    """Return polynomials with the same span; without a letter their coefficients are short."""
-    polynomials = [primitive(P) for P in polynomials]
-    if not polynomials or has_letter(polynomials[0]):
-        return tuple(polynomials)
-    terms = [P.to_dict() for P in polynomials]
-    monomials = [*{e: None for each in terms for e in each}]
-    reduced = flint.fmpz_mat([[each.get(e, 0) for e in monomials] for each in terms]).lll()
-    of = polynomials[0].context()
-    rows = (dict(zip(monomials, row, strict=True)) for row in reduced.tolist())
-    return tuple(primitive(of.from_dict(each)) for each in rows)
-
-
-def _with_letter(row: Sequence[Quotient], exponents: Exponents, of: Any) -> Any:
-    """Return the polynomial with these rational functions of eps as coefficients."""
-    pairs = [[flint.fmpq_poly([fmpq(c) for c in part]) for part in pair] for pair in row]
-    common = reduce(lambda a, b: a * b // a.gcd(b), (below for _, below in pairs))
-    terms = {}
-    for e, (above, below) in zip(exponents, pairs, strict=True):
-        for k, c in enumerate((above * (common // below)).coeffs()):
-            terms[(k, *e)] = c
-    scale = math.lcm(*(int(c.q) for c in terms.values()))
-    return primitive(of.from_dict({e: (c * scale).p for e, c in terms.items() if c != 0}))
+    """Return primitive polynomials with the same span; without a letter they are short."""
+    if polynomials and not has_letter(polynomials[0]):
+        terms, of = [P.to_dict() for P in polynomials], polynomials[0].context()
+        monomials = [*{e: None for each in terms for e in each}]
+        reduced = flint.fmpz_mat([[each.get(e, 0) for e in monomials] for each in terms]).lll()
+        rows = reduced.tolist()
+        polynomials = [of.from_dict(dict(zip(monomials, row, strict=True))) for row in rows]
+    return tuple(map(primitive, polynomials))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -30,11 +31,10 @@ class HKBasis:
     """Linear relations between `monomials` along orbits, as `hk_bases` returns them.
 
     The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
-    `point`: the last nonzero entry of a row is 1, and 0 in the others. They are None if they are
-    too long to reconstruct, or eps is a letter. On random orbits, `independent` of the coefficients
-    are independent first integrals. The quotients of the polynomials `integrals` are first
-    integrals too, and `complete` is True if as many of these are independent. `degree` is that of
-    the monomials.
+    `point`: the last nonzero entry of a row is 1, and 0 in the others; None if they are too long,
+    or eps is a letter. On random orbits, `independent` of the coefficients are independent first
+    integrals. The quotients of `integrals` are first integrals too, and `complete` is True if as
+    many of these are independent. `degree` is that of the monomials.
     """
 
     degree: int
@@ -117,13 +117,12 @@ def hk_bases(
     """
     check_map(map)
     n, rng = map.dimension, random.Random(integer("seed", seed, 0))
-    exponents = _exponents(monomials, n)
+    exponents, by_degree = _exponents(monomials, n), isinstance(monomials, int | np.integer)
     start = exact.rationals("point", rng.sample(range(2, 100), n) if point is None else point, n)
-    highest, by_degree = _degree(exponents), isinstance(monomials, int | np.integer)
     search = Relations(map, rng)
     _, independent = search.counts(exponents)
     candidates: list[Polynomials] = [()]
-    for d in range(1, highest + 1) if by_degree and independent else ():
+    for d in range(1, _degree(exponents) + 1) if by_degree and independent else ():
         exponents = exact.exponents_up_to(d, n)
         candidates.append(search.integrals(exponents))
         if search.counts(exponents)[1] == independent:
@@ -131,14 +130,16 @@ def hk_bases(
     if not by_degree:
         candidates.append(search.integrals(exponents))
     elif rank_of_quotients(max(candidates, key=rank_of_quotients)) < independent:
-        found = invariants_up_to(map, _degree(exponents))
-        candidates.append(common_denominator(found.quotients))
+        with contextlib.suppress(ArithmeticError):  # too long
+            found = invariants_up_to(map, _degree(exponents))
+            candidates.append(common_denominator(found.quotients))
     integrals = max(candidates, key=rank_of_quotients)
     complete = rank_of_quotients(integrals) == independent
     dimension, _ = search.counts(exponents)
-    basis = None
-    if not map.has_letter:
-        basis = search.basis(exponents, None if point is None and dimension == 0 else start)
+    basis: Any = None if map.has_letter else ()
+    if not map.has_letter and (dimension > 0 or point is not None):
+        rows = over_rationals(rng, lambda p, eps: search.relations(p, eps, exponents, start))
+        basis = rows and tuple(tuple(a[0] for a, _ in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
         _degree(exponents), exponents, dimension, independent, integrals, complete, start, basis
@@ -158,13 +159,6 @@ class Relations:
         x = steps.point(self._random_point() if point is None else point)
         orbit = steps.orbit(x, len(exponents) + MORE)
         return exact.null_space(steps.matrix([list(monomial_values(exponents, y)) for y in orbit]))
-
-    def basis(self, exponents: Exponents, start: Point | None) -> Matrix | None:
-        """Return the relations along the orbit of a point; none without a point."""
-        if start is None:
-            return ()
-        rows = over_rationals(self.rng, lambda p, eps: self.relations(p, eps, exponents, start))
-        return rows and tuple(tuple(a[0] for a, _ in row) for row in rows)
 
     def _random_point(self) -> list[int]:
         return [self.rng.randrange(2**61) for _ in range(self.map.dimension)]

@@ -16,8 +16,8 @@ import suslov_fast as sf
 from suslov_fast.bodies.paper import PICTURES
 from suslov_fast.plots.explore import server as serving
 from suslov_fast.plots.explore.parameters import Parameters, parse_query
-from suslov_fast.plots.explore.scene import scene
-from suslov_fast.plots.explore.server import PAGE, Server
+from suslov_fast.plots.explore.scene import PAGE, scene
+from suslov_fast.plots.explore.server import Server
 
 NAMES, VALUES = (
     json.loads(text.replace(";", ""))

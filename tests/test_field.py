@@ -10,9 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-import suslov_fast as sf
-from suslov_fast import QuadraticField, Suslov3D, SuslovND
-from suslov_fast.bodies.numbers import RESERVED
+from suslov_fast import QuadraticField, SuslovND
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
 
@@ -213,39 +211,6 @@ def test_python_flint_is_needed_for_components_only():
         "-10*x1 + 10*x2",
         "-x1*x3 + 28*x1 - x2",
     ]
-
-
-def names_in_use(tmp_path):
-    """Everything that runs, their datasets, files and stores call by a name."""
-    run = sf.iterate(Suslov3D(4, 1, -0.5, -0.3), [[1.0, 0.5]], 0.1, 2, attitude=True)
-    family, one = ((each, [0.1] * each.dimension, 0.01, 2) for each in (FAMILY[:2], HENON))
-    store = sf.ensemble(*one, store=tmp_path / "a.zarr")
-    for data in (run.to_xarray(), sf.iterate(*family).to_xarray(), store):
-        yield from map(str, (*data.variables, *data.dims, *data.attrs))
-    yield from (*dir(sf.Trajectories), *vars(run))
-    run.save(tmp_path / "a.npz")
-    with np.load(tmp_path / "a.npz") as file:
-        yield from file.files
-
-
-def test_names_that_parameters_may_not_have(tmp_path):
-    taken = {name for name in names_in_use(tmp_path) if name.isidentifier()}
-    own = {"rho", "I1", "I2", "I13", "I23"}
-    allowed = {"self", "cls", "f", "H", "K", "dimension"}  # other arguments of from_function
-    for name in taken - own | RESERVED - allowed | {"x1", "x12", "batch_0"}:
-        with pytest.raises(ValueError, match=f"parameters: .*{name!r}"):
-            of_function(lambda x, **given: (x[0],), 1, **{name: 2})
-
-
-def test_dictionaries_that_do_not_fit():
-    for change, name in (
-        ({"linear": [["a", 0]]}, "linear"), ({"H": [1.0]}, "H"), ({"K": [[0, 2], [-2, 0]]}, "H, K"),
-        ({"parameters": {"x": 1.0}}, "parameters"),
-        ({"constant": [1.0, 0.0]}, "H, K"), ({"body": "Suslov3D"}, "body"),
-    ):  # fmt: skip
-        field = of_hamiltonian(lambda x, a: a * x[0] ** 2 + x[1] ** 3, 2, a=2)
-        with pytest.raises(ValueError, match=name):
-            QuadraticField.from_dict(field.to_dict() | change)
 
 
 def test_the_field_of_a_single_body_is_exact():

@@ -10,7 +10,7 @@ from browser import check_silence, pixels, put, settle, text
 
 import suslov_fast as sf
 from suslov_fast.plots.explore.notebook import Widget, page_in_one_file
-from suslov_fast.plots.explore.server import PAGE
+from suslov_fast.plots.explore.scene import PAGE
 
 # A page that mounts the widget as a notebook does, with the Python handler behind its model.
 NOTEBOOK = """<!doctype html><link rel="icon" href="data:,"><script type="module">

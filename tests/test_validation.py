@@ -45,8 +45,8 @@ def inertia(I, a=(0, 0, 1)):
     return lambda: Suslov3D.from_inertia(I, a)
 
 
-def changed(**entries):
-    return lambda: QuadraticField.from_dict(FIELD.to_dict() | entries)
+def changed(field=FIELD, **entries):
+    return lambda: QuadraticField.from_dict(field.to_dict() | entries)
 
 
 def run(**given):
@@ -56,42 +56,30 @@ def run(**given):
 
 
 BODIES = [
-    (body(I1=0), ValueError, "I1"), (body(I2=[1, 2, -3]), ValueError, "I2"),
-    (body(I1=NAN), ValueError, "I1"), (body(I13=[1, INF]), ValueError, "I13"),
+    (body(I2=[1, 2, -3]), ValueError, "I2"), (body(I13=[1, INF]), ValueError, "I13"),
     (body(I23=1j), TypeError, "I23"), (body(I23="0.3"), TypeError, "I23"),
-    (rotor(k=None), TypeError, "k"), (body(I1=True), TypeError, "I1"),
-    (body(I1=[1, 2], I2=[1, 2, 3]), ValueError, "I2"), (body(I1=[4, True]), TypeError, "I1"),
-    (body(I1=1e51), ValueError, "I1"), (body(I2=9e-51), ValueError, "I2"),
-    (body(I3=1e51), ValueError, "I3"), (body(I13=1.1e60), ValueError, "I13"),
-    (body(I23=-9e-61), ValueError, "I23"), (rotor(k=[1, 1e-70]), ValueError, "k"),
+    (rotor(k=None), TypeError, "k"), (body(I1=[4, True]), TypeError, "I1"),
+    (body(I1=[1, 2], I2=[1, 2, 3]), ValueError, "I2"), (body(I1=1e51), ValueError, "I1"),
+    (body(I3=9e-51), ValueError, "I3"), (rotor(k=[1, 1e-70]), ValueError, "k"),
     (lambda: SuslovND([1, 2], [1, 2, 3]), ValueError, "J, I"),
     (lambda: SuslovND(1, 2), ValueError, "J, I"), (lambda: SuslovND([], []), ValueError, "J, I"),
     (lambda: SuslovND([1, 0], [1, 2]), ValueError, "J"),
     (lambda: SuslovND([1, 1e61], [1, 2]), ValueError, "J"),
-    (lambda: SuslovND([1, 2], [1e-61, 2]), ValueError, "I"),
-    (lambda: SuslovND([1.0, True], [0.5, 0.5]), TypeError, "J"),
     (lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2.0, -0.1]), [1, 2, 3]), ValueError, "I"),
     (lambda: SuslovND.from_mass_tensor(ID, ID), ValueError, "a"),
     (lambda: SuslovND.from_mass_tensor(1.0), ValueError, "I"),
     (inertia(np.eye(2)), ValueError, "I"), (inertia(ID, [0, 1]), ValueError, "a"),
     (inertia(ID, [0, 0, 0]), ValueError, "a"), (inertia(np.triu(np.ones((3, 3)))), ValueError, "I"),
-    (inertia(np.diag([1, 1, -1])), ValueError, "I"),
-    (inertia(np.full((3, 3), NAN)), ValueError, "I"),
     (inertia(np.diag([1, 1, 1e-17]), [1, 2, 3]), ValueError, "I"),
     (inertia(np.tile(ID, (2, 1, 1)), np.ones((3, 3))), ValueError, "a"),
     (inertia(np.diag([1, 2, 4])), ValueError, "I"),
-    (inertia([[4, 0, 0], [0, 3, 0], [0, False, 2]]), TypeError, "I"),
     (lambda: len(BODY), TypeError, "body"), (lambda: BODY[0], TypeError, "body"),
-    (lambda: list(FIELD), TypeError, "body"), (lambda: BATCH[2], IndexError, "index"),
-    (lambda: BATCH["a"], TypeError, "index"), (lambda: BATCH[0, 1], TypeError, "index"),
-    (lambda: BATCH.sel(I3=2), ValueError, "I3"), (lambda: BATCH.sel(I13=-0.5), ValueError, "I13"),
+    (lambda: BATCH["a"], TypeError, "index"), (lambda: BATCH[2], IndexError, "index"),
+    (lambda: BATCH.sel(I13=-0.5), ValueError, "I13"), (lambda: FAMILY.sel(r=20), ValueError, "r"),
     (lambda: BATCH.sel(I2=2.5), ValueError, "I2"), (lambda: BATCH.sel(I2=[1, 2]), ValueError, "I2"),
     (lambda: BATCH.sel(I2=2, method="pad"), ValueError, "method"),
-    (lambda: FAMILY.sel(rho=21), ValueError, "rho"), (lambda: FAMILY.sel(r=20), ValueError, "r"),
-    (lambda: FAMILY.sel(rho="20"), TypeError, "rho"),
-    (lambda: FIELD.sel(rho=20), ValueError, "rho"),
+    (lambda: FAMILY.sel(rho=21), ValueError, "rho"),
     (lambda: Suslov3D.from_dict("{}"), TypeError, "parameters"),
-    (lambda: QuadraticField.from_dict([]), TypeError, "parameters"),
     (lambda: Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1}), ValueError, "I23"),
     (lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3}), ValueError, "mass"),
     (lambda: Suslov3D.from_dict(ROTOR.to_dict()), ValueError, "body"),
@@ -101,69 +89,56 @@ BODIES = [
 
 FIELDS = [
     (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, "quadratic"),
-    (lambda: QuadraticField([]), ValueError, "quadratic"),
-    (lambda: QuadraticField([[[1j]]]), TypeError, "quadratic"),
     (lambda: QuadraticField([[["1"]]]), TypeError, "quadratic"),
-    (lambda: QuadraticField([[[None]]]), TypeError, "quadratic"),
     (lambda: QuadraticField([[[True]]]), TypeError, "quadratic"),
-    (lambda: QuadraticField(np.array([[[True]]])), TypeError, "quadratic"),
-    (lambda: QuadraticField(np.ma.masked_less([[[-1]]], 0)), ValueError, "quadratic"),
     (lambda: QuadraticField([[[NAN]]]), ValueError, "quadratic"),
     (lambda: QuadraticField(np.full((2, 1, 1, 1), NAN)), ValueError, "quadratic"),
     (lambda: QuadraticField([[[10**400]]]), ValueError, "quadratic"),
     (lambda: QuadraticField([[[1]]], [[Fraction(1, 10**61)]]), ValueError, "linear"),
-    (lambda: QuadraticField(np.full((2, 1, 1, 1), 1e61)), ValueError, "quadratic"),
     (lambda: QuadraticField([[[1]]], [1, 2]), ValueError, "linear"),
     (lambda: QuadraticField([[[1]]], constant=1), ValueError, "constant"),
     (lambda: QuadraticField(np.ones((2, 1, 1, 1)), np.ones((3, 1, 1))), ValueError, "linear"),
     (lambda: QuadraticField.of(3), TypeError, "body"), (lambda: FIELD([1, 2, 3]), ValueError, "x"),
     (lambda: FIELD([[1, 2], [4]]), ValueError, "x"), (lambda: FIELD([True, 1]), TypeError, "x"),
-    (lambda: FIELD([1, INF]), ValueError, "x"), (lambda: FIELD(np.array(1)), ValueError, "x"),
-    (lambda: HENON.H([1, 2, 3]), ValueError, "x"), (lambda: HENON.H("x"), TypeError, "x"),
-    (changed(linear=[["a"]]), ValueError, "linear"),
-    (changed(quadratic=[[["1/0"]]]), ValueError, "quadratic"), (changed(q=1), ValueError, "q"),
+    (lambda: HENON.H([1, 2, 3]), ValueError, "x"),
+    (changed(linear=[["a"]]), ValueError, "linear"), (changed(q=1), ValueError, "q"),
+    (changed(quadratic=[[["1/0"]]]), ValueError, "quadratic"),
+    (changed(HENON, H=[1.0]), ValueError, "H"), (changed(HENON, body="Suslov3D"), ValueError, "body"),
+    (changed(HENON, K=[[0, 2], [-2, 0]]), ValueError, "H, K"),
+    (changed(HENON, constant=[1.0, 0.0]), ValueError, "H, K"),
+    (changed(HENON, parameters={"x": 1.0}), ValueError, "parameters"),
     (field(lambda x: (x[0] * x[1], x[0]), 3), ValueError, "f"),
-    (field(lambda x: (x[0] * x[2], x[0])), ValueError, "f"),
-    (field(lambda x: (np.sin(x[0]), x[1])), TypeError, "f"), (field(np.sin), TypeError, "f"),
+    (field(lambda x: (x[0] * x[2], x[0])), ValueError, "f"), (field(np.sin), TypeError, "f"),
+    (field(lambda x: (np.sin(x[0]), x[1])), TypeError, "f: .*got sin of x"),
     (field(lambda x: (1 / x[0], x[1])), TypeError, "f"),
-    (field(lambda x: (max(x[0], 0), x[1])), TypeError, "f"),
     (field(lambda x: (x[0] if x[0] == 0 else 1, x[1])), TypeError, "f"),
     (field(lambda x: (x[0] and 1, x[1])), TypeError, "f"),
-    (field(lambda x: (float(x[0]), x[1])), TypeError, "f"),
     (field(lambda x: (x[0] ** 0.5, x[1])), ValueError, "f"),
     (field(lambda x: (x[0] * NAN, x[1])), ValueError, "f"),
     (field(lambda x: (x[0] / 0, x[1])), ValueError, "f"),
-    (field(lambda x: (x[0] ** 3, x[1])), ValueError, "f"), (field(lambda x: None), ValueError, "f"),
-    (field(lambda x: x[0] * x[1]), ValueError, "f"), (field(lambda x: {1: x[0]}), ValueError, "f"),
-    (field(lambda x: (None, x[0])), TypeError, "f"), (field(lambda x: ("1", 1)), TypeError, "f"),
-    (field(lambda x: (True, 1)), TypeError, "f"), (field(None), TypeError, "f"),
-    (field([FIELD, FIELD]), TypeError, "f"), (field(lambda x: (1,), 1.5), TypeError, "dimension"),
-    (field(lambda x: (1,), 0), ValueError, "dimension"), (field(None, 2, a=[3.0]), TypeError, "f"),
-    (field(lambda: 1), TypeError, "f"),
+    (field(lambda x: (x[0] ** 3, x[1])), ValueError, r"f: .* degree 3: .*quadratic.* reset"),
+    (field(lambda x: x[0] * x[1]), ValueError, "f"),
+    (field(lambda x: ("1", 1)), TypeError, "f"), (field(None), TypeError, "f"),
+    (field(lambda x: (1,), 1.5), TypeError, "dimension"),
+    (field(lambda x: (1,), 0), ValueError, "dimension"),
     (field(lambda x, rho: (rho, x[0])), TypeError, "f: .*'rho'"),
     (field(lambda x, rho=1: (x[0], x[1]), roh=1), TypeError, "f: .*'roh'"),
     (field(lambda x, a: (a * x[0], 1), a="1"), TypeError, "a"),
-    (field(lambda x, a: (a * x[0], 1), a=True), TypeError, "a"),
     (field(lambda x, a: (a * x[0], 1), a=INF), ValueError, "a"),
     (field(lambda x, a: (a * x[0], 1), a=[NAN]), ValueError, "a"),
-    (field(lambda x, a: (a * x[0], 1), a=[1j]), TypeError, "a"),
-    (field(lambda x, a: (a * x[0], 1), a=[[1], [2, 3]]), ValueError, "a"),
     (field(lambda x, a, b: (a * x[0], b), a=[1, 2], b=[1, 2, 3]), ValueError, "b"),
-    (field(lambda x, a: (10**400 * x[0] * a, 1), a=[1, 2]), ValueError, "f"),
     (field(lambda x, a: (10**70 * x[0] * a, 1), a=[1, 2]), ValueError, "f"),
     (field(lambda x, attitude: (1, 2), attitude=1), ValueError, "attitude"),
-    (hamiltonian(None), TypeError, "H"), (hamiltonian(lambda q, p: q * p), TypeError, "H: .*'p'"),
-    (hamiltonian(lambda x: x[0] ** 4), ValueError, "H"),
+    (field(lambda x, **x1: (1, 2), x1=1), ValueError, "x1"),
+    (hamiltonian(None), TypeError, "H"), (hamiltonian(lambda x: x[0] ** 4), ValueError, "H"),
     (hamiltonian(lambda x: (x[0], x[1])), TypeError, "H"),
     (hamiltonian(lambda x: x[0], 3), ValueError, "dimension"),
     (hamiltonian(lambda x: x[0], 2, np.eye(2)), ValueError, "K"),
-    (hamiltonian(lambda x: x[0], 2, [[0]]), ValueError, "K"),
     (hamiltonian(lambda x: x[0], 2, [[0, "1"], [-1, 0]]), TypeError, "K"),
 ]  # fmt: skip
 
 RUNS = [
     (run(omega0=[1, INF]), ValueError, "omega0"), (run(omega0=1.0), ValueError, "omega0"),
-    (run(omega0=["a", "b"]), TypeError, "omega0"),
     (run(omega0=[[1, 2], [3]]), ValueError, "omega0"), (run(omega0=[None, 1]), TypeError, "omega0"),
     (run(omega0={"x": 1}), TypeError, "omega0"), (run(omega0=[10**400, 1]), ValueError, "omega0"),
     (run(omega0=np.array(["2020-01-01"] * 2, "M8[D]")), TypeError, "omega0"),
@@ -287,12 +262,6 @@ def test_a_bad_call_changes_nothing():
         with pytest.raises((TypeError, ValueError)):
             run(**{"out": out, **bad})()
         assert (out == 7).all()
-
-
-def test_what_to_do_about_a_cubic_field():
-    """The lift to a quadratic field, and its condition."""
-    with pytest.raises(ValueError, match=r"f: .* degree 3: .*quadratic.*abs\(y - x\*\*2\).* reset"):
-        field(lambda x: (x[0] ** 3, 1))()
 
 
 def test_values_at_the_ends_of_the_range():

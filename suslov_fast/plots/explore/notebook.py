@@ -8,8 +8,7 @@ from typing import Any
 import anywidget
 import traitlets
 
-from .scene import answer
-from .server import PAGE
+from .scene import PAGE, answer
 
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./(\w+)\.js";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|const|class) (\w+))", re.MULTILINE)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from .. import geometry
 from ..geometry import BodyIn3D
 from .parameters import Parameters, parse_query
 
+# The files of the page, which draws these numbers.
+PAGE = Path(__file__).with_name("page")
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
 # Orbits of a portrait: levels, steps, phase from the line of steady states.

@@ -8,7 +8,6 @@ import sys
 import threading
 from http.server import BaseHTTPRequestHandler
 from importlib.util import find_spec
-from pathlib import Path
 from socketserver import ThreadingTCPServer
 from typing import Any
 
@@ -17,9 +16,8 @@ from numpy.typing import ArrayLike
 from ...checks import instance
 from ..geometry import BodyIn3D
 from .parameters import query_of
-from .scene import answer
+from .scene import PAGE, answer
 
-PAGE = Path(__file__).with_name("page")
 _ADDRESS = "127.0.0.1"
 _TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 _HEADERS = {

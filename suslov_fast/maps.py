@@ -77,9 +77,9 @@ _RECORDS = (
         title="Discrete Suslov problem in n dimensions",
         samples=((SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),),
         methods={
-            "auto": Steps(steps_nd.steps, steps_nd.carried, lambda D: 8.0 * D),
-            "gauss": Steps(steps_nd.gauss_steps, steps_nd.carried, lambda D: 8.0 * D + D**3 / 3.0),
-            "rank2": Steps(steps_nd.steps, steps_nd.carried, lambda D: 8.0 * D),
+            "auto": Steps(steps_nd.steps, steps_nd.carried, lambda D: 8.0 * D, 32),
+            "gauss": Steps(steps_nd.gauss_steps, steps_nd.carried, lambda D: D**3 / 3.0, 32),
+            "rank2": Steps(steps_nd.steps, steps_nd.carried, lambda D: 8.0 * D, 32),
         },
         functions=_in_nd,
     ),
@@ -96,7 +96,7 @@ _RECORDS = (
         body=QuadraticField,
         title="Kahan map of a quadratic field",
         samples=((QuadraticField([[[1]]]), (1.0,)),),  # x' = x**2
-        methods={"auto": Steps(steps_field.steps, steps_field.carried, lambda D: 4.0 * D**2)},
+        methods={"auto": Steps(steps_field.steps, steps_field.carried, lambda D: 4.0 * D**2, 32)},
         functions=_of_field,
         variable="x",
         meaning="state",

@@ -13,8 +13,8 @@ from ..core import closed_form
 from .memory import require
 from .threads import call_kernel
 
-# States of a slice: some 50 ms.
-_SLICE = 2**22
+# States of a slice: 30 ms, or 130 ms of orbits that turn.
+_SLICE = 2**21
 # Costs of entering an orbit, and of a state, in steps of the three-dimensional map.
 _ENTERING, _STATE = 64, 8
 

@@ -1,7 +1,4 @@
-"""The command `suslov-fast`: runs, their summaries, reports, pictures and a page in the browser.
-
-Everything else is Python. Modules are imported where they are needed: Numba would delay `--help`.
-"""
+"""The command `suslov-fast`: runs, their summaries, reports, pictures and a page in the browser."""
 
 from __future__ import annotations
 
@@ -24,6 +21,7 @@ from typing import Any, NoReturn
 
 from . import __version__
 
+# Other modules are imported where they are needed: Numba would delay `--help`.
 _PARAMETERS = ("I1", "I2", "I13", "I23", "I3", "k", "J", "I")
 _SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
 
@@ -154,7 +152,7 @@ def _add_options_of_run(parser: Any) -> None:
     group.add_argument("--json", action="store_true", help="print JSON, for programs")
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> None:
     """Iterate a batch of trajectories and print a summary.
 
     By default 65,536 random initial states take 1000 steps of the body and with the step size of
@@ -164,8 +162,7 @@ def run(options: argparse.Namespace) -> int:
     if path is not None and path.suffix not in (".npz", ".zarr"):
         options.usage_error(f"argument -o/--output: expected FILE.npz or FILE.zarr, got '{path}'")
     if path is None and (options.attitude or options.save_every is not None):
-        name = "--attitude" if options.attitude else "--save-every"
-        options.usage_error(f"argument {name}: expected -o FILE with it")
+        options.usage_error("arguments --save-every and --attitude: expected -o FILE with them")
     body, eps = _body_and_step(options)
     work = body, _starts(options, body), eps, options.steps
     import numba
@@ -174,14 +171,13 @@ def run(options: argparse.Namespace) -> int:
 
     numba.set_num_threads(thread_count(options.threads) or numba.get_num_threads())
     settings = {name: getattr(options, name) for name in ("save_every", "method", "attitude")}
-    settings["progress"] = True if sys.stderr.isatty() and find_spec("tqdm") else None
+    settings["progress"] = sys.stderr.isatty() and find_spec("tqdm") is not None
     compute = _stored if path is not None and path.suffix == ".zarr" else _held
     facts = compute(path, options.force, work, settings)
     facts |= {"threads": numba.get_num_threads()} | ({} if path is None else {"written": str(path)})
     print(_lines_of(facts, options.json), flush=True)
     if facts["trajectories"] and not facts["status"].keys() & {"OK", "SUPERCRITICAL"}:
         raise ArithmeticError("run: all trajectories failed")
-    return 0
 
 
 def _body_and_step(options: argparse.Namespace) -> tuple[Any, float]:
@@ -189,8 +185,8 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, float]:
     from . import Suslov3D, SuslovGyrostat, SuslovND
     from .bodies.paper import PICTURES
 
-    given = {name: getattr(options, name) for name in _PARAMETERS}
-    given = {name: value for name, value in given.items() if value is not None}
+    values = vars(options).items()
+    given = {name: each for name, each in values if name in _PARAMETERS and each is not None}
     if given and (options.picture or options.body):
         options.usage_error(f"argument --{min(given)}: not allowed with --picture or --body")
     if not (given or options.body):
@@ -221,9 +217,8 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
     from . import RandomStarts, checks
 
     path, given = options.initial, options.omega0
-    for name in ("extent", "seed"):
-        if getattr(options, name) is not None and (path or given):
-            options.usage_error(f"argument --{name}: expected random states with it")
+    if (path or given) and (options.extent, options.seed) != (None, None):
+        options.usage_error("arguments --extent and --seed: expected random states with them")
     if given:
         if {*map(len, given)} != {body.dimension}:
             expected = f"{body.dimension} numbers {','.join(body._labels)}"
@@ -271,8 +266,8 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
 
 
 def _require_new(paths: Sequence[Path], force: bool) -> None:
-    if there := [] if force else [path for path in paths if path.exists()]:
-        raise FileExistsError(f"{there[0]}: expected a new name, or --force to replace it")
+    for path in [] if force else filter(Path.exists, paths):
+        raise FileExistsError(f"{path}: expected a new name, or --force to replace it")
 
 
 def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]:
@@ -294,7 +289,7 @@ def info(options: argparse.Namespace) -> int:
     """Print a summary of saved runs: .npz of Trajectories.save, .zarr of ensemble."""
     from . import Trajectories, open_ensemble
 
-    failed = False
+    failed = 0
     for path in options.file:
         try:
             with _about(path):
@@ -305,8 +300,8 @@ def info(options: argparse.Namespace) -> int:
             print(_lines_of({"file": str(path), **facts}, options.json), flush=True)
         except ValueError as error:
             _tell(str(error))
-            failed = True
-    return int(failed)
+            failed = 1
+    return failed
 
 
 def _facts_of(found: Any, start: Any = None) -> dict[str, Any]:
@@ -376,8 +371,8 @@ def _spelled(value: Any) -> str:
     if isinstance(value, dict):
         names = [name for name in value if name != "body"]
         return ", ".join(f"{name} = {_spelled(value[name])}" for name in names)
-    text = f"{value:,}" if isinstance(value, int) else str(value)
-    return f"{value:.4g}" if isinstance(value, float) else text.partition(", sha256")[0]
+    form = "," if isinstance(value, int) else ".4g" if isinstance(value, float) else ""
+    return format(value, form) if form else str(value).partition(", sha256")[0]
 
 
 def report(options: argparse.Namespace) -> None:
@@ -412,7 +407,7 @@ def explore(options: argparse.Namespace) -> None:
         server = Server(options.port)
     with suppress(KeyboardInterrupt), server:
         print(server.url, flush=True)
-        if not options.no_browser:  # which may block its thread
+        if not options.no_browser:  # it may block
             threading.Thread(target=webbrowser.open, args=[server.url], daemon=True).start()
         server.serve_forever(poll_interval=0.1)
 

@@ -245,7 +245,7 @@ MISTAKES = """
 2 | run --body good.json --picture 1 | --picture: not allowed with argument --body
 2 | run --omega0 1,2 --initial good.npy | --initial: not allowed with argument --omega0
 2 | run --omega0 1,2 --seed 0 | --seed: expected random
-2 | run --save-every 3 | --save-every: expected -o FILE
+2 | run --save-every 3 | --save-every .* expected -o FILE
 2 | run --attitude | --attitude: expected -o FILE
 2 | run -o o.csv | -o/--output: expected FILE.npz or FILE.zarr, got 'o.csv'
 2 | info | required: FILE

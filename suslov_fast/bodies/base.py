@@ -12,6 +12,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, real_array, wrong
+from .numbers import to_lists
 
 Kind = TypeVar("Kind", bound="Body")
 
@@ -229,7 +230,7 @@ class Body:
 
     @property
     def _plain(self) -> dict[str, Any]:
-        return {name: np.asarray(value).tolist() for name, value in self._values.items()}
+        return {name: to_lists(value) for name, value in self._values.items()}
 
     @classmethod
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:

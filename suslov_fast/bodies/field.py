@@ -30,7 +30,7 @@ from .numbers import (
     to_lists,
 )
 from .polynomials import components, family, tensor, terms_of, text_of, traced
-from .tensors import Hamiltonian, homogeneous, rates, sparse
+from .tensors import Hamiltonian, at_points, rates, sparse
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
@@ -246,10 +246,6 @@ class QuadraticField(Body):
         return sparse(self.table, ordered=2)
 
     @cached_property
-    def _floats(self) -> FloatArray:
-        return np.asarray(self.table, np.float64)
-
-    @cached_property
     def batch_of_one(self) -> tuple[Any, FloatArray]:
         """The terms of a single field, their coefficients with an axis for the batch."""
         indices, values = self.terms
@@ -273,11 +269,8 @@ class QuadraticField(Body):
 
     def __call__(self, x: Any) -> Any:
         """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
-        point, is_exact = homogeneous(x, self.dimension, self.table.dtype == object)
-        if is_exact:
-            return tuple((self.table @ point) @ point)
-        with np.errstate(all="ignore"):
-            return np.einsum("...ijk,...j,...k->...i", self._floats, point, point)
+        found = at_points(self.table, x, 2)
+        return tuple(found) if found.dtype == object else found
 
     @classmethod
     def _axes(cls, name: str) -> int:
@@ -339,8 +332,7 @@ class QuadraticField(Body):
     @property
     def _plain(self) -> dict[str, Any]:
         named = {name: to_lists(value) for name, value in self._parameters.items()}
-        whole = {name: to_lists(array) for name, array in self._values.items()}
-        return whole | ({"parameters": named} if named else {})
+        return super()._plain | ({"parameters": named} if named else {})
 
     @classmethod
     def _from_plain(cls, given: dict[str, Any]) -> QuadraticField:

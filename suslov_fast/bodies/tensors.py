@@ -29,13 +29,7 @@ class Hamiltonian:
         return sparse(self.tensor, ordered=3)
 
     def __call__(self, x: Any) -> Any:
-        point, is_exact = homogeneous(x, self.tensor.shape[-1] - 1, self.tensor.dtype == object)
-        if is_exact:
-            return ((self.tensor @ point) @ point) @ point
-        (i, j, k), values = self.terms
-        with np.errstate(all="ignore"):
-            found = (values * point[..., i] * point[..., j] * point[..., k]).sum(axis=-1)
-        return np.where(np.isnan(point).any(axis=-1), np.nan, found)[()]
+        return at_points(self.tensor, x, 3)
 
     def __repr__(self) -> str:
         if self.tensor.ndim > 3:
@@ -62,11 +56,22 @@ def sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
     return np.ascontiguousarray(places), np.ascontiguousarray(values)
 
 
-def homogeneous(x: Any, D: int, is_single: bool) -> tuple[Any, bool]:
-    """Return (x, 1), and whether it is a point of exact numbers, at which a field is exact."""
+def at_points(tensor: Any, x: Any, degree: int) -> Any:
+    """Return the values at x of polynomials, whose variables are the last `degree` axes.
+
+    They are fractions if all numbers are exact, else floats.
+    """
+    D = tensor.shape[-1] - 1
     is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
-    if is_single and is_list and len(x) == D and all(isinstance(a, Rational) for a in x):
+    are_exact = tensor.dtype == object and is_list and all(isinstance(a, Rational) for a in x)
+    if are_exact and len(x) == D:
         refuse("x", x)
-        return np.array([*(exact("x", a) for a in x), Fraction(1)], dtype=object), True
-    x = states("x", x, [f"x{i}" for i in range(1, D + 1)])
-    return np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1), False
+        point = np.array([*(exact("x", a) for a in x), Fraction(1)], dtype=object)
+    else:
+        x = states("x", x, [f"x{i}" for i in range(1, D + 1)])
+        point = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+        tensor = np.asarray(tensor, np.float64)
+    with np.errstate(all="ignore"):
+        for axes in ("ijk", "ij", "i")[:degree]:
+            tensor = np.einsum(f"...{axes},...{axes[-1]}->...{axes[:-1]}", tensor, point)
+    return tensor

@@ -26,7 +26,7 @@ import numpy as np
 
 from .elementary import cosine_and_sine, exponential, is_integer, logarithm, quarter_turns
 from .numba import formula, kernel, select, share
-from .rows import lead_of, pick, shortening, write
+from .rows import alignment, pick, write
 from .universal import universal
 
 LANES, GROUP = 128, 8
@@ -222,10 +222,10 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
 
     A block is `width` trajectories at `abreast` n, so that few trajectories fill the lanes, too.
     """
-    B, N, flat, lead = len(omega0), len(n), out.reshape(out.size), lead_of(out)
+    B, N, flat = len(omega0), len(n), out.reshape(out.size)
     b, tile, times = np.ones((ROWS, LANES)), np.empty(2 * LANES), np.ones(LANES)
     abreast = max(1, LANES // max(B, 1))
-    shift = shortening(lead, 0, B) if B > LANES else 0
+    lead, shift = alignment(out, 0, B, LANES)
     blocks = (B + shift + LANES - 1) // LANES
     rows = abreast * ROWS_OF_TASK
     chunks, order = (N + rows - 1) // rows, np.empty(rows + 1, np.int64)

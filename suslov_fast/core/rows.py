@@ -15,17 +15,14 @@ def pick(parameter, i):
 
 
 @formula
-def lead_of(out):
-    """Return how many numbers of `out` lie before its first cache line; -1 if it is small."""
-    return -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
-
-
-@formula
-def shortening(lead, begin, batch):
-    """Return by how many trajectories, of two numbers each, the block from trajectory `begin` on is
-    shorter, so that all others begin at a cache line. (Large arrays begin 16 bytes after one.)
+def alignment(out, begin, batch, lanes):
+    """Return how many numbers of `out` lie before its first cache line, -1 if it is small; and by
+    how many trajectories, of two numbers each, the block of lanes from trajectory `begin` on is
+    shorter, so that all others begin at a line. (Large arrays begin 16 bytes after one.)
     """
-    return (begin - lead // 2) % 4 if lead >= 0 and batch % 4 == 0 else 0
+    lead = -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
+    aligned = lead >= 0 and batch % 4 == 0 and batch > lanes > 1
+    return lead, (begin - lead // 2) % 4 if aligned else 0
 
 
 @formula

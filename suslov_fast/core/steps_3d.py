@@ -29,7 +29,7 @@ import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
 from .numba import formula, kernel, select, share
-from .rows import lead_of, pick, shortening, write
+from .rows import alignment, pick, write
 
 LANES = 128
 FEW = 6  # so few trajectories take less time one by one than all lanes
@@ -70,13 +70,6 @@ def enter(frame, I1, I2, I13, I23, k, eps, w1, w2):
     """X and Y of a state; X = 0 where l, as floats give it, is 0."""
     X = (0.5 * eps / np.sqrt(I1 * I2)) * ((I13 * w1 + I23 * w2) + k)
     return X, frame.a2 * w1 - frame.a1 * (w2 / frame.back)
-
-
-@formula
-def is_plain(frame, X, Y):
-    """Whether steps take the plain form."""
-    finite = abs(frame.m1) + abs(frame.m2) < np.inf
-    return (frame.K == 0.0) & finite & (abs(Y) < 1.0) & (X != 0.0) & (abs(X) < LARGE)
 
 
 @formula
@@ -196,8 +189,10 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
         if start == 0:
             w1, w2 = b[U, l], b[V, l]
             X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
+            known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGE) & (X != 0.0)
+            plain = known & (frame.K == 0.0) & (abs(Y) < 1.0)
             rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
-            b[KIND, l] = select(is_plain(frame, X, Y), PLAIN, select(rests, RESTS, GENERAL))
+            b[KIND, l] = select(plain, PLAIN, select(rests, RESTS, GENERAL))
             v = select(rests, w2, w2 / frame.back)  # at rest it keeps all bits
             b[X_, l], b[Y_, l], b[XG, l], b[V, l] = X, Y, X, v
             b[R2, l] = (w1 * w1 + v * v) / (1.0 + X * X)
@@ -217,17 +212,6 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
         b[ALIVE, l] = 0.0
         plains += select(b[KIND, l] == PLAIN, 1.0, 0.0)
     return plains
-
-
-@formula
-def finish_lane(b, l, i, carry, start, stop, status, failed_at):
-    """Store what trajectory i needs to go on, and how it ended."""
-    plain, alive = b[KIND, l] == PLAIN, int(b[ALIVE, l])
-    carry[i, 0], carry[i, 1] = b[KIND, l], b[X_, l] if plain else b[XG, l]
-    carry[i, 2], carry[i, 3], carry[i, 4] = b[Y_, l] if plain else b[U, l], b[V, l], b[R2, l]
-    if not plain and alive < stop - start and status[i] >= 0:
-        status[i] = SINGULAR if b[ALIVE, l] > alive else NONFINITE
-        failed_at[i] = start + alive + 1
 
 
 @formula
@@ -283,12 +267,12 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     status, failed_at   (B,), OK and -1 at first; changed at the first failure
     """
     begin, end, start, stop, every, first_row = span
-    B, flat, lead = len(omega0), saved.reshape(saved.size), lead_of(saved)
+    B, flat = len(omega0), saved.reshape(saved.size)
     b, tile = np.empty((ROWS, LANES)), np.empty(2 * LANES)
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
     abreast = 1 if few else LANES
-    shift = 0 if few else shortening(lead, begin, B)
+    lead, shift = alignment(saved, begin, B, abreast)
     first_block, last_block = share((end - begin + shift + abreast - 1) // abreast, part, parts)
     for block in range(first_block, last_block):
         first = begin + max(block * abreast - shift, 0)
@@ -320,5 +304,10 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 steps_of_all(b, plains, n, pause)
             n = pause
         for l in range(width):
-            final[first + l, 0], final[first + l, 1] = tile[2 * l], tile[2 * l + 1]
-            finish_lane(b, l, first + l, carry, start, stop, status, failed_at)
+            i, plain, alive = first + l, b[KIND, l] == PLAIN, int(b[ALIVE, l])
+            final[i, 0], final[i, 1] = tile[2 * l], tile[2 * l + 1]
+            carry[i, 0], carry[i, 1] = b[KIND, l], b[X_ if plain else XG, l]
+            carry[i, 2], carry[i, 3], carry[i, 4] = b[Y_ if plain else U, l], b[V, l], b[R2, l]
+            if not plain and alive < stop - start and status[i] >= 0:
+                status[i] = SINGULAR if b[ALIVE, l] > alive else NONFINITE
+                failed_at[i] = start + alive + 1

@@ -183,7 +183,7 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
                 carry[i, 3],
                 carry[i, 4],
             )
-    for l in range(lanes):
+    for l in range(LANES):
         I1, I2, I13, I23, k, eps = frame_at(b, l)  # not yet a frame
         frame = frame_of(I1, I2, I13, I23, k, eps)
         if start == 0:
@@ -268,7 +268,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     """
     begin, end, start, stop, every, first_row = span
     B, flat = len(omega0), saved.reshape(saved.size)
-    b, tile = np.empty((ROWS, LANES)), np.empty(2 * LANES)
+    b, tile = np.ones((ROWS, LANES)), np.empty(2 * LANES)
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
     abreast = 1 if few else LANES

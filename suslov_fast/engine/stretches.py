@@ -48,25 +48,26 @@ class March:
 
     def __init__(self, steps: Steps, states: States) -> None:
         body, omega, eps, batch, self.threads, _, orientation = states
-        self.steps, self.n, self.begun = steps, 0, False
+        self.steps, self.n, self.begun, self.batch = steps, 0, False, batch
         self.parameters = parameters_of(body, eps, batch)
         self.axial = not isinstance(body, SuslovND)
         self.omega0 = flat_arrays(omega, batch)
         size, D = self.omega0.shape
         self.carry = np.empty((size, steps.carried(D)))
-        self.final = np.empty((size, D))
-        self.status = np.zeros(size, np.int8)
-        self.failed_at = np.empty(size, np.int64)
-        self.failed_at.fill(-1)
         self.turned = None if orientation is None else flat_arrays(orientation, batch, 2).copy()
+        # Those of the run at state n, in the shape of the batch.
+        self.final = np.empty((*batch, D))
+        self.status = np.zeros(batch, np.int8)
+        self.failed_at = np.empty(batch, np.int64)
+        self.failed_at.fill(-1)
 
     @classmethod
     def going_on(cls, steps: Steps, states: States, run: Any) -> March:
         """Return the march at the last state of a run, which `states` holds."""
         march = cls(steps, states)
         march.n, march.begun, march.carry = run.steps, True, run._carry.copy()
-        march.final[:] = march.omega0
-        march.status, march.failed_at = run.status.flatten(), run.failed_at.flatten()
+        march.final, march.status = run.final.copy(), run.status.copy()
+        march.failed_at = run.failed_at.copy()
         return march
 
     def to(
@@ -76,34 +77,37 @@ class March:
         out: FloatArray | None = None,
         report: Report | None = None,
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Go on to state `stop`; return states (rows, B, D) and orientations, None without them.
+        """Go on to state `stop`; return states (rows, ..., D) and orientations, None without them.
 
         They are those after state n, and state 0 at first, that are multiples of `every`, in `out`
         if it is given; or the last one if `every` is 0. `report` takes the number of the state that
         all trajectories have come to.
         """
-        (size, D), turned = self.omega0.shape, self.turned
+        (size, D), turned, batch = self.omega0.shape, self.turned, self.batch
         rows = stop // every - self.n // every + (not self.begun) if every else 0
         n = 0 if turned is None else D + 1
         numbers = rows * size * (D * (out is None) + n * n)
         require(8 * numbers, "raise save_every or divide the batch")
-        saved = np.empty((rows, size, D)) if out is None else out.reshape(len(out), size, D)
-        turns = np.empty((rows, size, n, n)) if n else _NO_TURNS
+        saved = np.empty((rows, *batch, D)) if out is None else out
+        turns = np.empty((rows, *batch, n, n)) if n else None
+        flat = saved.reshape(len(saved), size, D)
+        flat_turns = _NO_TURNS if turns is None else turns.reshape(rows, size, n, n)
         go, row = self._steps_to if turned is None else self._turning, 0
         if self.begun and self.n == 0 < stop:  # kernels that start at 0 would save it again
-            go(1, 0, saved, turns, 0, None)
+            go(1, 0, flat, flat_turns, 0, None)
             if every == 1:
                 saved[0], row = self.final, 1
                 if turned is not None:
-                    turns[0] = turned
+                    flat_turns[0] = turned
         if stop > self.n or not self.begun:
-            go(stop, every, saved, turns, row, report)
+            go(stop, every, flat, flat_turns, row, report)
         self.begun = True
-        if not every and out is None:
-            return self.final[np.newaxis], None if turned is None else turned[np.newaxis]
-        if not every:
-            saved[0] = self.final
-        return saved, None if turned is None else turns
+        if every:
+            return saved, turns
+        if out is not None:
+            out[0] = self.final
+        turns = None if turned is None else turned.reshape(1, *batch, n, n)
+        return self.final[np.newaxis] if out is None else out, turns
 
     def _steps_to(
         self,
@@ -117,7 +121,8 @@ class March:
         """Go on; the first state that is saved goes to saved[row]."""
         origin, total = self.n, len(self.omega0)
         before = self.parameters, self.omega0, self.carry
-        after = saved, self.final, self.status, self.failed_at
+        final = self.final.reshape(self.omega0.shape)
+        after = saved, final, self.status.reshape(total), self.failed_at.reshape(total)
         for (begin, end, start, until), work in self._stretches(stop, every):
             done = start // every - origin // every + (origin == 0 < start) if every else 0
             span = begin, end, start, until, every, row + done
@@ -140,7 +145,7 @@ class March:
         (size, D), eps, turned = self.omega0.shape, self.parameters[-1], self.turned
         at_once = max(_TURNING // (max(size, 1) * (D + 1) ** 2), 1)
         path = np.empty((min(at_once, max(stop - self.n, 1)) + 1, size, D))
-        path[0] = self.final
+        path[0] = self.final.reshape(size, D)
         while True:
             start, until = self.n, min(self.n + len(path) - 1, stop)
             self._steps_to(until, 1, path, turns, int(start > 0), None)

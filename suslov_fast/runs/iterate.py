@@ -56,11 +56,9 @@ def step(
     states = check(body, (), {"omega": omega, "eps": eps}, threads)
     march = March(map.methods["auto"], states)
     march.to(1)
-    batch = states.batch
-    status, failed_at = march.status.reshape(batch), march.failed_at.reshape(batch)
-    if message := failures(status, failed_at, 1):  # those at step 0 are NaN in the input
+    if message := failures(march.status, march.failed_at, 1):  # those at step 0 are NaN as given
         warn(message, SingularStepWarning)
-    return march.final.reshape(*batch, body.dimension)
+    return march.final
 
 
 def iterate(
@@ -184,19 +182,13 @@ def pieces(
     """
     map, states = _begin(body, omega0, eps, method, attitude, threads)
     steps, save_every = _counts(steps, save_every)
-    march, batch = March(map.methods[method], states), states.batch
+    march = March(map.methods[method], states)
     every, last = (save_every, steps // save_every) if save_every else (0, 0)
     for row in range(0, last + 1, rows):
         end = min(row + rows, last + 1)
         saved, turns = march.to(steps if end > last else (end - 1) * every, every, None, report)
-        yield Piece(
-            every * np.arange(row, end) if every else np.array([steps]),
-            saved.reshape(len(saved), *batch, body.dimension),
-            None if turns is None else turns.reshape(len(turns), *batch, *turns.shape[2:]),
-            march.final.reshape(*batch, body.dimension),
-            march.status.reshape(batch),
-            march.failed_at.reshape(batch),
-        )
+        n = every * np.arange(row, end) if every else np.array([steps])
+        yield Piece(n, saved, turns, march.final, march.status, march.failed_at)
 
 
 def _begin(

@@ -47,19 +47,16 @@ def attributes_of_run(
     earlier: Any = None,
 ) -> dict[str, Any]:
     """Go on to state `steps`; return the attributes of `Trajectories`, with states of `earlier`."""
-    batch, start, every = states.batch, march.n, save_every or 0
+    start, every = march.n, save_every or 0
     if out is not None:  # which may overlap state 0
         rows = steps // every + 1 if every else 1
-        out = checked_out(out, (rows, *batch, states.body.dimension))
+        out = checked_out(out, (rows, *march.final.shape))
         march.omega0 = march.omega0.copy()
     if progress:
         with reporter(progress, steps - start) as report:
-            flat, turns = march.to(steps, every, out, lambda n: report(n - start))
+            saved, turns = march.to(steps, every, out, lambda n: report(n - start))
     else:  # a context would take a tenth of a small call
-        flat, turns = march.to(steps, every, out)
-    saved = flat.reshape(len(flat), *batch, flat.shape[-1]) if out is None else out
-    if turns is not None:
-        turns = turns.reshape(len(turns), *batch, *turns.shape[-2:])
+        saved, turns = march.to(steps, every, out)
     if every and earlier is not None:
         saved = np.concatenate([earlier.states, saved])
         turns = None if turns is None else np.concatenate([earlier.attitude, turns])
@@ -67,9 +64,9 @@ def attributes_of_run(
         "states": saved,
         "eps": states.eps,
         "body": states.body,
-        "status": march.status.reshape(batch),
-        "failed_at": march.failed_at.reshape(batch),
-        "final": march.final.reshape(saved.shape[1:]),
+        "status": march.status,
+        "failed_at": march.failed_at,
+        "final": march.final,
         "method": method,
         "steps": steps,
         "save_every": save_every,

@@ -83,7 +83,7 @@ def with_cofactor(
         for _ in range(2 * (len(exponents) + MORE)):
             x = steps.point([rng.randrange(-(2**12), 2**12) for _ in range(map.dimension)])
             try:
-                image, c = steps.image(x), _value(cofactor, steps, eps, x)
+                image, c = steps.image(x), value_of(cofactor, steps, eps, x)
             except ZeroDivisionError:  # at a pole
                 continue
             before, after = (monomial_values(exponents, y) for y in (x, image))
@@ -98,7 +98,7 @@ def with_cofactor(
     return polynomials_with(rows, exponents, map.has_letter)
 
 
-def _value(cofactor: Any, steps: Any, eps: int, x: list[Any]) -> Any:
+def value_of(cofactor: Any, steps: Any, eps: int, x: list[Any]) -> Any:
     """Return the value of a cofactor at a point modulo a prime."""
     if cofactor is None:
         return steps.derivative(x).det()

@@ -170,6 +170,8 @@ def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
 
 def exact_quotient(P: Any, Q: Any) -> RationalFunction:
     """Return a quotient of polynomials in irreducible factors."""
+    if P == 0:
+        return RationalFunction((), Fraction(0))
     found = quotient_of(P, Q, "")
     scale = Fraction(int(P.leading_coefficient()), int(Q.leading_coefficient()))
     for f, e in found.factors:

@@ -62,7 +62,7 @@ class BirationalMap:
         *above, below = self.steps(None).forms(
             [self.ring.constant(int(a * scale)) for a in (*x, 1)]
         )
-        return tuple(exact_quotient(a, below) if a else RationalFunction((), a) for a in above)
+        return tuple(exact_quotient(a, below) for a in above)
 
     def jacobian(self, point: Any) -> tuple[Point, ...]:
         """Return the matrix of derivatives at a point, exactly, as a tuple of rows."""

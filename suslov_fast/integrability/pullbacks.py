@@ -13,7 +13,9 @@ import flint
 import numpy as np
 
 from . import exact
-from .exact import MORE, Polynomials, Residues, degree_of, factors, has_letter, modulo, value_at
+from .darboux import value_of
+from .exact import MORE, Polynomials, Residues, degree_of, factors, modulo
+from .functions import RationalFunction, exact_quotient
 from .maps import BirationalMap, on_line, random_line
 from .reconstruction import over_rationals, polynomials_with
 
@@ -44,21 +46,15 @@ def invariant_spaces(map: BirationalMap, degree: int) -> Iterator[Polynomials]:
                 yield polynomials_with(rows, first.exponents, letter)
 
 
-def _roots(rows: Any, letter: bool) -> list[tuple[Any, Any]]:
-    """Return numerators and denominators of the rational roots of a characteristic polynomial."""
+def _roots(rows: Any, letter: bool) -> list[RationalFunction]:
+    """Return the rational roots of a characteristic polynomial, numbers or functions of eps."""
     if not rows:
         return []
     (row,) = rows
     (f,) = polynomials_with([row], tuple((k,) for k in range(len(row))), letter)
-    roots = []
-    for g, _ in factors(f):
-        if degree_of(g) == 1:
-            by_degree: dict[int, dict[Any, int]] = {0: {}, 1: {}}
-            for (*eps, k), c in g.to_dict().items():
-                by_degree[int(k)][(*eps, 0)] = int(c)
-            below, above = (g.context().from_dict(by_degree[k]) for k in (1, 0))
-            roots.append((-above, below))
-    return roots
+    *_, t = f.context().gens()
+    pairs = ((g, g.derivative(int(letter))) for g, _ in factors(f) if degree_of(g) == 1)
+    return [exact_quotient(slope * t - g, slope) for g, slope in pairs]
 
 
 class Pullbacks:
@@ -113,6 +109,7 @@ class Pullbacks:
         total = self.degree * (self.map.degree - 1)
         degrees = [1, *self.degrees]
         most = [0] * len(degrees)
+        # If others were allowed, any of them that goes to another one would have a cofactor.
         for i, exceptional in enumerate(exceptional_factors(self.map)):
             basis = self.everything if exceptional else None
             while basis is not None and (most[i] + 1) * degrees[i] <= total:
@@ -147,13 +144,9 @@ class Pullbacks:
         """Return a basis, in echelon form, of the polynomials with these powers and constant."""
         basis, pulled = self._invariant(self.everything, powers)
         if basis is not None and c is not None:
-            above, below = (self._number(part) for part in c)
-            basis = self._solutions(pulled - self._scalar(above / below, pulled.nrows()), basis)
+            c = value_of(c, self.steps, self.eps, [])
+            basis = self._solutions(pulled - self._scalar(c, pulled.nrows()), basis)
         return [] if basis is None else exact.integer_rows(basis.rref()[0])
-
-    def _number(self, P: Any) -> Any:
-        variables = [flint.nmod(self.eps, self.p)] if has_letter(P) else []
-        return flint.nmod(0, self.p) + value_at(P, variables)
 
     def _scalar(self, c: Any, n: int) -> Any:
         return self._matrix([[int(c) * (i == j) for j in range(n)] for i in range(n)])

@@ -89,7 +89,7 @@ class RationalMap(BirationalMap):
     def components(self) -> tuple[str, ...]:
         """The components as text."""
         *above, below = self.forms
-        return tuple(str(exact_quotient(F, below)) if F else "0" for F in above)
+        return tuple(str(exact_quotient(F, below)) for F in above)
 
     def __repr__(self) -> str:
         return f"rational_map({', '.join(self.components)})"

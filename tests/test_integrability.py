@@ -758,6 +758,23 @@ def test_a_report_that_is_cut_short():
     assert calls[0][0] == 1
 
 
+def test_cheap_parts_come_first_and_the_search_ends():
+    """The density of degree 2 is known before all products of factors are tried."""
+
+    def stop(done, parts):
+        if done == 4:  # after the degrees, two degrees of relations, and the cofactor det DPhi
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        report(PREY, EPS, 2, progress=stop)
+    assert [str(f) for f in stopped.value.report.measures] == ["1/(x1*x2)"]
+    # Both integrals and a measure of the top follow from relations of degree 2.
+    *_, products, last = report(EULER, EPS, 4).searched
+    assert "up to degree 1 with products" in products
+    assert last.startswith("no more")
+    assert "up to degree 2 with products" in report(PREY, EPS, 2).searched[-1]
+
+
 def test_a_search_that_cannot_be_interrupted(monkeypatch):
     """The limit holds whatever the search does: here its first part never ends."""
     from suslov_fast.integrability import background

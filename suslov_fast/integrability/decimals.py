@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from fractions import Fraction
 from typing import Any
 
@@ -55,13 +56,18 @@ def field_of(body: Any, decimals: bool) -> QuadraticField:
     return QuadraticField.from_hamiltonian(H, body.dimension, np.vectorize(decimal, "O")(body.K))
 
 
-def note_on_floats(numbers: Any) -> list[str]:
-    """Return a note if numbers look like decimal fractions taken as floats."""
-    for c in numbers:
-        simple, q = Fraction(c).limit_denominator(10**6), Fraction(c).denominator
-        if q > _LONG and q & (q - 1) == 0 and float(simple) == c:
-            return [
-                f"The float {float(c)!r} is taken exactly, as {c}: if {simple} is meant, write "
-                f"Fraction({simple.numerator}, {simple.denominator}), or decimals=True for all."
-            ]
+def note_on_floats(values: Iterable[Any]) -> list[str]:
+    """Return a note if numbers in nested lists look like decimals that are taken as floats."""
+    for c in values:
+        if isinstance(c, list):
+            if note := note_on_floats(c):
+                return note
+        elif isinstance(c, float | Fraction):
+            simple, q = Fraction(c).limit_denominator(10**6), Fraction(c).denominator
+            if q > _LONG and q & (q - 1) == 0 and float(simple) == c:
+                return [
+                    f"The float {float(c)!r} is taken exactly, as {Fraction(c)}: if {simple} is "
+                    f"meant, write Fraction({simple.numerator}, {simple.denominator}), or "
+                    "decimals=True for all."
+                ]
     return []

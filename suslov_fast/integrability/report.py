@@ -263,5 +263,4 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[BirationalMap, list[s
     if decimals and isinstance(eps, float):
         eps = decimal(eps)
     map = kahan(found, eps)
-    numbers = [a for array in (found.quadratic, found.linear, found.constant) for a in array.flat]
-    return map, note_on_floats([*numbers, *([] if map.eps is None else [map.eps])])
+    return map, [] if decimals else note_on_floats([*field.to_dict().values(), map.eps])

@@ -66,7 +66,7 @@ def ensemble(
         Names of the axes of the batch. A parameter, or "eps", that varies along the axis of its
         name alone becomes the coordinate of that axis, so that ``.sel(eps=0.2)`` works.
     coords : mapping, optional
-        More coordinates, as :class:`xarray.Dataset` takes them.
+        More coordinates, as `xarray.Dataset` takes them.
     chunk : int or mapping, optional
         Number of trajectories in a tile, or sizes along `dims` and "n", the saved states; by
         default chunks of 16 MiB or less. Results do not depend on it; a store keeps its own.

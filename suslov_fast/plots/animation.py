@@ -105,20 +105,27 @@ def _turning_body(
     radii, principal, I3, _ = geometry.ellipsoid(body)
     radii = _RADIUS * radii
     surface = np.einsum("ij,j,jkl->ikl", principal, radii, _sphere())
+    look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "rcount": 65, "ccount": 65}
     path = _PATH * rotations[:, :, 2]
     axes = plt.Figure(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
     axes.computed_zorder = False
     axes.set_proj_type("ortho")
+    elevation, azimuth = np.deg2rad([axes.elev, axes.azim])
+    flat = np.cos(elevation)
+    eye = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
 
     def draw(number: int) -> list[Any]:
         axes.clear()
-        R, eye = rotations[number], _towards_eye(axes)
-        _plot_surface(axes, np.einsum("ij,jkl->ikl", R, surface))
+        R = rotations[number]
+        axes.plot_surface(*np.einsum("ij,jkl->ikl", R, surface), zorder=2, **look)
         for k, (colour, name) in enumerate(_BODY_AXES):
             # A convex body hides an axis that leaves it through the side turned away.
             normal = principal / radii**2 @ (principal.T[:, k])
             order = 3 if R @ normal @ eye > 0 else 1
-            _plot_axis(axes, R[:, k], 1.0 / np.sqrt(normal[k]), colour, name, order)
+            ends = np.outer([1.0 / np.sqrt(normal[k]), _TIP], R[:, k])
+            axes.plot(*ends.T, color=colour, linewidth=2.2, zorder=order)
+            place = {"ha": "center", "va": "center", "zorder": order}
+            axes.text(*(_NAME * R[:, k]), name, color=colour, **place)
         past = path[: number + 1]
         _plot_around(axes, past, past @ eye >= 0)
         axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
@@ -137,34 +144,6 @@ def _sphere() -> FloatArray:
     v = np.linspace(np.pi - pole, pole, 33)  # normals point outwards
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 65), v)
     return np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
-
-
-def _towards_eye(axes: Any) -> FloatArray:
-    """Return the unit vector from axes in three dimensions to the eye."""
-    elevation, azimuth = np.deg2rad([axes.elev, axes.azim])
-    flat = np.cos(elevation)
-    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
-
-
-def _plot_surface(axes: Any, surface: FloatArray) -> None:
-    from matplotlib.colors import LightSource
-
-    light = LightSource(azdeg=150.0, altdeg=55.0)
-    look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "lightsource": light}
-    axes.plot_surface(*surface, rcount=65, ccount=65, zorder=2, **look)
-
-
-def _plot_axis(
-    axes: Any, direction: FloatArray, reach: float, colour: str, name: str, order: int
-) -> None:
-    """Draw an axis of the body from its surface on, with its name."""
-    from matplotlib.patheffects import withStroke
-
-    ends = np.outer([reach, _TIP], direction).T
-    axes.plot(*ends, color=colour, linewidth=2.2, zorder=order)
-    look = {"color": colour, "ha": "center", "va": "center", "zorder": order}
-    outline = [withStroke(linewidth=3.0, foreground="white")]
-    axes.text(*(_NAME * direction), name, path_effects=outline, **look)
 
 
 def _plot_around(axes: Any, points: FloatArray, in_front: NDArray[np.bool_]) -> None:

@@ -76,12 +76,9 @@ def steady_line(body: BodyIn3D) -> tuple[FloatArray, FloatArray]:
 
 
 def ellipsoid(body: BodyIn3D) -> tuple[FloatArray, FloatArray, float, bool]:
-    """Return the points r with r.I r constant, I the inertia tensor of a single body.
+    """Return semi-axes, the largest being 1, directions as columns, I3, and if it is admissible.
 
-    These are the semi-axes, the largest being 1, their directions as columns, the corresponding I3,
-    and True if it is admissible. I3 is that of the body, by default the middle of the interval of
-    admissible values, or, if that is empty, a value with a positive definite inertia tensor.
-    Raises ValueError if the tensor is not positive definite.
+    A body without I3 has the middle of the interval or, if that is empty, one of an ellipsoid.
     """
     I1, I2, I13, I23 = map(float, (body.I1, body.I2, body.I13, body.I23))
     low, high = Suslov3D(I1, I2, I13, I23).admissible_I3()

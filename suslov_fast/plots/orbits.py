@@ -16,8 +16,6 @@ _LEVELS = {
     "first_integral": "level of the first integral $F$",
     "modified_energy": "level of the modified energy",
 }
-# Levels that agree to this relative distance have one colour.
-_SAME = 1e-9
 
 
 def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
@@ -64,7 +62,7 @@ def _levels(run: Any) -> tuple[FloatArray, str]:
     if known and run.states[0].size:
         values = getattr(conserved, known[0])(run.body, run.states[0], run.eps).ravel()
         finite = values[np.isfinite(values)]
-        if finite.size and np.ptp(finite) > _SAME * abs(finite).max():
+        if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
             return values, _LEVELS[known[0]]
     return np.zeros(math.prod(run.states.shape[1:-1])), ""
 

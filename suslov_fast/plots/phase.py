@@ -13,9 +13,6 @@ from ..runs.iterate import iterate
 from . import geometry
 from .geometry import BodyIn3D
 
-# Lines differ in style as well as in colour.
-_LINE_COLOUR = "crimson"
-_STEADY = r"$I_{13}\,\Omega_1 + I_{23}\,\Omega_2"
 # Phase between the ends of orbits and the line, where the arc is a half turn; longest orbits.
 _FROM_LINE, _LONGEST_TURN = 0.03, 1000
 
@@ -93,9 +90,9 @@ def plot_phase(
             _arrow(axes, body, orbit, extent, colour)
     if g:
         _steady_states(axes, body, 4.0 * extent)
-    colour, name = colours[levels // 2], "levels of $F$, one colour each"
-    axes.plot([], [], "-", color=colour, linewidth=0.8, label=name)
-    axes.plot([], [], ".", color=colour, markersize=6, label="states of the map")
+    look = {"color": colours[levels // 2], "linewidth": 0.8}
+    axes.plot([], [], "-", label="levels of $F$, one colour each", **look)
+    axes.plot([], [], ".", label="states of the map", **look)
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
@@ -143,11 +140,12 @@ def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:
 def _steady_states(axes: Any, body: Any, reach: float) -> None:
     """The attracting and the repelling half of the line l = 0, which meet where F is least."""
     middle, direction = geometry.steady_line(body)
-    line = _STEADY + (r" + k = 0$" if geometry.half_angle(body)[1] else " = 0$")
+    k = " + k" if geometry.half_angle(body)[1] else ""
+    line = rf"$I_{{13}}\,\Omega_1 + I_{{23}}\,\Omega_2{k} = 0$"
     for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
         ends = middle + np.outer([0.0, sign * (reach + np.hypot(*middle))], direction)
-        label = f"{line}, {name}"
-        axes.plot(*ends.T, color=_LINE_COLOUR, linewidth=2.4, linestyle=style, label=label)
+        look = {"color": "crimson", "linewidth": 2.4, "linestyle": style}
+        axes.plot(*ends.T, label=f"{line}, {name}", **look)
 
 
 def _arrow(axes: Any, body: Any, orbit: FloatArray, extent: float, colour: Any) -> None:

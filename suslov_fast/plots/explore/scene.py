@@ -41,9 +41,9 @@ def answer(query: str) -> dict[str, Any]:
         named = str(error).partition(":")[0].split(", ")
         fields = [name for name in named if name in Parameters._fields]
         return {"error": str(error), "fields": fields}
-    except ArithmeticError:
+    except ArithmeticError as error:
         expected = "parameters: expected numbers of which a picture can be drawn"
-        return {"error": f"{expected}, got some that are too far apart", "fields": []}
+        return {"error": f"{expected}, got an {error}", "fields": []}
 
 
 def scene(parameters: Parameters) -> dict[str, Any]:

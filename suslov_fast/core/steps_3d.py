@@ -176,13 +176,9 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
         if start == 0:
             b[U, l], b[V, l] = omega0[i, 0], omega0[i, 1]
         else:
-            b[KIND, l], b[X_, l], b[Y_, l] = carry[i, 0], carry[i, 1], carry[i, 2]
-            b[XG, l], b[U, l], b[V, l], b[R2, l] = (
-                carry[i, 1],
-                carry[i, 2],
-                carry[i, 3],
-                carry[i, 4],
-            )
+            X, Y, v = carry[i, 1], carry[i, 2], carry[i, 3]  # Y, or u
+            b[KIND, l], b[R2, l] = carry[i, 0], carry[i, 4]
+            b[X_, l], b[Y_, l], b[XG, l], b[U, l], b[V, l] = X, Y, X, Y, v
     for l in range(LANES):
         I1, I2, I13, I23, k, eps = frame_at(b, l)  # not yet a frame
         frame = frame_of(I1, I2, I13, I23, k, eps)

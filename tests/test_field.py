@@ -66,7 +66,6 @@ def test_coefficients_of_a_function_are_exact():
 def test_values_are_fractions_or_floats():
     state = [1.5, -2.0, 20.0]
     assert LORENZ(state) == pytest.approx(lorenz(state), rel=1e-15)
-    assert type(LORENZ([1, 2, 3])[0]) is F
     assert BATCH(np.ones((4, 1, 3))).shape == (4, 2, 3)
     second = QuadraticField(BATCH.quadratic[1], LORENZ.linear)
     np.testing.assert_allclose(BATCH(state)[1], second(state), rtol=1e-14)

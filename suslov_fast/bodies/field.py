@@ -29,7 +29,7 @@ from .numbers import (
     from_lists,
     to_lists,
 )
-from .polynomials import components, family, tensor, terms_of, text_of, traced
+from .polynomials import family, terms_of, text_of, traced
 from .tensors import Hamiltonian, at_points, rates, sparse
 
 # Numbers of axes that are not axes of the batch.
@@ -163,7 +163,7 @@ class QuadraticField(Body):
         ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
         """
         D = integer("dimension", dimension, 1)
-        (table,), values = family(parameters, lambda given: (components(f, D, given),))
+        (table,), values = family(parameters, lambda given: (traced("f", f, D, 2, given),))
         return cls._made(table, None, None, values)
 
     @classmethod
@@ -199,7 +199,7 @@ class QuadraticField(Body):
         matrix = antisymmetric(K, D)
 
         def tables(given: Mapping[str, Any]) -> tuple[Any, Any]:
-            whole = tensor("H", traced("H", H, D, 3, given), D, 3)
+            whole = traced("H", H, D, 3, given)
             return within("H", rates(whole, matrix), OTHERS), whole
 
         (table, whole), values = family(parameters, tables)

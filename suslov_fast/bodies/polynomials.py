@@ -88,26 +88,39 @@ class Polynomial:
 def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
-    """Return f(x, **parameters) for polynomials x, with errors that say what f may do."""
-    what = f"a function of x that returns polynomials of degree at most {degree} in x[0] to"
-    expected = f"{what} x[{D - 1}], made by +, -, * and divisions by numbers"
+    """Return the tensors of the D polynomials f(x, **parameters), or of the one of degree 3."""
+    count = f"{D} polynomials" if degree == 2 else "a polynomial"
+    expected = f"a function that returns {count} of degree at most {degree} in x[0] to x[{D - 1}]"
     try:
-        return f(tuple(Polynomial({(i,): Fraction(1)}) for i in range(D)), **parameters)
-    except (TypeError, AttributeError) as error:
+        found = f(tuple(Polynomial({(i,): Fraction(1)}) for i in range(D)), **parameters)
+        if degree == 3:
+            return _tensor(found, D, degree)
+        if not isinstance(found, (tuple, list, np.ndarray)) or len(found) != D:
+            raise ValueError(short(found))
+        return np.stack([_tensor(each, D, degree) for each in found])
+    except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
+        kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
         of_numpy = re.search(r"callable (\w+) method", str(error))
+        received = f"{of_numpy[1]} of x" if of_numpy else error
         raise wrong(
-            name, expected, f"{of_numpy[1]} of x" if of_numpy else error, TypeError
+            name, f"{expected}, by +, -, * and divisions by numbers", received, kind
         ) from error
-    except (ValueError, IndexError, ArithmeticError) as error:
-        raise wrong(name, expected, f"an error: {error}") from error
 
 
-def components(f: Callable[..., Any], D: int, parameters: Mapping[str, Any]) -> Any:
-    """Return the table of D polynomials f(x, **parameters) of degree 2."""
-    found = traced("f", f, D, 2, parameters)
-    if not isinstance(found, (tuple, list, np.ndarray)) or len(found) != D:
-        raise wrong("f", f"a function that returns a tuple of {D} components", short(found))
-    return np.stack([tensor("f", each, D, 2) for each in found])
+def _tensor(value: Any, D: int, degree: int) -> Any:
+    """Return a polynomial as a symmetric tensor of fractions in homogeneous coordinates."""
+    polynomial = Polynomial.of(value)
+    if polynomial is None:
+        raise TypeError(f"{short(value)} of type {type(value).__name__}")
+    within("coefficients", np.array([*polynomial.terms.values()], dtype=object), OTHERS)
+    table = np.full((D + 1,) * degree, Fraction(0))
+    for powers, c in polynomial.terms.items():
+        if len(powers) > degree:
+            raise ValueError(f"degree {len(powers)}" + _LIFT * (degree == 2))
+        places = {*permutations((*powers, *[D] * (degree - len(powers))))}
+        for each in places:
+            table[each] = c / len(places)
+    return table
 
 
 def family(
@@ -123,25 +136,6 @@ def family(
     one = members or [tables(dict.fromkeys(values, 1.0))]  # shapes of an empty batch
     columns = (np.array(each, np.float64)[: len(members)] for each in zip(*one, strict=True))
     return tuple(each.reshape(*arrays[0].shape, *each.shape[1:]) for each in columns), values
-
-
-def tensor(name: str, value: Any, D: int, degree: int) -> Any:
-    """Return a polynomial as a symmetric tensor of fractions in homogeneous coordinates."""
-    polynomial = Polynomial.of(value)
-    if polynomial is None:
-        received = f"{short(value)} of type {type(value).__name__}"
-        raise wrong(name, "polynomials in x, or numbers", received, TypeError)
-    within(name, np.array([*polynomial.terms.values(), 0], dtype=object), OTHERS)
-    table = np.full((D + 1,) * degree, Fraction(0))
-    for powers, c in polynomial.terms.items():
-        if len(powers) > degree:
-            lift = _LIFT if degree == 2 else ""
-            received = f"degree {len(powers)}{lift}"
-            raise wrong(name, f"polynomials of degree at most {degree}", received)
-        places = {*permutations((*powers, *[D] * (degree - len(powers))))}
-        for each in places:
-            table[each] = c / len(places)
-    return table
 
 
 def terms_of(table: Any) -> Terms:

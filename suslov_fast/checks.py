@@ -233,9 +233,8 @@ def instance(name: str, value: Any, expected: Any) -> None:
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         names = " or ".join(each.__name__ for each in classes)
-        received = getattr(value, "_kind", type(value).__name__)
-        if isinstance(value, type):
-            received = f"the class {value.__name__}"
+        is_class = isinstance(value, type)
+        received = f"the class {value.__name__}" if is_class else type(value).__name__
         raise wrong(name, names, received, TypeError)
 
 

@@ -91,12 +91,6 @@ class QuadraticField(Body):
         _parameters: dict[str, Any] = {}
 
     _extras: ClassVar[tuple[str, ...]] = ("H", "K", "parameters")
-    # What messages say of fields in place of bodies.
-    _kind: ClassVar[str] = (
-        "QuadraticField; fields have step, iterate, vector_field, jacobian, matrix, multipliers "
-        "and lyapunov_exponents, and those from a Hamiltonian energy, modified_energy and "
-        "invariant_density"
-    )
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
         arrays = {"quadratic": as_given("quadratic", quadratic)}

@@ -2,22 +2,20 @@
 
 They take the terms v x_j x_k of the equations i, with x_D = 1, as places (3, T) and values (T,), a
 step size for each of B states (B,), used or not, and the states (B, D). Terms of a Hamiltonian are
-v x_i x_j x_k. A loop over the states, of one term at a time, is within a loop over blocks of them;
-matrices are those of `steps_field`, in lanes.
+v x_i x_j x_k. Blocks of states are lanes, as in `steps_field`.
 """
 
 import numpy as np
 
 from .codes import OK
 from .elimination import determinant_of, eliminate, keeps_digits, substitute
-from .numba import formula, function
+from .numba import function
 from .steps_field import (
     LARGEST,
     LEAST,
     ROWS,
     advance,
     advance_one,
-    enter_field,
     fill,
     is_accurate,
     lanes_of,
@@ -27,117 +25,147 @@ from .tangent import derive
 from .universal import universal
 
 FIELD = "(c,t),(t),(b),(b,d)->"
-BLOCK = 128
 
 
-@formula
-def factor(x, b, j):
-    """x_j of state b, or 1."""
-    return x[b, j] if j < x.shape[1] else 1.0
+@function
+def rows_of(D, count):
+    """Return rows for a block of states, and one more of ones, for x_D."""
+    return np.ones((D + 1, lanes_of(D, count)))
+
+
+@function
+def read(x, first, y):
+    """Fill rows y with states from `first` on; return their number."""
+    count = min(y.shape[1], len(x) - first)
+    for i in range(x.shape[1]):
+        for l in range(count):
+            y[i, l] = x[first + l, i]
+    return count
 
 
 @universal(FIELD + "(b,d)")
 def vector_field(places, values, eps, x, out):
-    for first in range(0, len(x), BLOCK):
-        last = min(first + BLOCK, len(x))
-        for b in range(first, last):
-            for i in range(x.shape[1]):
-                out[b, i] = 0.0 * x[b, i]  # NaN where the state is
+    D, terms, y = x.shape[1], places.astype(np.int64), rows_of(x.shape[1], len(x))
+    f = np.empty_like(y)
+    for first in range(0, len(x), y.shape[1]):
+        count = read(x, first, y)
+        f[:] = 0.0 * y  # NaN where the state is
         for t in range(len(values)):
-            i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
-            for b in range(first, last):
-                out[b, i] += values[t] * factor(x, b, j) * factor(x, b, k)
-
-
-@universal(FIELD + "(b,d,d)")
-def matrix(places, values, eps, x, out):
-    """1 - (eps / 2) f'."""
-    D = x.shape[1]
-    for first in range(0, len(x), BLOCK):
-        last = min(first + BLOCK, len(x))
-        for b in range(first, last):
-            for i in range(D):
-                for j in range(D):
-                    out[b, i, j] = (1.0 if i == j else 0.0) + 0.0 * x[b, i]
-        for t in range(len(values)):
-            i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
-            for b in range(first, last):
-                half = 0.5 * eps[b] * values[t]
-                if j < D:
-                    out[b, i, j] -= half * factor(x, b, k)
-                if k < D:
-                    out[b, i, k] -= half * factor(x, b, j)
+            (i, j, k), v = terms[:, t], values[t]
+            for l in range(count):
+                f[i, l] += v * y[j, l] * y[k, l]
+        for i in range(D):
+            for l in range(count):
+                out[first + l, i] = f[i, l]
 
 
 @universal(FIELD + "(b)")
 def hamiltonian(places, values, eps, x, out):
-    for first in range(0, len(x), BLOCK):
-        last = min(first + BLOCK, len(x))
-        for b in range(first, last):
-            out[b] = 0.0
-            for i in range(x.shape[1]):
-                out[b] += 0.0 * x[b, i]
+    terms, y = places.astype(np.int64), rows_of(x.shape[1], len(x))
+    h = np.empty(y.shape[1])
+    for first in range(0, len(x), len(h)):
+        count = read(x, first, y)
+        h[:] = 0.0
+        for i in range(x.shape[1]):
+            for l in range(count):
+                h[l] += 0.0 * y[i, l]  # NaN where the state is
         for t in range(len(values)):
-            i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
-            for b in range(first, last):
-                out[b] += values[t] * factor(x, b, i) * factor(x, b, j) * factor(x, b, k)
+            (i, j, k), v = terms[:, t], values[t]
+            for l in range(count):
+                h[l] += v * y[i, l] * y[j, l] * y[k, l]
+        for l in range(count):
+            out[first + l] = h[l]
 
 
 @universal("(c,t),(t),(b),(b,d),(b,d)->(b)")
 def polarised_hamiltonian(places, values, eps, x, after, out):
     """H(x, x, after), the symmetric trilinear form in (x, 1) for which H(x) = H(x, x, x)."""
-    for b in range(len(x)):
-        total = 0.0
+    terms, y = places.astype(np.int64), rows_of(x.shape[1], len(x))
+    z, h = np.ones_like(y), np.empty(y.shape[1])
+    for first in range(0, len(x), len(h)):
+        count = read(x, first, y)
+        read(after, first, z)
+        h[:] = 0.0
         for t in range(len(values)):
-            i, j, k = int(places[0, t]), int(places[1, t]), int(places[2, t])
-            first, second, third = factor(x, b, i), factor(x, b, j), factor(x, b, k)
-            form = first * second * factor(after, b, k) + first * factor(after, b, j) * third
-            total += values[t] * (form + factor(after, b, i) * second * third)
-        out[b] = total / 3.0
+            (i, j, k), v = terms[:, t], values[t] / 3.0
+            for l in range(count):
+                form = y[i, l] * y[j, l] * z[k, l] + y[i, l] * z[j, l] * y[k, l]
+                h[l] += v * (form + z[i, l] * y[j, l] * y[k, l])
+        for l in range(count):
+            out[first + l] = h[l]
 
 
 @function
-def enter_states(terms, values, eps, x, first, states, fixed, half, a):
-    """Fill the lanes of a block with states from `first` on; lanes beyond the last repeat it."""
-    for l in range(states.shape[2]):
-        b = min(first + l, len(x) - 1)
-        enter_field(terms, values, eps[b], fixed, half, l)
-        for i in range(x.shape[1]):
-            states[0, i, l] = x[b, i]
-    fill(terms, half, fixed, states[0], a, states.shape[2])
+def memory_of(places, x):
+    """Return the terms, and the arrays x, fixed, half and `a` of a block of `steps_field`."""
+    D, T, lanes = x.shape[1], places.shape[1], lanes_of(x.shape[1], len(x))
+    fixed, a = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes))
+    return places.astype(np.int64), np.zeros((2, D, lanes)), fixed, np.zeros((T, lanes)), a
+
+
+@function
+def fill_block(block, values, eps, x, first):
+    """Fill a block with states from `first` on; return their number."""
+    terms, states, fixed, half, a = block
+    D, count = x.shape[1], read(x, first, states[0])
+    for i in range(D):
+        for j in range(D + 1):
+            fixed[i, j] = 1.0 if i == j else 0.0
+    for t in range(len(values)):
+        (i, j, k), v = terms[:, t], values[t]
+        for l in range(count):
+            half[t, l] = 0.5 * eps[first + l] * v
+        if k == D:
+            fixed[i, j] -= half[t]
+    fill(terms, half, fixed, states[0], a, a.shape[2])
+    return count
+
+
+@universal(FIELD + "(b,d,d)")
+def matrix(places, values, eps, x, out):
+    """1 - (eps / 2) f'."""
+    block, D = memory_of(places, x), x.shape[1]
+    a = block[-1]
+    for first in range(0, len(x), a.shape[2]):
+        count = fill_block(block, values, eps, x, first)
+        for i in range(D):
+            for j in range(D):
+                for l in range(count):
+                    out[first + l, i, j] = a[i, j, l] + 0.0 * x[first + l, i]
 
 
 @universal(FIELD + "(b)")
 def density(places, values, eps, x, out):
     """1 / det A, infinite where the determinant is 0 to rounding."""
-    D, T, lanes = x.shape[1], len(values), lanes_of(x.shape[1], len(x))
-    terms, one = places.astype(np.int64), memory_of_one(D, T)
-    states, half, b = np.empty((2, D, lanes)), np.empty((T, lanes)), np.empty((ROWS, lanes))
-    fixed, a = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes))
+    block, D = memory_of(places, x), x.shape[1]
+    terms, states, fixed, half, a = block
+    lanes, one = a.shape[2], memory_of_one(D, len(values))
+    b = np.empty((ROWS, lanes))
     for first in range(0, len(x), lanes):
-        enter_states(terms, values, eps, x, first, states, fixed, half, a)
+        count = fill_block(block, values, eps, x, first)
         eliminate(a, b[LEAST], b[LARGEST], lanes)
-        for l in range(min(lanes, len(x) - first)):
-            out[first + l] = 1.0
+        for l in range(count):
+            found = 1.0
             for i in range(D):
-                out[first + l] *= a[i, i, l]
+                found *= a[i, i, l]
             if not keeps_digits(b[LEAST, l], b[LARGEST, l]):
                 advance_one(terms, states, fixed, half, l, one)
-                out[first + l] = 1.0 / determinant_of(one[3], one[4])
+                found = 1.0 / determinant_of(one[3], one[4])
             for i in range(D):
-                out[first + l] += 0.0 * x[first + l, i]
+                found += 0.0 * x[first + l, i]
+            out[first + l] = found
 
 
 @universal(FIELD + "(b,d,d)")
 def jacobian(places, values, eps, x, out):
     """A(x)**-1 (2 - A(x_next))."""
-    D, T, lanes = x.shape[1], len(values), lanes_of(x.shape[1], len(x))
-    terms, one, system = places.astype(np.int64), memory_of_one(D, T), np.empty((D, 2 * D, 1))
-    states, half, b = np.empty((2, D, lanes)), np.empty((T, lanes)), np.empty((ROWS, lanes))
-    fixed, a = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes))
-    after, one_after, right = np.empty_like(a), np.empty((D, D + 1, 1)), np.empty((D, D, lanes))
+    block, D = memory_of(places, x), x.shape[1]
+    terms, states, fixed, half, a = block
+    lanes, one, system = a.shape[2], memory_of_one(D, len(values)), np.empty((D, 2 * D, 1))
+    b, right = np.empty((ROWS, lanes)), np.empty((D, D, lanes))
+    after, one_after = np.empty_like(a), np.empty((D, D + 1, 1))
     for first in range(0, len(x), lanes):
-        enter_states(terms, values, eps, x, first, states, fixed, half, a)
+        count = fill_block(block, values, eps, x, first)
         advance(states, a, b, lanes)
         fill(terms, half, fixed, states[1], after, lanes)
         for i in range(D):
@@ -146,7 +174,7 @@ def jacobian(places, values, eps, x, out):
                 for l in range(lanes):
                     right[i, j, l] = unit - after[i, j, l]
         substitute(a, right)
-        for l in range(min(lanes, len(x) - first)):
+        for l in range(count):
             exists = 1.0
             if not is_accurate(b, l, D):
                 for i in range(D):

@@ -42,10 +42,10 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
 
 
 def _hamiltonian(states: States) -> FloatArray:
-    return by_terms(fields.hamiltonian, states, _terms_of_hamiltonian(states.body))
+    return by_terms(fields.hamiltonian, states, terms=_terms_of(states.body))
 
 
-def _terms_of_hamiltonian(field: QuadraticField) -> Any:
+def _terms_of(field: QuadraticField) -> Any:
     if field.H is None:
         expected = "a field with a Hamiltonian, made by QuadraticField.from_hamiltonian"
         raise wrong("body", expected, "one without", TypeError)
@@ -135,8 +135,8 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
 
 
 def _modified_hamiltonian(states: States) -> FloatArray:
-    terms = _terms_of_hamiltonian(states.body)
-    return by_terms(fields.polarised_hamiltonian, states, terms, next_states(states))
+    terms = _terms_of(states.body)
+    return by_terms(fields.polarised_hamiltonian, states, next_states(states), terms=terms)
 
 
 def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -267,5 +267,5 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
 
 
 def _density_of_field(states: States) -> FloatArray:
-    _terms_of_hamiltonian(states.body)  # there has to be one
+    _terms_of(states.body)  # there has to be one
     return by_terms(fields.density, states)

@@ -70,16 +70,15 @@ def terms_of(body: Any) -> tuple[Any, FloatArray]:
 
 
 def by_terms(
-    formula: Universal, states: States, terms: Any = None, after: FloatArray | None = None
+    formula: Universal, states: States, *after: FloatArray, terms: Any = None
 ) -> FloatArray:
-    """Return a quantity by a formula of terms, by default those of the equations, and perhaps of
-    the next states.
+    """Return a quantity by a formula of terms, by default of the equations, and of more states.
 
     Formulas take the states of a single field in rows, which are the last axis of the batch.
     """
     body, omega, eps, batch, *_ = states
-    arrays = [np.broadcast_to(eps, batch), np.broadcast_to(omega, (*batch, body.dimension))]
-    arrays += [] if after is None else [after]
+    arrays = [np.broadcast_to(each, (*batch, body.dimension)) for each in (omega, *after)]
+    arrays.insert(0, np.broadcast_to(eps, batch))
     one_by_one = bool(body.shape) or not batch
     if one_by_one:
         arrays = [np.expand_dims(each, len(batch)) for each in arrays]

@@ -20,8 +20,6 @@ from ..maps import map_of
 # A state follows another if it differs from the image of that by less than this part of the step,
 # which is above rounding and below what any other method or step size gives, and of the state.
 _OF_THE_STEP, _OF_THE_STATE = 1e-6, 1e-10
-# Numbers of the states that are tested at a time.
-_SLAB = 2**16
 
 
 def attitude(
@@ -98,20 +96,16 @@ def attitude(
 
 def _check_that_states_follow(body: Any, states: FloatArray, eps: FloatArray) -> None:
     """Raise ValueError if states (N + 1, ..., D) are not consecutive states of the map."""
-    rows = max(_SLAB // max(math.prod(states.shape[1:]), 1), 1)
-    for first in range(0, len(states) - 1, rows):
-        before, after = states[first : first + rows], states[first + 1 : first + rows + 1]
-        before = before[: len(after)]
-        with np.errstate(all="ignore"):
-            strays = ~(_follows(body, before, after, eps) | _follows(body, after, before, -eps))
-        strays &= ~np.isnan(before + after).any(axis=-1)
-        if strays.any():
-            row, *place = first_index(strays)
-            where = f" of trajectory {spell(tuple(place))}" if place else ""
-            received = f"states {first + row} and {first + row + 1}{where} that are not"
-            hint = "if the run was saved with save_every > 1, save every state"
-            expected = "consecutive states of the map with this eps"
-            raise wrong("omega", expected, f"{received}; {hint}")
+    before, after = states[:-1], states[1:]
+    with np.errstate(all="ignore"):
+        strays = ~(_follows(body, before, after, eps) | _follows(body, after, before, -eps))
+    strays &= ~np.isnan(before + after).any(axis=-1)
+    if strays.any():
+        row, *place = first_index(strays)
+        where = f" of trajectory {spell(tuple(place))}" if place else ""
+        received = f"states {row} and {row + 1}{where} that are not"
+        hint = "if the run was saved with save_every > 1, save every state"
+        raise wrong("omega", "consecutive states of the map with this eps", f"{received}; {hint}")
 
 
 def _follows(body: Any, before: FloatArray, after: FloatArray, eps: FloatArray) -> Any:

@@ -32,10 +32,10 @@ from .quantities.exponents import lyapunov_exponents as lyapunov_exponents
 from .quantities.fixed_points import fixed_points as fixed_points
 from .runs.ensemble import ensemble as ensemble
 from .runs.ensemble import open_ensemble as open_ensemble
+from .runs.failures import SingularStepError as SingularStepError
 from .runs.iterate import iterate as iterate
 from .runs.iterate import step as step
 from .runs.iterate import step_full as step_full
-from .runs.running import SingularStepError as SingularStepError
 from .runs.solution import exact as exact
 from .runs.solution import flow as flow
 from .runs.solution import limits as limits

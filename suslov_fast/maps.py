@@ -24,19 +24,10 @@ class Map:
     body: type[Any]  # the class of its bodies
     title: str  # of datasets, for people
     methods: Mapping[str, Steps]  # by the values of the argument `method`, the default first
-    functions: Callable[
-        [Any], tuple[str, ...]
-    ]  # the methods of a run, by name: functions of its states
-    # Bodies, each with a state, at a pole of eps = 1 if there is one: calls with them need all
-    # kernels of the map.
-    samples: tuple[tuple[Any, tuple[float, ...]], ...]
+    functions: Callable[[Any], tuple[str, ...]]  # of the states of a run: names of its methods
+    sample: tuple[Any, tuple[float, ...]]  # a body, and a state at a pole of eps = 1
     variable: str = "omega"  # the name of a state
     meaning: str = "angular velocity"
-
-    @property
-    def carries_attitude(self) -> bool:
-        """True if runs can include the orientation of a body."""
-        return self.variable == "omega"
 
     def conserved(self, body: Any) -> tuple[str, ...]:
         """Return the functions whose drift the summary of a run reports."""
@@ -67,7 +58,7 @@ _RECORDS = (
         name="suslov3d",
         body=Suslov3D,
         title="Discrete Suslov problem",
-        samples=((Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),),
+        sample=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
         methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED)},
         functions=lambda body: (*_IN_3D, "to_xy"),
     ),
@@ -75,7 +66,7 @@ _RECORDS = (
         name="suslov_nd",
         body=SuslovND,
         title="Discrete Suslov problem in n dimensions",
-        samples=((SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),),
+        sample=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
         methods={
             "auto": Steps(steps_nd.steps, steps_nd.carried, lambda D: 8.0 * D, 32),
             "gauss": Steps(steps_nd.gauss_steps, steps_nd.carried, lambda D: D**3 / 3.0, 32),
@@ -87,7 +78,7 @@ _RECORDS = (
         name="suslov_gyrostat",
         body=SuslovGyrostat,
         title="Discrete Suslov gyrostat",
-        samples=((SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),),
+        sample=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
         methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED, lambda D: 2.0)},
         functions=lambda body: _IN_3D,
     ),
@@ -95,7 +86,7 @@ _RECORDS = (
         name="quadratic",
         body=QuadraticField,
         title="Kahan map of a quadratic field",
-        samples=((QuadraticField([[[1]]]), (1.0,)),),  # x' = x**2
+        sample=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
         methods={"auto": Steps(steps_field.steps, steps_field.carried, lambda D: 4.0 * D**2, 32)},
         functions=_of_field,
         variable="x",
@@ -103,6 +94,7 @@ _RECORDS = (
     ),
 )
 MAPS = {record.name: record for record in _RECORDS}
+_KINDS: dict[str, Any] = {record.body.__name__: record.body for record in _RECORDS}
 
 
 def map_named(name: str) -> Map:
@@ -120,11 +112,7 @@ def map_of(body: Any) -> Map:
         if isinstance(body, record.body):
             return record
     received = f"the class {body.__name__}" if isinstance(body, type) else type(body).__name__
-    raise checks.wrong("body", " or ".join(_classes()), received, TypeError)
-
-
-def _classes() -> dict[str, Any]:
-    return {record.body.__name__: record.body for record in _RECORDS}
+    raise checks.wrong("body", " or ".join(_KINDS), received, TypeError)
 
 
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:
@@ -146,5 +134,4 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
     """
     checks.instance("parameters", parameters, Mapping)
-    kinds = _classes()
-    return kinds[checks.one_of("body", parameters.get("body"), [*kinds])].from_dict(parameters)
+    return _KINDS[checks.one_of("body", parameters.get("body"), [*_KINDS])].from_dict(parameters)

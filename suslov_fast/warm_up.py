@@ -36,12 +36,12 @@ def calls() -> Iterator[tuple[Callable[..., Any], dict[str, Any]]]:
     for record, count in product(MAPS.values(), COUNTS):
         variants: list[dict[str, Any]] = [{"method": name} for name in record.methods]
         variants += [{}, {"save_every": None}, {"attitude": True}, {"n": [0, 40]}]
-        for body, pole in record.samples:
-            states = np.random.default_rng(0).uniform(0.1, 1.0, (count, body.dimension))
-            states[1::2] = pole
-            known = {"body": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
-            known |= {"omega": states, "omega0": states, "xy": states, "x": 0.0 * states}
-            for function, more in product(filter(inspect.isfunction, public), variants):
-                wanted = inspect.signature(function).parameters
-                if wanted.keys() >= more.keys():
-                    yield function, {k: v for k, v in (known | more).items() if k in wanted}
+        body, pole = record.sample
+        states = np.random.default_rng(0).uniform(0.1, 1.0, (count, body.dimension))
+        states[1::2] = pole
+        known = {"body": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
+        known |= {"omega": states, "omega0": states, "xy": states, "x": 0.0 * states}
+        for function, more in product(filter(inspect.isfunction, public), variants):
+            wanted = inspect.signature(function).parameters
+            if wanted.keys() >= more.keys():
+                yield function, {k: v for k, v in (known | more).items() if k in wanted}

@@ -52,8 +52,8 @@ def test_batches_and_a_transient():
     np.testing.assert_array_equal(expected[1], sf.lyapunov_exponents(LORENZ, later[1], *run))
     np.testing.assert_array_equal(sf.lyapunov_exponents(LORENZ, starts, *run, 30), expected)
     bodies = sf.Suslov3D(4, 1, -0.5, [-0.3, 0.2])
-    found = sf.lyapunov_exponents(bodies, [1.0, 0.5], [[0.1], [0.2]], 10)
-    single = sf.lyapunov_exponents(sf.Suslov3D(4, 1, -0.5, 0.2), [1.0, 0.5], 0.1, 10)
+    found = sf.lyapunov_exponents(bodies, [1.0, 0.5], [[0.1], [0.2]], 10, 5)
+    single = sf.lyapunov_exponents(sf.Suslov3D(4, 1, -0.5, 0.2), [1.0, 0.5], 0.1, 10, 5)
     np.testing.assert_array_equal(found[0, 1], single)
     assert sf.lyapunov_exponents(LORENZ, np.empty((0, 3)), *run).shape == (0, 3)
     for body, eps in ((bodies, 0.0), (sf.Suslov3D(4, 1, 0, 0), 0.2)):  # the identity map

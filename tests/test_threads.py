@@ -202,26 +202,3 @@ def test_progress(body, capsys, monkeypatch):
     assert max(seen) == seen[-1] == (300, 300)
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("error", [RuntimeError, MemoryError])
-def test_threads_that_cannot_be_started(error, monkeypatch):
-    """Calls are then serial, and the threads that were started end."""
-    started, threads_before, start = [], threading.active_count(), threading.Thread.start
-
-    def limited(thread):
-        if len(started) == 2:
-            raise error("can't start new thread")
-        started.append(start(thread))
-
-    calls = []
-    kernel = SimpleNamespace(serial=lambda: calls.append("serial"), parallel=calls.append)
-    monkeypatch.setattr(threading.Thread, "start", limited)
-    threads._can_start.cache_clear()
-    try:
-        threads.call_kernel(kernel, threads.CROSSOVER, 2)
-    finally:
-        threads._can_start.cache_clear()
-    assert calls == ["serial"]
-    assert len(started) == 2
-    assert threading.active_count() == threads_before

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,29 +34,21 @@ def states_at(
     shape = times.size, *omega.shape
     require(8 * math.prod(shape), "compute fewer states at a time")
     out, reasons = np.empty(shape), np.zeros((3, len(omega)), bool)
+
+    def fill(parameters: Any, omega: Any, times: Any, out: Any, reasons: Any) -> None:
+        work = len(omega) * (_ENTERING + _STATE * len(times))
+        before = parameters, omega, float(discrete), times
+        call_kernel(closed_form.states, work, threads, *before, out, reasons)
+
     if shape[0] * shape[1] <= _SLICE:
-        _fill(parameters, omega, discrete, times, threads, out, reasons)
+        fill(parameters, omega, times, out, reasons)
         return out, reasons
     for rows, orbits in _slices(*shape[:2]):
         part = tuple(each if len(each) == 1 else each[orbits] for each in parameters)
         found = np.zeros(reasons[:, orbits].shape, bool)
-        _fill(part, omega[orbits], discrete, times[rows], threads, out[rows, orbits], found)
+        fill(part, omega[orbits], times[rows], out[rows, orbits], found)
         reasons[:, orbits] |= found
     return out, reasons
-
-
-def _fill(
-    parameters: tuple[FloatArray, ...],
-    omega: FloatArray,
-    discrete: bool,
-    times: FloatArray,
-    threads: int | None,
-    out: FloatArray,
-    reasons: NDArray[np.bool_],
-) -> None:
-    work = len(omega) * (_ENTERING + _STATE * len(times))
-    before = parameters, omega, float(discrete), times
-    call_kernel(closed_form.states, work, threads, *before, out, reasons)
 
 
 def _slices(times: int, orbits: int) -> Iterator[tuple[slice, slice]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import threading
 from contextlib import suppress
-from functools import cache
 from typing import Any
 
 import numba
@@ -31,7 +30,6 @@ def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any)
         or (threads or numba.config.NUMBA_NUM_THREADS) == 1
         or not _may_use_threads
         or _owned()  # by a call interrupted by a signal, whose handler makes this call
-        or not _can_start(2 * numba.config.NUMBA_NUM_THREADS)  # twice: they need memory, too
         or not _parallel(kernel, threads, arguments)
     ):
         kernel.serial(*arguments)
@@ -53,24 +51,6 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
             _one_at_a_time.release()
         except RuntimeError:  # another thread's
             pass
-
-
-@cache
-def _can_start(count: int) -> bool:
-    """Return True if the system has room for that many threads; else Numba's abort, or hang."""
-    done, waiting = threading.Event(), []
-    try:
-        for _ in range(count):
-            thread = threading.Thread(target=done.wait, daemon=True)
-            thread.start()
-            waiting.append(thread)
-    except (RuntimeError, MemoryError):
-        return False
-    finally:
-        done.set()
-        for thread in waiting:
-            thread.join()
-    return True
 
 
 def _owned() -> bool:

@@ -70,7 +70,7 @@ def lyapunov_exponents(
     if transient:
         march = March(next(iter(map_of(body).methods.values())), states)
         march.to(transient)
-        start = march.final
+        start = flat_arrays(march.final, states.batch)
     with np.errstate(all="ignore"):
         sums, of_det = _growth(states, start, steps)
         lost = (sums[:, :-1] == -np.inf).any(axis=1)

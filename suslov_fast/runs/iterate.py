@@ -17,7 +17,7 @@ from ..engine.starts import RandomStarts
 from ..engine.status import SingularStepWarning
 from ..engine.stretches import March
 from ..maps import Map, map_of
-from .running import ON_SINGULAR, OnSingular, attributes_of_run, failures, report_failures
+from .failures import ON_SINGULAR, OnSingular, failures, report_failures
 from .trajectories import Trajectories
 
 Method = Literal["auto", "gauss", "rank2"]
@@ -145,8 +145,7 @@ def iterate(
     map, states = _begin(body, omega0, eps, method, attitude, threads)
     steps, save_every = _counts(steps, save_every)
     march = March(map.methods[method], states)
-    options = method, steps, save_every, progress, out
-    run = Trajectories._of(attributes_of_run(map, states, march, *options))
+    run = Trajectories._at_end(map, states, march, method, steps, save_every, progress, out)
     report_failures(run, on_singular)
     return run
 

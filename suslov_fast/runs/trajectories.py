@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, integer, one_of, short, wrong
-from ..engine.arguments import BodyOrField, States, thread_count
-from ..engine.progress import Progress, check_progress
+from ..engine.arguments import BodyOrField, States, checked_out, thread_count
+from ..engine.progress import Progress, check_progress, reporter
 from ..engine.stretches import March
 from ..maps import Map
-from .running import ON_SINGULAR, OnSingular, attributes_of_run, report_failures
+from .failures import ON_SINGULAR, OnSingular, report_failures
 
 if TYPE_CHECKING:
     import xarray
@@ -108,6 +108,51 @@ class Trajectories:
         vars(run).update(attributes)  # faster than a call of a frozen dataclass
         return run
 
+    @classmethod
+    def _at_end(
+        cls,
+        map: Map,
+        states: States,
+        march: March,
+        method: str,
+        steps: int,
+        save_every: int | None,
+        progress: Progress = None,
+        out: FloatArray | None = None,
+        earlier: Trajectories | None = None,
+    ) -> Trajectories:
+        """Let a march go on to state `steps`; return its run, with the states of `earlier`."""
+        start, every = max(march.n, 0), save_every or 0
+        if out is not None:  # which may overlap state 0
+            rows = steps // every + 1 if every else 1
+            out = checked_out(out, (rows, *march.final.shape))
+            march.omega0 = march.omega0.copy()
+        if progress:
+            with reporter(progress, steps - start) as report:
+                saved, turns = march.to(steps, every, out, lambda n: report(n - start))
+        else:  # a context would take a tenth of a small call
+            saved, turns = march.to(steps, every, out)
+        if every and earlier is not None:
+            saved = np.concatenate([earlier.states, saved])
+            turns = None if turns is None else np.concatenate([earlier.attitude, turns])
+        return cls._of(
+            {
+                "states": saved,
+                "eps": states.eps,
+                "body": states.body,
+                "status": march.status,
+                "failed_at": march.failed_at,
+                "final": march.final,
+                "method": method,
+                "steps": steps,
+                "save_every": save_every,
+                "attitude": turns,
+                "_map": map,
+                "_carry": march.carry,
+                "_turned": march.turned,
+            }
+        )
+
     def extend(
         self,
         steps: int,
@@ -148,14 +193,13 @@ class Trajectories:
         one_of("on_singular", on_singular, ON_SINGULAR)
         check_progress(progress)
         whole, batch = self.steps + integer("steps", steps, 0), self.status.shape
-        turned = self._turned
-        if turned is not None:
-            turned = turned.reshape(*batch, *turned.shape[1:])
-        threads = thread_count(threads)
-        states = States(self.body, self.final, self.eps, batch, threads, orientation=turned)
-        march = March.going_on(self._map.methods[self.method], states, self)
+        states = States(self.body, self.final, self.eps, batch, thread_count(threads))
+        march = March(self._map.methods[self.method], states)
+        march.n, march.carry, march.final = self.steps, self._carry.copy(), self.final.copy()
+        march.status, march.failed_at = self.status.copy(), self.failed_at.copy()
+        march.turned = None if self._turned is None else self._turned.copy()
         options = self.method, whole, self.save_every, progress
-        run = Trajectories._of(attributes_of_run(self._map, states, march, *options, earlier=self))
+        run = Trajectories._at_end(self._map, states, march, *options, earlier=self)
         report_failures(run, on_singular, self.steps + 1)
         return run
 

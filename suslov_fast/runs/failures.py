@@ -1,4 +1,4 @@
-"""Runs from checked arguments: the arrays of a run, how it goes on, and the report of failures."""
+"""The report of failed trajectories: one warning, or one error, for all."""
 
 from __future__ import annotations
 
@@ -7,12 +7,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, first_index, spell, warn
-from ..engine.arguments import States, checked_out
-from ..engine.progress import Progress, reporter
+from ..checks import first_index, spell, warn
 from ..engine.status import SingularStepWarning, Status
-from ..engine.stretches import March
-from ..maps import Map
 
 OnSingular = Literal["warn", "raise", "ignore"]
 ON_SINGULAR = "warn", "raise", "ignore"
@@ -33,48 +29,6 @@ class SingularStepError(ArithmeticError):
 
     def __reduce__(self) -> tuple[type, tuple[str, Any]]:
         return type(self), (str(self), self.trajectories)
-
-
-def attributes_of_run(
-    map: Map,
-    states: States,
-    march: March,
-    method: str,
-    steps: int,
-    save_every: int | None,
-    progress: Progress = None,
-    out: FloatArray | None = None,
-    earlier: Any = None,
-) -> dict[str, Any]:
-    """Go on to state `steps`; return the attributes of `Trajectories`, with states of `earlier`."""
-    start, every = march.n, save_every or 0
-    if out is not None:  # which may overlap state 0
-        rows = steps // every + 1 if every else 1
-        out = checked_out(out, (rows, *march.final.shape))
-        march.omega0 = march.omega0.copy()
-    if progress:
-        with reporter(progress, steps - start) as report:
-            saved, turns = march.to(steps, every, out, lambda n: report(n - start))
-    else:  # a context would take a tenth of a small call
-        saved, turns = march.to(steps, every, out)
-    if every and earlier is not None:
-        saved = np.concatenate([earlier.states, saved])
-        turns = None if turns is None else np.concatenate([earlier.attitude, turns])
-    return {
-        "states": saved,
-        "eps": states.eps,
-        "body": states.body,
-        "status": march.status,
-        "failed_at": march.failed_at,
-        "final": march.final,
-        "method": method,
-        "steps": steps,
-        "save_every": save_every,
-        "attitude": turns,
-        "_map": map,
-        "_carry": march.carry,
-        "_turned": march.turned,
-    }
 
 
 def report_failures(run: Any, on_singular: OnSingular, since: int = 0) -> None:

@@ -6,6 +6,7 @@ import json
 import re
 import threading
 import urllib.request
+from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlencode, urlsplit
 
 import numpy as np
@@ -179,10 +180,33 @@ def test_bad_values_are_answered_with_a_message(server):
 
 
 def test_nothing_else_is_served(server):
-    for path in ("/../server.py", "/%2e%2e/server.py", "//etc/hostname", "/page/main.js", "/%00"):
+    for path in ("/../server.py", "/%2e%2e/server.py", "//etc/hostname", "/page/main.js"):
         assert ask(server, path)[0].status == 404, path
+    assert ask(server, "/%00")[0].status == ask(server, "/a%0Ab")[0].status == 400
     assert ask(server, "/", "POST")[0].status == 501
     assert server.socket.getsockname()[0] == "127.0.0.1"
+
+
+def test_threads_are_bounded(server, monkeypatch):
+    """Of forty requests at once thirty-two are under way; the others wait."""
+    under_way, most, enough, go = [], [], threading.Event(), threading.Event()
+
+    def slow(query):
+        under_way.append(query)
+        most.append(len(under_way))
+        if len(under_way) == 32:
+            enough.set()
+        go.wait()
+        under_way.pop()
+        return {}
+
+    monkeypatch.setattr(serving, "answer", slow)
+    with ThreadPoolExecutor(40) as pool:
+        replies = [pool.submit(ask, server, "/scene?") for _ in range(40)]
+        enough.wait()
+        go.set()
+        assert [reply.result()[0].status for reply in replies] == [200] * 40
+    assert max(most) == 32
 
 
 def test_foreign_pages_are_refused(server):

@@ -10,6 +10,7 @@ from http.server import BaseHTTPRequestHandler
 from importlib.util import find_spec
 from socketserver import ThreadingTCPServer
 from typing import Any
+from urllib.parse import unquote
 
 from numpy.typing import ArrayLike
 
@@ -19,6 +20,7 @@ from .parameters import query_of
 from .scene import PAGE, answer
 
 _ADDRESS = "127.0.0.1"
+_MOST = 32  # requests at a time; others wait
 _TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -35,9 +37,22 @@ class Server(ThreadingTCPServer):
     allow_reuse_address = os.name == "posix"
 
     def __init__(self, port: int) -> None:
+        self._free = threading.BoundedSemaphore(_MOST)
         super().__init__((_ADDRESS, port), _Handler)
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Start a thread for a request when one of those allowed is free."""
+        self._free.acquire()
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer a request in its thread."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error, unless the browser has closed the connection."""
@@ -57,7 +72,9 @@ class _Handler(BaseHTTPRequestHandler):
         file = PAGE / (path[1:] or "index.html")
         site = self.headers.get("Sec-Fetch-Site", "none")
         foreign = path == "/scene" and site not in ("none", "same-origin")
-        if foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
+        if not unquote(path).isprintable():  # no file has such a name
+            self.send_error(400)
+        elif foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
             self.send_error(403)
         elif path == "/scene":
             text = json.dumps(answer(query), allow_nan=False, separators=(",", ":"))

@@ -30,6 +30,7 @@ from suslov_fast.integrability import (
 )
 from suslov_fast.integrability import growth as growth_of
 from suslov_fast.integrability.functions import latex
+from suslov_fast.integrability.invariants import Darboux, Invariants
 
 BODY = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
 ROTOR = SuslovGyrostat(2, 3, 0.5, -0.25, 0.75)
@@ -773,6 +774,26 @@ def test_cheap_parts_come_first_and_the_search_ends():
     assert "up to degree 1 with products" in products
     assert last.startswith("no more")
     assert "up to degree 2 with products" in report(PREY, EPS, 2).searched[-1]
+
+
+def test_what_reports_print_of_several_possibilities():
+    """Denominators are not 0 at 0 if possible; products of polynomials are left out."""
+    assert str(report(BODY, EPS).integrals[0]) == "(4*x1^2 + x2^2)/(x1*x2 + 1024)"
+    assert [P.degree for P in report(volterra(3), EPS).polynomials] == [1, 1, 1, 1, 1, 1]
+    # Bounded, but only from the 17th iterate on.
+    assert report(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2), 1).growth.kind == "bounded"
+
+
+def test_a_root_of_a_polynomial_is_no_density():
+    """Here det DPhi = 4, and P goes to 16 P: the density would be P to the power -1/2."""
+    (x,) = exact.ring(1, False).gens()
+    map = kahan(field_of(lambda x: (F(6, 5) * x[0],), 1), 1)  # x goes to 4 x
+    invariants = Invariants(map)
+    assert map.jacobian_cofactor.constant == 4
+    invariants.generators.append(Darboux(x**2 + 1, RationalFunction((), F(16)), "identity"))
+    assert invariants.measures == []
+    invariants.generators.append(Darboux(x, RationalFunction((), F(4)), "identity"))
+    assert [str(f) for f in invariants.measures] == ["1/x1"]
 
 
 def test_a_search_that_cannot_be_interrupted(monkeypatch):

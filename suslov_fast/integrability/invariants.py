@@ -54,19 +54,17 @@ class Invariants:
     def integrals(self) -> list[RationalFunction]:
         """First integrals: quotients, and products of powers whose cofactors multiply to 1."""
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
-        products = (self._power_product(row) for row in relations)
-        above = [max((f, f**-1), key=lambda g: degree_of(g.numerator)) for f in products]
-        return self.quotients + above
+        return self.quotients + [self._power_product(row) for row in relations]
 
     @property
     def measures(self) -> list[RationalFunction]:
         """Densities of invariant measures, from one cofactor or else from several."""
-        found, one = [*self.densities, *self.known], self.map.jacobian_cofactor
-        if not found and one is not None:
-            rows = _multiplicative_relations([one, *(g.cofactor for g in self.generators)])
+        found, det = [*self.densities], self.map.jacobian_cofactor
+        if not found and not self.known and det is not None:
+            rows = _multiplicative_relations([det, *(g.cofactor for g in self.generators)])
             single = [row for row in rows if abs(row[0]) == 1]
             found += [self._power_product([a * b for b in row]) for a, *row in single[:1]]
-        different = {str(f): f for f in found}.values()
+        different = {str(f): f for f in (*self.known, *found)}.values()
         return sorted(different, key=lambda f: (f.degree, len(str(f))))
 
     @property
@@ -114,14 +112,17 @@ class Invariants:
                 space = tuple(span)
                 measures = measures or cofactor == self.map.jacobian_cofactor
                 basis = self._basis_of_all(space)
+        elif space and self.map.writes_out(k := max(map(degree_of, space))):
+            first, *others = ((P, self.map.pullback(P, k)) for P in space)
+            if all(P * first[1] == first[0] * image for P, image in others):
+                basis = IDENTITY
         space = tuple(sorted(space, key=size))
         # The denominator is of least degree, and not 0 at 0 if possible.
         lowest = [P for P in space if degree_of(P) == degree_of(space[0])]
         below = next((P for P in lowest if _constant_term(P)), space[0] if space else None)
         self.quotients += [quotient_of(P, below, basis) for P in space if P is not below]
         if measures and not self.densities:
-            if basis == IDENTITY and not self.map.proves_jacobian:
-                basis = MODULAR
+            basis = basis if self.map.factors is not None else MODULAR
             one = self.map.ring.constant(1)
             self.densities = [quotient_of(one, P, basis) for P in space]
 

@@ -14,8 +14,9 @@ import numpy as np
 from ..bodies.field import QuadraticField
 from ..bodies.polynomials import terms_of
 from ..checks import wrong
-from .exact import degree_of, factors, rational
-from .maps import BirationalMap, Steps
+from .exact import degree_of, rational
+from .functions import exact_quotient
+from .maps import TERMS, BirationalMap, Steps
 
 
 class KahanMap(BirationalMap):
@@ -103,12 +104,16 @@ class KahanMap(BirationalMap):
             return _KahanSteps(p, self._equations(eps), self._equations(-eps))
         return _KahanSteps(p, *self._both)
 
-    def _with_all_factors(self) -> Iterator[Any]:
-        forward, backward = self._both
-        yield self.forms[-1]
-        yield _determinant(forward, self.variables)
-        for f, _ in factors(_determinant(backward, self.variables)):
-            yield self.pullback(f, degree_of(f)) if self.writes_out(degree_of(f)) else None
+    def _parts_of_determinant(self) -> Iterator[tuple[Any, int]]:
+        # With det A homogeneous of degree D: det A(F; -eps) / (F_0^D det A(x; eps)).
+        forward, backward = (_determinant(each, self.variables) for each in self._both)
+        whole = exact_quotient(backward, self.ring.constant(1))
+        yield self.ring.constant(int(whole.constant)), 1
+        yield self.forms[-1], -sum(degree_of(f) * e for f, e in whole.factors)
+        yield forward, -1
+        for f, e in whole.factors:
+            P = self.pullback(f, degree_of(f)) if self.writes_out(degree_of(f)) else None
+            yield P if P is not None and len(P) <= 3 * TERMS else None, e
 
     @property
     def why_none(self) -> str:

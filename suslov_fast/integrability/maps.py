@@ -15,7 +15,6 @@ from ..checks import wrong
 from .exact import (
     Point,
     degree_of,
-    factors,
     fmpq,
     fraction,
     modulo,
@@ -26,7 +25,7 @@ from .exact import (
 from .functions import RationalFunction, exact_quotient, product_of
 from .reconstruction import Residues, over_rationals
 
-TERMS = 20_000  # of the largest polynomial that is written out
+TERMS = 100_000  # of the largest polynomial that is written out
 _SPARSE = 100  # terms of a component; of sparse maps all polynomials are
 
 
@@ -44,8 +43,8 @@ class BirationalMap:
         """
         raise NotImplementedError
 
-    def _with_all_factors(self) -> Iterator[Any]:
-        """Yield polynomials of which each factor of F_0 and of det DPhi divides one."""
+    def _parts_of_determinant(self) -> Iterator[tuple[Any, int]]:
+        """Yield polynomials, None for one that is too long, and powers: F_0, and of det DPhi."""
         raise NotImplementedError
 
     @property
@@ -126,16 +125,28 @@ class BirationalMap:
         return bool(steps.jacobian(x, steps.forms(x))[0] != 0)
 
     @cached_property
+    def _determinant(self) -> list[tuple[RationalFunction, int]] | None:
+        """Polynomials in factors, and powers, whose product is det DPhi; None if too long."""
+        parts = [*self._parts_of_determinant()] if self.is_invertible else [(None, 0)]
+        if any(P is None for P, _ in parts):
+            return None
+        one = self.ring.constant(1)
+        return [(exact_quotient(P, one), e) for P, e in parts]
+
+    @cached_property
     def factors(self) -> list[Any] | None:
         """The irreducible factors of F_0 and of det DPhi; None if they are too long."""
-        if not self.is_invertible:
+        if self._determinant is None:
             return None
-        found: dict[str, Any] = {}
-        for P in self._with_all_factors():
-            if P is None:
-                return None
-            found |= {str(f): f for f, _ in factors(P) if degree_of(f)}
+        found = {str(f): f for P, _ in self._determinant for f, _ in P.factors if degree_of(f)}
         return sorted(found.values(), key=size)
+
+    @cached_property
+    def jacobian_cofactor(self) -> RationalFunction | None:
+        """The determinant of the derivative, in factors; None if they are too long."""
+        if self._determinant is None:
+            return None
+        return math.prod((P**e for P, e in self._determinant), start=RationalFunction(()))
 
     def cofactor(self, P: Any) -> RationalFunction | None:
         """Return C with P(Phi) = C P, a product of powers of factors; None if there is none."""
@@ -147,20 +158,6 @@ class BirationalMap:
             return after, before * F[-1] ** k
 
         return self._as_product(quotient)
-
-    @cached_property
-    def jacobian_cofactor(self) -> RationalFunction | None:
-        """The determinant of the derivative, as a product of powers of factors."""
-        return self._as_product(lambda steps, eps, line, F: steps.jacobian(line, F))
-
-    @cached_property
-    def proves_jacobian(self) -> bool:
-        """Whether `jacobian_cofactor` is checked as an identity."""
-        if self.jacobian_cofactor is None or not self.writes_out(self.dimension):
-            return False
-        above, below = self.steps(None).jacobian(self.variables, self.forms)
-        a, b = self.jacobian_cofactor.quotient_in(self.ring)
-        return bool(above * b == below * a)
 
     def _as_product(self, quotient: Callable[..., tuple[Any, Any]]) -> RationalFunction | None:
         """Return a function as a product of powers of factors; None if it is none.

@@ -116,9 +116,9 @@ class RationalMap(BirationalMap):
         ]
         return _determinant(rows) // below ** (n - 1)
 
-    def _with_all_factors(self) -> Iterator[Any]:
-        yield self.forms[-1]
-        yield self.jacobian_polynomial
+    def _parts_of_determinant(self) -> Iterator[tuple[Any, int]]:
+        yield self.forms[-1], -self.dimension - 1
+        yield self.jacobian_polynomial, 1
 
 
 class _RationalSteps(Steps):

@@ -30,24 +30,27 @@ def turn(part, parts, omega, eps, axial, R, start, every, next_row, turns):
     """
     count, B, D = omega.shape
     lanes = min(64 if D < 8 else 8, (B + 7) // 8 * 8)
-    r, b, c = np.empty((D + 1, D + 1, lanes)), np.empty((D, lanes)), np.empty((3, lanes))
+    r, b, c = np.empty((D + 1, D + 1, lanes)), np.empty((D, lanes)), np.empty((4, lanes))
     gram, cleaned = np.empty_like(r), np.empty_like(r)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = block * lanes, next_row
         width = min(lanes, B - begin)
-        for l in range(lanes):
+        for l in range(lanes):  # lanes beyond the last trajectory repeat it
+            k = min(begin + l, B - 1)
+            c[3, l] = 0.25 * eps[k % len(eps)]
             for i in range(D + 1):
                 for j in range(D + 1):
-                    r[i, j, l] = R[min(begin + l, B - 1), i, j]
+                    r[i, j, l] = R[k, i, j]
         for n in range(1, count):
             for l in range(lanes):
-                k = min(begin + l, B - 1)
-                half = 0.5 * eps[k % len(eps)]
-                for i in range(D):
-                    b[i, l] = half * (0.5 * omega[n - 1, k, i] + 0.5 * omega[n, k, i])
+                k = begin + min(l, width - 1)
                 if axial:
-                    b[0, l], b[1, l] = b[1, l], -b[0, l]
+                    b[0, l] = c[3, l] * (omega[n - 1, k, 1] + omega[n, k, 1])
+                    b[1, l] = -c[3, l] * (omega[n - 1, k, 0] + omega[n, k, 0])
+                else:
+                    for i in range(D):
+                        b[i, l] = c[3, l] * (omega[n - 1, k, i] + omega[n, k, i])
             turn_lanes(r, b, c)
             if (start + n) % CLEAN_EVERY == 0:
                 clean(r, gram, cleaned)

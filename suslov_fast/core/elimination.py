@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from .codes import NONFINITE, OK, SINGULAR
-from .numba import formula, function, select
+from .numba import formula, function, inlined, select
 
 # A quotient of pivots, see `eliminate`, above which elimination side by side is accurate.
 LEAST_PIVOT = 2.0**-6
@@ -39,7 +39,7 @@ def keeps_digits(least, largest):
     return least > LEAST_PIVOT * largest
 
 
-@formula
+@function
 def eliminate(a, least, largest, lanes):
     """Replace the right sides of all lanes by solutions, with the diagonal as pivots.
 
@@ -157,7 +157,7 @@ def determinant_of(a, units):
     return 0.0 if np.isnan(product) else product
 
 
-@formula
+@inlined
 def exchange_rows(a, weights, k):
     """Exchange row k with the one below that has the largest entry in column k.
 
@@ -174,7 +174,7 @@ def exchange_rows(a, weights, k):
             a[k, j, 0], a[pivot, j, 0] = a[pivot, j, 0], -a[k, j, 0]
 
 
-@formula
+@inlined
 def balance(a, units):
     """Change to units of the unknowns, powers of two, in which the largest entries beside the
     diagonal are alike in the row and in the column of each unknown.

@@ -2,6 +2,7 @@
 
 formula     a function of numbers, which LLVM inlines: loops over lanes that call it become SIMD
 function    a function that kernels call
+inlined     the same, compiled as a part of its callers
 kernel      what Python calls: `kernel.serial(*arguments)`, `kernel.parallel(threads, *arguments)`
             for `function(part, parts, *arguments)`, which does one of `parts` parts of the work
 for_users   a formula that users call, from their own compiled loops and from Python
@@ -110,6 +111,7 @@ def compile_timer():
 function = functools.partial(_cached, numba.njit(**_FUNCTION))
 formula = functools.partial(_cached, numba.njit(**_FORMULA))
 for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
+inlined = numba.njit(inline="always", **_FUNCTION)
 
 
 # ---------------------------------------------------------------------------------------- kernels

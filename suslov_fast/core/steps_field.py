@@ -20,7 +20,7 @@ import numpy as np
 
 from .codes import NONFINITE, OK
 from .elimination import eliminate, keeps_digits, solve
-from .numba import formula, function, kernel, select, share
+from .numba import formula, function, inlined, kernel, select, share
 
 # Rows of numbers of lanes: of `eliminate`; the sum of `loss`; and 1, or NaN after the end.
 LEAST, LARGEST, LOST, UNIT = range(4)
@@ -42,7 +42,7 @@ def lanes_of(D, count):
     return min(lanes, (count + 7) // 8 * 8)
 
 
-@function
+@inlined
 def enter_field(indices, values, eps, fixed, half, l):
     """Enter a field, values (T,), and a step size in a lane."""
     D = len(fixed)
@@ -91,7 +91,7 @@ def is_accurate(b, l, D):
     return (b[LOST, l] < D) & keeps_digits(b[LEAST, l], b[LARGEST, l])
 
 
-@formula
+@inlined
 def advance(x, a, b, lanes):
     """Fill the next states x[1] from `a`; return how many are not finite or not accurate."""
     D = len(a)
@@ -108,14 +108,14 @@ def advance(x, a, b, lanes):
     return failed
 
 
-@function
+@inlined
 def memory_of_one(D, T):
     """Return x, fixed and half of one lane, and `a` and `units` of `solve`."""
     x, fixed, a = np.empty((2, D, 1)), np.empty((D, D + 1, 1)), np.empty((D, D + 1, 1))
     return x, fixed, np.empty((T, 1)), a, np.empty((2, D))
 
 
-@function
+@inlined
 def advance_one(indices, x, fixed, half, l, one):
     """Fill the next state of lane l by `solve`, in the memory of one lane; return its status."""
     x1, fixed1, half1, a, units = one
@@ -222,7 +222,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 carry[begin + l, i] = x[0, i, l]
 
 
-@function
+@inlined
 def write(x, b, begin, end, target):
     """Write the states of a block to target (B, D)."""
     for l in range(end - begin):

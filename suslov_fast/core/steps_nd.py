@@ -20,7 +20,7 @@ import numpy as np
 
 from .codes import NONFINITE, OK
 from .elimination import eliminate, keeps_digits, solve
-from .numba import formula, function, kernel, select, share
+from .numba import formula, function, inlined, kernel, select, share
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d, or next states
 # p, |w|**2 and (eps/2) p; the sums; the factors of w and I in delta; 1 if a lane eliminates; the
@@ -150,14 +150,14 @@ def add_increments(c, b, lanes):
             b[SQUARE, l] = b[SQUARE, l] + one * one + two * two
 
 
-@function
+@inlined
 def memory_of_one(m):
     """Return c, b, `a` and `units` of one lane."""
     c, b = np.empty((4, m, 1)), np.empty((ROWS, 1))
     return c, b, np.empty((m, m + 1, 1)), np.empty((2, m))
 
 
-@function
+@inlined
 def eliminate_one(c, b, l, one):
     """Fill the next state of lane l by `solve`, and let it have no increment; return its status."""
     c1, b1, a, units = one
@@ -296,7 +296,7 @@ def rest(c, b, l):
         c[W, i, l] = 0.0
 
 
-@function
+@inlined
 def end_lane(c, b, l, begin, end, n, code, status, failed_at):
     """End a trajectory without a state n."""
     if begin + l < end:
@@ -304,7 +304,7 @@ def end_lane(c, b, l, begin, end, n, code, status, failed_at):
     rest(c, b, l)
 
 
-@function
+@inlined
 def write(c, b, begin, end, target):
     """Write the states of a block to target (B, m)."""
     for l in range(end - begin):
@@ -312,7 +312,7 @@ def write(c, b, begin, end, target):
             target[begin + l, i] = c[W, i, l] * b[UNIT, l]
 
 
-@function
+@inlined
 def leave(c, b, begin, end, carry, final):
     """Write the last states, and those from which a run goes on."""
     write(c, b, begin, end, final)

@@ -12,8 +12,10 @@ from . import checks
 from .bodies.field import QuadraticField
 from .bodies.nd import SuslovND, are_solved
 from .bodies.rigid import Suslov3D, SuslovGyrostat
+from .checks import FloatArray
 from .core import steps_3d, steps_field, steps_nd
-from .engine.stretches import Steps
+from .engine.arguments import States
+from .engine.stretches import March, Steps
 
 
 @dataclass(frozen=True)
@@ -135,3 +137,10 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     """
     checks.instance("parameters", parameters, Mapping)
     return _KINDS[checks.one_of("body", parameters.get("body"), [*_KINDS])].from_dict(parameters)
+
+
+def states_after(states: States, steps: int = 1) -> FloatArray:
+    """Return the states (..., D) after a number of steps, NaN where there are none."""
+    march = March(map_of(states.body).methods["auto"], states)
+    march.to(steps)
+    return march.final

@@ -50,7 +50,9 @@ def test_batches_and_a_transient():
     expected = sf.lyapunov_exponents(LORENZ, later, *run)
     assert np.isnan(expected[2]).all()
     np.testing.assert_array_equal(expected[1], sf.lyapunov_exponents(LORENZ, later[1], *run))
-    np.testing.assert_array_equal(sf.lyapunov_exponents(LORENZ, starts, *run, 30), expected)
+    for index in (slice(3), 1, np.array([[0, 1, 2]])):
+        found = sf.lyapunov_exponents(LORENZ, starts[index], *run, 30)
+        np.testing.assert_array_equal(found, expected[index])
     bodies = sf.Suslov3D(4, 1, -0.5, [-0.3, 0.2])
     found = sf.lyapunov_exponents(bodies, [1.0, 0.5], [[0.1], [0.2]], 10, 5)
     single = sf.lyapunov_exponents(sf.Suslov3D(4, 1, -0.5, 0.2), [1.0, 0.5], 0.1, 10, 5)
@@ -62,17 +64,6 @@ def test_batches_and_a_transient():
         sf.lyapunov_exponents(LORENZ, starts, *run, transient=-1)
     with pytest.warns(sf.SingularStepWarning, match="1 of 1"):  # a pole in the transient
         sf.lyapunov_exponents(sf.QuadraticField([[[1]]]), [1.0], 1.0, 5, 3)
-
-
-@pytest.mark.compiled
-def test_long_growth_does_not_leave_the_range(case):
-    """|det DPhi| over the whole run underflows, but the exponents are finite."""
-    body, omega0 = case
-    state = np.multiply(omega0, 30.0)
-    exponents = sf.lyapunov_exponents(body, state, 0.2, 5000)
-    assert np.isfinite(exponents).all()
-    assert exponents.sum() * 5000 < -1000
-    assert exponents[0] > -5e-3 if len(omega0) == 2 else exponents[0] < 1e-2
 
 
 def test_steps_that_are_not_invertible(unit):

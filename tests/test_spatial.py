@@ -13,12 +13,6 @@ def inertia(rng, n=3):
     return (points**2).sum() * np.eye(n) - points.T @ points, points.T @ points
 
 
-def random_rotation(rng, n):
-    q, _ = np.linalg.qr(rng.normal(size=(n, n)))
-    q[:, 0] *= np.linalg.det(q)
-    return q
-
-
 def test_vector_product(rng):
     omega, v = rng.normal(size=2), rng.normal(size=3)
     expected = np.cross([*omega, 0.0], v)
@@ -81,16 +75,3 @@ def test_in_space(case):
         v = function(body, run.omega)
         expected = (R @ v[..., None])[..., 0] if of_vectors else R @ v @ Rt
         np.testing.assert_allclose(function(body, run.omega, attitude=R), expected, atol=1e-13)
-
-
-def test_nan_in_any_basis(case, rng):
-    body, omega0 = case
-    states = rng.normal(size=(7, len(omega0)))
-    states[2, 0] = np.nan
-    rotation = random_rotation(rng, len(omega0) + 1)
-    for result in (
-        sf.momentum(body, states, rotation=rotation),
-        sf.to_matrix(body, states, attitude=np.eye(len(rotation))),
-    ):
-        assert np.isnan(result[2]).all()
-        assert np.isfinite(np.delete(result, 2, axis=0)).all()

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from ..bodies.field import QuadraticField
-from ..bodies.nd import check_measure, check_solved
+from ..bodies.nd import SuslovND, check_measure, check_solved
 from ..checks import FloatArray, wrong
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
 from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States
-from .evaluation import by_terms, evaluate, next_states
+from ..maps import states_after
+from .evaluation import by_terms, evaluate
 
 
 def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
@@ -90,9 +90,10 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
     >>> first_integral(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(9)
     array([0.26534473, 0.26534473])
     """
-    given, solved = {"omega": omega, "eps": eps}, partial(check_solved, function="first_integral")
-    in_nd = formulas.first_integral_nd
-    return evaluate(body, given, formulas.first_integral, in_nd, require=solved)
+    if isinstance(body, SuslovND):
+        check_solved(body, "first_integral")
+    given, in_nd = {"omega": omega, "eps": eps}, formulas.first_integral_nd
+    return evaluate(body, given, formulas.first_integral, in_nd)
 
 
 def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -136,7 +137,7 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
 
 def _modified_hamiltonian(states: States) -> FloatArray:
     terms = _terms_of(states.body)
-    return by_terms(fields.polarised_hamiltonian, states, next_states(states), terms=terms)
+    return by_terms(fields.polarised_hamiltonian, states, states_after(states), terms=terms)
 
 
 def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -177,8 +178,10 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    given, solved = {"omega": omega, "eps": eps}, partial(check_solved, function="criticality")
-    return evaluate(body, given, formulas.criticality, formulas.criticality_nd, require=solved)
+    if isinstance(body, SuslovND):
+        check_solved(body, "criticality")
+    given, in_nd = {"omega": omega, "eps": eps}, formulas.criticality_nd
+    return evaluate(body, given, formulas.criticality, in_nd)
 
 
 def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -258,12 +261,11 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     >>> float(invariant_density(body, [1.0, 0.5], eps=0.2).round(9))
     -0.096052391
     """
-    given, known = (
-        {"omega": omega, "eps": eps},
-        partial(check_measure, function="invariant_density"),
-    )
-    in_3d, in_nd = formulas.invariant_density, formulas.invariant_density_nd
-    return evaluate(body, given, in_3d, in_nd, _density_of_field, require=known, poles=True)
+    if isinstance(body, SuslovND):
+        check_measure(body, "invariant_density")
+    given, in_nd = {"omega": omega, "eps": eps}, formulas.invariant_density_nd
+    in_3d = formulas.invariant_density
+    return evaluate(body, given, in_3d, in_nd, _density_of_field, poles=True)
 
 
 def _density_of_field(states: States) -> FloatArray:

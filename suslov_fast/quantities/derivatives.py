@@ -15,7 +15,8 @@ from ..checks import FloatArray, first_index, spell
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
 from ..engine.arguments import AnyBody, BodyOrField, States, check
-from .evaluation import by_terms, evaluate, next_states
+from ..maps import states_after
+from .evaluation import by_terms, evaluate
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.
 _FIXED = 1e-8
@@ -93,7 +94,7 @@ def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> F
 
 def _reaction_nd(states: States) -> FloatArray:
     body, omega, eps, *_ = states
-    after = next_states(states) if np.any(eps) else omega
+    after = states_after(states) if np.any(eps) else omega
     found: FloatArray = formulas.reaction_nd(body.J, body.I, omega, after)
     return found
 

@@ -20,8 +20,6 @@ from ..checks import FloatArray, first_index, real_array, spell, warn
 from ..core.universal import Universal
 from ..engine.arguments import States, check
 from ..engine.status import SingularStepWarning
-from ..engine.stretches import March
-from ..maps import map_of
 
 OfState = Universal | Callable[[States], FloatArray]
 
@@ -33,20 +31,18 @@ def evaluate(
     in_nd: OfState | None = None,
     of_field: OfState | None = None,
     *,
-    require: Callable[[Any], object] = lambda body: None,
     axes: int = 0,
     poles: bool = False,
 ) -> FloatArray:
     """Check the arguments of a public function, and return the quantity, which has `axes` axes.
 
-    A body may be of n dimensions if there is `in_nd`, and then has to pass `require`; or a field if
-    there is `of_field`. With `poles`, infinite values have a meaning.
+    A body may be of n dimensions if there is `in_nd`, or a field if there is `of_field`. With
+    `poles`, infinite values have a meaning.
     """
     kinds: tuple[Any, ...] = (Suslov3D, SuslovGyrostat)
     kinds += (SuslovND,) * bool(in_nd) + (QuadraticField,) * bool(of_field)
     states, quantity = check(body, kinds, arguments, later=True), in_3d
     if isinstance(body, SuslovND):
-        require(body)
         quantity = in_nd or in_3d
     elif isinstance(body, QuadraticField):
         quantity = of_field or in_3d
@@ -84,14 +80,6 @@ def by_terms(
         arrays = [np.expand_dims(each, len(batch)) for each in arrays]
     found: FloatArray = formula(*(terms or terms_of(body)), *arrays)
     return found.reshape(batch + found.shape[len(batch) + 1 :]) if one_by_one else found
-
-
-def next_states(states: States) -> FloatArray:
-    """Return the next states (..., D), NaN where there is none."""
-    steps = next(iter(map_of(states.body).methods.values()))
-    march = March(steps, states)
-    march.to(1)
-    return march.final.reshape((*states.batch, states.body.dimension))
 
 
 def reported(states: States, found: FloatArray, axes: int, poles: bool = False) -> FloatArray:

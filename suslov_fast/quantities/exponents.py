@@ -9,8 +9,7 @@ from ..checks import FloatArray, integer
 from ..core import tangent
 from ..engine import threads as _threads
 from ..engine.arguments import BodyOrField, States, check, flat_arrays, flat_parameter
-from ..engine.stretches import March
-from ..maps import map_of
+from ..maps import states_after
 from .evaluation import reported, terms_of
 
 # Work of a stretch, between which Ctrl-C is heard, in operations.
@@ -66,13 +65,9 @@ def lyapunov_exponents(
     """
     states = check(body, BodyOrField, {"omega0": omega0, "eps": eps}, threads)
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
-    start = flat_arrays(states.omega, states.batch)
-    if transient:
-        march = March(next(iter(map_of(body).methods.values())), states)
-        march.to(transient)
-        start = flat_arrays(march.final, states.batch)
+    start = states_after(states, transient) if transient else states.omega
     with np.errstate(all="ignore"):
-        sums, of_det = _growth(states, start, steps)
+        sums, of_det = _growth(states, flat_arrays(start, states.batch), steps)
         lost = (sums[:, :-1] == -np.inf).any(axis=1)
         # The last follows from the others and the determinant, unless these are 0.
         sums[:, -1] = np.where(lost, sums[:, -1], of_det - sums[:, :-1].sum(axis=1))

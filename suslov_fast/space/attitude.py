@@ -14,8 +14,7 @@ from ..checks import MOMENTS, FloatArray, common_shape, first_index, instance, s
 from ..core import orientations
 from ..engine import threads as _threads
 from ..engine.arguments import AnyBody, States, flat_arrays, flat_parameter, thread_count
-from ..engine.stretches import March
-from ..maps import map_of
+from ..maps import states_after
 
 # A state follows another if it differs from the image of that by less than this part of the step,
 # which is above rounding and below what any other method or step size gives, and of the state.
@@ -110,9 +109,7 @@ def _check_that_states_follow(body: Any, states: FloatArray, eps: FloatArray) ->
 
 def _follows(body: Any, before: FloatArray, after: FloatArray, eps: FloatArray) -> Any:
     """Return where the map takes states to the others."""
-    steps = next(iter(map_of(body).methods.values()))
-    march = March(steps, States(body, before, eps, before.shape[:-1]))
-    march.to(1)
-    error = abs(march.final.reshape(after.shape) - after).max(axis=-1)
+    found = states_after(States(body, before, eps, before.shape[:-1]))
+    error = abs(found - after).max(axis=-1)
     step, size = (abs(each).max(axis=-1) for each in (after - before, abs(after) + abs(before)))
     return error <= _OF_THE_STEP * step + _OF_THE_STATE * size

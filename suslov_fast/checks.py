@@ -69,7 +69,7 @@ def within(name: str, value: Any, exponent: int) -> Any:
     size = abs(array[array != 0])
     if len(bad := size[(size < low) | (size > high)]):
         expected = f"0 or numbers from 1e-{exponent} to 1e{exponent} in modulus"
-        raise wrong(name, expected, f"{bad[0]}: change the units")
+        raise wrong(name, expected, f"{short(bad.tolist()[0])}: change the units")
     return value
 
 

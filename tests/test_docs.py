@@ -44,7 +44,7 @@ PAGES = [
     if not {"_build", "reference"} & set(path.relative_to(DOCS).parts)
 ]
 # Output in comments: after the call, or on separate lines below it.
-PRINTED = re.compile(r"^\s*print\(.*\)  # (.*)$|^# (.*)$", re.MULTILINE)
+PRINTED = re.compile(r"^\s*(?:print\(.*)?\)  # (.*)$|^# (.*)$", re.MULTILINE)
 
 
 def name(path):

@@ -36,6 +36,7 @@ front = axis @ eye > 0
 axes.scatter(*axis[~front].T, c=run.time[~front], s=3, alpha=0.6, zorder=0, vmin=0, vmax=18)
 path = axes.scatter(*axis[front].T, c=run.time[front], s=3, zorder=2, vmin=0, vmax=18)
 axes.set(xlabel="$x$", ylabel="$y$", zlabel="$z$")
+figure.suptitle("path of the constrained axis in space, $I_3 = 3.7$")
 axes.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1], zticks=[-1, 0, 1])
 axes.set_aspect("equal")  # after all artists, whose extent it uses
 axes.legend(

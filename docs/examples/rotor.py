@@ -44,3 +44,4 @@ axes[1].plot(many, formula, color="crimson", linewidth=1, label="rotation number
 axes[1].axvline(np.interp(0, many - A, many), color="0.7", linewidth=0.8, label="$k = A$")
 axes[1].set(xlabel="momentum $k$ of the rotor", ylabel=rf"turns per step, $\epsilon = {eps}$")
 axes[1].legend(frameon=False)
+figure.suptitle("a rotor with $k > A$ makes the angular velocity turn for ever")

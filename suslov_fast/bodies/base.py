@@ -168,7 +168,8 @@ class Body:
             scalars = {each: a for each, a in self._arrays.items() if self._axes(each) == 0}
             column = (scalars | self._coordinates).get(name, np.empty(0))
             if not 0 < column.size == max(column.shape, default=0):
-                raise wrong("sel", "a parameter that varies along one axis", name)
+                names = ", ".join({**self._coordinates} or self._names())
+                raise wrong("sel", f"a parameter that varies along one axis, of {names}", name)
             wanted = checks.real_number(name, value)
             if type(wanted) is not float:
                 raise wrong(name, "a number", checks.short(value))

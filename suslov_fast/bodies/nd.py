@@ -195,6 +195,6 @@ def check_measure(body: SuslovND, function: str) -> None:
 
 def _require(known: NDArray[np.bool_], function: str, expected: str, instead: str) -> None:
     if not known.all():
-        which = spell(first_index(~np.atleast_1d(known)))
-        received = f"body {which}, {instead}"
+        which = f"body {spell(first_index(~known))}" if known.ndim else "one"
+        received = f"{which}, {instead}"
         raise wrong(function, f"a body with {expected}", received, NotIntegrableError)

@@ -68,9 +68,10 @@ def antisymmetric(K: Any, D: int) -> Any:
             raise wrong("dimension", "an even number without K", D)
         K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
     matrix = coefficients("K", as_given("K", K), False)
-    if matrix.shape != (D, D) or (matrix != -matrix.T).any():
-        expected = f"an antisymmetric matrix of shape ({D}, {D})"
-        raise wrong("K", expected, short(matrix.astype(str).tolist()))
+    if matrix.shape != (D, D):
+        raise wrong("K", f"shape ({D}, {D})", matrix.shape)
+    if (matrix != -matrix.T).any():
+        raise wrong("K", "an antisymmetric matrix", short(matrix.astype(float).tolist()))
     return matrix
 
 

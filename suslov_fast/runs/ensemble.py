@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import FloatArray, common_shape, integer, states, wrong
+from ..checks import FloatArray, common_shape, instance, integer, states, wrong
 from ..engine.progress import Progress, check_progress, reporter
 from ..engine.starts import RandomStarts
 from ..maps import map_of
@@ -116,7 +116,8 @@ def ensemble(
     steps, save_every = _counts(steps, save_every)
     run = {"body": body, "omega0": omega0, "eps": given.eps, "steps": steps, "method": method}
     run |= {"save_every": save_every, "attitude": given.orientation}
-    functions = dict(functions or {})
+    functions = functions or {}
+    instance("functions", functions, Mapping)
     place, data = stores.resolved(store), stores.template(run, batch, functions, dims, coords)
     stores.prepare(place, data, _sizes(data, chunk))
     _compute_missing(run, functions, place, client, progress)

@@ -42,6 +42,9 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
     about |= {name: getattr(run, name) for name in _NUMBERS}
     arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}
     arrays |= {"about": json.dumps(about), "body": json.dumps(run.body.to_dict())}
+    if not target.absolute().parent.is_dir():
+        message = "expected a name in a folder that exists, got one in none"
+        raise FileNotFoundError(errno.ENOENT, message, os.fspath(path))
     new = target.with_name(f".{secrets.token_hex(8)}.part")
     try:
         with open(new, "xb") as file:

@@ -69,12 +69,10 @@ class _Parser(argparse.ArgumentParser):
     """A parser whose errors ask what was meant."""
 
     def error(self, message: str) -> NoReturn:
-        found = re.search(r"unrecognized arguments: (-[^\s=]+)|invalid choice: '([^']*)'", message)
-        typed = found[1] or found[2] if found else ""
-        an_option = bool(found and found[1])
-        known = [each.option_strings if an_option else each.choices or () for each in self._actions]
-        names = {str(name).strip("-").lower(): name for each in known for name in each}
-        close = get_close_matches(typed.strip("-").lower(), names, 1)
+        found = re.search(r"unrecognized arguments: -+([^\s=]+)|invalid choice: '([^']*)'", message)
+        known = [[*each.option_strings, *map(str, each.choices or ())] for each in self._actions]
+        names = {name.strip("-").lower(): name for each in known for name in each}
+        close = get_close_matches((found[1] or found[2]).lower(), names, 1) if found else []
         super().error(f"{message}; did you mean {names[close[0]]}?" if close else message)
 
 
@@ -96,7 +94,7 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
     made.add_argument("--json", action="store_true", help="print JSON, an object in each line")
     made = command(report)
     made.add_argument("--body", type=Path, metavar="FILE.json", required=True)
-    made.add_argument("--eps", type=fraction, metavar="X", help="as 1/3 or 0.1 (any step size)")
+    made.add_argument("--eps", type=Fraction, metavar="X", help="as 1/3 or 0.1 (any step size)")
     made.add_argument("--degree", type=integer, default=3, help="of polynomials (3)")
     made.add_argument("--time-limit", type=float, metavar="SECONDS")
     made.add_argument("--json", action="store_true", help="print JSON, for programs")
@@ -115,21 +113,9 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
     return options
 
 
-def fraction(text: str) -> Fraction:
-    """Return a fraction, which may be written as 1/3 or 0.1."""
-    with suppress(ZeroDivisionError):
-        return Fraction(text)
-    raise ValueError
-
-
-def number(text: str) -> float:
-    """Return a number, which may be written as 1/3."""
-    return float(fraction(text))
-
-
 def integer(text: str) -> int:
     """Return an integer, which may be written as 1e6."""
-    if (value := fraction(text)).denominator > 1:
+    if (value := Fraction(text)).denominator > 1:
         raise ValueError
     return int(value)
 
@@ -155,7 +141,7 @@ def _add_options_of_run(parser: Any) -> None:
     group.add_argument("--extent", type=float, metavar="X", help="random ones in [-X, X) (2)")
     group.add_argument("--seed", type=integer, metavar="N", help="of random ones (0)")
     group = parser.add_argument_group("run")
-    group.add_argument("--eps", type=number, metavar="X", help="step size (of the picture)")
+    group.add_argument("--eps", type=Fraction, metavar="X", help="step size (of the picture)")
     group.add_argument("--steps", type=integer, default=1000, metavar="N", help="(1000)")
     group.add_argument("--method", default="auto", help="of iterate (auto)")
     group.add_argument("--threads", type=integer, metavar="N", help="(all)")
@@ -223,13 +209,7 @@ def _body_in(path: Path) -> Any:
     from . import body_from_dict
 
     with _about(path):
-        try:
-            parameters = json.loads(path.read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise ValueError(
-                f"expected what json.dumps(body.to_dict()) wrote, got {error}"
-            ) from error
-        return body_from_dict(parameters)
+        return body_from_dict(json.loads(path.read_text(encoding="utf-8")))
 
 
 def _starts(options: argparse.Namespace, body: Any) -> Any:
@@ -251,10 +231,7 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
         extent = 2.0 if options.extent is None else options.extent
         return RandomStarts(checks.integer("--trajectories", count, 1), extent, options.seed or 0)
     with _about(path):
-        try:
-            states = np.lib.format.open_memmap(path, mode="r")
-        except ValueError as error:
-            raise ValueError(f"expected numbers that numpy.save wrote, got {error}") from error
+        states = np.lib.format.open_memmap(path, mode="r")
         missing = np.isnan(checks.states(str(path), np.asarray(states), body._labels))
         if missing.any():
             row = checks.spell(checks.first_index(missing)[:-1])
@@ -354,8 +331,7 @@ def _counts(status: Any) -> dict[str, int]:
     from . import Status
 
     codes = {each.name: int(each) for each in Status} | {"PENDING": -128}
-    counts = {name: int((status == code).sum()) for name, code in codes.items()}
-    return {name: count for name, count in counts.items() if count}
+    return {name: int(n) for name, code in codes.items() if (n := (status == code).sum())}
 
 
 def _drift(found: Any, start: Any) -> dict[str, float]:

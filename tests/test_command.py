@@ -232,7 +232,7 @@ MISTAKES = """
 2 | run --steps 1.5 | --steps: invalid integer value: '1.5'
 2 | run --omega0 1 2 | unrecognized arguments: 2
 2 | run --omega0 1,x | --omega0: invalid numbers value: '1,x'
-2 | run --eps 0,1 | --eps: invalid number value: '0,1'
+2 | run --eps 0,1 | --eps: invalid Fraction value: '0,1'
 2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k: not allowed
 2 | run --picture 5 | --picture: invalid choice
 2 | run --I1 4kg | --I1: invalid float value: '4kg'
@@ -251,10 +251,10 @@ MISTAKES = """
 2 | run -o o.csv | -o/--output: expected FILE.npz or FILE.zarr, got 'o.csv'
 2 | info | required: FILE
 2 | report | required: --body
-2 | report --body good.json --eps x | --eps: invalid fraction value: 'x'
+2 | report --body good.json --eps x | --eps: invalid Fraction value: 'x'
 2 | explore now | unrecognized arguments: now
 2 | warm-up all | unrecognized arguments: all
-2 | report --body good.json --eps 1/0 | --eps: invalid fraction value: '1/0'
+1 | report --body good.json --eps 1/0 | Fraction(1, 0)
 1 | run --omega0 1,2,3 | --omega0: expected 2 numbers Omega1,Omega2
 1 | run --omega0 1,2 --omega0 1 | --omega0: expected 2 numbers
 1 | run --omega0 nan,1 | --omega0: .* nan
@@ -272,8 +272,8 @@ MISTAKES = """
 1 | run --save-every 0 -o o.npz | save_every: expected .* 0
 1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* bytes, fewer than
 1 | run --threads 100000 | threads: expected .* 100000
-2 | run --eps inf | --eps: invalid number value: 'inf'
-2 | run --eps nan | --eps: invalid number value: 'nan'
+2 | run --eps inf | --eps: invalid Fraction value: 'inf'
+2 | run --eps nan | --eps: invalid Fraction value: 'nan'
 1 | run --eps 1e99 | eps: expected .* units
 1 | run --extent 0 | extent: expected .* 0
 1 | run --seed -1 | seed: expected .* -1

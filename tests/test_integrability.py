@@ -557,6 +557,19 @@ def test_integrals_with_irrational_coefficients():
     assert energy(map([1, 2])) == energy([1, 2])
 
 
+def test_a_hamiltonian_that_is_rounded():
+    """H of a file may give the coefficients to rounding only: then it is not used."""
+    given = ENERGY.to_dict()
+    given["constant"][1] *= 1 + 2e-11
+    field = QuadraticField.from_dict(given)
+    assert field.H is not None
+    assert kahan(field, EPS).hamiltonian is None
+    found = report(field, EPS, 1)
+    assert "modified energy" in repr(report(ENERGY, EPS, 1))
+    assert "modified energy" not in repr(found)
+    assert_holds(found)
+
+
 def test_more_relations_than_quotients():
     found = report(CLEBSCH, degree=2)
     assert (found.relations, len(found.integrals)) == (4, 1)
@@ -723,7 +736,7 @@ def test_decimals():
     (note,) = report(body, 0.2, 1).notes
     assert "decimals=True" in note
     assert "write Fraction(" in note
-    field = field_of(lambda x: (0.1 * 0.3 * x[0] + 8 / 3 * x[1], 2.5e-7 * x[0] ** 2), 2)
+    field = field_of(lambda x: (0.1 * x[0] * 0.3 + 8 / 3 * x[1], 2.5e-7 * x[0] ** 2), 2)
     exactly = report(field, "1/3", 1, decimals=True).field
     assert exactly.linear.tolist() == [[F(3, 100), F(8 / 3)], [0, 0]]
     assert exactly.quadratic[1, 0, 0] == F(1, 4 * 10**6)
@@ -780,6 +793,7 @@ def test_what_reports_print_of_several_possibilities():
     """Denominators are not 0 at 0 if possible; products of polynomials are left out."""
     assert str(report(BODY, EPS).integrals[0]) == "(4*x1^2 + x2^2)/(x1*x2 + 1024)"
     assert [P.degree for P in report(volterra(3), EPS).polynomials] == [1, 1, 1, 1, 1, 1]
+    assert [P.degree for P in report(SOLVED, EPS, 4).polynomials].count(1) == 2
     # Bounded, but only from the 17th iterate on.
     assert report(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2), 1).growth.kind == "bounded"
 

@@ -55,7 +55,7 @@ class _Residues:
     def __init__(self) -> None:
         self.modulus, self.used = 1, 0
         self.residues: list[int] = []
-        self.rows: Rows | None = None
+        self.rows: Rows = []
 
     def add(self, rows: Rows, p: int) -> None:
         new = [c for row in rows for quotient in row for part in quotient for c in part]
@@ -73,7 +73,7 @@ class _Residues:
             ]
 
     def predicts(self, found: Residues, p: int, e: int) -> bool:
-        if self.rows is None or [len(row) for row in found] != [len(row) for row in self.rows]:
+        if [len(row) for row in found] != [len(row) for row in self.rows]:
             return False
 
         def value(part: list[Fraction]) -> Any:

@@ -42,7 +42,8 @@ def field_of(body: Any, decimals: bool) -> QuadraticField:
         return QuadraticField.of(body)
     if not isinstance(body, QuadraticField):
         QuadraticField.of(body)  # checks the type
-        return body.field() if body.shape else body._field_of(decimal)
+        field: QuadraticField = body.field() if body.shape else body._field_of(decimal)
+        return field
     if body.shape:
         return body
     if body.H is None:

@@ -70,7 +70,7 @@ def ring(n: int, letter: bool, context: Any = flint.fmpz_mpoly_ctx, **modulus: A
 
 
 def has_letter(P: Any) -> bool:
-    return P.context().names()[:1] == ("eps",)
+    return bool(P.context().names()[:1] == ("eps",))
 
 
 def degree_of(P: Any) -> int:

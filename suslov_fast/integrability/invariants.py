@@ -277,7 +277,8 @@ def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
     degree = integer("degree", degree, 0)
     exact.check_unknowns("degree", degree, map.dimension)
     found = invariants_up_to(map, degree)
-    return tuple(dict.fromkeys([RationalFunction(()), map.jacobian_cofactor, *found.cofactors]))
+    simple = [RationalFunction(()), map.jacobian_cofactor or RationalFunction(())]
+    return tuple(dict.fromkeys([*simple, *found.cofactors]))
 
 
 @lru_cache(maxsize=8)

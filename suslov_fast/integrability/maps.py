@@ -14,6 +14,7 @@ import flint
 from ..checks import wrong
 from .exact import (
     Point,
+    Residues,
     degree_of,
     fmpq,
     fraction,
@@ -23,7 +24,7 @@ from .exact import (
     size,
 )
 from .functions import RationalFunction, exact_quotient, product_of
-from .reconstruction import Residues, over_rationals
+from .reconstruction import over_rationals
 
 TERMS = 100_000  # of the largest polynomial that is written out
 _SPARSE = 100  # terms of a component; of sparse maps all polynomials are
@@ -58,9 +59,8 @@ class BirationalMap:
         if not self.has_letter:
             return tuple(map(fraction, self._at(x, self.steps(None).image)[:-1]))
         scale = math.lcm(*(a.denominator for a in x))
-        *above, below = self.steps(None).forms(
-            [self.ring.constant(int(a * scale)) for a in (*x, 1)]
-        )
+        constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
+        *above, below = self.steps(None).forms(constants)
         return tuple(exact_quotient(a, below) for a in above)
 
     def jacobian(self, point: Any) -> tuple[Point, ...]:

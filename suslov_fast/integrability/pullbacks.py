@@ -6,7 +6,7 @@ import contextlib
 import itertools
 import random
 from collections.abc import Iterator
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import Any
 
 import flint
@@ -32,17 +32,20 @@ def invariant_spaces(map: BirationalMap, degree: int) -> Iterator[Polynomials]:
     rng = random.Random(degree)
     p = exact.random_prime(rng)
     first, letter = pullbacks(p, rng.randrange(2, p)), map.has_letter
+
+    def charpoly(powers: Powers, p: int, eps: int) -> Residues:
+        return pullbacks(p, eps).charpoly(powers)
+
+    def space(powers: Powers, c: Any, p: int, eps: int) -> Residues:
+        return pullbacks(p, eps).space(powers, c)
+
     for powers, several in [*first.search()]:
         constants: list[Any] = [None]
         if several:
-            rows = over_rationals(rng, lambda p, e, w=powers: pullbacks(p, e).charpoly(w), letter)
+            rows = over_rationals(rng, partial(charpoly, powers), letter)
             constants = _roots(rows, letter)
         for c in constants:
-
-            def space(p: int, eps: int, powers: Powers = powers, c: Any = c) -> Residues:
-                return pullbacks(p, eps).space(powers, c)
-
-            if rows := over_rationals(rng, space, letter):
+            if rows := over_rationals(rng, partial(space, powers, c), letter):
                 yield polynomials_with(rows, first.exponents, letter)
 
 

@@ -15,7 +15,7 @@ from .exact import modulo, ring, value_at
 from .functions import exact_quotient
 from .maps import BirationalMap, Steps, homogeneous_value
 
-_NUMBERS = Rational | float | np.integer | np.floating
+_NUMBERS: Any = Rational | float | np.integer | np.floating
 
 
 def _binary(combine: Callable[..., tuple[Any, Any]]) -> Any:
@@ -210,9 +210,10 @@ def rational_map(
     if inverse is None:
         return RationalMap(forms)
     back = _traced("inverse", inverse, n)
-    map = RationalMap(forms, RationalMap(back, RationalMap(forms)))
+    map, opposite = RationalMap(forms), RationalMap(back, RationalMap(forms))
+    map.inverse = opposite
     # The inverse takes images back, as an identity.
-    *above, below = (homogeneous_value(F, forms, map.inverse.degree) for F in back)
+    *above, below = (homogeneous_value(F, forms, opposite.degree) for F in back)
     if below == 0 or [*above] != [x * below for x in map.variables[:-1]]:
         raise wrong("inverse", "the inverse of f", "another map")
     return map
@@ -228,7 +229,7 @@ def _traced(name: str, f: Any, n: int) -> list[Any]:
     expected = f"{n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, / and powers"
     try:
         found = f(tuple(Quotient(x, one) for x in of.gens()))
-        components = [Quotient(one, one).of(each) for each in found]
+        components: list[Any] = [Quotient(one, one).of(each) for each in found]
     except (TypeError, AttributeError) as error:
         raise wrong(name, expected, f"another operation: {error}", TypeError) from error
     except (ValueError, IndexError, ArithmeticError) as error:

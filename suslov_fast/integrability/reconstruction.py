@@ -39,9 +39,12 @@ def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> 
             for candidate in known.values():
                 if candidate.predicts(found, p, e):
                     return candidate.rows
-            quotients: Rows | None = [[([c], [1]) for c in row] for row in found]
-            if letter and (quotients := _interpolated(rng, search, p, e, found)) is None:
-                return None
+            quotients: Rows = [[([c], [1]) for c in row] for row in found]
+            if letter:
+                interpolated = _interpolated(rng, search, p, e, found)
+                if interpolated is None:
+                    return None
+                quotients = interpolated
             shape = tuple(tuple((len(a), len(b)) for a, b in row) for row in quotients)
             known.setdefault(shape, _Residues()).add(quotients, p)
     if not known:

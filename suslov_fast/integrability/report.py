@@ -233,7 +233,7 @@ def report(
         raise wrong("progress", expected, type(progress).__name__, TypeError)
     found, most = Report(map, degree, notes=notes), 2 * degree + 3
     if time_limit is None:
-        parts = search(found, seed)
+        parts: Any = search(found, seed)
     else:
         seconds = float(real_number("time_limit", time_limit))
         if seconds < 0:

@@ -28,12 +28,6 @@ FIELD = "(c,t),(t),(b),(b,d)->"
 
 
 @function
-def rows_of(D, count):
-    """Return rows for a block of states, and one more of ones, for x_D."""
-    return np.ones((D + 1, lanes_of(D, count)))
-
-
-@function
 def read(x, first, y):
     """Fill rows y with states from `first` on; return their number."""
     count = min(y.shape[1], len(x) - first)
@@ -45,7 +39,8 @@ def read(x, first, y):
 
 @universal(FIELD + "(b,d)")
 def vector_field(places, values, eps, x, out):
-    D, terms, y = x.shape[1], places.astype(np.int64), rows_of(x.shape[1], len(x))
+    D, terms = x.shape[1], places.astype(np.int64)
+    y = np.ones((D + 1, lanes_of(D, len(x))))  # x_D = 1
     f = np.empty_like(y)
     for first in range(0, len(x), y.shape[1]):
         count = read(x, first, y)
@@ -61,12 +56,13 @@ def vector_field(places, values, eps, x, out):
 
 @universal(FIELD + "(b)")
 def hamiltonian(places, values, eps, x, out):
-    terms, y = places.astype(np.int64), rows_of(x.shape[1], len(x))
+    D, terms = x.shape[1], places.astype(np.int64)
+    y = np.ones((D + 1, lanes_of(D, len(x))))
     h = np.empty(y.shape[1])
     for first in range(0, len(x), len(h)):
         count = read(x, first, y)
         h[:] = 0.0
-        for i in range(x.shape[1]):
+        for i in range(D):
             for l in range(count):
                 h[l] += 0.0 * y[i, l]  # NaN where the state is
         for t in range(len(values)):
@@ -80,7 +76,8 @@ def hamiltonian(places, values, eps, x, out):
 @universal("(c,t),(t),(b),(b,d),(b,d)->(b)")
 def polarised_hamiltonian(places, values, eps, x, after, out):
     """H(x, x, after), the symmetric trilinear form in (x, 1) for which H(x) = H(x, x, x)."""
-    terms, y = places.astype(np.int64), rows_of(x.shape[1], len(x))
+    D, terms = x.shape[1], places.astype(np.int64)
+    y = np.ones((D + 1, lanes_of(D, len(x))))
     z, h = np.ones_like(y), np.empty(y.shape[1])
     for first in range(0, len(x), len(h)):
         count = read(x, first, y)

@@ -213,8 +213,7 @@ def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]
         slopes = _slopes_at_fixed_points(states)
         is_field = isinstance(body, QuadraticField)
         Y = half_step * (_eigenvalues(slopes) if is_field else _rates_of_body(states, slopes))
-        large = (1.0 / Y + 1.0) / (1.0 / Y - 1.0)
-        found = np.where(Y == 1.0, np.inf, np.where(abs(Y) < 1.0, (1.0 + Y) / (1.0 - Y), large))
+        found = np.where(Y == 1.0, np.inf, (1.0 + Y) / (1.0 - Y))
         found = np.broadcast_to(found, (*states.batch, body.dimension))
         order = np.lexsort((-found.imag, -abs(found)), axis=-1)
     unknown = np.isnan(states.omega).any(axis=-1, keepdims=True)
@@ -267,10 +266,9 @@ def _rates_of_body(states: States, slopes: FloatArray) -> NDArray[Any]:
 
 
 def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
-    """Return the spectrum of J**-1 (|I|**2 Id - I I^T) without the 0 of I.
+    """Return the spectrum of J**-1 (|I|**2 Id - I I^T) without the 0 of I, each to rounding.
 
     The sum of I_i**2 / (pole_i - s), with pole_i = |I|**2 / J_i, is 0 for one s between two poles.
-    By bisection the error of each s is relative to itself, not to the largest one.
     """
     square = I * I
     poles = square.sum(axis=-1, keepdims=True) / J

@@ -54,7 +54,9 @@ class Invariants:
     def integrals(self) -> list[RationalFunction]:
         """First integrals: quotients, and products of powers whose cofactors multiply to 1."""
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
-        return self.quotients + [self._power_product(row) for row in relations]
+        products = map(self._power_product, relations)
+        larger_above = [max((f, f**-1), key=lambda g: degree_of(g.numerator)) for f in products]
+        return self.quotients + larger_above
 
     @property
     def measures(self) -> list[RationalFunction]:

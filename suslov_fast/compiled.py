@@ -189,10 +189,11 @@ def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, fl
         X, Y = frame.K + (frame.a * u + frame.b * v), frame.b * u - frame.a * v
         along, across, _, _ = steps_3d.turn(X, Y, frame.K)
         return along * u - across * v, along * v + across * u
-    _, _, ratio, _ = steps_3d.turn(u, v, 0.0)
+    along, across, ratio, _ = steps_3d.turn(u, v, 0.0)
     following = u * ratio
     decayed = (abs(following) < steps_3d.NEGLIGIBLE) & (v < 0.0)
-    return select(decayed, 0.0, following), v - 2.0 * u * following
+    turned = select(abs(v) < 1.0, v - 2.0 * u * following, along * v - across * u)  # large v cancel
+    return select(decayed, 0.0, following), turned
 
 
 @for_users
@@ -214,6 +215,7 @@ def step(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[fl
 @for_users
 def vector_field(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the derivatives of omega1 and omega2, as :func:`suslov_fast.vector_field`."""
+    _check_frame(frame)
     f = frame
     return quantities.vector_field_at(f.I1, f.I2, f.I13, f.I23, f.k, omega1, omega2)
 
@@ -221,12 +223,14 @@ def vector_field(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> 
 @for_users
 def energy(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
     """Return the energy, as :func:`suslov_fast.energy`."""
+    _check_frame(frame)
     return quantities.energy_at(frame.I1, frame.I2, omega1, omega2)
 
 
 @for_users
 def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
     """Return F of Lemma 1, as :func:`suslov_fast.first_integral`."""
+    _check_frame(frame)
     f = frame
     return quantities.first_integral_at(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
@@ -309,6 +313,8 @@ def step_system(
     if (len(x) != m) | (len(out) != m) | (memory[2][0].shape[1] != m):
         raise ValueError("step_system: expected x, out and work of the dimension of the system")
     if len(system) == _FIELD:
+        if len(memory[2][2]) != len(constants[1]):
+            raise ValueError("work: expected that of a system with as many terms")
         return steps_field.step_of_one(constants, borrowed(x), borrowed(out), memory)
     return steps_nd.step_of_one(constants, borrowed(x), borrowed(out), memory)
 

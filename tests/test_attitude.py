@@ -96,6 +96,8 @@ def test_states_of_iterate_are_accepted(rng, m):
         body, decades = sf.SuslovND(10 ** rng.uniform(-2, 2, I.shape), I), 3
     speed, eps = 10 ** rng.uniform(-decades, decades, (2, size)) * rng.choice([-1, 1], (2, size))
     omega0 = rng.normal(size=(size, body.dimension)) * speed[:, None]
-    run = sf.iterate(body, omega0, eps, 50, on_singular="ignore")
+    omega0[7] = np.nan
+    run = sf.iterate(body, omega0, eps, 50, attitude=True, on_singular="ignore")
     R = sf.attitude(body, run.omega, eps)
     assert (np.isfinite(R).all((-2, -1)) == np.isfinite(run.omega).all(-1)).all()
+    np.testing.assert_array_equal(R, run.attitude)

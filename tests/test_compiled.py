@@ -143,6 +143,14 @@ def test_loops_of_users_follow_orbits(rng):
     np.testing.assert_allclose(x, last, rtol=1e-13)
 
 
+def test_steps_of_long_vectors_keep_their_digits():
+    for X, Y in ((1e3, 1e6), (-30.0, 1e8), (1e5, -1e4)):  # next states are near (0, -1)
+        constants = frame(Suslov3D(1, 1, 1, 0), 2.0)
+        u, v = advance(constants, X, Y)
+        exact = naive.step(1, 1, 1, 0, 2.0, (X, -Y))
+        assert naive.relative_error((u, -v), exact) < 1e-15
+
+
 def test_a_long_orbit_comes_to_rest_without_subnormal_numbers():
     constants = frame(BODY, EPS)
     u, v = enter(constants, 1.0, 0.5)
@@ -239,7 +247,8 @@ def test_what_is_no_float64_is_refused_when_a_loop_is_compiled(call, body):
         with pytest.raises(TypeError, match=words) as raised:
             call(*arguments)
         assert len(str(raised.value)) < 150
-    for each in (one_advance, advance, enter, leave, compiled.step):
+    quantities = compiled.energy, compiled.first_integral, compiled.vector_field
+    for each in (one_advance, advance, enter, leave, compiled.step, *quantities):
         with pytest.raises(TypeError, match=r"^frame: "):
             each(constants, 1.0, 2.0)
 
@@ -266,6 +275,9 @@ def test_arrays_of_another_length_are_refused(body):
     ):
         with pytest.raises(ValueError, match="dimension of the system"):
             step_system(constants, *arguments)
+    fewer = work(system(QuadraticField(np.zeros((3, 3, 3)), np.ones((3, 3))), 0.1))
+    with pytest.raises(ValueError, match="^work: .* terms"):
+        step_system(system(FIELD, 0.1), three, three, fewer)
 
 
 @pytest.mark.parametrize("body", [ND, FIELD], ids=["nd", "field"])

@@ -53,6 +53,8 @@ class March:
         size, D = self.omega0.shape
         self.carry = np.empty((size, steps.carried(D)))
         self.turned = None if orientation is None else flat_arrays(orientation, batch, 2).copy()
+        if self.turned is not None:
+            self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
         # Those of the run at state n, in the shape of the batch.
         self.final = np.empty((*batch, D))
         self.status = np.zeros(batch, np.int8)

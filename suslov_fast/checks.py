@@ -8,7 +8,7 @@ import operator
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from typing import Any, get_args
 
@@ -222,7 +222,7 @@ def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
     return number
 
 
-def one_of(name: str, value: Any, choices: Sequence[str]) -> str:
+def one_of(name: str, value: Any, choices: Collection[str]) -> str:
     if not isinstance(value, str) or value not in choices:
         raise wrong(name, f"one of {', '.join(map(repr, choices))}", short(value))
     return value

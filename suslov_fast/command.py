@@ -222,20 +222,14 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
     if (path or given) and (options.extent, options.seed) != (None, None):
         options.usage_error("arguments --extent and --seed: expected random states with them")
     if given:
-        if {*map(len, given)} != {body.dimension}:
-            expected = f"{body.dimension} numbers {','.join(body._labels)}"
-            raise checks.wrong("--omega0", expected, given)
-        return checks.real_array("--omega0", given)
+        return checks.states("--omega0", given, body._labels)
     if path is None:
         count = 65_536 if options.trajectories is None else options.trajectories
         extent = 2.0 if options.extent is None else options.extent
         return RandomStarts(checks.integer("--trajectories", count, 1), extent, options.seed or 0)
     with _about(path):
         states = np.lib.format.open_memmap(path, mode="r")
-        missing = np.isnan(checks.states(str(path), np.asarray(states), body._labels))
-        if missing.any():
-            row = checks.spell(checks.first_index(missing)[:-1])
-            raise checks.wrong(str(path), "finite numbers", f"nan in row {row}")
+        checks.states(str(path), np.asarray(states), body._labels)
     return states
 
 

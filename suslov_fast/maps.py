@@ -101,7 +101,7 @@ _KINDS: dict[str, Any] = {record.body.__name__: record.body for record in _RECOR
 
 def map_named(name: str) -> Map:
     """Return the map of a name; ValueError if there is none."""
-    return MAPS[checks.one_of("map", name, [*MAPS])]
+    return MAPS[checks.one_of("map", name, MAPS)]
 
 
 # A record is pickled by its name, since it holds functions that cannot be pickled.
@@ -136,7 +136,7 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
     """
     checks.instance("parameters", parameters, Mapping)
-    return _KINDS[checks.one_of("body", parameters.get("body"), [*_KINDS])].from_dict(parameters)
+    return _KINDS[checks.one_of("body", parameters.get("body"), _KINDS)].from_dict(parameters)
 
 
 def states_after(states: States, steps: int = 1) -> FloatArray:

@@ -275,11 +275,11 @@ def test_runs_in_parts(rng, kind, options):
         del options["on_singular"]
         for rows in (1, 3):
             found = [*pieces(*problem, 40, rows=rows, save_every=save_every, **options)]
-            same([np.concatenate([each.states for each in found])], [run.states])
-            same([np.concatenate([each.n for each in found])], [run.n])
-            same(found[-1][3:], [run.final, run.status, run.failed_at])
+            same([np.concatenate([each[0] for each in found])], [run.states])
+            end = found[-1][2]
+            same([end.final, end.status, end.failed_at], [run.final, run.status, run.failed_at])
             if run.attitude is not None:
-                same([np.concatenate([each.attitude for each in found])], [run.attitude])
+                same([np.concatenate([each[1] for each in found])], [run.attitude])
         options["on_singular"] = "ignore"
 
 

@@ -48,27 +48,6 @@ def test_python_threads_at_once(layer):
     )
 
 
-@pytest.mark.compiled
-def test_threads_with_small_stacks():
-    code = """
-        four, field = sf.SuslovND([1.0, 2.0, 3.0], [0.1, 0.2, 0.3]), sf.QuadraticField.of(body)
-        def calls():
-            found.append(sf.flow(body, omega[:9], np.linspace(0, 9, 40)))
-            for each, states in (body, omega), (field, omega), (four, omega[:, [0, 1, 1]]):
-                sf.iterate(each, states, 0.2, 20, attitude=each is not field)
-
-        import threading
-        found = []
-        calls()
-        threading.stack_size(128 * 1024)
-        thread = threading.Thread(target=calls)
-        thread.start()
-        thread.join()
-        assert np.array_equal(*found)
-    """
-    in_child(code)
-
-
 FORKS = """
 import os, sys, threading, warnings
 warnings.simplefilter("ignore", DeprecationWarning)

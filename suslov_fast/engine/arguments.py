@@ -6,7 +6,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from .. import checks
 from ..bodies.field import QuadraticField
@@ -43,8 +43,8 @@ def check(
     """Check the arguments of a public function.
 
     The body is one of `kinds`, if any are given. Arguments are states, by any name, which may be
-    NaN and have the components of the body or those given; `eps`; and the rotations `attitude`.
-    Messages call the state of a field x; `later` is that of `checks.states`.
+    NaN and have the components of the body or those given; `eps`; and rotations `attitude`, or
+    True. Messages call the state of a field x; `later` is that of `checks.states`.
     """
     if kinds:
         instance("body", body, kinds)
@@ -58,7 +58,11 @@ def check(
             eps = within(name, real_number(name, value), MOMENTS)
             shapes[name] = () if type(eps) is float else eps.shape  # type: ignore[union-attr]
         elif name == "attitude":
-            orientation = checks.rotations(name, value, body.dimension + 1)
+            if isinstance(body, QuadraticField):
+                expected = "False, as states of a field have no orientation"
+                raise wrong(name, expected, checks.short(value), TypeError)
+            n = body.dimension + 1
+            orientation = np.eye(n) if value is True else checks.rotations(name, value, n)
             shapes[name] = orientation.shape[:-2]
         else:
             of_states = "x" if isinstance(body, QuadraticField) else name
@@ -85,27 +89,11 @@ def thread_count(threads: int | None) -> int | None:
     return count
 
 
-def orientations_of(body: Any, attitude: Any) -> dict[str, ArrayLike]:
-    """Return the argument `attitude` by name, the identity for True, or nothing for False."""
-    is_flag = isinstance(attitude, (bool, np.bool_))
-    if is_flag and not attitude:
-        return {}
-    if isinstance(body, QuadraticField):
-        expected = "False, as states of a field have no orientation"
-        raise wrong("attitude", expected, attitude, TypeError)
-    return {"attitude": np.eye(body.dimension + 1) if is_flag else attitude}
-
-
 def refuse_rotor(body: object, function: str, instead: str) -> None:
     """Raise TypeError for a body with a rotor, for which a function has no meaning."""
     if isinstance(body, SuslovGyrostat):
         expected, received = "one without a rotor", type(body).__name__
         raise wrong("body", expected, f"{received}: instead of {function} use {instead}", TypeError)
-
-
-def for_kernel(array: FloatArray) -> FloatArray:
-    """Return the array in the only type that kernels are compiled for; a copy only if needed."""
-    return array if array.flags.carray else np.require(array, np.float64, ["C", "A", "W"])
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
@@ -114,7 +102,9 @@ def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> Flo
     inner = array.shape[split:]
     if array.shape[:split] != batch:
         array = np.broadcast_to(array, (*batch, *inner))
-    return for_kernel(array.reshape((math.prod(batch), *inner)))
+    flat = array.reshape((math.prod(batch), *inner))
+    # The only type that kernels are compiled for.
+    return flat if flat.flags.carray else np.require(flat, np.float64, ["C", "A", "W"])
 
 
 def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
@@ -124,7 +114,7 @@ def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int 
     array = np.asarray(value)
     inner = array.shape[array.ndim - axes :]
     if array.size == math.prod(inner):
-        return for_kernel(array.reshape((1, *inner)))
+        array, batch = array.reshape((1, *inner)), (1,)
     return flat_arrays(array, batch, axes)
 
 
@@ -132,15 +122,14 @@ def parameters_of(
     body: Any, eps: float | FloatArray, batch: tuple[int, ...]
 ) -> tuple[NDArray[Any], ...]:
     """Return the parameters of kernels: those of the body, and eps."""
-    of_body = body.batch_of_one if not body.shape else _of_batch(body, batch)
-    return *of_body, flat_parameter(eps, batch)
-
-
-def _of_batch(body: Any, batch: tuple[int, ...]) -> tuple[NDArray[Any], ...]:
+    if not body.shape:
+        return *body.batch_of_one, flat_parameter(eps, batch)
     if isinstance(body, QuadraticField):
         indices, values = body.terms
-        return indices, flat_parameter(values, batch, 1)
-    return tuple(flat_parameter(each, batch, body._vector_axes) for each in body.parameters)
+        return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
+    axes = *(body._vector_axes,) * len(body.parameters), 0
+    each = zip((*body.parameters, eps), axes, strict=True)
+    return tuple(flat_parameter(value, batch, count) for value, count in each)
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:

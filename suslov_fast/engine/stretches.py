@@ -5,7 +5,7 @@ Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numba
@@ -138,8 +138,8 @@ class March:
             if report is not None:
                 report(until)
 
-    def _stretches(self, stop: int, every: int) -> Iterator[tuple[tuple[int, ...], int]]:
-        """Yield trajectories begin to end, states start to stop, and work, of each stretch.
+    def _stretches(self, stop: int, every: int) -> Iterable[tuple[tuple[int, ...], int]]:
+        """Return trajectories begin to end, states start to stop, and work, of each stretch.
 
         The batch is divided first, so that the data of a stretch stay in the caches; time is
         divided only if few trajectories take long. A block of lanes takes the time of all lanes,
@@ -150,15 +150,16 @@ class March:
         cost = step + (_SAVING / every if every else 0.0)
         blocks = -(-size // lanes)
         if blocks * lanes * length * cost <= _STRETCH:
-            yield (0, size, n, stop), int(size * length * step) if blocks > 1 else 0
-            return
+            return [((0, size, n, stop), int(size * length * step) if blocks > 1 else 0)]
         most = self.threads or numba.config.NUMBA_NUM_THREADS
         at_once = min(blocks, most) * _STRETCH / cost  # steps of all trajectories
         abreast = max(lanes * most, int(_ABREAST / step), int(at_once / length))
         width = -(-size // (-(-size // abreast) * lanes)) * lanes
         length = max(int(_LENGTH / step), int(at_once / width), 1)
         work = int(length * step) if width > lanes else 0
-        for begin in range(0, size, width):
-            end = min(begin + width, size)
-            for start in range(n, max(stop, n + 1), length):
-                yield (begin, end, start, min(start + length, stop)), (end - begin) * work
+        return (
+            ((begin, end, start, min(start + length, stop)), (end - begin) * work)
+            for begin in range(0, size, width)
+            for end in (min(begin + width, size),)
+            for start in range(n, max(stop, n + 1), length)
+        )

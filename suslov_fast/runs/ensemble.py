@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
 from itertools import islice, product
 from typing import TYPE_CHECKING, Any
 
@@ -23,9 +22,8 @@ if TYPE_CHECKING:
     import xarray
 
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
-# number of trajectories below which the processor would be idle; steps that one thread takes before
-# a second one has started; tiles queued per thread of a worker.
-_CHUNK, _WORK, _FEWEST, _LITTLE, _WAITING = 2**24, 2**31, 2**12, 2**24, 2
+# least number of trajectories that keep a processor busy; tiles queued per thread of a worker.
+_CHUNK, _WORK, _FEWEST, _WAITING = 2**24, 2**31, 2**12, 2
 
 Where = tuple[slice, ...]
 Run = dict[str, Any]  # the arguments of a run, or of a tile of it
@@ -172,19 +170,14 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
     given = dict(chunk) if isinstance(chunk, Mapping) else {}
     if unknown := given.keys() - lengths:
         raise wrong("chunk", expected, ", ".join(map(str, unknown)))
-    left = chunk
-    if chunk is None or given:
-        left = max(
-            _FEWEST, min(_CHUNK // (width * lengths["n"]), _WORK // (data.attrs["steps"] + 1))
-        )
+    few = min(_CHUNK // (width * lengths["n"]), _WORK // (data.attrs["steps"] + 1))
+    left = max(_FEWEST, few) if chunk is None or given else chunk
     sizes: dict[str, int] = {}
     for name in reversed(lengths):
         if name == "n":
             left = max(1, _CHUNK // (width * math.prod(sizes.values())))
         most = integer("chunk", given.get(name, left), 1, expected)
-        parts = max(
-            1, -(-lengths[name] // most)
-        )  # of equal size: a shorter one takes as much space
+        parts = max(1, -(-lengths[name] // most))  # of equal size, since all take as much space
         sizes[name] = max(1, -(-lengths[name] // parts))
         left = max(1, left // sizes[name])
     return sizes
@@ -202,18 +195,11 @@ def _compute_missing(run: Run, functions: Any, store: Any, client: Any, progress
     missing = (
         each for each in product(*sides) if (np.asarray(status[each]) == stores.PENDING).any()
     )
-    threads = 1 if math.prod(status.chunks) * steps < _LITTLE else None
     with reporter(progress, math.prod(map(len, sides)) * steps) as show:
         if client is None:
-            with ThreadPoolExecutor(1, "suslov_fast writer") as writer:
-                writing = writer.submit(int)  # nothing yet
-                for done, where in enumerate(missing, start=1):
-                    work = _tile(run, where), where, functions, arrays, threads
-                    for array, part, values in _computed(*work):
-                        writing.result()
-                        writing = writer.submit(array.__setitem__, part, values)
-                    show(done * steps)
-                writing.result()
+            for done, where in enumerate(missing, start=1):
+                _compute(_tile(run, where), where, functions, arrays, None)
+                show(done * steps)
             return
         from distributed import as_completed
 
@@ -228,24 +214,18 @@ def _compute_missing(run: Run, functions: Any, store: Any, client: Any, progress
             futures.update(map(submit, islice(missing, 1)))
 
 
-def _computed(
-    tile: Run, where: Where, functions: Any, arrays: Any, threads: int | None
-) -> Iterator[tuple[Any, Any, Any]]:
-    """Yield arrays, places and values of a tile, in pieces that fill a chunk, its `status` last."""
+def _compute(tile: Run, where: Where, functions: Any, arrays: Any, threads: int | None = 1) -> None:
+    """Compute and write a tile, in pieces that fill a chunk, its `status` last."""
     variable, row = map_of(tile["body"]).variable, 0
     for piece in pieces(**tile, rows=arrays[variable].chunks[0], threads=threads):
-        found = {variable: piece.states, "attitude": piece.attitude}
-        found |= {name: stores.values(name, f, piece.states) for name, f in functions.items()}
-        part = slice(row, row + len(piece.n)), *where
-        yield from ((arrays[name], part, found[name]) for name in found if name in arrays)
-        row += len(piece.n)
-    yield from ((arrays[name], where, getattr(piece, name)) for name in stores.LAST)
-
-
-def _compute(tile: Run, where: Where, functions: Any, arrays: Any) -> None:
-    """Compute and write a tile, in one thread of a worker."""
-    for array, part, values in _computed(tile, where, functions, arrays, 1):
-        array[part] = values
+        saved, turns, march = piece
+        found = {variable: saved} if turns is None else {variable: saved, "attitude": turns}
+        found |= {name: stores.values(name, f, saved) for name, f in functions.items()}
+        for name, values in found.items():
+            arrays[name][(slice(row, row + len(saved)), *where)] = values
+        row += len(saved)
+    for name in stores.LAST:
+        arrays[name][where] = getattr(march, name)
 
 
 def _tile(run: Run, where: Where) -> Run:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, instance, integer, one_of, warn, wrong
-from ..engine.arguments import BodyOrField, States, check, orientations_of, refuse_rotor
+from ..engine.arguments import BodyOrField, States, check, refuse_rotor
 from ..engine.progress import Progress, check_progress
 from ..engine.starts import RandomStarts
 from ..engine.status import SingularStepWarning
@@ -150,17 +150,6 @@ def iterate(
     return run
 
 
-class Piece(NamedTuple):
-    """A part of a run: saved states that follow each other, and how far it came."""
-
-    n: NDArray[np.int64]
-    states: FloatArray
-    attitude: FloatArray | None
-    final: FloatArray
-    status: NDArray[np.int8]
-    failed_at: NDArray[np.int64]
-
-
 def pieces(
     body: BodyOrField,
     omega0: ArrayLike | RandomStarts,
@@ -172,22 +161,17 @@ def pieces(
     method: str = "auto",
     attitude: bool | ArrayLike = False,
     threads: int | None = None,
-    report: Callable[[int], object] | None = None,
-) -> Iterator[Piece]:
-    """Yield the run of `iterate` in pieces of at most `rows` saved states; failures are silent.
+) -> Iterator[tuple[FloatArray, FloatArray | None, March]]:
+    """Yield at most `rows` saved states of a run at a time, orientations, and how far it came.
 
-    `report` takes the number of steps done so far. The last three arrays of a piece are those of
-    the run at its last state, and are written to by the next piece.
+    Failures are silent. The arrays of the march are written to by the next piece.
     """
     map, states = _begin(body, omega0, eps, method, attitude, threads)
-    steps, save_every = _counts(steps, save_every)
-    march = March(map.methods[method], states)
-    every, last = (save_every, steps // save_every) if save_every else (0, 0)
+    march, every = March(map.methods[method], states), save_every or 0
+    last = steps // every if every else 0
     for row in range(0, last + 1, rows):
-        end = min(row + rows, last + 1)
-        saved, turns = march.to(steps if end > last else (end - 1) * every, every, None, report)
-        n = every * np.arange(row, end) if every else np.array([steps])
-        yield Piece(n, saved, turns, march.final, march.status, march.failed_at)
+        end = row + rows
+        yield *march.to(steps if end > last else (end - 1) * every, every), march
 
 
 def _begin(
@@ -195,10 +179,10 @@ def _begin(
 ) -> tuple[Map, States]:
     """Return the map and the checked arguments of a run, of which it keeps copies."""
     map = map_of(body)
-    one_of("method", method, [*map.methods])
+    one_of("method", method, map.methods)
     arguments = {"omega0": omega0, "eps": eps}
     if attitude is not False:
-        arguments |= orientations_of(body, attitude)
+        arguments["attitude"] = attitude
     states = check(body, (), arguments, threads)
     return map, states if type(states.eps) is float else states._replace(eps=np.array(states.eps))
 

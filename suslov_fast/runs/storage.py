@@ -22,6 +22,8 @@ from ..maps import body_from_dict, map_named
 PathLike = str | os.PathLike[str]
 
 FORMAT = 6
+# What NumPy, zipfile and json raise for files that are something else.
+_DAMAGE = KeyError, AttributeError, TypeError, ValueError, EOFError, zipfile.BadZipFile, zlib.error
 _ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"
 _NUMBERS = "method", "steps", "save_every"
 # Axes of a parameter of a body after those of the batch; the first is also that of states.
@@ -57,29 +59,25 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
 def load(path: PathLike) -> dict[str, Any]:
     """Return the attributes of the run in a file of `save`; errors name the file."""
     name = os.fspath(_checked(path))
-    found = _contents(name)
     try:
+        with open(name, "rb") as file, np.lib.npyio.NpzFile(file) as entries:
+            found = {each: entries[each] for each in entries.files}
         about = json.loads(str(found.get("about", "{}")))
         written = {each: str(found.get(each, "")) for each in ("format", "version")} | about
         if written["format"] not in ("", FORMAT):
             how = f"one of suslov_fast {written['version']}: compute the run again"
             raise wrong("format", f"{FORMAT}, that of this version", how)
-        return _attributes(found, about)
-    except (KeyError, AttributeError, TypeError, ValueError) as error:
+        run: dict[str, Any] = {each: found.get(each) for each in _ARRAYS}
+        run |= {each: about[each] for each in _NUMBERS} | {"_map": map_named(about["map"])}
+        body, eps = body_from_dict(json.loads(str(found["body"]))), found["eps"]
+        rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
+        shape = rows, *run["status"].shape, body.dimension
+        if run["states"].shape != shape:
+            raise wrong("states", f"shape {shape}", run["states"].shape)
+        return run | {"body": body, "eps": float(eps) if eps.ndim == 0 else eps}
+    except _DAMAGE as error:
         expected = "a file that Trajectories.save wrote"
-        raise wrong(name, expected, f"another: {error}") from error
-
-
-def _attributes(found: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
-    map, body = map_named(about["map"]), body_from_dict(json.loads(str(found["body"])))
-    run: dict[str, Any] = {name: found.get(name) for name in _ARRAYS}
-    run |= {name: about[name] for name in _NUMBERS} | {"body": body, "_map": map}
-    rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
-    shape = rows, *run["status"].shape, body.dimension
-    if run["states"].shape != shape:
-        raise wrong("states", f"shape {shape}", run["states"].shape)
-    eps = run["eps"]
-    return run | {"eps": float(eps) if eps.ndim == 0 else eps}
+        raise wrong(name, expected, f"another, or a damaged one: {error}") from error
 
 
 def _checked(path: PathLike) -> Path:
@@ -91,23 +89,17 @@ def _checked(path: PathLike) -> Path:
     return Path(path)
 
 
-def _contents(name: str) -> dict[str, Any]:
-    """Return the arrays of a .npz file, whose checksums are compared as they are read."""
-    try:
-        with open(name, "rb") as file, np.load(file, allow_pickle=False) as found:
-            return {each: found[each] for each in found.files}
-    except (ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        expected = "a .npz file that Trajectories.save wrote"
-        raise wrong(name, expected, "another, or a damaged one") from error
-
-
 def to_xarray(
     run: Any, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
 ) -> Any:
     """Return a run as a dataset; see `Trajectories.to_xarray`."""
     from .. import __version__
 
-    xarray = import_xarray()
+    try:
+        import xarray
+    except ImportError as error:
+        install = "pip install '.[xarray]' in a copy of the repository"
+        raise ImportError(f"expected xarray, got none: {install}") from error
     map, body = run._map, run.body
     # With the numbers of their axes that are not axes of the batch.
     parameters = {"eps": (np.asarray(run.eps), 0)}
@@ -120,11 +112,7 @@ def to_xarray(
         map.variable: (("n", *batch, "component"), run.states, {"long_name": map.meaning}),
         "final": ((*batch, "component"), run.final, {"long_name": "state after the last step"}),
         "status": (batch, run.status, flags),
-        "failed_at": (
-            batch,
-            run.failed_at,
-            {"long_name": "first state that does not exist, or -1"},
-        ),
+        "failed_at": (batch, run.failed_at, {"long_name": "first missing state, or -1"}),
         "n": ("n", run.n, {"long_name": "number of steps"}),
         # Strings of variable length: Zarr format 3 has none of fixed length.
         "component": ("component", np.array(body._labels, object)),
@@ -175,13 +163,3 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
         if name in parameters and run.status.shape[axis] > 1 and alone.get(name) != axis:
             raise wrong("dims", f"{name} for the axis along which it varies alone", repr(dims))
     return tuple(names)
-
-
-def import_xarray() -> Any:
-    """Return the module xarray; ImportError that says how to install it."""
-    try:
-        import xarray
-    except ImportError as error:
-        install = "pip install '.[xarray]' in a copy of the repository"
-        raise ImportError(f"expected xarray, got none: {install}") from error
-    return xarray

@@ -155,7 +155,7 @@ def test_bodies_without_a_closed_form(call):
     with pytest.raises(sf.NotIntegrableError, match=r"body 1,.* use (iterate|vector_field)"):
         call(body, [0.3, 0.9, -0.6], *eps, *n)
     field = sf.QuadraticField([[[1]]])
-    with pytest.raises(TypeError, match=r"^body: .*iterate"):
+    with pytest.raises(TypeError, match=r"^body: "):
         call(field, [0.3], *eps, *n)
 
 

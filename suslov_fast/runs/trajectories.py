@@ -103,7 +103,7 @@ class Trajectories:
     _turned: FloatArray | None = field(init=False, default=None)
 
     @classmethod
-    def _of(cls, attributes: dict[str, Any]) -> Trajectories:
+    def _of(cls, **attributes: Any) -> Trajectories:
         run = cls.__new__(cls)
         vars(run).update(attributes)  # faster than a call of a frozen dataclass
         return run
@@ -136,21 +136,19 @@ class Trajectories:
             saved = np.concatenate([earlier.states, saved])
             turns = None if turns is None else np.concatenate([earlier.attitude, turns])
         return cls._of(
-            {
-                "states": saved,
-                "eps": states.eps,
-                "body": states.body,
-                "status": march.status,
-                "failed_at": march.failed_at,
-                "final": march.final,
-                "method": method,
-                "steps": steps,
-                "save_every": save_every,
-                "attitude": turns,
-                "_map": map,
-                "_carry": march.carry,
-                "_turned": march.turned,
-            }
+            states=saved,
+            eps=states.eps,
+            body=states.body,
+            status=march.status,
+            failed_at=march.failed_at,
+            final=march.final,
+            method=method,
+            steps=steps,
+            save_every=save_every,
+            attitude=turns,
+            _map=map,
+            _carry=march.carry,
+            _turned=march.turned,
         )
 
     def extend(
@@ -343,7 +341,7 @@ class Trajectories:
         """Read a run written by :meth:`save`; ValueError if the file is something else."""
         from .storage import load
 
-        return cls._of(load(path))
+        return cls._of(**load(path))
 
     def __repr__(self) -> str:
         failed, n = np.count_nonzero(self.status < 0), self.n

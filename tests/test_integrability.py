@@ -731,6 +731,7 @@ def test_decimals():
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     found = report(body, 0.2, decimals=True)
     assert "5*x1 + 3*x2" in {str(P) for P in found.polynomials}
+    assert str(found.integrals[0]).startswith("(4*x1^2 + x2^2)/(")
     assert found.eps == F(1, 5)
     assert not found.notes
     (note,) = report(body, 0.2, 1).notes

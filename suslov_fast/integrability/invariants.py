@@ -55,8 +55,11 @@ class Invariants:
         """First integrals: quotients, and products of powers whose cofactors multiply to 1."""
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
         products = map(self._power_product, relations)
-        larger_above = [max((f, f**-1), key=lambda g: degree_of(g.numerator)) for f in products]
-        return self.quotients + larger_above
+
+        def order(f: RationalFunction) -> tuple[int, bool]:
+            return degree_of(f.numerator), _constant_term(f.denominator)
+
+        return [max((f, f**-1), key=order) for f in (*self.quotients, *products)]
 
     @property
     def measures(self) -> list[RationalFunction]:

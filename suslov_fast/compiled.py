@@ -30,7 +30,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
+from numba import typeof, types
 from numba.extending import overload, typeof_impl
 from numpy.typing import ArrayLike, NDArray
 
@@ -57,8 +57,6 @@ class Frame(NamedTuple):
     v2: float
     inverse: float  # of the determinant u1 v2 - u2 v1
 
-    labels = ("Omega1", "Omega2")  # of the components of a state
-
 
 class GyrostatFrame(NamedTuple):
     """A gyrostat and a step size: u + i v = eps / 2 (omega1 + i sqrt(I2 / I1) omega2)."""
@@ -78,8 +76,6 @@ class GyrostatFrame(NamedTuple):
     a: float
     b: float
 
-    labels = Frame.labels
-
 
 class NDSystem(NamedTuple):
     """A body in n dimensions and a step size."""
@@ -89,8 +85,6 @@ class NDSystem(NamedTuple):
     eps: float
     near: float  # a bound, see `steps_nd`
 
-    labels = property(lambda self: tuple(f"Omega{i + 1}n" for i in range(len(self.J))))
-
 
 class FieldSystem(NamedTuple):
     """A quadratic field and a step size: the block of one lane of `steps_field`."""
@@ -98,8 +92,6 @@ class FieldSystem(NamedTuple):
     fixed: FloatArray
     half: FloatArray
     indices: NDArray[np.int64]
-
-    labels = property(lambda self: tuple(f"x{i + 1}" for i in range(len(self.fixed))))
 
 
 # Numba resolves the length of a tuple as it compiles, and drops the branch for the other kind.
@@ -119,7 +111,7 @@ def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFr
     Returns
     -------
     NamedTuple of float
-        An argument of any compiled function. Its `labels` are those of the components.
+        An argument of any compiled function.
 
     Raises
     ------
@@ -137,32 +129,25 @@ def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFr
     >>> round(omega1, 6), round(omega2, 6)
     (1.013781, 0.372248)
     """
-    if not isinstance(body, (Suslov3D, SuslovGyrostat)) and isinstance(body, Body):
-        expected = "Suslov3D or SuslovGyrostat, or system(body, eps) in place of frame"
+    if not isinstance(body, (Suslov3D, SuslovGyrostat)):
+        expected = "Suslov3D or SuslovGyrostat; for others call system(body, eps)"
         raise wrong("body", expected, type(body).__name__, TypeError)
-    instance("body", body, (Suslov3D, SuslovGyrostat))
     number = _single(body, eps)
-    given = tuple(map(float, body.parameters))
-    if number == 0.0 or not any(given[2:]):
+    given = I1, I2, I13, I23, k = tuple(map(float, body.parameters))
+    if number == 0.0 or not any((I13, I23, k)):
         expected = "eps != 0, and I13, I23 or k != 0"
         raise wrong("body, eps", expected, f"{body!r}, eps = {number!r}: the map is the identity")
-    with np.errstate(divide="ignore", invalid="ignore"):  # interpreted
-        f, one, half = _frame_of(*given, number), _frame_of(*given, 2.0), 0.5 * number
+    half, s = 0.5 * number, math.sqrt(I1 * I2)
+    e, ratio = half / s, s / I2
     if isinstance(body, SuslovGyrostat):
-        there = half, 0.0, 0.0, half / f.back, f.back / half / half
-        return GyrostatFrame(*given, number, *map(float, (*there, f.K, one.a1, one.a2)))
-    there = f.a1, f.a2 / f.back, f.a2, -f.a1 / f.back
-    inverse = 1.0 / (there[0] * there[3] - there[1] * there[2])
-    made = Frame(*given, number, *map(float, (*there, inverse)))
-    if not all(map(math.isfinite, made)):
+        scales = half, 0.0, 0.0, half / ratio, ratio / half / half
+        return GyrostatFrame(*given, number, *scales, e * k, I13 / s, I23 * ratio / s)
+    u1, u2, v1, v2 = e * I13, e * I23, e * (I23 * ratio), -e * I13 / ratio
+    determinant = u1 * v2 - u2 * v1
+    inverse = 1.0 / determinant if determinant != 0.0 else math.inf
+    if not all(map(math.isfinite, (determinant, inverse))):
         raise wrong("body, eps", "other units", f"{body!r}, eps = {number!r}: numbers overflow")
-    return made
-
-
-@for_users
-def _frame_of(I1, I2, I13, I23, k, eps):
-    """Call a formula, from Python."""
-    return steps_3d.frame_of(I1, I2, I13, I23, k, eps)
+    return Frame(*given, number, u1, u2, v1, v2, inverse)
 
 
 def _single(body: Any, eps: ArrayLike) -> float:
@@ -177,14 +162,14 @@ def _single(body: Any, eps: ArrayLike) -> float:
 @for_users
 def enter(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the numbers u and v of a state, dimensionless and linear in omega."""
-    _check_frame(frame)
+    _check(frame)
     return frame.u1 * omega1 + frame.u2 * omega2, frame.v1 * omega1 + frame.v2 * omega2
 
 
 @for_users
 def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return u and v one step further, with one division; NaN where there is no next state."""
-    _check_frame(frame)
+    _check(frame)
     if len(frame) == _GYROSTAT:
         X, Y = frame.K + (frame.a * u + frame.b * v), frame.b * u - frame.a * v
         along, across, _, _ = steps_3d.turn(X, Y, frame.K)
@@ -199,7 +184,7 @@ def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, fl
 @for_users
 def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return (omega1, omega2), the inverse of :func:`enter`."""
-    _check_frame(frame)
+    _check(frame)
     f = frame
     return (f.v2 * u - f.u2 * v) * f.inverse, (f.u1 * v - f.v1 * u) * f.inverse
 
@@ -207,7 +192,7 @@ def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, floa
 @for_users
 def step(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the next state; NaN where there is none."""
-    _check_frame(frame)
+    _check(frame)
     f = frame
     return steps_3d.one_step(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
@@ -215,7 +200,7 @@ def step(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[fl
 @for_users
 def vector_field(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the derivatives of omega1 and omega2, as :func:`suslov_fast.vector_field`."""
-    _check_frame(frame)
+    _check(frame)
     f = frame
     return quantities.vector_field_at(f.I1, f.I2, f.I13, f.I23, f.k, omega1, omega2)
 
@@ -223,14 +208,14 @@ def vector_field(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> 
 @for_users
 def energy(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
     """Return the energy, as :func:`suslov_fast.energy`."""
-    _check_frame(frame)
+    _check(frame)
     return quantities.energy_at(frame.I1, frame.I2, omega1, omega2)
 
 
 @for_users
 def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
     """Return F of Lemma 1, as :func:`suslov_fast.first_integral`."""
-    _check_frame(frame)
+    _check(frame)
     f = frame
     return quantities.first_integral_at(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
@@ -248,7 +233,7 @@ def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
     Returns
     -------
     NamedTuple of arrays and float
-        An argument of any compiled function. Its `labels` are those of the components.
+        An argument of any compiled function.
 
     Raises
     ------
@@ -275,16 +260,10 @@ def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
         near = (1.0 - steps_nd.FAR_FROM_0) * float(np.min(body.J))
         return NDSystem(np.array(body.J), np.array(body.I), number, near)
     indices, values = map(np.array, body.field().terms)
-    fixed = np.empty((body.dimension, body.dimension + 1, 1))
-    return FieldSystem(fixed, _entered(indices, values, number, fixed), indices)
-
-
-@for_users
-def _entered(indices, values, eps, fixed):
-    """Call a function of kernels, from Python."""
-    half = np.empty((len(values), 1))
-    steps_field.enter_field(indices, values, eps, fixed, half, 0)
-    return half
+    half, fixed = 0.5 * number * values, np.eye(body.dimension, body.dimension + 1)
+    linear = indices[2] == body.dimension
+    np.subtract.at(fixed, tuple(indices[:2, linear]), half[linear])
+    return FieldSystem(fixed[:, :, None], half[:, None], indices)
 
 
 @for_users
@@ -319,42 +298,26 @@ def step_system(
     return steps_nd.step_of_one(constants, borrowed(x), borrowed(out), memory)
 
 
-def _check(system, x, out, work):
-    """Refuse anything but systems and arrays of float64: here in Python, below as Numba types."""
-    arrays = [isinstance(each, np.ndarray) and (each.dtype.name, each.ndim) for each in (x, out)]
-    _refuse(type(system), (NDSystem, FieldSystem), system, arrays, work)
+def _check(constants, *others):
+    """Refuse other arguments than a frame, or than a system, x, out and work; here interpreted."""
+    _check_types(*map(typeof, (constants, *others)))
 
 
 @overload(_check)
-def _check_types(system, x, out, work):
-    arrays = [isinstance(each, types.Array) and (each.dtype.name, each.ndim) for each in (x, out)]
-    _refuse(getattr(system, "instance_class", None), (NDSystem, FieldSystem), system, arrays, work)
-    return lambda system, x, out, work: None
-
-
-def _check_frame(frame):
-    """Refuse anything but frames, likewise."""
-    _refuse(type(frame), (Frame, GyrostatFrame), frame)
-
-
-@overload(_check_frame)
-def _check_type_of_frame(frame):
-    _refuse(getattr(frame, "instance_class", None), (Frame, GyrostatFrame), frame)
-    return lambda frame: None
-
-
-def _refuse(kind, kinds, received, arrays=(), work=None):
-    if kind not in kinds:
-        name = "frame" if Frame in kinds else "system"
-        expected = f"what {name}(body, eps) returns"
-        raise wrong(name, expected, f"{received!s:.60}", TypeError)
-    for name, each in zip(("x", "out"), arrays, strict=False):
-        if each != ("float64", 1):
-            got = f"{each[0]} with {each[1]} axes" if each else "no array"
-            raise wrong(name, "an array (D,) of float64", got, TypeError)
-    parts = 5 if kind is FieldSystem else 4  # of the memory of one lane
-    if arrays and (not hasattr(work, "__len__") or len(work) != 3 or len(work[2]) != parts):
-        raise wrong("work", "what work(system) returns", f"{work!s:.60}", TypeError)
+def _check_types(constants, *others):
+    """Refuse the same when a loop is compiled: the arguments are Numba types."""
+    kind = getattr(constants, "instance_class", None)
+    name = "system" if others else "frame"
+    if kind not in ((NDSystem, FieldSystem) if others else (Frame, GyrostatFrame)):
+        raise wrong(name, f"what {name}(body, eps) returns", f"{constants!s:.60}", TypeError)
+    for name, each in zip(("x", "out"), others, strict=False):
+        if not isinstance(each, types.Array) or (each.dtype, each.ndim) != (types.float64, 1):
+            raise wrong(name, "an array (D,) of float64", f"{each!s:.60}", TypeError)
+    if others:
+        work, parts = others[2], 5 if kind is FieldSystem else 4  # of the memory of one lane
+        if not isinstance(work, types.Tuple) or len(work) != 3 or len(work[2]) != parts:
+            raise wrong("work", "what work(system) returns", f"{work!s:.60}", TypeError)
+    return lambda constants, *others: None
 
 
 @typeof_impl.register(Body)

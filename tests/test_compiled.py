@@ -26,10 +26,14 @@ from suslov_fast.compiled import advance, enter, frame, leave, step_system, syst
 
 BODY, EPS = Suslov3D(4, 3, -0.4, -0.2), 0.2
 GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+ND = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 
 
 def lorenz(x):
     return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+FIELD = QuadraticField.from_function(lorenz, 3)
 
 
 def chain(x):
@@ -95,11 +99,11 @@ def test_a_step_is_accurate(body, rng):
 @pytest.mark.parametrize(
     ("body", "size", "eps"),
     [
-        (SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), 1.0, 0.4),
-        (SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), 10.0, -3.0),  # by elimination
+        (ND, 1.0, 0.4),
+        (ND, 10.0, -3.0),  # by elimination
         (SuslovND([1.0], [2.0]), 1.0, 0.25),
-        (QuadraticField.from_function(lorenz, 3), 10.0, 1 / 64),
-        (QuadraticField.from_function(lorenz, 3), 1.0, 0.5),  # with other pivots
+        (FIELD, 10.0, 1 / 64),
+        (FIELD, 1.0, 0.5),  # with other pivots
         (QuadraticField.from_function(chain, 6), 1.0, 0.125),
         (QuadraticField.of(GYROSTAT), 1.0, 0.35),
     ],
@@ -124,23 +128,27 @@ def test_a_step_in_any_dimension_is_accurate(body, size, eps, rng):
     assert worst < 8 * 2.0**-52
 
 
-def test_loops_of_users_follow_orbits(rng):
+@pytest.mark.parametrize("body", [BODY, GYROSTAT], ids=["body", "gyrostat"])
+def test_loops_of_users_follow_orbits(body, rng):
     omega = rng.uniform(-2, 2, (65, 2))
-    for body in (BODY, GYROSTAT):
-        *inertia, k = (*body.parameters, 0.0)[:5]
-        found = after(frame(body, EPS), omega, 50)
-        exact = naive.orbit(*inertia, EPS, omega[7], 50, k=k)[-1]
-        assert naive.relative_error(found[7, :2], exact) < 1e-14
-        F = first_integral(body, omega, EPS)
-        np.testing.assert_allclose(found[:, 2], F, rtol=1e-13)
-    body, x = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), np.array([[0.3, 0.9, -0.6]] * 3)
-    exact = naive.orbit_nd(body.J, body.I, 0.4, x[0], 10)[-1]
-    assert (system_after(system(body, 0.4), x, 10) == Status.OK).all()
-    assert naive.relative_error(x[2], exact) < 1e-14
-    field, x = QuadraticField.from_function(lorenz, 3), np.array([[1.0, 2.0, 3.0]] * 3)
-    last = iterate(field, x, 1 / 64, 10, save_every=None).final
-    assert (system_after(system(field, 1 / 64), x, 10) == Status.OK).all()
-    np.testing.assert_allclose(x, last, rtol=1e-13)
+    *inertia, k = (*body.parameters, 0.0)[:5]
+    constants = frame(body, EPS)
+    found, F = after(constants, omega, 50), first_integral(body, omega, EPS)
+    exact = naive.orbit(*inertia, EPS, omega[7], 50, k=k)[-1]
+    assert naive.relative_error(found[7, :2], exact) < 1e-14
+    np.testing.assert_allclose(found[:, 2], F, rtol=1e-13)
+    for w, integral in zip(omega[:3], F, strict=False):
+        assert compiled.vector_field(constants, *w) == tuple(vector_field(body, w))
+        assert compiled.energy(constants, *w) == energy(body, w)
+        assert compiled.first_integral(constants, *w) == pytest.approx(integral, rel=1e-15)
+
+
+@pytest.mark.parametrize(("body", "eps"), [(ND, 0.4), (FIELD, 1 / 64)], ids=["nd", "field"])
+def test_loops_in_any_dimension_follow_orbits(body, eps):
+    x = np.array([[0.3, 0.9, -0.6]] * 3)
+    last = iterate(body, x, eps, 10, save_every=None).final
+    assert (system_after(system(body, eps), x, 10) == Status.OK).all()
+    np.testing.assert_array_equal(x, last)
 
 
 def test_steps_of_long_vectors_keep_their_digits():
@@ -164,15 +172,6 @@ def test_a_long_orbit_comes_to_rest_without_subnormal_numbers():
     )
 
 
-def test_quantities_are_those_of_the_package():
-    for body in (BODY, GYROSTAT):
-        constants, omega = frame(body, EPS), (1.1, -0.4)
-        assert compiled.vector_field(constants, *omega) == tuple(vector_field(body, omega))
-        assert compiled.energy(constants, *omega) == energy(body, omega)
-        expected = first_integral(body, omega, EPS)
-        assert compiled.first_integral(constants, *omega) == pytest.approx(expected, rel=1e-15)
-
-
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
 def test_what_does_not_exist_is_nan():
     unit = frame(Suslov3D(1, 1, 1, 0), 2.0)  # X = Omega1, Y = -Omega2: poles are Y = 1 + 2 X**2
@@ -181,10 +180,7 @@ def test_what_does_not_exist_is_nan():
         assert np.isnan(advance(unit, u, v)).all()
         assert np.isnan(compiled.step(unit, X, -(1 + 2 * X * X))).all()
     assert np.isnan(advance(unit, *advance(unit, np.nan, 1.0))).all()
-    pole = SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875), 1.0
-    with pytest.warns(match="singular step"):
-        assert np.isnan(step(*pole)).all()
-    assert np.isnan(compiled.step(frame(pole[0], pole[2]), *pole[1])).all()
+    assert np.isnan(compiled.step(frame(SuslovGyrostat(1, 1, 1, 0, 0.5), 1.0), 1.0, -3.875)).all()
     square = system(QuadraticField([[[1]]]), 0.5)  # x' = x**2
     nd = system(SuslovND([1.0, 1.0, 1.0], [0.5, -0.75, 0.5]), 1.0)
     for constants, x, status in (
@@ -224,10 +220,6 @@ def one_advance(frame, u, v):
     return advance(frame, u, v)
 
 
-ND = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
-FIELD = QuadraticField.from_function(lorenz, 3)
-
-
 @pytest.mark.parametrize("call", [one_step, step_system])
 @pytest.mark.parametrize("body", [ND, FIELD], ids=["nd", "field"])
 def test_what_is_no_float64_is_refused_when_a_loop_is_compiled(call, body):
@@ -236,10 +228,10 @@ def test_what_is_no_float64_is_refused_when_a_loop_is_compiled(call, body):
     memory = work(constants)
     other = work(system(ND if body is FIELD else FIELD, 0.1))
     for arguments, words in (
-        ((constants, np.ones(3, int), three, memory), "^x: .* int64"),
-        ((constants, three, np.ones(3, np.float32), memory), "^out: .* float32"),
+        ((constants, np.ones(3, int), three, memory), "^x: .*int64"),
+        ((constants, three, np.ones(3, np.float32), memory), "^out: .*float32"),
         ((constants, [1.0, 2.0, 3.0], three, memory), "^x: "),
-        ((constants, np.ones((3, 1)), three, memory), "^x: .* 2 axes"),
+        ((constants, np.ones((3, 1)), three, memory), "^x: .* 2d"),
         ((frame(BODY, 0.1), three, three, memory), "^system: "),
         ((constants, three, three, other), "^work: "),
         ((constants, three, three, 4), "^work: "),
@@ -263,20 +255,15 @@ def test_a_body_in_place_of_its_constants_is_refused():
 @pytest.mark.parametrize("body", [ND, FIELD], ids=["nd", "field"])
 def test_arrays_of_another_length_are_refused(body):
     """Nothing else would notice: compiled code checks no index."""
-    constants = system(body, 0.1)
+    constants, three, four = system(body, 0.1), np.ones(3), np.ones(4)
     larger = SuslovND([1, 2, 3, 4], [1, 1, 1, 1])
     larger = work(system(larger if body is ND else larger.field(), 0.1))
-    three, memory = np.ones(3), work(constants)
-    for arguments in (
-        (np.ones(2), three, memory),
-        (three, np.ones(4), memory),
-        (np.ones(4), np.ones(4), memory),
-        (three, three, larger),
-    ):
+    memory = work(constants)
+    for arguments in ((four, three, memory), (three, four, memory), (three, three, larger)):
         with pytest.raises(ValueError, match="dimension of the system"):
             step_system(constants, *arguments)
     fewer = work(system(QuadraticField(np.zeros((3, 3, 3)), np.ones((3, 3))), 0.1))
-    with pytest.raises(ValueError, match="^work: .* terms"):
+    with pytest.raises(ValueError, match=r"^work: .* terms"):
         step_system(system(FIELD, 0.1), three, three, fewer)
 
 
@@ -295,13 +282,10 @@ def test_frames_and_systems_are_plain_data():
     for made in (frame(BODY, EPS), frame(GYROSTAT, EPS)):
         assert pickle.loads(pickle.dumps(made)) == made
         assert all(type(number) is float for number in made)
-        assert made.labels == ("Omega1", "Omega2")
-        assert (made.I1, made.eps) == (dict(zip(made._fields, made, strict=True))["I1"], EPS)
-    nd = system(SuslovND([1.3, 2.1], [0.4, -0.7]), 0.4)
-    field = system(FIELD, 0.1)
-    assert (nd.labels, field.labels) == (("Omega1n", "Omega2n"), ("x1", "x2", "x3"))
+        assert (made.I1, made.eps) == (made[0], EPS)
+    nd = system(ND, 0.4)
     assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
-    assert repr(field).startswith("FieldSystem(fixed=array(")
+    assert repr(system(FIELD, 0.1)).startswith("FieldSystem(fixed=array(")
 
 
 @pytest.mark.compiled

@@ -209,6 +209,8 @@ def _axes_that_fit(shapes: dict[str, tuple[int, ...]]) -> str:
 
 def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
     """Return an integer of at least `minimum` that fits in 64 bits."""
+    if type(value) is int and minimum <= value < 2**62:
+        return value
     expected = expected or f"an integer of at least {minimum}"
     try:
         if isinstance(value, (bool, np.bool_)):

@@ -34,21 +34,22 @@ def states_at(
     shape = times.size, *omega.shape
     require(8 * math.prod(shape), "compute fewer states at a time")
     out, reasons = np.empty(shape), np.zeros((3, len(omega)), bool)
-
-    def fill(parameters: Any, omega: Any, times: Any, out: Any, reasons: Any) -> None:
-        work = len(omega) * (_ENTERING + _STATE * len(times))
-        before = parameters, omega, float(discrete), times
-        call_kernel(closed_form.states, work, threads, *before, out, reasons)
-
     if shape[0] * shape[1] <= _SLICE:
-        fill(parameters, omega, times, out, reasons)
+        _fill(threads, parameters, omega, float(discrete), times, out, reasons)
         return out, reasons
     for rows, orbits in _slices(*shape[:2]):
         part = tuple(each if len(each) == 1 else each[orbits] for each in parameters)
         found = np.zeros(reasons[:, orbits].shape, bool)
-        fill(part, omega[orbits], times[rows], out[rows, orbits], found)
+        states = out[rows, orbits]
+        _fill(threads, part, omega[orbits], float(discrete), times[rows], states, found)
         reasons[:, orbits] |= found
     return out, reasons
+
+
+def _fill(threads: int | None, *arguments: Any) -> None:
+    _, omega, _, times, *_ = arguments
+    work = len(omega) * (_ENTERING + _STATE * len(times))
+    call_kernel(closed_form.states, work, threads, *arguments)
 
 
 def _slices(times: int, orbits: int) -> Iterator[tuple[slice, slice]]:

@@ -105,7 +105,7 @@ class Trajectories:
     @classmethod
     def _of(cls, **attributes: Any) -> Trajectories:
         run = cls.__new__(cls)
-        vars(run).update(attributes)  # faster than a call of a frozen dataclass
+        object.__setattr__(run, "__dict__", attributes)  # faster than a call of the class
         return run
 
     @classmethod

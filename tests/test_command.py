@@ -414,10 +414,3 @@ def test_explore():
         process.send_signal(signal.SIGINT)
         assert process.communicate(timeout=10)[1] == ""
     assert process.returncode == 0
-
-
-def test_without_matplotlib(monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    done = run("pictures")
-    assert done.code == 1
-    assert "matplotlib" in done.err.lower()

@@ -5,8 +5,8 @@ import signal
 import subprocess
 import sys
 import textwrap
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import dask.array
@@ -360,21 +360,16 @@ def test_damage_is_an_error(store, name):
 def test_progress_reaches_the_end(store):
     seen = []
     asked = {**ASKED, "omega0": RandomStarts(20, 1.0), "chunk": 7, "store": store}
-    asked["progress"] = lambda done, total: seen.append((done, total))
-    thread = threading.Thread(target=ensemble, kwargs=asked)
-    thread.start()
-    thread.join()
+    ensemble(**asked, progress=lambda *done: seen.append(done))
     assert seen == sorted(seen)
     assert seen[-1] == (60, 60)
 
 
 def test_two_at_once_write_the_same(store):
     asked = {**ASKED, "omega0": RandomStarts(200, 1.0), "chunk": 5}
-    threads = [threading.Thread(target=ensemble, kwargs=asked | {"store": store}) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    with ThreadPoolExecutor(2) as pool:
+        for each in [pool.submit(ensemble, **asked, store=store) for _ in range(2)]:
+            each.result()
     assert_same(open_ensemble(store), iterate(BODY, RandomStarts(200, 1.0), 0.2, 20, save_every=2))
 
 

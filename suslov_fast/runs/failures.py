@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..checks import first_index, spell, warn
 from ..engine.status import SingularStepWarning, Status
@@ -32,18 +31,10 @@ class SingularStepError(ArithmeticError):
 
 
 def report_failures(run: Any, on_singular: OnSingular, since: int = 0) -> None:
-    """Warn of trajectories that failed at step `since` or later, or raise an error, once."""
-    if on_singular == "ignore" or not (message := failures(run.status, run.failed_at, since)):
-        return
-    if on_singular == "raise":
-        raise SingularStepError(message, run)
-    warn(message, SingularStepWarning)
-
-
-def failures(status: NDArray[np.int8], failed_at: NDArray[np.int64], since: int) -> str:
-    """Return a count of the trajectories that failed at step `since` or later, "" if none did."""
+    """Warn of trajectories of a run, or a march, that failed at step `since` or later, or raise."""
+    status, failed_at = run.status, run.failed_at
     if (status.item() if status.size == 1 else status.min(initial=0)) >= 0:
-        return ""
+        return
     failed, parts = failed_at >= since, []
     for code, what in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
         of_code = failed & (status == code)
@@ -53,4 +44,8 @@ def failures(status: NDArray[np.int8], failed_at: NDArray[np.int64], since: int)
                 f"{np.count_nonzero(of_code)} of {failed.size} trajectories: {what}, "
                 f"first: {spell(index)} at step {failed_at[index]}"
             )
-    return "; ".join(parts)
+    message = "; ".join(parts)
+    if message and on_singular == "raise":
+        raise SingularStepError(message, run)
+    if message and on_singular == "warn":
+        warn(message, SingularStepWarning)

@@ -17,7 +17,7 @@ from ..engine.starts import RandomStarts
 from ..engine.status import SingularStepWarning
 from ..engine.stretches import March
 from ..maps import Map, map_of
-from .failures import ON_SINGULAR, OnSingular, failures, report_failures
+from .failures import ON_SINGULAR, OnSingular, report_failures
 from .trajectories import Trajectories
 
 Method = Literal["auto", "gauss", "rank2"]
@@ -56,8 +56,7 @@ def step(
     states = check(body, (), {"omega": omega, "eps": eps}, threads)
     march = March(map.methods["auto"], states)
     march.to(1)
-    if message := failures(march.status, march.failed_at, 1):  # those at step 0 are NaN as given
-        warn(message, SingularStepWarning)
+    report_failures(march, "warn", since=1)  # those at step 0 are NaN as given
     return march.final
 
 

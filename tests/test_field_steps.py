@@ -4,13 +4,18 @@ Of a linear field x' = (1 - A) x and eps = 2 the matrix of a step is A, so that 
 what each rule of elimination is for.
 """
 
+from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import naive
 import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast import maps
+from suslov_fast.bodies.base import Body
+from suslov_fast.core import steps_field
 
 of_function = sf.QuadraticField.from_function
 
@@ -200,3 +205,31 @@ def test_bits_do_not_depend_on_the_batch(rng):
     for k in (0, 64, 70, 130):
         one = sf.iterate(field[k], x[k], 0.125, 9, **options)
         np.testing.assert_array_equal(one.x, run.x[:, k])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sleigh(Body):
+    """A Chaplygin sleigh, whose state is its speed and its angular velocity."""
+
+    mass: Any
+    J: Any
+    b: Any
+
+    def field(self):
+        mass, J, b = np.broadcast_arrays(self.mass, self.J, self.b)
+        q = np.zeros((*self.shape, 2, 2, 2))
+        q[..., 0, 1, 1], q[..., 1, 0, 1] = b, -mass * b / (J + mass * b * b)
+        return sf.QuadraticField(q)
+
+
+def test_a_body_with_a_record_steps_as_its_field(monkeypatch, tmp_path):
+    methods = {"auto": maps.Steps(steps_field.steps, steps_field.carried)}
+    sample = Sleigh(1, 1, 1), (1.0, 1.0)
+    record = maps.Map("sleigh", Sleigh, "Sleigh", methods, lambda body: (), sample)
+    monkeypatch.setattr(maps, "_RECORDS", (*maps._RECORDS, record))
+    bodies, starts = Sleigh([1, 2, 3], 1.5, 0.4), [[1.0, 0.5]] * 3
+    suslov = sf.Suslov3D(bodies.mass, 1.5 + 0.16 * bodies.mass, 0, -0.4 * bodies.mass)
+    found = sf.iterate(bodies, starts, 0.3, 50)
+    assert abs(found.omega - sf.iterate(suslov, starts, 0.3, 50).omega).max() < 1e-14
+    assert np.array_equal(sf.iterate(bodies[1], starts[1], 0.3, 50).omega, found.omega[:, 1])
+    assert found.extend(5) == sf.iterate(bodies, starts, 0.3, 55)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..bodies.nd import SuslovND
 from ..checks import FloatArray
-from ..core import orientations
+from ..core import orientations, steps_field
 from ..core.numba import Kernel
 from .arguments import States, flat_arrays, parameters_of
 from .memory import require
@@ -47,7 +47,8 @@ class March:
     def __init__(self, steps: Steps, states: States) -> None:
         body, omega, eps, batch, self.threads, _, orientation = states
         self.steps, self.n, self.batch = steps, -1, batch  # before state 0
-        self.parameters = parameters_of(body, eps, batch)
+        source = body.field() if steps.kernel is steps_field.steps else body
+        self.parameters = parameters_of(source, eps, batch)
         self.axial = not isinstance(body, SuslovND)
         self.omega0 = flat_arrays(omega, batch)
         size, D = self.omega0.shape

@@ -55,6 +55,17 @@ def _of_field(body: QuadraticField) -> tuple[str, ...]:
 
 
 _IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction"
+
+
+# Costs between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
+def _cost_in_nd(D: int, T: int) -> float:
+    return 16.0 * D + D**3 / 30.0
+
+
+def _cost_of_field(D: int, T: int) -> float:
+    return 3.0 * (D**3 + T)
+
+
 _RECORDS = (
     Map(  # equation (4) of the paper
         name="suslov3d",
@@ -70,9 +81,9 @@ _RECORDS = (
         title="Discrete Suslov problem in n dimensions",
         sample=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
         methods={
-            "auto": Steps(steps_nd.steps, steps_nd.carried, lambda D: 8.0 * D, 32),
-            "gauss": Steps(steps_nd.gauss_steps, steps_nd.carried, lambda D: D**3 / 3.0, 32),
-            "rank2": Steps(steps_nd.steps, steps_nd.carried, lambda D: 8.0 * D, 32),
+            "auto": Steps(steps_nd.steps, steps_nd.carried, _cost_in_nd, 32),
+            "gauss": Steps(steps_nd.gauss_steps, steps_nd.carried, lambda D, T: D**3 / 3.0, 32),
+            "rank2": Steps(steps_nd.steps, steps_nd.carried, _cost_in_nd, 32),
         },
         functions=_in_nd,
     ),
@@ -81,7 +92,7 @@ _RECORDS = (
         body=SuslovGyrostat,
         title="Discrete Suslov gyrostat",
         sample=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
-        methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED, lambda D: 2.0)},
+        methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED, lambda D, T: 2.0)},
         functions=lambda body: _IN_3D,
     ),
     Map(
@@ -89,7 +100,7 @@ _RECORDS = (
         body=QuadraticField,
         title="Kahan map of a quadratic field",
         sample=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
-        methods={"auto": Steps(steps_field.steps, steps_field.carried, lambda D: 4.0 * D**2, 32)},
+        methods={"auto": Steps(steps_field.steps, steps_field.carried, _cost_of_field, 32)},
         functions=_of_field,
         variable="x",
         meaning="state",

@@ -164,6 +164,22 @@ def test_ctrl_c():
         assert steps < 2**29
 
 
+@pytest.mark.parametrize("function", [sf.iterate, sf.lyapunov_exponents])
+def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
+    """Ctrl-C is heard between calls: their operations are counted, and not done."""
+    operations, D = [], 40
+
+    def count(kernel, work, threads, parameters, states, carry, span, *results):
+        begin, end, start, stop = span[:4]
+        operations.append((end - begin) * (stop - start) * D**3)
+
+    for module in (stretches, threads):
+        monkeypatch.setattr(module, "call_kernel", count)
+    function(sf.QuadraticField(np.ones((D, D, D))), np.ones((1500, D)), 0.1, 5, threads=1)
+    assert sum(operations) == 1500 * 5 * D**3
+    assert max(operations) < 2**26
+
+
 def test_progress(body, capsys, monkeypatch):
     for name in ("_STRETCH", "_LENGTH", "_TURNING"):
         monkeypatch.setattr(stretches, name, 2**8)

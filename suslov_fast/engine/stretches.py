@@ -37,7 +37,8 @@ class Steps(NamedTuple):
 
     kernel: Kernel
     carried: Callable[[int], int]  # the numbers of a trajectory from which steps go on
-    cost: Callable[[int], float] = lambda D: 1.0  # of a step, in those of the 3D map
+    # Of a step, in those of the 3D map; T is the number of terms of a field.
+    cost: Callable[[int, int], float] = lambda D, T: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
 
 
@@ -147,7 +148,7 @@ class March:
         and is not worth a second thread.
         """
         (size, D), n, (_, _, cost_of, lanes) = self.omega0.shape, max(self.n, 0), self.steps
-        step, length = cost_of(D), max(stop - n, 1)
+        step, length = cost_of(D, self.parameters[0].shape[-1]), max(stop - n, 1)
         cost = step + (_SAVING / every if every else 0.0)
         blocks = -(-size // lanes)
         if blocks * lanes * length * cost <= _STRETCH:

@@ -82,10 +82,12 @@ def _growth(states: States, start: FloatArray, steps: int) -> tuple[FloatArray, 
     parameters = places, flat_parameter(values, batch, 1), flat_parameter(states.eps, batch)
     sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, D + D * D))
     arrays = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
-    cost = max(B, 1) * (4 * D**3 + len(places[0]))
-    length = max(_STRETCH // cost, 1)
-    for first in range(0, steps if B else 0, length):
-        span = 0, B, first, min(first + length, steps)
-        arguments = parameters, start, carry, span, *arrays
-        _threads.call_kernel(tangent.growth, cost * length, states.threads, *arguments)
+    cost = 4 * D**3 + len(places[0])
+    width = max(min(B, _STRETCH // cost), 1)
+    length = max(_STRETCH // (cost * width), 1)
+    for begin in range(0, B, width):
+        for first in range(0, steps, length):
+            span = begin, min(begin + width, B), first, min(first + length, steps)
+            work, arguments = cost * width * length, (parameters, start, carry, span, *arrays)
+            _threads.call_kernel(tangent.growth, work, states.threads, *arguments)
     return sums, of_det

@@ -35,7 +35,7 @@ def smaller(v, w):
 
 @formula
 def keeps_digits(least, largest):
-    """Test the numbers of `eliminate`."""
+    """Whether no pivot was small beside the largest: elimination in this order lost no digits."""
     return least > LEAST_PIVOT * largest
 
 
@@ -108,7 +108,7 @@ def solve(a, units):
 
     The right sides become the solutions; the diagonal, the pivots of scaled rows, NaN if they are 0
     to rounding, which is SINGULAR. What is not finite is NONFINITE. `units` (2, m) receives the
-    units of the unknowns and the factors of rows: A has the determinant of these pivots by these.
+    units of the unknowns and the factors of rows: det A is the product of pivot k / units[1, k].
     """
     m, columns, _ = a.shape
     balance(a, units[0])

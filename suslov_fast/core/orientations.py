@@ -13,6 +13,9 @@ import numpy as np
 from .elimination import larger
 from .numba import formula, function, kernel, select, share
 
+# Rows of numbers of lanes: the 1 beside |b|**2, before that the largest component of b; |b|**2; for
+# a row r.b, then the factor of b, and before the rows the unit of b; and eps / 4.
+ONE, SQUARE, ALONG, QUARTER = range(4)
 CLEAN_EVERY = 16
 HALF_TURN = 2.0**60  # beside a component of b above this, 1 is nothing
 
@@ -38,7 +41,7 @@ def turn(part, parts, omega, eps, axial, R, start, every, next_row, turns):
         width = min(lanes, B - begin)
         for l in range(lanes):  # lanes beyond the last trajectory repeat it
             k = min(begin + l, B - 1)
-            c[3, l] = 0.25 * eps[k % len(eps)]
+            c[QUARTER, l] = 0.25 * eps[k % len(eps)]
             for i in range(D + 1):
                 for j in range(D + 1):
                     r[i, j, l] = R[k, i, j]
@@ -46,11 +49,11 @@ def turn(part, parts, omega, eps, axial, R, start, every, next_row, turns):
             for l in range(lanes):
                 k = begin + min(l, width - 1)
                 if axial:
-                    b[0, l] = c[3, l] * (omega[n - 1, k, 1] + omega[n, k, 1])
-                    b[1, l] = -c[3, l] * (omega[n - 1, k, 0] + omega[n, k, 0])
+                    b[0, l] = c[QUARTER, l] * (omega[n - 1, k, 1] + omega[n, k, 1])
+                    b[1, l] = -c[QUARTER, l] * (omega[n - 1, k, 0] + omega[n, k, 0])
                 else:
                     for i in range(D):
-                        b[i, l] = c[3, l] * (omega[n - 1, k, i] + omega[n, k, i])
+                        b[i, l] = c[QUARTER, l] * (omega[n - 1, k, i] + omega[n, k, i])
             turn_lanes(r, b, c)
             if (start + n) % CLEAN_EVERY == 0:
                 clean(r, gram, cleaned)
@@ -65,32 +68,32 @@ def turn_lanes(r, b, c):
     """Replace r by r cay(S). c is scratch: of large turns, b has any length, and no 1 beside it."""
     D, lanes = b.shape
     for l in range(lanes):
-        c[0, l] = 0.0
+        c[ONE, l] = 0.0
     for i in range(D):
         for l in range(lanes):
-            c[0, l] = larger(abs(b[i, l]), c[0, l])
+            c[ONE, l] = larger(abs(b[i, l]), c[ONE, l])
     for l in range(lanes):
-        large = c[0, l] > HALF_TURN
-        c[2, l] = select(large, 1.0 / c[0, l], 1.0)
-        c[0, l], c[1, l] = select(large, 0.0, 1.0), 0.0
+        large = c[ONE, l] > HALF_TURN
+        c[ALONG, l] = select(large, 1.0 / c[ONE, l], 1.0)
+        c[ONE, l], c[SQUARE, l] = select(large, 0.0, 1.0), 0.0
     for i in range(D):
         for l in range(lanes):
-            b[i, l] *= c[2, l]
-            c[1, l] += b[i, l] * b[i, l]
+            b[i, l] *= c[ALONG, l]
+            c[SQUARE, l] += b[i, l] * b[i, l]
     for i in range(D + 1):
         for l in range(lanes):
-            c[2, l] = 0.0
+            c[ALONG, l] = 0.0
         for j in range(D):
             for l in range(lanes):
-                c[2, l] += r[i, j, l] * b[j, l]
+                c[ALONG, l] += r[i, j, l] * b[j, l]
         for l in range(lanes):
-            scale = 2.0 / (c[0, l] + c[1, l])
+            scale = 2.0 / (c[ONE, l] + c[SQUARE, l])
             last = r[i, D, l]
-            r[i, D, l] = last + scale * (c[0, l] * c[2, l] - c[1, l] * last)
-            c[2, l] = scale * (c[2, l] + c[0, l] * last)
+            r[i, D, l] = last + scale * (c[ONE, l] * c[ALONG, l] - c[SQUARE, l] * last)
+            c[ALONG, l] = scale * (c[ALONG, l] + c[ONE, l] * last)
         for j in range(D):
             for l in range(lanes):
-                r[i, j, l] -= c[2, l] * b[j, l]
+                r[i, j, l] -= c[ALONG, l] * b[j, l]
 
 
 @function

@@ -34,18 +34,20 @@ def in_range(number):
 
 @formula
 def energy_at(I1, I2, w1, w2):
+    """(I1 w1**2 + I2 w2**2) / 2."""
     return 0.5 * (I1 * w1 * w1 + I2 * w2 * w2)
 
 
 @formula
 def first_integral_at(I1, I2, I13, I23, k, eps, w1, w2):
-    """F of Lemma 1, with l for x."""
+    """F of Lemma 1, (I1 w1**2 + I2 w2**2) / (4 I1 I2 + eps**2 l**2)."""
     step = eps * (I13 * w1 + I23 * w2 + k)
     return 2.0 * energy_at(I1, I2, w1, w2) / in_range(4.0 * I1 * I2 + step * step)
 
 
 @formula
 def vector_field_at(I1, I2, I13, I23, k, w1, w2):
+    """-l w2 / I1 and l w1 / I2."""
     l = I13 * w1 + I23 * w2 + k
     return -(l * w2) / I1, (l * w1) / I2
 
@@ -104,6 +106,7 @@ def rotation_number(I1, I2, I13, I23, k, eps, w, out):
 
 @universal(IN_3D + "(d)")
 def to_xy(I1, I2, I13, I23, k, eps, w, out):
+    """x = I13 w1 + I23 w2 and y = I23 I1 w1 - I13 I2 w2."""
     out[0], out[1] = I13 * w[0] + I23 * w[1], I23 * I1 * w[0] - I13 * I2 * w[1]
 
 

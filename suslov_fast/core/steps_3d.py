@@ -10,8 +10,8 @@ Kahan's equations are z_next - z = i e (l z_next + l_next z). Solved, with s = 1
 
     z_next = z (s + 2 i X) / (s + 2 X**2),    X_next = X (2 - s) / (s + 2 X**2).
 
-Zeros of s + 2 X**2 are poles. A state with l = 0 rests. R**2 = |z|**2 / (1 + X**2) is conserved.
-Two forms are iterated:
+Zeros of s + 2 X**2 are poles. A state with l = 0 rests. R**2 = |z|**2 / (1 + X**2) is conserved,
+and so is T = e R |g|, the criticality. Two forms are iterated:
 
 plain     (X, Y), for k = 0 and T < 1 (that is |Y| < 1), where no pole is met. No parameter enters:
           X_next = X (1 + Y) / (1 - Y + 2 X**2), Y_next = Y - 2 X X_next
@@ -180,7 +180,7 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
             b[KIND, l], b[R2, l] = carry[i, 0], carry[i, 4]
             b[X_, l], b[Y_, l], b[XG, l], b[U, l], b[V, l] = X, Y, X, Y, v
     for l in range(LANES):
-        I1, I2, I13, I23, k, eps = frame_at(b, l)  # not yet a frame
+        I1, I2, I13, I23, k, eps = frame_at(b, l)  # until it is replaced by the frame, below
         frame = frame_of(I1, I2, I13, I23, k, eps)
         if start == 0:
             w1, w2 = b[U, l], b[V, l]
@@ -192,7 +192,7 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
             v = select(rests, w2, w2 / frame.back)  # at rest it keeps all bits
             b[X_, l], b[Y_, l], b[XG, l], b[V, l] = X, Y, X, v
             b[R2, l] = (w1 * w1 + v * v) / (1.0 + X * X)
-            b[ALIVE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)
+            b[ALIVE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
         rests = b[KIND, l] == RESTS
         b[FRAME, l], b[FRAME + 1, l] = select(rests, 0.0, frame.K), select(rests, 0.0, frame.a1)
         b[FRAME + 2, l] = select(rests, 0.0, frame.a2)

@@ -22,8 +22,9 @@ from .codes import NONFINITE, OK
 from .elimination import eliminate, keeps_digits, solve
 from .numba import formula, function, inlined, kernel, select, share
 
-# Rows of numbers of lanes: of `eliminate`; the sum of `loss`; and 1, or NaN after the end.
-LEAST, LARGEST, LOST, UNIT = range(4)
+# Rows of numbers of lanes: of `eliminate`; the sum of what `next_component` says of losses; and 1,
+# or NaN after the end.
+LEAST, LARGEST, LOST, EXISTS = range(4)
 ROWS = 4
 # A state has lost digits if one component falls below this part of its increment, or if all fall
 # below the larger part.
@@ -78,16 +79,18 @@ def fill(indices, half, fixed, x, a, lanes):
 
 @formula
 def next_component(x, half):
-    """Return a component of the next state, from minus half its increment, and its loss."""
+    """Return a component of the next state, from minus half its increment; and 0 if it has its
+    digits, 1 if it may do with fewer beside others that have theirs, else infinity.
+    """
     following = x - 2.0 * half
     size, part = abs(following), abs(half)
-    kept = select(size >= LARGE_PART * part, 0.0, select(size >= SMALL_PART * part, 1.0, np.inf))
-    return following, select(size < np.inf, kept, np.inf)
+    loss = select(size >= LARGE_PART * part, 0.0, select(size >= SMALL_PART * part, 1.0, np.inf))
+    return following, select(size < np.inf, loss, np.inf)
 
 
 @formula
 def is_accurate(b, l, D):
-    """Test that a next state is finite and has its digits."""
+    """Whether a next state is finite and has its digits."""
     return (b[LOST, l] < D) & keeps_digits(b[LEAST, l], b[LARGEST, l])
 
 
@@ -117,7 +120,9 @@ def memory_of_one(D, T):
 
 @inlined
 def advance_one(indices, x, fixed, half, l, one):
-    """Fill the next state of lane l by `solve`, in the memory of one lane; return its status."""
+    """Fill the next state of lane l, by `solve` of A x_next = x + (eps/2) l x + eps c, in memory of
+    one lane; return its status.
+    """
     x1, fixed1, half1, a, units = one
     D = x.shape[1]
     for t in range(len(half)):
@@ -137,6 +142,19 @@ def advance_one(indices, x, fixed, half, l, one):
         x1[1, i, 0] = a[i, D, 0] if status == OK else np.nan
         x[1, i, l] = x1[1, i, 0]
     return status
+
+
+@function
+def advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at):
+    """Fill the next states, with index n, that `advance` did not; trajectories without one end."""
+    _, D, lanes = x.shape
+    for l in range(lanes):
+        if not is_accurate(b, l, D):
+            code = advance_one(indices, x, fixed, half, l, one)
+            if code != OK:
+                if begin + l < end:
+                    status[begin + l], failed_at[begin + l] = code, n
+                rest(x, fixed, half, b, l)
 
 
 @function
@@ -166,7 +184,7 @@ def enter(parameters, x0, x, fixed, half, b, begin, end, start, status, failed_a
             undefined += 0.0 * x[0, i, l]
         if start == 0 and np.isnan(undefined):
             status[k], failed_at[k] = NONFINITE, 0
-        b[UNIT, l] = 1.0
+        b[EXISTS, l] = 1.0
         if status[k] < 0:
             rest(x, fixed, half, b, l)
 
@@ -174,7 +192,7 @@ def enter(parameters, x0, x, fixed, half, b, begin, end, start, status, failed_a
 @function
 def rest(x, fixed, half, b, l):
     """End a trajectory: from now on its lane rests at 0, which is written as NaN."""
-    b[UNIT, l] = np.nan
+    b[EXISTS, l] = np.nan
     for i in range(x.shape[1]):
         x[0, i, l], x[1, i, l] = 0.0, 0.0
         for j in range(x.shape[1] + 1):
@@ -203,13 +221,9 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             if n > start:
                 fill(indices, half, fixed, x[0], a, lanes)
                 if advance(x, a, b, lanes) > 0:
-                    for l in range(lanes):
-                        if not is_accurate(b, l, D):
-                            code = advance_one(indices, x, fixed, half, l, one)
-                            if code != OK:
-                                if begin + l < end:
-                                    status[begin + l], failed_at[begin + l] = code, n
-                                rest(x, fixed, half, b, l)
+                    advance_failed(
+                        indices, x, fixed, half, b, one, begin, end, n, status, failed_at
+                    )
                 for i in range(D):
                     for l in range(lanes):
                         x[0, i, l] = x[1, i, l]
@@ -227,4 +241,4 @@ def write(x, b, begin, end, target):
     """Write the states of a block to target (B, D)."""
     for l in range(end - begin):
         for i in range(x.shape[1]):
-            target[begin + l, i] = x[0, i, l] * b[UNIT, l]
+            target[begin + l, i] = x[0, i, l] * b[EXISTS, l]

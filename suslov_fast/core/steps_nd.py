@@ -1,13 +1,22 @@
 """The map of a body in n dimensions (theory, section 3), m = n - 1 components, lanes side by side.
 
-A(w) w_next = w, with the state w = omega and A = 1 - (eps/2) f'(w). A is diagonal plus rank two. So
-with d_i = J_i - (eps/2) p, p = I.w, a step takes O(n): w_next = w + delta,
+The field is f_i = (p w_i - |w|**2 I_i) / J_i with p = I.w. A step solves A(w) w_next = w, where
+A = 1 - h f'(w), h = eps / 2, is diagonal plus rank two,
 
-delta_i = ((eps/2) (2 p + I.delta) w_i - eps (|w|**2 + w.delta) I_i) / d_i,
+A_ij = (2 h I_i w_j - h w_i I_j) / J_i  for j != i,   A_ii = 1 - h (p - I_i w_i) / J_i.
 
-where I.delta and w.delta solve two equations with alpha = sum I w / d, beta = sum I**2 / d and
-gamma = sum w**2 / d. That loses digits where a d_i is small, where the determinant of the two
-equations cancels, and where w + delta cancels: such lanes take the step by elimination.
+So with d_i = J_i - h p a step takes O(n): w_next = w + delta,
+
+delta_i = (h (2 p + I.delta) w_i - 2 h (|w|**2 + w.delta) I_i) / d_i.
+
+Products with I and w give two equations for I.delta and w.delta, with alpha = sum I w / d,
+beta = sum I**2 / d and gamma = sum w**2 / d,
+
+(1 - h alpha) I.delta + 2 h beta w.delta = 2 h (p alpha - |w|**2 beta),
+-h gamma I.delta + (1 + 2 h alpha) w.delta = 2 h (p gamma - |w|**2 alpha).
+
+That loses digits where a d_i is small, where the determinant of the two equations cancels, and
+where w + delta cancels: such lanes take the step by elimination.
 
 parameters   J, I (1 or B, m); eps (1 or B,)
 carry        (B, m), the states
@@ -23,10 +32,10 @@ from .elimination import eliminate, keeps_digits, solve
 from .numba import formula, function, inlined, kernel, select, share
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d, or next states
-# p, |w|**2 and (eps/2) p; the sums; the factors of w and I in delta; 1 if a lane eliminates; the
-# step size; a bound of (eps/2) p below which no d is small; 1, or NaN after the end; of a row of A
-# the factors of w and I, and a sum; and those of `eliminate`.
-(P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I, OPEN, EPS, NEAR, UNIT) = range(12)
+# p, |w|**2 and h p; the sums; the factors of w / d and I / d in delta; 1 if a lane eliminates; the
+# step size; a bound of h p below which no d is small; 1, or NaN after the end; of a row of A the
+# factors 2 h I_i / J_i and h w_i / J_i, and a sum; and those of `eliminate`.
+(P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I, TO_SOLVE, EPS, NEAR, EXISTS) = range(12)
 ROW_W, ROW_I, OTHERS, LEAST, LARGEST = range(12, 17)
 ROWS = 17
 LANES = 64  # so many that sums do not wait for memory just written
@@ -56,16 +65,19 @@ def sum_terms(J, I, w, half):
 
 @formula
 def solve_two(eps, p, square, alpha, beta, gamma):
-    """Return the factors of w_i / d_i and I_i / d_i in delta_i, and whether they are accurate."""
+    """Return the factors of w_i / d_i and I_i / d_i in delta_i, and whether they are accurate.
+
+    The two equations are solved by Cramer's rule; I_delta and w_delta are the products.
+    """
     h = 0.5 * eps
     a11, a12, b1 = 1.0 - h * alpha, eps * beta, eps * (p * alpha - square * beta)
     a21, a22, b2 = -h * gamma, 1.0 + eps * alpha, eps * (p * gamma - square * alpha)
     det = a11 * a22 - a12 * a21
     size = (1.0 + abs(h * alpha)) * (1.0 + abs(eps * alpha)) + abs(a12 * a21)
     inverse = 1.0 / det
-    p_delta, w_delta = (a22 * b1 - a12 * b2) * inverse, (a11 * b2 - a21 * b1) * inverse
+    I_delta, w_delta = (a22 * b1 - a12 * b2) * inverse, (a11 * b2 - a21 * b1) * inverse
     accurate = (abs(det) > LEAST_DET * size) & (square + w_delta >= LEAST_COSINE * square)
-    return h * (2.0 * p + p_delta), -eps * (square + w_delta), accurate
+    return h * (2.0 * p + I_delta), -eps * (square + w_delta), accurate
 
 
 @formula
@@ -95,7 +107,7 @@ def fill(c, b, a, lanes):
 
 @formula
 def find_factors(c, b, lanes):
-    """Find 1 / d and the factors of the increment; return how many lanes are open.
+    """Find 1 / d and the factors of the increment; return how many lanes must eliminate.
 
     Terms i and M/2 + i are added in pairs, which halves the stores.
     """
@@ -113,21 +125,21 @@ def find_factors(c, b, lanes):
             b[ALPHA, l] = b[ALPHA, l] + one[1] + two[1]
             b[BETA, l] = b[BETA, l] + one[2] + two[2]
             b[GAMMA, l] = b[GAMMA, l] + one[3] + two[3]
-    near, opened = 0, 0
+    near, to_solve = 0, 0
     for l in range(lanes):
         b[OF_W, l], b[OF_I, l], accurate = solve_two(
             b[EPS, l], b[P, l], b[SQUARE, l], b[ALPHA, l], b[BETA, l], b[GAMMA, l]
         )
-        b[OPEN, l] = select(accurate, 0.0, 1.0)
+        b[TO_SOLVE, l] = select(accurate, 0.0, 1.0)
         near += select(b[HALF, l] < b[NEAR, l], 0, 1)
-        opened += select(accurate, 0, 1)
+        to_solve += select(accurate, 0, 1)
     if near > 0:
         for l in range(lanes):
             for i in range(M):
-                if abs(1.0 - b[HALF, l] / c[J_, i, l]) <= FAR_FROM_0 and b[OPEN, l] == 0.0:
-                    b[OPEN, l] = 1.0
-                    opened += 1
-    return opened
+                if abs(1.0 - b[HALF, l] / c[J_, i, l]) <= FAR_FROM_0 and b[TO_SOLVE, l] == 0.0:
+                    b[TO_SOLVE, l] = 1.0
+                    to_solve += 1
+    return to_solve
 
 
 @formula
@@ -159,7 +171,9 @@ def memory_of_one(m):
 
 @inlined
 def eliminate_one(c, b, l, one):
-    """Fill the next state of lane l by `solve`, and let it have no increment; return its status."""
+    """Replace the state of lane l by the next, by `solve`, and make its increment 0; return its
+    status.
+    """
     c1, b1, a, units = one
     m = len(a)
     b1[EPS, 0], b[OF_W, l], b[OF_I, l] = b[EPS, l], 0.0, 0.0
@@ -208,7 +222,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             if n > start:
                 if find_factors(c, b, lanes) > 0:
                     for l in range(lanes):
-                        if b[OPEN, l] > 0.0:
+                        if b[TO_SOLVE, l] > 0.0:
                             code = eliminate_one(c, b, l, one)
                             if code != OK:
                                 end_lane(c, b, l, begin, end, n, code, status, failed_at)
@@ -244,11 +258,11 @@ def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, stat
                         b[OTHERS, l] += abs(a[i, m, l])
                 failed = 0
                 for l in range(lanes):
-                    finite = b[OTHERS, l] < np.inf
-                    b[OPEN, l] = 0.0 if finite & keeps_digits(b[LEAST, l], b[LARGEST, l]) else 1.0
-                    failed += 1 if b[OPEN, l] > 0.0 else 0
+                    good = (b[OTHERS, l] < np.inf) & keeps_digits(b[LEAST, l], b[LARGEST, l])
+                    b[TO_SOLVE, l] = 0.0 if good else 1.0
+                    failed += 0 if good else 1
                 for l in range(lanes if failed > 0 else 0):
-                    if b[OPEN, l] > 0.0:
+                    if b[TO_SOLVE, l] > 0.0:
                         code = eliminate_one(c, b, l, one)
                         for i in range(m):
                             a[i, m, l] = c[W, i, l]
@@ -271,7 +285,7 @@ def enter(c, b, parameters, states, begin, end, start, status, failed_at):
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
         k, undefined, smallest = min(begin + l, end - 1), 0.0, np.inf
-        b[EPS, l], b[UNIT, l], b[P, l], b[SQUARE, l] = eps[k % len(eps)], 1.0, 0.0, 0.0
+        b[EPS, l], b[EXISTS, l], b[P, l], b[SQUARE, l] = eps[k % len(eps)], 1.0, 0.0, 0.0
         b[OF_W, l], b[OF_I, l] = 0.0, 0.0
         for i in range(c.shape[1]):
             c[J_, i, l], c[I_, i, l], c[W, i, l], c[INVERSE, i, l] = np.inf, 0.0, 0.0, 0.0
@@ -291,7 +305,7 @@ def enter(c, b, parameters, states, begin, end, start, status, failed_at):
 @function
 def rest(c, b, l):
     """End a trajectory: from now on its lane rests at 0, which is written as NaN."""
-    b[EPS, l], b[UNIT, l] = 0.0, np.nan
+    b[EPS, l], b[EXISTS, l] = 0.0, np.nan
     for i in range(c.shape[1]):
         c[W, i, l] = 0.0
 
@@ -309,7 +323,7 @@ def write(c, b, begin, end, target):
     """Write the states of a block to target (B, m)."""
     for l in range(end - begin):
         for i in range(target.shape[1]):
-            target[begin + l, i] = c[W, i, l] * b[UNIT, l]
+            target[begin + l, i] = c[W, i, l] * b[EXISTS, l]
 
 
 @inlined

@@ -8,8 +8,8 @@ derive   DPhi at the state of one lane, with pivots
 growth   a kernel: logarithms of lengths and determinants along orbits
 
 The Lyapunov exponents after N steps are, from the sums (B, D) and of_det (B,) of `growth`,
-sums[:, :-1] / N and (of_det - sums[:, :-1].sum(axis=1)) / N; this one is sums[:, -1] / N if one of
-the others is -inf. So the sum of exponents is the mean of log |det DPhi|, to rounding.
+sums[:, :-1] / N and, for the last, (of_det - sums[:, :-1].sum(axis=1)) / N: so their sum is the
+mean of log |det DPhi|, to rounding. (The last is sums[:, -1] / N where another one is -inf.)
 """
 
 import numpy as np
@@ -18,16 +18,16 @@ from .codes import OK
 from .elimination import determinant_of, eliminate, keeps_digits, solve, substitute
 from .numba import function, kernel, select, share
 from .steps_field import (
+    EXISTS,
     ROWS,
-    UNIT,
     advance,
+    advance_failed,
     advance_one,
     enter,
     fill,
     is_accurate,
     lanes_of,
     memory_of_one,
-    rest,
 )
 
 # Rows of numbers of lanes, after those of `steps_field`: of `eliminate` for 2 - A(x_next); 1 if
@@ -101,13 +101,7 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
         for n in range(start + 1, stop + 1):
             fill_diagonals(indices, half, x[0], more[0], -1.0)
             if advance(x, a, b, lanes) > 0:
-                for l in range(lanes):
-                    if not is_accurate(b, l, D):
-                        code = advance_one(indices, x, fixed, half, l, one)
-                        if code != OK:
-                            if begin + l < end:
-                                status[begin + l], failed_at[begin + l] = code, n
-                            rest(x, fixed, half, b, l)
+                advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at)
             fill(indices, half, fixed, x[1], after, lanes)
             fill_diagonals(indices, half, x[1], more[1], 1.0)
             fill_right_sides(after, q, v, back)
@@ -121,7 +115,7 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
             multiply_determinants(a, back, more, b)
             if inaccurate > 0:
                 for l in range(lanes):
-                    if b[GOOD, l] == 0.0 and b[UNIT, l] == 1.0:
+                    if b[GOOD, l] == 0.0 and b[EXISTS, l] == 1.0:
                         derive_lane(indices, x, fixed, half, l, one, system, q, v, b)
             orthonormalise(v, b)
             take_logarithms(b, sums, begin, end, False)
@@ -132,10 +126,10 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
         take_logarithms(b, sums, begin, end, True)
         for l in range(end - begin):
             k = begin + l
-            of_det[k] += b[SUM, l] * b[UNIT, l]
+            of_det[k] += b[SUM, l] * b[EXISTS, l]
             for i in range(D):
                 carry[k, i] = x[0, i, l]
-                sums[k, i] *= b[UNIT, l]
+                sums[k, i] *= b[EXISTS, l]
                 for j in range(D):
                     carry[k, D + D * i + j] = q[i, j, l]
 
@@ -178,10 +172,10 @@ def fill_right_sides(after, q, v, back):
 
 @function
 def multiply_determinants(a, back, more, b):
-    """Multiply |det DPhi| by the quotients of the pivots of 2 - A(x_next) and of A(x).
+    """Multiply by |det DPhi| = prod |p_i / q_i|, with pivots p of 2 - A(x_next) and q of A(x).
 
-    `more` is what their diagonals have more than 1 before elimination: where steps are short, all
-    that counts.
+    `more` is what the diagonals of A(x) and 2 - A(x_next) have beyond 1. Less the products of L and
+    U it is what the pivots have beyond 1; short steps need p_i / q_i - 1 = (p_i - q_i) / q_i.
     """
     D, lanes = a.shape[0], a.shape[2]
     for i in range(D):

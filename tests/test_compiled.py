@@ -36,10 +36,6 @@ def lorenz(x):
 FIELD = QuadraticField.from_function(lorenz, 3)
 
 
-def chain(x):
-    return [x[i] * (x[(i + 1) % 6] - x[i - 1]) for i in range(6)]
-
-
 @njit(parallel=True)
 def after(frame, omega, steps):
     """States after some steps, and their integrals."""
@@ -104,28 +100,21 @@ def test_a_step_is_accurate(body, rng):
         (SuslovND([1.0], [2.0]), 1.0, 0.25),
         (FIELD, 10.0, 1 / 64),
         (FIELD, 1.0, 0.5),  # with other pivots
-        (QuadraticField.from_function(chain, 6), 1.0, 0.125),
         (QuadraticField.of(GYROSTAT), 1.0, 0.35),
     ],
-    ids=["nd", "nd-elimination", "n=2", "lorenz", "lorenz-pivots", "chain", "gyrostat"],
+    ids=["nd", "nd-elimination", "n=2", "lorenz", "lorenz-pivots", "gyrostat"],
 )
-def test_a_step_in_any_dimension_is_accurate(body, size, eps, rng):
-    constants, worst = system(body, eps), 0.0
-    memory = work(constants)
-    for _ in range(10):
-        x = rng.normal(size=body.dimension) * size
-        given, out = x.copy(), np.empty_like(x)
-        assert step_system(constants, x, out, memory) == Status.OK
-        assert (x == given).all()
-        if isinstance(body, SuslovND):
-            exact = naive.step_nd(body.J, body.I, eps, x)
-        else:
-            exact = naive.kahan_step(body, eps, x)
-        error = naive.relative_error(out, exact)
-        worst = max(worst, error / condition(body, x, eps, out))
-        assert step_system(constants, x, x, memory) == Status.OK
-        assert (x == out).all()  # in place
-    assert worst < 8 * 2.0**-52
+def test_steps_in_any_dimension_are_those_of_the_package(body, size, eps, rng):
+    """Their accuracy is tested there. Views are taken, and out may be x."""
+    constants, x = system(body, eps), rng.normal(size=(body.dimension, 8)) * size
+    expected, out, memory = step(body, x.T, eps).T, np.zeros_like(x), work(constants)
+    given = x.copy()
+    given.setflags(write=False)
+    for k in range(8):
+        assert step_system(constants, given[:, k], out[:, k], memory) == Status.OK
+        assert step_system(constants, x[:, k], x[:, k], memory) == Status.OK
+    np.testing.assert_array_equal(out, expected)
+    np.testing.assert_array_equal(x, expected)
 
 
 @pytest.mark.parametrize("body", [BODY, GYROSTAT], ids=["body", "gyrostat"])
@@ -265,17 +254,6 @@ def test_arrays_of_another_length_are_refused(body):
     fewer = work(system(QuadraticField(np.zeros((3, 3, 3)), np.ones((3, 3))), 0.1))
     with pytest.raises(ValueError, match=r"^work: .* terms"):
         step_system(system(FIELD, 0.1), three, three, fewer)
-
-
-@pytest.mark.parametrize("body", [ND, FIELD], ids=["nd", "field"])
-def test_views_are_taken_and_states_are_those_of_iterate(body, rng):
-    x = rng.normal(size=(3, 8))
-    expected = step(body, x[:, 2], 0.25)
-    constants, out = system(body, 0.25), np.zeros((3, 4))
-    x.setflags(write=False)
-    assert step_system(constants, x[:, 2], out[:, 1], work(constants)) == Status.OK
-    np.testing.assert_array_equal(out[:, 1], expected)
-    assert not out[:, [0, 2, 3]].any()
 
 
 def test_frames_and_systems_are_plain_data():

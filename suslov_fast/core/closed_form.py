@@ -16,10 +16,17 @@ passes    A**2 > k**2: rho = c - L s = r**n and sigma = s = (1 - rho) / (2 L), w
 turns     A**2 <= k**2: rho = cos(n a), sigma = sin(n a) / M, M = sqrt(k**2 - A**2), tan(a) = h M
 
 with h = e for the map, and h = 0 with log r = -2 e n L or a = e n M, e = 1 / (2 sqrt(I1 I2)), for
-the flow. The state is (w rho**2 + b rho sigma + c sigma**2) / (rho**2 + d12 rho sigma + d22
-sigma**2); for n < 0, steps go back: eps -> -eps. Differences that cancel next to a steady state,
-next to |k| = A and next to the critical level e L = 1 are formed by identities: L - y,
-L**2 + k x - L y and 1 - (e L)**2 in `orbit`.
+the flow. The state is (z rho**2 + b rho sigma + c sigma**2) / (rho**2 + d12 rho sigma + d22
+sigma**2), where z, b and c are complex numbers, and for eps > 0 and n >= 0
+
+passes    d12 = 2 (L - y), d22 = 2 (L**2 + k x - L y), |g|**2 c = g d22 (i L - k),
+          |g|**2 b = g (2 (L x - k (L - y)) + i d22)
+turns     d12 = -2 y, d22 = 2 k x + A**2 - k**2, c = -k**2 z - R**2 g (g conj(z) + 2 k),
+          b = 2 i (k z + R**2 g)
+
+Back in time conj(g) z, conj(g) b and conj(g) c are conjugated: y -> -y. Differences that cancel
+next to a steady state, next to |k| = A and next to the critical level e L = 1 are formed by
+identities: L - y, L**2 + k x - L y and 1 - (e L)**2 in `orbit`.
 """
 
 import numpy as np

@@ -216,3 +216,19 @@ def test_the_field_of_a_single_body_is_exact():
     single = QuadraticField.of(SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]))
     assert single.quadratic[0, 0, 1] == F(-0.7) / F(1.3) / 2
     assert QuadraticField.of(LORENZ) is LORENZ
+
+
+def test_parameters_that_are_missing_and_unknown_are_told_apart():
+    def f(x, rho):
+        return (rho * x[0],)
+
+    with pytest.raises(TypeError, match="f needs rho: pass rho=28"):
+        QuadraticField.from_function(f, 1)
+    with pytest.raises(TypeError, match=r"parameters that it has \(rho\), got sigma"):
+        QuadraticField.from_function(f, 1, rho=1, sigma=2)
+    with pytest.raises(TypeError, match=r"\(none but x\), got rho"):
+        QuadraticField.from_function(lambda x: (x[0],), 1, rho=1)
+    with pytest.raises(TypeError, match="H needs a: "):
+        QuadraticField.from_hamiltonian(lambda x, a: a * x[0] * x[1], 2)
+    any_names = QuadraticField.from_function(lambda x, **named: (named["a"] * x[0],), 1, a=2)
+    assert any_names([3]) == [6]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -85,10 +86,29 @@ class Polynomial:
         return text_of(self.terms)
 
 
+def _check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
+    """Raise TypeError unless f can be called as f(x, **parameters)."""
+    try:
+        known = inspect.signature(f).parameters
+    except (TypeError, ValueError):  # no function, or one of another language
+        return
+    own = {each: known[each] for each in [*known][1:]}
+    takes_any = any(each.kind is each.VAR_KEYWORD for each in own.values())
+    for each, about in own.items():
+        if about.default is about.empty and each not in parameters and "VAR" not in about.kind.name:
+            received = f"none for {each}: {name} needs {each}: pass {each}=28, say"
+            raise wrong(name, "values for all its parameters", received, TypeError)
+    for each in parameters:
+        if each not in own and not takes_any:
+            expected = f"parameters that it has ({', '.join(own) or 'none but x'})"
+            raise wrong(name, expected, each, TypeError)
+
+
 def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
     """Return the tensors of the D polynomials f(x, **parameters), or of the one of degree 3."""
+    _check_call(name, f, parameters)
     count = f"{D} polynomials" if degree == 2 else "a polynomial"
     expected = f"a function that returns {count} of degree at most {degree} in x[0] to x[{D - 1}]"
     try:

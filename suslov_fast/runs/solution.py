@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND, check_solved
 from ..checks import FloatArray, real_number, warn, wrong
 from ..core import closed_form
@@ -81,7 +82,7 @@ def exact(
            [ 0.791446, -1.319077]])
     """
     times = _times("n", n)
-    return _states_at("exact", check(body, AnyBody, {"omega0": omega0, "eps": eps}, threads), times)
+    return _states_at("exact", _checked(body, {"omega0": omega0, "eps": eps}, threads), times)
 
 
 def flow(
@@ -119,7 +120,7 @@ def flow(
     array([2.125, 2.125, 2.125])
     """
     times = _times("time", time)
-    return _states_at("flow", check(body, AnyBody, {"omega0": omega0}, threads), times)
+    return _states_at("flow", _checked(body, {"omega0": omega0}, threads), times)
 
 
 def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -156,7 +157,7 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
     >>> omega_minus.round(6), omega_plus.round(6)
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
-    given = check(body, AnyBody, {"omega0": omega0, "eps": eps})
+    given = _checked(body, {"omega0": omega0, "eps": eps})
     body, omega, eps, *_ = given
     if not isinstance(body, SuslovND):
         minus, plus = closed_form.limits(*body.parameters, eps, omega)
@@ -165,6 +166,14 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
     both = closed_form.limits(*plane.body, eps, plane.omega)
     minus, plus = (_leave_plane(plane, given, each) for each in both)
     return minus, plus
+
+
+def _checked(body: Any, arguments: dict[str, Any], threads: int | None = None) -> States:
+    """Return the checked arguments of a function that has no meaning for fields."""
+    if isinstance(body, QuadraticField):
+        received = "QuadraticField, for which no closed form is known: use iterate"
+        raise wrong("body", "Suslov3D, SuslovND or SuslovGyrostat", received, TypeError)
+    return check(body, AnyBody, arguments, threads)
 
 
 def _times(name: str, value: Any) -> FloatArray:

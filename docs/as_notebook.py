@@ -1,6 +1,6 @@
 """The tutorial as a Jupyter notebook, and as a script for a type checker.
 
-`python docs/as_notebook.py FILE.ipynb` writes the notebook, `FILE.py` the code. It needs only Python.
+`python docs/as_notebook.py FILE.ipynb` writes the notebook, `FILE.py` the code.
 """
 
 import json

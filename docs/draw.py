@@ -1,7 +1,7 @@
 """Draw the pictures of the pages into docs/images: `python docs/draw.py [NAME ...]`.
 
-A name is that of a script in docs/examples, or of a page whose Python blocks draw. Every figure that
-is open at the end becomes NAME_1.png, NAME_2.png and so on; an animation, its middle frame.
+A name is that of a script in docs/examples, or of a page whose Python blocks draw. Every figure
+that is open at the end becomes NAME_1.png, NAME_2.png and so on; an animation, its middle frame.
 """
 
 import argparse

@@ -22,7 +22,7 @@ def row(name):
     cells = (
         name,
         map.dimension,
-        "–" if eps is None else eps,
+        "" if eps is None else eps,
         ", ".join(str(each) for each in found.degrees[:6]),
         f"{found.growth.kind}, {found.growth.entropy:.3f}"
         if found.growth.entropy

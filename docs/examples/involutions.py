@@ -1,6 +1,4 @@
-"""
-The map as a product of two involutions
-=======================================
+"""The map as a product of two involutions.
 
 A *Manin involution* exchanges the two points in which a line through a fixed centre meets a conic
 of a pencil. On the conics of the first integral, F = const, the map of the Suslov body and that of

@@ -46,4 +46,4 @@ for k in range(len(starts)):
     colour = "crimson" if chaotic[k] else plt.colormaps["viridis"](k / len(starts))
     axes[1].plot(crossings[:, 1], crossings[:, 3], ".", color=colour, markersize=1.2)
 axes[1].set(xlabel="$q_2$", ylabel="$p_2$")
-axes[1].set_title("Hénon–Heiles system, section at $q_1 = 0$", fontsize="small")
+axes[1].set_title("Hénon-Heiles system, section at $q_1 = 0$", fontsize="small")

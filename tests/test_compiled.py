@@ -275,6 +275,7 @@ def test_a_second_process_finds_the_functions_compiled(tmp_path):
         advance(frame(s.Suslov3D(4, 3, -0.4, -0.2), 0.2), 0.1, 0.2)
         print(sum(advance.stats.cache_hits.values()), advance.__qualname__)
     """
-    first, second = (children.run(code, NUMBA_CACHE_DIR=str(tmp_path)).split() for _ in range(2))
+    settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_BOUNDSCHECK": "0"}  # with checks no cache
+    first, second = (children.run(code, **settings).split() for _ in range(2))
     assert (first[0], second[0]) == ("0", "1")
     assert first[1] == second[1]

@@ -174,10 +174,11 @@ def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, fl
         X, Y = frame.K + (frame.a * u + frame.b * v), frame.b * u - frame.a * v
         along, across, _, _ = steps_3d.turn(X, Y, frame.K)
         return along * u - across * v, along * v + across * u
-    along, across, ratio, _ = steps_3d.turn(u, v, 0.0)
+    _, _, ratio, _ = steps_3d.turn(u, v, 0.0)
     following = u * ratio
     decayed = (abs(following) < steps_3d.NEGLIGIBLE) & (v < 0.0)
-    turned = select(abs(v) < 1.0, v - 2.0 * u * following, along * v - across * u)  # large v cancel
+    # (1 + Y_next) / (1 - Y) = X_next / X: the difference would cancel for large v.
+    turned = select(abs(v) < 1.0, v - 2.0 * u * following, (1.0 - v) * ratio - 1.0)
     return select(decayed, 0.0, following), turned
 
 

@@ -1,27 +1,47 @@
 """Benchmarks of this package, of the limits of the machine, and of other implementations."""
 
 import cases
-import limits
 import numba
-import peers
 import pytest
+from problem import relative_error
 
-CASES = [*cases.CASES, *limits.CASES, *peers.CASES]
-MOST = int(numba.config.NUMBA_NUM_THREADS)
-THREADS = {"all": [MOST], "one": [1], "both": sorted({1, MOST})}
-PARAMETERS = [
-    pytest.param(
-        case,
-        threads,
-        id=case.name + "-one_thread" * (case.threads == "both" and threads == 1),
-        marks=[pytest.mark.slow] * case.slow,
-    )
-    for case in CASES
-    for threads in THREADS[case.threads]
-]
+WRONG = 1e-9  # far above rounding errors and the tolerances of integrators
+STORED = ("table", "key", "whose", "label", "x", "limit")
 
 
-@pytest.mark.parametrize(("case", "threads"), PARAMETERS)
+def parameter(case):
+    marks = [pytest.mark.benchmark(timer=case.clock)] * (case.table == "processes")
+    return pytest.param(case, id=case.name, marks=marks + [pytest.mark.slow] * case.is_slow)
+
+
+@pytest.fixture
+def threads(case):
+    """The number of threads of a case, which Numba uses meanwhile."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(1 if case.one_thread else int(numba.config.NUMBA_NUM_THREADS))
+    yield numba.get_num_threads()
+    numba.set_num_threads(before)
+
+
+@pytest.mark.parametrize("case", [parameter(case) for case in cases.CASES])
 @pytest.mark.filterwarnings("ignore")  # warnings of the peers
-def bench_case(measure, case, threads):
-    measure(case, threads)
+def bench_case(benchmark, case, threads):
+    """Time a case, or run it once on a small problem."""
+    full = not benchmark.disabled
+    try:
+        work = case.make(lambda large, small: large if full else min(large, small))
+        if not (full and case.is_slow):
+            work.call()  # compiles, wakes threads, touches memory
+    except ImportError as error:
+        pytest.skip(str(error))
+    error = None
+    if work.check and (full or (case.x or 0) <= 1000):
+        error = relative_error(*work.check())
+        assert error < WRONG, "a wrong result disqualifies a case"
+    benchmark.extra_info.update({name: getattr(case, name) for name in STORED})
+    benchmark.extra_info.update(units=work.units, threads=threads, error=error)
+    benchmark.group = case.table if case.x is None else f"{case.table}, {case.x}"
+    if case.table == "processes":
+        benchmark.pedantic(work.call, rounds=1 if case.is_slow else 3)
+    else:
+        benchmark(work.call)

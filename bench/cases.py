@@ -1,219 +1,225 @@
-"""The benchmarks of this package: the timed calls and their rows of results.
+"""All benchmarks, by table: calls of the public API, peers, and limits of the machine.
 
-All calls use the public API, with arguments that versions 0.2 and 0.3 both accept.
+Peers are named "module.function" of the folder `peers`, and imported when they run; without their
+library they are skipped. Errors of peers that iterate the map are relative to its orbit, those of
+integrators relative to the continuous motion at the same time.
 """
 
-import os
-import subprocess
-import sys
-import tempfile
+import re
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import work
-from problem import BODY, EPS, EPS_FIELD, FIELDS, aligned, field_and_states, problem_nd
+from formulas import EPS, Formulas
+from limits import copy, divisions, new_memory, stores
+from problem import BODY, EPS_FIELD, FIELDS, body_nd, starts, starts_nd
+from work import MACHINE, NUMPY, OTHERS, OURS, C, Work
 
-import suslov_fast
-from suslov_fast import exact, first_integral, flow, iterate, step
+import suslov_fast as sf
+from suslov_fast import exact, iterate
 
-STATES = 5_000_000
-BYTES_SAVED = 2**26
 CASES: list[work.Case] = []
 
 
-def add(*arguments, **keywords):
-    """Add a case to the list."""
-    CASES.append(work.Case(*arguments, **keywords))
+def add(table, key, whose, label, kind, *arguments, **more):
+    """Add a case of a kind of work; the kinds and their arguments are those of `work`."""
+    CASES.append(work.Case(table, key, whose, label, partial(kind, *arguments), **more))
 
 
 # ------------------------------------------------------------------ three dimensions
 
 
-def last(method):
-    return lambda omega0, steps, threads: (
-        iterate(BODY, omega0, EPS, steps, save_every=None, method=method).final
-    )
+def last(omega0, steps):
+    return iterate(BODY, omega0, EPS, steps, save_every=None).final
 
 
-def saved(method):
-    return lambda omega0, steps, threads, out, every=1: (
-        iterate(BODY, omega0, EPS, steps, save_every=every, method=method, out=out).omega
-    )
+def saved(omega0, steps, every, out):
+    return iterate(BODY, omega0, EPS, steps, save_every=every, out=out).states
 
 
-for method, label, limit in (
-    ("auto", "the last state by the closed form, equivalent steps", None),
-    ("canonical", "iterates, one division per step", ("divisions", 1)),
-    ("ds2", "iterates the map as printed, two divisions", ("divisions", 2)),
+def at(omega0, n):
+    return exact(BODY, omega0, EPS, n)
+
+
+FREE, FOUR = "C, parameter-free", "one division per four steps"
+OWN = "your own `prange` loop over `compiled."
+LAST = "`iterate(..., save_every=None)`"
+# Slow peers do a part of the work; the last number is that of divisions per step.
+for key, whose, label, function, part, quotients in (
+    ("exact", OURS, "`exact`, for the steps that it replaces", at, 1, None),
+    ("iterate", OURS, LAST, last, 1, 1),
+    ("own-lanes", OURS, f"{OWN}advance`, 64 orbits at once", "own_loops.in_lanes", 1, 1),
+    ("c-projective", C, f"{FREE}, {FOUR}", "c.projective", 1, 0.25),
+    ("c-free", C, FREE, "c.parameter_free", 1, 1),
+    ("c-printed", C, "C, as printed, two divisions", "c.as_printed", 1, 2),
+    ("numba-blocks", OTHERS, "Numba, parameter-free, in blocks", "numba_loops.in_blocks", 1, 1),
+    ("numba", OTHERS, "Numba, `prange` over trajectories", "numba_loops.final", 16, None),
+    ("numpy", NUMPY, "NumPy, over the batch", "numpy_batch.final", 64, None),
 ):
-    label = f'`method="{method}"`: {label}'
-    add("last states", method, label, work.last_states(last(method)), limit=limit)
+    more = {"limit": quotients and ("divisions", quotients), "one_thread": part >= 64}
+    add("last states", key, whose, label, work.last_states, function, 65_536 // part, 1000, **more)
 
-for method in ("canonical", "auto"):
-    label = f'`iterate`, `method="{method}"`'
-    for batch in (10**k for k in reversed(range(7))):  # the largest is that of `--quick`
-        add("batch", method, label, work.last_states(last(method), batch, 50), x=batch)
-    for batch in (1, 2, 5, 9, 100, 1001, 65_533, 65_536):
-        make = work.saved_states(saved(method), batch, STATES // batch)
-        add("few orbits", method, label, make, x=batch, limit=("streaming", 16))
-    for every in (10**k for k in range(5)):
-        make = work.saved_states(saved(method), 4096, 50, every)
-        add("save_every", method, label, make, x=every)
-    for memory in ("reused", "unaligned", "new") if method == "auto" else ("reused", "unaligned"):
-        label = f'`method="{method}"`, {memory} memory'
-        make = work.saved_states(saved(method), memory=memory)
-        add("saved states", f"{method}-{memory}", label, make, limit=("streaming", 16))
+OUT, STORE = "`iterate(..., out=out)`", ("streaming", 16)
+for key, whose, label, function, batch in (
+    ("aligned", OURS, OUT, saved, 65_536),
+    ("unaligned", OURS, f"{OUT}, unaligned", saved, 65_536),
+    ("odd", OURS, f"{OUT}, 65,533 orbits", saved, 65_533),
+    ("new", OURS, "`iterate(...)`, new memory", saved, 65_536),
+    ("c-streaming", C, f"{FREE}, streaming stores", "c.stored_streaming", 65_536),
+    ("c-plain", C, f"{FREE}, plain stores", "c.stored", 65_536),
+):
+    arguments = work.saved_states, function, batch, 257, 1, key  # the key says which memory
+    add("saved states", key, whose, label, *arguments, limit=STORE)
+for batch in (1, 2, 5, 9, 100, 1001, 10_007):
+    arguments = batch, 1_000_000 // batch, 1, "aligned"
+    add("few orbits", "iterate", OURS, OUT, work.saved_states, saved, *arguments, x=batch)
+    function, label = "numba_loops.one_by_one", "Numba, parameter-free, one orbit after the other"
+    more = {"x": batch, "one_thread": True}
+    add("few orbits", "numba", OTHERS, label, work.saved_states, function, *arguments, **more)
+for every in (1, 10, 100, 1000):
+    arguments = work.saved_states, saved, 4096, 50, every, "aligned"
+    add("save_every", "iterate", OURS, OUT, *arguments, x=every)
+    numbers = partial(lambda every, size: every * np.arange(size(50, 3)), every)
+    add("save_every", "exact", OURS, "`exact`", work.jumps, at, 4096, numbers, x=every)
+for batch in (10**k for k in range(7)):
+    add("batch", "iterate", OURS, "`iterate`", work.last_states, last, batch, 50, x=batch)
 
 
-def scattered(count):
-    """Random numbers of steps."""
-    return lambda size: np.random.default_rng(1).integers(-(10**6), 10**6, size(count, 16))
+def scattered(count, size):
+    return np.random.default_rng(1).integers(-(10**6), 10**6, size(count, 16))
 
 
 for key, label, batch, numbers in (
     ("far", "`exact`", 65_536, lambda size: 10**6),
     ("rows", "`exact`, 256 n in a row", 16_384, lambda size: np.arange(size(256, 16))),
-    ("scattered-4096", "`exact`, 244 scattered n, 4,096 orbits", 4096, scattered(244)),
-    ("scattered-1", "`exact`, 1,000,000 scattered n, 1 orbit", 1, scattered(1_000_000)),
+    ("scattered-4096", "`exact`, 244 scattered n", 4096, partial(scattered, 244)),
+    ("scattered-1", "`exact`, 1,000,000 scattered n", 1, partial(scattered, 1_000_000)),
 ):
-    call = lambda omega0, n: exact(BODY, omega0, EPS, n)  # noqa: E731
-    add("jumps", key, label, work.jumps(call, batch, numbers, checked=key == "far"))
-make = work.motions(lambda omega0, time, threads: flow(BODY, omega0, time), 65_536)
-add("motion", "flow", "`flow`, the closed form", make)
+    add("jumps", key, OURS, label, work.jumps, at, batch, numbers)
+moved = lambda omega0, time: sf.flow(BODY, omega0, time)  # noqa: E731
+for key, whose, label, function, part in (
+    ("flow", OURS, "`flow`, the closed form", moved, 1),
+    ("numpy", NUMPY, "NumPy, Suslov's solution by `tanh` and `cosh`", "numpy_batch.flow", 1),
+    ("heyoka", OTHERS, "heyoka, Taylor integrator, 16 at once", "integrators.by_heyoka", 16),
+    ("scipy", OTHERS, "SciPy, DOP853, all in one system", "integrators.by_scipy", 16),
+):
+    arguments = work.motions, function, 65_536 // part
+    add("motion", key, whose, label, *arguments, one_thread=whose != OURS)
 
-# Quantities: the number of values per state; those in WITHOUT_EPS have no argument eps.
+# Functions of a state: the number of values per state; those in WITHOUT_EPS have no argument eps.
 WITHOUT_EPS = {"energy": 1, "to_xy": 2, "from_xy": 2, "vector_field": 2, "reaction": 1}
-QUANTITIES = {
-    "first_integral": 1,
-    "modified_energy": 1,
-    "criticality": 1,
-    "invariant_density": 1,
-    "step": 2,
-    "jacobian": 4,
-    **WITHOUT_EPS,
-}
+WITH_EPS = {"first_integral": 1, "modified_energy": 1, "criticality": 1, "invariant_density": 1}
+QUANTITIES = WITHOUT_EPS | WITH_EPS | {"step": 2, "jacobian": 4}
+
+
+def in_numpy(name, states):
+    found = getattr(Formulas(), name)(*states.T)
+    return np.stack(found, axis=-1) if isinstance(found, tuple) else found
+
+
 for name, values in QUANTITIES.items():
-    call = partial(
-        getattr(suslov_fast, name), BODY, **({} if name in WITHOUT_EPS else {"eps": EPS})
-    )
-    make, limit = work.quantities(call, name), ("copy", 16 + 8 * values)
-    add("quantities", name, f"`{name}`", make, threads="both", limit=limit)
+    eps, more = {} if name in WITHOUT_EPS else {"eps": EPS}, {"one_thread": True}
+    call, limit = partial(getattr(sf, name), BODY, **eps), ("copy", 16 + 8 * values)
+    add("quantities", name, OURS, f"`{name}`", work.quantities, call, name, limit=limit, **more)
+    if hasattr(Formulas, name):
+        key, label, call = f"{name}-numpy", f"`{name}` in NumPy", partial(in_numpy, name)
+        add("quantities", key, NUMPY, label, work.quantities, call, name, **more)
 
-# ------------------------------------------------------------------ n dimensions, space, calls
-
-
-def last_nd(method):
-    return lambda body, omega0, eps, steps: (
-        iterate(body, omega0, eps, steps, save_every=None, method=method).final
-    )
+# ------------------------------------------------------------------ n dimensions, fields, space
 
 
-def saved_states_nd(components, integrable):
-    """All states in n dimensions, into reused memory."""
-
-    def make(size, threads):
-        body, omega0 = problem_nd(components, size(4096, 16), integrable)
-        rows = size(BYTES_SAVED // omega0.nbytes, 4)
-        out = aligned((rows, *omega0.shape))
-        call = lambda: iterate(body, omega0, EPS / 2, rows - 1, out=out)  # noqa: E731
-        return work.Work(call, rows * len(omega0))
-
-    return make
+def last_nd(body, omega0, eps, steps, method="auto"):
+    return iterate(body, omega0, eps, steps, save_every=None, method=method).final
 
 
+gauss = partial(last_nd, method="gauss")
 # Numbers of components, and the part of the work that methods of the order of n**3 do.
-CUBIC = {2: 1, 4: 1, 8: 2, 16: 4, 32: 8, 64: 16, 128: 16}
-DIMENSIONS = tuple(CUBIC)
-for components, of_cubic in CUBIC.items():
-    for method, part in (("rank2", 1), ("gauss", of_cubic)):
-        make = work.dimensions(last_nd(method), components, part)
-        more = {"x": components, "threads": "one", "part": part}
-        add("n dimensions", method, f'`method="{method}"`', make, **more)
-for components in (3, 8, 32):
-    for key, whose in (("any", "any"), ("integrable", "an integrable")):
-        make, limit = saved_states_nd(components, key == "integrable"), 8 * components
-        more = {"x": components, "limit": ("streaming", limit)}
-        add("n dimensions, saved states", key, f"`iterate`, {whose} body", make, **more)
+for n, cubic in {2: 1, 4: 1, 8: 2, 16: 4, 32: 8, 64: 16, 128: 16}.items():
+    for key, whose, label, function, part in (
+        ("iterate", OURS, "`iterate`", last_nd, 1),
+        ("gauss", OURS, '`iterate(..., method="gauss")`', gauss, cubic),
+        ("c-rank2", C, "C, rank two, 32 trajectories at once", "c.rank2", 1),
+        ("c-lanes", C, "C, elimination, 32 systems at once", "c.eliminate_lanes", cubic),
+        ("c-elimination", C, "C, elimination, one system at a time", "c.eliminate", cubic),
+        ("numpy", NUMPY, "NumPy, `linalg.solve`", "numpy_batch.solve", 4 * cubic),
+    ):
+        arguments = work.dimensions, function, n, part
+        add("n dimensions", key, whose, label, *arguments, x=n, one_thread=True)
+
+exponents = lambda field, x, steps: sf.lyapunov_exponents(field, x, EPS_FIELD, steps)  # noqa: E731
+for n in FIELDS:
+    for key, whose, label, function, part in (
+        ("iterate", OURS, "`iterate`", lambda f, x, steps: last_nd(f, x, EPS_FIELD, steps), 1),
+        ("exponents", OURS, "`lyapunov_exponents`", exponents, 1),
+        ("own-system", OURS, f"{OWN}step_system`", "own_loops.of_field", 1),
+        ("c", C, "C: Lorenz written out, the chain by elimination", "fields.in_c", 1),
+        ("numpy", NUMPY, "NumPy, `linalg.solve`", "fields.in_numpy", 16),
+    ):
+        arguments = work.fields, function, n, part, function is not exponents
+        add("fields", key, whose, label, *arguments, x=n, one_thread=whose == NUMPY)
 
 
-def last_of_field(components):
-    """Last states of a field by this package."""
-    field, _ = field_and_states(components, 1)
-    return lambda x, steps, threads: iterate(field, x, EPS_FIELD, steps, save_every=None).final
+def orientations(what, n, size):
+    """A function of a run of 4096 bodies in n dimensions, 100 steps, and of its states."""
+    batch, steps = size(4096, 16), size(100, 5)
+    body, omega0 = (BODY, starts(batch)) if n == 3 else (body_nd(n - 1), starts_nd(batch, n - 1))
+    run = body, omega0, EPS, steps
+    return Work(partial(what, *run, states=iterate(*run).states), batch * steps)
 
 
-STEPS_OF_FIELD = 576
-for components in FIELDS:
-    make = work.fields(last_of_field(components), components, STEPS_OF_FIELD // components)
-    add("fields", "iterate", "`iterate`", make, x=components)
-
-for what, label in (
-    ("last", "`iterate`, last states and orientations"),
-    ("all", "`iterate`, all states and orientations"),
-    ("along", "`attitude` of all states"),
-    ("exponents", "`lyapunov_exponents`"),
+for key, label, what in (
+    ("all", "`iterate(..., attitude=True)`", lambda *run, states: iterate(*run, attitude=True)),
+    ("along", "`attitude`", lambda body, _, eps, n, states: sf.attitude(body, states, eps)),
+    ("exponents", "`lyapunov_exponents`", lambda *run, states: sf.lyapunov_exponents(*run)),
 ):
     for n in (3, 4):
-        add("space", what, label, work.orientations(what, n), x=n)
+        add("space", key, OURS, label, orientations, what, n, x=n)
 
-BODY_ND, STATE_ND = suslov_fast.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [1.0, 0.5, 0.2]
-STATE = [1.0, 0.5]
-for key, label, call in (
-    ("iterate", "`iterate`, one orbit, 10 steps", lambda: iterate(BODY, STATE, EPS, 10)),
-    ("iterate-nd", "`iterate`, n = 4", lambda: iterate(BODY_ND, STATE_ND, EPS, 10)),
-    ("step", "`step`, one state", lambda: step(BODY, STATE, EPS)),
-    ("step-nd", "`step`, n = 4", lambda: step(BODY_ND, STATE_ND, EPS)),
-    ("exact", "`exact`, one state", lambda: exact(BODY, STATE, EPS, 10)),
-    ("first_integral", "`first_integral`, one state", lambda: first_integral(BODY, STATE, EPS)),
+# ------------------------------------------------------------------ small calls, disks, processes
+
+BODY_ND, STATE_ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [1.0, 0.5, 0.2]
+STATE, SYSTEM = [1.0, 0.5], np.random.default_rng(4).normal(size=(4, 4))
+for key, whose, label, call in (
+    ("iterate", OURS, "`iterate`, one orbit, 10 steps", lambda: iterate(BODY, STATE, EPS, 10)),
+    ("iterate-nd", OURS, "`iterate`, n = 4", lambda: iterate(BODY_ND, STATE_ND, EPS, 10)),
+    ("step", OURS, "`step`, one state", lambda: sf.step(BODY, STATE, EPS)),
+    ("step-nd", OURS, "`step`, n = 4", lambda: sf.step(BODY_ND, STATE_ND, EPS)),
+    ("exact", OURS, "`exact`, one state", lambda: exact(BODY, STATE, EPS, 10)),
+    ("first_integral", OURS, "`first_integral`", lambda: sf.first_integral(BODY, STATE, EPS)),
+    ("solve", NUMPY, "`numpy.linalg.solve`, 4 x 4", lambda: np.linalg.solve(SYSTEM, SYSTEM[0])),
 ):
-    make = lambda size, threads, call=call: work.Work(call, 1)  # noqa: E731
-    add("calls", key, label, make)
+    add("calls", key, whose, label, lambda call, size: Work(call), call, one_thread=True)
+by_ensemble = lambda *run, path: sf.ensemble(*run, store=path, save_every=1)  # noqa: E731
+by_numpy = lambda *run, path: np.save(path, iterate(*run).states)  # noqa: E731
+add("stores", "ensemble", OURS, "`ensemble(..., save_every=1)`", work.stores, by_ensemble)
+add("stores", "save", NUMPY, "`iterate` and `numpy.save`", work.stores, by_numpy)
 
-# ------------------------------------------------------------------ processes
+BODY_3D, FIELD = "s.Suslov3D(4, 1, -.5, -.3)", "s.QuadraticField(np.ones((2, 2, 2)))"
+for key, label, code in (
+    ("exact", "`exact`", f"s.exact({BODY_3D}, [1, 0.5], 0.2, 25)"),
+    ("iterate", "`iterate`", f"s.iterate({BODY_3D}, np.ones((10_000, 2)), 0.2, 20)"),
+    ("gyrostat", "gyrostat", "s.iterate(s.SuslovGyrostat(4, 1, -.5, -.3, .7), [1, 0.5], 0.2, 20)"),
+    ("nd", "n = 4", "s.iterate(s.SuslovND([1.3, 2, 3], [.4, -.7, .5]), [1, .5, .2], 0.1, 20)"),
+    ("field", "a field", f"s.iterate({FIELD}, [0.1, 0.1], 0.1, 20)"),
+):
+    for when, said in (("again", "compiled before"), ("first", "nothing compiled")):
+        codes = [f"import numpy as np, suslov_fast as s; {code}"]
+        arguments = work.processes, codes, when == "first"
+        add("processes", f"{key}-{when}", OURS, f"{label}, {said}", *arguments, one_thread=True)
+README = Path(__file__).parents[1] / "README.md"
+codes = re.findall(r"^```python\n(.*?)^```", README.read_text(encoding="utf-8"), re.M | re.S)
+label = f"the {len(codes)} Python blocks of README, nothing compiled"
+add("processes", "readme-first", OURS, label, work.processes, codes, True, one_thread=True)
+for name, whose in (("suslov_fast", OURS), ("numba", OTHERS)):
+    arguments = work.processes, [f"import {name}"], False
+    add("processes", f"import-{name}", whose, f"`import {name}`", *arguments, one_thread=True)
 
-TREE = Path(suslov_fast.__path__[0]).parent
-IMPORT = "import numpy as np, suslov_fast as s; "
-CODE_3D = "s.Suslov3D(4, 1, -0.5, -0.3)"
-CODE_ND = "s.SuslovND(np.linspace(1, 2, 9), np.linspace(-0.3, 0.4, 9))"
-IMPORTS = {
-    "python": ("Python alone", "pass"),
-    "import-numba": ("`import numba`", "import numba"),
-    "import": ("`import suslov_fast`", "import suslov_fast"),
-}
-CALLS = {
-    "iterate": (
-        "`iterate` of 10,000 orbits",
-        f"s.iterate({CODE_3D}, np.ones((10_000, 2)), .2, 200)",
-    ),
-    "iterate-nd": ("`iterate`, 9 components", f"s.iterate({CODE_ND}, np.ones((100, 9)), .1, 20)"),
-    "exact": ("`exact` of one state", f"s.exact({CODE_3D}, [1.0, 0.5], 0.2, 25)"),
-}
-
-
-def process(code, fresh=False):
-    """A process with this package, and with an empty cache of kernels if `fresh`."""
-
-    def make(size, threads):
-        chosen = code if size(1, 0) else "pass"  # as a test, a trivial process is enough
-
-        def call():
-            with tempfile.TemporaryDirectory() as folder:
-                settings = {"PYTHONPATH": str(TREE), "PYTHONDONTWRITEBYTECODE": ""}
-                settings |= {"NUMBA_CACHE_DIR": folder} if fresh else {}
-                environment = os.environ | settings
-                subprocess.run([sys.executable, "-c", chosen], env=environment, check=True)
-
-        return work.Work(call, 1)
-
-    return make
-
-
-for key, (label, call) in CALLS.items():
-    again, first = f"{label}, compiled before", f"{label}, nothing compiled"
-    add("processes", f"{key}-again", again, process(IMPORT + call), threads="one", once=True)
-    make = process(IMPORT + call, fresh=True)
-    add("processes", f"{key}-first", first, make, threads="one", slow=True)
-for key, (label, code) in IMPORTS.items():
-    whose = "this package" if "suslov_fast" in code else "others"
-    add("processes", key, label, process(code), whose=whose, threads="one", once=True)
+for table, key, label, limit, alone, *kind in (
+    ("last states", "divisions", "one division per step", ("divisions", 1), False, divisions),
+    ("saved states", "streaming", "streaming stores", STORE, False, stores, "streaming"),
+    ("saved states", "plain", "plain stores", STORE, False, stores, "plain"),
+    ("saved states", "ones", "`numpy.ones`, new memory", None, True, new_memory),
+    ("quantities", "copy", "a copy of 24 bytes in C", ("copy", 24), True, copy),
+):
+    add(table, key, MACHINE, f"*limit: {label}*", *kind, limit=limit, one_thread=alone)

@@ -52,6 +52,15 @@ class Formulas:
     def step(self, p, q):
         return self.leave(*advance(*self.enter(p, q)))
 
+    def flow(self, p, q, time):
+        """The continuous motion x' = xy/a, y' = -x^2, for x != 0."""
+        x, y = self.to_xy(p, q)
+        root = np.sqrt(self.a)
+        R = np.sqrt(self.a * x * x + y * y)
+        angle = R * time / self.a - np.arcsinh(y / (root * np.abs(x)))
+        with np.errstate(over="ignore"):  # 1 / cosh(angle) is 0 if cosh overflows
+            return self.from_xy(np.sign(x) * R / root / np.cosh(angle), -R * np.tanh(angle))
+
     def energy(self, p, q):
         return (self.I1 * p**2 + self.I2 * q**2) / 2
 

@@ -1,58 +1,35 @@
-"""Benchmarks of the limits of the machine."""
+"""The limits of the machine: divisions, stores and copies in C."""
 
-import native
+from functools import partial
+
 import numpy as np
+from native import call
+from numba import get_num_threads
 from problem import aligned
-from work import Case, Work
+from work import Work
 
-LARGE = 2**25  # doubles: 256 MiB, far beyond the caches
-SMALL = 2**10
+LARGE, SMALL = 2**25, 2**10  # doubles: 256 MiB, far beyond the caches
 
 
-def divisions(size, threads):
-    """Independent divisions."""
+def divisions(size):
     blocks, rounds = size(1024, 8), size(1000, 10)
-    to = np.empty(blocks)
-    call = lambda: native.call("limits.c", "divide", to, blocks, rounds, threads)  # noqa: E731
-    return Work(call, 64 * blocks * rounds)
+    divide = partial(call, "limits.c", "divide", np.empty(blocks), blocks, rounds)
+    return Work(lambda: divide(get_num_threads()), 64 * blocks * rounds)
 
 
-def stores(kind):
-    """Stores, in units of 16 bytes (one state)."""
-
-    def make(size, threads):
-        to = aligned((size(LARGE, SMALL),))
-        return Work(lambda: native.call("limits.c", kind, to, to.size, threads), to.nbytes // 16)
-
-    return make
+def stores(kind, size):
+    """Stores of states, 16 bytes each."""
+    to = aligned((size(LARGE, SMALL),))
+    return Work(lambda: call("limits.c", kind, to, to.size, get_num_threads()), to.size // 2)
 
 
-def new_memory(size, threads):
-    count = size(LARGE, SMALL)
-    return Work(lambda: np.ones(count), count // 2)
+def new_memory(size):
+    return Work(lambda: np.ones(size(LARGE, SMALL)), size(LARGE, SMALL) // 2)
 
 
-def copy(size, threads):
+def copy(size):
     """Copy in units of 24 bytes, read or written, into reused memory."""
     source, to = (aligned((size(LARGE // 2, SMALL),)) for _ in range(2))
-    call = lambda: native.call("limits.c", "copy", source, to, to.size, threads)  # noqa: E731
-    return Work(call, 2 * to.nbytes // 24)
-
-
-def new_copy(size, threads):
-    source = np.ones(size(LARGE // 2, SMALL))
-    return Work(source.copy, 2 * source.nbytes // 24)
-
-
-DIVISIONS, STREAMING, COPY = ("divisions", 1), ("streaming", 16), ("copy", 24)
-CASES = [
-    Case(table, key, f"*limit: {label}*", make, None, limit, "the machine", threads=threads)
-    for table, key, label, limit, threads, make in (
-        ("last states", "divisions", "one division per step", DIVISIONS, "all", divisions),
-        ("saved states", "streaming", "streaming stores", STREAMING, "all", stores("streaming")),
-        ("saved states", "plain", "plain stores", STREAMING, "all", stores("plain")),
-        ("saved states", "new", "`np.ones`, new memory", None, "one", new_memory),
-        ("quantities", "copy", "a copy of 24 bytes in C", COPY, "both", copy),
-        ("quantities", "new-copy", "`ndarray.copy` of 24 bytes", COPY, "one", new_copy),
+    return Work(
+        lambda: call("limits.c", "copy", source, to, to.size, get_num_threads()), to.size * 2 // 3
     )
-]

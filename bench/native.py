@@ -28,21 +28,16 @@ def _library(name, *flags):
         return ctypes.CDLL(target)
 
 
-def call(name, function, *arguments, flags=()):
-    """Call a C function with arrays of doubles, integers (long) and floats (double).
+def version():
+    """Version of gcc, or "none"."""
+    found, command = shutil.which("gcc"), ["gcc", "-dumpfullversion"]
+    return subprocess.check_output(command, text=True).strip() if found else "none"
 
-    Raises ImportError if gcc, or the function for this processor, is missing.
-    """
-    found = getattr(_library(name, *flags), function, None)
-    if found is None:
+
+def call(name, function, *arguments, flags=()):
+    """Call a C function with arrays of doubles, integers (long) and floats; or ImportError."""
+    if not hasattr(_library(name, *flags), function):
         raise ImportError(f"no {function} for this processor")
     addresses = lambda each: ctypes.c_void_p(each.ctypes.data)  # noqa: E731
-    found(*(KINDS.get(type(each), addresses)(each) for each in arguments))
-
-
-def version():
-    """Version of gcc, or None if gcc is missing."""
-    if shutil.which("gcc") is None:
-        return None
-    done = subprocess.run(["gcc", "-dumpfullversion"], capture_output=True, text=True)
-    return done.stdout.strip() or None
+    numbers = (KINDS.get(type(each), addresses)(each) for each in arguments)
+    getattr(_library(name, *flags), function)(*numbers)

@@ -8,7 +8,7 @@ import functools
 
 import formulas
 import numpy as np
-from formulas import EPS, Formulas
+from formulas import Formulas
 
 from suslov_fast import QuadraticField, Suslov3D, SuslovND
 
@@ -16,40 +16,29 @@ BODY = Suslov3D(*formulas.BODY)
 PRECISE = Formulas(np.longdouble)
 # Number of trajectories that are compared with the reference, and number of their steps.
 CHECKED, STEPS = 64, 1000
-CHECKED_ND, STEPS_ND = 8, 5
-
-
 # Quadratic fields by their dimension: the Lorenz system, and a Volterra chain.
 EPS_FIELD = 1 / 64
 FIELDS = {
     3: lambda x: (10 * (x[1] - x[0]), 28 * x[0] - x[1] - x[0] * x[2], x[0] * x[1] - 8 / 3 * x[2]),
     12: lambda x: [x[i] * (x[(i + 1) % 12] - x[i - 1]) for i in range(12)],
 }
+field = functools.cache(lambda D: QuadraticField.from_function(FIELDS[D], D))
 
 
-def field_and_states(components, batch):
-    """A quadratic field, and states of the order of 1."""
-    states = np.random.default_rng(3).uniform(0.5, 1, (batch, components))
-    return QuadraticField.from_function(FIELDS[components], components), states
+def starts(batch, components=2, low=-2, high=2):
+    """Random states; larger batches extend smaller ones."""
+    return np.random.default_rng(0).uniform(low, high, (batch, components))
 
 
-def starts(batch):
-    """Random states with |Omega1|, |Omega2| <= 2; larger batches extend smaller ones."""
-    return np.random.default_rng(0).uniform(-2, 2, (batch, 2))
-
-
-def random_states(count):
-    """Random states away from singularities of the quantities."""
-    return np.random.default_rng(2).uniform(0.5, 2, (count, 2))
-
-
-def problem_nd(components, batch, integrable=False):
-    """A body in components + 1 dimensions, and states of the order of 1."""
+def body_nd(components):
+    """A body in components + 1 dimensions, whose motions with |Omega| about 1 are similar."""
     rng = np.random.default_rng(components)
-    scale = 1.0 / np.sqrt(components)
-    J, I = rng.uniform(1, 4, components), rng.normal(size=components) * scale
-    body = SuslovND(np.full(components, 2.0) if integrable else J, I)
-    return body, rng.normal(size=(batch, components)) * scale
+    return SuslovND(rng.uniform(1, 4, components), rng.normal(size=components) / components**0.5)
+
+
+def starts_nd(batch, components):
+    """States with |Omega| about 1."""
+    return np.random.default_rng(3).normal(size=(batch, components)) / components**0.5
 
 
 def aligned(shape, offset=0):
@@ -68,37 +57,9 @@ def relative_error(computed, reference):
 
 
 @functools.cache
-def orbit(batch, steps):
-    """States 0 to `steps` of the first trajectories, (steps + 1, batch, 2), by iteration."""
-    states = [PRECISE.enter(*starts(batch).T.astype(np.longdouble))]
+def orbit(steps):
+    """States 0 to `steps` of CHECKED trajectories, (steps + 1, CHECKED, 2), by iteration."""
+    states = [PRECISE.enter(*starts(CHECKED).T.astype(np.longdouble))]
     for _ in range(steps):
         states.append(formulas.advance(*states[-1]))
     return np.stack([np.stack(PRECISE.leave(*each), axis=-1) for each in states])
-
-
-@functools.cache
-def motion(batch, time):
-    """Continuous motion of the first trajectories: x' = xy/a, y' = -x^2."""
-    a = PRECISE.a
-    x, y = PRECISE.to_xy(*starts(batch).T.astype(np.longdouble))
-    R = np.sqrt(a * x * x + y * y)
-    angle = R * np.longdouble(time) / a - np.arctanh(y / R)
-    x, y = np.sign(x) * R / np.sqrt(a) / np.cosh(angle), -R * np.tanh(angle)
-    return np.stack(PRECISE.from_xy(x, y), axis=-1)
-
-
-@functools.cache
-def orbit_nd(components):
-    """State STEPS_ND of CHECKED_ND trajectories in n dimensions, by elimination; eps is EPS / 2."""
-    body, omega = problem_nd(components, CHECKED_ND)
-    J, I, eps = (np.asarray(each, np.longdouble) for each in (body.J, body.I, EPS / 2))
-    omega = omega.astype(np.longdouble)
-    for _ in range(STEPS_ND):
-        A = formulas.matrix_nd(J, I, eps, omega)
-        for k in range(components):  # without pivoting: the steps are short
-            factor = A[:, :, k] / A[:, k, k, None]
-            factor[:, k] = 0
-            omega = omega - factor * omega[:, k, None]
-            A = A - factor[:, :, None] * A[:, k, None, :]
-        omega = omega / np.einsum("bii->bi", A)
-    return omega

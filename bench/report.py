@@ -1,12 +1,13 @@
 """Run all benchmarks, and write tables and a chart.
 
 `python bench/report.py` runs the benchmarks in several short passes, takes the best time of each,
-and writes to `results/`: `benchmarks.json`, all tables as `tables.md`, and the chart. With files
-as arguments (of this script, or of `pytest bench --benchmark-json`), it draws them and measures
-nothing. `--write` also replaces the table in README.md.
+and writes to `results/`: `benchmarks.json` in the format of pytest-benchmark, all tables as
+`tables.md`, and the chart. With such files as arguments it draws them and measures nothing.
+`--write` also replaces the table in README.md; `-k` chooses cases, prints, and writes nothing.
 """
 
 import argparse
+import json
 import subprocess
 import sys
 import tempfile
@@ -18,22 +19,19 @@ import tables
 README = results.BENCH.parent / "README.md"
 FOLDER = results.BENCH / "results"
 # Short, consecutive passes, since the speed of a shared machine varies over seconds.
-PASSES = 3
 PYTEST = "-q --benchmark-only --benchmark-quiet --benchmark-min-rounds=3 --benchmark-max-time=0.1"
 
 
-def measure():
-    """Run several passes over all benchmarks, each in its own process, and merge the results."""
-    several = []
-    command = [sys.executable, "-m", "pytest", results.BENCH, *PYTEST.split()]
+def measure(passes, select):
+    """Yield the results of several passes over all benchmarks, each in its own process."""
+    command = [sys.executable, "-m", "pytest", results.BENCH, *PYTEST.split(), "-k", select]
     with tempfile.TemporaryDirectory() as folder:
-        for k in range(PASSES):
-            print(f"pass {k + 1} of {PASSES}", flush=True)
+        for k in range(passes):
+            print(f"pass {k + 1} of {passes}", flush=True)
             # The slow ones, processes that compile everything, are in the first pass only.
             more = [f"--benchmark-json={folder}/{k}.json", *(["-m", ""] if k == 0 else [])]
-            subprocess.run([*command, *more], cwd=results.BENCH.parent, check=True)
-            several.append(results.load(f"{folder}/{k}.json"))
-    return results.merge(several)
+            subprocess.run([*command, *more], cwd=README.parent, check=True)
+            yield results.load(f"{folder}/{k}.json")
 
 
 def main():
@@ -41,16 +39,21 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", help="draw these results instead of measuring")
     parser.add_argument("--write", action="store_true", help="replace the table in README.md")
+    parser.add_argument("--passes", type=int, default=3, help="number of passes (3)")
+    parser.add_argument("-k", dest="select", default="", help="some cases, as for pytest")
     options = parser.parse_args()
-    files = [results.load(path) for path in options.files]
-    measured = results.merge(files) if files else measure()
-    results.dump(measured, FOLDER / "benchmarks.json")
-    text = tables.everything(measured)
+    files = map(results.load, options.files)
+    content = results.merge(list(files) or list(measure(options.passes, options.select)))
+    measured = results.Results(content)
+    text = tables.page(measured, "tables.md")
     print(text)
+    if options.select:
+        return
+    (FOLDER / "benchmarks.json").write_text(json.dumps(content, indent=1) + "\n")
     (FOLDER / "tables.md").write_text(text, encoding="utf-8")
-    charts.draw(measured, FOLDER)
+    charts.draw(measured, FOLDER / "speed.png")
     if options.write:
-        page = tables.replace(README.read_text(encoding="utf-8"), tables.summary(measured))
+        page = tables.replace(README.read_text("utf-8"), tables.page(measured, "readme.md"))
         README.write_text(page, encoding="utf-8")
 
 

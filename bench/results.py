@@ -1,63 +1,40 @@
-"""Results of benchmarks: rows, their files, and shares of the machine's limits."""
+"""Results of benchmarks: the files of pytest-benchmark, and shares of the machine's limits."""
 
-import importlib.metadata
 import json
 import platform
 from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import native
+import numba
+
+import suslov_fast
 
 BENCH = Path(__file__).parent
-PACKAGES = ["Numba", "NumPy", "SciPy", "heyoka"]
+PACKAGES = ["Numba", "llvmlite", "NumPy", "SciPy", "heyoka"]
 
 
-class Row(NamedTuple):
-    """One measured benchmark.
+class Results:
+    """Rows of a file of `pytest bench --benchmark-json`, by their names.
 
-    `seconds` is the best time of `work` units, `error` the largest relative error, `limit` a limit
-    of the machine and the amount of it that a unit needs, `x` the column in a table with columns.
+    A row has the attributes of its case, and `units` of work, `rate` of units in a second,
+    `seconds`, the largest relative `error`, and the number of `threads`.
     """
 
-    name: str
-    table: str
-    key: str
-    label: str
-    whose: str
-    work: float
-    seconds: float
-    threads: int = 1
-    error: float | None = None
-    limit: tuple[str, float] | None = None
-    x: float | None = None
+    def __init__(self, content):
+        self.machine, self.date = content["machine_info"], content["datetime"][:10]
+        self.rows = {}
+        for each in content["benchmarks"]:
+            row = SimpleNamespace(seconds=each["stats"]["min"], **each["extra_info"])
+            row.rate = row.units / row.seconds
+            self.rows[each["param"]] = row
 
-    @property
-    def rate(self):
-        """Units of work per second."""
-        return self.work / self.seconds
-
-
-class Results(NamedTuple):
-    """Rows of one machine, the best of several passes."""
-
-    date: str
-    machine: dict
-    passes: int
-    rows: tuple[Row, ...]
-
-    def one(self, table, key, **wanted):
-        """The row of that key with these attributes, or None."""
-        wanted = {"table": table, "key": key, **wanted}.items()
-        return next((row for row in self.rows if wanted <= row._asdict().items()), None)
-
-    def best(self, table):
-        """Rows of a table, fastest first; for each key the one with the most threads."""
-        rows = [row for row in self.rows if row.table == table]
-        most = {
-            (row.key, row.whose, row.x): row for row in sorted(rows, key=lambda row: row.threads)
-        }
-        return sorted(most.values(), key=lambda row: -row.rate)
+    def of(self, table):
+        """Rows of a table, fastest first."""
+        rows = [row for row in self.rows.values() if row.table == table]
+        return sorted(rows, key=lambda row: -row.rate)
 
     def share(self, row):
         """Share of its limit that a row reaches, or None.
@@ -67,70 +44,34 @@ class Results(NamedTuple):
         """
         if row.limit is None:
             return None
-        limited = [each for each in self.rows if each.limit and each.threads == row.threads]
-        found = [each for each in limited if each.limit[0] == row.limit[0]]
-        if not any(each.whose == "the machine" for each in found):
+        alike = [other for other in self.rows.values() if other.threads == row.threads]
+        alike = [other for other in alike if other.limit and other.limit[0] == row.limit[0]]
+        if not any(other.whose == "the machine" for other in alike):
             return None
-        return row.rate * row.limit[1] / max(each.rate * each.limit[1] for each in found)
-
-
-def dump(results, path):
-    """Write results to a file."""
-    rows = [{k: v for k, v in row._asdict().items() if v is not None} for row in results.rows]
-    text = json.dumps(results._asdict() | {"rows": rows}, indent=1, ensure_ascii=False)
-    Path(path).write_text(text + "\n", encoding="utf-8")
+        return row.rate * row.limit[1] / max(other.rate * other.limit[1] for other in alike)
 
 
 def load(path):
-    """Load a file of `dump` or of pytest-benchmark, without names of machines and users."""
-    content = json.loads(Path(path).read_text(encoding="utf-8"))
-    if "benchmarks" in content:
-        content = {
-            "date": content["datetime"][:10],
-            "machine": content["machine_info"]["ours"],
-            "passes": 1,
-            "rows": [
-                each["extra_info"] | {"name": each["name"], "seconds": each["stats"]["min"]}
-                for each in content["benchmarks"]
-            ],
-        }
-    rows = [row | {"limit": tuple(row.get("limit") or ()) or None} for row in content["rows"]]
-    return Results(**content | {"rows": tuple(Row(**row) for row in rows)})
+    return json.loads(Path(path).read_text(encoding="utf-8"))
 
 
 def merge(several):
-    """Merge results from one machine with one set of versions: the best time of each benchmark."""
-    best = {}
-    for results in several:
-        if results.machine != several[0].machine:
-            raise ValueError("expected results of one machine and one set of versions")
-        for row in results.rows:
-            best[row.name] = min(row, best.get(row.name, row), key=lambda each: each.seconds)
-    return Results(
-        date=max(results.date for results in several),
-        machine=several[0].machine,
-        passes=sum(results.passes for results in several),
-        rows=tuple(best.values()),
-    )
+    """Merge files from one machine with one set of versions: the best time of each benchmark."""
+    if any(content["machine_info"] != several[0]["machine_info"] for content in several):
+        raise ValueError("expected results of one machine and one set of versions")
+    found = [each for content in several for each in content["benchmarks"]]
+    found.sort(key=lambda each: each["stats"]["min"], reverse=True)
+    return several[-1] | {"benchmarks": list({each["name"]: each for each in found}.values())}
 
 
-def machine(described):
-    """Processor, threads and versions from the data of pytest-benchmark, without the host name."""
-    import numba
-    from llvmlite import binding
-
-    import suslov_fast
-
-    versions = {"Python": platform.python_version(), "suslov_fast": suslov_fast.__version__}
+def machine(processor):
+    """Processor, threads and versions, without the name of the host."""
+    versions = {"suslov_fast": suslov_fast.__version__, "Python": platform.python_version()}
+    versions["gcc"] = native.version()
     for package in PACKAGES:
-        with suppress(importlib.metadata.PackageNotFoundError):
-            versions[package] = importlib.metadata.version(package.lower())
-    versions["LLVM"] = ".".join(map(str, binding.llvm_version_info))
-    if native.version():
-        versions["gcc"] = native.version()
-    compiled_for = f", compiled for {native.PROCESSOR}" if native.PROCESSOR else ""
-    return {
-        "processor": described["cpu"].get("brand_raw", platform.machine()) + compiled_for,
-        "threads": int(numba.config.NUMBA_NUM_THREADS),
-        "versions": versions,
-    }
+        with suppress(PackageNotFoundError):
+            versions[package] = version(package.lower())
+    if native.PROCESSOR:
+        processor += f", compiled for {native.PROCESSOR}"
+    threads = int(numba.config.NUMBA_NUM_THREADS)
+    return {"processor": processor, "threads": threads, "versions": versions}

@@ -1,66 +1,83 @@
-"""The work of a case: calls of one size, and their error against long doubles.
+"""A benchmark, and its work: calls of one size, and their error.
 
-Each function here returns the `make` of a case for a call of this package or of a peer.
+Each function below makes the work of one kind, for a function of this package or of a peer. Its
+last argument `size(full, small)` chooses between the size that is timed and that of a test. Errors
+are those against long doubles, in n dimensions and of fields those against NumPy.
 """
 
 import importlib
-import warnings
+import os
+import subprocess
+import sys
+import tempfile
+import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import problem
-from problem import BODY, CHECKED, EPS, STEPS, aligned, problem_nd, starts
+from formulas import EPS
+from problem import CHECKED, STEPS, aligned, starts
 
 import suslov_fast
+
+try:
+    from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
+except ImportError:  # Windows
+    getrusage = None
+
+OURS, C, NUMPY, OTHERS, MACHINE = "this package", "C", "NumPy", "others", "the machine"
+
+
+def cpu_seconds():
+    """Seconds of processor time of this process and of those that it waited for."""
+    if getrusage is None:
+        return time.perf_counter()
+    used = [getrusage(RUSAGE_SELF), getrusage(RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in used)
 
 
 class Work(NamedTuple):
     """A call, its units of work, and a function that returns computed and reference values."""
 
     call: Callable[[], object]
-    work: int
+    units: float = 1
     check: Callable[[], tuple] | None = None
 
 
-class Case(NamedTuple):
-    """One benchmark, before any memory is allocated.
+@dataclass(frozen=True)
+class Case:
+    """One benchmark, before any memory is allocated: `make(size)` returns its work.
 
-    `make` takes a function `size(full, small)`, which chooses the size of a problem, and the number
-    of threads. `limit` is a limit of the machine and the amount of it that a unit of work needs.
-    A slow peer does one `part`-th of the work of its group.
+    `limit` is a limit of the machine and the amount of it that a unit of work needs.
     """
 
     table: str
     key: str
+    whose: str
     label: str
-    make: Callable[[Callable[[int, int], int], int], Work]
+    make: Callable[[Callable[[int, int], int]], Work]
     x: float | None = None
     limit: tuple[str, float] | None = None
-    whose: str = "this package"
-    threads: str = "all"  # or "one" or "both"
-    once: bool = False  # measured once in each pass
-    slow: bool = False  # measured once, without a call before, and by the report only
-    part: int = 1
+    one_thread: bool = False
 
     @property
     def name(self):
         """Name without blanks, the same on every machine."""
-        numpy = "numpy" if self.whose == "NumPy" and "numpy" not in self.key else None
-        part = f"1_in_{self.part}" if self.part > 1 else None
-        return joined(self.table, self.key, numpy, self.x, part)
+        x = "" if self.x is None else f"-{self.x}"
+        return f"{self.table}-{self.key}{x}".replace(" ", "_")
 
     @property
-    def group(self):
-        """Name of the cases that answer the same question."""
-        of_key = self.table in ("jumps", "quantities")
-        return joined(self.table, self.key if of_key else self.x)
+    def is_slow(self):
+        """Whether everything is compiled: it is measured once, without a call before."""
+        return self.key.endswith("-first")
 
-
-def joined(*words):
-    """Join words, of which some may be None, to a name without blanks."""
-    found = (str(each) for each in words if each is not None)
-    return "-".join(each.replace(",", "").replace(" ", "_") for each in found)
+    @property
+    def clock(self):
+        """Of processes that are started, their processor time."""
+        return cpu_seconds if self.table == "processes" else time.perf_counter
 
 
 def load(function):
@@ -68,141 +85,98 @@ def load(function):
     if callable(function):
         return function
     module, name = function.split(".")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # warnings of imported libraries
-        return getattr(importlib.import_module(f"peers.{module}"), name)
+    return getattr(importlib.import_module(f"peers.{module}"), name)
 
 
-def last_states(function, batch=65_536, steps=STEPS):
-    """Last states by a function of (omega0, steps, threads)."""
-
-    def make(size, threads):
-        call, omega0, n = load(function), starts(size(batch, 64)), size(steps, 20)
-        few, last = starts(CHECKED), size(STEPS, 20)
-        return Work(
-            lambda: call(omega0, n, threads),
-            len(omega0) * n,
-            lambda: (call(few, last, threads), problem.orbit(CHECKED, last)[-1]),
-        )
-
-    return make
+def last_states(function, batch, steps, size):
+    """Last states by a function of (omega0, steps)."""
+    call, omega0, n = load(function), starts(size(batch, 64)), size(steps, 20)
+    far = size(STEPS, 20)
+    check = lambda: (call(starts(CHECKED), far), problem.orbit(far)[-1])  # noqa: E731
+    return Work(lambda: call(omega0, n), len(omega0) * n, check)
 
 
-def saved_states(function, batch=65_536, saved=257, every=1, memory="reused"):
-    """Saved states by a function of (omega0, steps, threads, out), and `every` if it exceeds 1."""
-
-    def make(size, threads):
-        call = load(function)
-        omega0 = starts(size(batch, max(64, batch % 64)) if batch >= 64 else batch)
-        rows, between = size(saved, 9), size(every, 10)
-        out = None
-        if memory != "new":
-            out = aligned((rows, *omega0.shape), offset=2 * (memory == "unaligned"))
-        more, steps = {"every": between} if every > 1 else {}, (rows - 1) * between
-
-        def check():
-            few = size(STEPS, 20) // between * between
-            room = aligned((few // between + 1, CHECKED, 2))
-            computed = call(starts(CHECKED), few, threads, room, **more)
-            return computed, problem.orbit(CHECKED, few)[::between]
-
-        run = lambda: call(omega0, steps, threads, out, **more)  # noqa: E731
-        return Work(run, rows * len(omega0), check if every <= STEPS else None)
-
-    return make
+def saved_states(function, batch, rows, every, memory, size):
+    """Saved states by a function of (omega0, steps, every, out), with out in some memory."""
+    call = load(function)
+    omega0 = starts(size(batch, max(64, batch % 64)) if batch >= 64 else batch)
+    rows, every, few = size(rows, 9), size(every, 10), size(STEPS, 20)
+    offset, room = 2 * (memory == "unaligned"), aligned((few // every + 1, CHECKED, 2))
+    out = None if memory == "new" else aligned((rows, *omega0.shape), offset)
+    check = lambda: (call(starts(CHECKED), few, every, room), problem.orbit(few)[::every])  # noqa: E731
+    return Work(lambda: call(omega0, (rows - 1) * every, every, out), rows * len(omega0), check)
 
 
-def jumps(function, batch, numbers, checked=False):
-    """States n by a function of (omega0, n); `numbers(size)` returns n."""
-
-    def make(size, threads):
-        call, omega0, n = load(function), starts(size(batch, 16)), numbers(size)
-        check = lambda: (call(starts(CHECKED), STEPS), problem.orbit(CHECKED, STEPS)[-1])  # noqa: E731
-        work = len(omega0) * np.size(n)
-        return Work(lambda: call(omega0, n), work, check if checked else None)
-
-    return make
+def jumps(function, batch, numbers, size):
+    """States n by a function of (omega0, n); numbers(size) returns n."""
+    call, omega0, n = load(function), starts(size(batch, 16)), numbers(size)
+    check = lambda: (call(starts(CHECKED), STEPS), problem.orbit(STEPS)[-1])  # noqa: E731
+    return Work(lambda: call(omega0, n), len(omega0) * np.size(n), check)
 
 
-def motions(function, batch):
-    """States at the time of `STEPS` steps by a function of (omega0, time, threads)."""
+def motions(function, batch, size):
+    """States at the time of STEPS steps by a function of (omega0, time)."""
+    call, omega0, time = load(function), starts(size(batch, 2)), EPS * size(STEPS, 20)
+    few = omega0[:CHECKED]
 
-    def make(size, threads):
-        call, omega0, time = load(function), starts(size(batch, 2)), EPS * size(STEPS, 20)
-        few = omega0[:CHECKED]
-        return Work(
-            lambda: call(omega0, time, threads),
-            len(omega0),
-            lambda: (call(few, time, threads), problem.motion(len(few), time)),
-        )
+    def check():
+        wanted = problem.PRECISE.flow(*few.T.astype(np.longdouble), np.longdouble(time))
+        return call(few, time), np.stack(wanted, axis=-1)
 
-    return make
+    return Work(lambda: call(omega0, time), len(omega0), check)
 
 
-def dimensions(function, components, part=1, batch=512):
+def quantities(function, name, size):
+    """A function of two million states away from singularities, into new memory."""
+    states, few = (starts(count, 2, 0.5) for count in (size(2_000_000, 1000), CHECKED))
+    known = getattr(problem.PRECISE, name, None)
+
+    def check():
+        wanted = np.atleast_2d(known(*few.T.astype(np.longdouble)))
+        return function(few).reshape(CHECKED, -1), wanted.T
+
+    return Work(lambda: function(states), len(states), known and check)
+
+
+def dimensions(function, components, part, size):
     """Some milliseconds of steps in n dimensions by a function of (body, omega0, eps, steps)."""
-
-    def make(size, threads):
-        call = load(function)
-        body, omega0 = problem_nd(components, size(batch, 16))
-        steps = size(4096 // components // part, 3)
-        few = problem_nd(components, problem.CHECKED_ND)[1]
-        return Work(
-            lambda: call(body, omega0, EPS / 2, steps),
-            len(omega0) * steps,
-            lambda: (call(body, few, EPS / 2, problem.STEPS_ND), problem.orbit_nd(components)),
-        )
-
-    return make
+    call, body, by_numpy = load(function), problem.body_nd(components), load("numpy_batch.solve")
+    omega0, few = (problem.starts_nd(batch, components) for batch in (size(512, 16), 8))
+    steps = size(max(1, 4096 // components // part), 3)
+    check = lambda: tuple(each(body, few, EPS / 2, 5) for each in (call, by_numpy))  # noqa: E731
+    return Work(lambda: call(body, omega0, EPS / 2, steps), len(omega0) * steps, check)
 
 
-def fields(function, components, steps):
-    """Last states of Kahan's map of a quadratic field by a function of (x, steps, threads)."""
-
-    def make(size, threads):
-        call, peer = load(function), load("fields.in_numpy")
-        _, x = problem.field_and_states(components, size(49_152 // components, 32))
-        few, count = x[: problem.CHECKED_ND], size(steps, 2)
-        return Work(
-            lambda: call(x, count, threads),
-            len(x) * count,
-            lambda: (call(few, problem.STEPS_ND, threads), peer(few, problem.STEPS_ND, threads)),
-        )
-
-    return make
+def fields(function, components, part, checked, size):
+    """Steps of Kahan's map of a quadratic field by a function of (field, x, steps)."""
+    call, field = load(function), problem.field(components)
+    x, steps = starts(size(49_152 // components, 32), components, 0.5, 1), 576 // components // part
+    by_numpy, few, steps = load("fields.in_numpy"), x[:8], size(steps, 2)
+    check = lambda: tuple(each(field, few, 5) for each in (call, by_numpy))  # noqa: E731
+    return Work(lambda: call(field, x, steps), len(x) * steps, check if checked else None)
 
 
-def quantities(function, name):
-    """A quantity of ten million states, into new memory, by a function of states."""
+def stores(function, size):
+    """All states of 100,000 orbits over 100 steps, on disk."""
+    omega0 = starts(size(100_000, 100))
 
-    def make(size, threads):
-        states = problem.random_states(size(10_000_000, 1000))
-        known = getattr(problem.PRECISE, name, None)
+    def call():
+        with tempfile.TemporaryDirectory() as folder:
+            function(problem.BODY, omega0, EPS, 100, path=f"{folder}/states")
 
-        def check():
-            few = problem.random_states(CHECKED)
-            wanted = np.atleast_2d(known(*few.T.astype(np.longdouble)))
-            return function(few).reshape(CHECKED, -1), wanted.T
-
-        return Work(lambda: function(states), len(states), check if known else None)
-
-    return make
+    return Work(call, 101 * len(omega0))
 
 
-def orientations(what, n):
-    """Orientations of 4096 bodies along 100 steps, or Lyapunov exponents of their orbits."""
+def processes(codes, fresh, size):
+    """Processes with this package, one after the other; with a new cache of kernels if `fresh`."""
+    tree = Path(suslov_fast.__path__[0]).parent
+    settings = {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": ""}
 
-    def make(size, threads):
-        batch, steps = size(4096, 16), size(100, 5)
-        body, omega0 = (BODY, starts(batch)) if n == 3 else problem_nd(n - 1, batch)
-        problem_and_steps, iterate = (body, omega0, EPS / 2, steps), suslov_fast.iterate
-        states = iterate(*problem_and_steps).omega if what == "along" else None
-        call = {
-            "last": lambda: iterate(*problem_and_steps, save_every=None, attitude=True),
-            "all": lambda: iterate(*problem_and_steps, attitude=True),
-            "along": lambda: suslov_fast.attitude(body, states, EPS / 2),
-            "exponents": lambda: suslov_fast.lyapunov_exponents(*problem_and_steps),
-        }[what]
-        return Work(call, batch * steps)
+    def call():
+        with tempfile.TemporaryDirectory() as folder:
+            more = {"NUMBA_CACHE_DIR": folder} if fresh else {}
+            options = {"env": os.environ | settings | more, "cwd": folder, "check": True}
+            for code in codes if size(1, 0) else ["pass"]:  # a test needs no more
+                subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL, **options)
 
-    return make
+    return Work(call)

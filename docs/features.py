@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import suslov_fast as sf
-from suslov_fast._maps import map_of
+from suslov_fast.maps import map_of
 
 PAGE = Path(__file__).parent / "index.md"
 TABLE = re.compile(
@@ -92,7 +92,7 @@ def table():
         lines.append([f"{title}: {functions}" if title else functions, *cells])
     records = [map_of(body) for body, *_ in BODIES.values()]
     lines.append(
-        ["`attitude=True`", *("yes" if each.carries_attitude else "no" for each in records)]
+        ["`attitude=True`", *("yes" if each.variable == "omega" else "no" for each in records)]
     )
     methods = [", ".join(f'`"{method}"`' for method in each.methods) for each in records]
     lines.append(["methods of `iterate`", *methods])

@@ -3,22 +3,45 @@
 import re
 from pathlib import Path
 
-DOCS = Path(__file__).parent
-PAGE = DOCS / "theory" / "zoo.md"
-TABLE = re.compile(r"(?<=\| ---: \|\n)(\|.*\|\n)+")  # the integrable maps, and the others
+from suslov_fast.integrability import report, zoo
+
+PAGE = Path(__file__).parent / "theory" / "zoo.md"
+TABLE = re.compile(r"(?<=\| --- \|\n)(\|.*\|\n)+")
+INTEGRABLE = 12  # the first fields
+ZOO = zoo()
 
 
-def script():
-    """The names that the script of the gallery defines before it prints."""
-    text = (DOCS / "examples" / "zoo.py").read_text(encoding="utf-8")
-    names = {"__name__": "zoo"}
-    exec(compile(text.partition("# %%\n")[0], "zoo.py", "exec"), names)
-    return names
+def row(name):
+    """Return a row of the table in Markdown."""
+    map, eps = ZOO[name]
+    found = report(map, eps, {2: 6, 3: 4, 4: 3}.get(map.dimension, 2))
+    own = ", ".join(str(each.degree) for each in found.integrals)
+    integrals = f"{len(found.integrals)} of degree {own}" if own else f"none to {found.degree}"
+    if found.relations > len(found.integrals):
+        integrals += f"; {found.relations} in relations"
+    cells = (
+        name,
+        map.dimension,
+        "" if eps is None else eps,
+        ", ".join(str(each) for each in found.degrees[:6]),
+        f"{found.growth.kind}, {found.growth.entropy:.3f}"
+        if found.growth.entropy
+        else found.growth.kind,
+        integrals,
+        f"degree {found.measures[0].degree}" if found.measures else f"none to {found.degree}",
+    )
+    return f"| {' | '.join(str(cell) for cell in cells)} |"
+
+
+def lines():
+    """Return the rows that the page has, in the order of the zoo."""
+    text = PAGE.read_text(encoding="utf-8")
+    return "".join(found[0] for found in TABLE.finditer(text)).splitlines()
 
 
 if __name__ == "__main__":
-    names = script()
-    rows = [names["row"](name) + "\n" for name in names["ZOO"]]
-    count = names["INTEGRABLE"]
-    tables = iter(("".join(rows[:count]), "".join(rows[count:])))
+    rows = {name: row(name) + "\n" for name in ZOO}
+    fields = [name for name, (_, eps) in ZOO.items() if eps is not None]
+    groups = fields[:INTEGRABLE], fields[INTEGRABLE:], [name for name in ZOO if name not in fields]
+    tables = iter(["".join(rows[name] for name in group) for group in groups])
     PAGE.write_text(TABLE.sub(lambda _: next(tables), PAGE.read_text("utf-8")), encoding="utf-8")

@@ -14,7 +14,7 @@ import ast
 from importlib import import_module
 from pathlib import Path
 
-__version__ = "0.5.0"
+__version__ = "0.6.0"
 
 # The imports in `__init__.pyi` list the public names.
 _MODULE_OF = {

@@ -1,6 +1,8 @@
-"""`python -m suslov_fast` is the command `suslov-fast`."""
+"""``python -m suslov_fast``: the command."""
 
-from ._cli import main
+import sys
+
+from .command import main
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -5,7 +5,7 @@ A loop carries two numbers: :func:`enter` makes them of omega, :func:`advance` t
 further, and :func:`leave` turns them back. In n dimensions and for fields :func:`system` makes the
 constants, :func:`work` the memory of a thread, and :func:`step_system` takes a step.
 
-They serve ordinary range: dimensionless numbers of moduli below 1e100. What does not exist is NaN.
+What does not exist is NaN. States are float64: other numbers are a TypeError when a loop compiles.
 
 Examples
 --------
@@ -30,16 +30,16 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import typeof, types
+from numba.extending import overload, typeof_impl
 from numpy.typing import ArrayLike, NDArray
 
-from ._bodies.base import Body
-from ._bodies.body_3d import Suslov3D, SuslovGyrostat
-from ._bodies.body_nd import SuslovND
-from ._bodies.field import QuadraticField
-from ._checks import FloatArray, instance, real_number, wrong
-from ._formulas import coordinates, equations, integrals
-from ._jit import borrowed, for_users
-from ._kernels import one_state
+from .bodies.base import Body
+from .bodies.nd import SuslovND
+from .bodies.rigid import Suslov3D, SuslovGyrostat
+from .checks import FloatArray, instance, real_number, wrong
+from .core import quantities, steps_3d, steps_field, steps_nd
+from .core.numba import borrowed, for_users, select
 
 
 class Frame(NamedTuple):
@@ -51,14 +51,11 @@ class Frame(NamedTuple):
     I23: float
     k: float  # 0
     eps: float
-    # (u, v) = (u1 omega1 + u2 omega2, v1 omega1 + v2 omega2)
-    u1: float
+    u1: float  # u = u1 omega1 + u2 omega2
     u2: float
-    v1: float
+    v1: float  # v = v1 omega1 + v2 omega2
     v2: float
     inverse: float  # of the determinant u1 v2 - u2 v1
-
-    labels = ("Omega1", "Omega2")  # of the components of a state
 
 
 class GyrostatFrame(NamedTuple):
@@ -74,13 +71,10 @@ class GyrostatFrame(NamedTuple):
     u2: float
     v1: float
     v2: float
-    inverse: float  # of the determinant u1 v2 - u2 v1
-    # X = K + a u + b v, Y = b u - a v.
-    K: float
+    inverse: float
+    K: float  # X = K + a u + b v, Y = b u - a v
     a: float
     b: float
-
-    labels = Frame.labels
 
 
 class NDSystem(NamedTuple):
@@ -89,22 +83,15 @@ class NDSystem(NamedTuple):
     J: FloatArray
     I: FloatArray
     eps: float
-    # Below these eps p / 2 and the square of the modulus of omega, a step in O(n) is accurate.
-    near: float
-    longest: float
-
-    labels = property(lambda self: tuple(f"Omega{i + 1}n" for i in range(len(self.J))))
+    near: float  # a bound, see `steps_nd`
 
 
 class FieldSystem(NamedTuple):
-    """A quadratic field and a step size, for f = q(x, x) + l x + c."""
+    """A quadratic field and a step size: the block of one lane of `steps_field`."""
 
-    slopes: FloatArray  # eps l / 2, and eps c / 2 in the last column, (D, D + 1)
-    indices: NDArray[np.int64]  # i, j and k of the terms v x_j x_k of q_i, (3, T)
-    values: FloatArray  # v
-    half: float  # eps / 2
-
-    labels = property(lambda self: tuple(f"x{i + 1}" for i in range(len(self.slopes))))
+    fixed: FloatArray
+    half: FloatArray
+    indices: NDArray[np.int64]
 
 
 # Numba resolves the length of a tuple as it compiles, and drops the branch for the other kind.
@@ -124,7 +111,7 @@ def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFr
     Returns
     -------
     NamedTuple of float
-        An argument of any compiled function. Its `labels` are those of the components.
+        An argument of any compiled function.
 
     Raises
     ------
@@ -142,68 +129,63 @@ def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFr
     >>> round(omega1, 6), round(omega2, 6)
     (1.013781, 0.372248)
     """
-    if isinstance(body, (SuslovND, QuadraticField)):
-        expected = "Suslov3D or SuslovGyrostat, or system(body, eps) in place of frame"
+    if not isinstance(body, (Suslov3D, SuslovGyrostat)):
+        expected = "Suslov3D or SuslovGyrostat; for others call system(body, eps)"
         raise wrong("body", expected, type(body).__name__, TypeError)
-    instance("body", body, (Suslov3D, SuslovGyrostat))
-    name = type(body).__name__
-    eps = _single(
-        body,
-        eps,
-        f"[frame({name}(*each), eps) for *each, eps in np.broadcast(*body.parameters, eps)]",
-    )
-    I1, I2, I13, I23, k = (*body.parameters, 0.0)[:5]
-    if eps == 0.0 or I13 == I23 == k == 0.0:
+    number = _single(body, eps)
+    given = I1, I2, I13, I23, k = tuple(map(float, body.parameters))
+    if number == 0.0 or not any((I13, I23, k)):
         expected = "eps != 0, and I13, I23 or k != 0"
-        raise wrong("body, eps", expected, f"{body!r}, eps = {eps!r}: the map is the identity")
-    given = I1, I2, I13, I23, k, eps
+        raise wrong("body, eps", expected, f"{body!r}, eps = {number!r}: the map is the identity")
+    half, s = 0.5 * number, math.sqrt(I1 * I2)
+    e, ratio = half / s, s / I2
     if isinstance(body, SuslovGyrostat):
-        half, ratio, mean = 0.5 * eps, math.sqrt(I2 / I1), math.sqrt(I1) * math.sqrt(I2)
-        inverse = 1.0 / half / half / ratio
-        rotor = half * k / mean, I13 / mean, I23 / I2
-        made: Frame | GyrostatFrame = GyrostatFrame(
-            *given, half, 0.0, 0.0, half * ratio, inverse, *rotor
-        )
-    else:
-        made = Frame(*given, *map(float, _coordinates(I1, I2, I13, I23, eps)))
-    if not all(map(math.isfinite, made)):
-        raise wrong("body, eps", "numbers of ordinary range", f"{body!r}, eps = {eps!r}")
-    return made
+        scales = half, 0.0, 0.0, half / ratio, ratio / half / half
+        return GyrostatFrame(*given, number, *scales, e * k, I13 / s, I23 * ratio / s)
+    u1, u2, v1, v2 = e * I13, e * I23, e * (I23 * ratio), -e * I13 / ratio
+    determinant = u1 * v2 - u2 * v1
+    inverse = 1.0 / determinant if determinant != 0.0 else math.inf
+    if not all(map(math.isfinite, (determinant, inverse))):
+        raise wrong("body, eps", "other units", f"{body!r}, eps = {number!r}: numbers overflow")
+    return Frame(*given, number, u1, u2, v1, v2, inverse)
 
 
-@for_users
-def _coordinates(I1, I2, I13, I23, eps):
-    u1, v1, _, _ = coordinates.dimensionless(I1, I2, I13, I23, 0.0, eps, 1.0, 0.0)
-    u2, v2, _, _ = coordinates.dimensionless(I1, I2, I13, I23, 0.0, eps, 0.0, 1.0)
-    return u1, u2, v1, v2, 1.0 / (u1 * v2 - u2 * v1)
-
-
-def _single(body: Any, eps: ArrayLike, loop: str) -> float:
+def _single(body: Any, eps: ArrayLike) -> float:
     """Return the step size; ValueError for several bodies or step sizes."""
     number = real_number("eps", eps)
     shape = np.broadcast_shapes(body.shape, np.shape(number))
     if shape or not isinstance(number, float):
-        raise wrong("body, eps", "one body and one step size", f"the shape {shape}: loop, {loop}")
+        raise wrong("body, eps", "one body and one step size", f"the shape {shape}: loop over both")
     return number
 
 
 @for_users
 def enter(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the numbers u and v of a state, dimensionless and linear in omega."""
+    _check(frame)
     return frame.u1 * omega1 + frame.u2 * omega2, frame.v1 * omega1 + frame.v2 * omega2
 
 
 @for_users
 def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return u and v one step further, with one division; NaN where there is no next state."""
+    _check(frame)
     if len(frame) == _GYROSTAT:
-        return one_state.step_of_gyrostat(frame.K, frame.a, frame.b, u, v)
-    return one_state.step_of_body(u, v)
+        X, Y = frame.K + (frame.a * u + frame.b * v), frame.b * u - frame.a * v
+        along, across, _, _ = steps_3d.turn(X, Y, frame.K)
+        return along * u - across * v, along * v + across * u
+    _, _, ratio, _ = steps_3d.turn(u, v, 0.0)
+    following = u * ratio
+    decayed = (abs(following) < steps_3d.NEGLIGIBLE) & (v < 0.0)
+    # (1 + Y_next) / (1 - Y) = X_next / X: the difference would cancel for large v.
+    turned = select(abs(v) < 1.0, v - 2.0 * u * following, (1.0 - v) * ratio - 1.0)
+    return select(decayed, 0.0, following), turned
 
 
 @for_users
 def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return (omega1, omega2), the inverse of :func:`enter`."""
+    _check(frame)
     f = frame
     return (f.v2 * u - f.u2 * v) * f.inverse, (f.u1 * v - f.v1 * u) * f.inverse
 
@@ -211,29 +193,32 @@ def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, floa
 @for_users
 def step(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the next state; NaN where there is none."""
-    u, v = enter(frame, omega1, omega2)
-    u, v = advance(frame, u, v)
-    return leave(frame, u, v)
+    _check(frame)
+    f = frame
+    return steps_3d.one_step(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
 
 @for_users
 def vector_field(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the derivatives of omega1 and omega2, as :func:`suslov_fast.vector_field`."""
+    _check(frame)
     f = frame
-    return equations.vector_field(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
+    return quantities.vector_field_at(f.I1, f.I2, f.I13, f.I23, f.k, omega1, omega2)
 
 
 @for_users
 def energy(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
     """Return the energy, as :func:`suslov_fast.energy`."""
-    return integrals.energy(frame.I1, frame.I2, omega1, omega2)
+    _check(frame)
+    return quantities.energy_at(frame.I1, frame.I2, omega1, omega2)
 
 
 @for_users
 def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
     """Return F of Lemma 1, as :func:`suslov_fast.first_integral`."""
+    _check(frame)
     f = frame
-    return integrals.first_integral(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
+    return quantities.first_integral_at(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
 
 def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
@@ -249,7 +234,7 @@ def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
     Returns
     -------
     NamedTuple of arrays and float
-        An argument of any compiled function. Its `labels` are those of the components.
+        An argument of any compiled function.
 
     Raises
     ------
@@ -271,43 +256,72 @@ def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
     array([ 0.09633 ,  0.914132, -0.609721])
     """
     instance("body", body, Body)
+    number = _single(body, eps)
     if isinstance(body, SuslovND):
-        loop = "[system(SuslovND(J, I), eps) for J, I in zip(body.J, body.I)]"
-        eps = _single(body, eps, loop)
-        J, I = body.J, body.I
-        with np.errstate(divide="ignore"):
-            longest = 4.0 * J.min() / np.sqrt(I @ I) / abs(eps)
-        return NDSystem(J, I, eps, 0.5 * float(J.min()), float(longest * longest))
-    loop = "[system(QuadraticField(*each), eps) for each in zip(field.quadratic, field.linear)]"
-    eps, field = _single(body, eps, loop), body.field()
-    (indices, values), D = field.terms, field.dimension
-    slopes, linear = np.zeros((D, D + 1)), indices[2] == D
-    slopes[indices[0, linear], indices[1, linear]] = 0.5 * eps * values[linear]
-    return FieldSystem(slopes, indices[:, ~linear].copy(), values[~linear], 0.5 * eps)
+        near = (1.0 - steps_nd.FAR_FROM_0) * float(np.min(body.J))
+        return NDSystem(np.array(body.J), np.array(body.I), number, near)
+    indices, values = map(np.array, body.field().terms)
+    half, fixed = 0.5 * number * values, np.eye(body.dimension, body.dimension + 1)
+    linear = indices[2] == body.dimension
+    np.subtract.at(fixed, tuple(indices[:2, linear]), half[linear])
+    return FieldSystem(fixed[:, :, None], half[:, None], indices)
 
 
 @for_users
-def work(system: NDSystem | FieldSystem) -> tuple[FloatArray, ...]:
+def work(system: NDSystem | FieldSystem) -> tuple[Any, ...]:
     """Return memory for :func:`step_system`: one for each thread. Nothing else allocates."""
     m = len(system[0])
-    return np.empty((2, m, m + 1)), np.empty((2, m))
+    if len(system) == _FIELD:
+        one = steps_field.memory_of_one(m, len(system.half))
+        return np.empty((2, m, 1)), np.empty((steps_field.ROWS, 1)), one
+    block, numbers = np.empty((4, m + m % 2, 1)), np.empty((steps_nd.ROWS, 1))
+    return block, numbers, steps_nd.memory_of_one(m)
 
 
 @for_users
 def step_system(
-    system: NDSystem | FieldSystem, x: FloatArray, out: FloatArray, work: tuple[FloatArray, ...]
+    system: NDSystem | FieldSystem, x: FloatArray, out: FloatArray, work: tuple[Any, ...]
 ) -> int:
     """Write the state that follows x (D,) to `out` (D,), which may be x; return its Status.
 
     Where there is no next state, the status is negative and `out` is NaN. Arrays of another length
-    are a ValueError.
+    are a ValueError; other than float64, a TypeError when the loop is compiled.
     """
-    x, out, memory, scales = borrowed(x), borrowed(out), borrowed(work[0]), borrowed(work[1])
-    first, second = borrowed(system[0]), borrowed(system[1])
-    if (len(x) != len(first)) | (len(out) != len(first)) | (memory.shape[1] != len(first)):
+    _check(system, x, out, work)
+    constants, memory = borrowed(system), borrowed(work)
+    m = len(constants[0])
+    if (len(x) != m) | (len(out) != m) | (memory[2][0].shape[1] != m):
         raise ValueError("step_system: expected x, out and work of the dimension of the system")
     if len(system) == _FIELD:
-        values = borrowed(system.values)
-        return one_state.step_of_field(second, values, system.half, first, x, out, memory, scales)
-    eps, near, longest = system.eps, system.near, system.longest
-    return one_state.step_nd(first, second, eps, near, longest, x, out, memory, scales)
+        if len(memory[2][2]) != len(constants[1]):
+            raise ValueError("work: expected that of a system with as many terms")
+        return steps_field.step_of_one(constants, borrowed(x), borrowed(out), memory)
+    return steps_nd.step_of_one(constants, borrowed(x), borrowed(out), memory)
+
+
+def _check(constants, *others):
+    """Refuse other arguments than a frame, or than a system, x, out and work; here interpreted."""
+    _check_types(*map(typeof, (constants, *others)))
+
+
+@overload(_check)
+def _check_types(constants, *others):
+    """Refuse the same when a loop is compiled: the arguments are Numba types."""
+    kind = getattr(constants, "instance_class", None)
+    name = "system" if others else "frame"
+    if kind not in ((NDSystem, FieldSystem) if others else (Frame, GyrostatFrame)):
+        raise wrong(name, f"what {name}(body, eps) returns", f"{constants!s:.60}", TypeError)
+    for name, each in zip(("x", "out"), others, strict=False):
+        if not isinstance(each, types.Array) or (each.dtype, each.ndim) != (types.float64, 1):
+            raise wrong(name, "an array (D,) of float64", f"{each!s:.60}", TypeError)
+    if others:
+        work, parts = others[2], 5 if kind is FieldSystem else 4  # of the memory of one lane
+        if not isinstance(work, types.Tuple) or len(work) != 3 or len(work[2]) != parts:
+            raise wrong("work", "what work(system) returns", f"{work!s:.60}", TypeError)
+    return lambda constants, *others: None
+
+
+@typeof_impl.register(Body)
+def _refuse_bodies(body, context):
+    expected = "frame(body, eps) or system(body, eps)"
+    raise wrong("compiled code", expected, type(body).__name__, TypeError)

@@ -1,4 +1,4 @@
-"""A headless browser, driven by the DevTools protocol."""
+"""A headless browser, driven by the DevTools protocol, and the page of `explore` in it."""
 
 import base64
 import functools
@@ -15,10 +15,11 @@ from tornado import ioloop, websocket
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 OPTIONS = (
     "--headless=new --remote-debugging-port=0 --no-sandbox --disable-gpu --no-first-run "
-    "--disable-dev-shm-usage --disable-background-networking --disable-sync"
+    "--disable-dev-shm-usage --disable-background-networking --disable-sync "
+    "--disable-features=IsolateSandboxedIframes"  # whose process would be another target
 )
 # Seconds; the first picture may wait for the compiler on a busy machine.
-TIMEOUT = 300.0
+TIMEOUT = 120.0
 
 
 def wait(function):
@@ -75,14 +76,29 @@ class Browser:
         assert message is not None, "the browser has ended"
         return json.loads(message)
 
-    def value(self, script):
-        options = {"returnByValue": True, "awaitPromise": True}
+    def value(self, script, **context):
+        options = {"returnByValue": True, "awaitPromise": True, **context}
         answer = self.call("Runtime.evaluate", expression=script, **options)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
-    def wait(self, script):
-        return wait(lambda: self.value(script))
+    def wait(self, script, **context):
+        return wait(lambda: self.value(script, **context))
+
+    def frame(self):
+        """The context of scripts in the frame of the page, once its page is there."""
+        self.wait("document.querySelector('iframe') !== null")
+        made = "Runtime.executionContextCreated"
+        return wait(
+            lambda: (
+                self.value("1")
+                and [
+                    {"contextId": each["params"]["context"]["id"]}
+                    for each in self.events
+                    if each.get("method") == made and each["params"]["context"]["origin"] == "://"
+                ][-1:]
+            )
+        )[0]
 
     def look(self, width, height):
         """Set the size of the window, without animations."""
@@ -98,3 +114,33 @@ class Browser:
     def picture(self, path):
         data = self.call("Page.captureScreenshot", format="png")
         path.write_bytes(base64.b64decode(data["data"]))
+
+
+def settle(browser, **context):
+    root = "document.documentElement"
+    script = f"{root}.querySelector('dt') !== null && {root}.dataset.busy === undefined"
+    browser.wait(script, **context)
+
+
+def put(browser, field, value, **context):
+    """Write a number into a field, or move its slider."""
+    place, event = f"document.getElementById({field!r})", "new Event('input', {bubbles: true})"
+    browser.value(f"{place}.value = {str(value)!r}; {place}.dispatchEvent({event})", **context)
+    settle(browser, **context)
+
+
+def pixels(browser, **context):
+    return browser.value("document.getElementById('plane').toDataURL()", **context)
+
+
+def text(browser, name, **context):
+    return browser.value(f"document.getElementById({name!r}).textContent", **context)
+
+
+def check_silence(browser, url):
+    errors = {"Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"}
+    for event in browser.events:
+        assert event.get("method") not in errors, event
+        if event.get("method") == "Network.requestWillBeSent":
+            address = event["params"]["request"]["url"]
+            assert address.startswith((url, "data:", "blob:", "about:")), address

@@ -6,8 +6,7 @@ import numba
 import numpy as np
 import pytest
 
-from suslov_fast import Suslov3D, SuslovND
-from suslov_fast._engine import stepping as engine
+import suslov_fast as sf
 
 # Processes started in the background ignore Ctrl-C, and so would their children.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -40,30 +39,22 @@ def rng():
 
 
 @pytest.fixture
-def small_parts(monkeypatch):
-    """Divide runs into many parts, along the batch and along time."""
-    monkeypatch.setattr(engine, "_STRETCH", 2**9)
-    monkeypatch.setattr(engine, "_ABREAST", 1)
-    monkeypatch.setattr(engine, "_LENGTH", 1)
-
-
-@pytest.fixture
 def body():
     """Body of the paper's first picture."""
-    return Suslov3D(4, 1, -0.5, -0.3)
+    return sf.Suslov3D(4, 1, -0.5, -0.3)
 
 
 @pytest.fixture
 def unit():
     """Body with exact numbers: x = Omega1, y = -Omega2, I1 I2 = 1."""
-    return Suslov3D(1, 1, 1, 0)
+    return sf.Suslov3D(1, 1, 1, 0)
 
 
 @pytest.fixture(params=["3D", "nD"])
 def case(request, body):
     if request.param == "3D":
         return body, [1.0, 0.5]
-    return SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [0.3, 0.9, -0.6]
+    return sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [0.3, 0.9, -0.6]
 
 
 @pytest.fixture(autouse=True)
@@ -76,3 +67,15 @@ def _figures():
 
         plt.close("all")
         matplotlib.rcdefaults()
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    """A headless browser, for pages that draw what compiled kernels compute."""
+    from browser import Browser
+
+    if numba.config.DISABLE_JIT:
+        pytest.skip("a page that waits for interpreted kernels")
+    running = Browser(tmp_path_factory.mktemp("browser"))
+    yield running
+    running.close()

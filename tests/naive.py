@@ -327,3 +327,54 @@ def far_state_nd(J, I, eps, omega, n):
     x_n, y_n = solution(a * b, eps, x, b * p, n)
     parts = zip(I, across, strict=True)
     return [y_n / (b * square) * i + x_n / x * v for i, v in parts]
+
+
+def solution_with_rotor(I1, I2, I13, I23, k, eps, w1, w2, n, flows=False):
+    """State n of the map for an integer n of any sign, or the state of the flow at time n.
+
+    With z = sqrt(I1) w1 + i sqrt(I2) w2, half its angle (p, q) is multiplied by 1 + e G in a step,
+    G = ((0, A + k), (A - k, 0)), and by exp(t G / (2 sqrt(I1 I2))) in time t.
+    """
+    root1, root2 = mpmath.sqrt(I1), mpmath.sqrt(I2)
+    z, g = mpmath.mpc(root1 * w1, root2 * w2), mpmath.mpc(I13 / root1, I23 / root2)
+    e = mpf(0) if flows else eps / (2 * root1 * root2)
+    zeta = z / mpmath.mpc(1, -e * (I13 * w1 + I23 * w2 + k))
+    R, size = abs(zeta), abs(g)
+    A, direction = R * size, g / size if size else mpf(1)
+    half = mpmath.sqrt(zeta / direction / R) if R else mpf(1)  # exp(i psi / 2)
+    q, p = half.real, half.imag
+    square = A**2 - k**2
+    if flows:
+        L, t = mpmath.sqrt(square), n / (2 * root1 * root2)
+        c = mpmath.cosh(L * t).real
+        s = (mpmath.sinh(L * t) / L).real if L else t
+    else:
+        c, s = power_of_step(square, e, n)
+    p, q = c * p + s * (A + k) * q, c * q + s * (A - k) * p
+    turned = mpmath.mpc(1, -e * k) * mpmath.mpc(q, p) ** 2 - mpmath.mpc(0, e * A * (p**2 + q**2))
+    z = R * direction * turned / (p**2 + q**2 - 2 * e * A * p * q)
+    return z.real / root1, z.imag / root2
+
+
+def power_of_step(square, e, n):
+    """c and s of (1 + e G)**n = c + s G, up to a factor, where G**2 = `square`."""
+    if n < 0:
+        e, n = -e, -n
+    c, s, power_c, power_s = mpf(1), mpf(0), mpf(1), e
+    while n:
+        if n & 1:
+            c, s = c * power_c + square * s * power_s, c * power_s + s * power_c
+        power_c, power_s = power_c**2 + square * power_s**2, 2 * power_c * power_s
+        n >>= 1
+    return c, s
+
+
+def condition(solution, problem, distance):
+    """The solution for exact inputs, and the sum of its changes if each changes by half an ulp."""
+    half_ulp, problem = mpf(2) ** -53, exactly(*problem)
+    want, total = solution(*problem), half_ulp
+    for i, number in enumerate(problem):
+        if number:
+            changed = [*problem[:i], number * (1 + half_ulp), *problem[i + 1 :]]
+            total += distance(solution(*changed), want)
+    return want, float(total)

@@ -1,8 +1,9 @@
-"""All pages of the documentation and the README run, and print the output in their comments."""
+"""README and pages run and print what their comments say; their pictures and links are there."""
 
 import contextlib
 import importlib.util
 import io
+import json
 import linecache
 import math
 import re
@@ -13,23 +14,23 @@ from itertools import pairwise
 from pathlib import Path
 
 import matplotlib
+import matplotlib.pyplot as plt
 import naive
 import numpy as np
 import pytest
-from test_cli import succeed
+from PIL import Image
 
 import suslov_fast
 from suslov_fast import iterate
-from suslov_fast._cli import main, pictures
-from suslov_fast._engine import threads
+from suslov_fast.command import main
+from suslov_fast.engine import threads
 from suslov_fast.integrability import zoo
 
 DOCS = Path(__file__).parent.parent / "docs"
 README = DOCS.parent / "README.md"
 BLOCK = re.compile(r"^```(.*?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-HOWTO = re.findall(
-    r"^(\w+)$", BLOCK.findall((DOCS / "howto" / "index.md").read_text("utf-8"))[0][1], re.MULTILINE
-)
+IMAGE = re.compile(r"!\[[^\]]+\]\(([^)]+\.png)\)")
+HOWTO = re.findall(r"^(\w+)$", (DOCS / "howto" / "index.md").read_text("utf-8"), re.MULTILINE)
 
 
 def order(path):
@@ -40,11 +41,10 @@ def order(path):
 PAGES = [
     path
     for path in sorted(DOCS.rglob("*.md"), key=order)
-    if not {"_build", "gallery", "reference"} & set(path.relative_to(DOCS).parts)
+    if not {"_build", "reference"} & set(path.relative_to(DOCS).parts)
 ]
 # Output in comments: after the call, or on separate lines below it.
-PRINTED = re.compile(r"^\s*print\(.*\)  # (.*)$|^# (.*)$", re.MULTILINE)
-DIRECTIVES = {"{toctree}", "{include}", "{eval-rst}"}
+PRINTED = re.compile(r"^\s*(?:print\(.*)?\)  # (.*)$|^# (.*)$", re.MULTILINE)
 
 
 def name(path):
@@ -65,6 +65,27 @@ def run(code, name, names):
     return printed.getvalue()
 
 
+def script_of(name):
+    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    return script
+
+
+def sizes_of_figures():
+    """Pixel sizes of the open figures, as `draw.py` saves them."""
+    figures = [plt.figure(number) for number in plt.get_fignums()]
+    return [tuple(round(100 * side) for side in each.get_size_inches()) for each in figures]
+
+
+def sizes_of_pictures(name, folder=DOCS / "images"):
+    sizes = []
+    for k in range(1, 1 + len(list(folder.glob(f"{name}_*.png")))):
+        with Image.open(folder / f"{name}_{k}.png") as picture:
+            sizes.append(picture.size)
+    return sizes
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("howto")
@@ -75,8 +96,8 @@ def folder(tmp_path_factory):
 def test_page(path, folder, tmp_path, monkeypatch):
     """Run the Python blocks of a page in sequence; how-tos share a folder, as on one machine."""
     matplotlib.use("Agg")
-    if path.stem != "threads":  # parallel loops take long to compile
-        monkeypatch.setattr(threads, "CROSSOVER", math.inf)
+    plt.close("all")
+    monkeypatch.setattr(threads, "CROSSOVER", math.inf)  # parallel loops take long to compile
     monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
     names = {"__name__": "__main__"}
     for code in blocks(path, "python"):
@@ -84,17 +105,18 @@ def test_page(path, folder, tmp_path, monkeypatch):
         expected = [after or below for after, below in PRINTED.findall(code)]
         if expected:
             assert printed.splitlines() == expected
+    if path.stem in script_of("draw").PAGES:
+        assert sizes_of_figures() == sizes_of_pictures(path.stem)
+    plt.close("all")
 
 
 @pytest.mark.compiled
 def test_the_readme(tmp_path, monkeypatch):
     """Run all blocks of the README in order, as a reader does, and serially.
 
-    Each Python block is a program of its own. Commands run in this process, with one picture, as
-    test_cli.py draws all.
+    Each Python block is a program of its own.
     """
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)
-    monkeypatch.setattr(pictures, "PICTURES", {4: pictures.PICTURES[4]})
     monkeypatch.chdir(tmp_path)
     kinds = []
     for kind, code in BLOCK.findall(README.read_text(encoding="utf-8")):
@@ -105,20 +127,17 @@ def test_the_readme(tmp_path, monkeypatch):
         elif kind == "sh":
             for line in code.splitlines():
                 command, *arguments = shlex.split(line)
-                with pytest.raises(SystemExit) as stopped:
-                    main(arguments)
-                assert (command, stopped.value.code) == ("suslov-fast", 0), line
+                assert (command, main(arguments)) == ("suslov-fast", 0), line
     assert kinds.count("python") >= 3
     assert "sh" in kinds
-    assert np.load(tmp_path / "run.npz")["omega"].shape == (6, 1000, 2)
+    assert np.load(tmp_path / "run.npz")["states"].shape == (6, 1000, 2)
     assert (tmp_path / "pictures" / "picture4.png").exists()
-    subprocess.run([Path(sys.executable).with_name("suslov-fast"), "--version"], check=True)
 
 
 def test_length_and_set_up_of_the_readme():
     """The lines that set up a checkout are those that CI runs."""
     text = README.read_text(encoding="utf-8")
-    assert text.count("\n") <= 170
+    assert text.count("\n") <= 150
     assert {name for name, _ in BLOCK.findall(text)} == {"python", "sh", "sh setup", "text"}
     first, second = "".join(blocks(README, "sh setup")).splitlines()
     assert first.endswith(".venv/bin/suslov-fast run")
@@ -126,27 +145,83 @@ def test_length_and_set_up_of_the_readme():
     assert "sh setup" in (DOCS.parent / ".ci" / "run").read_text(encoding="utf-8")
 
 
-def test_the_summary_has_the_lines_that_the_command_prints():
-    printed, (shown,) = succeed("run --trajectories 5 --steps 5"), blocks(README, "text")
-    heads = [re.findall(r"^.{1,16}", text, re.MULTILINE) for text in (printed, shown)]
+def test_the_summary_has_the_lines_that_the_command_prints(capsys):
+    assert main(["run", "--trajectories", "5", "--steps", "5"]) == 0
+    (shown,) = blocks(README, "text")
+    heads = [
+        re.findall(r"^.{1,16}", text, re.MULTILINE) for text in (capsys.readouterr().out, shown)
+    ]
     assert heads[0] == heads[1]
+
+
+def test_the_number_of_words():
+    texts = [path.read_text(encoding="utf-8") for path in PAGES]
+    assert sum(len(text.split()) for text in texts) <= 24_000
 
 
 @pytest.mark.parametrize("path", [*PAGES, README], ids=lambda path: path.name)
 def test_text(path):
-    """Blocks are of known kinds, and links lead somewhere."""
+    """Blocks are of known kinds, links lead somewhere, and nothing needs Sphinx to be read."""
     text = path.read_text(encoding="utf-8")
-    kinds = {"python", "sh", "text", "bibtex", "yaml"}
-    assert {kind.split()[0] for kind, _ in BLOCK.findall(text)} <= kinds | DIRECTIVES
-    for target in re.findall(r"\]\(([^)#:]+)[^)]*\)", text):
-        if "gallery" not in target and not target.startswith("http"):
-            assert (path.parent / target).exists(), target
+    kinds = {"python", "sh", "text", "bibtex", "{toctree}", "{include}"}
+    kinds |= {"{eval-rst}"} if path.stem == "api" else set()
+    assert {kind.split()[0] for kind, _ in BLOCK.findall(text)} <= kinds
+    assert not re.search(r"\{\w+\}`|^:::", text, re.MULTILINE)
+    for target, place in re.findall(r"\]\(([^)#:\s]*)(?:#([^)]*))?\)", text):
+        found = path.parent / target if target else path
+        assert found.exists(), target
+        if place and found.suffix == ".md":
+            heads = re.findall(r"^#+ (.*)$", found.read_text("utf-8"), re.MULTILINE)
+            anchors = [re.sub(r"[^\w\- ]", "", head).lower().replace(" ", "-") for head in heads]
+            assert place in anchors, (target, place)
+
+
+def test_pictures_are_committed_and_drawn_by_a_script():
+    """Each is shown by a page, and named after a script or page; together they are small."""
+    draw, images = script_of("draw"), sorted((DOCS / "images").glob("*.png"))
+    shown = {
+        (path.parent / target).resolve()
+        for path in (*PAGES, README)
+        for target in IMAGE.findall(path.read_text(encoding="utf-8"))
+        if "bench" not in target
+    }
+    assert shown == {path.resolve() for path in images}
+    drawn = {path.stem.rpartition("_")[0] for path in images if path.stem != "explore"}
+    assert drawn == {*draw.SCRIPTS, *draw.PAGES}
+    assert sum(path.stat().st_size for path in images) <= 3_000_000
+
+
+DRAWN = sorted(script_of("draw").SCRIPTS)
+
+
+@pytest.mark.compiled
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:Animation was deleted")
+@pytest.mark.parametrize("name", DRAWN)
+def test_picture(name, tmp_path):
+    """A script draws pictures of the sizes that are committed."""
+    matplotlib.use("Agg")
+    draw = script_of("draw")
+    with contextlib.redirect_stdout(io.StringIO()):
+        draw.draw(name, tmp_path)
+    assert sizes_of_pictures(name, tmp_path) == sizes_of_pictures(name) != []
+
+
+def test_the_tutorial_as_a_notebook(tmp_path):
+    script = DOCS / "as_notebook.py"
+    for target in ("t.ipynb", "t.py"):
+        subprocess.run([sys.executable, script, tmp_path / target], check=True)
+    notebook = json.loads((tmp_path / "t.ipynb").read_text(encoding="utf-8"))
+    cells = [each["source"] for each in notebook["cells"] if each["cell_type"] == "code"]
+    codes = blocks(DOCS / "tutorial.md", "python")
+    assert cells == [code.strip() for code in codes]
+    assert (tmp_path / "t.py").read_text(encoding="utf-8") == "\n".join(codes)
 
 
 def test_the_commands_that_install_extras():
     """There is no index to install from: extras come from a copy of the repository."""
     package = Path(suslov_fast.__file__).parent.rglob("*.py")
-    for path in (*PAGES, README, *package, DOCS / "as_notebook.py"):
+    for path in (*PAGES, README, *package):
         assert "install 'suslov_fast" not in path.read_text(encoding="utf-8"), path
 
 
@@ -176,34 +251,11 @@ def test_the_errata_of_section_4(omega):
         assert abs(2 * sqrt(a * h) * sinh(s) / cosh(s) - y_n) < 1e-50
 
 
-def test_named_tests_and_files_exist():
+def test_files_named_by_the_page_of_the_paper_exist():
     text = (DOCS / "theory" / "paper.md").read_text(encoding="utf-8")
-    for file, test in re.findall(r"`(test_\w+\.py)::(\w+)`", text):
-        assert f"def {test}(" in (Path(__file__).parent / file).read_text(encoding="utf-8"), test
-    for file, function in re.findall(r"`(_\w+/\w+\.py)(?:::(\w+))?`", text):
-        source = (Path(suslov_fast.__file__).parent / file).read_text(encoding="utf-8")
-        assert not function or f"def {function}(" in source, (file, function)
-    for function in re.findall(r"\{(?:func|class)\}`~suslov_fast\.(\w+)`", text):
-        assert function in suslov_fast.__all__
-
-
-@pytest.mark.compiled
-@pytest.mark.slow
-def test_the_table_of_discretizations():
-    """The page has the output of the script, except for times."""
-    matplotlib.use("Agg")
-    script = (DOCS / "examples" / "discretizations.py").read_text(encoding="utf-8")
-    printed = run(script.partition("# %%\n# Processor time")[0], "discretizations.py", {})
-    shown = "".join(blocks(DOCS / "howto" / "discretization.md", "text")[:2])
-    without_rounding = [re.sub(r"\de-1[4-6]", "rounding", text) for text in (printed, shown)]
-    assert without_rounding[0] == without_rounding[1]
-
-
-def script_of(name):
-    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    return script
+    named = re.findall(r"`(\w+/\w+\.py)`", text)
+    assert named
+    assert all((Path(suslov_fast.__file__).parent / file).exists() for file in named), named
 
 
 @pytest.mark.compiled
@@ -221,12 +273,10 @@ SOME = ("Suslov gyrostat", "Euler top", "Zhukovsky-Volterra, two betas", "Lorenz
 @pytest.mark.parametrize("names", [SOME, pytest.param((), marks=pytest.mark.slow, id="all")])
 def test_rows_of_the_zoo(names):
     script = script_of("zoo_table")
-    first, second = (m[0] for m in script.TABLE.finditer(script.PAGE.read_text(encoding="utf-8")))
-    example, table = script.script(), (first + second).splitlines()
-    assert first.count("\n") == example["INTEGRABLE"]
-    assert [line.split(" | ")[0] for line in table] == [f"| {name}" for name in example["ZOO"]]
-    for name in names or example["ZOO"]:
-        assert example["row"](name) in table
+    table = script.lines()
+    assert [line.split(" | ")[0] for line in table] == [f"| {name}" for name in zoo()]
+    for name in names or zoo():
+        assert script.row(name) in table
 
 
 @pytest.mark.compiled

@@ -1,57 +1,62 @@
-"""Quadratic fields and their Kahan maps, against the Runge-Kutta form in 60 digits."""
+"""Quadratic fields: coefficients, Hamiltonians, named parameters, families, copies and text."""
 
 import json
-import math
 import pickle
 import subprocess
 import sys
-from dataclasses import replace
 from fractions import Fraction as F
-from functools import partial
+from itertools import product
 
-import naive
 import numpy as np
 import pytest
-from pandas import Series
-from test_quantities import error
 
-import suslov_fast as sf
-from suslov_fast import QuadraticField, Status, Suslov3D, SuslovGyrostat, SuslovND
-from suslov_fast import _cli as cli
+from suslov_fast import QuadraticField, SuslovND
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
 
 
-def lorenz(x):
-    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
+def lorenz(x, rho=28):
+    return 10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
 
 
-def henon_heiles(x):
+def henon_heiles(x, a=1):
     q1, q2, p1, p2 = x
-    return (p1**2 + p2**2 + q1**2 + q2**2) / 2 + q1**2 * q2 - q2**3 / 3
+    return (p1**2 + p2**2 + q1**2 + q2**2) / 2 + a * q1**2 * q2 - a * q2**3 / 3
 
 
+VALUES = np.linspace(1.0, 6.0, 11)
 LORENZ, HENON = of_function(lorenz, 3), of_hamiltonian(henon_heiles, 4)
 RIGID = of_hamiltonian(  # K of rank 2
     lambda x: x[0] ** 3 - x[0] * x[1] * x[2] + F(1, 3) * x[2] ** 2 - 5 * x[1] + 2,
     3,
     [[0, 1, -2], [-1, 0, F(1, 7)], [2, F(-1, 7), 0]],
 )
+NAMED = of_function(lambda x, a, b=F(1, 3): (a * x[0] * x[1], b - x[0]), 2, a=F(2, 7))
 BATCH = QuadraticField(np.arange(54.0).reshape(2, 3, 3, 3), LORENZ.linear)
+FAMILY = of_function(lorenz, 3, rho=VALUES)
+ENERGIES = of_hamiltonian(
+    lambda x, a, b: x[1] ** 2 / 2 + a * x[0] ** 2 - b * a * x[0] ** 3 / 7,
+    2,
+    a=VALUES[:, None],
+    b=[0.5, 1.0],
+)
+FIELDS = {name: each for name, each in globals().items() if isinstance(each, QuadraticField)}
+each_field = pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)
 
 
 def test_coefficients_of_a_function_are_exact():
     assert LORENZ.linear[2, 2] == -F(8 / 3) != -F(8, 3)
     assert (LORENZ.quadratic[1, 0, 2], LORENZ.quadratic[1, 2, 0]) == (F(-1, 2), F(-1, 2))
     x = (F(1, 3), 2, F(-5, 7))
+    assert {type(a) for field in (LORENZ, RIGID) for a in field.table.flat} == {F}
     assert LORENZ(x) == (*lorenz(x)[:2], x[0] * x[1] - F(8 / 3) * x[2])
     A = np.array([[0.1, 1], [-1, 0]])
     assert of_function(lambda x: A @ x, 2).linear.tolist() == [[F(0.1), 1], [-1, 0]]
+    assert of_function(lambda x: A[0] * x[0] - x[1] * A[1], 2).linear[0, 0] == F(0.1)
     shifted = of_function(lambda x: [np.float32(0.1) - x[0] ** 2 / 3, +x[1] * np.int64(2)], 2)
     assert shifted([3, 4]) == (F(float(np.float32(0.1))) - 3, 8)
-    assert QuadraticField([[[0.1]]], [[F(np.int64(2**62), 3)]])([2**40]) == (
-        F(0.1) * 2**80 + F(2**102, 3),
-    )
+    large = QuadraticField([[[0.1]]], [[F(np.int64(2**62), 3)]])
+    assert large([2**40]) == (F(0.1) * 2**80 + F(2**102, 3),)
     # A list of integers and floats keeps the integers, and the antisymmetric part is dropped.
     plain = QuadraticField([[[0, 2**70 + 1], [0.5, 0]], [[0, 1], [-1, 0]]])
     assert plain([1, 1]) == (2**70 + F(3, 2), 0)
@@ -61,10 +66,29 @@ def test_coefficients_of_a_function_are_exact():
 def test_values_are_fractions_or_floats():
     state = [1.5, -2.0, 20.0]
     assert LORENZ(state) == pytest.approx(lorenz(state), rel=1e-15)
-    assert type(LORENZ([1, 2, 3])[0]) is F
     assert BATCH(np.ones((4, 1, 3))).shape == (4, 2, 3)
     second = QuadraticField(BATCH.quadratic[1], LORENZ.linear)
     np.testing.assert_allclose(BATCH(state)[1], second(state), rtol=1e-14)
+    assert np.isnan(LORENZ([[1, np.nan, 2], [0.0, 0, 0]])).all(axis=-1).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("field", [LORENZ, HENON, RIGID, BATCH, ENERGIES])
+def test_terms(field, rng):
+    """They are the field, in ascending order, those linear in x after the quadratic ones."""
+    (i, j, k), values = field.terms
+    assert i.flags.c_contiguous
+    assert values.flags.c_contiguous
+    assert (j <= k).all()
+    assert (np.diff(k == field.dimension) >= 0).all()
+    x = np.append(rng.normal(size=field.dimension), 1.0)
+    each = values * x[j] * x[k]
+    found = np.stack([each[..., i == row].sum(axis=-1) for row in range(field.dimension)], -1)
+    np.testing.assert_allclose(found, field(x[:-1]), rtol=1e-13, atol=1e-13)
+    if field.H is not None:
+        (i, j, k), values = field.H.terms
+        assert ((i <= j) & (j <= k)).all()
+        found = (values * x[i] * x[j] * x[k]).sum(axis=-1)
+        np.testing.assert_allclose(found, field.H(x[:-1]), rtol=1e-13)
 
 
 @pytest.mark.parametrize("field", [HENON, RIGID])
@@ -80,57 +104,86 @@ def test_gradient_of_a_hamiltonian(field):
         assert abs(slope - sum(row * gradient)) < F(1, 10**15)
 
 
-def test_fields_of_bodies():
-    rng = np.random.default_rng(1)
-    for body in (
-        Suslov3D(4.1, 1, -0.5, [0.3, -0.25]),
-        SuslovGyrostat(2, 3, 0.5, -0.25, [[0.75], [-2.0]]),
-        SuslovND(rng.uniform(1, 2, (3, 4)), rng.normal(size=4)),
-    ):
-        field = QuadraticField.of(body)
-        x = rng.normal(size=(*body.shape, body.dimension))
-        np.testing.assert_allclose(field(x), sf.vector_field(body, x), atol=1e-14)
-        assert (field.shape, field.dimension) == (body.shape, body.dimension)
-        assert QuadraticField.of(field) is field
-    single = QuadraticField.of(SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9))
-    assert single.linear.tolist() == [[0, -F(0.9) / F(2.3)], [F(0.9) / F(1.4), 0]]
-
-
-@pytest.mark.parametrize("field", [LORENZ, HENON, RIGID, BATCH], ids=str)
-def test_copies_are_equal(field):
-    written = json.loads(json.dumps(field.to_dict()))
-    copies = QuadraticField.from_dict(written), pickle.loads(pickle.dumps(field))
-    copies += replace(field), *(pickle.loads(pickle.dumps(field, k)) for k in (0, 1))
-    for copy in copies:
-        assert copy == field
-        assert hash(copy) == hash(field)
-        assert copy.H == field.H
-        assert copy.to_dict() == written
-    assert field != QuadraticField(field.quadratic)
-    plain = QuadraticField(field.quadratic, field.linear, field.constant)
-    assert (field == plain) == (field.H is None)
-    if field.H is not None:
-        with pytest.raises(ValueError, match="H, K: expected those of the coeff"):
-            replace(field, constant=np.arange(field.dimension))
-
-
-def test_equal_fields_have_equal_hamiltonians_and_matrices():
-    K = np.zeros((3, 3), int)
-    K[1, 0], K[0, 1], K[1, 2], K[2, 1] = 1, -1, 5, -5
-    others = K * [[1, 1, 1], [1, 1, 2], [1, 2, 1]], K
-    one, two = (of_hamiltonian(lambda x: x[0] ** 2, 3, K) for K in others)
-    assert one.polynomials == two.polynomials
-    assert one != two
-    assert one != of_hamiltonian(lambda x: x[0] ** 2 + 1, 3, others[0])
-
-
 def test_the_structure_of_a_hamiltonian_field():
-    """K is part of a field, also where grad H = (1, 0, 0) does not see all of it."""
+    """K is part of a field, also where grad H = (1, 0, 0) does not see all of it; H is, too."""
     K = np.array([[0, 1, 2], [-1, 0, 3], [-2, -3, 0]])
+    moved = QuadraticField([[[1, 0], [0, 0]], [[0, 0], [0, 0]]])
+    assert moved != QuadraticField([[[0, 0], [0, 0]], [[1, 0], [0, 0]]])
     field, twin = (of_hamiltonian(lambda x: x[0], 3, k) for k in (K, np.where(abs(K) == 3, -K, K)))
     assert (field.constant == twin.constant).all()
     assert field != twin
-    assert sf.step(of_hamiltonian(lambda x: x[0] ** 2, 1, [[0]]), [2.0], 0.1) == 2.0
+    assert field != of_hamiltonian(lambda x: x[0] + 1, 3, K)
+    assert field != QuadraticField(field.quadratic, field.linear, field.constant)
+    for each in (LORENZ, FAMILY):
+        assert each == QuadraticField(each.quadratic, each.linear, each.constant)
+    assert ENERGIES.H(np.ones((5, 1, 1, 2))).shape == (5, 11, 2)
+    one = of_hamiltonian(lambda x: x[0] ** 2, 1, [[0]])
+    assert (one([2]), one.H([3])) == ((0,), 9)
+
+
+@each_field
+def test_copies_are_equal(field):
+    written = json.loads(json.dumps(field.to_dict()))
+    copies = [QuadraticField.from_dict(written), pickle.loads(pickle.dumps(field))]
+    for copy in copies:
+        assert copy == field
+        assert hash(copy) == hash(field)
+        assert copy.to_dict() == written
+        assert copy.parameters.keys() == field.parameters.keys()
+        for name, value in field.parameters.items():
+            assert np.array_equal(copy.parameters[name], value)
+    if field.shape:
+        assert QuadraticField._of(field._arrays) == field
+    for array in (field.table, *field.parameters.values()):
+        if isinstance(array, np.ndarray):
+            with pytest.raises(ValueError, match="read-only"):
+                array[...] = 7
+    with pytest.raises(AttributeError):
+        field.K = None
+
+
+@pytest.mark.parametrize(
+    ("family", "f", "make"),
+    [
+        (FAMILY, lorenz, of_function),
+        (of_hamiltonian(henon_heiles, 4, a=VALUES), henon_heiles, of_hamiltonian),
+    ],
+)
+def test_a_family_has_the_coefficients_of_single_fields(family, f, make):
+    (name, values), D = dict(family.parameters).popitem(), family.dimension
+    for value, member in zip(values, family, strict=True):
+        single = make(f, D, **{name: value})
+        assert member.parameters == {name: value}
+        assert family.sel(**{name: value}) == member
+        for own, expected in zip(member._arrays.values(), single._arrays.values(), strict=True):
+            assert np.array_equal(own, expected)
+    part = family[2:5]
+    assert part.parameters[name].tolist() == values[2:5].tolist()
+    assert [each.H is None for each in part] == [family.H is None] * 3
+    assert family.sel(method="nearest", **{name: 2.4}) == family[3]
+
+
+def test_a_family_with_two_axes():
+    for i, j in product(range(11), range(2)):
+        a, b = VALUES[i], [0.5, 1.0][j]
+        member = ENERGIES.sel(b=b, a=a)
+        assert member == ENERGIES[i][j]
+        assert member.parameters == {"a": a, "b": b}
+        assert float(member.H([F(1), F(0)])) == pytest.approx(a - a * b / 7, rel=1e-15)
+    assert ENERGIES.sel(a=2.0).parameters["b"].tolist() == [0.5, 1.0]
+    assert ENERGIES._coordinates["a"].shape == (11, 1)
+    assert of_function(lorenz, 3, rho=[]).shape == (0,)
+    mixed = of_function(lambda x, a, mu: (a * x[0] - mu,), 1, a=[1, 2], mu=F(1, 3))
+    assert mixed[1].parameters == {"a": 2.0, "mu": F(1, 3)}
+
+
+def test_single_parameters_remain_exact():
+    assert NAMED.quadratic[0, 0, 1] == F(1, 7)
+    assert NAMED.parameters == {"a": F(2, 7)}
+    assert of_function(lorenz, 3, rho=28) == LORENZ
+    assert of_function(lambda x, a: (np.sin(a) * x[0],), 1, a=1.5).linear == F(np.sin(1.5))
+    branch = of_function(lambda x, a: ((1 if a > 1 else 2) * x[0],), 1, a=[1, 2])
+    assert branch.linear.ravel().tolist() == [2, 1]
 
 
 def test_what_is_printed():
@@ -141,197 +194,41 @@ def test_what_is_printed():
     H = "x1^2*x2 - 1/3*x2^3 + 1/2*x1^2 + 1/2*x2^2 + 1/2*x3^2 + 1/2*x4^2"
     assert repr(HENON).endswith(f"H = {H})")
     assert repr(QuadraticField([[[0]]], constant=[0])) == "QuadraticField(x1' = 0)"
-    for large in (QuadraticField(np.ones((9, 9, 9))), QuadraticField(np.ones((99, 9, 9, 9)))):
-        assert len(repr(large)) < 320
+    assert repr(FAMILY) == "<QuadraticField of shape (11,): D=3, rho=(11,)>"
+    assert len(repr(QuadraticField(np.ones((9, 9, 9))))) < 320
 
 
-def test_python_flint_is_not_needed():
+def test_python_flint_is_needed_for_components_only():
     code = (
         "import sys; sys.modules['flint'] = None; from suslov_fast import QuadraticField as Q;"
         "print(Q.from_function(lambda x: (x[0] * (1 - x[0]),), 1)([2]))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout == "(Fraction(-2, 1),)\n"
+    pytest.importorskip("flint")
+    assert [str(each) for each in LORENZ.components[:2]] == [
+        "-10*x1 + 10*x2",
+        "-x1*x3 + 28*x1 - x2",
+    ]
 
 
-class Milliseconds(float):
-    unit = "ms"
+def test_the_field_of_a_single_body_is_exact():
+    single = QuadraticField.of(SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]))
+    assert single.quadratic[0, 0, 1] == F(-0.7) / F(1.3) / 2
+    assert QuadraticField.of(LORENZ) is LORENZ
 
 
-TIMES = [[[Milliseconds(20)]]]
-HUGE, ONES = QuadraticField([[[F(10) ** 400]]]), np.ones(4)
+def test_parameters_that_are_missing_and_unknown_are_told_apart():
+    def f(x, rho):
+        return (rho * x[0],)
 
-
-def changed(field, **entries):
-    return QuadraticField.from_dict(field.to_dict() | entries)
-
-
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, r"quadratic: .*D, D, D\).*2, 2"),
-        (lambda: QuadraticField(TIMES), TypeError, "quadratic: .* unit, got Milliseconds in ms"),
-        (lambda: QuadraticField(np.array(TIMES, object)), TypeError, "got Milliseconds in ms"),
-        (lambda: QuadraticField([]), ValueError, r"quadratic: .*D, D, D\), got \(0,\)"),
-        (lambda: QuadraticField([[[1j]]]), TypeError, "quadratic: .*floats, got complex"),
-        (lambda: QuadraticField([[[None]]]), TypeError, "quadratic: .*floats, got NoneType"),
-        (lambda: QuadraticField(np.ma.masked_less([[[-1]]], 0)), ValueError, "quadr.*masked array"),
-        (lambda: QuadraticField([[[math.nan]]]), ValueError, "quadratic: .*finite.*got nan"),
-        (lambda: QuadraticField(np.full((2, 1, 1, 1), np.nan)), ValueError, "quadratic: .*nan"),
-        (lambda: QuadraticField([[[1]]], [1, 2]), ValueError, r"linear: .*1, 1\), got \(2,\)"),
-        (lambda: QuadraticField([[[1]]], constant=1), ValueError, r"constant: .*1\), got \(\)"),
-        (lambda: of_function(lambda x: (x[0] ** 3,), 1), ValueError, "f: .*at most 2.*degree 3"),
-        (lambda: of_function(lambda x: (1 / x[0],), 1), TypeError, "f: .*divisions by numbers"),
-        (lambda: of_function(lambda x: np.sin(x), 2), TypeError, "f: .*degree at most 2.*sin"),
-        (lambda: of_function(lambda x: (x[0] ** 0.5,), 1), ValueError, "power: .*got 0.5"),
-        (lambda: of_function(lambda x: (x[0],), 2), ValueError, "f: expected 2 components, got 1"),
-        (lambda: of_function(lambda x: ("1",), 1), TypeError, "the value of f: .*got str"),
-        (lambda: of_hamiltonian(lambda x: x[0] ** 4, 2), ValueError, "H: .*at most 3.*degree 4"),
-        (lambda: of_hamiltonian(lambda x: x[0], 3), ValueError, "dimension: .*even.*got 3"),
-        (lambda: of_hamiltonian(lambda x: x[0], 2, np.eye(2)), ValueError, "K: .*antisymmetric"),
-        (lambda: of_hamiltonian(lambda x: x[0], 2, [[0]]), ValueError, r"K: .*\(2, 2\).*\(1, 1\)"),
-        (lambda: QuadraticField.of(3), TypeError, "body: expected Suslov3D.*got int"),
-        (lambda: LORENZ([1, 2]), ValueError, r"x: expected shape \(3,\), got \(2,\)"),
-        (lambda: LORENZ([[1, 2, 3], [4]]), ValueError, "x: expected a rectangular array"),
-        (lambda: LORENZ(Series([1, 2, 3], ["x1", "x3", "x2"])), ValueError, "x: .*the components"),
-        (lambda: changed(LORENZ, linear=[["a"]]), ValueError, 'linear: .*"p/q", got \'a\''),
-        (lambda: changed(HENON, H=[[1.0, 0]]), ValueError, "H, K: expected those of the coeffic"),
-        (lambda: sf.step(HUGE, [1.0], 0.1), ValueError, "body: .* in the range of float64"),
-        (lambda: HUGE([1.0]), ValueError, "body: .* in the range of float64"),
-        (lambda: sf.energy(LORENZ, ONES[:3]), TypeError, "from_hamiltonian, got a field without"),
-        (lambda: sf.modified_energy(LORENZ, ONES[:3], 1), TypeError, "without a Hamiltonian"),
-        (lambda: sf.invariant_density(LORENZ, ONES[:3], 1), TypeError, "without a Hamiltonian"),
-        (lambda: sf.iterate(LORENZ, ONES[:3], 1, 1).energy(), TypeError, "without a Hamiltonian"),
-        (lambda: sf.first_integral(HENON, ONES, 1), TypeError, "got .*; fields have step, iterate"),
-        (lambda: sf.exact(HENON, ONES, 1, 3), TypeError, "got .*; fields have step, iterate"),
-    ],
-)  # fmt: skip
-def test_bad_input(call, error, message):
-    with pytest.raises(error, match=message):
-        call()
-
-
-def henon_rates(x):
-    q1, q2, p1, p2 = x
-    return p1, p2, -q1 - 2 * q1 * q2, q2**2 - q2 - q1**2
-
-
-def volterra(x):
-    return [x[i] * (x[i + 1 - len(x)] - x[i - 1]) for i in range(len(x))]
-
-
-def rotor(x):
-    return naive.vector_field(2.3, 1.4, 0.5, -0.7, x, 0.9)
-
-
-def decay(x):
-    return (0.25 - 0.5 * x[0],)
-
-
-PROBLEMS = [
-    (LORENZ, lorenz, [1.0, 2.0, 20.0], 1 / 64, 40),
-    (HENON, henon_rates, [0.125, 0.25, 0.25, -0.125], -0.25, 200),
-    (of_function(volterra, 7), volterra, [1.0, 0.5, 0.75, 1.25, 0.5, 1.0, 2.0], 0.125, 60),
-    (QuadraticField.of(SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)), rotor, [1.1, -0.4], 0.35, 60),
-    (of_function(decay, 1), decay, [3.0], 0.5, 30),
-]
-
-
-@pytest.mark.parametrize(("field", "f", "x", "eps", "steps"), PROBLEMS)
-def test_against_the_runge_kutta_form(field, f, x, eps, steps):
-    step = partial(naive.kahan_step, f, eps)
-    exact = naive.iterated(step, x, steps)
-    assert naive.worst_error(sf.iterate(field, x, eps, steps).x, exact) < 1e-13
-    assert error(sf.vector_field(field, x), f(naive.exactly(*x))) < 1e-14
-    assert error(sf.jacobian(field, x, eps), naive.derivative(step, x)) < 1e-13
-    slope = np.array(naive.derivative(f, x), float)
-    np.testing.assert_allclose(sf.matrix(field, x, eps), np.eye(len(x)) - eps / 2 * slope, 1e-14)
-
-
-def test_published_orbits():
-    """Values of runs in 60 digits."""
-    prey = of_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
-    expected, run = [0.4904468907172823201, 1.337749716137072884], (prey, [0.5, 0.7], 1 / 8, 200)
-    np.testing.assert_allclose(sf.iterate(*run).final, expected, rtol=1e-13)
-    orbit = sf.iterate(HENON, [1 / 8, 1 / 4, 1 / 4, -1 / 8], 1 / 4, 500)
-    last = [0.251219885039800047, 0.12357749590236766, -0.02024485246071989, -0.2466615457776315]
-    np.testing.assert_allclose(orbit.final, last, rtol=1e-13)
-    np.testing.assert_allclose(orbit.modified_energy(), 0.07516523812165594102, rtol=1e-14)
-    ends = [0.0768229166666667, 0.0769873869]
-    np.testing.assert_allclose(orbit.energy()[[0, -1]], ends, rtol=1e-7)
-
-
-def test_poles_overflow_and_rest():
-    square = QuadraticField([[[1]]])  # x / (1 - eps x)
-    x = [[8.0], [7.0], [np.nan], [1e200], [0.0], [-0.0], [4.0]]
-    message = "2 of 7 traj.*: singular step, first: 0 at step 1"
-    with pytest.warns(sf.SingularStepWarning, match=message):
-        run = sf.iterate(square, x, 1 / 8, 3)
-    S, N, ok = Status.SINGULAR, Status.NONFINITE, Status.OK
-    assert run.status.tolist() == [S, ok, N, ok, ok, ok, S]
-    assert run.failed_at.tolist() == [1, -1, 0, -1, -1, -1, 2]
-    assert np.isnan(run.x[[1, 2, 3], [0, 6, 6]]).tolist() == [[True], [True], [True]]
-    np.testing.assert_allclose(run.x[:, 1, 0], [7, 56, -28 / 3, -56 / 13], rtol=1e-14)
-    np.testing.assert_allclose(run.x[1:, 3, 0], [-8, -4, -8 / 3], rtol=1e-15)
-    falling = QuadraticField([[[0]]], [[0]], [1e300])
-    assert sf.iterate(falling, [1.0], 1e10, 1, on_singular="ignore").status == N
-    assert np.signbit(run.x[:, 5]).all()
-    # A regular matrix with rows of very different size, and a singular one.
-    stiff = QuadraticField(np.zeros((2, 2, 2)), np.diag([-1e40, -1.0]))
-    assert sf.iterate(stiff, [1.0, 1.0], 0.5, 2).x.tolist() == [[1, 1], [-1, 0.6], [1, 0.36]]
-    swap = QuadraticField(np.zeros((2, 2, 2)), [[0, 1e30], [1e-30, 0]])
-    assert sf.iterate(swap, [1.0, 1.0], 2.0, 1, on_singular="ignore").status == S
-    field = QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25))
-    assert (sf.iterate(field, [-0.75, 1.5], 0.3, 5).x == [-0.75, 1.5]).all()  # f = 0
-    assert (sf.iterate(LORENZ, [0.0, 0.0, 0.0], 1 / 64, 5).x == 0).all()
-
-
-def test_many_variables(rng):
-    """One field, and as many equal ones as there are states."""
-    q, l, c = (0.025 * rng.normal(size=(12,) * axes) for axes in (3, 2, 1))
-    x, eps = rng.normal(size=(70, 12)), rng.uniform(-0.2, 0.2, 70)
-    run = sf.iterate(QuadraticField(q, l, c), x, eps, 9)
-    several = QuadraticField(np.tile(q, (70, 1, 1, 1)), l, c)
-    np.testing.assert_array_equal(sf.iterate(several, x, eps, 9).x, run.x)
-    alone = sf.iterate(QuadraticField(q, l, c), x[69], eps[69], 9)
-    np.testing.assert_array_equal(alone.x, run.x[:, 69])
-
-
-def test_bodies_as_fields():
-    for body, eps in (
-        (Suslov3D(4.1, 1, -0.5, [0.3, -0.25]), 0.2),
-        (SuslovGyrostat(2, 3, 0.5, -0.25, [0.75, -2.0]), -0.3),
-        (SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), 0.4),
-    ):
-        x = np.full((2, body.dimension), 0.4)
-        run = sf.iterate(QuadraticField.of(body), x, eps, 20)
-        np.testing.assert_allclose(run.x, sf.iterate(body, x, eps, 20).omega, 1e-12)
-
-
-@pytest.mark.parametrize(("field", "eps"), [(HENON, 0.25), (RIGID, -0.02)])
-def test_hamiltonian_fields_conserve_modified_energy_and_measure(rng, field, eps):
-    x = rng.uniform(-0.5, 0.5, (6, field.dimension))
-    after = sf.step(field, x, eps)
-    before = sf.modified_energy(field, x, eps)
-    np.testing.assert_allclose(sf.modified_energy(field, after, eps), before, rtol=1e-13)
-    exact = [float(field.H(list(map(F, y)))) for y in x]
-    np.testing.assert_allclose(sf.energy(field, x), exact, 1e-14)
-    density, following = (sf.invariant_density(field, state, eps) for state in (x, after))
-    determinant = np.linalg.det(sf.jacobian(field, x, eps))
-    np.testing.assert_allclose(following * determinant, density, 1e-12)
-    x[1, 0] = np.nan
-    for quantity in (sf.modified_energy, sf.invariant_density):
-        assert np.isnan(quantity(field, x, eps)).tolist() == [False, True] + [False] * 4
-
-
-def test_a_store_holds_the_hamiltonian(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "field.json").write_text(json.dumps(HENON.to_dict()))
-    with pytest.raises(SystemExit, match="0"):
-        cli.main("run --body field.json --eps 0.25 --steps 9 --save-every 3 -o run.zarr".split())
-    said = capsys.readouterr().out
-    assert "H = x1^2*x2" in said
-    assert "drift of E_mod" in said
-    data = sf.open_ensemble(tmp_path / "run.zarr")
-    assert sf.Trajectories.from_xarray(data).body == HENON
-    assert HENON(data.x).shape == data.x.shape
+    with pytest.raises(TypeError, match="f needs rho: pass rho=28"):
+        QuadraticField.from_function(f, 1)
+    with pytest.raises(TypeError, match=r"parameters that it has \(rho\), got sigma"):
+        QuadraticField.from_function(f, 1, rho=1, sigma=2)
+    with pytest.raises(TypeError, match=r"\(none but x\), got rho"):
+        QuadraticField.from_function(lambda x: (x[0],), 1, rho=1)
+    with pytest.raises(TypeError, match="H needs a: "):
+        QuadraticField.from_hamiltonian(lambda x, a: a * x[0] * x[1], 2)
+    any_names = QuadraticField.from_function(lambda x, **named: (named["a"] * x[0],), 1, a=2)
+    assert any_names([3])[0] == 6

@@ -13,12 +13,6 @@ def inertia(rng, n=3):
     return (points**2).sum() * np.eye(n) - points.T @ points, points.T @ points
 
 
-def random_rotation(rng, n):
-    q, _ = np.linalg.qr(rng.normal(size=(n, n)))
-    q[:, 0] *= np.linalg.det(q)
-    return q
-
-
 def test_vector_product(rng):
     omega, v = rng.normal(size=2), rng.normal(size=3)
     expected = np.cross([*omega, 0.0], v)
@@ -26,23 +20,12 @@ def test_vector_product(rng):
     assert sf.to_vector(THREE, omega).tolist() == [*omega, 0.0]
 
 
-def test_back(case, rng):
-    body, omega0 = case
-    states = rng.normal(size=(5, 4, len(omega0)))
-    rotation = random_rotation(rng, len(omega0) + 1)
-    pairs = [(sf.to_matrix, sf.from_matrix), (sf.to_vector, sf.from_vector)]
-    for there, back in pairs if len(omega0) == 2 else pairs[:1]:
-        assert (back(body, there(body, states)) == states).all()
-        given = there(body, states, rotation=rotation)
-        np.testing.assert_allclose(back(body, given, rotation=rotation), states, atol=1e-14)
-
-
 def test_momentum_by_definition(rng):
     tensor, _ = inertia(rng)
     axis = rng.normal(size=3)
     body, rotation = sf.Suslov3D.from_inertia(tensor, axis)
     omega = np.cross(axis, rng.normal(size=3))
-    state = sf.from_vector(body, omega, rotation=rotation)
+    state = (rotation @ omega)[:2]
     np.testing.assert_allclose(sf.to_vector(body, state, rotation=rotation), omega, atol=1e-14)
     # The component along the axis does not need I3, since Omega3 = 0.
     M = sf.momentum(body, state, rotation=rotation)
@@ -55,7 +38,7 @@ def test_momentum_by_definition(rng):
         body, rotation = sf.SuslovND.from_mass_tensor(mass, axis)
         v = rng.normal(size=n)
         Omega = np.outer(v, axis) - np.outer(axis, v)
-        state = sf.from_matrix(body, Omega, rotation=rotation)
+        state = (rotation @ Omega @ rotation.T)[:-1, -1]
         M = mass @ Omega + Omega @ mass
         np.testing.assert_allclose(sf.momentum(body, state, rotation=rotation), M, atol=1e-12)
         np.testing.assert_allclose(sf.energy(body, state), -np.trace(M @ Omega) / 4, rtol=1e-12)
@@ -64,20 +47,21 @@ def test_momentum_by_definition(rng):
 
 def test_momentum_in_the_body_obeys_its_equation(case):
     """M' = M x Omega + lambda a, and M' = [M, Omega] + Lambda."""
-    body, omega0 = case
     h = 1e-5
-    moved = h * sf.vector_field(body, omega0)
-    ends = [sf.momentum(body, omega0 + sign * moved) for sign in (1, -1)]
-    derivative = (ends[0] - ends[1]) / (2 * h)
-    M = sf.momentum(body, omega0)
-    if len(omega0) == 2:
-        expected = np.cross(M, sf.to_vector(body, omega0))
-        expected[2] += sf.reaction(body, omega0)
-    else:
-        Omega = sf.to_matrix(body, omega0)
-        expected = M @ Omega - Omega @ M
-        expected[:-1, :-1] += sf.reaction(body, omega0)
-    np.testing.assert_allclose(derivative, expected, atol=1e-10)
+    gyrostat = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9), [1.1, -0.4]
+    for body, omega0 in (case, gyrostat):
+        moved = h * sf.vector_field(body, omega0)
+        ends = [sf.momentum(body, omega0 + sign * moved) for sign in (1, -1)]
+        derivative = (ends[0] - ends[1]) / (2 * h)
+        M = sf.momentum(body, omega0)
+        if len(omega0) == 2:
+            expected = np.cross(M, sf.to_vector(body, omega0))
+            expected[2] += sf.reaction(body, omega0)
+        else:
+            Omega = sf.to_matrix(body, omega0)
+            expected = M @ Omega - Omega @ M
+            expected[:-1, :-1] += sf.reaction(body, omega0)
+        np.testing.assert_allclose(derivative, expected, atol=1e-10)
 
 
 def test_in_space(case):
@@ -91,17 +75,3 @@ def test_in_space(case):
         v = function(body, run.omega)
         expected = (R @ v[..., None])[..., 0] if of_vectors else R @ v @ Rt
         np.testing.assert_allclose(function(body, run.omega, attitude=R), expected, atol=1e-13)
-
-
-def test_nan_in_any_basis(case, rng):
-    body, omega0 = case
-    states = rng.normal(size=(7, len(omega0)))
-    states[2, 0] = np.nan
-    rotation = random_rotation(rng, len(omega0) + 1)
-    for result in (
-        sf.momentum(body, states, rotation=rotation),
-        sf.from_matrix(body, sf.to_matrix(body, states, attitude=np.eye(len(rotation)))),
-    ):
-        assert np.isnan(result[2]).all()
-        assert np.isfinite(np.delete(result, 2, axis=0)).all()
-    assert np.isnan(sf.from_vector(THREE, [np.nan, 1.0, 0.0])).all()

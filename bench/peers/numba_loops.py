@@ -1,16 +1,17 @@
-"""Numba: straightforward `prange` over trajectories, and blocks of them, which become vectors."""
+"""Numba: loops over trajectories as one writes them, and blocks of them, which become vectors."""
 
 import formulas
 import numba
 import numpy as np
 from formulas import Formulas
 
-LANES = 64
+LANES, MAP = 64, Formulas()
 _step = numba.njit(formulas.step_as_printed)
+_advance = numba.njit(error_model="numpy")(formulas.advance)
 
 
 @numba.njit(parallel=True, cache=True)
-def final(omega0, steps, threads):
+def final(omega0, steps):
     """Last states by the map as printed."""
     final = np.empty_like(omega0)
     for i in numba.prange(len(omega0)):
@@ -21,21 +22,24 @@ def final(omega0, steps, threads):
     return final
 
 
-@numba.njit(parallel=True, cache=True)
-def _stored(omega0, steps, out):
-    for i in numba.prange(len(omega0)):
-        p, q = omega0[i]
-        out[i, 0] = p, q
-        for n in range(steps):
-            p, q = _step(p, q)
-            out[i, n + 1] = p, q
+@numba.njit(error_model="numpy", cache=True)
+def _one_by_one(X, Y, steps, to_omega, out):
+    (a, c), (b, d) = to_omega
+    for i in range(len(X)):
+        x, y = X[i], Y[i]
+        for n in range(steps + 1):
+            out[n, i, 0] = a * x + b * y
+            out[n, i, 1] = c * x + d * y
+            x, y = _advance(x, y)
+            if abs(x) < 1e-290:  # numbers that lose digits as they decay are slow
+                x = 0.0
 
 
-def stored(omega0, steps, threads, out):
-    """All states into (batch, steps + 1, 2), the faster order for this loop."""
-    out = out.reshape(len(omega0), steps + 1, 2)
-    _stored(omega0, steps, out)
-    return out.swapaxes(0, 1)
+def one_by_one(omega0, steps, every, out):
+    """All states by the parameter-free map, one trajectory after the other."""
+    to_omega = MAP.leave(1.0, 0.0), MAP.leave(0.0, 1.0)
+    _one_by_one(*MAP.enter(*omega0.T), steps, to_omega, out)
+    return out
 
 
 @numba.njit(parallel=True, error_model="numpy", cache=True)
@@ -45,14 +49,12 @@ def _in_blocks(X, Y, steps):
         x, y = X[part].copy(), Y[part].copy()
         for _ in range(steps):
             for l in range(len(x)):
-                after = x[l] * (1.0 + y[l]) / (1.0 - y[l] + x[l] * x[l])
-                y[l] -= x[l] * after
-                x[l] = after
+                x[l], y[l] = _advance(x[l], y[l])
         X[part], Y[part] = x, y
 
 
-def in_blocks(omega0, steps, threads):
+def in_blocks(omega0, steps):
     """Last states by the parameter-free map."""
-    states = Formulas().enter(*omega0.T)
+    states = MAP.enter(*omega0.T)
     _in_blocks(*states, steps)
-    return np.stack(Formulas().leave(*states), axis=-1)
+    return np.stack(MAP.leave(*states), axis=-1)

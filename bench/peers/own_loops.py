@@ -2,9 +2,10 @@
 
 import numba
 import numpy as np
-from problem import BODY, EPS, EPS_FIELD, field_and_states
+from formulas import EPS
+from problem import BODY, EPS_FIELD
 
-from suslov_fast.compiled import advance, enter, frame, leave, step, step_system, system, work
+from suslov_fast.compiled import advance, enter, frame, leave, step_system, system, work
 
 LANES = 64
 
@@ -26,28 +27,6 @@ def _in_lanes(frame, omega, steps):
 
 
 @numba.njit(parallel=True)
-def _one_by_one(frame, omega, steps):
-    out = np.empty_like(omega)
-    for k in numba.prange(len(omega)):
-        u, v = enter(frame, omega[k, 0], omega[k, 1])
-        for _ in range(steps):
-            u, v = advance(frame, u, v)
-        out[k, 0], out[k, 1] = leave(frame, u, v)
-    return out
-
-
-@numba.njit(parallel=True)
-def _step_by_step(frame, omega, steps):
-    out = np.empty_like(omega)
-    for k in numba.prange(len(omega)):
-        omega1, omega2 = omega[k]
-        for _ in range(steps):
-            omega1, omega2 = step(frame, omega1, omega2)
-        out[k, 0], out[k, 1] = omega1, omega2
-    return out
-
-
-@numba.njit(parallel=True)
 def _of_system(system, x, steps):
     out = x.copy()
     for k in numba.prange(len(x)):
@@ -57,18 +36,9 @@ def _of_system(system, x, steps):
     return out
 
 
-def in_lanes(omega0, steps, threads):
+def in_lanes(omega0, steps):
     return _in_lanes(frame(BODY, EPS), omega0, steps)
 
 
-def one_by_one(omega0, steps, threads):
-    return _one_by_one(frame(BODY, EPS), omega0, steps)
-
-
-def step_by_step(omega0, steps, threads):
-    return _step_by_step(frame(BODY, EPS), omega0, steps)
-
-
-def of_field(x, steps, threads):
-    field, _ = field_and_states(x.shape[1], 1)
+def of_field(field, x, steps):
     return _of_system(system(field, EPS_FIELD), x, steps)

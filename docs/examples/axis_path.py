@@ -1,6 +1,4 @@
-"""
-Path of the constrained axis
-============================
+"""Path of the constrained axis.
 
 The axis about which the body cannot turn, seen from space, while the body passes from one steady
 rotation to the other. At both ends the axis moves along a great circle, orthogonal to the axis of
@@ -38,6 +36,7 @@ front = axis @ eye > 0
 axes.scatter(*axis[~front].T, c=run.time[~front], s=3, alpha=0.6, zorder=0, vmin=0, vmax=18)
 path = axes.scatter(*axis[front].T, c=run.time[front], s=3, zorder=2, vmin=0, vmax=18)
 axes.set(xlabel="$x$", ylabel="$y$", zlabel="$z$")
+figure.suptitle("path of the constrained axis in space, $I_3 = 3.7$")
 axes.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1], zticks=[-1, 0, 1])
 axes.set_aspect("equal")  # after all artists, whose extent it uses
 axes.legend(

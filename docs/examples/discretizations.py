@@ -1,6 +1,4 @@
-"""
-Five ways to compute one motion
-===============================
+"""Five ways to compute one motion.
 
 The map of this package, Runge-Kutta 4, the implicit midpoint rule, a variational nonholonomic
 integrator and the exact flow, on one realizable body. Numba compiles all steps with the
@@ -18,7 +16,7 @@ import numpy as np
 from suslov_fast import Suslov3D, flow, limits
 
 body, omega0, duration = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), np.array([-0.9, 1.3]), 30.0
-I1, I2, I13, I23 = body.parameters
+I1, I2, I13, I23 = body.I1, body.I2, body.I13, body.I23
 compiled = numba.njit(error_model="numpy")
 
 
@@ -182,4 +180,5 @@ many = np.tile(omega0, (20_000, 1))
 state = best_time(lambda: flow(body, many, duration, threads=1)) / len(many)
 print(f"{'exact flow':20s} {1e9 * state:5.0f} ns a state")
 axes.set(xlabel="processor time (microseconds)", ylabel="largest error until time 30")
+axes.set_title("error and cost of one orbit of 64 to 32,768 steps")
 axes.legend(frameon=False)

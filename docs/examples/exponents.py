@@ -1,6 +1,4 @@
-"""
-Lyapunov exponents
-==================
+"""Lyapunov exponents.
 
 An orbit tends to a line of steady states. Distances along the line are constant: one exponent tends
 to 0. Each step multiplies distances across it by a multiplier of the steady state: the other
@@ -30,4 +28,5 @@ for k, (marker, name) in enumerate((("o", "larger exponent"), ("s", "smaller exp
             axes.loglog(steps[chosen], abs(distance[chosen]), label=label, **look)
 axes.loglog(steps, 2 / steps, "--", color="crimson", label=r"$\propto 1/n$")
 axes.set(xlabel="steps $n$", ylabel=r"distance from the limit, $\epsilon = 0.2$")
+axes.set_title("Lyapunov exponents per step, after $n$ steps")
 axes.legend(frameon=False, loc="upper right", fontsize="small")

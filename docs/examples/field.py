@@ -1,6 +1,4 @@
-"""
-Portraits of two quadratic fields
-=================================
+"""Portraits of two quadratic fields.
 
 On the left a run of the Lorenz system with eps = 1/64, drawn by the run itself. On the right the
 system of Henon and Heiles at the energy 1/8, with eps = 1/16: the points where 17 orbits of the map
@@ -33,6 +31,7 @@ def at_energy(H, q2, p2):
 
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.7), layout="constrained")
 iterate(lorenz, [1, 1, 20], eps=1 / 64, steps=3000).plot(components=(0, 2), ax=axes[0])
+axes[0].set_title(r"Lorenz system, $\epsilon = 1/64$", fontsize="small")
 
 eps = 1 / 16
 starts = at_energy(1 / 8, np.linspace(-0.36, 0.6, 17), 0.0)
@@ -47,4 +46,4 @@ for k in range(len(starts)):
     colour = "crimson" if chaotic[k] else plt.colormaps["viridis"](k / len(starts))
     axes[1].plot(crossings[:, 1], crossings[:, 3], ".", color=colour, markersize=1.2)
 axes[1].set(xlabel="$q_2$", ylabel="$p_2$")
-axes[1].set_title("section at $q_1 = 0$", fontsize="small")
+axes[1].set_title("Hénon-Heiles system, section at $q_1 = 0$", fontsize="small")

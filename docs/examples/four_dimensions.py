@@ -1,6 +1,4 @@
-"""
-Four dimensions
-===============
+"""Four dimensions.
 
 For n = 4 a state has three components. The steady states are the multiples c I of the vector I of
 couplings. On the ellipsoid of constant energy, orbits leave the one with c > 0 and end close to the
@@ -54,9 +52,10 @@ space.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1], zticks=[-1, 0, 1], **names)
 space.zaxis.set_rotate_label(False)
 space.set_box_aspect(radii, zoom=0.7)
 space.set_aspect("equal")
+space.set_title("orbits of energy 1", fontsize="medium", y=0.93)
 
 # The drift of the energy and of the modified energy.
-drift = figure.add_axes((0.62, 0.15, 0.36, 0.8))
+drift = figure.add_axes((0.62, 0.15, 0.36, 0.75))
 time, eps = 25.6, 0.8 / 2.0 ** np.arange(8)
 runs = [iterate(body, starts[0], each, round(time / each)) for each in eps]
 for name, values, colour, look, order in (
@@ -70,3 +69,4 @@ for name, values, colour, look, order in (
 drift.set(xlabel=r"step size $\epsilon$", ylabel="largest relative drift")
 drift.legend(frameon=False, loc="lower right", fontsize="small")
 drift.grid(alpha=0.3)
+drift.set_title("until time 25.6", fontsize="medium")

@@ -1,6 +1,4 @@
-"""
-The gyrostat
-============
+"""The gyrostat.
 
 A rotor along the constrained axis moves the line of steady states off the origin. Orbits whose
 ellipse of energy meets the line go from its repelling (dashed) to its attracting (solid) half, on
@@ -41,4 +39,5 @@ for sign, style, name in ((9, "--", "repelling"), (-9, "-", "attracting")):
     axes.plot(*np.stack([middle, end]).T, style, color="crimson", label=f"{name} steady states")
 axes.set(xlim=(-2.6, 2.6), ylim=(-2.6, 2.6), aspect="equal")
 axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
+figure.suptitle(r"gyrostat, $k = 0.4$, $\epsilon = 0.4$")
 axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))

@@ -1,6 +1,4 @@
-"""
-The half-angle plane
-====================
+"""The half-angle plane.
 
 In the half-angle plane (p, q) a step of the gyrostat is the linear map 1 + e G, whose entries
 depend on the level of the first integral alone; p / q is the tangent of half the phase psi of

@@ -1,6 +1,4 @@
-"""
-One map for all bodies
-======================
+"""One map for all bodies.
 
 In X = eps x / (2 sqrt(I1 I2)) and Y = eps y / (2 I1 I2) the map has no parameter. Orbits of twelve
 random realizable bodies with twelve step sizes from 0.2 to 1.9 lie on the conics (X**2 + Y**2) / (1
@@ -32,4 +30,5 @@ level = np.sqrt((X**2 + Y**2) / (1 + X**2))
 lines = axes.contour(X, Y, level, levels=[0.2, 0.4, 0.6, 0.8], colors="gray", linewidths=0.6)
 axes.clabel(lines, fmt="$t = %g$", fontsize=7)
 axes.set(xlabel="$X$", ylabel="$Y$", xlim=(-1.1, 1.1), ylim=(-1, 1), aspect="equal")
+axes.set_title("orbits of twelve bodies with twelve step sizes")
 figure.colorbar(states, label="criticality $t$")

@@ -1,6 +1,4 @@
-"""
-Reaction torque of the constraint
-=================================
+"""Reaction torque of the constraint.
 
 The torque that keeps the body from turning about the constrained axis, while it passes from one
 steady rotation to the other: the Lagrange multiplier of the continuous equations on the exact
@@ -20,4 +18,5 @@ figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
 axes.plot(time, reaction(body, flow(body, omega0, time)), color="steelblue", label="continuous")
 axes.plot(orbit.time + eps / 2, orbit.reaction(), "k.", label="discrete, between two states")
 axes.set(xlabel="time", ylabel=r"reaction torque $\lambda$")
+axes.set_title(r"torque of the constraint during a passage, $\epsilon = 0.5$")
 axes.legend(frameon=False, loc="lower right")

@@ -1,8 +1,6 @@
-"""
-Three regimes
-=============
+"""Three regimes.
 
-The criticality t (:func:`~suslov_fast.criticality`) determines the regime of an orbit. For t < 1 it
+The criticality t (criticality) determines the regime of an orbit. For t < 1 it
 follows the continuous motion along an ellipse. At t = 1 it reaches a steady state in one or two
 steps. For t > 1 it jumps from one side of the line of steady states to the other, on a hyperbola.
 In X = eps x / (2 sqrt(I1 I2)) and Y = eps y / (2 I1 I2) the picture is the same for every body and
@@ -27,7 +25,7 @@ panels = [
 figure, axes = plt.subplots(1, 3, figsize=(7.2, 3.6), layout="constrained")
 for panel, letter, (starts, steps, (width, height), last) in zip(axes, "abc", panels, strict=True):
     omega0 = from_xy(body, starts * units)
-    iterated = to_xy(body, iterate(body, omega0, eps, steps, method="canonical").omega) / units
+    iterated = to_xy(body, iterate(body, omega0, eps, steps).omega) / units
     closed = to_xy(body, exact(body, omega0, eps, np.arange(steps + 1))) / units
     t = criticality(body, omega0[0], eps)
 

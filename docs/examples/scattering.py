@@ -1,12 +1,10 @@
-"""
-Scattering angle
-================
+"""Scattering angle.
 
 At time minus infinity and at plus infinity the body turns steadily, about two axes in space. The
-angle between them (:func:`~suslov_fast.scattering_angle`) depends on the body alone. The picture
+angle between them (scattering_angle) depends on the body alone. The picture
 shows it as a function of the products of inertia, for all bodies with two ratios of I1 and I2;
 black lines, also in the colour bar, are at 1, 10 and 30 degrees. Where
-:meth:`~suslov_fast.Suslov3D.admissible_I3` is NaN, no rigid body has the parameters.
+Suslov3D.admissible_I3 is NaN, no rigid body has the parameters.
 """
 
 import matplotlib.pyplot as plt
@@ -35,3 +33,4 @@ axes[0].set_ylabel(r"$I_{23} / \sqrt{I_1 I_2}$")
 bar = figure.colorbar(shades, ax=axes, ticks=bounds, format="%g")
 bar.add_lines(lines)  # at 1, 10 and 30 degrees
 bar.set_label("scattering angle (degrees)")
+figure.suptitle("angle between the first and the last axis of rotation")

@@ -1,6 +1,4 @@
-"""
-Sweep over bodies and step sizes
-================================
+"""Sweep over bodies and step sizes.
 
 A sweep is an ordinary batch. For each of 60 bodies and 48 step sizes, 2,000 random states with
 components between -2 and 2 are drawn; the colour is the fraction of them with t >= 1, whose orbits
@@ -30,3 +28,7 @@ fraction.plot(ax=axes, y="eps", yscale="log", cbar_kwargs={"label": r"fraction w
 axes.set(xlabel=r"$I_{13}$", ylabel=r"step size $\epsilon$")
 axes.set_yticks([2, 5, 10, 20, 50, 100], labels=[2, 5, 10, 20, 50, 100])
 axes.minorticks_off()
+axes.set_title(
+    "states whose orbits do not follow the motion, $I_1 = 4$, $I_2 = 2$, $I_{23} = -0.3$",
+    fontsize="medium",
+)

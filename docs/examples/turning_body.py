@@ -1,6 +1,4 @@
-"""
-A turning body
-==============
+"""A turning body.
 
 The ellipsoid of inertia in space, and the path of the axis about which the body cannot turn; its
 hidden half is faint. The motion begins close to one steady rotation and ends close to the other.

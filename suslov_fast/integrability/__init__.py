@@ -1,14 +1,16 @@
-"""Exact experiments on the integrability of Kahan maps.
+"""Exact experiments on the integrability of Kahan maps and other birational maps.
 
-A quadratic vector field and a step size define a birational map. Its degrees and their growth,
-Hirota-Kimura bases, which give first integrals, and Darboux polynomials, which give invariant
-measures and first integrals, are evidence for or against integrability. `report` finds all::
+A quadratic vector field and a step size define a birational map; `rational_map` takes any other.
+Degrees and their growth, Hirota-Kimura bases, which give first integrals, and Darboux polynomials,
+which give invariant measures and first integrals, are evidence for or against integrability.
+`report` finds all::
 
     from suslov_fast import Suslov3D
     from suslov_fast.integrability import *
 
     map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
     report(map.field, map.eps)
+    report(map.field)  # formulas in eps
     growth(degrees(map, 20))
     hk_bases(map, 2).integrals
     darboux_polynomials(map, 3)
@@ -26,23 +28,24 @@ except ImportError as error:
         "pip install '.[algebra]' in a copy of the repository"
     ) from error
 
-from .._bodies.field import QuadraticField
-from ._functions import RationalFunction
-from ._growth import Growth, degrees, growth
-from ._invariants import cofactors
-from ._maps import KahanMap, kahan
-from ._planar import Pencil
-from ._relations import HKBasis, darboux_polynomials, hk_bases
-from ._report import Report, report
-from ._zoo import zoo
+from ..bodies.field import QuadraticField
+from .darboux import darboux_polynomials
+from .functions import RationalFunction
+from .growth import Growth, degrees, growth
+from .invariants import cofactors
+from .kahan import KahanMap, kahan
+from .rational import RationalMap, rational_map
+from .relations import HKBasis, hk_bases
+from .report import Report, report
+from .zoo import zoo
 
 __all__ = [
     "Growth",
     "HKBasis",
     "KahanMap",
-    "Pencil",
     "QuadraticField",
     "RationalFunction",
+    "RationalMap",
     "Report",
     "cofactors",
     "darboux_polynomials",
@@ -50,6 +53,7 @@ __all__ = [
     "growth",
     "hk_bases",
     "kahan",
+    "rational_map",
     "report",
     "zoo",
 ]

@@ -1,10 +1,10 @@
-"""Results have the stored bits on several types of CPU, compiled and interpreted.
+"""Steps have the stored bits on several types of CPU, compiled and interpreted.
 
     PYTHONPATH=tests python tests/slow/test_hashes.py            print the hashes
     PYTHONPATH=tests python tests/slow/test_hashes.py --write    store them in hashes.json
 
-These are the functions and the hard problems of test_promises.py. The positions of NaN and 0 count,
-but not their signs, which differ between processors and interpreted code, nor the payload of NaN.
+The positions of NaN and 0 count, but not their signs, which differ between processors and
+interpreted code, nor the payload of NaN.
 """
 
 import hashlib
@@ -18,7 +18,9 @@ import children
 import numpy as np
 import pytest
 from llvmlite import binding
-from test_promises import HARD, ROWS, run, sample
+from test_promises import OPTIONS, hard
+
+import suslov_fast as sf
 
 HERE = Path(__file__)
 KEPT = HERE.with_name("hashes.json")
@@ -47,15 +49,13 @@ def problem(body, omega, eps):
 
 def all_hashes():
     found = {}
-    for name, row in ROWS.items():
-        for kind in row.kinds:
-            values = row.values(*problem(*sample(np.random.default_rng(1), kind)))
-            found[f"{name}, {kind}"] = digest(values)
-    for make, method, m in HARD:
-        given = problem(*make(np.random.default_rng(1), 70, m))
-        result = run(*given, 100, method=method)
-        values = result.omega, result.final, result.status, result.failed_at
-        found[f"{make.__name__}, {method}, {m}"] = digest(values)
+    for kind, options in OPTIONS:
+        given = problem(*hard(np.random.default_rng(1), kind))
+        for save_every in (1, None):
+            run = sf.iterate(*given, 60, save_every=save_every, on_singular="ignore", **options)
+            turns = [] if run.attitude is None else [run.attitude]
+            values = run.states, run.final, run.status, run.failed_at, *turns
+            found[f"{kind}, {options}, {save_every}"] = digest(values)
     return found
 
 

@@ -1,1 +1,0 @@
-"""The bodies, and how those in n dimensions reduce to those in three."""

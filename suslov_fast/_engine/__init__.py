@@ -1,1 +1,0 @@
-"""Calls of kernels with checked arguments: layout, stretches, threads."""

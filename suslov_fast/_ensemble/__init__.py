@@ -1,1 +1,0 @@
-"""Stored runs: larger than memory, resumable, and distributed over workers."""

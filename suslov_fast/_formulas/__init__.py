@@ -1,1 +1,0 @@
-"""Formulas: functions of scalars without loops, memory or threads."""

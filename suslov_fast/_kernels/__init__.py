@@ -1,1 +1,0 @@
-"""Numba loops over trajectories, steps and states."""

@@ -1,1 +1,0 @@
-"""Runs of a map: iteration, solutions, results and their files."""

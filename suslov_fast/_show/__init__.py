@@ -1,1 +1,0 @@
-"""Plots, and the page of `suslov-fast explore`."""

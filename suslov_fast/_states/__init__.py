@@ -1,1 +1,0 @@
-"""Quantities of a state."""

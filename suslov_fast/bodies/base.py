@@ -1,0 +1,279 @@
+"""Base class of all bodies: immutable parameters, families, equality, text and plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, dataclass, fields
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from .. import checks
+from ..checks import FloatArray, real_array, wrong
+from .numbers import to_lists
+
+Kind = TypeVar("Kind", bound="Body")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Body:
+    """A body, or a batch of them; the fields of a subclass are its parameters."""
+
+    # The number of axes of all parameters that are not axes of the batch.
+    _vector_axes: ClassVar[int] = 0
+    # The moments of inertia, and all parameters that are positive.
+    _moments: ClassVar[tuple[str, ...]] = ()
+    _positive: ClassVar[tuple[str, ...]] = ()
+    # Names that `to_dict` has besides those of the parameters.
+    _extras: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self) -> None:
+        required = {name: getattr(self, name) for name in self._required()}
+        arrays = {name: real_array(name, each) for name, each in (required | self._values).items()}
+        for name, array in arrays.items():
+            checks.within(name, array, checks.MOMENTS if name in self._moments else checks.OTHERS)
+            if name in self._positive and not (array > 0).all():
+                raise wrong(name, "positive numbers", array.min())
+        checks.common_shape({name: self._batch_of(name, array) for name, array in arrays.items()})
+        vars(self).update({name: _frozen(array) for name, array in arrays.items()})
+
+    @classmethod
+    def _names(cls) -> list[str]:
+        """Return the names of the parameters, optional ones last."""
+        return [field.name for field in fields(cls)]
+
+    @classmethod
+    def _required(cls) -> list[str]:
+        """Return the names of the parameters of the map, which may not be left out."""
+        return [field.name for field in fields(cls) if field.default is MISSING]
+
+    @classmethod
+    def _axes(cls, name: str) -> int:
+        """Return the number of axes of a parameter that are not axes of the batch."""
+        return cls._vector_axes
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        """The parameters that are set, by name: floats and read-only arrays."""
+        named = {name: getattr(self, name) for name in self._names()}
+        return {name: value for name, value in named.items() if value is not None}
+
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        """The parameters that are set, as arrays of floats."""
+        return {name: np.asarray(value, np.float64) for name, value in self._values.items()}
+
+    @property
+    def _coordinates(self) -> dict[str, FloatArray]:
+        """Named parameters other than the fields of the class: coordinates of datasets."""
+        return {}
+
+    @classmethod
+    def _of(cls: type[Kind], values: Mapping[str, Any]) -> Kind:
+        """Return a body with parameters of another, or parts of them, which are not checked."""
+        self = object.__new__(cls)
+        frozen = {name: _frozen(np.asarray(each)) for name, each in values.items()}
+        vars(self).update(dict.fromkeys(cls._names()) | frozen)
+        return self
+
+    def field(self) -> Any:
+        """Return the equations of motion as a `QuadraticField`, exact for a single body."""
+        return self._field
+
+    @cached_property
+    def _field(self) -> Any:
+        return self._field_of(Fraction)
+
+    def _field_of(self, number: Callable[[float], Fraction]) -> Any:
+        """Return the field, with the parameters of a single body as these exact numbers."""
+        raise NotImplementedError
+
+    @property
+    def parameters(self) -> Any:
+        """The parameters of the map, in order."""
+        return tuple(getattr(self, name) for name in self._required())
+
+    @cached_property
+    def batch_of_one(self) -> tuple[Any, ...]:
+        """The parameters of a single body with an axis for the batch."""
+        return tuple(np.array(each, ndmin=1 + self._vector_axes) for each in self.parameters)
+
+    @property
+    def dimension(self) -> int:
+        """The number of components of a state."""
+        return 2
+
+    @property
+    def _labels(self) -> tuple[str, ...]:
+        """The labels of the components of a state."""
+        return "Omega1", "Omega2"
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """The batch shape of the body, () for a single one."""
+        return np.broadcast_shapes(*(self._batch_of(*item) for item in self._values.items()))
+
+    def _batch_of(self, name: str, value: float | FloatArray) -> tuple[int, ...]:
+        shape = np.shape(value)
+        return shape[: len(shape) - self._axes(name)]
+
+    def __len__(self) -> int:
+        if not self.shape:
+            raise wrong("body", "a batch", f"a single {type(self).__name__}", TypeError)
+        return self.shape[0]
+
+    def __iter__(self: Kind) -> Iterator[Kind]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self: Kind, index: int | slice) -> Kind:
+        """Return a member, or a slice, of a batch along its first axis."""
+        size = len(self)
+        try:
+            place = index if isinstance(index, slice) else range(size)[index]
+        except (IndexError, TypeError) as error:
+            expected = f"an integer from {-size} to {size - 1}, or a slice"
+            raise wrong("index", expected, checks.short(index), type(error)) from None
+        return self._part(0, place)
+
+    def sel(self: Kind, *, method: str | None = None, **values: float) -> Kind:
+        """Return the members of a batch that have given values of named parameters.
+
+        Parameters
+        ----------
+        method : {None, "nearest"}
+            "nearest" takes the nearest value that the batch has; by default only equal values.
+        **values : float
+            For each name the value. The parameter has to vary along one axis of the batch, which
+            the result lacks.
+
+        Returns
+        -------
+        body
+            A single one, or a batch with fewer axes.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> bodies = Suslov3D(I1=[2, 3, 4], I2=1, I13=-0.5, I23=-0.3)
+        >>> bodies.sel(I1=3)
+        Suslov3D(I1=3.0, I2=1.0, I13=-0.5, I23=-0.3)
+        >>> bodies.sel(I1=3.8, method="nearest").I1
+        4.0
+        """
+        if method is not None:
+            checks.one_of("method", method, ["nearest"])
+        for name, value in values.items():
+            scalars = {each: a for each, a in self._arrays.items() if self._axes(each) == 0}
+            column = (scalars | self._coordinates).get(name, np.empty(0))
+            if not 0 < column.size == max(column.shape, default=0):
+                names = ", ".join({**self._coordinates} or self._names())
+                raise wrong("sel", f"a parameter that varies along one axis, of {names}", name)
+            wanted = checks.real_number(name, value)
+            if type(wanted) is not float:
+                raise wrong(name, "a number", checks.short(value))
+            i = int(np.argmin(abs(column - wanted)))
+            nearest = column.flat[i]
+            if method is None and nearest != wanted:
+                how = f'the nearest is {nearest}, which method="nearest" takes'
+                raise wrong(name, f"one of its {column.size} values", f"{wanted}: {how}")
+            axis = len(self.shape) - column.ndim + int(np.argmax(column.shape))
+            self = self._part(axis, i)
+        return self
+
+    def _part(self: Kind, axis: int, index: int | slice) -> Kind:
+        """Return the members with an index along one axis of the batch."""
+        values, shape = self._arrays.items(), self.shape
+        return self._of({n: cut(a, shape, axis, index, self._axes(n)) for n, a in values})
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        """The values that equal bodies share; -0.0 becomes 0.0."""
+        values = self._arrays.items()
+        return tuple((name, each.shape, (each + 0.0).tobytes()) for name, each in values)
+
+    def __eq__(self, other: object) -> bool:
+        return self._key == other._key if type(other) is type(self) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, (self._values,)
+
+    def __repr__(self) -> str:
+        name, values = type(self).__name__, self._values
+        if sum(map(np.size, values.values())) <= 25:
+            text = ", ".join(f"{each}={np.asarray(a).tolist()}" for each, a in values.items())
+            if len(text) < 100:
+                return f"{name}({text})"
+        text = ", ".join(f"{each}={np.shape(a) or a}" for each, a in values.items())
+        return f"<{name} of shape {self.shape}: {text}>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a dictionary of the class and the parameters, without loss, for JSON.
+
+        Returns
+        -------
+        dict
+            Numbers and nested lists by name, and under "body" the name of the class. Exact numbers
+            of a field that are no floats are strings "p/q", and H is a symmetric tensor in
+            (x1, ..., xD, 1).
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
+        {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
+        """
+        return {"body": type(self).__name__, **self._plain}
+
+    @property
+    def _plain(self) -> dict[str, Any]:
+        return {name: to_lists(value) for name, value in self._values.items()}
+
+    @classmethod
+    def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
+        """Return the body of this class that :meth:`to_dict` describes.
+
+        Parameters
+        ----------
+        parameters : mapping
+            What `to_dict` returned: a dictionary of another class, or one that lacks parameters or
+            has others, is a ValueError.
+
+        Returns
+        -------
+        body
+        """
+        checks.instance("parameters", parameters, Mapping)
+        given = dict(parameters)
+        kind, names = given.pop("body", None), [*cls._names(), *cls._extras]
+        if kind != cls.__name__:
+            raise wrong("body", repr(cls.__name__), repr(kind))
+        if wrong_names := {*given} - {*names} | {*cls._required()} - {*given}:
+            others = f"others: {', '.join(sorted(wrong_names))} missing or unknown"
+            raise wrong("parameters", f"the names {', '.join(names)}", others)
+        return cls._from_plain(given)
+
+    @classmethod
+    def _from_plain(cls: type[Kind], given: dict[str, Any]) -> Kind:
+        return cls(**given)
+
+
+def cut(array: Any, shape: tuple[int, ...], axis: int, index: Any, own: int) -> Any:
+    """Return a part, along one axis of a batch, of a parameter with `own` axes besides."""
+    place = axis - len(shape) + array.ndim - own
+    if place < 0:
+        return array
+    if array.shape[place] < shape[axis]:  # it is the same for all members
+        index = slice(None) if isinstance(index, slice) else 0
+    return array[(slice(None),) * place + (index,)]
+
+
+def _frozen(array: FloatArray) -> float | FloatArray:
+    """Return a read-only copy of a parameter, or its number."""
+    # Memory of a bytes object can never be made writeable.
+    frozen = np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
+    return frozen if array.ndim else float(array)

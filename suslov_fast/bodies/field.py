@@ -1,0 +1,336 @@
+"""Quadratic vector fields, whose Kahan maps the package iterates and analyses.
+
+A field is one table of coefficients. With x = (x1, ..., xD, 1) it is
+
+    dx_i/dt = sum_jk table[i, j, k] x_j x_k,    symmetric in j and k,
+
+and a Hamiltonian of degree 3 is a symmetric tensor, H(x) = sum_ijk H[i, j, k] x_i x_j x_k, whose
+gradient is 3 H[:D]. Tables of a single field hold fractions, those of a batch floats.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from ..checks import OTHERS, FloatArray, common_shape, integer, within, wrong
+from .base import Body, cut
+from .numbers import (
+    antisymmetric,
+    as_given,
+    check_parameters,
+    coefficients,
+    from_lists,
+    to_lists,
+)
+from .polynomials import family, terms_of, text_of, traced
+from .tensors import Hamiltonian, at_points, rates, sparse
+
+# Numbers of axes that are not axes of the batch.
+_AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class QuadraticField(Body):
+    """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
+
+    :func:`iterate` and the functions of a state take it like a body; the state is x. Its map is the
+    discretization of Kahan. `suslov_fast.integrability` analyses that map exactly.
+
+    Parameters
+    ----------
+    quadratic : array_like(shape=(..., D, D, D))
+        q, made symmetric in j and k, which does not change the field. The coefficients of a single
+        field may be integers, fractions or floats, and remain exact: 0.1 is the binary number, not
+        1/10, which is ``Fraction(1, 10)``. Those of a batch are floats. All are 0 or between 1e-60
+        and 1e60 in modulus.
+    linear : array_like(shape=(..., D, D)), optional
+        l, by default 0.
+    constant : array_like(shape=(..., D)), optional
+        c, by default 0.
+
+    Attributes
+    ----------
+    quadratic, linear, constant : ndarray
+        The coefficients: fractions of a single field, floats of a batch.
+    H
+        The Hamiltonian that :meth:`from_hamiltonian` was given, which can be called with a state,
+        or None.
+    K : ndarray(shape=(D, D)) or None
+        Its structure matrix.
+    parameters : dict
+        The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`: numbers as they
+        were given, and read-only arrays. They are coordinates of datasets and stores; ``==`` and
+        hash do not look at them.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> QuadraticField([[[0, 1], [0, 0]], [[-1, 0], [0, 0]]], constant=[0, 0.5])
+    QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
+    >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25))
+    QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
+    >>> QuadraticField.from_function(lambda x: (x[1] * x[2], x[2] * x[0], x[0] * x[1]), 3)
+    QuadraticField(x1' = x2*x3, x2' = x1*x3, x3' = x1*x2)
+    """
+
+    quadratic: Any
+    linear: Any = None
+    constant: Any = None
+
+    if TYPE_CHECKING:  # attributes that are made from these, or with them
+        table: Any = None
+        H: Hamiltonian | None = None
+        K: Any = None
+        _parameters: dict[str, Any] = {}
+
+    _extras: ClassVar[tuple[str, ...]] = ("H", "K", "parameters")
+
+    def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
+        arrays = {"quadratic": as_given("quadratic", quadratic)}
+        for name, each in (("linear", linear), ("constant", constant)):
+            if each is not None:
+                arrays[name] = as_given(name, each)
+        D = (0, *arrays["quadratic"].shape)[-1]
+        for name, array in arrays.items():
+            axes = _AXES[name]
+            if D == 0 or array.shape[-axes:] != (D,) * axes:
+                raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
+        batch = common_shape({name: a.shape[: a.ndim - _AXES[name]] for name, a in arrays.items()})
+        found = {name: coefficients(name, a, bool(batch)) for name, a in arrays.items()}
+        table = np.full((*batch, D, D + 1, D + 1), Fraction(0), found["quadratic"].dtype)
+        table[..., :-1, :-1] = found["quadratic"]
+        table[..., :-1, -1] += found.get("linear", 0)
+        table[..., -1, -1] += found.get("constant", 0)
+        vars(self).update(vars(self._made((table + table.swapaxes(-2, -1)) / 2)))
+
+    @classmethod
+    def _made(
+        cls, table: Any, H: Any = None, K: Any = None, parameters: Mapping[str, Any] | None = None
+    ) -> QuadraticField:
+        """Return the field with a table, and H, K and named parameters, which are not checked."""
+        self = object.__new__(cls)
+        found = {"quadratic": table[..., :-1, :-1], "constant": table[..., -1, -1], "table": table}
+        found |= {"linear": 2 * table[..., :-1, -1], "K": K}
+        for array in (H, *found.values()):
+            if array is not None:
+                array.flags.writeable = False
+        found |= {"H": None if H is None else Hamiltonian(H), "shape": table.shape[:-3]}
+        vars(self).update(found, _parameters=dict(parameters or {}))
+        return self
+
+    @classmethod
+    def from_function(
+        cls, f: Callable[..., Any], /, dimension: int, **parameters: Any
+    ) -> QuadraticField:
+        """Return the field with components ``f(x, **parameters)``.
+
+        Parameters
+        ----------
+        f : callable
+            It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
+            symbolic variables, so its coefficients remain exact; floats are binary numbers. With
+            arrays of parameters it is called for each of their values.
+        dimension : int
+            The number of variables, D.
+        **parameters : float or array_like(float, shape=(...))
+            Named parameters, passed to the function, with names that nothing else has. Arrays
+            broadcast, and make a batch of fields; single numbers remain exact.
+
+        Returns
+        -------
+        QuadraticField
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+        QuadraticField(x1' = -x1*x2 + x1, x2' = x1*x2 - x2)
+        >>> fields = QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[1, 2, 3])
+        >>> fields.parameters, fields.sel(a=2)
+        ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
+        """
+        D = integer("dimension", dimension, 1)
+        (table,), values = family(parameters, lambda given: (traced("f", f, D, 2, given),))
+        return cls._made(table, None, None, values)
+
+    @classmethod
+    def from_hamiltonian(
+        cls, H: Callable[..., Any], /, dimension: int, K: Any = None, **parameters: Any
+    ) -> QuadraticField:
+        """Return the field ``x' = K grad H(x, **parameters)``, which carries H and K.
+
+        Parameters
+        ----------
+        H : callable
+            It maps a tuple x of D variables to a polynomial of degree 3 or less, as the function
+            of :meth:`from_function` does.
+        dimension : int
+            The number of variables, D.
+        K : array_like(shape=(D, D)), optional
+            A constant antisymmetric matrix, of any rank. By default, for even D, it is the
+            canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
+        **parameters : float or array_like(float, shape=(...))
+            Named parameters, as in :meth:`from_function`.
+
+        Returns
+        -------
+        QuadraticField
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+        QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
+        """
+        D = integer("dimension", dimension, 1)
+        matrix = antisymmetric(K, D)
+
+        def tables(given: Mapping[str, Any]) -> tuple[Any, Any]:
+            whole = traced("H", H, D, 3, given)
+            return within("H", rates(whole, matrix), OTHERS), whole
+
+        (table, whole), values = family(parameters, tables)
+        return cls._made(table, whole, matrix.astype(table.dtype), values)
+
+    @classmethod
+    def of(cls, body: Any) -> QuadraticField:
+        """Return the equations of motion of a body, of a batch too: its ``field()``.
+
+        Parameters
+        ----------
+        body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+            The parameters of a single one are taken exactly.
+
+        Returns
+        -------
+        QuadraticField
+        """
+        if not isinstance(body, Body):
+            raise wrong("body", "a body or a field", type(body).__name__, TypeError)
+        field: QuadraticField = body.field()
+        return field
+
+    @property
+    def _field(self) -> QuadraticField:
+        return self
+
+    @property
+    def dimension(self) -> int:
+        """The number of variables."""
+        return int(self.table.shape[-3])
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The named parameters: numbers, and read-only arrays whose shapes broadcast."""
+        return dict(self._parameters)
+
+    @cached_property
+    def terms(self) -> tuple[Any, FloatArray]:
+        """The nonzero terms v x_j x_k of all f_i: i and j <= k (3, T), and v (..., T).
+
+        The index D stands for the 1; the terms with k = D are last. Values are rounded once.
+        """
+        return sparse(self.table, ordered=2)
+
+    @cached_property
+    def batch_of_one(self) -> tuple[Any, FloatArray]:
+        """The terms of a single field, their coefficients with an axis for the batch."""
+        indices, values = self.terms
+        return indices, values[None]
+
+    @property
+    def components(self) -> tuple[Any, ...]:
+        """The components as ``flint.fmpq_mpoly`` in x1, ..., xD; needs python-flint."""
+        import flint
+
+        D = self.dimension
+        context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
+
+        def polynomial(row: Any) -> Any:
+            terms = terms_of(row).items()
+            exponents = (tuple(map(powers.count, range(D))) for powers, _ in terms)
+            numbers = (flint.fmpq(*c.as_integer_ratio()) for _, c in terms)
+            return context.from_dict(dict(zip(exponents, numbers, strict=True)))
+
+        return tuple(map(polynomial, self.table))
+
+    def __call__(self, x: Any) -> Any:
+        """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
+        found = at_points(self.table, x, 2)
+        return tuple(found) if found.dtype == object else found
+
+    @classmethod
+    def _axes(cls, name: str) -> int:
+        return _AXES[name]
+
+    @property
+    def _labels(self) -> tuple[str, ...]:
+        return tuple(f"x{i}" for i in range(1, self.dimension + 1))
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        found = {name: getattr(self, name) for name in self._names()}
+        return found if self.H is None else found | {"H": self.H.tensor, "K": self.K}
+
+    @property
+    def _coordinates(self) -> dict[str, FloatArray]:
+        return {name: np.asarray(each, np.float64) for name, each in self._parameters.items()}
+
+    @classmethod
+    def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
+        whole = cls(*(values.get(name) for name in cls._names()))
+        if values.get("H") is None:
+            return whole
+        H = coefficients("H", as_given("H", values["H"]), bool(whole.shape))
+        K = antisymmetric(values.get("K"), whole.dimension).astype(H.dtype)
+        if H.shape != (*whole.shape, *(len(K) + 1,) * 3):
+            raise wrong("H, K", "those of the coefficients", f"shape {H.shape}")
+        expected = rates(H, K)  # the coefficients of a batch are rounded
+        if not (abs(expected - whole.table) <= 1e-9 * abs(expected).max(initial=0)).all():
+            raise wrong("H, K", "those of the coefficients", "others")
+        return cls._made(whole.table, H, K)
+
+    def _part(self, axis: int, index: int | slice) -> QuadraticField:
+        part = super()._part(axis, index)
+        for name, value in self._parameters.items():
+            each = cut(np.asarray(value), self.shape, axis, index, 0)
+            part._parameters[name] = each if each.ndim else each.item()
+        return part
+
+    @cached_property
+    def _key(self) -> tuple[Any, ...]:
+        """The nonzero coefficients, and their places, that equal fields share."""
+        arrays = [self.table] if self.H is None else [self.table, self.H.tensor, self.K]
+        return tuple((a.shape, np.flatnonzero(a).tobytes(), *a[a != 0]) for a in arrays)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        H = None if self.H is None else self.H.tensor
+        return self._made, (self.table, H, self.K, self._parameters)
+
+    def __repr__(self) -> str:
+        if self.shape:
+            names = "".join(f", {n}={np.shape(a) or a}" for n, a in self._parameters.items())
+            return f"<QuadraticField of shape {self.shape}: D={self.dimension}{names}>"
+        equations = [f"x{i}' = {text_of(terms_of(row))}" for i, row in enumerate(self.table, 1)]
+        equations += [] if self.H is None else [f"H = {self.H}"]
+        short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
+        return f"QuadraticField({short})"
+
+    @property
+    def _plain(self) -> dict[str, Any]:
+        named = {name: to_lists(value) for name, value in self._parameters.items()}
+        return super()._plain | ({"parameters": named} if named else {})
+
+    @classmethod
+    def _from_plain(cls, given: dict[str, Any]) -> QuadraticField:
+        given = {name: from_lists(name, each) for name, each in given.items()}
+        field = cls._of(given)
+        field._parameters.update(check_parameters(given.get("parameters", {})))
+        return field

@@ -1,0 +1,200 @@
+"""The n-dimensional body, and the test whether its problem is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..checks import FloatArray, first_index, real_array, spell, wrong
+from .base import Body
+from .field import QuadraticField
+from .rigid import inertia_matrix, shortest_rotation_to_last, unit_axis, without_rounding
+
+# Rounding error of J and I, which from_mass_tensor rotates.
+_ROUNDING = 1e-14
+# What to use for bodies that are not solved.
+_INSTEAD = {
+    "exact": "iterate",
+    "limits": "iterate",
+    "flow": "vector_field with scipy.integrate.solve_ivp",
+    "first_integral": "modified_energy",
+    "criticality": "iterate, and compare with half the step size",
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SuslovND(Body):
+    """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
+
+    In that basis Omega_ij = 0 for i, j < n, and the inertia matrix is diagonal except for its last
+    row and column. The state is omega = (Omega_1n, ..., Omega_(n-1)n).
+
+    Parameters
+    ----------
+    J : array_like(float, shape=(..., n - 1))
+        J_i = I_ii + I_nn, between 1e-60 and 1e60, in any unit that I shares.
+    I : array_like(float, shape=(..., n - 1))
+        The couplings I_in, 0 or between 1e-60 and 1e60 in modulus. Where all are 0 every angular
+        velocity is constant.
+
+    Notes
+    -----
+    Section 5 of Dragovic and Gajic, equation (13). For n = 3 this is :class:`Suslov3D` with
+    (Omega_13, Omega_23) = (Omega2, -Omega1), J = (I2, I1) and I = (-I13, -I23).
+
+    Examples
+    --------
+    >>> from suslov_fast import SuslovND
+    >>> body = SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
+    >>> body.dimension, body.shape
+    (3, ())
+    """
+
+    J: Any  # array_like when given, then an array
+    I: Any
+
+    _vector_axes: ClassVar[int] = 1
+    _positive: ClassVar[tuple[str, ...]] = ("J",)
+
+    def __post_init__(self) -> None:
+        shapes = np.shape(real_array("J", self.J)), np.shape(real_array("I", self.I))
+        if () in shapes or shapes[0][-1] != shapes[1][-1] or shapes[0][-1] == 0:
+            expected = "shapes (..., n - 1) with the same n > 1"
+            raise wrong("J, I", expected, f"{shapes[0]} and {shapes[1]}")
+        super().__post_init__()
+
+    @property
+    def dimension(self) -> int:
+        """The number of components of a state, n - 1."""
+        return int(self.J.shape[-1])
+
+    @property
+    def _labels(self) -> tuple[str, ...]:
+        return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
+
+    def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
+        J, I = self.J, self.I
+        if not self.shape:
+            J, I = (np.array([number(a) for a in each.tolist()]) for each in (J, I))
+        # J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j.
+        q = np.zeros((*self.shape, *(self.dimension,) * 3), J.dtype)
+        j = np.arange(self.dimension)
+        i = j[:, None]
+        q[..., i, i, j] = I[..., None, :] / J[..., :, None]
+        q[..., i, j, j] -= I[..., :, None] / J[..., :, None]
+        return QuadraticField(q)
+
+    @classmethod
+    def from_mass_tensor(
+        cls, I: ArrayLike, a: ArrayLike | None = None
+    ) -> tuple[SuslovND, FloatArray]:
+        """Return the body with given second moments of mass and a given constraint axis.
+
+        Parameters
+        ----------
+        I : array_like(float, shape=(n, n))
+            Symmetric to 1e-12 of its size and positive definite, in any basis fixed in the body:
+            the I of M = I Omega + Omega I, which holds the second moments of mass. For n = 3 that
+            is not the inertia tensor T of :meth:`Suslov3D.from_inertia` but trace(T) / 2 - T.
+        a : array_like(float, shape=(n,)), optional
+            The axis that becomes e_n, of any length but 0; by default e_n itself.
+
+        Returns
+        -------
+        body : SuslovND
+            The body in its adapted basis. Couplings below 2**-50 of the largest J are rounding
+            errors, and 0.
+        rotation : ndarray(float, shape=(n, n))
+            The matrix, of determinant 1, that takes components to the adapted basis:
+            ``I_adapted = rotation @ I @ rotation.T``. It is the identity where the given basis is
+            adapted already.
+
+        Examples
+        --------
+        >>> from suslov_fast import SuslovND
+        >>> body, rotation = SuslovND.from_mass_tensor(
+        ...     [[1, 0, 0, 0.4], [0, 2, 0, -0.7], [0, 0, 3, 0.5], [0.4, -0.7, 0.5, 4]]
+        ... )
+        >>> body
+        SuslovND(J=[5.0, 6.0, 7.0], I=[0.4, -0.7, 0.5])
+        >>> float(rotation.trace())
+        4.0
+        """
+        given = real_array("I", I)
+        n = len(given) if given.ndim else 0
+        if n < 2 or given.ndim != 2:
+            raise wrong("I", "shape (n, n) with n > 1", given.shape)
+        matrix = inertia_matrix("I", given, n)
+        axis = np.eye(n)[-1] if a is None else unit_axis("a", a, n)
+        if axis.ndim != 1:
+            raise wrong("a", f"shape ({n},)", axis.shape)
+        rotation = shortest_rotation_to_last(axis)
+        block = (rotation @ matrix @ rotation.T)[:-1, :-1]
+        if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(matrix).max():
+            turn = np.eye(n)
+            turn[:-1, :-1] = _principal_axes(block)
+            rotation = turn @ rotation
+        adapted = rotation @ matrix @ rotation.T
+        diagonal = np.diag(adapted)
+        J = diagonal[:-1] + diagonal[-1]
+        return cls(J, without_rounding(adapted[:-1, -1], J.max())), rotation
+
+
+def _principal_axes(block: FloatArray) -> FloatArray:
+    """Return the rotation that makes a symmetric matrix diagonal, near the identity if one is."""
+    from scipy.optimize import linear_sum_assignment  # imported here, since importing takes time
+
+    _, vectors = np.linalg.eigh(block)
+    _, order = linear_sum_assignment(-(vectors**2))
+    axes = vectors[:, order]
+    axes = axes * np.copysign(1.0, np.diag(axes))
+    if np.linalg.det(axes) < 0:
+        axes[:, np.argmin(abs(np.diag(axes)))] *= -1.0
+    return axes.T
+
+
+class NotIntegrableError(ValueError):
+    """No closed form or first integral is known for this body."""
+
+
+def are_solved(body: SuslovND) -> NDArray[np.bool_]:
+    """Return where J I = b I and J = a orthogonal to I, to rounding; everywhere for n = 3."""
+    J, size = np.broadcast_arrays(body.J, abs(body.I))
+    largest = size.max(axis=-1, keepdims=True)
+    coupled = size > _ROUNDING * largest
+    left_out = coupled & (coupled.sum(axis=-1, keepdims=True) == 1)
+    low = np.where(left_out, np.inf, J).min(axis=-1)
+    high = np.where(left_out, 0.0, J).max(axis=-1)
+    solved = (high * (1.0 - _ROUNDING) <= low) | (largest[..., 0] == 0.0) | (J.shape[-1] == 2)
+    return np.asarray(solved)
+
+
+def check_solved(body: SuslovND, function: str) -> None:
+    """Raise an error that names the function unless all bodies are solved."""
+    expected = "all J equal, or with I along one axis and all other J equal"
+    instead = f"for which no closed form is known: use {_INSTEAD[function]}"
+    _require(are_solved(body), function, expected, instead)
+
+
+def check_measure(body: SuslovND, function: str) -> None:
+    """Raise an error that names the function unless all bodies have a known invariant measure."""
+    size = abs(body.I)
+    along_axis = (size > _ROUNDING * size.max(axis=-1, keepdims=True)).sum(axis=-1) <= 1
+    known = (along_axis & (body.dimension == 3)) | (body.dimension == 2)
+    instead = (
+        "for which no invariant measure is known: use jacobian, whose determinant is the factor by "
+        "which a step changes volumes"
+    )
+    _require(known, function, "n = 3, or with n = 4 and I along one axis", instead)
+
+
+def _require(known: NDArray[np.bool_], function: str, expected: str, instead: str) -> None:
+    if not known.all():
+        which = f"body {spell(first_index(~known))}" if known.ndim else "one"
+        received = f"{which}, {instead}"
+        raise wrong(function, f"a body with {expected}", received, NotIntegrableError)

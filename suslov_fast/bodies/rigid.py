@@ -1,0 +1,275 @@
+"""The bodies in three dimensions, without and with a rotor, and bases adapted to an axis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..checks import FloatArray, common_shape, real_array, square_matrices, warn, wrong
+from .base import Body
+from .field import QuadraticField
+
+# Products of inertia below this part of the largest moment are rounding errors of a rotation.
+ROUNDING_OF_PRODUCTS = 2.0**-50
+# Rounding of the triangle inequality, which is an equality for flat bodies.
+_ROUNDING = 1e-14
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _In3D(Body):
+    """A rigid body in three dimensions, whose subclasses have I3 as last parameter."""
+
+    # What is given is array_like, what is kept a float or an array.
+    I1: Any
+    I2: Any
+    I13: Any
+    I23: Any
+
+    _moments: ClassVar[tuple[str, ...]] = ("I1", "I2", "I3")
+    _positive: ClassVar[tuple[str, ...]] = _moments
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        I1, I2, I13, I23, *_, I3 = (getattr(self, name) for name in self._names())
+        if I3 is None:
+            return
+        tensors = _matrices((I1, 0.0, I13), (0.0, I2, I23), (I13, I23, I3)).reshape(-1, 3, 3)
+        moments = np.linalg.eigvalsh(tensors / abs(tensors).max(axis=(1, 2), keepdims=True))
+        if not (fits := _obey_triangles(moments)).all():
+            expected = "one that a body with these parameters can have (see admissible_I3)"
+            warn(str(wrong("I3", expected, tensors[~fits][0, 2, 2])))
+
+    @property
+    def parameters(self) -> tuple[Any, ...]:
+        """I1, I2, I13, I23 and k, which is 0 without a rotor."""
+        return self.I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
+
+    def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
+        I1, I2, *products = self.parameters if self.shape else map(number, self.parameters)
+        # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
+        l = np.stack(np.broadcast_arrays(*products), axis=-1)
+        first, second = -l / np.asarray(I1)[..., None], l / np.asarray(I2)[..., None]
+        quadratic = np.zeros((*self.shape, 2, 2, 2), l.dtype)
+        linear = np.zeros((*self.shape, 2, 2), l.dtype)
+        quadratic[..., 0, :, 1], linear[..., 0, 1] = first[..., :2], first[..., 2]
+        quadratic[..., 1, :, 0], linear[..., 1, 0] = second[..., :2], second[..., 2]
+        return QuadraticField(quadratic, linear)
+
+
+def _matrices(*rows: tuple[Any, ...]) -> FloatArray:
+    """Return matrices (..., 3, 3) of entries that broadcast."""
+    entries = np.broadcast_arrays(*(each for row in rows for each in row))
+    return np.stack(entries, axis=-1).reshape(*entries[0].shape, 3, 3)
+
+
+def _obey_triangles(moments: Any) -> Any:
+    """Return where principal moments (..., 3), in order, obey the triangle inequalities."""
+    smallest, middle, largest = np.moveaxis(moments, -1, 0)
+    return smallest + middle - largest >= -_ROUNDING * largest
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Suslov3D(_In3D):
+    """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
+
+    In that basis the constraint is Omega3 = 0 and the inertia tensor is
+    ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``.
+
+    Parameters
+    ----------
+    I1, I2 : array_like(float, shape=(...))
+        Moments of inertia, between 1e-50 and 1e50, in any unit that all parameters share.
+    I13, I23 : array_like(float, shape=(...))
+        Products of inertia, 0 or between 1e-60 and 1e60 in modulus. Where both are 0 every angular
+        velocity is constant.
+    I3 : array_like(float, shape=(...)), optional
+        The third moment of inertia, as I1 and I2. It does not enter the map; :func:`momentum`,
+        :func:`step_full` and :func:`animate_body` take it from the body. A warning is given if no
+        rigid body has it; see :meth:`admissible_I3`.
+
+    Notes
+    -----
+    Section 2 of Dragovic and Gajic, equation (2).
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D
+    >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
+    >>> bodies = Suslov3D(I1=[2, 3, 4], I2=1, I13=-0.5, I23=-0.3)
+    >>> bodies.shape, bodies[-1]
+    ((3,), Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3))
+    """
+
+    I3: Any = None
+
+    def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
+        """Return the interval of I3 for which a rigid body with these parameters exists.
+
+        For such I3 the second moments of mass are positive definite.
+
+        Returns
+        -------
+        low, high : ndarray(float, shape=(...))
+            The ends of the open interval of I3; NaN if no body has these parameters.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> low, high = Suslov3D(I1=3, I2=3, I13=-0.2, I23=-0.2).admissible_I3()
+        >>> round(float(low), 6), round(float(high), 6)
+        (0.053816, 5.946184)
+        """
+        I1, I2, I13, I23, _ = self.parameters
+        # The second moments tr(T) / 2 - T are (B + I3 diag(1, 1, -1)) / 2, singular at both ends,
+        # which are the larger eigenvalues of -diag(1, 1, -1) B.
+        rows = (I1 - I2, 0.0, 2 * I13), (0.0, I2 - I1, 2 * I23), (-2 * I13, -2 * I23, I1 + I2)
+        ends = _matrices(*rows)
+        low, high = np.moveaxis(np.sort(np.linalg.eigvals(ends).real, axis=-1)[..., 1:], -1, 0)
+        signs = np.array([1.0, 1.0, -1.0])
+        middle = np.diag(signs) * (0.5 * (low + high))[..., None, None] - signs[:, None] * ends
+        exists = np.linalg.eigvalsh(middle)[..., 0] > 0
+        low, high = (np.where(exists, end, np.nan)[()] for end in (low, high))
+        return low, high
+
+    @classmethod
+    def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
+        """Return the body with a given inertia tensor and constraint axis.
+
+        Parameters
+        ----------
+        I : array_like(float, shape=(..., 3, 3))
+            Inertia tensor in any basis fixed in the body: symmetric to 1e-12 of its size, positive
+            definite, and each principal moment smaller than the sum of the others.
+        a : array_like(float, shape=(..., 3))
+            The axis, fixed in the body, about which it may not turn; of any length but 0.
+
+        Returns
+        -------
+        body : Suslov3D
+            The body in its adapted basis, where the axis is e3 and I12 = 0. Products of inertia
+            below 2**-50 of the largest moment are rounding errors, and 0.
+        rotation : ndarray(float, shape=(..., 3, 3))
+            The matrix, of determinant 1, that takes components to the adapted basis:
+            ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.
+            It is the identity where the given basis is adapted already.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import Suslov3D
+        >>> I = [[4, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
+        >>> body, rotation = Suslov3D.from_inertia(I, a=[0, 0, 2])
+        >>> body
+        Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, I3=3.0)
+        >>> bool((rotation == np.eye(3)).all())
+        True
+        """
+        tensor = inertia_matrix("I", I, 3)
+        moments = np.linalg.eigvalsh(tensor)
+        if not (fits := _obey_triangles(moments)).all():
+            expected = "no principal moment larger than the sum of the others"
+            raise wrong("I", expected, f"the principal moments {moments[~fits][0].tolist()}")
+        axis = unit_axis("a", a, 3)
+        common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
+        to_e3 = shortest_rotation_to_last(axis)
+        turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
+        # The smaller angle about e3 that makes I12 vanish (Jacobi); 0 if I12 is 0.
+        I12 = turned[..., 0, 1]
+        gap = turned[..., 0, 0] - turned[..., 1, 1]
+        angle = 0.5 * np.arctan2(np.copysign(2.0, gap) * I12, abs(gap))
+        c, s = np.cos(angle), np.sin(angle)
+        rotation = _matrices((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)) @ to_e3
+        I = rotation @ tensor @ rotation.swapaxes(-2, -1)
+        I1, I2, I3 = np.moveaxis(np.diagonal(I, axis1=-2, axis2=-1), -1, 0)
+        largest = np.diagonal(I, axis1=-2, axis2=-1).max(axis=-1)
+        I13, I23 = (without_rounding(I[..., i, 2], largest) for i in (0, 1))
+        return cls(I1, I2, I13, I23, I3), rotation
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SuslovGyrostat(_In3D):
+    """Suslov gyrostat, or a batch: a rigid body with a rotor along the constrained axis.
+
+    In the adapted basis the constraint is Omega3 = 0, and the angular momentum is that of
+    :class:`Suslov3D` with the constant k along e3.
+
+    Parameters
+    ----------
+    I1, I2 : array_like(float, shape=(...))
+        Moments of inertia, between 1e-50 and 1e50, in any unit that all parameters share.
+    I13, I23 : array_like(float, shape=(...))
+        Products of inertia, 0 or between 1e-60 and 1e60 in modulus.
+    k : array_like(float, shape=(...))
+        Momentum of the rotor, of either sign, in units of inertia times angular velocity; 0 or
+        between 1e-60 and 1e60 in modulus.
+    I3 : array_like(float, shape=(...)), optional
+        The third moment of inertia, as in :class:`Suslov3D`.
+
+    Notes
+    -----
+    With l = I13 Omega1 + I23 Omega2 + k the equations are I1 Omega1' = -l Omega2 and
+    I2 Omega2' = l Omega1. States with l = 0 are steady. An orbit of energy E goes from one to
+    another where k**2 <= 2 E (I13**2 / I1 + I23**2 / I2), and is periodic elsewhere. If
+    I13 = I23 = 0, Omega still rotates.
+
+    Examples
+    --------
+    >>> from suslov_fast import SuslovGyrostat
+    >>> SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
+    SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
+    >>> SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=[0.0, 0.9, 1.8]).shape
+    (3,)
+    """
+
+    k: Any
+    I3: Any = None
+
+
+def inertia_matrix(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Return symmetric positive definite matrices (..., n, n)."""
+    matrix = square_matrices(name, value, n)
+    size = abs(matrix).max(axis=(-2, -1), initial=0.0)
+    asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
+    if not (asymmetry <= 1e-12 * size).all():
+        raise wrong(name, "a symmetric inertia matrix", f"one with |I - I.T| = {asymmetry.max()}")
+    least = np.linalg.eigvalsh(matrix).min(axis=-1, initial=np.inf)
+    if not (least > 1e-15 * size).all():
+        raise wrong(name, "a positive definite inertia matrix", f"the eigenvalue {least.min()}")
+    return matrix
+
+
+def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Return nonzero axes (..., n), normalized."""
+    axis = real_array(name, value)
+    if axis.shape[-1:] != (n,):
+        raise wrong(name, f"shape (..., {n})", axis.shape)
+    length = np.linalg.norm(axis, axis=-1, keepdims=True)
+    if not (length > 0).all():
+        raise wrong(name, "an axis other than 0", "one of length 0")
+    return np.asarray(axis / length)
+
+
+def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
+    """Return the rotations of smallest angle that take unit axes (..., n) to e_n."""
+    n = axis.shape[-1]
+    # An axis that points down is first rotated by pi in the plane of e_1 and e_n.
+    half_turn = np.eye(n)
+    half_turn[0, 0] = half_turn[-1, -1] = -1.0
+    down = axis[..., -1, np.newaxis, np.newaxis] < 0.0
+    first = np.where(down, half_turn, np.eye(n))
+    up = first @ axis[..., np.newaxis]
+    s = up + np.eye(n)[:, -1:]
+    rotation: FloatArray = np.eye(n) - s @ s.swapaxes(-2, -1) / s[..., -1:, :]
+    rotation[..., -1, :] += 2.0 * up[..., 0]
+    return rotation @ first
+
+
+def without_rounding(products: FloatArray, largest: FloatArray) -> FloatArray:
+    """Return products of inertia, 0 where they are rounding errors beside the largest moment."""
+    return np.where(abs(products) < ROUNDING_OF_PRODUCTS * largest, 0.0, products)

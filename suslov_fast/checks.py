@@ -1,0 +1,254 @@
+"""Checks of arguments: every message reads "name: expected ..., got ..."."""
+
+from __future__ import annotations
+
+import math
+import numbers
+import operator
+import os
+import sys
+import warnings
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.float64]
+
+_FLOAT64 = np.dtype(np.float64)
+_NUMBERS = {float, int, np.float64}
+# Up to this size the sum in Python is faster than one call of NumPy.
+_FEW = 64
+# Larger arrays take as long to check as to compute with.
+_MANY = 2**14
+# Moments and step sizes have a modulus between 10**-50 and 10**50, other parameters 10**60.
+MOMENTS, OTHERS = 50, 60
+_HERE = os.path.dirname(__file__) + os.sep
+
+
+def wrong(name: str, expected: str, received: object, error: Any = ValueError) -> Any:
+    """Return an error with the one wording of all messages."""
+    return error(f"{name}: expected {expected}, got {received}")
+
+
+def warn(message: str, category: type[Warning] = UserWarning) -> None:
+    """Warn of the user's line: that of the first frame outside the package."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back and frame.f_code.co_filename.startswith((_HERE, "<string>")):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, level)
+
+
+def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArray:
+    """Return any array-like of finite real numbers as float64; with `allow_nan` also NaN."""
+    array = _floats(name, value)
+    _all_finite(name, array, allow_nan)
+    return array
+
+
+def real_number(name: str, value: ArrayLike) -> float | FloatArray:
+    """Return a finite real number as a float, or an array; floats are much faster."""
+    if type(value) is int and abs(value) <= 2**53:
+        return float(value)
+    if type(value) is not float:
+        array = real_array(name, value)
+        return array.item() if array.ndim == 0 else array
+    if not math.isfinite(value):
+        raise wrong(name, "finite real numbers", value)
+    return value
+
+
+def within(name: str, value: Any, exponent: int) -> Any:
+    """Return numbers that are 0, or between 10**-exponent and 10**exponent in modulus."""
+    low, high = 10.0**-exponent, 10.0**exponent
+    if type(value) is float and (value == 0.0 or low <= abs(value) <= high):
+        return value
+    array = np.asarray(value)
+    size = abs(array[array != 0])
+    if len(bad := size[(size < low) | (size > high)]):
+        expected = f"0 or numbers from 1e-{exponent} to 1e{exponent} in modulus"
+        raise wrong(name, expected, f"{short(bad.tolist()[0])}: change the units")
+    return value
+
+
+def states(name: str, value: ArrayLike, labels: Sequence[str], later: bool = False) -> FloatArray:
+    """Return states whose components are `labels`; where one is NaN, all of that state are.
+
+    With `later`, the numbers of a large array are not looked at: the caller calls `real_array` if
+    what it computes from them is not finite.
+    """
+    array = _floats(name, value, labels)
+    if array.ndim == 0 or array.shape[-1] != len(labels):
+        raise wrong(name, f"shape (..., {len(labels)})", array.shape)
+    if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
+        return array
+    return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
+
+
+def _floats(name: str, value: Any, labels: Sequence[str] = ()) -> FloatArray:
+    """Return any array-like of real numbers as float64, including infinite ones and NaN."""
+    if type(value) is np.ndarray and value.dtype is _FLOAT64:
+        return value
+    if labels and hasattr(value, "dims"):
+        value = _of_dataset(value, labels)
+    refuse(name, value)
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise wrong(name, "a rectangular array of real numbers", short(value)) from error
+    if array.dtype is _FLOAT64:
+        return array
+    refuse(name, array)
+    are_real = array.dtype.kind in "iuf"
+    if array.dtype.kind == "O":
+        are_real = all(isinstance(item, numbers.Real) for item in array.flat)
+    if not are_real:
+        received = f"{short(value)} of dtype {array.dtype}"
+        raise wrong(name, "real numbers", received, TypeError)
+    try:
+        with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
+            return array.astype(np.float64, copy=False)
+    except OverflowError as error:
+        raise wrong(name, "numbers in the range of float64", short(value)) from error
+
+
+def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
+    """Return True if all numbers are finite, False if some are NaN; raise for those not allowed."""
+    if array.size <= _FEW and math.isfinite(sum(array.ravel().tolist())):
+        return True
+    finite = np.isfinite(array)
+    if finite.all():
+        return True
+    bad = np.isinf(array) if allow_nan else ~finite
+    if bad.any():
+        index = first_index(bad)
+        where = f" at index {index}" if index else ""
+        raise wrong(name, "finite real numbers", f"{array[index]}{where}")
+    return False
+
+
+def _of_dataset(value: Any, labels: Sequence[str]) -> Any:
+    """Return the array of a variable of this package's datasets, or the value as it is."""
+    if tuple(value.dims)[-1:] == ("component",) and "n" not in value.dims[1:]:
+        coords = getattr(value, "coords", {})
+        if "component" not in coords or coords["component"].values.tolist() == [*labels]:
+            return value.data
+    return value
+
+
+def refuse(name: str, value: Any) -> None:
+    """Raise for labels, units, booleans and masked arrays, alone or as items of a list."""
+    if type(value) in _NUMBERS or value is None:
+        return
+    if type(value) is np.ndarray:
+        value = value.ravel().tolist() if value.dtype.kind == "O" else []
+    if isinstance(value, (list, tuple)):
+        if not _NUMBERS.issuperset(map(type, value)):
+            for item in value:
+                refuse(name, item)
+        return
+    kind = type(value).__name__
+    if isinstance(value, (bool, np.bool_)):
+        raise wrong(name, "real numbers", f"{value} of dtype bool", TypeError)
+    has_index = not callable(getattr(value, "index", len))
+    if has_index or hasattr(value, "dims") or hasattr(value, "columns"):
+        how = f"{kind} with labels: pass its array, by .to_numpy()"
+        raise wrong(name, "an array without labels", how, TypeError)
+    if hasattr(value, "unit") or hasattr(value, "units"):
+        number = "magnitude" if hasattr(value, "magnitude") else "value"
+        unit = value.unit if hasattr(value, "unit") else value.units
+        how = f"pass its number in the unit of all arguments, as {name}.to(...).{number}"
+        raise wrong(name, "numbers without a unit", f"{kind} in {unit}: {how}", TypeError)
+    if isinstance(value, np.ndarray) and np.ma.is_masked(value):
+        raise wrong(name, "real numbers", "a masked array with missing values")
+
+
+def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
+    """Return matrices (..., n, n) of finite real numbers."""
+    matrices = real_array(name, value, allow_nan)
+    if matrices.shape[-2:] != (n, n):
+        raise wrong(name, f"shape (..., {n}, {n})", matrices.shape)
+    return matrices
+
+
+def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Return rotation matrices (..., n, n), orthogonal to 1e-10."""
+    matrices = square_matrices(name, value, n)
+    error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
+    least = np.linalg.det(matrices).min(initial=1.0)
+    if error > 1e-10 or least < 0:
+        received = f"|R R.T - 1| = {error:.2g} and determinant {least:.2g}"
+        raise wrong(name, "rotation matrices", received)
+    return matrices
+
+
+def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the shape that the named batch shapes broadcast to."""
+    if not any(shapes.values()):
+        return ()
+    try:
+        return np.broadcast_shapes(*shapes.values())
+    except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
+        received = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        expected = "expected batch shapes that broadcast against each other"
+        raise ValueError(f"{expected}, got {received}{_axes_that_fit(shapes)}") from error
+
+
+def _axes_that_fit(shapes: dict[str, tuple[int, ...]]) -> str:
+    """Return a hint if one argument, with more axes, gives all combinations."""
+    more = max(map(len, shapes.values()))
+    for name, shape in reversed(shapes.items()):
+        if name.isidentifier() and name != "body" and len(shape) == 1:
+            with suppress(ValueError):
+                np.broadcast_shapes(*(shapes | {name: shape + (1,) * more}).values())
+                return f"; {name}[:{', None' * more}] would fit"
+    return ""
+
+
+def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
+    """Return an integer of at least `minimum` that fits in 64 bits."""
+    if type(value) is int and minimum <= value < 2**62:
+        return value
+    expected = expected or f"an integer of at least {minimum}"
+    try:
+        if isinstance(value, (bool, np.bool_)):
+            raise TypeError
+        number = operator.index(value)
+    except TypeError as error:
+        received = f"{short(value)} of type {type(value).__name__}"
+        raise wrong(name, expected, received, TypeError) from error
+    if not minimum <= number < 2**62:
+        raise wrong(name, f"{expected}, below 2**62" if number > 0 else expected, short(number))
+    return number
+
+
+def one_of(name: str, value: Any, choices: Collection[str]) -> str:
+    if not isinstance(value, str) or value not in choices:
+        raise wrong(name, f"one of {', '.join(map(repr, choices))}", short(value))
+    return value
+
+
+def instance(name: str, value: Any, expected: Any) -> None:
+    """Check the class of an object; `expected` is a class, a tuple or a union of classes."""
+    if not isinstance(value, expected):
+        classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
+        names = " or ".join(each.__name__ for each in classes)
+        is_class = isinstance(value, type)
+        received = f"the class {value.__name__}" if is_class else type(value).__name__
+        raise wrong(name, names, received, TypeError)
+
+
+def short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
+    return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
+
+
+def spell(index: tuple[int, ...]) -> str:
+    """Return an index as users write it: `3`, `(1, 2)`, or `0` for a single trajectory."""
+    return f"{index}" if len(index) > 1 else f"{(*index, 0)[0]}"

@@ -1,0 +1,414 @@
+"""The command `suslov-fast`: runs, their summaries, reports, pictures and a page in the browser."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import json
+import os
+import re
+import shutil
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from difflib import get_close_matches
+from fractions import Fraction
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NoReturn
+
+from . import __version__
+
+# Other modules are imported where they are needed: Numba would delay `--help`.
+_PARAMETERS = ("I1", "I2", "I13", "I23", "I3", "k", "J", "I")
+_SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the command, and return its exit status; errors are one line on stderr."""
+    try:
+        options = _parsed(sys.argv[1:] if words is None else words)
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: _tell(f"warning: {message}")
+            return int(options.function(options) or 0)
+    except KeyboardInterrupt as error:
+        _tell(f"interrupted{error}")
+        return 130  # as a shell does for a process that a signal ended
+    except BrokenPipeError:  # nobody reads the output, whose rest Python would write at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    except Exception as error:
+        _tell(_text_of(error))
+        return 1
+
+
+def _tell(text: str) -> None:
+    print("suslov-fast:", " ".join(text.split()), file=sys.stderr, flush=True)
+
+
+def _text_of(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error) or type(error).__name__
+
+
+@contextmanager
+def _about(what: Path | str) -> Iterator[None]:
+    """Let the messages of errors begin with the name of a file or an option."""
+    try:
+        yield
+    except Exception as error:
+        text = _text_of(error)
+        text = text if text.startswith(str(what)) else f"{what}: {text}"
+        raise ValueError(text) from error
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors ask what was meant."""
+
+    def error(self, message: str) -> NoReturn:
+        found = re.search(r"unrecognized arguments: -+([^\s=]+)|invalid choice: '([^']*)'", message)
+        known = [[*each.option_strings, *map(str, each.choices or ())] for each in self._actions]
+        names = {name.strip("-").lower(): name for each in known for name in each}
+        close = get_close_matches((found[1] or found[2]).lower(), names, 1) if found else []
+        super().error(f"{message}; did you mean {names[close[0]]}?" if close else message)
+
+
+def _parsed(words: Sequence[str]) -> argparse.Namespace:
+    parser = _Parser("suslov-fast", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("-V", "--version", action="version", version=f"suslov-fast {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+
+    def command(function: Callable[..., int | None]) -> Any:
+        name, text = function.__name__.replace("_", "-"), inspect.getdoc(function) or ""
+        settings: dict[str, Any] = {"help": text.partition(".")[0], "description": text}
+        made = commands.add_parser(name, allow_abbrev=False, **settings)
+        made.set_defaults(function=function, usage_error=made.error)
+        return made
+
+    _add_options_of_run(command(run))
+    made = command(info)
+    made.add_argument("file", type=Path, nargs="+", metavar="FILE", help=".npz or .zarr")
+    made.add_argument("--json", action="store_true", help="print JSON, an object in each line")
+    made = command(report)
+    made.add_argument("--body", type=Path, metavar="FILE.json", required=True)
+    made.add_argument("--eps", type=Fraction, metavar="X", help="as 1/3 or 0.1 (any step size)")
+    made.add_argument("--degree", type=integer, default=3, help="of polynomials (3)")
+    made.add_argument("--time-limit", type=float, metavar="SECONDS")
+    made.add_argument("--json", action="store_true", help="print JSON, for programs")
+    made = command(pictures)
+    made.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR")
+    made.add_argument("--force", action="store_true", help="replace what is there")
+    made = command(explore)
+    made.add_argument("--port", type=integer, default=0, help="of 127.0.0.1 (a free one)")
+    made.add_argument("--no-browser", action="store_true", help="only print the address")
+    command(warm_up)
+    # argparse takes a word such as -1,.5 for an option, unless it begins with a blank.
+    words = [f" {word}" if re.match(r"-[\d.]", word) else word for word in words]
+    options, strays = parser.parse_known_args(words)
+    if strays:
+        options.usage_error(f"unrecognized arguments: {' '.join(strays)}")
+    return options
+
+
+def integer(text: str) -> int:
+    """Return an integer, which may be written as 1e6."""
+    if (value := Fraction(text)).denominator > 1:
+        raise ValueError
+    return int(value)
+
+
+def numbers(text: str) -> list[float]:
+    """Return numbers separated by commas."""
+    return [float(each) for each in text.split(",")]
+
+
+def _add_options_of_run(parser: Any) -> None:
+    group = parser.add_argument_group("body: a picture of the paper, a file or all parameters")
+    one = group.add_mutually_exclusive_group()
+    one.add_argument("--picture", type=int, choices=(1, 2, 3, 4), help="(2)")
+    one.add_argument("--body", type=Path, metavar="FILE.json", help="as to_dict() was written")
+    for name in _PARAMETERS:
+        kind, form = (numbers, "X,...") if name in "JI" else (float, "X")
+        group.add_argument(f"--{name}", type=kind, metavar=form)
+    group = parser.add_argument_group("initial states")
+    one = group.add_mutually_exclusive_group()
+    one.add_argument("--trajectories", type=integer, metavar="N", help="random ones (65536)")
+    one.add_argument("--omega0", type=numbers, action="append", metavar="X,...", help="given ones")
+    one.add_argument("--initial", type=Path, metavar="FILE.npy", help="one in each row")
+    group.add_argument("--extent", type=float, metavar="X", help="random ones in [-X, X) (2)")
+    group.add_argument("--seed", type=integer, metavar="N", help="of random ones (0)")
+    group = parser.add_argument_group("run")
+    group.add_argument("--eps", type=Fraction, metavar="X", help="step size (of the picture)")
+    group.add_argument("--steps", type=integer, default=1000, metavar="N", help="(1000)")
+    group.add_argument("--method", default="auto", help="of iterate (auto)")
+    group.add_argument("--threads", type=integer, metavar="N", help="(all)")
+    group.add_argument("--save-every", type=integer, metavar="K", help="(only the last state)")
+    group.add_argument("--attitude", action="store_true", help="the orientation, too")
+    group.add_argument("-o", "--output", type=Path, metavar="FILE", help=".npz or .zarr")
+    group.add_argument("--force", action="store_true", help="replace what is there")
+    group.add_argument("--json", action="store_true", help="print JSON, for programs")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Iterate a batch of trajectories and print a summary.
+
+    By default 65,536 random initial states take 1000 steps of the body and with the step size of
+    picture 2 of the paper. A run into FILE.zarr is written in parts: the same command goes on.
+    """
+    path = options.output
+    if path is not None and path.suffix not in (".npz", ".zarr"):
+        options.usage_error(f"argument -o/--output: expected FILE.npz or FILE.zarr, got '{path}'")
+    if path is None and (options.attitude or options.save_every is not None):
+        options.usage_error("arguments --save-every and --attitude: expected -o FILE with them")
+    body, eps = _body_and_step(options)
+    work = body, _starts(options, body), eps, options.steps
+    import numba
+
+    from .engine.arguments import thread_count
+
+    numba.set_num_threads(thread_count(options.threads) or numba.get_num_threads())
+    settings = {name: getattr(options, name) for name in ("save_every", "method", "attitude")}
+    settings["progress"] = sys.stderr.isatty() and find_spec("tqdm") is not None
+    compute = _stored if path is not None and path.suffix == ".zarr" else _held
+    facts = compute(path, options.force, work, settings)
+    facts |= {"threads": numba.get_num_threads()} | ({} if path is None else {"written": str(path)})
+    print(_lines_of(facts, options.json), flush=True)
+    if facts["trajectories"] and not facts["status"].keys() & {"OK", "SUPERCRITICAL"}:
+        raise ArithmeticError("run: all trajectories failed")
+
+
+def _body_and_step(options: argparse.Namespace) -> tuple[Any, float]:
+    """Return the body of a picture, of a file or with parameters, and the step size."""
+    from . import Suslov3D, SuslovGyrostat, SuslovND
+    from .bodies.paper import PICTURES
+
+    values = vars(options).items()
+    given = {name: each for name, each in values if name in _PARAMETERS and each is not None}
+    if given and (options.picture or options.body):
+        options.usage_error(f"argument --{min(given)}: not allowed with --picture or --body")
+    if not (given or options.body):
+        body, eps, _ = PICTURES[options.picture or 2]
+        return body, eps if options.eps is None else options.eps
+    if options.eps is None:
+        options.usage_error("the following arguments are required: --eps, with a body of your own")
+    if options.body:
+        return _body_in(options.body), options.eps
+    kind: Any = SuslovND if {"J", "I"} & {*given} else SuslovGyrostat if "k" in given else Suslov3D
+    if missing := [f"--{name}" for name in kind._required() if name not in given]:
+        options.usage_error(f"the following arguments are required: {', '.join(missing)}")
+    if unknown := given.keys() - {*kind._names()}:
+        options.usage_error(f"argument --{min(unknown)}: not allowed with --J and --I")
+    return kind(**given), options.eps
+
+
+def _body_in(path: Path) -> Any:
+    """Return the body or field in a file."""
+    from . import body_from_dict
+
+    with _about(path):
+        return body_from_dict(json.loads(path.read_text(encoding="utf-8")))
+
+
+def _starts(options: argparse.Namespace, body: Any) -> Any:
+    """Return the initial states: RandomStarts, an array, or a memory map."""
+    import numpy as np
+
+    from . import RandomStarts, checks
+
+    path, given = options.initial, options.omega0
+    if (path or given) and (options.extent, options.seed) != (None, None):
+        options.usage_error("arguments --extent and --seed: expected random states with them")
+    if given:
+        return checks.states("--omega0", given, body._labels)
+    if path is None:
+        count = 65_536 if options.trajectories is None else options.trajectories
+        extent = 2.0 if options.extent is None else options.extent
+        return RandomStarts(checks.integer("--trajectories", count, 1), extent, options.seed or 0)
+    with _about(path):
+        states = np.lib.format.open_memmap(path, mode="r")
+        checks.states(str(path), np.asarray(states), body._labels)
+    return states
+
+
+def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
+    """Compute a run, save it if there is a path, and return its summary."""
+    from . import RandomStarts, iterate
+    from .core.numba import compile_timer
+
+    if path is not None:
+        _require_new([path], force)
+        if not os.access(f"{path.absolute().parent}/", os.W_OK):
+            raise PermissionError(f"{path}: expected a name in a folder that can be written to")
+    body, starts, eps, steps = work
+    if isinstance(starts, RandomStarts):
+        starts = starts.states(starts.shape[0], dimension=body.dimension)
+    try:
+        for _ in range(2):  # short runs twice, since the first one starts threads
+            with compile_timer() as compiling:
+                begin = time.perf_counter()
+                found = iterate(body, starts, eps, steps, on_singular="ignore", **settings)
+                seconds = time.perf_counter() - begin - compiling()
+            if seconds > 0.5:
+                break
+        if path is not None:
+            found.save(path, overwrite=force)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("" if path is None else f": {path} was not written") from None
+    rate = float((found.failed_at + (found.failed_at < 0) * (steps + 1)).sum()) / seconds
+    return _facts_of(found, starts) | {"seconds": seconds, "steps_per_second": rate}
+
+
+def _require_new(paths: Sequence[Path], force: bool) -> None:
+    for path in [] if force else filter(Path.exists, paths):
+        raise FileExistsError(f"{path}: expected a new name, or --force to replace it")
+
+
+def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]:
+    """Compute what a store lacks of a run, and return its summary."""
+    from . import ensemble, open_ensemble
+
+    if force and path.exists():
+        open_ensemble(path)  # an error, unless it is the store of a run
+        shutil.rmtree(path)
+    begin = time.perf_counter()
+    try:
+        facts = _facts_of_store(ensemble(*work, store=path, **settings))
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f": {path} keeps its tiles; the same command goes on") from None
+    return facts | {"seconds": time.perf_counter() - begin}
+
+
+def info(options: argparse.Namespace) -> int:
+    """Print a summary of saved runs: .npz of Trajectories.save, .zarr of ensemble."""
+    from . import Trajectories, open_ensemble
+
+    failed = 0
+    for path in options.file:
+        try:
+            with _about(path):
+                if path.suffix == ".zarr":
+                    facts = _facts_of_store(open_ensemble(path))
+                else:
+                    facts = _facts_of(Trajectories.load(path))
+            print(_lines_of({"file": str(path), **facts}, options.json), flush=True)
+        except ValueError as error:
+            _tell(str(error))
+            failed = 1
+    return failed
+
+
+def _facts_of(found: Any, start: Any = None) -> dict[str, Any]:
+    """Return the summary of a run, with changes since its first state or `start`."""
+    start = found.states[0] if start is None and len(found) and found.n[0] == 0 else start
+    return {
+        "body": repr(found.body) if found.body.shape else found.body.to_dict(),
+        "eps": found.eps if isinstance(found.eps, float) else f"{found.eps.size} values",
+        "trajectories": found.status.size,
+        "steps": found.steps,
+        "saved_states": len(found),
+        "method": found.method,
+        "drift": {} if start is None else _drift(found, start),
+        "status": _counts(found.status),
+    }
+
+
+def _facts_of_store(data: Any) -> dict[str, Any]:
+    """Return the summary of a store, finished or not: its attributes and statuses."""
+    return {**data.attrs, "trajectories": data.status.size, "status": _counts(data.status)}
+
+
+def _counts(status: Any) -> dict[str, int]:
+    """Return the number of trajectories of each status; of a store also of those not computed."""
+    from . import Status
+
+    codes = {each.name: int(each) for each in Status} | {"PENDING": -128}
+    return {name: int(n) for name, code in codes.items() if (n := (status == code).sum())}
+
+
+def _drift(found: Any, start: Any) -> dict[str, float]:
+    """Return the largest finite changes of what is conserved, until the last state."""
+    import numpy as np
+
+    import suslov_fast
+
+    drift = {}
+    for name in found._map.conserved(found.body):
+        function, eps = getattr(suslov_fast, name), () if name == "energy" else (found.eps,)
+        with np.errstate(all="ignore"):
+            last, first = (function(found.body, each, *eps) for each in (found.final, start))
+            change = np.asarray(abs(last / first - 1))
+        if (finite := np.isfinite(change)).any():
+            drift[_SHORT[name]] = float(change[finite].max())
+    return drift
+
+
+def _lines_of(facts: dict[str, Any], as_json: bool) -> str:
+    """Return a line for each fact, or one JSON object for programs."""
+    if as_json:
+        return json.dumps(facts)
+    from . import Status
+
+    names = [name for name in facts if name not in ("drift", "status")]
+    rows = [(name.replace("_", " "), _spelled(facts[name])) for name in names]
+    for name, change in facts.get("drift", {}).items():
+        rows.append((f"drift of {name}", f"{change:.2g}, largest relative"))
+    for name, count in facts["status"].items():
+        meaning = Status[name].message if name in Status.__members__ else "not computed yet"
+        rows.append(("status", f"{count:,} {name}: {meaning}"))
+    return "\n".join(f"{name:<17}{text}" for name, text in rows)
+
+
+def _spelled(value: Any) -> str:
+    """Return a number, or the parameters of a body, as people read them."""
+    if isinstance(value, dict):
+        names = [name for name in value if name != "body"]
+        return ", ".join(f"{name} = {_spelled(value[name])}" for name in names)
+    form = "," if isinstance(value, int) else ".4g" if isinstance(value, float) else ""
+    return format(value, form) if form else str(value).partition(", sha256")[0]
+
+
+def report(options: argparse.Namespace) -> None:
+    """Report what is there of the integrability of a Kahan map.
+
+    Decimals of the file and of --eps are taken as they are written, 0.1 as 1/10; without --eps
+    the formulas are those of any step size. Needs python-flint.
+    """
+    from .integrability import report as report_of
+
+    settings = {"time_limit": options.time_limit, "decimals": True}
+    found = report_of(_body_in(options.body), options.eps, options.degree, **settings)
+    print(json.dumps(found.to_dict()) if options.json else repr(found), flush=True)
+
+
+def pictures(options: argparse.Namespace) -> None:
+    """Draw the paper's four pictures. The gallery of the documentation has others."""
+    from .plots.pictures import draw, paths
+
+    _require_new(paths(options.output), options.force)
+    print(*draw(options.output), sep="\n", flush=True)
+
+
+def explore(options: argparse.Namespace) -> None:
+    """Vary a body, a step size and an initial state on a page in the browser, until Ctrl-C."""
+    import threading
+    import webbrowser
+
+    from .plots.explore.server import Server
+
+    with _about(f"--port {options.port}"):
+        server = Server(options.port)
+    with suppress(KeyboardInterrupt), server:
+        print(server.url, flush=True)
+        if not options.no_browser:  # it may block
+            threading.Thread(target=webbrowser.open, args=[server.url], daemon=True).start()
+        server.serve_forever(poll_interval=0.1)
+
+
+def warm_up(options: argparse.Namespace) -> None:
+    """Compile all kernels in advance: later processes read them from the cache on disk."""
+    from .warm_up import call_all
+
+    call_all()

@@ -1,0 +1,6 @@
+"""How a trajectory ended: negative if it failed, positive if it finished but is worth a look."""
+
+OK = 0
+SUPERCRITICAL = 1  # finished; T = e A >= 1 in modulus: the step is too long to follow the motion
+SINGULAR = -1  # the next state does not exist: the state lies on a pole
+NONFINITE = -2  # the next state is beyond the range of float64, or state 0 is NaN

@@ -1,0 +1,292 @@
+"""Numba: its options, its cache, calls of kernels, and what it lacks, in LLVM.
+
+formula     a function of numbers, which LLVM inlines: loops over lanes that call it become SIMD
+function    a function that kernels call
+inlined     the same, compiled as a part of its callers
+kernel      what Python calls: `kernel.serial(*arguments)`, `kernel.parallel(threads, *arguments)`
+            for `function(part, parts, *arguments)`, which does one of `parts` parts of the work
+for_users   a formula that users call, from their own compiled loops and from Python
+
+All is compiled when it is first called. With NUMBA_DISABLE_JIT=1 it is Python; with
+NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other. A loop becomes SIMD if
+
+- its numbers are rows b[ROW, lane] of one array, so that LLVM has one pointer and nothing to
+  compare, with constant numbers of rows and lanes; other indices than from 0 on are unsigned,
+- it calls formulas without branches (`select`), and nothing of the C library.
+
+Constant integers have types of their own: a function that takes one is compiled for each.
+"""
+
+import functools
+import hashlib
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from pathlib import Path
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import config, prange, types
+from numba.core import event
+from numba.extending import intrinsic
+
+LINE = 8  # numbers of a cache line
+
+# The default error model tests every divisor: that costs 30 % and prevents SIMD. Other threads of
+# Python run while a kernel does. Without fastmath no FMA is formed and no sum reordered: serial,
+# parallel, vectorised and interpreted runs agree to the bit.
+_OPTIONS = {"error_model": "numpy", "nogil": True}
+# A wrapper, for calls from Python or from C, takes as long to compile as a short function.
+_FOR_USERS = _OPTIONS | {"forceinline": True, "no_cfunc_wrapper": True}
+_FORMULA = _FOR_USERS | {"no_cpython_wrapper": True}
+_FUNCTION = _FORMULA | {"forceinline": False}
+
+
+# ------------------------------------------------------------------------------------------- cache
+# Numba checks a file of its cache only against the source file of one function. Here the name of a
+# function contains digests of all sources that are compiled and of the versions of what compiles
+# them, so that every edit and upgrade make new files. The folder must be as trusted as the code.
+@functools.cache
+def digests():
+    """Digests of the compiled sources, and of the versions of libraries."""
+    package = Path(__file__).parent.parent
+    files = [*sorted(package.glob("core/*.py")), package / "compiled.py"]
+    sources = b"".join(path.read_bytes() for path in files if path.exists())
+    versions = f"{numba.__version__} {version('llvmlite')} {np.__version__}".encode()
+    return tuple(hashlib.sha256(each).hexdigest()[:12] for each in (sources, versions))
+
+
+def delete_files(folder, name, stale=True):
+    """Delete the files of a function that belong to other sources, or all of them."""
+    sources, versions = digests()
+    for path in list(folder.glob(f"*.{name}_{'?' * len(sources)}_{versions}-*")):
+        if not (stale and f"_{sources}_{versions}-" in path.name):
+            path.unlink(missing_ok=True)
+
+
+def _cached(compile_with, py_function):
+    """Compile a function on its first call, with a cache if there is a folder for it."""
+    name = py_function.__qualname__
+    py_function.__qualname__ = "_".join((name, *digests()))
+    compiled = compile_with(py_function)
+    # Numba would cache code with and without checks of bounds under one name.
+    if config.BOUNDSCHECK or config.DISABLE_JIT:
+        return compiled
+    with suppress(RuntimeError):  # no writable folder: each process compiles
+        compiled.enable_caching()
+        _tolerate_unusable_files(compiled._cache, name)
+    return compiled
+
+
+def _tolerate_unusable_files(cache, name):
+    """Compile again if a file of the cache cannot be read; go on if none can be written."""
+    load, save = cache.load_overload, cache.save_overload
+
+    def load_overload(signature, target_context):
+        try:
+            found = load(signature, target_context)
+            # Two processes that write at once may exchange the code of two signatures.
+            same = found is not None and tuple(found.signature.args) == tuple(signature)
+            return found if same else None
+        except Exception:
+            with suppress(Exception):
+                cache.flush()  # of the index: `save_overload` would read it
+            return None
+
+    def save_overload(signature, data):
+        with suppress(Exception):
+            save(signature, data)
+            delete_files(Path(cache.cache_path), name)
+
+    cache.load_overload, cache.save_overload = load_overload, save_overload
+
+
+@contextmanager
+def compile_timer():
+    """Yield a function that returns the seconds spent in Numba's compiler."""
+    with event.install_listener("numba:compiler_lock", event.TimingListener()) as lock:
+        yield lambda: lock.duration if lock.done else 0.0
+
+
+function = functools.partial(_cached, numba.njit(**_FUNCTION))
+formula = functools.partial(_cached, numba.njit(**_FORMULA))
+for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
+inlined = numba.njit(inline="always", **_FUNCTION)
+
+
+# ---------------------------------------------------------------------------------------- kernels
+class Kernel:
+    """A function called from Python: `function(part, parts, *arguments)` for numbers, arrays and
+    tuples of them, compiled when it is first called.
+    """
+
+    def __init__(self, py_function):
+        self.py_function, self._addresses = py_function, {}
+        functools.update_wrapper(self, py_function)
+
+    @functools.cached_property
+    def compiled(self):
+        if config.DISABLE_JIT:
+            return np.errstate(all="ignore")(self.py_function)  # compiled code does not warn
+        return _cached(numba.njit(**_OPTIONS), self.py_function)
+
+    def serial(self, *arguments):
+        """Do all the work in this thread."""
+        self.compiled(0, 1, *arguments)
+
+    def parallel(self, threads, *arguments):
+        """Do the work in several threads."""
+        if config.BOUNDSCHECK or config.DISABLE_JIT:  # exceptions do not leave a parallel loop
+            for part in range(threads):
+                self.compiled(part, threads, *arguments)
+            return
+        kinds = tuple(map(numba.typeof, (0, 0, *arguments)))
+        if kinds not in self._addresses:
+            self._addresses[kinds] = _address(self.compiled, *kinds)
+        loop, start = _parallel_loop()
+        start(loop, self._addresses[kinds], threads, arguments)
+
+
+kernel = Kernel  # the decorator
+
+
+# A parallel call is a loop over parts, which calls the kernel by its address: so a kernel is
+# compiled once, for serial and parallel calls, and this loop once for all kernels (each `prange`
+# takes seconds). It takes the address of the arguments too, since `prange` passes no nested tuples.
+def _loop(call_part, kernel, data, parts):
+    for part in prange(parts):
+        _call(call_part, (kernel, data, np.int64(part), parts))
+
+
+def _start(loop, kernel, parts, arguments):
+    call_part, data = _pack(arguments)
+    _call(loop, (call_part, kernel, data, parts))
+
+
+@functools.cache
+def _parallel_loop():
+    """Return the address of the loop over parts, and the function that starts it."""
+    loop = _cached(numba.njit(parallel=True, **_OPTIONS), _loop)
+    return _address(loop, *[types.int64] * 4), _cached(numba.njit(**_OPTIONS), _start)
+
+
+def _address(compiled, *kinds):
+    """Return the address of a function for arguments of these types."""
+    compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
+    return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
+
+
+def _emit_call(context, builder, address, values):
+    kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
+    builder.call(builder.inttoptr(address, kind.as_pointer()), values)
+
+
+@intrinsic
+def _call(typing, address, numbers):
+    """Call a compiled function by its address, with a tuple of integers; it returns None."""
+
+    def emit(context, builder, signature, arguments):
+        values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
+        _emit_call(context, builder, arguments[0], values)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, numbers), emit
+
+
+@intrinsic
+def _pack(typing, arguments):
+    """Return the addresses of a function and of its data, for use while the caller runs.
+
+    function(kernel, data, part, parts) calls the kernel at an address with all arguments.
+    """
+    result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
+
+    def emit(context, builder, signature, values):
+        packed = _uncounted(context, builder, arguments, values[0])
+        with builder.goto_entry_block():
+            memory = builder.alloca(packed.type)
+        builder.store(packed, memory)
+        kind = ir.FunctionType(context.get_value_type(types.none), [word] * 4)
+        call_part = ir.Function(builder.module, kind, f"{builder.function.name}.part")
+        call_part.linkage = "internal"
+        kernel, data, part, parts = call_part.args
+        inner = ir.IRBuilder(call_part.append_basic_block())
+        packed = inner.load(inner.inttoptr(data, packed.type.as_pointer()))
+        numbers = [inner.extract_value(packed, k) for k in range(len(arguments))]
+        _emit_call(context, inner, kernel, [part, parts, *numbers])
+        inner.ret(context.get_dummy_value())
+        addresses = [builder.ptrtoint(each, word) for each in (call_part, memory)]
+        return context.make_tuple(builder, result, addresses)
+
+    return result(arguments), emit
+
+
+def _uncounted(context, builder, kind, value):
+    """Return an argument whose arrays count no references, which threads would wait for."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = ir.Constant(array.meminfo.type, None)
+        return array._getvalue()
+    for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
+        element = _uncounted(context, builder, each, builder.extract_value(value, k))
+        value = builder.insert_value(value, element, k)
+    return value
+
+
+# ------------------------------------------------------------------------------------- in kernels
+if config.DISABLE_JIT:
+
+    def select(condition, first, second):
+        """Return `first` where the condition holds, else `second`: both are computed, no branch."""
+        chosen = first if condition else second
+        # Dividing by 0, a float of Python raises, and one of NumPy does not.
+        return np.float64(chosen) if isinstance(chosen, float) else chosen
+
+    def stream_line(target, i, source, j):
+        """Copy source[j:j+8] to the cache line target[i:i+8], past the caches."""
+        target[i : i + LINE] = source[j : j + LINE]
+
+    def borrowed(arrays):
+        """Return an array, or a tuple of arrays."""
+        return arrays
+
+else:
+
+    @formula
+    def select(condition, first, second):
+        """Return `first` where the condition holds, else `second`: both are computed, no branch."""
+        return first if condition else second
+
+    @intrinsic
+    def stream_line(typing, target, i, source, j):
+        """Copy source[j:j+8] to the cache line target[i:i+8], past the caches: 2.1 times faster."""
+
+        def emit(context, builder, signature, arguments):
+            def line(k):
+                array = context.make_array(signature.args[k])(context, builder, arguments[k])
+                place = builder.gep(array.data, [arguments[k + 1]])
+                return builder.bitcast(place, ir.VectorType(ir.DoubleType(), LINE).as_pointer())
+
+            store = builder.store(builder.load(line(2), align=8), line(0), align=64)
+            one = ir.Constant(ir.IntType(32), 1)
+            store.set_metadata("nontemporal", builder.module.add_metadata([one]))
+            return context.get_dummy_value()
+
+        return types.void(target, types.intp, source, types.intp), emit
+
+    @intrinsic
+    def borrowed(typing, arrays):
+        """Return an array, or a tuple of arrays, that counts no references, for which threads
+        would wait.
+        """
+
+        def emit(context, builder, signature, arguments):
+            return _uncounted(context, builder, signature.args[0], arguments[0])
+
+        return arrays(arrays), emit
+
+
+@formula
+def share(count, part, parts):
+    """Return the range of the items, `count` in all, of a part."""
+    return count * part // parts, count * (part + 1) // parts

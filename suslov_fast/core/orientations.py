@@ -1,0 +1,130 @@
+"""Orientations: R_next = R cay(S), with S = eps (Omega + Omega_next) / 2 (theory, section 4).
+
+S/2 = b e_n^T - e_n b^T, since Omega has numbers in its last row and column only. Then cay(S) =
+(1 - S/2)**-1 (1 + S/2) = 1 + 2 (S/2 + (S/2)**2) / (1 + |b|**2), so that rows (r, r_n) of R become
+
+r_n + c (r.b - |b|**2 r_n)   and   r - c (r.b + r_n) b,   with c = 2 / (1 + |b|**2).
+
+Rounding errors are removed at each state whose index is a multiple of CLEAN_EVERY.
+"""
+
+import numpy as np
+
+from .elimination import larger
+from .numba import formula, function, kernel, select, share
+
+# Rows of numbers of lanes: the 1 beside |b|**2, before that the largest component of b; |b|**2; for
+# a row r.b, then the factor of b, and before the rows the unit of b; and eps / 4.
+ONE, SQUARE, ALONG, QUARTER = range(4)
+CLEAN_EVERY = 16
+HALF_TURN = 2.0**60  # beside a component of b above this, 1 is nothing
+
+
+@kernel
+def turn(part, parts, omega, eps, axial, R, start, every, next_row, turns):
+    """Turn orientations along states that follow each other.
+
+    omega   (rows + 1, B, D), the states from `start` on: of bodies in three dimensions (`axial`)
+            Omega1 and Omega2, else Omega_in
+    eps     (1 or B,)
+    R       (B, n, n), at the first of these states; becomes that at the last
+    turns   (..., B, n, n), whose rows from `next_row` on receive R at the states after `start` with
+            indices that are multiples of `every`, if that is not 0
+    """
+    count, B, D = omega.shape
+    lanes = min(64 if D < 8 else 8, (B + 7) // 8 * 8)
+    r, b, c = np.empty((D + 1, D + 1, lanes)), np.empty((D, lanes)), np.empty((4, lanes))
+    gram, cleaned = np.empty_like(r), np.empty_like(r)
+    first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
+    for block in range(first_block, last_block):
+        begin, row = block * lanes, next_row
+        width = min(lanes, B - begin)
+        for l in range(lanes):  # lanes beyond the last trajectory repeat it
+            k = min(begin + l, B - 1)
+            c[QUARTER, l] = 0.25 * eps[k % len(eps)]
+            for i in range(D + 1):
+                for j in range(D + 1):
+                    r[i, j, l] = R[k, i, j]
+        for n in range(1, count):
+            for l in range(lanes):
+                k = begin + min(l, width - 1)
+                if axial:
+                    b[0, l] = c[QUARTER, l] * (omega[n - 1, k, 1] + omega[n, k, 1])
+                    b[1, l] = -c[QUARTER, l] * (omega[n - 1, k, 0] + omega[n, k, 0])
+                else:
+                    for i in range(D):
+                        b[i, l] = c[QUARTER, l] * (omega[n - 1, k, i] + omega[n, k, i])
+            turn_lanes(r, b, c)
+            if (start + n) % CLEAN_EVERY == 0:
+                clean(r, gram, cleaned)
+            if every > 0 and (start + n) % every == 0:
+                write(r, begin, width, turns[row])
+                row += 1
+        write(r, begin, width, R)
+
+
+@function
+def turn_lanes(r, b, c):
+    """Replace r by r cay(S). c is scratch: of large turns, b has any length, and no 1 beside it."""
+    D, lanes = b.shape
+    for l in range(lanes):
+        c[ONE, l] = 0.0
+    for i in range(D):
+        for l in range(lanes):
+            c[ONE, l] = larger(abs(b[i, l]), c[ONE, l])
+    for l in range(lanes):
+        large = c[ONE, l] > HALF_TURN
+        c[ALONG, l] = select(large, 1.0 / c[ONE, l], 1.0)
+        c[ONE, l], c[SQUARE, l] = select(large, 0.0, 1.0), 0.0
+    for i in range(D):
+        for l in range(lanes):
+            b[i, l] *= c[ALONG, l]
+            c[SQUARE, l] += b[i, l] * b[i, l]
+    for i in range(D + 1):
+        for l in range(lanes):
+            c[ALONG, l] = 0.0
+        for j in range(D):
+            for l in range(lanes):
+                c[ALONG, l] += r[i, j, l] * b[j, l]
+        for l in range(lanes):
+            scale = 2.0 / (c[ONE, l] + c[SQUARE, l])
+            last = r[i, D, l]
+            r[i, D, l] = last + scale * (c[ONE, l] * c[ALONG, l] - c[SQUARE, l] * last)
+            c[ALONG, l] = scale * (c[ALONG, l] + c[ONE, l] * last)
+        for j in range(D):
+            for l in range(lanes):
+                r[i, j, l] -= c[ALONG, l] * b[j, l]
+
+
+@function
+def clean(r, gram, cleaned):
+    """Take one step of Newton's method to the nearest orthogonal matrix, r (3 - r^T r) / 2."""
+    n, _, lanes = r.shape
+    for i in range(n):
+        for j in range(n):
+            for l in range(lanes):
+                gram[i, j, l] = 1.5 if i == j else 0.0
+                cleaned[i, j, l] = 0.0
+    for i in range(n):
+        for j in range(n):
+            for k in range(n):
+                for l in range(lanes):
+                    gram[i, j, l] -= 0.5 * r[k, i, l] * r[k, j, l]
+    for i in range(n):
+        for j in range(n):
+            for k in range(n):
+                for l in range(lanes):
+                    cleaned[i, j, l] += r[i, k, l] * gram[k, j, l]
+    for i in range(n):
+        for j in range(n):
+            for l in range(lanes):
+                r[i, j, l] = cleaned[i, j, l]
+
+
+@formula
+def write(r, begin, width, target):
+    """Write orientations to target (B, n, n)."""
+    for l in range(width):
+        for i in range(r.shape[0]):
+            for j in range(r.shape[0]):
+                target[begin + l, i, j] = r[i, j, l]

@@ -1,0 +1,331 @@
+"""Quantities of a state, each a NumPy universal function that is written as its formula.
+
+All take the same, used or not: in three dimensions I1, I2, I13, I23, k, eps and the state w, with
+k = 0 without a rotor; in n dimensions J, I, eps and w. `quantities_field` has those of fields.
+
+X, Y, K, e, l, g and z are those of `steps_3d`, U = X - K; e conj(g) z = U - i Y.
+"""
+
+import math
+
+import numpy as np
+
+from .numba import formula, select
+from .steps_3d import ZERO_TO_ROUNDING, enter, frame_of, is_supercritical
+from .universal import universal
+
+IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
+
+
+# ------------------------------------------------------------------------------- three dimensions
+@formula
+def numbers_of(I1, I2, I13, I23, k, eps, w1, w2):
+    """X and Y, with the bits of steps, U and K."""
+    frame = frame_of(I1, I2, I13, I23, k, eps)
+    X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
+    return X, Y, 0.5 * eps / np.sqrt(I1 * I2) * (I13 * w1 + I23 * w2), frame.K
+
+
+@formula
+def in_range(number):
+    """The number, or NaN for one that has left the range of float64."""
+    return select(abs(number) < np.inf, number, np.nan)
+
+
+@formula
+def energy_at(I1, I2, w1, w2):
+    """(I1 w1**2 + I2 w2**2) / 2."""
+    return 0.5 * (I1 * w1 * w1 + I2 * w2 * w2)
+
+
+@formula
+def first_integral_at(I1, I2, I13, I23, k, eps, w1, w2):
+    """F of Lemma 1, (I1 w1**2 + I2 w2**2) / (4 I1 I2 + eps**2 l**2)."""
+    step = eps * (I13 * w1 + I23 * w2 + k)
+    return 2.0 * energy_at(I1, I2, w1, w2) / in_range(4.0 * I1 * I2 + step * step)
+
+
+@formula
+def vector_field_at(I1, I2, I13, I23, k, w1, w2):
+    """-l w2 / I1 and l w1 / I2."""
+    l = I13 * w1 + I23 * w2 + k
+    return -(l * w2) / I1, (l * w1) / I2
+
+
+@universal(IN_3D + "()")
+def energy(I1, I2, I13, I23, k, eps, w, out):
+    out[0] = energy_at(I1, I2, w[0], w[1])
+
+
+@universal(IN_3D + "()")
+def first_integral(I1, I2, I13, I23, k, eps, w, out):
+    out[0] = first_integral_at(I1, I2, I13, I23, k, eps, w[0], w[1])
+
+
+@universal(IN_3D + "()")
+def modified_energy(I1, I2, I13, I23, k, eps, w, out):
+    """2 I1 I2 F."""
+    out[0] = 2.0 * I1 * I2 * first_integral_at(I1, I2, I13, I23, k, eps, w[0], w[1])
+
+
+@universal(IN_3D + "()")
+def invariant_density(I1, I2, I13, I23, k, eps, w, out):
+    """1 / (l (4 I1 I2 + eps**2 l**2))."""
+    l = I13 * w[0] + I23 * w[1] + k
+    step = eps * l
+    out[0] = 1.0 / in_range(l * (4.0 * I1 * I2 + step * step))
+
+
+@formula
+def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
+    """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 where runs say that it is."""
+    a, of_g = I1 * I2, I13 * (I13 / I1) + I23 * (I23 / I2)
+    step = eps * (I13 * w1 + I23 * w2 + k)
+    size = 2.0 * eps * eps * energy_at(I1, I2, w1, w2)
+    T = np.sqrt(in_range(size) / (4.0 * a + step * step) * of_g)
+    if k != 0.0 or abs(T - 1.0) < 1e-6:
+        X, Y, _, _ = numbers_of(I1, I2, I13, I23, k, eps, w1, w2)
+        beyond = is_supercritical(frame_of(I1, I2, I13, I23, k, eps), X, Y)
+        T = select(beyond & (T < 1.0), 1.0, select((T >= 1.0) & ~beyond, 1.0 - 2.0**-53, T))
+    return select(eps < 0.0, -T, T)
+
+
+@universal(IN_3D + "()")
+def criticality(I1, I2, I13, I23, k, eps, w, out):
+    out[0] = criticality_at(I1, I2, I13, I23, k, eps, w[0], w[1])
+
+
+@universal(IN_3D + "()")
+def rotation_number(I1, I2, I13, I23, k, eps, w, out):
+    """sign(k) arctan(e mu) / pi with mu**2 = k**2 - A**2, and 0 where that is negative."""
+    X, Y, U, K = numbers_of(I1, I2, I13, I23, k, eps, w[0], w[1])
+    square = ((K * X) * (K * X) - X * (U - K) - Y * Y) / (1.0 + X * X)  # (e mu)**2
+    turns = math.atan(np.sqrt(select(square < 0.0, 0.0, square))) / math.pi
+    out[0] = select(K < 0.0, -turns, turns)
+
+
+@universal(IN_3D + "(d)")
+def to_xy(I1, I2, I13, I23, k, eps, w, out):
+    """x = I13 w1 + I23 w2 and y = I23 I1 w1 - I13 I2 w2."""
+    out[0], out[1] = I13 * w[0] + I23 * w[1], I23 * I1 * w[0] - I13 * I2 * w[1]
+
+
+@universal(IN_3D + "(d)")
+def from_xy(I1, I2, I13, I23, k, eps, xy, out):
+    D = I13 * I13 * I2 + I23 * I23 * I1
+    out[0] = (I13 * I2 * xy[0] + I23 * xy[1]) / D
+    out[1] = (I23 * I1 * xy[0] - I13 * xy[1]) / D
+
+
+@universal(IN_3D + "(),(),(),()")
+def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
+    """h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.
+
+    k1 = -(2 / eps) artanh t and sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
+    """
+    X, Y, _, _ = numbers_of(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
+    x, y = I13 * w[0] + I23 * w[1], np.sqrt(I1 * I2) * (I23 / I2 * w[0] - I13 / I1 * w[1])
+    t[0] = criticality_at(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
+    h[0], k1[0], k2[0] = 0.25 * (x * x + y * y) / (1.0 + X * X), np.nan, np.nan
+    if abs(Y) < 1.0:
+        T, complement = abs(t[0]), (1.0 - Y) * (1.0 + Y) / (1.0 + X * X)  # 1 - T**2
+        angle = math.atanh(T) if T < 0.5 else -0.5 * math.log(complement / (1.0 + T) ** 2)
+        k1[0] = -2.0 * np.sqrt(h[0] / (I1 * I2)) * (angle / T if T > 0.0 else 1.0)
+        k2[0] = 0.0 if h[0] == 0.0 else math.asinh(y / (abs(x) * np.sqrt(complement)))
+
+
+@universal(IN_3D + "(d)")
+def vector_field(I1, I2, I13, I23, k, eps, w, out):
+    out[0], out[1] = vector_field_at(I1, I2, I13, I23, k, w[0], w[1])
+
+
+@formula
+def matrix_at(I1, I2, I13, I23, k, h, w1, w2):
+    """Entries (11, 12, 21, 22) of 1 - h f'."""
+    l = I13 * w1 + I23 * w2 + k
+    return (
+        1.0 + h * (I13 * w2) / I1,
+        h * (l + I23 * w2) / I1,
+        -h * (l + I13 * w1) / I2,
+        1.0 - h * (I23 * w1) / I2,
+    )
+
+
+@universal(IN_3D + "(d,d)")
+def matrix(I1, I2, I13, I23, k, eps, w, out):
+    a11, a12, a21, a22 = matrix_at(I1, I2, I13, I23, k, 0.5 * eps, w[0], w[1])
+    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = a11, a12, a21, a22
+
+
+@formula
+def inverse_determinant(I1, I2, I13, I23, k, h, w1, w2):
+    """1 / det A, where det A = 1 - Y + 2 X**2 - K X; NaN at poles."""
+    Y, l = h * (I23 / I2 * w1 - I13 / I1 * w2), I13 * w1 + I23 * w2 + k
+    part = h * l / (I1 * I2)
+    square, KX = 2.0 * h * l * part, h * k * part
+    D = ((1.0 - Y) - KX) + square
+    pole = abs(D) <= ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
+    return 1.0 / select(pole, np.nan, in_range(D))
+
+
+@universal(IN_3D + "(d,d)")
+def jacobian(I1, I2, I13, I23, k, eps, w, out):
+    """A(w; eps)**-1 A(w_next; -eps) with w_next = A(w; eps)**-1 A(0; -eps) w, by the adjugate."""
+    h = 0.5 * eps
+    first, second = w[0] - h * k * w[1] / I1, w[1] + h * k * w[0] / I2
+    inverse = inverse_determinant(I1, I2, I13, I23, k, h, w[0], w[1])
+    a11, a12, a21, a22 = matrix_at(I1, I2, I13, I23, k, h, w[0], w[1])
+    next1, next2 = (a22 * first - a12 * second) * inverse, (a11 * second - a21 * first) * inverse
+    b11, b12, b21, b22 = matrix_at(I1, I2, I13, I23, k, -h, next1, next2)
+    out[0, 0], out[0, 1] = (a22 * b11 - a12 * b21) * inverse, (a22 * b12 - a12 * b22) * inverse
+    out[1, 0], out[1, 1] = (a11 * b21 - a21 * b11) * inverse, (a11 * b22 - a21 * b12) * inverse
+
+
+@universal(IN_3D + "()")
+def reaction(I1, I2, I13, I23, k, eps, w, out):
+    """(l_next - l) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2; eps = 0: the derivatives.
+
+    Both are rational functions with the denominator det A, and what cancels in these does so in
+    the result.
+    """
+    a, h, u = I1 * I2, 0.5 * eps, I13 * w[0] + I23 * w[1]
+    l, y = u + k, I23 * I1 * w[0] - I13 * I2 * w[1]
+    if eps == 0.0:
+        out[0] = l * y / a - (I1 - I2) * (w[0] * w[1])
+        return
+    inverse = inverse_determinant(I1, I2, I13, I23, k, h, w[0], w[1])
+    of_1 = I1 * w[0] * w[0] * (I13 * w[0] + k)
+    of_2 = I2 * w[1] * w[1] * (I23 * w[1] + k)
+    mean = w[0] * w[1] * (1.0 - h * h * k * l / a) + h * (of_1 - of_2) / a
+    out[0] = (l * (y - h * l * u) / a - (I1 - I2) * mean) * inverse
+
+
+# ---------------------------------------------------------------------------------- n dimensions
+@formula
+def sums_of_others(I, w):
+    """The index of the largest component, and the sums of I_j w_j and w_j**2 over the others.
+
+    f_i = (p w_i - I_i |w|**2) / J_i holds no term with w_i**2, which would outweigh all others.
+    """
+    largest, p, square = 0, 0.0, 0.0
+    for j in range(len(w)):
+        largest = j if abs(w[j]) > abs(w[largest]) else largest
+    for j in range(len(w)):
+        if j != largest:
+            p, square = p + I[j] * w[j], square + w[j] * w[j]
+    return largest, p, square
+
+
+@formula
+def force(I, w, i, largest, p, square):
+    """J_i f_i."""
+    if i == largest:
+        return p * w[i] - I[i] * square
+    W = w[largest]
+    return (p + I[largest] * W) * w[i] - I[i] * (square + W * W)
+
+
+@formula
+def twice_energy(J, w):
+    total = 0.0
+    for j in range(len(w)):
+        total += J[j] * w[j] * w[j]
+    return total
+
+
+@universal(IN_ND + "()")
+def energy_nd(J, I, eps, w, out):
+    out[0] = 0.5 * twice_energy(J, w)
+
+
+@universal(IN_ND + "()")
+def modified_energy_nd(J, I, eps, w, out):
+    """E**2 / (E + eps**2 f.Jf / 8)."""
+    largest, p, square = sums_of_others(I, w)
+    of_slope, of_state = 0.0, twice_energy(J, w)
+    for i in range(len(w)):
+        Jf = force(I, w, i, largest, p, square)
+        of_slope += Jf * (Jf / J[i])
+    ratio = 0.25 * eps * eps * in_range(of_slope) / of_state
+    out[0] = 0.5 * of_state / in_range(1.0 + ratio) if of_state != 0.0 else 0.0
+
+
+@formula
+def solved_at(J, I, eps, w):
+    """The product a b and eps**2 x**2 of a solved body: J = b along I and a across, x = |I| times
+    the length of the component of w across I.
+    """
+    axis, p, square, x2 = 0, 0.0, 0.0, 0.0
+    for j in range(len(w)):
+        axis = j if abs(I[j]) > abs(I[axis]) else axis
+        p, square = p + I[j] * w[j], square + I[j] * I[j]
+    for j in range(len(w)):
+        across = eps * (w[j] - (p * I[j] / square if square > 0.0 else 0.0))
+        x2 += across * across
+    return J[axis] * J[(axis + 1) % len(w)], square * x2
+
+
+@universal(IN_ND + "()")
+def first_integral_nd(J, I, eps, w, out):
+    """2 E / (4 a b + eps**2 x**2)."""
+    ab, step = solved_at(J, I, eps, w)
+    out[0] = twice_energy(J, w) / in_range(4.0 * ab + step)
+
+
+@universal(IN_ND + "()")
+def criticality_nd(J, I, eps, w, out):
+    """t = eps sqrt(h / (a b)), h = b |I|**2 F."""
+    ab, step = solved_at(J, I, eps, w)
+    level = eps * eps * twice_energy(J, w) * (twice_energy(J, I) / ab)
+    T = np.sqrt(in_range(level) / in_range(4.0 * ab + step))
+    out[0] = select(eps < 0.0, -T, T)
+
+
+@universal(IN_ND + "()")
+def invariant_density_nd(J, I, eps, w, out):
+    """That of n = 3, and that of n = 4 with I along axis a; b and c are the others.
+
+    Its inverse is w_b w_c (1 - h**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)),
+    h = eps I_a / 2.
+    """
+    if len(w) == 2:
+        l = I[0] * w[1] - I[1] * w[0]
+        step = eps * l
+        out[0] = 1.0 / in_range(l * (4.0 * J[0] * J[1] + step * step))
+    else:
+        a = 0
+        for i in range(3):
+            a = i if abs(I[i]) > abs(I[a]) else a
+        b, c, h = (a + 1) % 3, (a + 2) % 3, 0.5 * eps * I[a]
+        along = (h * w[a] / J[b]) * (h * w[a] / J[c])
+        across = (w[b] - w[c]) * (w[b] + w[c]) * (h / J[a]) * (h / J[b]) * ((J[c] - J[b]) / J[c])
+        below = in_range(w[b] * w[c] * (1.0 - along + across))
+        out[0] = np.inf if below == 0.0 else 1.0 / below
+
+
+@universal(IN_ND + "(d)")
+def vector_field_nd(J, I, eps, w, out):
+    """(p w_i - I_i |w|**2) / J_i."""
+    largest, p, square = sums_of_others(I, w)
+    for i in range(len(w)):
+        out[i] = force(I, w, i, largest, p, square) / J[i]
+
+
+@universal("(d),(d),(d),(d)->(d,d)")
+def reaction_nd(J, I, w, after, out):
+    """I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2.
+
+    s, the field with polarised products, is (after - w) / eps; `after` is w in continuous motion.
+    """
+    for i in range(len(w)):
+        out[i, i] = 0.0
+        for j in range(len(w)):
+            p = I[j] * (w[j] * after[i] + after[j] * w[i])
+            out[i, i] += (0.5 * p - I[i] * w[j] * after[j]) / J[i] if j != i else 0.0
+    for i in range(len(w)):
+        for j in range(i):
+            mean = 0.5 * (w[i] * after[j] + after[i] * w[j])
+            out[i, j] = I[j] * out[i, i] - I[i] * out[j, j] - (J[j] - J[i]) * mean
+            out[j, i] = -out[i, j]
+    for i in range(len(w)):
+        out[i, i] *= 0.0

@@ -1,0 +1,185 @@
+"""Quantities of states of a field, as universal functions of states in rows.
+
+They take the terms v x_j x_k of the equations i, with x_D = 1, as places (3, T) and values (T,), a
+step size for each of B states (B,), used or not, and the states (B, D). Terms of a Hamiltonian are
+v x_i x_j x_k. Blocks of states are lanes, as in `steps_field`.
+"""
+
+import numpy as np
+
+from .codes import OK
+from .elimination import determinant_of, eliminate, keeps_digits, substitute
+from .numba import function
+from .steps_field import (
+    LARGEST,
+    LEAST,
+    ROWS,
+    advance,
+    advance_one,
+    fill,
+    is_accurate,
+    lanes_of,
+    memory_of_one,
+)
+from .tangent import derive
+from .universal import universal
+
+FIELD = "(c,t),(t),(b),(b,d)->"
+
+
+@function
+def read(x, first, y):
+    """Fill rows y with states from `first` on; return their number."""
+    count = min(y.shape[1], len(x) - first)
+    for i in range(x.shape[1]):
+        for l in range(count):
+            y[i, l] = x[first + l, i]
+    return count
+
+
+@universal(FIELD + "(b,d)")
+def vector_field(places, values, eps, x, out):
+    D, terms = x.shape[1], places.astype(np.int64)
+    y = np.ones((D + 1, lanes_of(D, len(x))))  # x_D = 1
+    f = np.empty_like(y)
+    for first in range(0, len(x), y.shape[1]):
+        count = read(x, first, y)
+        f[:] = 0.0 * y  # NaN where the state is
+        for t in range(len(values)):
+            (i, j, k), v = terms[:, t], values[t]
+            for l in range(count):
+                f[i, l] += v * y[j, l] * y[k, l]
+        for i in range(D):
+            for l in range(count):
+                out[first + l, i] = f[i, l]
+
+
+@universal(FIELD + "(b)")
+def hamiltonian(places, values, eps, x, out):
+    D, terms = x.shape[1], places.astype(np.int64)
+    y = np.ones((D + 1, lanes_of(D, len(x))))
+    h = np.empty(y.shape[1])
+    for first in range(0, len(x), len(h)):
+        count = read(x, first, y)
+        h[:] = 0.0
+        for i in range(D):
+            for l in range(count):
+                h[l] += 0.0 * y[i, l]  # NaN where the state is
+        for t in range(len(values)):
+            (i, j, k), v = terms[:, t], values[t]
+            for l in range(count):
+                h[l] += v * y[i, l] * y[j, l] * y[k, l]
+        for l in range(count):
+            out[first + l] = h[l]
+
+
+@universal("(c,t),(t),(b),(b,d),(b,d)->(b)")
+def polarised_hamiltonian(places, values, eps, x, after, out):
+    """H(x, x, after), the symmetric trilinear form in (x, 1) for which H(x) = H(x, x, x)."""
+    D, terms = x.shape[1], places.astype(np.int64)
+    y = np.ones((D + 1, lanes_of(D, len(x))))
+    z, h = np.ones_like(y), np.empty(y.shape[1])
+    for first in range(0, len(x), len(h)):
+        count = read(x, first, y)
+        read(after, first, z)
+        h[:] = 0.0
+        for t in range(len(values)):
+            (i, j, k), v = terms[:, t], values[t] / 3.0
+            for l in range(count):
+                form = y[i, l] * y[j, l] * z[k, l] + y[i, l] * z[j, l] * y[k, l]
+                h[l] += v * (form + z[i, l] * y[j, l] * y[k, l])
+        for l in range(count):
+            out[first + l] = h[l]
+
+
+@function
+def memory_of(places, x):
+    """Return the terms, and the arrays x, fixed, half and `a` of a block of `steps_field`."""
+    D, T, lanes = x.shape[1], places.shape[1], lanes_of(x.shape[1], len(x))
+    fixed, a = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes))
+    return places.astype(np.int64), np.zeros((2, D, lanes)), fixed, np.zeros((T, lanes)), a
+
+
+@function
+def fill_block(block, values, eps, x, first):
+    """Fill a block with states from `first` on; return their number."""
+    terms, states, fixed, half, a = block
+    D, count = x.shape[1], read(x, first, states[0])
+    for i in range(D):
+        for j in range(D + 1):
+            fixed[i, j] = 1.0 if i == j else 0.0
+    for t in range(len(values)):
+        (i, j, k), v = terms[:, t], values[t]
+        for l in range(count):
+            half[t, l] = 0.5 * eps[first + l] * v
+        if k == D:
+            fixed[i, j] -= half[t]
+    fill(terms, half, fixed, states[0], a, a.shape[2])
+    return count
+
+
+@universal(FIELD + "(b,d,d)")
+def matrix(places, values, eps, x, out):
+    """1 - (eps / 2) f'."""
+    block, D = memory_of(places, x), x.shape[1]
+    a = block[-1]
+    for first in range(0, len(x), a.shape[2]):
+        count = fill_block(block, values, eps, x, first)
+        for i in range(D):
+            for j in range(D):
+                for l in range(count):
+                    out[first + l, i, j] = a[i, j, l] + 0.0 * x[first + l, i]
+
+
+@universal(FIELD + "(b)")
+def density(places, values, eps, x, out):
+    """1 / det A, infinite where the determinant is 0 to rounding."""
+    block, D = memory_of(places, x), x.shape[1]
+    terms, states, fixed, half, a = block
+    lanes, one = a.shape[2], memory_of_one(D, len(values))
+    b = np.empty((ROWS, lanes))
+    for first in range(0, len(x), lanes):
+        count = fill_block(block, values, eps, x, first)
+        eliminate(a, b[LEAST], b[LARGEST], lanes)
+        for l in range(count):
+            found = 1.0
+            for i in range(D):
+                found *= a[i, i, l]
+            if not keeps_digits(b[LEAST, l], b[LARGEST, l]):
+                advance_one(terms, states, fixed, half, l, one)
+                found = 1.0 / determinant_of(one[3], one[4])
+            for i in range(D):
+                found += 0.0 * x[first + l, i]
+            out[first + l] = found
+
+
+@universal(FIELD + "(b,d,d)")
+def jacobian(places, values, eps, x, out):
+    """A(x)**-1 (2 - A(x_next))."""
+    block, D = memory_of(places, x), x.shape[1]
+    terms, states, fixed, half, a = block
+    lanes, one, system = a.shape[2], memory_of_one(D, len(values)), np.empty((D, 2 * D, 1))
+    b, right = np.empty((ROWS, lanes)), np.empty((D, D, lanes))
+    after, one_after = np.empty_like(a), np.empty((D, D + 1, 1))
+    for first in range(0, len(x), lanes):
+        count = fill_block(block, values, eps, x, first)
+        advance(states, a, b, lanes)
+        fill(terms, half, fixed, states[1], after, lanes)
+        for i in range(D):
+            for j in range(D):
+                unit = 2.0 if i == j else 0.0
+                for l in range(lanes):
+                    right[i, j, l] = unit - after[i, j, l]
+        substitute(a, right)
+        for l in range(count):
+            exists = 1.0
+            if not is_accurate(b, l, D):
+                for i in range(D):
+                    for j in range(D):
+                        system[i, D + j, 0] = 1.0 if i == j else 0.0
+                code = derive(terms, states, fixed, half, l, one, one_after, system)
+                exists = 1.0 if code == OK else np.nan
+                right[:, :, l] = system[:, D:, 0]
+            for i in range(D):
+                for j in range(D):
+                    out[first + l, i, j] = right[i, j, l] * exists

@@ -1,0 +1,309 @@
+"""Steps of the Kahan map of a body, and of a gyrostat: one division for each step.
+
+With w = (Omega1, Omega2), let
+
+    z = sqrt(I1) w1 + i sqrt(I2) w2,    g = I13 / sqrt(I1) + i I23 / sqrt(I2),
+    e = eps / (2 sqrt(I1 I2)),          l = I13 w1 + I23 w2 + k = Re(conj(g) z) + k,
+    X = e l,    Y = -e Im(conj(g) z),    K = e k.
+
+Kahan's equations are z_next - z = i e (l z_next + l_next z). Solved, with s = 1 - Y - K X,
+
+    z_next = z (s + 2 i X) / (s + 2 X**2),    X_next = X (2 - s) / (s + 2 X**2).
+
+Zeros of s + 2 X**2 are poles. A state with l = 0 rests. R**2 = |z|**2 / (1 + X**2) is conserved,
+and so is T = e R |g|, the criticality. Two forms are iterated:
+
+plain     (X, Y), for k = 0 and T < 1 (that is |Y| < 1), where no pole is met. No parameter enters:
+          X_next = X (1 + Y) / (1 - Y + 2 X**2), Y_next = Y - 2 X X_next
+general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X is a number of its own, because
+          l = I13 w1 + I23 w2 + k loses its digits next to a steady state, and so are u and v,
+          because K may outweigh X - K and Y
+
+For other files: `frame_of`, `enter`, `plain_step`, `leave_plain`, `turn`, `general_step` and
+`one_step` are formulas of floats and of a Frame.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
+from .numba import formula, kernel, select, share
+from .rows import alignment, pick, write
+
+LANES = 128
+FEW = 6  # so few trajectories take less time one by one than all lanes
+CARRIED = 5  # numbers from which a trajectory goes on: KIND; X and Y, or X, u, v and R**2
+RESTORED = 512  # steps after which `restore` is called
+ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
+NEGLIGIBLE = 1e-150  # X that decays and is below this is 0: subnormal numbers are slow
+LARGE = 1e100  # of X: its square is finite
+GENERAL, PLAIN, RESTS = 0.0, 1.0, 2.0
+
+
+class Frame(NamedTuple):
+    """The numbers of a body and a step size, for states (u, v) = (w1, w2 / back):
+    X = a1 u + a2 v + K, Y = a2 u - a1 v; u = m1 X + m2 Y, v = m2 X - m1 Y without a rotor.
+    """
+
+    K: float
+    a1: float
+    a2: float
+    back: float
+    m1: float
+    m2: float
+
+
+@formula
+def frame_of(I1, I2, I13, I23, k, eps):
+    """The frame of a body. For g = 0 or eps = 0 the last two numbers are not finite."""
+    s = np.sqrt(I1 * I2)
+    e, back = 0.5 * eps / s, s / I2
+    per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
+    return Frame(
+        e * k, e * I13, e * (I23 * back), back, (I13 / I1) * per_g, (I23 / s) * per_g
+    )  # fmt: skip
+
+
+@formula
+def enter(frame, I1, I2, I13, I23, k, eps, w1, w2):
+    """X and Y of a state; X = 0 where l, as floats give it, is 0."""
+    X = (0.5 * eps / np.sqrt(I1 * I2)) * ((I13 * w1 + I23 * w2) + k)
+    return X, frame.a2 * w1 - frame.a1 * (w2 / frame.back)
+
+
+@formula
+def is_supercritical(frame, X, Y):
+    """Whether T = e A >= 1 in modulus: T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
+    return Y * Y >= 1.0 + frame.K * (2.0 * X - frame.K)
+
+
+@formula
+def plain_step(X, Y):
+    """X and Y of the next state, without a rotor and for T < 1."""
+    square = X * (2.0 * X)
+    ratio = (1.0 + Y) / ((1.0 - Y) + square)
+    X = X * ratio
+    return select((abs(X) < NEGLIGIBLE) & (Y < 0.0), 0.0, X), Y - square * ratio
+
+
+@formula
+def leave_plain(frame, X, Y):
+    """The state of X and Y, without a rotor."""
+    return frame.m1 * X + frame.m2 * Y, (frame.m2 * X - frame.m1 * Y) * frame.back
+
+
+@formula
+def turn(X, Y, K):
+    """along, across and ratio of a step of any orbit, NaN if there is none, and 0.5 for a pole:
+    z_next = along z + across i z and X_next = ratio X.
+    """
+    KX, square = K * X, X * (2.0 * X)
+    s = (1.0 - Y) - KX
+    D, least = s + square, ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
+    inverse = 1.0 / select(abs(D) > least, D, np.nan)
+    part = square * inverse  # 1 - part is 1 for a state at rest, where s (1 / s) may be 1 - ulp / 2
+    along = select(abs(part) < 0.5, 1.0 - part, s * inverse)
+    return along, (2.0 * X) * inverse, ((1.0 + Y) + KX) * inverse, select(abs(D) < least, 0.5, 0.0)
+
+
+@formula
+def general_step(frame, X, u, v):
+    """X and the state after a step of any orbit, and 0.5 if the state was a pole, else 0."""
+    Y = frame.a2 * u - frame.a1 * v
+    along, across, ratio, pole = turn(X, Y, frame.K)
+    X = X * ratio
+    X = select((abs(X) < NEGLIGIBLE) & (Y < 0.0), 0.0, X)
+    return X, along * u - across * v, along * v + across * u, pole
+
+
+@formula
+def restore(frame, R2, X, u, v):
+    """X and the state with R**2 as at first, and with X of the state where no digits cancel:
+    roundings of one sign would add up. A state at rest is unchanged.
+    """
+    Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
+    X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
+    factor = np.sqrt(R2 * (1.0 + X * X) / (u * u + v * v))
+    factor = select((X != 0.0) & (abs(factor - 1.0) < 1e-6), factor, 1.0)
+    return X, u * factor, v * factor
+
+
+@formula
+def one_step(I1, I2, I13, I23, k, eps, w1, w2):
+    """The next state; NaN where there is none."""
+    frame = frame_of(I1, I2, I13, I23, k, eps)
+    X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
+    along, across, _, _ = turn(X, Y, frame.K)
+    next1, next2 = along * w1 - (across / frame.back) * w2, along * w2 + (across * frame.back) * w1
+    exists = abs(next1) + abs(next2) < np.inf
+    return select(exists, next1, np.nan), select(exists, next2, np.nan)
+
+
+# Rows of a block: the numbers of the plain form; those of the general one, with R**2 and how many
+# of its states exist (and a half after a pole); the frame.
+KIND, X_, Y_, XG, U, V, R2, ALIVE, FRAME = range(9)
+ROWS = FRAME + 6
+
+
+@formula
+def frame_at(b, l):
+    """The frame of a lane."""
+    K, a1, a2 = b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l]
+    return Frame(K, a1, a2, b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l])
+
+
+@formula
+def state_at(b, l):
+    """The state of a lane; NaN where there is none."""
+    plain1, plain2 = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
+    plain = b[KIND, l] == PLAIN
+    w1, w2 = select(plain, plain1, b[U, l]), select(plain, plain2, b[V, l] * b[FRAME + 3, l])
+    exists = abs(w1) + abs(w2) < np.inf
+    return select(exists, w1, np.nan), select(exists, w2, np.nan)
+
+
+@formula
+def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status, failed_at):
+    """Fill lanes with trajectories from `first` on, at state 0 or where they stopped; return how
+    many are plain. Lanes beyond the last of `width` trajectories repeat it.
+    """
+    for l in range(lanes):
+        i = first + min(l, width - 1)
+        b[FRAME, l], b[FRAME + 1, l] = pick(parameters[0], i), pick(parameters[1], i)
+        b[FRAME + 2, l], b[FRAME + 3, l] = pick(parameters[2], i), pick(parameters[3], i)
+        b[FRAME + 4, l], b[FRAME + 5, l] = pick(parameters[4], i), pick(parameters[5], i)
+        if start == 0:
+            b[U, l], b[V, l] = omega0[i, 0], omega0[i, 1]
+        else:
+            X, Y, v = carry[i, 1], carry[i, 2], carry[i, 3]  # Y, or u
+            b[KIND, l], b[R2, l] = carry[i, 0], carry[i, 4]
+            b[X_, l], b[Y_, l], b[XG, l], b[U, l], b[V, l] = X, Y, X, Y, v
+    for l in range(LANES):
+        I1, I2, I13, I23, k, eps = frame_at(b, l)  # until it is replaced by the frame, below
+        frame = frame_of(I1, I2, I13, I23, k, eps)
+        if start == 0:
+            w1, w2 = b[U, l], b[V, l]
+            X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
+            known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGE) & (X != 0.0)
+            plain = known & (frame.K == 0.0) & (abs(Y) < 1.0)
+            rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
+            b[KIND, l] = select(plain, PLAIN, select(rests, RESTS, GENERAL))
+            v = select(rests, w2, w2 / frame.back)  # at rest it keeps all bits
+            b[X_, l], b[Y_, l], b[XG, l], b[V, l] = X, Y, X, v
+            b[R2, l] = (w1 * w1 + v * v) / (1.0 + X * X)
+            b[ALIVE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
+        rests = b[KIND, l] == RESTS
+        b[FRAME, l], b[FRAME + 1, l] = select(rests, 0.0, frame.K), select(rests, 0.0, frame.a1)
+        b[FRAME + 2, l] = select(rests, 0.0, frame.a2)
+        b[FRAME + 3, l] = select(rests, 1.0, frame.back)
+        b[FRAME + 4, l], b[FRAME + 5, l] = frame.m1, frame.m2
+    plains = 0.0
+    for l in range(lanes):
+        i = first + min(l, width - 1)
+        if start == 0 and b[ALIVE, l] > 0.0:
+            status[i] = SUPERCRITICAL
+        if start == 0 and not abs(b[U, l]) + abs(b[V, l]) < np.inf:
+            status[i], failed_at[i] = NONFINITE, 0
+        b[ALIVE, l] = 0.0
+        plains += select(b[KIND, l] == PLAIN, 1.0, 0.0)
+    return plains
+
+
+@formula
+def steps_of_all(b, plains, n, pause):
+    """Take all lanes from state n to state `pause`."""
+    if plains > 0.0:
+        for _ in range(n, pause):
+            for l in range(LANES):
+                b[X_, l], b[Y_, l] = plain_step(b[X_, l], b[Y_, l])
+    if plains == LANES:
+        return
+    for _ in range(n, pause):
+        for l in range(LANES):
+            b[XG, l], b[U, l], b[V, l], pole = general_step(
+                frame_at(b, l), b[XG, l], b[U, l], b[V, l]
+            )
+            b[ALIVE, l] += select(abs(b[U, l]) + abs(b[V, l]) < np.inf, 1.0, pole)
+    if pause % RESTORED == 0:
+        for l in range(LANES):
+            b[XG, l], b[U, l], b[V, l] = restore(
+                frame_at(b, l), b[R2, l], b[XG, l], b[U, l], b[V, l]
+            )
+
+
+@formula
+def steps_of_one(b, l, n, pause):
+    """Take one lane from state n to state `pause`."""
+    if b[KIND, l] == PLAIN:
+        X, Y = b[X_, l], b[Y_, l]
+        for _ in range(n, pause):
+            X, Y = plain_step(X, Y)
+        b[X_, l], b[Y_, l] = X, Y
+        return
+    frame, X, u, v, alive = frame_at(b, l), b[XG, l], b[U, l], b[V, l], b[ALIVE, l]
+    for _ in range(n, pause):
+        X, u, v, pole = general_step(frame, X, u, v)
+        alive += select(abs(u) + abs(v) < np.inf, 1.0, pole)
+    if pause % RESTORED == 0:
+        X, u, v = restore(frame, b[R2, l], X, u, v)
+    b[XG, l], b[U, l], b[V, l], b[ALIVE, l] = X, u, v, alive
+
+
+@kernel
+def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+    """Take trajectories from state `start` to state `stop`: blocks of lanes, or one by one.
+
+    parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
+    omega0       (B, 2), state 0, read where start = 0
+    carry        (B, CARRIED), written at the end and read where start > 0
+    span         (begin, end, start, stop, every, row): trajectories begin to end - 1; from
+                 saved[row] on, the states that are multiples of `every` are saved (0: none)
+    saved, final (rows, B, 2) and (B, 2), the state at `stop`; NaN after a failure
+    status, failed_at   (B,), OK and -1 at first; changed at the first failure
+    """
+    begin, end, start, stop, every, first_row = span
+    B, flat = len(omega0), saved.reshape(saved.size)
+    b, tile = np.ones((ROWS, LANES)), np.empty(2 * LANES)
+    first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
+    few = end - begin <= FEW
+    abreast = 1 if few else LANES
+    lead, shift = alignment(saved, begin, B, abreast)
+    first_block, last_block = share((end - begin + shift + abreast - 1) // abreast, part, parts)
+    for block in range(first_block, last_block):
+        first = begin + max(block * abreast - shift, 0)
+        width = min(begin + (block + 1) * abreast - shift, end) - first
+        plains = start_lanes(
+            b, abreast, first, width, parameters, omega0, carry, start, status, failed_at
+        )
+        n, due, row = start, first_due, first_row
+        while True:
+            if n == 0:
+                for l in range(width):
+                    tile[2 * l], tile[2 * l + 1] = omega0[first + l, 0], omega0[first + l, 1]
+            elif plains == LANES:
+                for l in range(LANES):
+                    w = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
+                    tile[2 * l], tile[2 * l + 1] = w
+            else:
+                for l in range(abreast):
+                    tile[2 * l], tile[2 * l + 1] = state_at(b, l)
+            if n == due:
+                write(tile, flat, 2 * (row * B + first), 2 * width, lead)
+                due, row = due + every, row + 1
+            if n == stop:
+                break
+            pause = min(stop, due, (n // RESTORED + 1) * RESTORED)
+            if few:
+                steps_of_one(b, width - 1, n, pause)
+            else:
+                steps_of_all(b, plains, n, pause)
+            n = pause
+        for l in range(width):
+            i, plain, alive = first + l, b[KIND, l] == PLAIN, int(b[ALIVE, l])
+            final[i, 0], final[i, 1] = tile[2 * l], tile[2 * l + 1]
+            carry[i, 0], carry[i, 1] = b[KIND, l], b[X_ if plain else XG, l]
+            carry[i, 2], carry[i, 3], carry[i, 4] = b[Y_ if plain else U, l], b[V, l], b[R2, l]
+            if not plain and alive < stop - start and status[i] >= 0:
+                status[i] = SINGULAR if b[ALIVE, l] > alive else NONFINITE
+                failed_at[i] = start + alive + 1

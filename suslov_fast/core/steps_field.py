@@ -1,0 +1,244 @@
+"""Kahan's map of any quadratic field f (theory, section 7), lanes side by side.
+
+x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x). A field is a list of terms: with one
+more component, x_D = 1, all are quadratic, and f_i is the sum of its v x_j x_k, j <= k. So one
+build serves all fields. Where the increment cancels the state, or elimination loses digits, a lane
+solves A(x) x_next = x + (eps/2) l x + eps c, where l and c are the linear and constant parts.
+
+parameters   indices (3, T), the i, j and k of terms; values (1 or B, T); eps (1 or B,)
+carry        (B, D), the states
+
+A block of lanes is four arrays:
+
+x       (2, D, lanes)   the states, and the next ones
+a       (D, D + 1, lanes)   A, and minus half the step size times f as the right side
+fixed   (D, D + 1, lanes)   what of `a` does not depend on the state
+half    (T, lanes)   half the step size times v
+"""
+
+import numpy as np
+
+from .codes import NONFINITE, OK
+from .elimination import eliminate, keeps_digits, solve
+from .numba import formula, function, inlined, kernel, select, share
+
+# Rows of numbers of lanes: of `eliminate`; the sum of what `next_component` says of losses; and 1,
+# or NaN after the end.
+LEAST, LARGEST, LOST, EXISTS = range(4)
+ROWS = 4
+# A state has lost digits if one component falls below this part of its increment, or if all fall
+# below the larger part.
+SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
+
+
+def carried(D):
+    """Return how many numbers of a trajectory a run goes on from."""
+    return D
+
+
+@formula
+def lanes_of(D, count):
+    """Return how many trajectories go side by side: the matrices stay in the caches."""
+    lanes = 128 if D <= 8 else 64 if D <= 24 else 32
+    return min(lanes, (count + 7) // 8 * 8)
+
+
+@inlined
+def enter_field(indices, values, eps, fixed, half, l):
+    """Enter a field, values (T,), and a step size in a lane."""
+    D = len(fixed)
+    for i in range(D):
+        for j in range(D + 1):
+            fixed[i, j, l] = 1.0 if i == j else 0.0
+    for t in range(indices.shape[1]):
+        i, j, k = indices[0, t], indices[1, t], indices[2, t]
+        half[t, l] = 0.5 * eps * values[t]
+        if k == D:
+            fixed[i, j, l] -= half[t, l]
+
+
+@formula
+def fill(indices, half, fixed, x, a, lanes):
+    """Fill A(x), and in column D minus half the step size times f(x)."""
+    D = len(fixed)
+    for i in range(D):
+        for j in range(D + 1):
+            for l in range(lanes):
+                a[i, j, l] = fixed[i, j, l]
+    for t in range(indices.shape[1]):
+        i, j, k = indices[0, t], indices[1, t], indices[2, t]
+        if j < D:  # for k = D a term of f
+            for l in range(lanes):
+                a[i, k, l] -= half[t, l] * x[j, l]
+        if k < D:
+            for l in range(lanes):
+                a[i, j, l] -= half[t, l] * x[k, l]
+            for l in range(lanes):
+                a[i, D, l] -= half[t, l] * x[k, l] * x[j, l]
+
+
+@formula
+def next_component(x, half):
+    """Return a component of the next state, from minus half its increment; and 0 if it has its
+    digits, 1 if it may do with fewer beside others that have theirs, else infinity.
+    """
+    following = x - 2.0 * half
+    size, part = abs(following), abs(half)
+    loss = select(size >= LARGE_PART * part, 0.0, select(size >= SMALL_PART * part, 1.0, np.inf))
+    return following, select(size < np.inf, loss, np.inf)
+
+
+@formula
+def is_accurate(b, l, D):
+    """Whether a next state is finite and has its digits."""
+    return (b[LOST, l] < D) & keeps_digits(b[LEAST, l], b[LARGEST, l])
+
+
+@inlined
+def advance(x, a, b, lanes):
+    """Fill the next states x[1] from `a`; return how many are not finite or not accurate."""
+    D = len(a)
+    eliminate(a, b[LEAST], b[LARGEST], lanes)
+    for l in range(lanes):
+        b[LOST, l] = 0.0
+    for i in range(D):
+        for l in range(lanes):
+            x[1, i, l], loss = next_component(x[0, i, l], a[i, D, l])
+            b[LOST, l] += loss
+    failed = 0
+    for l in range(lanes):
+        failed += 0 if is_accurate(b, l, D) else 1
+    return failed
+
+
+@inlined
+def memory_of_one(D, T):
+    """Return x, fixed and half of one lane, and `a` and `units` of `solve`."""
+    x, fixed, a = np.empty((2, D, 1)), np.empty((D, D + 1, 1)), np.empty((D, D + 1, 1))
+    return x, fixed, np.empty((T, 1)), a, np.empty((2, D))
+
+
+@inlined
+def advance_one(indices, x, fixed, half, l, one):
+    """Fill the next state of lane l, by `solve` of A x_next = x + (eps/2) l x + eps c, in memory of
+    one lane; return its status.
+    """
+    x1, fixed1, half1, a, units = one
+    D = x.shape[1]
+    for t in range(len(half)):
+        half1[t, 0] = half[t, l]
+    for i in range(D):
+        x1[0, i, 0] = x[0, i, l]
+        for j in range(D + 1):
+            fixed1[i, j, 0] = fixed[i, j, l]
+    fill(indices, half1, fixed1, x1[0], a, 1)
+    for i in range(D):
+        right = x1[0, i, 0] - 2.0 * fixed1[i, D, 0]
+        for j in range(D):
+            right -= (fixed1[i, j, 0] - (1.0 if i == j else 0.0)) * x1[0, j, 0]
+        a[i, D, 0] = right
+    status = solve(a, units)
+    for i in range(D):
+        x1[1, i, 0] = a[i, D, 0] if status == OK else np.nan
+        x[1, i, l] = x1[1, i, 0]
+    return status
+
+
+@function
+def advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at):
+    """Fill the next states, with index n, that `advance` did not; trajectories without one end."""
+    _, D, lanes = x.shape
+    for l in range(lanes):
+        if not is_accurate(b, l, D):
+            code = advance_one(indices, x, fixed, half, l, one)
+            if code != OK:
+                if begin + l < end:
+                    status[begin + l], failed_at[begin + l] = code, n
+                rest(x, fixed, half, b, l)
+
+
+@function
+def step_of_one(system, given, out, memory):
+    """Write the state that follows `given` to `out`; return its status. For `compiled`."""
+    (fixed, half, indices), (x, b, one) = system, memory
+    for i in range(len(fixed)):
+        x[0, i, 0] = given[i]
+    fill(indices, half, fixed, x[0], one[3], 1)
+    status = OK
+    if advance(x, one[3], b, 1) > 0:
+        status = advance_one(indices, x, fixed, half, 0, one)
+    for i in range(len(fixed)):
+        out[i] = x[1, i, 0]
+    return status
+
+
+@function
+def enter(parameters, x0, x, fixed, half, b, begin, end, start, status, failed_at):
+    """Enter trajectories, in states x0; lanes beyond the last repeat it."""
+    indices, values, eps = parameters
+    for l in range(x.shape[2]):
+        k, undefined = min(begin + l, end - 1), 0.0
+        enter_field(indices, values[k % len(values)], eps[k % len(eps)], fixed, half, l)
+        for i in range(x.shape[1]):
+            x[0, i, l] = x0[k, i]
+            undefined += 0.0 * x[0, i, l]
+        if start == 0 and np.isnan(undefined):
+            status[k], failed_at[k] = NONFINITE, 0
+        b[EXISTS, l] = 1.0
+        if status[k] < 0:
+            rest(x, fixed, half, b, l)
+
+
+@function
+def rest(x, fixed, half, b, l):
+    """End a trajectory: from now on its lane rests at 0, which is written as NaN."""
+    b[EXISTS, l] = np.nan
+    for i in range(x.shape[1]):
+        x[0, i, l], x[1, i, l] = 0.0, 0.0
+        for j in range(x.shape[1] + 1):
+            fixed[i, j, l] = 1.0 if i == j else 0.0
+    for t in range(len(half)):
+        half[t, l] = 0.0
+
+
+@kernel
+def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+    """Iterate the trajectories of a part, as `steps_3d.steps`."""
+    indices = parameters[0]
+    first, last, start, stop, every, next_row = span
+    T, D = indices.shape[1], omega0.shape[1]
+    lanes = lanes_of(D, last - first)
+    x, b = np.empty((2, D, lanes)), np.empty((ROWS, lanes))
+    a, fixed, half = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes)), np.empty((T, lanes))
+    one = memory_of_one(D, T)
+    first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
+    for block in range(first_block, last_block):
+        begin, row = first + block * lanes, next_row
+        end = min(begin + lanes, last)
+        states = omega0 if start == 0 else carry
+        enter(parameters, states, x, fixed, half, b, begin, end, start, status, failed_at)
+        for n in range(start, stop + 1):
+            if n > start:
+                fill(indices, half, fixed, x[0], a, lanes)
+                if advance(x, a, b, lanes) > 0:
+                    advance_failed(
+                        indices, x, fixed, half, b, one, begin, end, n, status, failed_at
+                    )
+                for i in range(D):
+                    for l in range(lanes):
+                        x[0, i, l] = x[1, i, l]
+            if every > 0 and n % every == 0 and (n > start or start == 0):
+                write(x, b, begin, end, saved[row])
+                row += 1
+        write(x, b, begin, end, final)
+        for l in range(end - begin):
+            for i in range(D):
+                carry[begin + l, i] = x[0, i, l]
+
+
+@inlined
+def write(x, b, begin, end, target):
+    """Write the states of a block to target (B, D)."""
+    for l in range(end - begin):
+        for i in range(x.shape[1]):
+            target[begin + l, i] = x[0, i, l] * b[EXISTS, l]

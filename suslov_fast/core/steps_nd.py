@@ -1,0 +1,335 @@
+"""The map of a body in n dimensions (theory, section 3), m = n - 1 components, lanes side by side.
+
+The field is f_i = (p w_i - |w|**2 I_i) / J_i with p = I.w. A step solves A(w) w_next = w, where
+A = 1 - h f'(w), h = eps / 2, is diagonal plus rank two,
+
+A_ij = (2 h I_i w_j - h w_i I_j) / J_i  for j != i,   A_ii = 1 - h (p - I_i w_i) / J_i.
+
+So with d_i = J_i - h p a step takes O(n): w_next = w + delta,
+
+delta_i = (h (2 p + I.delta) w_i - 2 h (|w|**2 + w.delta) I_i) / d_i.
+
+Products with I and w give two equations for I.delta and w.delta, with alpha = sum I w / d,
+beta = sum I**2 / d and gamma = sum w**2 / d,
+
+(1 - h alpha) I.delta + 2 h beta w.delta = 2 h (p alpha - |w|**2 beta),
+-h gamma I.delta + (1 + 2 h alpha) w.delta = 2 h (p gamma - |w|**2 alpha).
+
+That loses digits where a d_i is small, where the determinant of the two equations cancels, and
+where w + delta cancels: such lanes take the step by elimination.
+
+parameters   J, I (1 or B, m); eps (1 or B,)
+carry        (B, m), the states
+
+A block is c[J, I, W or INVERSE, component, lane], with an even number of components: if m is odd
+there is one more, with J = inf and I = w = 0; and b[row, lane], numbers of lanes.
+"""
+
+import numpy as np
+
+from .codes import NONFINITE, OK
+from .elimination import eliminate, keeps_digits, solve
+from .numba import formula, function, inlined, kernel, select, share
+
+J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d, or next states
+# p, |w|**2 and h p; the sums; the factors of w / d and I / d in delta; 1 if a lane eliminates; the
+# step size; a bound of h p below which no d is small; 1, or NaN after the end; of a row of A the
+# factors 2 h I_i / J_i and h w_i / J_i, and a sum; and those of `eliminate`.
+(P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I, TO_SOLVE, EPS, NEAR, EXISTS) = range(12)
+ROW_W, ROW_I, OTHERS, LEAST, LARGEST = range(12, 17)
+ROWS = 17
+LANES = 64  # so many that sums do not wait for memory just written
+# A step in O(n) keeps its digits if |d_i| / J_i is above the first, the determinant of the two
+# equations above the second, in units of its terms, and w.w_next above the third, times |w|**2.
+FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
+
+
+def carried(m):
+    """Return how many numbers of a trajectory a run goes on from."""
+    return m
+
+
+@formula
+def lanes_of(m, count):
+    """Return how many trajectories go side by side."""
+    return min(LANES if m <= 24 else LANES // 2, (count + 7) // 8 * 8)
+
+
+@formula
+def sum_terms(J, I, w, half):
+    """Return 1 / d of a component, and its terms of alpha, beta and gamma."""
+    inverse = 1.0 / (J - half)
+    along = I * inverse
+    return inverse, along * w, along * I, w * inverse * w
+
+
+@formula
+def solve_two(eps, p, square, alpha, beta, gamma):
+    """Return the factors of w_i / d_i and I_i / d_i in delta_i, and whether they are accurate.
+
+    The two equations are solved by Cramer's rule; I_delta and w_delta are the products.
+    """
+    h = 0.5 * eps
+    a11, a12, b1 = 1.0 - h * alpha, eps * beta, eps * (p * alpha - square * beta)
+    a21, a22, b2 = -h * gamma, 1.0 + eps * alpha, eps * (p * gamma - square * alpha)
+    det = a11 * a22 - a12 * a21
+    size = (1.0 + abs(h * alpha)) * (1.0 + abs(eps * alpha)) + abs(a12 * a21)
+    inverse = 1.0 / det
+    I_delta, w_delta = (a22 * b1 - a12 * b2) * inverse, (a11 * b2 - a21 * b1) * inverse
+    accurate = (abs(det) > LEAST_DET * size) & (square + w_delta >= LEAST_COSINE * square)
+    return h * (2.0 * p + I_delta), -eps * (square + w_delta), accurate
+
+
+@formula
+def next_component(I, w, inverse, of_w, of_I):
+    """Return a component of the next state."""
+    return w + (of_w * w + of_I * I) * inverse
+
+
+@formula
+def fill(c, b, a, lanes):
+    """Fill A(w), and w as the right side."""
+    m = len(a)
+    for i in range(m):
+        for l in range(lanes):
+            b[ROW_W, l] = b[EPS, l] * c[I_, i, l] / c[J_, i, l]
+            b[ROW_I, l] = 0.5 * b[EPS, l] * c[W, i, l] / c[J_, i, l]
+            b[OTHERS, l], a[i, m, l] = 0.0, c[W, i, l]
+        for j in range(m):
+            if j != i:
+                for l in range(lanes):
+                    a[i, j, l] = b[ROW_W, l] * c[W, j, l] - b[ROW_I, l] * c[I_, j, l]
+                for l in range(lanes):
+                    b[OTHERS, l] += c[I_, j, l] * c[W, j, l]
+        for l in range(lanes):  # the terms of component i in p cancel here
+            a[i, i, l] = 1.0 - 0.5 * b[EPS, l] * b[OTHERS, l] / c[J_, i, l]
+
+
+@formula
+def find_factors(c, b, lanes):
+    """Find 1 / d and the factors of the increment; return how many lanes must eliminate.
+
+    Terms i and M/2 + i are added in pairs, which halves the stores.
+    """
+    M = c.shape[1]
+    pairs = M // 2
+    for l in range(lanes):
+        b[HALF, l] = 0.5 * b[EPS, l] * b[P, l]
+        b[ALPHA, l], b[BETA, l], b[GAMMA, l] = 0.0, 0.0, 0.0
+    for i in range(pairs):
+        j = pairs + i
+        for l in range(lanes):
+            one = sum_terms(c[J_, i, l], c[I_, i, l], c[W, i, l], b[HALF, l])
+            two = sum_terms(c[J_, j, l], c[I_, j, l], c[W, j, l], b[HALF, l])
+            c[INVERSE, i, l], c[INVERSE, j, l] = one[0], two[0]
+            b[ALPHA, l] = b[ALPHA, l] + one[1] + two[1]
+            b[BETA, l] = b[BETA, l] + one[2] + two[2]
+            b[GAMMA, l] = b[GAMMA, l] + one[3] + two[3]
+    near, to_solve = 0, 0
+    for l in range(lanes):
+        b[OF_W, l], b[OF_I, l], accurate = solve_two(
+            b[EPS, l], b[P, l], b[SQUARE, l], b[ALPHA, l], b[BETA, l], b[GAMMA, l]
+        )
+        b[TO_SOLVE, l] = select(accurate, 0.0, 1.0)
+        near += select(b[HALF, l] < b[NEAR, l], 0, 1)
+        to_solve += select(accurate, 0, 1)
+    if near > 0:
+        for l in range(lanes):
+            for i in range(M):
+                if abs(1.0 - b[HALF, l] / c[J_, i, l]) <= FAR_FROM_0 and b[TO_SOLVE, l] == 0.0:
+                    b[TO_SOLVE, l] = 1.0
+                    to_solve += 1
+    return to_solve
+
+
+@formula
+def add_increments(c, b, lanes):
+    """Go on to the next states, and find their p and |w|**2."""
+    M = c.shape[1]
+    pairs = M // 2
+    for i in range(M):
+        for l in range(lanes):
+            c[W, i, l] = next_component(
+                c[I_, i, l], c[W, i, l], c[INVERSE, i, l], b[OF_W, l], b[OF_I, l]
+            )
+    for l in range(lanes):
+        b[P, l], b[SQUARE, l] = 0.0, 0.0
+    for i in range(pairs):
+        j = pairs + i
+        for l in range(lanes):
+            one, two = c[W, i, l], c[W, j, l]
+            b[P, l] = b[P, l] + c[I_, i, l] * one + c[I_, j, l] * two
+            b[SQUARE, l] = b[SQUARE, l] + one * one + two * two
+
+
+@inlined
+def memory_of_one(m):
+    """Return c, b, `a` and `units` of one lane."""
+    c, b = np.empty((4, m, 1)), np.empty((ROWS, 1))
+    return c, b, np.empty((m, m + 1, 1)), np.empty((2, m))
+
+
+@inlined
+def eliminate_one(c, b, l, one):
+    """Replace the state of lane l by the next, by `solve`, and make its increment 0; return its
+    status.
+    """
+    c1, b1, a, units = one
+    m = len(a)
+    b1[EPS, 0], b[OF_W, l], b[OF_I, l] = b[EPS, l], 0.0, 0.0
+    for i in range(m):
+        c1[J_, i, 0], c1[I_, i, 0], c1[W, i, 0] = c[J_, i, l], c[I_, i, l], c[W, i, l]
+    fill(c1, b1, a, 1)
+    status = solve(a, units)
+    for i in range(m):
+        c[W, i, l], c[INVERSE, i, l] = a[i, m, 0], 0.0
+    return status
+
+
+@function
+def step_of_one(system, given, out, memory):
+    """Write the state that follows `given` to `out`; return its status. For `compiled`."""
+    (J, I, eps, near), (c, b, one) = system, memory
+    status = OK
+    b[EPS, 0], b[NEAR, 0], b[OF_W, 0], b[OF_I, 0] = eps, near, 0.0, 0.0
+    for i in range(c.shape[1]):
+        c[J_, i, 0], c[I_, i, 0], c[W, i, 0], c[INVERSE, i, 0] = np.inf, 0.0, 0.0, 0.0
+        if i < len(J):
+            c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = J[i], I[i], given[i]
+    add_increments(c, b, 1)  # none: finds p and |w|**2
+    if find_factors(c, b, 1) > 0:
+        status = eliminate_one(c, b, 0, one)
+    add_increments(c, b, 1)
+    for i in range(len(J)):
+        out[i] = c[W, i, 0] if status == OK else np.nan
+    return status
+
+
+@kernel
+def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+    """Iterate the trajectories of a part, as `steps_3d.steps`, in O(n) where that keeps digits."""
+    first, last, start, stop, every, next_row = span
+    m = omega0.shape[1]
+    lanes = lanes_of(m, last - first)
+    c, b, one = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
+    first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
+    for block in range(first_block, last_block):
+        begin, row = first + block * lanes, next_row
+        end = min(begin + lanes, last)
+        states = omega0 if start == 0 else carry
+        enter(c, b, parameters, states, begin, end, start, status, failed_at)
+        for n in range(start, stop + 1):
+            if n > start:
+                if find_factors(c, b, lanes) > 0:
+                    for l in range(lanes):
+                        if b[TO_SOLVE, l] > 0.0:
+                            code = eliminate_one(c, b, l, one)
+                            if code != OK:
+                                end_lane(c, b, l, begin, end, n, code, status, failed_at)
+                add_increments(c, b, lanes)
+            if every > 0 and n % every == 0 and (n > start or start == 0):
+                write(c, b, begin, end, saved[row])
+                row += 1
+        leave(c, b, begin, end, carry, final)
+
+
+@kernel
+def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+    """Iterate the trajectories of a part by elimination."""
+    first, last, start, stop, every, next_row = span
+    m = omega0.shape[1]
+    lanes = lanes_of(m, last - first)
+    c, b, one = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
+    a = np.empty((m, m + 1, lanes))
+    first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
+    for block in range(first_block, last_block):
+        begin, row = first + block * lanes, next_row
+        end = min(begin + lanes, last)
+        states = omega0 if start == 0 else carry
+        enter(c, b, parameters, states, begin, end, start, status, failed_at)
+        for n in range(start, stop + 1):
+            if n > start:
+                fill(c, b, a, lanes)
+                eliminate(a, b[LEAST], b[LARGEST], lanes)
+                for l in range(lanes):
+                    b[OTHERS, l] = 0.0
+                for i in range(m):
+                    for l in range(lanes):
+                        b[OTHERS, l] += abs(a[i, m, l])
+                failed = 0
+                for l in range(lanes):
+                    good = (b[OTHERS, l] < np.inf) & keeps_digits(b[LEAST, l], b[LARGEST, l])
+                    b[TO_SOLVE, l] = 0.0 if good else 1.0
+                    failed += 0 if good else 1
+                for l in range(lanes if failed > 0 else 0):
+                    if b[TO_SOLVE, l] > 0.0:
+                        code = eliminate_one(c, b, l, one)
+                        for i in range(m):
+                            a[i, m, l] = c[W, i, l]
+                        if code != OK:
+                            end_lane(c, b, l, begin, end, n, code, status, failed_at)
+                            for i in range(m):
+                                a[i, m, l] = 0.0
+                for i in range(m):
+                    for l in range(lanes):
+                        c[W, i, l] = a[i, m, l]
+            if every > 0 and n % every == 0 and (n > start or start == 0):
+                write(c, b, begin, end, saved[row])
+                row += 1
+        leave(c, b, begin, end, carry, final)
+
+
+@function
+def enter(c, b, parameters, states, begin, end, start, status, failed_at):
+    """Enter trajectories; lanes beyond the last repeat it."""
+    (J, I, eps), m = parameters, states.shape[1]
+    for l in range(c.shape[2]):
+        k, undefined, smallest = min(begin + l, end - 1), 0.0, np.inf
+        b[EPS, l], b[EXISTS, l], b[P, l], b[SQUARE, l] = eps[k % len(eps)], 1.0, 0.0, 0.0
+        b[OF_W, l], b[OF_I, l] = 0.0, 0.0
+        for i in range(c.shape[1]):
+            c[J_, i, l], c[I_, i, l], c[W, i, l], c[INVERSE, i, l] = np.inf, 0.0, 0.0, 0.0
+            if i < m:
+                c[J_, i, l], c[I_, i, l] = J[k % len(J), i], I[k % len(I), i]
+                c[W, i, l] = states[k, i]
+            undefined += 0.0 * c[W, i, l]
+            smallest = min(smallest, c[J_, i, l])
+        b[NEAR, l] = (1.0 - FAR_FROM_0) * smallest
+        if start == 0 and np.isnan(undefined):
+            status[k], failed_at[k] = NONFINITE, 0
+        if status[k] < 0:
+            rest(c, b, l)
+    add_increments(c, b, c.shape[2])  # none: finds p and |w|**2
+
+
+@function
+def rest(c, b, l):
+    """End a trajectory: from now on its lane rests at 0, which is written as NaN."""
+    b[EPS, l], b[EXISTS, l] = 0.0, np.nan
+    for i in range(c.shape[1]):
+        c[W, i, l] = 0.0
+
+
+@inlined
+def end_lane(c, b, l, begin, end, n, code, status, failed_at):
+    """End a trajectory without a state n."""
+    if begin + l < end:
+        status[begin + l], failed_at[begin + l] = code, n
+    rest(c, b, l)
+
+
+@inlined
+def write(c, b, begin, end, target):
+    """Write the states of a block to target (B, m)."""
+    for l in range(end - begin):
+        for i in range(target.shape[1]):
+            target[begin + l, i] = c[W, i, l] * b[EXISTS, l]
+
+
+@inlined
+def leave(c, b, begin, end, carry, final):
+    """Write the last states, and those from which a run goes on."""
+    write(c, b, begin, end, final)
+    for l in range(end - begin):
+        for i in range(final.shape[1]):
+            carry[begin + l, i] = c[W, i, l]

@@ -1,0 +1,263 @@
+"""Derivatives of Kahan's map of a quadratic field, and how lengths grow under their products.
+
+A(x) = 1 - (eps/2) f'(x), and DPhi(x) = A(x)**-1 (1 + (eps/2) f'(x_next)); the second factor is
+2 - A(x_next) (theory, section 7). Every map is one of these: `body.field().terms` are its indices
+(3, T) and values (..., T), see `steps_field`.
+
+derive   DPhi at the state of one lane, with pivots
+growth   a kernel: logarithms of lengths and determinants along orbits
+
+The Lyapunov exponents after N steps are, from the sums (B, D) and of_det (B,) of `growth`,
+sums[:, :-1] / N and, for the last, (of_det - sums[:, :-1].sum(axis=1)) / N: so their sum is the
+mean of log |det DPhi|, to rounding. (The last is sums[:, -1] / N where another one is -inf.)
+"""
+
+import numpy as np
+
+from .codes import OK
+from .elimination import determinant_of, eliminate, keeps_digits, solve, substitute
+from .numba import function, kernel, select, share
+from .steps_field import (
+    EXISTS,
+    ROWS,
+    advance,
+    advance_failed,
+    advance_one,
+    enter,
+    fill,
+    is_accurate,
+    lanes_of,
+    memory_of_one,
+)
+
+# Rows of numbers of lanes, after those of `steps_field`: of `eliminate` for 2 - A(x_next); 1 if
+# both eliminations keep their digits, else 0; products of the factors of |det DPhi| near 1, less 1,
+# and of the others; a sum of logarithms; and, from LENGTHS on, the products of lengths.
+LEAST_BACK, LARGEST_BACK, GOOD, NEAR_1, FAR, SUM, LENGTHS = range(ROWS, ROWS + 7)
+# Logarithms are taken of products that leave these ranges: what lies within keeps its digits.
+NEAR_1_LEAST, NEAR_1_LARGEST, LEAST, LARGEST = -0.999, 1e3, 1e-100, 1e100
+
+
+@function
+def derive(indices, x, fixed, half, l, one, after, system):
+    """Replace the right sides v of `system` (D, D + r, 1) by DPhi v, at x[0] of lane l.
+
+    x[1] becomes the next state, and `after` A there; other columns are those of `solve`.
+    """
+    x1, fixed1, half1, a, units = one
+    D, columns, _ = system.shape
+    code = advance_one(indices, x, fixed, half, l, one)
+    fill(indices, half1, fixed1, x1[1], after, 1)
+    fill(indices, half1, fixed1, x1[0], a, 1)
+    for r in range(D, columns):
+        for i in range(D):
+            units[0, i] = 2.0 * system[i, r, 0]
+            for j in range(D):
+                units[0, i] -= after[i, j, 0] * system[j, r, 0]
+        for i in range(D):
+            system[i, r, 0] = units[0, i]
+    for i in range(D):
+        for j in range(D):
+            system[i, j, 0] = a[i, j, 0]
+    return code if code != OK else solve(system, units)
+
+
+@kernel
+def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, failed_at):
+    """Add the logarithms of the growth of D lengths, and of |det DPhi|, along orbits.
+
+    The derivatives of the steps are multiplied, and the product is decomposed as Q R after each
+    step, beginning with Q = 1: these are the logarithms of the diagonal of R.
+
+    parameters   those of `steps_field.steps`
+    x0, carry    (B, D), read if the steps begin at 0; (B, D + D D), read otherwise, and written
+    span         trajectories, from one to before the other, and steps, likewise
+    sums, of_det   (B, D) and (B,), to which logarithms are added; NaN after a failure
+    status, failed_at   (B,), as of `steps_field.steps`
+    """
+    indices = parameters[0]
+    first, last, start, stop = span
+    T, D = indices.shape[1], x0.shape[1]
+    lanes = lanes_of(D, last - first)
+    x, fixed, half = np.empty((2, D, lanes)), np.empty((D, D + 1, lanes)), np.empty((T, lanes))
+    a, after, b = np.empty_like(fixed), np.empty_like(fixed), np.empty((LENGTHS + D, lanes))
+    q, v, back = np.empty((D, D, lanes)), np.empty((D, D, lanes)), np.empty((D, D, lanes))
+    more, one, system = np.empty((2, D, lanes)), memory_of_one(D, T), np.empty((D, 2 * D, 1))
+    first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
+    for block in range(first_block, last_block):
+        begin = first + block * lanes
+        end = min(begin + lanes, last)
+        states = x0 if start == 0 else carry
+        enter(parameters, states, x, fixed, half, b, begin, end, start, status, failed_at)
+        for l in range(lanes):
+            k = min(begin + l, end - 1)
+            b[NEAR_1, l], b[FAR, l], b[SUM, l] = 0.0, 1.0, 0.0
+            for i in range(D):
+                b[LENGTHS + i, l] = 1.0
+                for j in range(D):
+                    unit = 1.0 if i == j else 0.0
+                    q[i, j, l] = unit if start == 0 else carry[k, D + D * i + j]
+        fill(indices, half, fixed, x[0], a, lanes)
+        for n in range(start + 1, stop + 1):
+            fill_diagonals(indices, half, x[0], more[0], -1.0)
+            if advance(x, a, b, lanes) > 0:
+                advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at)
+            fill(indices, half, fixed, x[1], after, lanes)
+            fill_diagonals(indices, half, x[1], more[1], 1.0)
+            fill_right_sides(after, q, v, back)
+            substitute(a, v)
+            eliminate(back, b[LEAST_BACK], b[LARGEST_BACK], lanes)
+            inaccurate = 0
+            for l in range(lanes):
+                good = is_accurate(b, l, D) & keeps_digits(b[LEAST_BACK, l], b[LARGEST_BACK, l])
+                b[GOOD, l] = 1.0 if good else 0.0
+                inaccurate += 0 if good else 1
+            multiply_determinants(a, back, more, b)
+            if inaccurate > 0:
+                for l in range(lanes):
+                    if b[GOOD, l] == 0.0 and b[EXISTS, l] == 1.0:
+                        derive_lane(indices, x, fixed, half, l, one, system, q, v, b)
+            orthonormalise(v, b)
+            take_logarithms(b, sums, begin, end, False)
+            a, after, q, v = after, a, v, q
+            for i in range(D):
+                for l in range(lanes):
+                    x[0, i, l] = x[1, i, l]
+        take_logarithms(b, sums, begin, end, True)
+        for l in range(end - begin):
+            k = begin + l
+            of_det[k] += b[SUM, l] * b[EXISTS, l]
+            for i in range(D):
+                carry[k, i] = x[0, i, l]
+                sums[k, i] *= b[EXISTS, l]
+                for j in range(D):
+                    carry[k, D + D * i + j] = q[i, j, l]
+
+
+@function
+def fill_diagonals(indices, half, x, diagonal, sign):
+    """Fill sign (eps/2) f'(x)_ii, to rounding."""
+    D, lanes = x.shape
+    for i in range(D):
+        for l in range(lanes):
+            diagonal[i, l] = 0.0
+    for t in range(indices.shape[1]):
+        i, j, k = indices[0, t], indices[1, t], indices[2, t]
+        if k == D and j == i:
+            for l in range(lanes):
+                diagonal[i, l] += sign * half[t, l]
+        if k < D and j == i:
+            for l in range(lanes):
+                diagonal[i, l] += sign * half[t, l] * x[k, l]
+        if k < D and k == i:
+            for l in range(lanes):
+                diagonal[i, l] += sign * half[t, l] * x[j, l]
+
+
+@function
+def fill_right_sides(after, q, v, back):
+    """Fill (2 - A) q and 2 - A, for A in `after`."""
+    D, _, lanes = q.shape
+    for i in range(D):
+        for r in range(D):
+            unit = 2.0 if i == r else 0.0
+            for l in range(lanes):
+                back[i, r, l] = unit - after[i, r, l]
+            for l in range(lanes):
+                v[i, r, l] = 2.0 * q[i, r, l]
+            for j in range(D):
+                for l in range(lanes):
+                    v[i, r, l] -= after[i, j, l] * q[j, r, l]
+
+
+@function
+def multiply_determinants(a, back, more, b):
+    """Multiply by |det DPhi| = prod |p_i / q_i|, with pivots p of 2 - A(x_next) and q of A(x).
+
+    `more` is what the diagonals of A(x) and 2 - A(x_next) have beyond 1. Less the products of L and
+    U it is what the pivots have beyond 1; short steps need p_i / q_i - 1 = (p_i - q_i) / q_i.
+    """
+    D, lanes = a.shape[0], a.shape[2]
+    for i in range(D):
+        for k in range(i):
+            for l in range(lanes):
+                more[0, i, l] -= a[i, k, l] * a[k, i, l]
+            for l in range(lanes):
+                more[1, i, l] -= back[i, k, l] * back[k, i, l]
+        for l in range(lanes):
+            change = (more[1, i, l] - more[0, i, l]) * a[i, i, l]
+            near, good = abs(change) < 0.5, b[GOOD, l] > 0.0
+            quotient = select(good & ~near, a[i, i, l] / back[i, i, l], 1.0)
+            change = select(good & near, change, 0.0)
+            b[NEAR_1, l] += change + b[NEAR_1, l] * change
+            b[FAR, l] *= abs(quotient)
+
+
+@function
+def derive_lane(indices, x, fixed, half, l, one, system, q, v, b):
+    """Replace columns v of lane l, and its factors of |det DPhi|, by what pivots give."""
+    D = len(q)
+    after = np.empty((D, D + 1, 1))
+    for i in range(D):
+        for j in range(D):
+            system[i, D + j, 0] = q[i, j, l]
+    derive(indices, x, fixed, half, l, one, after, system)
+    of_step = determinant_of(system, one[4])
+    for i in range(D):
+        for j in range(D):
+            v[i, j, l] = system[i, D + j, 0]
+            system[i, j, 0] = (2.0 if i == j else 0.0) - after[i, j, 0]
+            system[i, D + j, 0] = 0.0
+    solve(system, one[4])
+    b[SUM, l] += np.log(abs(determinant_of(system, one[4]) / of_step))
+
+
+@function
+def orthonormalise(v, b):
+    """Make the columns v orthonormal, and multiply the lengths; columns of length 0 remain."""
+    D, _, lanes = v.shape
+    length, along = np.empty(lanes), np.empty(lanes)
+    for r in range(D):
+        for s in range(r):  # the modified Gram-Schmidt method
+            for l in range(lanes):
+                along[l] = 0.0
+            for i in range(D):
+                for l in range(lanes):
+                    along[l] += v[i, s, l] * v[i, r, l]
+            for i in range(D):
+                for l in range(lanes):
+                    v[i, r, l] -= along[l] * v[i, s, l]
+        for l in range(lanes):
+            along[l] = 0.0
+        for i in range(D):
+            for l in range(lanes):
+                along[l] += v[i, r, l] * v[i, r, l]
+        for l in range(lanes):
+            length[l] = np.sqrt(along[l])
+            b[LENGTHS + r, l] *= length[l]
+            length[l] = select(length[l] == 0.0, 0.0, 1.0 / length[l])
+        for i in range(D):
+            for l in range(lanes):
+                v[i, r, l] *= length[l]
+
+
+@function
+def take_logarithms(b, sums, begin, end, always):
+    """Add the logarithms of products that leave their ranges, or of all, and begin new ones."""
+    D = sums.shape[1]
+    for row in range(NEAR_1, LENGTHS + D):
+        near = row == NEAR_1
+        low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST, LARGEST)
+        outside = 0
+        for l in range(b.shape[1]):
+            outside += 0 if (b[row, l] > low) & (b[row, l] < high) else 1
+        if row == SUM or (outside == 0 and not always):
+            continue
+        for l in range(end - begin):
+            if always or not low < b[row, l] < high:
+                logarithm = np.log1p(b[row, l]) if near else np.log(b[row, l])
+                b[row, l] = 0.0 if near else 1.0
+                if row < LENGTHS:
+                    b[SUM, l] += logarithm
+                else:
+                    sums[begin + l, row - LENGTHS] += logarithm

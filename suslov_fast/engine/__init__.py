@@ -1,0 +1,1 @@
+"""Checked arguments, flat arrays, threads, and runs of kernels in stretches."""

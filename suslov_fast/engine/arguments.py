@@ -1,0 +1,145 @@
+"""Arguments common to most public functions, and the flat arrays that kernels take of them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import checks
+from ..bodies.field import QuadraticField
+from ..bodies.nd import SuslovND
+from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..checks import MOMENTS, FloatArray, common_shape, instance, real_number, within, wrong
+from .starts import RandomStarts
+
+AnyBody = Suslov3D | SuslovND | SuslovGyrostat
+BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
+BodyOrField = AnyBody | QuadraticField
+
+
+class States(NamedTuple):
+    """States of a body, checked."""
+
+    body: Any
+    omega: FloatArray  # (..., D)
+    eps: float | FloatArray  # 0 if there is no step size
+    batch: tuple[int, ...]  # to which all broadcast
+    threads: int | None = None
+    name: str = "omega"  # of the argument that holds the states
+    orientation: FloatArray | None = None  # (..., n, n)
+
+
+def check(
+    body: Any,
+    kinds: Any,
+    arguments: dict[str, Any],
+    threads: int | None = None,
+    components: tuple[str, ...] | None = None,
+    later: bool = False,
+) -> States:
+    """Check the arguments of a public function.
+
+    The body is one of `kinds`, if any are given. Arguments are states, by any name, which may be
+    NaN and have the components of the body or those given; `eps`; and rotations `attitude`, or
+    True. Messages call the state of a field x; `later` is that of `checks.states`.
+    """
+    if kinds:
+        instance("body", body, kinds)
+    labels = components or body._labels
+    omega: Any = None
+    eps: float | FloatArray = 0.0
+    orientation, of_states = None, ""
+    shapes = {"body": body.shape}
+    for name, value in arguments.items():
+        if name == "eps":
+            eps = within(name, real_number(name, value), MOMENTS)
+            shapes[name] = () if type(eps) is float else eps.shape  # type: ignore[union-attr]
+        elif name == "attitude":
+            if isinstance(body, QuadraticField):
+                expected = "False, as states of a field have no orientation"
+                raise wrong(name, expected, checks.short(value), TypeError)
+            n = body.dimension + 1
+            orientation = np.eye(n) if value is True else checks.rotations(name, value, n)
+            shapes[name] = orientation.shape[:-2]
+        else:
+            of_states = "x" if isinstance(body, QuadraticField) else name
+            if isinstance(value, RandomStarts):
+                whole = tuple(slice(0, length) for length in value.shape)
+                value = value._part(whole, len(labels))
+            omega = checks.states(of_states, value, labels, later)
+            shapes[of_states] = omega.shape[:-1]
+    batch, threads = common_shape(shapes), thread_count(threads)
+    return States(body, omega, eps, batch, threads, of_states, orientation)
+
+
+def thread_count(threads: int | None) -> int | None:
+    """Check the argument `threads` of a public function."""
+    if threads is None:
+        return None
+    import numba  # which the command does without until it computes
+
+    limit = int(numba.config.NUMBA_NUM_THREADS)
+    expected = f"None or an integer from 1 to {limit} (NUMBA_NUM_THREADS)"
+    count = checks.integer("threads", threads, 1, expected)
+    if count > limit:
+        raise wrong("threads", expected, count)
+    return count
+
+
+def refuse_rotor(body: object, function: str, instead: str) -> None:
+    """Raise TypeError for a body with a rotor, for which a function has no meaning."""
+    if isinstance(body, SuslovGyrostat):
+        expected, received = "one without a rotor", type(body).__name__
+        raise wrong("body", expected, f"{received}: instead of {function} use {instead}", TypeError)
+
+
+def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
+    """Return arrays (..., D), or with `axes` axes each, as (B, D): one for each trajectory."""
+    split = array.ndim - axes
+    inner = array.shape[split:]
+    if array.shape[:split] != batch:
+        array = np.broadcast_to(array, (*batch, *inner))
+    flat = array.reshape((math.prod(batch), *inner))
+    # The only type that kernels are compiled for.
+    return flat if flat.flags.carray else np.require(flat, np.float64, ["C", "A", "W"])
+
+
+def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
+    """Return a parameter with `axes` axes as (1, ...) if common to the whole batch, or (B, ...)."""
+    if type(value) is float:
+        return np.array([value])
+    array = np.asarray(value)
+    inner = array.shape[array.ndim - axes :]
+    if array.size == math.prod(inner):
+        array, batch = array.reshape((1, *inner)), (1,)
+    return flat_arrays(array, batch, axes)
+
+
+def parameters_of(
+    body: Any, eps: float | FloatArray, batch: tuple[int, ...]
+) -> tuple[NDArray[Any], ...]:
+    """Return the parameters of kernels: those of the body, and eps."""
+    if not body.shape:
+        return *body.batch_of_one, flat_parameter(eps, batch)
+    if isinstance(body, QuadraticField):
+        indices, values = body.terms
+        return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
+    axes = *(body._vector_axes,) * len(body.parameters), 0
+    each = zip((*body.parameters, eps), axes, strict=True)
+    return tuple(flat_parameter(value, batch, count) for value, count in each)
+
+
+def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Return the array `out` of the user, checked."""
+    if not isinstance(out, np.ndarray) or isinstance(out, np.ma.MaskedArray):
+        raise wrong("out", "a NumPy array", type(out).__name__, TypeError)
+    if out.dtype != np.float64:
+        raise wrong("out", "dtype float64", out.dtype, TypeError)
+    if out.shape != shape:
+        raise wrong("out", f"shape {shape}", out.shape)
+    if not out.flags.carray:
+        raise wrong("out", "a C-contiguous, writeable, aligned array", "one that is not")
+    return out

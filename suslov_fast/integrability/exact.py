@@ -1,0 +1,191 @@
+"""Exact numbers, polynomials with integer coefficients, and linear algebra modulo primes.
+
+Polynomials are those of python-flint in x1, ..., xD, with `eps` before them if eps is a letter.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import copyreg
+import math
+import random
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from itertools import combinations_with_replacement
+from typing import Any
+
+import flint
+import numpy as np
+
+from ..bodies.numbers import exact as as_fraction
+from ..checks import refuse, wrong
+
+Point = tuple[Fraction, ...]
+Residues = list[list[int]]  # a matrix modulo a prime
+Exponents = tuple[tuple[int, ...], ...]
+Polynomials = tuple[Any, ...]
+
+MORE = 10  # equations more than unknowns
+_DRAWS = 8  # of primes with points or lines, of which two must agree
+
+
+def _load(names: Any, terms: Any) -> Any:
+    return flint.fmpz_mpoly_ctx.get(names, ordering="deglex").from_dict(dict(terms))
+
+
+def _dump(P: Any) -> Any:
+    terms = [(tuple(map(int, e)), int(c)) for e, c in P.to_dict().items()]
+    return _load, (P.context().names(), terms)
+
+
+copyreg.pickle(flint.fmpz_mpoly, _dump)  # python-flint 0.9 does not pickle polynomials
+
+
+def rational(name: str, value: Any) -> Fraction:
+    """Return a number as a fraction, a float as its binary value."""
+    refuse(name, value)
+    return as_fraction(name, value)
+
+
+def rationals(name: str, value: Any, count: int) -> Point:
+    """Return a point with so many coordinates."""
+    given = np.asarray(value, object)
+    if given.shape != (count,):
+        raise wrong(name, f"shape ({count},)", given.shape)
+    return tuple(rational(name, a) for a in given)
+
+
+def fmpq(a: Any) -> Any:
+    return flint.fmpq(a.numerator, a.denominator)
+
+
+def fraction(a: Any) -> Fraction:
+    return Fraction(int(a.p), int(a.q))
+
+
+def ring(n: int, letter: bool, context: Any = flint.fmpz_mpoly_ctx, **modulus: Any) -> Any:
+    """Return the ring of polynomials in n variables, and in eps if it is a letter."""
+    names = ["eps"] * letter + [f"x{i}" for i in range(1, n + 1)]
+    return context.get(names, ordering="deglex", **modulus)
+
+
+def has_letter(P: Any) -> bool:
+    return bool(P.context().names()[:1] == ("eps",))
+
+
+def degree_of(P: Any) -> int:
+    """Return the degree of a polynomial in x."""
+    first = int(has_letter(P))
+    return max((int(sum(e[first:])) for e in P.monoms()), default=0)
+
+
+def size(P: Any) -> tuple[int, int, str]:
+    """Return the key by which polynomials are sorted, short ones first."""
+    return degree_of(P), len(P), str(P)
+
+
+def primitive(P: Any) -> Any:
+    """Return the multiple with coprime coefficients, the first of which is positive."""
+    P = P.primitive()[1]
+    return -P if P.leading_coefficient() < 0 else P
+
+
+def exponents_up_to(degree: int, n: int) -> Exponents:
+    """Return the exponents of all monomials in n variables up to a degree, in ascending order."""
+    return tuple(
+        tuple(chosen.count(i) for i in range(n))
+        for d in range(degree + 1)
+        for chosen in combinations_with_replacement(range(n), d)
+    )
+
+
+def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
+    """Check the number of coefficients of a polynomial in n variables."""
+    if (unknowns := math.comb(n + degree, n)) > most:
+        largest = next(d for d in range(degree) if math.comb(n + d + 1, n) > most)
+        expected = f"at most {largest} for {n} variables ({math.comb(n + largest, n)} coefficients)"
+        raise wrong(name, expected, f"{degree} ({unknowns} coefficients)")
+
+
+def factors(P: Any) -> list[tuple[Any, int]]:
+    """Return the primitive irreducible factors of a polynomial, and their powers.
+
+    python-flint 0.9 sorts factors over the integers, and fails if a coefficient is large.
+    """
+    names = P.context().names()
+    rational_ring = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
+    over_rationals = rational_ring.from_dict({e: flint.fmpq(c) for e, c in P.to_dict().items()})
+    found = []
+    for factor, power in over_rationals.factor()[1]:
+        scale = math.lcm(*(int(c.q) for c in factor.coeffs()))
+        terms = {e: (c * scale).p for e, c in factor.to_dict().items()}
+        found.append((primitive(P.context().from_dict(terms)), int(power)))
+    return found
+
+
+def value_at(P: Any, x: Sequence[Any]) -> Any:
+    """Return the value for all variables of a polynomial, which may be of any type of numbers."""
+    return sum(int(c) * a for c, a in zip(P.coeffs(), monomial_values(P.monoms(), x), strict=True))
+
+
+def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any:
+    """Return monomials in the first coordinates of a point, which may be of any type of numbers."""
+    values = np.ones(len(exponents), object)
+    columns = np.array(exponents, int).T if len(exponents) else ()
+    for a, e in zip(x, columns, strict=False):
+        # NumPy takes univariate polynomials in a list for sequences.
+        values *= np.fromiter((a**k for k in range(int(e.max()) + 1)), object)[e]
+    return values
+
+
+def modulo(P: Any, p: int, eps: int) -> Any:
+    """Return a polynomial in x modulo a prime, with this value of eps."""
+    first = int(has_letter(P))
+    terms: dict[tuple[int, ...], int] = {}
+    for e, c in P.to_dict().items():
+        c = int(c) * pow(eps, int(e[0]), p) if first else int(c)
+        terms[e[first:]] = (terms.get(e[first:], 0) + c) % p
+    modular = ring(P.context().nvars() - first, False, flint.nmod_mpoly_ctx, modulus=p)
+    return modular.from_dict(terms)
+
+
+def null_space(matrix: Any) -> Residues:
+    """Basis of the null space: the last nonzero entry, 1 modulo a prime, is 0 in the others."""
+    columns, dimension = matrix.nullspace()
+    return integer_rows(columns.transpose())[:dimension]
+
+
+def integer_rows(matrix: Any) -> Residues:
+    return [[int(a) for a in row] for row in matrix.tolist()]
+
+
+def rank(polynomials: Sequence[Any], p: int = 2**61 - 1, eps: int = 1234567) -> int:
+    """Return the number of linearly independent polynomials, for a random eps."""
+    terms = [modulo(P, p, eps).to_dict() for P in polynomials]
+    monomials = {e for each in terms for e in each}
+    rows = [[int(each.get(e, 0)) for e in monomials] for each in terms]
+    return int(flint.nmod_mat(rows, p).rank()) if monomials else 0
+
+
+def random_prime(rng: random.Random) -> int:
+    while True:
+        p = rng.getrandbits(62) | 2**61 | 1
+        if flint.fmpz(p).is_prime():
+            return p
+
+
+def confirmed(rng: random.Random, compute: Callable[[int, int], Any]) -> Any:
+    """Return the first result on which two primes agree, each with points or lines of its own.
+
+    The function is called with a prime and a random number in place of eps, if this is a letter.
+    """
+    found: list[Any] = []
+    for _ in range(_DRAWS):
+        with contextlib.suppress(ZeroDivisionError):
+            p = random_prime(rng)
+            found.append(compute(p, rng.randrange(2, p)))
+            if found.count(found[-1]) > 1:
+                return found[-1]
+    if not found:
+        raise ArithmeticError("the iterates reach poles of the map")
+    raise ArithmeticError(f"results modulo primes do not agree: {found}")

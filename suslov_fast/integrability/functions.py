@@ -1,0 +1,242 @@
+"""Rational functions in factors, their text, and which of them are independent."""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import flint
+
+from .exact import (
+    Polynomials,
+    degree_of,
+    factors,
+    has_letter,
+    modulo,
+    random_prime,
+    rational,
+    ring,
+    size,
+    value_at,
+)
+
+IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
+
+
+@dataclass(frozen=True, repr=False)
+class RationalFunction:
+    """A product of powers of polynomials and a constant, exact.
+
+    Called with a point, D rational numbers, it returns a fraction. ``sympy.sympify(str(f))``
+    converts one to SymPy. As a result of `report`, its `basis` says what it rests on, and
+    `cofactor` is that of a Darboux polynomial. If eps is a letter, `subs` puts a number in its
+    place, and `special` are the rational numbers at which a factor of the formula is 0 for all x.
+    """
+
+    factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
+    constant: Fraction = Fraction(1)
+    basis: str = ""
+    cofactor: RationalFunction | None = None
+
+    def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
+        """Return the value at a point; a function with the letter eps needs its value."""
+        if self.has_letter and eps is None:
+            raise TypeError("eps: expected a number, as in f(x, eps=Fraction(1, 3)), got None")
+        x = [rational("x", a) for a in x]
+        x = [rational("eps", eps), *x] if self.has_letter else x
+        values = (Fraction(value_at(P, x)) ** e for P, e in self.factors)
+        return math.prod(values, start=self.constant)
+
+    @property
+    def has_letter(self) -> bool:
+        """True if eps is a letter."""
+        return any(has_letter(P) for P, _ in self.factors)
+
+    def subs(self, eps: Any) -> RationalFunction:
+        """Return the function of x alone for a value of eps.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField
+        >>> from suslov_fast.integrability import report
+        >>> top = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
+        >>> measure = report(top, degree=2).measures[0]
+        >>> measure.subs(eps="1/3")
+        1
+        """
+        value = rational("eps", Fraction(eps) if isinstance(eps, str) else eps)
+        above, below = (at_eps(P, value, self._highest) for P in (self.numerator, self.denominator))
+        if below == 0:
+            raise ZeroDivisionError(f"{self} has no value at eps = {value}")
+        found = exact_quotient(above, below) if above else RationalFunction((), Fraction(0))
+        return replace(
+            found, basis=self.basis, cofactor=self.cofactor and self.cofactor.subs(value)
+        )
+
+    @property
+    def _highest(self) -> int:
+        """A bound of the powers of eps."""
+        return sum(int(P.degrees()[0]) * abs(e) for P, e in self.factors if has_letter(P))
+
+    @property
+    def special(self) -> tuple[Fraction, ...]:
+        """The rational eps at which a factor is 0 for all x."""
+        return tuple(sorted({eps for P, _ in self.factors for eps in content_roots(P)}))
+
+    def __mul__(self, other: RationalFunction) -> RationalFunction:
+        basis = MODULAR if MODULAR in (self.basis, other.basis) else self.basis
+        product = product_of(self.factors + other.factors, basis)
+        return replace(product, constant=self.constant * other.constant)
+
+    def __pow__(self, power: int) -> RationalFunction:
+        powers = tuple((P, power * e) for P, e in self.factors if power)
+        return RationalFunction(powers, self.constant**power, self.basis)
+
+    @property
+    def numerator(self) -> Any:
+        """The numerator as one polynomial."""
+        return self.quotient_in()[0]
+
+    @property
+    def denominator(self) -> Any:
+        """The denominator as one polynomial."""
+        return self.quotient_in()[1]
+
+    def quotient_in(self, of: Any = None) -> tuple[Any, Any]:
+        """Return numerator and denominator as polynomials, in a ring of as many variables."""
+        of = of or (self.factors[0][0].context() if self.factors else ring(0, False))
+        above, below = map(of.constant, (self.constant.numerator, self.constant.denominator))
+        above *= math.prod(P**e for P, e in self._powers(1))
+        return above, below * math.prod(P**e for P, e in self._powers(-1))
+
+    def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
+        return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
+
+    @property
+    def degree(self) -> int:
+        """The degree in x of the numerator or of the denominator, whichever is larger."""
+        return max(sum(degree_of(P) * e for P, e in self._powers(sign)) for sign in (1, -1))
+
+    def __hash__(self) -> int:
+        return hash(str(self))
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def text(self, longest: int | None = None) -> str:
+        """Return the formula; polynomials of more characters are described in brackets."""
+        alone = self.constant == 1 and [e for _, e in self.factors] == [1]
+        parts = []
+        for sign, number in ((1, abs(self.constant.numerator)), (-1, self.constant.denominator)):
+            powers = self._powers(sign)
+            texts = [] if number == 1 and powers else [str(number)]
+            parts.append(texts + [_power_text(P, e, alone, longest) for P, e in powers])
+        above, below = map("*".join, parts)
+        below = f"({below})" if len(parts[1]) > 1 else below
+        return f"{'-' if self.constant < 0 else ''}{above}{'' if below == '1' else f'/{below}'}"
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle {latex(self)}$"
+
+
+def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:
+    text = str(P)
+    if longest is not None and len(text) > longest:
+        text = f"[degree {degree_of(P)}, {len(P)} terms]"
+    elif not alone and not re.fullmatch(r"x\d+|eps|\d+", text):
+        text = f"({text})"
+    return f"{text}^{e}" if e > 1 else text
+
+
+def latex(f: RationalFunction) -> str:
+    """Return a function in LaTeX, quotients as fractions."""
+    if f.constant.denominator > 1 or any(e < 0 for _, e in f.factors):
+        above = latex(RationalFunction(f._powers(1), Fraction(abs(f.constant.numerator))))
+        below = latex(RationalFunction(f._powers(-1), Fraction(f.constant.denominator)))
+        return f"{'-' if f.constant < 0 else ''}\\frac{{{above}}}{{{below}}}"
+    text = re.sub(r"x(\d+)", r"x_{\1}", str(f).replace("*", " "))
+    return re.sub(r"\^(\d+)", r"^{\1}", text).replace("eps", "\\varepsilon")
+
+
+def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
+    """Return a quotient of polynomials in irreducible factors, without a constant."""
+    return product_of(factors(P) + [(f, -e) for f, e in factors(Q)], basis)
+
+
+def exact_quotient(P: Any, Q: Any) -> RationalFunction:
+    """Return a quotient of polynomials in irreducible factors."""
+    if P == 0:
+        return RationalFunction((), Fraction(0))
+    found = quotient_of(P, Q, "")
+    scale = Fraction(int(P.leading_coefficient()), int(Q.leading_coefficient()))
+    for f, e in found.factors:
+        scale /= Fraction(int(f.leading_coefficient())) ** e
+    return replace(found, constant=scale)
+
+
+def product_of(powers: Iterable[tuple[Any, int]], basis: str) -> RationalFunction:
+    """Return a product of powers of primitive polynomials, in the order of their size."""
+    total: dict[str, tuple[Any, int]] = {}
+    for P, e in powers:
+        total[str(P)] = P, total.get(str(P), (P, 0))[1] + e
+    chosen = sorted(
+        (power for power in total.values() if power[1]), key=lambda power: size(power[0])
+    )
+    return RationalFunction(tuple(chosen), basis=basis)
+
+
+def at_eps(P: Any, eps: Fraction, power: int) -> Any:
+    """Return a polynomial in x at this eps, times a power of the denominator of eps."""
+    if not has_letter(P):
+        return P * eps.denominator**power
+    terms: dict[Any, int] = {}
+    for (k, *e), c in P.to_dict().items():
+        c = int(c) * eps.numerator ** int(k) * eps.denominator ** (power - int(k))
+        terms[tuple(e)] = terms.get(tuple(e), 0) + c
+    return ring(P.context().nvars() - 1, False).from_dict(terms)
+
+
+def content_roots(P: Any) -> set[Fraction]:
+    """Return the rational eps at which a polynomial is 0 for all x."""
+    by_monomial: dict[Any, dict[int, int]] = {}
+    for (k, *e), c in P.to_dict().items() if has_letter(P) else ():
+        by_monomial.setdefault(tuple(e), {})[int(k)] = int(c)
+    roots = []
+    for terms in by_monomial.values():
+        f = flint.fmpz_poly([terms.get(k, 0) for k in range(max(terms) + 1)])
+        linear = (g.coeffs() for g, _ in f.factor()[1] if g.degree() == 1)
+        roots.append({Fraction(-int(a), int(b)) for a, b in linear})
+    return set.intersection(*roots) if roots else set()
+
+
+def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:
+    """Return functions of least degree on which the others depend."""
+    rng = random.Random(0)
+    p = random_prime(rng)
+    eps = rng.randrange(p)
+    x: list[Any] = []
+    chosen: list[RationalFunction] = []
+    rows: list[list[Any]] = []
+    for f in sorted(candidates, key=lambda f: (f.degree, len(str(f)), str(f))):
+        powers = [(modulo(P, p, eps), e) for P, e in f.factors]
+        D = powers[0][0].context().nvars()
+        x = x or [flint.nmod(rng.randrange(p), p) for _ in range(D)]
+        row = [flint.nmod(0, p)] * D
+        for P, e in powers:  # the derivative of the logarithm
+            scale = e / value_at(P, x)
+            row = [a + scale * value_at(P.derivative(i), x) for i, a in enumerate(row)]
+        if flint.nmod_mat([*rows, row], p).rank() > len(rows):
+            chosen, rows = [*chosen, f], [*rows, row]
+        if len(rows) == D:
+            break
+    return tuple(chosen)
+
+
+def rank_of_quotients(polynomials: Polynomials) -> int:
+    """Return the number of independent quotients of polynomials."""
+    return len(independent(quotient_of(P, polynomials[0], MODULAR) for P in polynomials[1:]))

@@ -1,0 +1,198 @@
+"""Degrees of iterates and their growth."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from itertools import islice
+from typing import Any, NamedTuple
+
+import flint
+import numpy as np
+
+from ..checks import instance, integer, wrong
+from .exact import confirmed
+from .maps import BirationalMap, check_map, random_line
+
+
+def degrees(map: BirationalMap, n: int, *, seed: int = 0) -> list[int]:
+    """Degrees of the first n iterates of a map, as maps of projective space.
+
+    The degree is the largest of the numerators and the common denominator, after cancelling common
+    factors. It is computed on random lines, modulo primes, until two of them agree; if eps is a
+    letter, at random numbers in its place.
+
+    Parameters
+    ----------
+    map : KahanMap or RationalMap
+        Made by `kahan` or `rational_map`.
+    n : int
+        Number of iterates.
+    seed : int, optional
+        Seed of the random primes and lines.
+
+    Returns
+    -------
+    list of int
+        Degrees of the iterates 1, ..., n.
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no map, or every line runs into points without an image.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> from suslov_fast.integrability import degrees, kahan
+    >>> degrees(kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), 0.25), 8)
+    [2, 4, 6, 8, 10, 12, 14, 16]
+    """
+    check_map(map)
+    n, rng = integer("n", n, 0), random.Random(integer("seed", seed, 0))
+
+    def compute(p: int, eps: int) -> list[int]:
+        return [*islice(degrees_on_a_line(map, p, eps, random.Random(p)), n)]
+
+    return list(confirmed(rng, compute))
+
+
+def degrees_on_a_line(map: BirationalMap, p: int, eps: int, rng: random.Random) -> Iterator[int]:
+    """Yield the degrees of the iterates of a random line modulo a prime."""
+    line, steps = random_line(map.dimension, p, rng), map.steps(p, eps)
+    while True:
+        image = steps.forms(line)
+        common = reduce(lambda a, b: a.gcd(b), image)
+        line = [each // common for each in image]
+        yield max(each.degree() for each in line)
+
+
+class Growth(NamedTuple):
+    """Growth of a sequence of degrees, as `growth` returns it: evidence, never a proof."""
+
+    kind: str  # "bounded", "linear", "quadratic", "cubic", "exponential" or "unclear"
+    entropy: float  # the log of the limit of d_(k+1) / d_k
+    entropy_error: float  # 0 if a recurrence holds, else the spread of the fit
+    based_on: str  # the recurrence or fit from which kind and entropy follow
+
+
+SPARE = 3  # degrees more than determine a recurrence and its transient
+
+
+def growth(degrees: Sequence[int]) -> Growth:
+    """Growth of a sequence of degrees, and its entropy.
+
+    A linear recurrence with integer coefficients is sought that all degrees after a transient
+    satisfy, with at least three terms to spare: that of least transient plus order, and of these
+    the one of least order. Its largest root gives the entropy, and the multiplicity of its roots of
+    modulus 1 the kind. Otherwise a line, parabola, cubic or exponential function is fitted. All
+    of it is evidence: the sequence may go on in another way. In the plane, linear growth shows an
+    invariant fibration, whose fibres the map may move: it need not be a first integral.
+
+    Parameters
+    ----------
+    degrees : sequence of int
+        Degrees of consecutive iterates, as `degrees` returns them.
+
+    Returns
+    -------
+    Growth
+        A named tuple `kind, entropy, entropy_error, based_on`. kind may also be "polynomial of
+        degree 4" and so on. If the sequence is too short, or no model fits, kind is "unclear" and
+        the entropy NaN.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `degrees` are not integers of at least 0.
+
+    Examples
+    --------
+    >>> from suslov_fast.integrability import growth
+    >>> growth([2, 4, 6, 8, 10, 12, 14]).based_on
+    'd(k+2) = 2 d(k+1) - 1 d(k), all 7 degrees'
+    >>> growth([2, 4, 6, 7, 8, 8, 8, 8, 8, 8])[::3]
+    ('bounded', 'd(k+1) = 1 d(k), all 10 degrees but the first 4')
+    >>> kind, entropy, error, _ = growth([2, 3, 5, 8, 13, 21, 34])
+    >>> kind, round(entropy, 6), error  # the log of the golden ratio
+    ('exponential', 0.481212, 0.0)
+    >>> growth([1, 5, 2, 7, 9, 1, 1, 1]).kind
+    'unclear'
+    """
+    try:
+        d = list(degrees)
+    except TypeError:
+        expected = "integers, as degrees(map, n) returns them"
+        raise wrong("degrees", expected, type(degrees).__name__, TypeError) from None
+    for each in d:
+        instance("degrees", each, (int, np.integer))
+        if each < 0:
+            raise wrong("degrees", "integers of at least 0", each)
+    d = [int(each) for each in d]
+    found = _recurrence(d)
+    return _by_fit(d) if found is None else _by_recurrence(*found, len(d))
+
+
+def _kind(power: int) -> str:
+    kinds = dict(enumerate(("bounded", "linear", "quadratic", "cubic")))
+    return kinds.get(power, f"polynomial of degree {power}")
+
+
+def _recurrence(d: list[int]) -> tuple[int, Any] | None:
+    """Return the length of the transient and the characteristic polynomial after it."""
+    for total in range(len(d) - SPARE + 1):
+        for order in range(total + 1):
+            transient = total - order
+            if len(d) - transient - 2 * order >= SPARE:
+                c = _characteristic(d[transient:], order)
+                if c is not None:
+                    return transient, c
+    return None
+
+
+def _characteristic(d: list[int], order: int) -> Any:
+    """Return the monic polynomial of a recurrence of this order that all degrees satisfy."""
+    hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
+    reduced, _ = flint.fmpq_mat(hankel).rref()
+    # Every infinite sequence of integers with a recurrence has one of integers.
+    c = flint.fmpz_poly([*(-reduced[i, order].p for i in range(order)), 1])
+    return None if any((hankel * flint.fmpz_mat(order + 1, 1, c.coeffs())).entries()) else c
+
+
+def _by_recurrence(transient: int, recurrence: Any, count: int) -> Growth:
+    *c, _ = recurrence.coeffs()
+    terms = [f"{-a} d(k+{i})" for i, a in reversed([*enumerate(c)]) if a]
+    what = f"d(k+{len(c)}) = {' + '.join(terms) or 0}, all {count} degrees"
+    what = what.replace("+ -", "- ").replace("k+0", "k")
+    what += f" but the first {transient}" if transient else ""
+    power, rate = 0, 0.0
+    for factor, multiplicity in recurrence.factor()[1]:
+        if factor.is_cyclotomic():
+            power = max(power, multiplicity - 1)
+        else:
+            sizes = [abs(complex(root)) for root, _ in factor.complex_roots()]
+            rate = max(rate, math.log(max(1.0, *sizes)))
+    return Growth("exponential" if rate > 0 else _kind(power), rate, 0.0, what)
+
+
+def _by_fit(d: list[int]) -> Growth:
+    n, what = len(d), f"{len(d)} degrees without a short recurrence"
+    unclear = Growth("unclear", math.nan, math.nan, what)
+    if n < 6 or min(d) == 0:
+        return unclear
+    last = max(4, n // 2)
+    what = f"a fit to the last {last} of {n} degrees, without a short recurrence"
+    rates = np.diff(np.log(d[-last:]))
+    rate, spread = float(rates.mean()), float(np.ptp(rates))
+    # The slope of a long line looks the same, but does not double.
+    if spread < 0.1 * rate and d[-1] >= 2 * d[-last]:
+        return Growth("exponential", rate, spread, what)
+    what = f"a fit to all {n} degrees, without a short recurrence"
+    k, extent = np.arange(n), max(d) - min(d)
+    for power in range(1, min(4, n - SPARE)):
+        residuals = np.polyval(np.polyfit(k, d, power), k) - d
+        if abs(residuals).max() < max(0.5, 0.01 * extent) < 0.1 * extent:
+            return Growth(_kind(power), 0.0, float(rates[-1]), what)
+    return unclear

@@ -1,0 +1,299 @@
+"""First integrals and invariant measures from the Darboux polynomials of all cofactors."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import lru_cache, reduce
+from typing import Any, NamedTuple
+
+import flint
+
+from ..checks import integer
+from . import exact
+from .darboux import with_cofactor
+from .exact import Polynomials, degree_of, factors, rank, size
+from .functions import (
+    IDENTITY,
+    MODULAR,
+    RationalFunction,
+    independent,
+    product_of,
+    quotient_of,
+)
+from .maps import TERMS, BirationalMap, check_map
+from .pullbacks import invariant_spaces
+from .reconstruction import short_basis
+
+_TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
+_WEIGHT = 2**40  # of equations in a lattice
+
+
+class Darboux(NamedTuple):
+    """A Darboux polynomial that is no combination of products of others."""
+
+    P: Any
+    cofactor: RationalFunction
+    basis: str
+
+
+class Invariants:
+    """The Darboux polynomials of a map that were found, and what follows from them."""
+
+    def __init__(self, map: BirationalMap) -> None:
+        self.map = map
+        self.generators: list[Darboux] = []
+        self.cofactors: list[RationalFunction] = []
+        self.quotients: list[RationalFunction] = []  # of equal cofactor, not independent
+        self.densities: list[RationalFunction] = []  # of polynomials with the cofactor det DPhi
+        self.known: list[RationalFunction] = []  # densities of a theorem
+
+    @property
+    def integrals(self) -> list[RationalFunction]:
+        """First integrals: quotients, and products of powers whose cofactors multiply to 1."""
+        relations = _multiplicative_relations([g.cofactor for g in self.generators])
+        products = map(self._power_product, relations)
+
+        def order(f: RationalFunction) -> tuple[int, bool]:
+            return degree_of(f.numerator), _constant_term(f.denominator)
+
+        return [max((f, f**-1), key=order) for f in (*self.quotients, *products)]
+
+    @property
+    def measures(self) -> list[RationalFunction]:
+        """Densities of invariant measures, from one cofactor or else from several."""
+        found, det = [*self.densities], self.map.jacobian_cofactor
+        if not found and not self.known and det is not None:
+            rows = _multiplicative_relations([det, *(g.cofactor for g in self.generators)])
+            single = [row for row in rows if abs(row[0]) == 1]
+            found += [self._power_product([a * b for b in row]) for a, *row in single[:1]]
+        different = {str(f): f for f in (*self.known, *found)}.values()
+        return sorted(different, key=lambda f: (f.degree, len(str(f))))
+
+    @property
+    def polynomials(self) -> list[RationalFunction]:
+        """The Darboux polynomials, without products of others."""
+        generators = sorted(self.generators, key=lambda g: size(g.P))
+        return [
+            RationalFunction(((P, 1),), basis=basis, cofactor=cofactor)
+            for P, cofactor, basis in generators
+        ]
+
+    def of_simple_cofactors(self, degree: int) -> None:
+        """Find the polynomials up to a degree with the cofactors 1 and det DPhi."""
+        for cofactor in (RationalFunction(()), None):
+            with contextlib.suppress(ArithmeticError):  # too long
+                space = with_cofactor(self.map, degree, cofactor, random.Random(degree))
+                self.add(space, measures=cofactor is None)
+
+    def of_degree(self, degree: int) -> None:
+        """Find the polynomials of a degree with products of powers of factors as cofactors."""
+        for space in invariant_spaces(self.map, degree):
+            self.add(space)
+
+    def add(self, space: Polynomials, measures: bool = False) -> None:
+        """Add polynomials of one cofactor; `measures` if it is det DPhi."""
+        basis = MODULAR
+        if self.map.factors is not None and space:
+            degree = max(map(degree_of, space))
+            common = reduce(lambda a, b: a.gcd(b), space)
+            if degree_of(common) and len(space) > 1:
+                self._add_factors(common)
+                self.add(short_basis([P // common for P in space]))
+            else:
+                for P in sorted(space, key=size):
+                    self._add_factors(P)
+            cofactor = self.map.cofactor(space[0])
+            if cofactor is not None:
+                if cofactor not in self.cofactors:
+                    self.cofactors.append(cofactor)
+                span = self._products_with(cofactor, degree)
+                for P in sorted(space, key=size):
+                    if rank([*span, P]) > len(span):
+                        self._add_generator(P, cofactor)
+                        span = self._products_with(cofactor, degree)
+                space = tuple(span)
+                measures = measures or cofactor == self.map.jacobian_cofactor
+                basis = self._basis_of_all(space)
+        elif space and self.map.writes_out(k := max(map(degree_of, space))):
+            first, *others = ((P, self.map.pullback(P, k)) for P in space)
+            if all(P * first[1] == first[0] * image for P, image in others):
+                basis = IDENTITY
+        space = tuple(sorted(space, key=size))
+        # The denominator is of least degree, and not 0 at 0 if possible.
+        lowest = [P for P in space if degree_of(P) == degree_of(space[0])]
+        below = next((P for P in lowest if _constant_term(P)), space[0] if space else None)
+        self.quotients += [quotient_of(P, below, basis) for P in space if P is not below]
+        if measures and not self.densities:
+            basis = basis if self.map.factors is not None else MODULAR
+            one = self.map.ring.constant(1)
+            self.densities = [quotient_of(one, P, basis) for P in space]
+
+    def _add_generator(self, P: Any, cofactor: RationalFunction) -> None:
+        self.generators.append(Darboux(P, cofactor, self.basis_of(P, cofactor)))
+
+    def _add_factors(self, P: Any) -> None:
+        """Add the irreducible factors that are Darboux polynomials themselves."""
+        for f, _ in factors(P):
+            if degree_of(f) and (cofactor := self.map.cofactor(f)) is not None:
+                span = self._products_with(cofactor, degree_of(f))
+                if rank([*span, f]) > len(span):
+                    self._add_generator(f, cofactor)
+
+    def _basis_of_all(self, space: Iterable[Any]) -> str:
+        """Return what products of generators rest on."""
+        for P in space:
+            for g in self.generators:
+                while g.basis == IDENTITY and degree_of(P) and P % g.P == 0:
+                    P = P // g.P
+            if degree_of(P):
+                return MODULAR
+        return IDENTITY
+
+    def add_hamiltonian(self, H: Any) -> None:
+        """Add the integral H + grad H (x~ - x) / 3 of a field with a Hamiltonian, and 1/det A."""
+        map = self.map
+        *x, one = map.variables
+        *above, F = map.forms
+        determinant = map.steps(None).forms([*x, one])[-1]
+        self.known.append(quotient_of(one, determinant, IDENTITY))
+        change = sum(
+            (
+                H.derivative(i) * (f - y * F)
+                for i, (f, y) in enumerate(zip(above, x, strict=True), map.has_letter)
+            ),
+            0 * H,
+        )
+        modified = quotient_of(3 * H * F + change, 3 * F, MODULAR)
+        if k := modified.degree:
+            P, Q = modified.numerator, modified.denominator
+            if map.writes_out(k):
+                if map.pullback(P, k) * Q != map.pullback(Q, k) * P:
+                    raise ArithmeticError(f"{modified}: expected an integral")
+                modified = replace(modified, basis=IDENTITY)
+                self.add((P, Q))
+            self.quotients.append(modified)
+
+    def _products_with(self, cofactor: RationalFunction, degree: int) -> list[Any]:
+        """Return independent products of generators up to a degree that have a cofactor."""
+        span: list[Any] = []
+        for P, c in self._products(degree, 0):
+            if c == cofactor and rank([*span, P]) > len(span):
+                span.append(P)
+        return span
+
+    def _products(self, degree: int, first: int) -> Iterator[tuple[Any, RationalFunction]]:
+        """Yield the products of generators up to a degree, each once."""
+        yield self.map.ring.constant(1), RationalFunction(())
+        for i, (Q, cofactor, _) in enumerate(self.generators[first:], start=first):
+            if (remaining := degree - degree_of(Q)) >= 0:
+                for P, c in self._products(remaining, i):
+                    yield P * Q, c * cofactor
+
+    def basis_of(self, P: Any, cofactor: RationalFunction) -> str:
+        """Check a polynomial's pullback as an identity, if it is not too long."""
+        if not self.map.writes_out(k := degree_of(P)):
+            return MODULAR
+        above, below = cofactor.quotient_in(self.map.ring)
+        if self.map.pullback(P, k) * below != above * P * self.map.forms[-1] ** k:
+            raise ArithmeticError(f"{P}: expected the cofactor {cofactor}")
+        return IDENTITY
+
+    def _power_product(self, powers: Sequence[int]) -> RationalFunction:
+        chosen = [(g, e) for g, e in zip(self.generators, powers, strict=True) if e]
+        basis = MODULAR if any(g.basis == MODULAR for g, _ in chosen) else IDENTITY
+        return product_of(((f, k * e) for g, e in chosen for f, k in factors(g.P)), basis)
+
+
+def _constant_term(P: Any) -> bool:
+    first = int(exact.has_letter(P))
+    return any(not any(e[first:]) for e in P.monoms())
+
+
+def common_denominator(functions: Iterable[RationalFunction]) -> Polynomials:
+    """Return polynomials whose quotients are the independent ones of the functions."""
+    chosen = [(f.numerator, f.denominator) for f in independent(functions)]
+    if not chosen:
+        return ()
+    common = reduce(lambda a, b: a * b // a.gcd(b), (Q for _, Q in chosen))
+    return (common, *(P * (common // Q) for P, Q in chosen))
+
+
+def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[list[int]]:
+    """Return short exponents with which products of cofactors are 1, a basis of all."""
+    exponents = []
+    for cofactor in cofactors:
+        of = {str(f): e for f, e in cofactor.factors}
+        of["sign"] = int(cofactor.constant < 0)
+        for number, sign in ((cofactor.constant.numerator, 1), (cofactor.constant.denominator, -1)):
+            for q, e in flint.fmpz(abs(number)).factor(trial_limit=_TRIAL):
+                of[str(q)] = of.get(str(q), 0) + sign * int(e)
+        exponents.append(of)
+    exponents.append({"sign": 2})
+    names, n = dict.fromkeys(name for of in exponents for name in of), len(cofactors)
+    rows = [
+        [int(i == j) for j in range(n)] + [_WEIGHT * of.get(name, 0) for name in names]
+        for i, of in enumerate(exponents)
+    ]
+    reduced = exact.integer_rows(flint.fmpz_mat(rows).lll())
+    return [row[:n] for row in reduced if any(row[:n]) and not any(row[n:])]
+
+
+def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
+    """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
+
+    They are constants times products of powers of the irreducible factors over the rationals of
+    det DPhi and of the map's denominator. Of these products the ones are returned for which there
+    is a polynomial modulo a prime, and 1 and det DPhi.
+
+    Parameters
+    ----------
+    map : KahanMap or RationalMap
+        Made by `kahan` or `rational_map`.
+    degree : int
+        Largest degree of the polynomials.
+
+    Returns
+    -------
+    tuple of RationalFunction
+        They can be called with a point, and are arguments of `darboux_polynomials`.
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no map, it has no inverse, or the factors are too long to write out.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField
+    >>> from suslov_fast.integrability import cofactors, darboux_polynomials, kahan
+    >>> prey = QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+    >>> map = kahan(prey, eps=1)
+    >>> for C in cofactors(map, 1):
+    ...     print(C, darboux_polynomials(map, 1, C))
+    1 (1,)
+    -(3*x1 + x2 + 1)*(3*x1 + x2 - 9)/(x1 - 3*x2 - 3)^2 ()
+    (3*x1 + x2 - 9)/(x1 - 3*x2 - 3) (x1,)
+    -(3*x1 + x2 + 1)/(x1 - 3*x2 - 3) (x2,)
+    """
+    check_map(map)
+    degree = integer("degree", degree, 0)
+    exact.check_unknowns("degree", degree, map.dimension)
+    found = invariants_up_to(map, degree)
+    simple = [RationalFunction(()), map.jacobian_cofactor or RationalFunction(())]
+    return tuple(dict.fromkeys([*simple, *found.cofactors]))
+
+
+@lru_cache(maxsize=8)
+def invariants_up_to(map: BirationalMap, degree: int) -> Invariants:
+    """Return the Darboux polynomials; ArithmeticError if the factors of the map are not known."""
+    if map.factors is None:
+        raise ArithmeticError(
+            f"expected a map with an inverse and factors of det DPhi of at most {TERMS} terms"
+        )
+    found = Invariants(map)
+    for k in range(1, degree + 1):
+        found.of_degree(k)
+    return found

@@ -1,0 +1,234 @@
+"""Hirota-Kimura bases: linear relations between monomials along orbits."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+import flint
+import numpy as np
+
+from ..checks import integer, wrong
+from . import exact
+from .exact import MORE, Exponents, Point, Polynomials, Residues, monomial_values
+from .functions import rank_of_quotients
+from .invariants import common_denominator, invariants_up_to
+from .maps import BirationalMap, check_map
+from .reconstruction import over_rationals, polynomials_with
+
+_MOST = 500  # monomials up to a degree
+
+Matrix = tuple[Point, ...]
+
+
+@dataclass(frozen=True)
+class HKBasis:
+    """Linear relations between `monomials` along orbits, as `hk_bases` returns them.
+
+    The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
+    `point`: the last nonzero entry of a row is 1, and 0 in the others; None if they are too long,
+    or eps is a letter. On random orbits, `independent` of the coefficients are independent first
+    integrals. The quotients of `integrals` are first integrals too, and `complete` is True if as
+    many of these are independent. `degree` is that of the monomials.
+    """
+
+    degree: int
+    monomials: Exponents = field(repr=False)
+    dimension: int
+    independent: int
+    integrals: Polynomials
+    complete: bool
+    point: Point = field(repr=False)
+    basis: Matrix | None = field(repr=False)
+
+    @property
+    def polynomials(self) -> Polynomials:
+        """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
+        rows = [[([a], [Fraction(1)]) for a in row] for row in self.basis or ()]
+        return polynomials_with(rows, self.monomials)
+
+    def __repr__(self) -> str:
+        text = (
+            f"HKBasis(degree={self.degree}, dimension={self.dimension}, "
+            f"independent={self.independent}, integrals={self.integrals}, complete={self.complete})"
+        )
+        if self.complete:
+            return text
+        missing = self.independent - rank_of_quotients(self.integrals)
+        return f"{text}; {missing} more independent: try a higher degree, or `report`"
+
+
+def hk_bases(
+    map: BirationalMap,
+    monomials: int | Sequence[Sequence[int]],
+    *,
+    point: Any = None,
+    seed: int = 0,
+) -> HKBasis:
+    """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
+
+    An orbit has 10 points more than there are monomials, which shows all relations: if the
+    monomials at a point of a generic orbit depend on those before, so do all that follow. The
+    coefficients of a relation in the form of `HKBasis.basis` are first integrals; the rank of their
+    derivatives is the number of independent ones. If the relations of all orbits together span one
+    dimension more than those of one orbit, then quotients of these polynomials are first integrals,
+    too; otherwise, Darboux polynomials of equal cofactor
+    are sought.
+
+    Parameters
+    ----------
+    map : KahanMap or RationalMap
+        Made by `kahan` or `rational_map`.
+    monomials : int or sequence of exponents
+        A degree, or the exponents (e1, ..., eD) of each monomial. For a degree, all monomials up
+        to it are examined; the basis is that of the lowest degree that shows as many independent
+        integrals.
+    point : sequence of D rational numbers, optional
+        Point whose orbit `basis` and `dimension` belong to; by default one of random integers below
+        100.
+    seed : int, optional
+        Seed of the random primes and points.
+
+    Returns
+    -------
+    HKBasis
+        If its `dimension` is 0, no quotient of two linear combinations of the monomials is a first
+        integral.
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no map, or the orbit of `point`, or of most points, ends at a pole.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> from suslov_fast.integrability import hk_bases, kahan
+    >>> map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
+    >>> hk_bases(map, 1).dimension, hk_bases(map, 4).dimension
+    (0, 1)
+    >>> hk_bases(map, 4).integrals
+    (4*x1^2 + x2^2, x1*x2 + 1024)
+    """
+    check_map(map)
+    n, rng = map.dimension, random.Random(integer("seed", seed, 0))
+    exponents, by_degree = _exponents(monomials, n), isinstance(monomials, int | np.integer)
+    start = exact.rationals("point", rng.sample(range(2, 100), n) if point is None else point, n)
+    search = Relations(map, rng)
+    _, independent = search.counts(exponents)
+    candidates: list[Polynomials] = [()]
+    for d in range(1, _degree(exponents) + 1) if by_degree and independent else ():
+        exponents = exact.exponents_up_to(d, n)
+        candidates.append(search.integrals(exponents))
+        if search.counts(exponents)[1] == independent:
+            break
+    if not by_degree:
+        candidates.append(search.integrals(exponents))
+    elif rank_of_quotients(max(candidates, key=rank_of_quotients)) < independent:
+        with contextlib.suppress(ArithmeticError):  # too long
+            found = invariants_up_to(map, _degree(exponents))
+            candidates.append(common_denominator(found.quotients))
+    integrals = max(candidates, key=rank_of_quotients)
+    complete = rank_of_quotients(integrals) == independent
+    dimension, _ = search.counts(exponents)
+    basis: Any = None if map.has_letter else ()
+    if not map.has_letter and (dimension > 0 or point is not None):
+        rows = over_rationals(rng, lambda p, eps: search.relations(p, eps, exponents, start))
+        basis = rows and tuple(tuple(a[0] for a, _ in row) for row in rows)
+        dimension = dimension if basis is None else len(basis)
+    return HKBasis(
+        _degree(exponents), exponents, dimension, independent, integrals, complete, start, basis
+    )
+
+
+class Relations:
+    """Relations between monomials along random orbits."""
+
+    def __init__(self, map: BirationalMap, rng: random.Random) -> None:
+        self.map, self.rng = map, rng
+        self.counts = cache(self._counts)
+
+    def relations(self, p: int, eps: int, exponents: Exponents, point: Any = None) -> Residues:
+        """Return the relations along an orbit, in the form of `HKBasis.basis`."""
+        steps = self.map.steps(p, eps)
+        x = steps.point(self._random_point() if point is None else point)
+        orbit = steps.orbit(x, len(exponents) + MORE)
+        return exact.null_space(steps.matrix([list(monomial_values(exponents, y)) for y in orbit]))
+
+    def _random_point(self) -> list[int]:
+        return [self.rng.randrange(2**61) for _ in range(self.map.dimension)]
+
+    def _counts(self, exponents: Exponents) -> tuple[int, int]:
+        """Return the number of relations, and of independent first integrals that they show."""
+
+        def count(p: int, eps: int) -> tuple[int, int]:
+            relations = self.relations(p, eps, exponents, start := self._random_point())
+            if not relations:
+                return 0, 0
+            return len(relations), self._rank_of_derivatives(p, eps, exponents, start, relations)
+
+        return exact.confirmed(self.rng, count)  # type: ignore[no-any-return]
+
+    def _rank_of_derivatives(
+        self, p: int, eps: int, exponents: Exponents, start: list[int], relations: Residues
+    ) -> int:
+        """Return the rank of the derivatives of the coefficients of relations by the orbit's start.
+
+        For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0.
+        """
+        steps, n = self.map.steps(p, eps), self.map.dimension
+        ring = exact.ring(n, False, flint.nmod_mpoly_ctx, modulus=p)
+        polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
+        gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
+        derivative = steps.matrix(np.eye(n, dtype=int).tolist())  # of x_k
+        rows = []
+        for y in steps.orbit(steps.point(start), len(exponents) + MORE):
+            values = [[each(*y[:-1]) for each in row] for row in gradients]
+            changes = steps.matrix(values) * derivative
+            rows.append([*monomial_values(exponents, y), *changes.entries()])
+            derivative = steps.derivative(y) * derivative
+        reduced = steps.matrix(rows).rref()[0].tolist()[: len(exponents) - len(relations)]
+        starts = range(len(exponents), len(rows[0]), n)
+        return int(steps.matrix([row[k : k + n] for row in reduced for k in starts]).rank())
+
+    def integrals(self, exponents: Exponents) -> Polynomials:
+        """Return the polynomials of all relations if their quotients are first integrals."""
+        if (dimension := self.counts(exponents)[0]) == 0:
+            return ()
+
+        def span(p: int, eps: int) -> Residues:
+            rows = [row for _ in range(3) for row in self.relations(p, eps, exponents)]
+            reduced, rank = flint.nmod_mat(rows, p).rref()
+            return exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
+
+        letter = self.map.has_letter
+        return polynomials_with(over_rationals(self.rng, span, letter) or [], exponents, letter)
+
+
+def _degree(exponents: Exponents) -> int:
+    return max(sum(e) for e in exponents)
+
+
+def _exponents(monomials: Any, n: int) -> Exponents:
+    """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
+    if isinstance(monomials, int | np.integer):
+        degree = integer("monomials", monomials, 0)
+        exact.check_unknowns("monomials", degree, n, _MOST)
+        return exact.exponents_up_to(degree, n)
+    try:
+        exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
+    except TypeError:
+        raise wrong("monomials", "a degree or a list of exponents", monomials, TypeError) from None
+    for each in exponents:
+        if len(each) != n:
+            raise wrong("monomials", f"{n} exponents for each monomial", each)
+    if not exponents or len({*exponents}) < len(exponents):
+        raise wrong("monomials", "at least one monomial, and none twice", monomials)
+    if len(exponents) > _MOST:
+        raise wrong("monomials", f"at most {_MOST} monomials", len(exponents))
+    return exponents

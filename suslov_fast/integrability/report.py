@@ -1,0 +1,266 @@
+"""A report of what is there: degrees, first integrals, measures, Darboux polynomials.
+
+`search` fills it part by part.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from contextlib import closing
+from fractions import Fraction
+from typing import Any
+
+from ..bodies.field import QuadraticField
+from ..checks import integer, real_number, wrong
+from . import exact
+from .background import results_until
+from .decimals import decimal, field_of, note_on_floats
+from .functions import IDENTITY, MODULAR, RationalFunction
+from .growth import Growth, growth
+from .kahan import KahanMap, kahan
+from .maps import BirationalMap, check_map
+from .search import search
+
+_WIDTH = 150  # characters of a polynomial in the text
+_SHOWN = {"First integrals": 6, "Densities of measures": 1, "Darboux polynomials": 6}
+_PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
+
+Functions = tuple[RationalFunction, ...]
+
+
+@dataclasses.dataclass(repr=False)
+class Report:
+    """Results of `report` for a map.
+
+    Each of `integrals`, `measures` (densities) and `polynomials` (Darboux polynomials, with their
+    cofactors) can be called with a point; `str` gives its formula, and its `basis` says what it
+    rests on: "identity", checked as an identity of rational functions, or "modulo a prime, at
+    random points". A growth is evidence. If eps is a letter, formulas are functions of x and eps,
+    and `special_eps` has the rational eps at which one of them has no meaning, or there is no map.
+    """
+
+    map: BirationalMap
+    degree: int  # the largest that was searched
+    degrees: list[int] = dataclasses.field(default_factory=list)
+    integrals: Functions = ()  # independent
+    measures: Functions = ()
+    polynomials: Functions = ()
+    relations: int | None = None  # the number of independent integrals that orbits show
+    special_eps: tuple[Fraction, ...] = ()
+    searched: list[str] = dataclasses.field(default_factory=list)
+    notes: list[str] = dataclasses.field(default_factory=list)
+    finished: bool = False
+
+    @property
+    def field(self) -> QuadraticField | None:
+        """The field of a Kahan map."""
+        return getattr(self.map, "field", None)
+
+    @property
+    def eps(self) -> Fraction | None:
+        """The step size of a Kahan map; None if it is a letter."""
+        return getattr(self.map, "eps", None)
+
+    @property
+    def growth(self) -> Growth:
+        """The growth of the degrees."""
+        return growth(self.degrees)
+
+    @property
+    def dimension(self) -> int:
+        """The dimension of the level sets of all integrals."""
+        return self.map.dimension - max(len(self.integrals), self.relations or 0)
+
+    def __repr__(self) -> str:
+        d, D = self.degree, self.map.dimension
+        none = f"none found up to degree {d}" if self.finished else "none found so far"
+        if self.finished and self.relations is None:
+            none = "not sought"
+        found = {
+            "First integrals": self.integrals,
+            "Densities of measures": self.measures,
+            "Darboux polynomials": self.polynomials,
+        }
+        more = ", ..." if len(self.degrees) > 8 else ""
+        lines = [
+            self._title(),
+            f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
+            self._growth_line(),
+            *(_listed(title, each, none, _SHOWN[title]) for title, each in found.items()),
+        ]
+        if (self.relations or 0) > len(self.integrals):
+            text = f"{self.relations} independent integrals, {MODULAR}"
+            lines.append(f"Relations along orbits up to degree {d} show {text}.")
+        if self.integrals or self.relations:
+            lines.append(f"Level sets of the integrals have dimension {self.dimension} of {D}.")
+        if self.special_eps:
+            listed = ", ".join(map(str, self.special_eps))
+            lines.append(f"A formula has no meaning, or there is no map, at eps = {listed}.")
+        lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
+        lines += [] if self.finished else ["Not finished."]
+        return "\n".join(lines)
+
+    def _title(self) -> str:
+        if not isinstance(self.map, KahanMap):
+            return f"Map of {self.map.dimension} variables"
+        eps = "a letter" if self.eps is None else str(self.eps)
+        text = str(self.field)
+        if len(text) > 2 * _WIDTH:
+            text = f"a quadratic field of {self.map.dimension} variables"
+        return f"Kahan map of {text}, eps = {eps}"
+
+    def _growth_line(self) -> str:
+        kind, entropy, error, based_on = self.growth
+        text = "" if math.isnan(entropy) else f", entropy {entropy:.4g}"
+        text += f" with a spread of {error:.1g}" if error > 0 else ""
+        text = f"Growth: {kind}{text}; evidence, not a proof: {based_on}"
+        if kind == "linear" and self.map.dimension == 2:
+            text += "; in the plane a sign of an invariant fibration, which may be no integral"
+        return text
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as numbers, strings, lists and dictionaries, for JSON."""
+        names = [each.name for each in dataclasses.fields(self)]
+        names += ["field", "eps", "growth", "dimension"]
+        return {name: _for_json(getattr(self, name)) for name in names}
+
+
+def _for_json(value: Any) -> Any:
+    """Return numbers, strings, lists and dictionaries in place of other types."""
+    match value:
+        case RationalFunction():
+            plain = {"formula": str(value), "degree": value.degree, "basis": value.basis}
+            return plain if value.cofactor is None else {**plain, "cofactor": str(value.cofactor)}
+        case QuadraticField():
+            return value.to_dict()
+        case Growth():
+            return {name: _for_json(each) for name, each in value._asdict().items()}
+        case list() | tuple():
+            return [_for_json(each) for each in value]
+        case float():
+            return None if math.isnan(value) else value
+        case int() | None:
+            return value
+    return str(value)
+
+
+def _listed(title: str, found: Functions, none: str, most: int) -> str:
+    if not found:
+        return f"{title}: {none}"
+    formulas = "; ".join(f.text(_WIDTH) for f in found[:most])
+    more = f"; {len(found) - most} more" if len(found) > most else ""
+    how = " and ".join(_PROOF[each] for each in sorted({f.basis for f in found}))
+    return f"{title} ({len(found)}, {how}): {formulas}{more}"
+
+
+def report(
+    field: Any,
+    eps: Any = None,
+    degree: int = 3,
+    *,
+    decimals: bool = False,
+    time_limit: float | None = None,
+    seed: int = 0,
+    progress: Any = None,
+) -> Report:
+    """Report what is there: growth of degrees, first integrals, measures, Darboux polynomials.
+
+    First integrals come from the Hamiltonian structure of the field, from quotients of Darboux
+    polynomials of equal cofactor, and from products of powers of Darboux polynomials whose
+    cofactors multiply to 1. The polynomials have rational coefficients, or rational functions of
+    eps as coefficients, if eps is a letter. Relations between monomials along orbits count
+    integrals in another way. The search ends when as many integrals are written as they show, and a
+    measure.
+
+    Parameters
+    ----------
+    field : QuadraticField, body, KahanMap or RationalMap
+        A single one.
+    eps : int, Fraction, float or str, optional
+        Step size of a field or body; a string may be "1/3". Without it, eps is a letter, and all
+        formulas are functions of x and eps.
+    degree : int, optional
+        Largest degree of polynomials, by default 3.
+    decimals : bool, optional
+        True takes floats as the decimals that are written, 0.1 as 1/10; by default a float is its
+        binary value.
+    time_limit : float, optional
+        Seconds after which the report is returned with what was found so far. The search then runs
+        in a process of its own. Without a limit the report does not depend on `seed`.
+    seed : int, optional
+        Seed of the random primes, points and lines.
+    progress : callable, optional
+        Called as ``progress(done, parts)`` after each part of the search.
+
+    Returns
+    -------
+    Report
+        Its repr is a text, and `Report.to_dict` for programs.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument has a wrong type or value, or polynomials of this degree have too many
+        coefficients.
+    ArithmeticError
+        If there is no map: the equations have no solution at any x.
+    KeyboardInterrupt
+        After Ctrl-C; its attribute `report` has what was found so far.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D
+    >>> from suslov_fast.integrability import report
+    >>> found = report(Suslov3D(4, 1, -0.5, -0.25), eps=0.25)
+    >>> found.growth.kind, found.integrals, found.integrals[0].basis
+    ('linear', ((4*x1^2 + x2^2)/(x1*x2 + 1024),), 'identity')
+    >>> found.measures[0]
+    1/((2*x1 + x2)*(x1*x2 + 1024))
+
+    With the letter eps:
+
+    >>> report(Suslov3D(4, 1, -0.5, -0.25)).integrals
+    ((4*x1^2 + x2^2)/(eps^2*x1*x2 + 64),)
+    """
+    degree, seed = integer("degree", degree, 1), integer("seed", seed, 0)
+    map, notes = _map_of(field, eps, decimals)
+    check_map(map)
+    exact.check_unknowns("degree", degree, map.dimension)
+    if progress is not None and not callable(progress):
+        expected = "None or a callable (done, parts)"
+        raise wrong("progress", expected, type(progress).__name__, TypeError)
+    found, most = Report(map, degree, notes=notes), 2 * degree + 3
+    if time_limit is None:
+        parts: Any = search(found, seed)
+    else:
+        seconds = float(real_number("time_limit", time_limit))
+        if seconds < 0:
+            raise wrong("time_limit", "None or a number of seconds of at least 0", seconds)
+        parts = results_until(time.monotonic() + seconds, search, found, seed)
+    with closing(parts):
+        try:
+            for k, part in enumerate(parts, start=1):
+                found = part or found
+                if progress is not None:
+                    progress(min(k, most), most)
+        except KeyboardInterrupt as error:
+            error.report = found  # type: ignore[attr-defined]
+            raise
+    return found
+
+
+def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[BirationalMap, list[str]]:
+    """Return the map of the arguments of a report, and notes on them."""
+    if isinstance(field, BirationalMap):
+        if eps is not None:
+            raise wrong("eps", "none for a map", eps)
+        missing = field.inverse is None if not isinstance(field, KahanMap) else False
+        text = "No inverse was given: it is not checked that the map is birational."
+        return field, [text] if missing else []
+    found = field_of(field, decimals)
+    if decimals and isinstance(eps, float):
+        eps = decimal(eps)
+    map = kahan(found, eps)
+    return map, [] if decimals else note_on_floats([*field.to_dict().values(), map.eps])

@@ -1,0 +1,116 @@
+"""The search of a report: cheap parts first, until as much is written as orbits show.
+
+It finds the degrees of iterates on random lines (`growth`), the number of integrals that relations
+along orbits show (`relations`), the polynomials with the cofactors 1 and det DPhi (`darboux`), and
+then those of all products of factors of the map (`pullbacks`), with the integrals and measures that
+follow from them and are checked as identities (`invariants`).
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator
+from typing import Any
+
+from . import exact
+from .functions import content_roots, independent
+from .growth import degrees_on_a_line, growth
+from .invariants import Invariants
+from .maps import BirationalMap
+from .relations import Relations
+
+_FEW = 80  # coefficients of a polynomial of more than the degree
+_ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
+_SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees that cost little, and likewise
+
+
+def search(found: Any, seed: int) -> Iterator[Any]:
+    """Fill a `Report`, and yield it after each part."""
+    map = found.map
+    found.degrees = _degrees(map, seed)
+    found.searched.append(f"degrees of {len(found.degrees)} iterates")
+    yield found
+    if not map.is_invertible:
+        found.searched.append("nothing else: the map has no inverse, since det DPhi = 0")
+        found.finished = True
+        yield found
+        return
+    invariants = Invariants(map)
+    before = found.searched
+    for what in _parts(found, invariants, Relations(map, random.Random(seed))):
+        found.searched = before + what
+        _update(found, invariants)
+        yield found
+    found.finished = True
+    yield found
+
+
+def _is_complete(found: Any) -> bool:
+    """Return True if the integrals are as many as the relations show, and there is a measure."""
+    return bool(found.relations and found.measures) and len(found.integrals) >= found.relations
+
+
+def _update(found: Any, invariants: Invariants) -> None:
+    found.integrals = independent(invariants.integrals)
+    found.measures = tuple(invariants.measures)
+    found.polynomials = tuple(invariants.polynomials)
+    if found.map.has_letter:
+        formulas = (*found.integrals, *found.measures, *found.polynomials)
+        special = {eps for f in formulas for eps in f.special}
+        found.special_eps = tuple(sorted(special | content_roots(found.map.forms[-1])))
+
+
+def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator[list[str]]:
+    """Search part by part, and yield what was searched so far."""
+    map, d = found.map, found.degree
+    D, done = map.dimension, []
+    if (H := getattr(map, "hamiltonian", None)) is not None:
+        invariants.add_hamiltonian(H)
+        done.append("the modified energy and 1/det A of the Hamiltonian")
+        yield done
+    for k in range(1, d + 1):
+        exponents = exact.exponents_up_to(k, D)
+        found.relations = relations.counts(exponents)[1]
+        if len(found.integrals) < found.relations:
+            invariants.add(relations.integrals(exponents))
+        yield [*done, f"relations between the {len(exponents)} monomials up to degree {k}"]
+    done.append(f"relations between the {len(exponents)} monomials up to degree {d}")
+    if not _is_complete(found):
+        invariants.of_simple_cofactors(d)
+        done.append(f"polynomials up to degree {d} with the cofactors 1 and det DPhi")
+        yield done
+    if map.factors is None:
+        yield [*done, "no other Darboux polynomials, since det DPhi is too long"]
+        return
+    for k in range(1, 2 * d + 1):
+        unknowns, highest = math.comb(D + k, D), max((f.degree for f in found.integrals), default=0)
+        if _is_complete(found) and (k >= highest or unknowns > _FEW):
+            yield [*done, "no more, since as many integrals as relations show are known"]
+            return
+        # Integrals with irrational coefficients have rational norms, of a higher degree.
+        if k > d and (unknowns > _FEW or len(found.integrals) >= found.relations):
+            return
+        invariants.of_degree(k)
+        done = [each for each in done if not each.endswith("as cofactors")]
+        cofactors = "products of powers of the factors of det DPhi as cofactors"
+        done.append(f"Darboux polynomials up to degree {k} with {cofactors}")
+        yield done
+
+
+def _degrees(map: BirationalMap, seed: int) -> list[int]:
+    """Return degrees of iterates, as many as a recurrence needs, and more if they cost little."""
+
+    def compute(p: int, eps: int) -> list[int]:
+        found: list[int] = []
+        for each in degrees_on_a_line(map, p, eps, random.Random(p)):
+            found.append(each)
+            following = each**2 / max(1, found[-2:][0])
+            settled = (len(found) >= _ENOUGH and each > _SMALL) or following > _LARGE
+            if settled and growth(found).entropy_error == 0:
+                break
+            if following > _LARGEST or len(found) == _DEGREES:
+                break
+        return found
+
+    return list(exact.confirmed(random.Random(seed), compute))

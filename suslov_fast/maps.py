@@ -1,0 +1,157 @@
+"""The maps of the package: a record of each, which its clients read, and lookup by name or body."""
+
+from __future__ import annotations
+
+import copyreg
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from . import checks
+from .bodies.field import QuadraticField
+from .bodies.nd import SuslovND, are_solved
+from .bodies.rigid import Suslov3D, SuslovGyrostat
+from .checks import FloatArray
+from .core import steps_3d, steps_field, steps_nd
+from .engine.arguments import States
+from .engine.stretches import March, Steps
+
+
+@dataclass(frozen=True)
+class Map:
+    """A map of the package."""
+
+    name: str  # in files
+    body: type[Any]  # the class of its bodies
+    title: str  # of datasets, for people
+    methods: Mapping[str, Steps]  # by the values of the argument `method`, the default first
+    functions: Callable[[Any], tuple[str, ...]]  # of the states of a run: names of its methods
+    sample: tuple[Any, tuple[float, ...]]  # a body, and a state at a pole of eps = 1
+    variable: str = "omega"  # the name of a state
+    meaning: str = "angular velocity"
+
+    def conserved(self, body: Any) -> tuple[str, ...]:
+        """Return the functions whose drift the summary of a run reports."""
+        known = self.functions(body)
+        if "first_integral" in known:
+            return ("first_integral",)
+        return tuple(name for name in ("energy", "modified_energy") if name in known)
+
+    def symbols(self, body: Any) -> list[str]:
+        r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
+        labels = (re.fullmatch(r"(\D+)(.*)", label) for label in body._labels)
+        words = (("\\" * (len(found[1]) > 1) + found[1], found[2]) for found in labels if found)
+        return [f"${word}_{{{index}}}$" for word, index in words]
+
+
+def _in_nd(body: SuslovND) -> tuple[str, ...]:
+    solved = ("first_integral", "criticality") if are_solved(body).all() else ()
+    return *solved, "energy", "modified_energy", "reaction"
+
+
+def _of_field(body: QuadraticField) -> tuple[str, ...]:
+    return () if body.H is None else ("energy", "modified_energy")
+
+
+_IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction"
+
+
+# Costs between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
+def _cost_in_nd(D: int, T: int) -> float:
+    return 16.0 * D + D**3 / 30.0
+
+
+def _cost_of_field(D: int, T: int) -> float:
+    return 3.0 * (D**3 + T)
+
+
+_RECORDS = (
+    Map(  # equation (4) of the paper
+        name="suslov3d",
+        body=Suslov3D,
+        title="Discrete Suslov problem",
+        sample=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
+        methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED)},
+        functions=lambda body: (*_IN_3D, "to_xy"),
+    ),
+    Map(  # equation (15)
+        name="suslov_nd",
+        body=SuslovND,
+        title="Discrete Suslov problem in n dimensions",
+        sample=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
+        methods={
+            "auto": Steps(steps_nd.steps, steps_nd.carried, _cost_in_nd, 32),
+            "gauss": Steps(steps_nd.gauss_steps, steps_nd.carried, lambda D, T: D**3 / 3.0, 32),
+            "rank2": Steps(steps_nd.steps, steps_nd.carried, _cost_in_nd, 32),
+        },
+        functions=_in_nd,
+    ),
+    Map(
+        name="suslov_gyrostat",
+        body=SuslovGyrostat,
+        title="Discrete Suslov gyrostat",
+        sample=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
+        methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED, lambda D, T: 2.0)},
+        functions=lambda body: _IN_3D,
+    ),
+    Map(
+        name="quadratic",
+        body=QuadraticField,
+        title="Kahan map of a quadratic field",
+        sample=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
+        methods={"auto": Steps(steps_field.steps, steps_field.carried, _cost_of_field, 32)},
+        functions=_of_field,
+        variable="x",
+        meaning="state",
+    ),
+)
+MAPS = {record.name: record for record in _RECORDS}
+_KINDS: dict[str, Any] = {record.body.__name__: record.body for record in _RECORDS}
+
+
+def map_named(name: str) -> Map:
+    """Return the map of a name; ValueError if there is none."""
+    return MAPS[checks.one_of("map", name, MAPS)]
+
+
+# A record is pickled by its name, since it holds functions that cannot be pickled.
+copyreg.pickle(Map, lambda record: (map_named, (record.name,)))
+
+
+def map_of(body: Any) -> Map:
+    """Return the map of a body, or of an object of a subclass."""
+    for record in _RECORDS:
+        if isinstance(body, record.body):
+            return record
+    received = f"the class {body.__name__}" if isinstance(body, type) else type(body).__name__
+    raise checks.wrong("body", " or ".join(_KINDS), received, TypeError)
+
+
+def body_from_dict(parameters: Mapping[str, Any]) -> Any:
+    """Return the body that its method `to_dict` described, of any class.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Numbers and nested lists by name, and, as "body", the name of the class.
+
+    Returns
+    -------
+    Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+
+    Examples
+    --------
+    >>> from suslov_fast import SuslovND, body_from_dict
+    >>> body_from_dict(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]).to_dict())
+    SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
+    """
+    checks.instance("parameters", parameters, Mapping)
+    return _KINDS[checks.one_of("body", parameters.get("body"), _KINDS)].from_dict(parameters)
+
+
+def states_after(states: States, steps: int = 1) -> FloatArray:
+    """Return the states (..., D) after a number of steps, NaN where there are none."""
+    march = March(map_of(states.body).methods["auto"], states)
+    march.to(steps)
+    return march.final

@@ -1,0 +1,1 @@
+"""Pictures of runs and bodies (extra `plots`), and the page of `explore`."""

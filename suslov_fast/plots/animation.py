@@ -1,0 +1,156 @@
+"""The body in space: its ellipsoid of inertia, and the path of the axis a."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..bodies.rigid import Suslov3D
+from ..checks import FloatArray, integer, wrong
+from ..quantities.conserved import energy
+from ..runs.iterate import iterate
+from . import geometry
+from .geometry import BodyIn3D
+from .phase import positive
+
+# A realizable body: admissible_I3() contains 2.28 to 5.68.
+_EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
+_BODY_AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
+# Lengths, relative to an ellipsoid in a sphere of radius 0.85.
+_RADIUS, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
+
+
+def animate_body(
+    body: BodyIn3D | None = None,
+    omega0: ArrayLike | None = None,
+    eps: float = 0.05,
+    steps: int = 440,
+    *,
+    R0: ArrayLike | None = None,
+    every: int = 2,
+    fps: int = 25,
+) -> Any:
+    """Animate the body in space: its ellipsoid of inertia, and the path of the constrained axis.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovGyrostat, optional
+        A single body with a positive definite inertia tensor, by default
+        Suslov3D(4, 2, -0.5, -0.3, I3=3). Without I3 the middle of the interval ``admissible_I3()``
+        is drawn or, if no rigid body has these parameters, another one.
+    omega0 : array_like(float, shape=(2,)), optional
+        Initial angular velocity; by default one that passes from one steady rotation to the other.
+    eps : float
+        Step size.
+    steps : int
+        Number of steps.
+    R0 : array_like(float, shape=(3, 3)), optional
+        The orientation at the start; by default the identity.
+    every : int
+        Steps from one frame to the next.
+    fps : int
+        Frames per second.
+
+    Returns
+    -------
+    matplotlib.animation.FuncAnimation
+
+    Raises
+    ------
+    ValueError
+        If the inertia tensor is not positive definite, or the body rests in every state.
+    SingularStepError
+        If the orbit meets a pole of the map.
+
+    Examples
+    --------
+    >>> from suslov_fast import animate_body
+    >>> animation = animate_body()  # doctest: +SKIP
+    >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
+    """
+    if np.ndim(eps):
+        raise wrong("eps", "a single number", eps)
+    every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
+    body = _EXAMPLE if body is None else body
+    geometry.check_moving(body)
+    start = _passing(body, eps) if omega0 is None else omega0
+    turned = True if R0 is None else R0
+    run = iterate(body, start, eps, steps, attitude=turned, on_singular="raise")
+    if run.status.ndim:
+        received = f"a batch of shape {run.status.shape}"
+        raise wrong("omega0, R0", "a single state and orientation", received)
+    figure, draw = _turning_body(body, run.attitude, eps)
+
+    from matplotlib.animation import FuncAnimation
+
+    return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
+
+
+def _passing(body: BodyIn3D, eps: float) -> FloatArray:
+    """A state near the repelling steady rotation, where there is one."""
+    g, k = geometry.half_angle(body)
+    R = 2.0 * float(np.sqrt(2.0 * energy(body, geometry.steady_line(body)[1] if g else [1.0, 0.0])))
+    return geometry.on_level(body, eps, R, 0.15 - geometry.meeting_phase(R * abs(g), k))
+
+
+def _turning_body(
+    body: BodyIn3D, rotations: FloatArray, eps: float
+) -> tuple[Any, Callable[[int], list[Any]]]:
+    """Return a figure, and a function that draws the body in a given state."""
+    from .figures import plt
+
+    radii, principal, I3, _ = geometry.ellipsoid(body)
+    radii = _RADIUS * radii
+    surface = np.einsum("ij,j,jkl->ikl", principal, radii, _sphere())
+    look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "rcount": 65, "ccount": 65}
+    path = _PATH * rotations[:, :, 2]
+    axes = plt.Figure(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
+    axes.computed_zorder = False
+    axes.set_proj_type("ortho")
+    elevation, azimuth = np.deg2rad([axes.elev, axes.azim])
+    flat = np.cos(elevation)
+    eye = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+
+    def draw(number: int) -> list[Any]:
+        axes.clear()
+        R = rotations[number]
+        axes.plot_surface(*np.einsum("ij,jkl->ikl", R, surface), zorder=2, **look)
+        for k, (colour, name) in enumerate(_BODY_AXES):
+            # A convex body hides an axis that leaves it through the side turned away.
+            normal = principal / radii**2 @ (principal.T[:, k])
+            order = 3 if R @ normal @ eye > 0 else 1
+            ends = np.outer([1.0 / np.sqrt(normal[k]), _TIP], R[:, k])
+            axes.plot(*ends.T, color=colour, linewidth=2.2, zorder=order)
+            place = {"ha": "center", "va": "center", "zorder": order}
+            axes.text(*(_NAME * R[:, k]), name, color=colour, **place)
+        past = path[: number + 1]
+        _plot_around(axes, past, past @ eye >= 0)
+        axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
+        axes.set_box_aspect((1, 1, 1), zoom=1.25)
+        axes.set_axis_off()
+        title = f"time {number * eps:.2f}: ellipsoid of inertia, $I_3$ = {I3:.3g}; path of axis $a$"
+        axes.set_title(title, y=0.0, fontsize="small")
+        return []
+
+    return axes.figure, draw
+
+
+def _sphere() -> FloatArray:
+    """Return the points (3, 33, 65) of a grid on the unit sphere."""
+    pole = 1e-3  # patches with two equal corners have no normal for shading
+    v = np.linspace(np.pi - pole, pole, 33)  # normals point outwards
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 65), v)
+    return np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
+
+
+def _plot_around(axes: Any, points: FloatArray, in_front: NDArray[np.bool_]) -> None:
+    """Draw a curve (N, 3) outside the body's sphere, the part behind it in a lighter colour."""
+    behind = ~in_front  # and the points beside it, so that there is no gap
+    behind[1:] |= ~in_front[:-1]
+    behind[:-1] |= ~in_front[1:]
+    for order, shown, alpha in ((1, behind, 0.45), (3, in_front, 1.0)):
+        part = np.where(shown[:, np.newaxis], points, np.nan)
+        axes.plot(*part.T, zorder=order, alpha=alpha, color="crimson", linewidth=1.2)

@@ -1,0 +1,1 @@
+"""The page of `suslov-fast explore`, and what serves it."""

@@ -1,0 +1,30 @@
+// What the page shows, shared by its modules, and words for numbers.
+
+export const state = {
+  scene: null, // the numbers of the last answer
+  values: {}, // texts of the fields: a wrong value stays as the user wrote it
+  extent: 4, // the plane reaches from -extent to extent
+  shown: new Set(["F", "energy"]),
+  moment: 0, // the state of the body in space
+  share: 0, // of the way from there to the next state
+};
+
+export const byId = (id) => document.getElementById(id);
+
+// The last state that exists.
+export function last() {
+  const missing = state.scene.omega.indexOf(null);
+  return missing < 0 ? state.scene.omega.length - 1 : Math.max(missing - 1, 0);
+}
+
+export function short(value, digits = 6) {
+  if (value === null) return "none";
+  return Number(value.toPrecision(digits)).toString().replaceAll("-", "−");
+}
+
+// The values of all fields and the view, as they stand in the address.
+export function query() {
+  const { values, extent, shown } = state;
+  const view = { extent: Number(extent.toPrecision(6)), show: [...shown].join(" ") };
+  return new URLSearchParams({ ...values, ...view }).toString();
+}

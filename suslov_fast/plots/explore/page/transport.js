@@ -1,0 +1,71 @@
+// Where numbers come from: HTTP, or messages to a notebook's kernel by way of the widget around.
+//
+// A transport has: begin() -> the query to begin with; scene(query) -> numbers, or { error, fields };
+// remember(query), so that the view is there again; address, before the query of a link; and
+// waiting(seconds) -> { words, lost }, what to say while an answer is under way.
+
+const GONE = "suslov-fast does not answer: start it again and reload this page.";
+
+const compiling = (seconds) =>
+  ({ words: `Compiling the kernels, once per installation. ${seconds} s`, lost: false });
+
+export function overHttp() {
+  return {
+    address: `${location.origin}/`,
+    begin: async () => location.search,
+    scene: async (query) => {
+      try {
+        return await (await fetch(`/scene?${query}`)).json();
+      } catch {
+        throw new Error(GONE);
+      }
+    },
+    remember: (query) => history.replaceState(null, "", `?${query}`),
+    waiting: compiling,
+  };
+}
+
+const NEVER =
+  "No kernel answers, so this page cannot move. If the kernel is busy with another cell, it " +
+  "answers when that ends; in a saved notebook, or after a restart, run this cell again.";
+const NO_MORE =
+  "The kernel does not answer any more. If it is busy with another cell, it answers when that " +
+  "ends; if it was stopped or restarted, run this cell again.";
+
+// Messages up have an id and a request; those down the same id, and either `heard`, as soon as the
+// kernel has read the request, or the value. The widget itself answers the first request.
+export function overMessages(around = window.parent) {
+  const pending = new Map();
+  const page = Math.random(); // several views of one widget get all answers
+  let asked = 0, patience = 0, heard = false, ever = false;
+  addEventListener("message", ({ source, data }) => {
+    if (source !== around || !pending.has(data?.id)) return;
+    if (data.heard) {
+      heard = ever = true;
+      return;
+    }
+    pending.get(data.id)(data.value);
+    pending.delete(data.id);
+  });
+  const ask = (request) => new Promise((resolve) => {
+    const id = `${page} ${++asked}`;
+    heard = false;
+    pending.set(id, resolve);
+    around.postMessage({ id, ...request }, "*");
+  });
+  return {
+    address: "http://127.0.0.1:8000/", // for `suslov-fast explore LINK`, which takes any
+    begin: async () => {
+      const first = await ask({ begin: true });
+      patience = first.patience;
+      return first.query;
+    },
+    scene: (query) => ask({ query }),
+    remember: (query) => around.postMessage({ remember: query }, "*"),
+    waiting: (seconds) => {
+      if (heard) return compiling(seconds);
+      if (seconds >= patience) return { words: ever ? NO_MORE : NEVER, lost: true };
+      return { words: `Waiting for the kernel. ${seconds} s`, lost: false };
+    },
+  };
+}

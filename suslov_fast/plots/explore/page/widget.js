@@ -1,0 +1,36 @@
+// The widget in a notebook: a frame with the page, and its messages to the kernel and back.
+// The frame is sandboxed: it cannot read the notebook, and its page may load nothing.
+
+function render({ model, el }) {
+  const frame = document.createElement("iframe");
+  frame.sandbox = "allow-scripts allow-downloads";
+  frame.title = "suslov_fast explore";
+  frame.style = "width: 100%; height: 760px; border: 0";
+  frame.srcdoc = model.get("_html");
+  const down = (message) => frame.contentWindow?.postMessage(message, "*");
+  const begin = ({ id }) =>
+    down({ id, value: { query: model.get("query"), patience: model.get("_patience") } });
+  const remember = (query) => {
+    model.set("query", query);
+    model.save_changes();
+  };
+  const up = ({ source, data }) => {
+    if (source !== frame.contentWindow) return;
+    try {
+      if (data.begin) begin(data);
+      else if ("remember" in data) remember(data.remember);
+      else model.send({ id: data.id, query: data.query });
+    } catch {
+      // Without a kernel some notebooks refuse: the page says so when nothing answers.
+    }
+  };
+  addEventListener("message", up);
+  model.on("msg:custom", down);
+  el.append(frame);
+  return () => {
+    removeEventListener("message", up);
+    model.off("msg:custom", down);
+  };
+}
+
+export default { render };

@@ -1,0 +1,174 @@
+"""The local HTTP server of the page, and the page of one orbit."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from http.server import BaseHTTPRequestHandler
+from importlib.util import find_spec
+from socketserver import ThreadingTCPServer
+from typing import Any
+from urllib.parse import unquote
+
+from numpy.typing import ArrayLike
+
+from ...checks import instance
+from ..geometry import BodyIn3D
+from .parameters import query_of
+from .scene import PAGE, answer
+
+_ADDRESS = "127.0.0.1"
+_MOST = 32  # requests at a time; others wait
+_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
+_HEADERS = {
+    "Cache-Control": "no-store",
+    # The browser refuses whatever the page would load from elsewhere.
+    "Content-Security-Policy": "default-src 'self'; img-src data:",
+}
+
+
+class Server(ThreadingTCPServer):
+    """HTTP server of the page on a local port; 0 selects a free one."""
+
+    daemon_threads = True
+    # On POSIX a second server on the same port is an error nevertheless.
+    allow_reuse_address = os.name == "posix"
+
+    def __init__(self, port: int) -> None:
+        self._free = threading.BoundedSemaphore(_MOST)
+        super().__init__((_ADDRESS, port), _Handler)
+        self.port = self.server_address[1]
+        self.url = f"http://{_ADDRESS}:{self.port}/"
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Start a thread for a request when one of those allowed is free."""
+        self._free.acquire()
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer a request in its thread."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Report an error, unless the browser has closed the connection."""
+        if not isinstance(sys.exc_info()[1], ConnectionError):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Server
+    # Seconds; browsers open connections that they may never use.
+    timeout = 10.0
+
+    def do_GET(self) -> None:
+        """Send a file of the page or numbers for it."""
+        path, _, query = self.path.partition("?")
+        hosts = [f"{name}:{self.server.port}" for name in (_ADDRESS, "localhost")]
+        file = PAGE / (path[1:] or "index.html")
+        site = self.headers.get("Sec-Fetch-Site", "none")
+        foreign = path == "/scene" and site not in ("none", "same-origin")
+        if not unquote(path).isprintable():  # no file has such a name
+            self.send_error(400)
+        elif foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
+            self.send_error(403)
+        elif path == "/scene":
+            text = json.dumps(answer(query), allow_nan=False, separators=(",", ":"))
+            self._send(text, "application/json")
+        elif file in PAGE.iterdir():
+            self._send(file.read_text("utf-8"), f"{_TYPES[file.suffix]}; charset=utf-8")
+        else:
+            self.send_error(404)
+
+    def _send(self, text: str, kind: str) -> None:
+        body = text.encode()
+        self.send_response(200)
+        for name, value in _HEADERS.items():
+            self.send_header(name, value)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Log nothing: the page shows errors."""
+
+
+class Page:
+    """The page of an orbit, in a notebook or at an address of this machine."""
+
+    def __init__(self, query: str) -> None:
+        self._query = query
+        self._server: Server | None = None
+        self._widget: Any = None
+
+    @property
+    def url(self) -> str:
+        """The address, from whose first use on a thread of this process serves the page."""
+        if self._server is None:
+            self._server = Server(0)
+            serve: Any = self._server.serve_forever
+            threading.Thread(target=serve, args=[0.1], daemon=True).start()
+        return f"{self._server.url}?{self._query}"
+
+    def close(self) -> None:
+        """Stop serving."""
+        if self._server is not None:
+            self._server.shutdown()
+            self._server.server_close()
+            self._server = None
+
+    def __repr__(self) -> str:
+        return f"<Page {self.url}>"
+
+    def _repr_mimebundle_(self, **options: Any) -> Any:
+        if find_spec("anywidget"):
+            from .notebook import Widget
+
+            self._widget = self._widget or Widget(query=self._query)
+            return self._widget._repr_mimebundle_(**options)
+        address = self.url.replace("&", "&amp;")
+        frame = f'<iframe src="{address}" width="100%" height="760" style="border: 0"></iframe>'
+        return {"text/plain": repr(self), "text/html": frame}
+
+
+def explore(
+    body: BodyIn3D, omega0: ArrayLike = (1.0, 0.5), eps: float = 0.1, steps: int = 300
+) -> Page:
+    """Show an orbit on the page of `suslov-fast explore`, in a notebook or a browser.
+
+    The value of a notebook's cell is displayed as the page. With the extra `notebook` (anywidget)
+    the notebook's own connection carries its numbers, so the kernel may run on another machine;
+    without it this process serves the page, to browsers on this machine only.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovGyrostat
+        A single body.
+    omega0 : array_like(float, shape=(2,))
+        Initial angular velocity (Omega1, Omega2).
+    eps : float
+        Step size, in the unit of time that the unit of `omega0` implies.
+    steps : int
+        Number of steps, from 1 to 5000.
+
+    Returns
+    -------
+    Page
+        What a notebook displays. Its attribute `url` is an address of the page on this machine,
+        served from the first use of `url` until its method `close` or the end of the process.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, explore
+    >>> page = explore(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), [-0.9, 1.3], eps=0.2)
+    >>> page.url.startswith("http://127.0.0.1:")
+    True
+    >>> page.close()
+    """
+    instance("body", body, BodyIn3D)
+    return Page(query_of(body, eps, omega0, steps))

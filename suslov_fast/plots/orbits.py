@@ -1,0 +1,107 @@
+"""Runs in a plane of two components of their states."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..checks import FloatArray, integer, short, wrong
+from ..quantities import conserved
+
+# More dots make a picture large and no clearer; on lines, more than a few hide them.
+_MOST, _FEW = 20_000, 2000
+_LEVELS = {
+    "first_integral": "level of the first integral $F$",
+    "modified_energy": "level of the modified energy",
+}
+
+
+def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
+    """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
+    from .figures import axes_for, set_title
+
+    first, second = _checked(components, run.states.shape[-1])
+    plane = run.states[..., (first, second)].reshape(len(run), -1, 2)
+    if lines not in (None, True, False):
+        raise wrong("lines", "True, False or None", short(lines))
+    if lines is None:
+        lines = plane[..., 0].size <= _MOST and run.n[-1] == len(run) - 1 and _are_near(plane)
+    axes = axes_for(ax, (5.4, 5.0))
+    levels, name = _levels(run)
+    drawn, count = _draw(axes, plane, levels if name else None, lines)
+    if name:
+        axes.figure.colorbar(drawn, ax=axes, label=name, shrink=0.8)
+    symbols = run._map.symbols(run.body)
+    axes.set(xlabel=symbols[first], ylabel=symbols[second])
+    set_title(axes, _title(run, count))
+    return axes
+
+
+def _checked(components: tuple[int, int], D: int) -> tuple[int, int]:
+    if D == 1:
+        how = "draw run.states[..., 0] over run.time"
+        raise ValueError(f"plot: expected states with at least 2 components, got 1: {how}")
+    expected = f"two integers from 0 to {D - 1}"
+    found = [integer("components", k, 0, expected) for k in components]
+    if len(found) != 2 or max(found) >= D:
+        raise ValueError(f"components: expected {expected}, got {components}")
+    return found[0], found[1]
+
+
+def _are_near(plane: FloatArray) -> bool:
+    """True if the median of steps is below 1/20 of the extent of all states (N, B, 2)."""
+    lengths = np.hypot(*np.diff(plane, axis=0).T)
+    lengths = lengths[~np.isnan(lengths)]
+    known = plane[~np.isnan(plane).any(axis=-1)]
+    return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(known, axis=0).max())
+
+
+def _levels(run: Any) -> tuple[FloatArray, str]:
+    """The levels (B,) of the orbits, and what they are levels of; "" if they have one colour."""
+    known = [name for name in _LEVELS if name in run._map.functions(run.body)]
+    if known and run.states[0].size:
+        values = getattr(conserved, known[0])(run.body, run.states[0], run.eps).ravel()
+        finite = values[np.isfinite(values)]
+        if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
+            return values, _LEVELS[known[0]]
+    return np.zeros(math.prod(run.states.shape[1:-1])), ""
+
+
+def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) -> tuple[Any, int]:
+    """Draw states (N, B, 2), coloured by the levels (B,) of orbits.
+
+    Return what has the colours, and the number of states drawn: with more than _MOST dots a random
+    choice, as every k-th state of an orbit may show one of k islands.
+    """
+    from matplotlib.collections import LineCollection
+
+    from .figures import COLOURS
+
+    look: dict[str, Any] = {"color": COLOURS(0.3)} if levels is None else {"cmap": COLOURS}
+    count = plane[..., 0].size
+    if lines:
+        pen: dict[str, Any] = {"linewidths": 0.7, "joinstyle": "round", "capstyle": "round"}
+        drawn = LineCollection(list(np.moveaxis(plane, 1, 0)), array=levels, **pen, **look)
+        axes.add_collection(drawn)
+    if not lines or count <= _FEW:
+        shown = np.arange(count)
+        if count > _MOST:
+            shown = np.random.default_rng(0).choice(count, _MOST, replace=False)
+            count = _MOST
+        if levels is not None:
+            look["c"] = levels[shown % len(levels)]
+        size = 4.0 if lines else min(max(8000.0 / max(count, 1), 2.0), 14.0)
+        drawn = axes.scatter(*plane.reshape(-1, 2)[shown].T, s=size, linewidths=0, **look)
+    axes.autoscale_view()
+    return drawn, count
+
+
+def _title(run: Any, count: int) -> str:
+    """What is drawn: the map, the step size, the orbits and the number of states."""
+    B, N = math.prod(run.states.shape[1:-1]), int(run.n[-1])
+    eps = rf", $\epsilon$ = {float(run.eps):g}" if np.ndim(run.eps) == 0 else ""
+    orbits = "1 orbit" if B == 1 else f"{B:,} orbits"
+    states = f", {count:,} of their states" if count < B * (N + 1) else ""
+    return f"{run._map.title}{eps}\n{orbits} of {N:,} steps{states}"

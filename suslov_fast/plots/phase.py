@@ -1,0 +1,159 @@
+"""The phase plane of a body in three dimensions: orbits, level curves and steady states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..checks import FloatArray, integer, real_number, wrong
+from ..quantities.conserved import energy
+from ..quantities.derivatives import vector_field
+from ..runs.iterate import iterate
+from . import geometry
+from .geometry import BodyIn3D
+
+# Phase between the ends of orbits and the line, where the arc is a half turn; longest orbits.
+_FROM_LINE, _LONGEST_TURN = 0.03, 1000
+
+
+def plot_phase(
+    body: BodyIn3D,
+    eps: float,
+    extent: float,
+    *,
+    levels: int = 9,
+    letter: str | None = None,
+    legend: bool = True,
+    ax: Any = None,
+) -> Any:
+    """Draw orbits of the map and the level curves of F in the plane (Omega1, Omega2).
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovGyrostat
+        A single body, of which not all states are steady.
+    eps : float
+        Positive step size; the criticality must be below 1 in the whole picture.
+    extent : float
+        Distance from 0 that the axes reach, in the unit of omega.
+    levels : int
+        Number of level curves, at least 1.
+    letter : str, optional
+        Letter of the panel, such as "a", above the axes on the left.
+    legend : bool
+        Draw a legend below the axes.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw on; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ValueError
+        If the body rests in every state, or a state in the picture has a criticality of 1 or more.
+
+    Notes
+    -----
+    Each level has a colour: a thin line, and states of the map as dots. An orbit is drawn from near
+    a repelling to near an attracting steady state, on both sides of the line; a periodic one for
+    one turn. The title has the parameters, unless the axes have a title.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, plot_phase
+    >>> ax = plot_phase(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), eps=0.2, extent=4.0)
+    >>> [float(end) for end in ax.get_xlim()]
+    [-4.0, 4.0]
+    """
+    from .figures import COLOURS, axes_for, set_title
+
+    geometry.check_moving(body)
+    g, k = geometry.half_angle(body)
+    eps, extent = positive("eps", eps), positive("extent", extent)
+    levels = integer("levels", levels, 1)
+    e = geometry.half_step(body, eps)
+    largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
+    if not e * largest * abs(g) < 1:
+        expected = "a criticality below 1 in the corners of the picture"
+        raise wrong("extent", expected, f"{e * largest * abs(g):.3g}")
+    axes = axes_for(ax, (5.2, 5.8))
+    colours = COLOURS(np.linspace(0.05, 0.9, levels))
+    for R, colour in zip(largest * np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
+        (curve,) = geometry.level(body, eps, R)
+        axes.plot(*curve.T, "-", color=colour, linewidth=0.8, alpha=0.7)
+        for psi, steps in _orbits(e, R * abs(g), k):
+            orbit = iterate(body, geometry.on_level(body, eps, R, psi), eps, steps).omega
+            axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
+            _arrow(axes, body, orbit, extent, colour)
+    if g:
+        _steady_states(axes, body, 4.0 * extent)
+    look = {"color": colours[levels // 2], "linewidth": 0.8}
+    axes.plot([], [], "-", label="levels of $F$, one colour each", **look)
+    axes.plot([], [], ".", label="states of the map", **look)
+    axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
+    axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
+    axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
+    set_title(axes, _title(body, eps, ", " if letter is None else "\n"))
+    if letter is not None:
+        axes.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
+    if legend:  # below the label of the axis, in units of the font size
+        place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.2}
+        axes.legend(**place, ncols=2, frameon=False, fontsize="small")
+    return axes
+
+
+def positive(name: str, value: Any) -> float:
+    """Check that a value is a single positive number."""
+    number = real_number(name, value)
+    if not isinstance(number, float) or number <= 0:
+        raise wrong(name, "a positive number", value)
+    return number
+
+
+def _title(body: BodyIn3D, eps: float, between: str) -> str:
+    """The parameters, in two groups."""
+    moments = rf"$I_1={body.I1:g}$, $I_2={body.I2:g}$, $\epsilon={eps:g}$"
+    products = rf"$I_{{13}}={body.I13:g}$, $I_{{23}}={body.I23:g}$"
+    k = geometry.half_angle(body)[1]
+    return moments + between + products + (f", $k={k:g}$" if k else "")
+
+
+def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:
+    """Phase of the initial state, and steps, of the orbits on a level; theory: the gyrostat."""
+    if abs(k) > A:  # one turn
+        steps = np.pi / np.arctan(e * np.sqrt(k * k - A * A))
+        return [(0.0, int(min(np.ceil(steps), _LONGEST_TURN)))]
+    # From the steady state at -end to that at end, on either side.
+    end, rate = geometry.meeting_phase(A, k), e * np.sqrt(A * A - k * k)
+    orbits = []
+    for side, half in ((1.0, end), (-1.0, np.pi - end)):
+        psi = -end + side * 2.0 / np.pi * half * _FROM_LINE
+        p, q = np.sin(0.5 * psi) / np.sqrt(A + k), np.cos(0.5 * psi) / np.sqrt(A - k)
+        steps = np.log(abs((p - q) / (p + q))) / np.arctanh(rate)
+        orbits.append((psi, int(min(np.ceil(steps), _LONGEST_TURN))))
+    return orbits
+
+
+def _steady_states(axes: Any, body: Any, reach: float) -> None:
+    """The attracting and the repelling half of the line l = 0, which meet where F is least."""
+    middle, direction = geometry.steady_line(body)
+    k = " + k" if geometry.half_angle(body)[1] else ""
+    line = rf"$I_{{13}}\,\Omega_1 + I_{{23}}\,\Omega_2{k} = 0$"
+    for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
+        ends = middle + np.outer([0.0, sign * (reach + np.hypot(*middle))], direction)
+        look = {"color": "crimson", "linewidth": 2.4, "linestyle": style}
+        axes.plot(*ends.T, label=f"{line}, {name}", **look)
+
+
+def _arrow(axes: Any, body: Any, orbit: FloatArray, extent: float, colour: Any) -> None:
+    """Direction of motion at the middle state of the orbit, or the nearest one in view."""
+    inside = np.flatnonzero((abs(orbit) < 0.95 * extent).all(axis=-1))
+    if inside.size:
+        state = orbit[inside[np.argmin(abs(inside - len(orbit) // 2))]]
+        along = vector_field(body, state)
+        along = 0.01 * extent * along / np.hypot(*along)
+        look = {"arrowstyle": "-|>", "color": colour, "mutation_scale": 12, "linewidth": 0.8}
+        axes.annotate("", xy=state + along, xytext=state - along, arrowprops=look)

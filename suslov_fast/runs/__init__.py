@@ -1,0 +1,1 @@
+"""Runs of a map: iteration, solutions, results, files and stores."""

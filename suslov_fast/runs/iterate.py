@@ -1,0 +1,266 @@
+"""One step and many steps of the map of a body or a field."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..bodies.rigid import Suslov3D
+from ..checks import FloatArray, instance, integer, one_of, warn, wrong
+from ..engine.arguments import BodyOrField, States, check, refuse_rotor
+from ..engine.progress import Progress, check_progress
+from ..engine.starts import RandomStarts
+from ..engine.status import SingularStepWarning
+from ..engine.stretches import March
+from ..maps import Map, map_of
+from .failures import ON_SINGULAR, OnSingular, report_failures
+from .trajectories import Trajectories
+
+Method = Literal["auto", "gauss", "rank2"]
+# A determinant below this part of its terms is 0 to rounding.
+_ZERO_TO_ROUNDING = 2.0**-50
+
+
+def step(
+    body: BodyOrField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+) -> FloatArray:
+    """One step of the discrete Suslov problem, equation (4) of the paper, or (15) in n dimensions.
+
+    For a :class:`QuadraticField` it is a step of Kahan's map from the state x.
+
+    Parameters
+    ----------
+    body, eps, threads
+        As in :func:`iterate`.
+    omega : array_like(float, shape=(..., D))
+        Angular velocities, or states x of a field.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D))
+        The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`,
+        where there is no next state.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, step
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> step(body, [1.0, 0.5], eps=0.2).round(6)
+    array([1.013781, 0.372248])
+    """
+    map = map_of(body)
+    states = check(body, (), {"omega": omega, "eps": eps}, threads)
+    march = March(map.methods["auto"], states)
+    march.to(1)
+    report_failures(march, "warn", since=1)  # those at step 0 are NaN as given
+    return march.final
+
+
+def iterate(
+    body: BodyOrField,
+    omega0: ArrayLike | RandomStarts,
+    eps: ArrayLike,
+    steps: int,
+    *,
+    save_every: int | None = 1,
+    method: Method = "auto",
+    attitude: bool | ArrayLike = False,
+    out: FloatArray | None = None,
+    threads: int | None = None,
+    on_singular: OnSingular = "warn",
+    progress: Progress = None,
+) -> Trajectories:
+    """Iterate a batch of trajectories of the discrete Suslov problem, or of Kahan's map of a field.
+
+    The shapes of the body, of `eps` and of `omega0` without its last axis broadcast to the batch
+    shape ``...``. A trajectory has the same bits in any batch, order and number of threads, for any
+    `save_every`, and in however many calls it is computed.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        A single one, or a batch.
+    omega0 : array_like(float, shape=(..., D)) or RandomStarts
+        State 0: angular velocities (Omega1, Omega2), or the n - 1 components Omega_in; or states x
+        of a field. A trajectory from NaN has the status NONFINITE and failed at step 0.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of the states, 0 or between 1e-50 and 1e50 in modulus; a
+        negative one is that of the inverse map.
+    steps : int
+        Number of steps, 0 or more.
+    save_every : int or None
+        Save the states 0, k, 2k, ... up to `steps`; None saves only the last.
+    method : {"auto"}, or {"auto", "gauss", "rank2"} in n dimensions
+        "gauss" eliminates the matrix A with pivoting, in some n**3 / 3 operations; "rank2" uses
+        that A is diagonal plus rank two, in some 20 n, and eliminates where that would lose digits,
+        as "auto" does.
+    attitude : bool or array_like(float, shape=(..., n, n))
+        True, or the initial rotation matrix (by default the identity), to carry the orientation of
+        the body along at every step; see :func:`attitude`.
+    out : ndarray(float64, shape=(n_saved, ..., D)), optional
+        C-contiguous array that receives the saved states, instead of a new one.
+    threads : int, optional
+        Number of threads, by default Numba's. Results do not depend on it.
+    on_singular : {"warn", "raise", "ignore"}
+        What to do if trajectories fail: one :class:`SingularStepWarning` for all, a
+        :class:`SingularStepError` that holds the result, or nothing.
+    progress : bool or callable, optional
+        True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.
+
+    Returns
+    -------
+    Trajectories
+
+    Raises
+    ------
+    MemoryError
+        If the result does not fit in memory.
+    SingularStepError
+        If `on_singular` is "raise" and a trajectory fails.
+
+    Notes
+    -----
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond the pole, as the birational map does:
+    :func:`exact` and :func:`limits` have the states after it, and only the state directly after
+    the pole is NaN.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, iterate
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> orbit = iterate(body, [1.0, 0.5], eps=0.2, steps=25)
+    >>> orbit.omega.shape
+    (26, 2)
+    >>> orbit.final.round(6)
+    array([ 0.873325, -1.093093])
+    """
+    one_of("on_singular", on_singular, ON_SINGULAR)
+    check_progress(progress)
+    map, states = _begin(body, omega0, eps, method, attitude, threads)
+    steps, save_every = _counts(steps, save_every)
+    march = March(map.methods[method], states)
+    run = Trajectories._at_end(map, states, march, method, steps, save_every, progress, out)
+    report_failures(run, on_singular)
+    return run
+
+
+def pieces(
+    body: BodyOrField,
+    omega0: ArrayLike | RandomStarts,
+    eps: ArrayLike,
+    steps: int,
+    *,
+    rows: int,
+    save_every: int | None = None,
+    method: str = "auto",
+    attitude: bool | ArrayLike = False,
+    threads: int | None = None,
+) -> Iterator[tuple[FloatArray, FloatArray | None, March]]:
+    """Yield at most `rows` saved states of a run at a time, orientations, and how far it came.
+
+    Failures are silent. The arrays of the march are written to by the next piece.
+    """
+    map, states = _begin(body, omega0, eps, method, attitude, threads)
+    march, every = March(map.methods[method], states), save_every or 0
+    last = steps // every if every else 0
+    for row in range(0, last + 1, rows):
+        end = row + rows
+        yield *march.to(steps if end > last else (end - 1) * every, every), march
+
+
+def _begin(
+    body: Any, omega0: Any, eps: Any, method: str, attitude: Any, threads: int | None
+) -> tuple[Map, States]:
+    """Return the map and the checked arguments of a run, of which it keeps copies."""
+    map = map_of(body)
+    one_of("method", method, map.methods)
+    arguments = {"omega0": omega0, "eps": eps}
+    if attitude is not False:
+        arguments["attitude"] = attitude
+    states = check(body, (), arguments, threads)
+    return map, states if type(states.eps) is float else states._replace(eps=np.array(states.eps))
+
+
+def _counts(steps: int, save_every: int | None) -> tuple[int, int | None]:
+    """Return the checked numbers of steps, of the run and from one saved state to the next."""
+    if save_every is not None:
+        save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
+    return integer("steps", steps, 0), save_every
+
+
+def step_full(
+    body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike | None = None
+) -> FloatArray:
+    """One step of the scheme in three components, equation (3) of the paper.
+
+    The constraint requires Omega3 = 0; the scheme itself only changes the sign of Omega3.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., 3))
+        Angular velocities (Omega1, Omega2, Omega3); NaN where there is none.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of the angular velocities.
+    I3 : array_like(float, shape=(...)), optional
+        The third moment of inertia, positive; by default that of the body.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 3))
+        The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`,
+        where there is no next state.
+
+    Notes
+    -----
+    Unless Omega3 is 0 the scheme has no limit for eps -> 0: in the example
+    (Omega1_next - Omega1) / eps is -0.174, -2.42, -24.9 for eps = 0.1, 0.01, 0.001; with
+    Omega3 = 0 it is 0.0782, 0.081, 0.0812.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, step_full
+    >>> body = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3)
+    >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
+    array([ 0.9897  ,  0.406546, -0.1     ])
+    """
+    refuse_rotor(body, "the three-component scheme", "iterate or flow")
+    instance("body", body, Suslov3D)
+    if I3 is not None:
+        body = replace(body, I3=I3)
+    elif body.I3 is None:
+        raise wrong("I3", "a number, or a body whose I3 is set", "neither", TypeError)
+    labels = "Omega1", "Omega2", "Omega3"
+    states = check(body, (), {"omega": omega, "eps": eps}, components=labels)
+    w1, w2, w3 = np.moveaxis(states.omega, -1, 0)
+    h, w1, w2 = np.multiply(0.5, states.eps), w1 + 0.0, w2 + 0.0
+    with np.errstate(all="ignore"):
+        d1, d2 = _increments(body, h, w1, w2, w3)
+    following = np.empty((*states.batch, 3))
+    following[..., 0], following[..., 1], following[..., 2] = w1 + d1, w2 + d2, -w3
+    exists = np.isfinite(following).all(axis=-1)
+    following[~exists] = np.nan
+    if failed := np.count_nonzero(~exists & ~np.isnan(states.omega).any(axis=-1)):
+        message = f"{failed} of {exists.size} states: no next state in three components"
+        warn(message, SingularStepWarning)
+    return following
+
+
+def _increments(body: Any, h: Any, w1: Any, w2: Any, w3: Any) -> tuple[Any, Any]:
+    """Solve the first two equations (3) for the increments, with Omega3_next = -Omega3."""
+    I1, I2, I13, I23, I3 = body.I1, body.I2, body.I13, body.I23, body.I3
+    x = I13 * w1 + I23 * w2
+    m11, m12 = I1 + h * (I13 * w2), h * (x + I23 * w2 + (I3 - I2) * w3)
+    m21, m22 = h * ((I1 - I3) * w3 - x - I13 * w1), I2 - h * (I23 * w1)
+    right1 = 2.0 * (I13 * w3 - h * (I23 * w3 * w3 + w2 * x))
+    right2 = 2.0 * (I23 * w3 + h * (I13 * w3 * w3 + w1 * x))
+    det = m11 * m22 - m12 * m21
+    size = abs(m11 * m22) + abs(m12 * m21)
+    det = np.where(abs(det) > _ZERO_TO_ROUNDING * size, det, np.nan)
+    return (m22 * right1 - m12 * right2) / det, (m11 * right2 - m21 * right1) / det

@@ -1,0 +1,242 @@
+"""The closed form: any state of the map and of the flow, and the limits of orbits.
+
+Solved bodies in n dimensions move in a plane. With b = J_i along I and a = J_i across it, s the
+component of omega along I, and r the length of what is left, (s, r) is a state of the body with
+I1 = b, I2 = a, I13 = 0 and I23 = abs(I), and the direction of what is left does not change.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..bodies.field import QuadraticField
+from ..bodies.nd import SuslovND, check_solved
+from ..checks import FloatArray, real_number, warn, wrong
+from ..core import closed_form
+from ..engine.arguments import AnyBody, States, check, flat_arrays, flat_parameter, parameters_of
+from ..engine.exact import states_at
+from ..engine.status import SingularStepWarning
+
+# Why orbits lack states, in the order of the flags of the closed form.
+_REASONS = (
+    ("non-integer n, or |n| > 2**53, where t >= 1", RuntimeWarning),
+    ("beyond the range of the closed form, 1e8 for X, Y and K", RuntimeWarning),
+    ("no state directly after a pole of the map", SingularStepWarning),
+)
+
+
+def exact(
+    body: AnyBody, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
+) -> FloatArray:
+    """Return state n of the map by the closed form, without iteration.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND or SuslovGyrostat
+        A single one, or a batch.
+    omega0 : array_like(float, shape=(..., D))
+        State 0. The result is NaN where it is NaN.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of the angular velocities; a negative one is that of the
+        inverse map.
+    n : array_like(float, shape=() or (N,))
+        Indices of the states, positive or negative. For t < 1 (:func:`criticality`) n may be any
+        real number, which gives a curve through the orbit; also for a gyrostat that is periodic.
+    threads : int, optional
+        Number of threads, by default Numba's. Results do not depend on it.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D) or (N, ..., D))
+        The states. They are NaN directly after a pole, with a :class:`SingularStepWarning`; and,
+        with a `RuntimeWarning`, for non-integer n and for ``|n| > 2**53`` if t >= 1, and where
+        the dimensionless X, Y or K is above 1e8 (then use :func:`iterate`).
+
+    Raises
+    ------
+    NotIntegrableError
+        If no closed form is known for the body; in three dimensions there always is one.
+
+    Notes
+    -----
+    The formula is Theorem 1 in Section 4 of the paper, corrected, and extended to t >= 1 and to
+    the gyrostat.
+
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond the pole, as the birational map does:
+    :func:`exact` and :func:`limits` have the states after it, and only the state directly after
+    the pole is NaN.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, exact, iterate
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> exact(body, [1.0, 0.5], eps=0.2, n=25).round(6)
+    array([ 0.873325, -1.093093])
+    >>> exact(body, [1.0, 0.5], eps=0.2, n=[-(10**12), 0.5, 10**12]).round(6)
+    array([[-0.791446,  1.319077],
+           [ 1.007482,  0.435551],
+           [ 0.791446, -1.319077]])
+    """
+    times = _times("n", n)
+    return _states_at("exact", _checked(body, {"omega0": omega0, "eps": eps}, threads), times)
+
+
+def flow(
+    body: AnyBody, omega0: ArrayLike, time: ArrayLike, *, threads: int | None = None
+) -> FloatArray:
+    """Return the continuous motion at given times, the solution of equation (2) of the paper.
+
+    Parameters
+    ----------
+    body, omega0, threads
+        As in :func:`exact`.
+    time : array_like(float, shape=() or (N,))
+        Times, positive or negative, in the unit of time of omega0.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D) or (N, ..., D))
+        The angular velocities.
+
+    Raises
+    ------
+    NotIntegrableError
+        If no closed form is known for the body; in three dimensions there always is one.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, energy, flow
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> states = flow(body, [1.0, 0.5], time=[0.0, 5.0, 1e6])
+    >>> states.round(6)
+    array([[ 1.      ,  0.5     ],
+           [ 0.873751, -1.093725],
+           [ 0.791864, -1.319774]])
+    >>> energy(body, states).round(12)
+    array([2.125, 2.125, 2.125])
+    """
+    times = _times("time", time)
+    return _states_at("flow", _checked(body, {"omega0": omega0}, threads), times)
+
+
+def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return the limits of an orbit of the map for n to minus and to plus infinity.
+
+    Parameters
+    ----------
+    body, omega0, eps
+        As in :func:`exact`.
+
+    Returns
+    -------
+    omega_minus, omega_plus : ndarray(float, shape=(..., D))
+        Opposite points of the line I13 Omega1 + I23 Omega2 = 0, or for a gyrostat points of the
+        line I13 Omega1 + I23 Omega2 = -k; beyond a pole, too. A fixed point is its own limit. NaN
+        where a gyrostat is periodic, if omega0 is NaN, and for the one state of a body at which the
+        map, or its inverse, is undefined.
+
+    Raises
+    ------
+    NotIntegrableError
+        If no closed form is known for the body; in three dimensions there always is one.
+
+    Notes
+    -----
+    This is Proposition 2 in Section 4 of the paper. For eps > 0 the limits are plus and minus
+    2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, limits
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> omega_minus, omega_plus = limits(body, [1.0, 0.5], eps=0.2)
+    >>> omega_minus.round(6), omega_plus.round(6)
+    (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
+    """
+    given = _checked(body, {"omega0": omega0, "eps": eps})
+    body, omega, eps, *_ = given
+    if not isinstance(body, SuslovND):
+        minus, plus = closed_form.limits(*body.parameters, eps, omega)
+        return minus, plus
+    plane = _in_plane("limits", given)
+    both = closed_form.limits(*plane.body, eps, plane.omega)
+    minus, plus = (_leave_plane(plane, given, each) for each in both)
+    return minus, plus
+
+
+def _checked(body: Any, arguments: dict[str, Any], threads: int | None = None) -> States:
+    """Return the checked arguments of a function that has no meaning for fields."""
+    if isinstance(body, QuadraticField):
+        received = "QuadraticField, for which no closed form is known: use iterate"
+        raise wrong("body", "Suslov3D, SuslovND or SuslovGyrostat", received, TypeError)
+    return check(body, AnyBody, arguments, threads)
+
+
+def _times(name: str, value: Any) -> FloatArray:
+    times = np.asarray(real_number(name, value))
+    if times.ndim > 1:
+        raise wrong(name, "a number or a 1-D array", f"shape {times.shape}")
+    return times
+
+
+def _states_at(name: str, given: States, times: FloatArray) -> FloatArray:
+    """Return states of the map or the flow at given times, and warn of those that are missing."""
+    body, omega, eps, batch, threads, *_ = given
+    plane = _in_plane(name, given) if isinstance(body, SuslovND) else None
+    if plane is None:
+        parameters = parameters_of(body, eps, batch)
+    else:
+        parameters = tuple(flat_parameter(each, batch) for each in (*plane.body, eps))
+        omega = plane.omega
+    flat, moments = flat_arrays(omega, batch), times.reshape(-1)
+    states, reasons = states_at(parameters, flat, name == "exact", moments, threads)
+    if reasons.any():
+        for flags, (what, category) in zip(reasons, _REASONS, strict=True):
+            if flags.any():
+                warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {what}", category)
+    states = states.reshape(*times.shape, *batch, 2)
+    if plane is not None:
+        states = _leave_plane(plane, given, states)
+        states[times == 0.0] = given.omega
+    return states
+
+
+class _Plane(NamedTuple):
+    """A body in three dimensions and states of it, and how they lie in n dimensions if n > 3."""
+
+    body: tuple[Any, ...]  # I1, I2, I13, I23 and k, of shapes that broadcast to the batch
+    omega: FloatArray  # (..., 2)
+    unit: FloatArray | None = None  # along I, (..., n - 1)
+    across: FloatArray | None = None  # omega without its part along I
+
+
+def _in_plane(name: str, given: States) -> _Plane:
+    """Return the reduction of states to three dimensions; an error if the body is not solved."""
+    body, omega = given.body, given.omega
+    check_solved(body, name)
+    J, I = np.broadcast_arrays(body.J, body.I)
+    if body.dimension == 2:
+        return _Plane((J[..., 0], J[..., 1], -I[..., 1], I[..., 0], 0.0), omega)
+    length = np.sqrt((I * I).sum(axis=-1))
+    unit = I / np.where(length > 0.0, length, 1.0)[..., None]
+    along = (unit * omega).sum(axis=-1)
+    across = omega - along[..., None] * unit
+    rest = np.sqrt((across * across).sum(axis=-1))
+    order = abs(I).argsort(axis=-1)
+    a, b = (np.take_along_axis(J, order[..., k, None], axis=-1)[..., 0] for k in (0, -1))
+    return _Plane((b, a, 0.0, length, 0.0), np.stack([along, rest], axis=-1), unit, across)
+
+
+def _leave_plane(plane: _Plane, given: States, states: FloatArray) -> FloatArray:
+    """Return states (..., 2) of the plane as states of the body; those at rest with all bits."""
+    if plane.unit is None or plane.across is None:
+        return states
+    rest = plane.omega[..., 1]
+    ratio = states[..., 1] / np.where(rest > 0.0, rest, 1.0)
+    found = states[..., :1] * plane.unit + ratio[..., None] * plane.across
+    at_rest = (rest == 0.0) | (plane.body[3] == 0.0)
+    return np.where(at_rest[..., None], given.omega, found)

@@ -1,0 +1,165 @@
+"""Runs as .npz files, without loss, and as an `xarray.Dataset`."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import secrets
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import instance, wrong
+from ..engine.status import Status
+from ..maps import body_from_dict, map_named
+
+PathLike = str | os.PathLike[str]
+
+FORMAT = 6
+# What NumPy, zipfile and json raise for files that are something else.
+_DAMAGE = KeyError, AttributeError, TypeError, ValueError, EOFError, zipfile.BadZipFile, zlib.error
+_ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"
+_NUMBERS = "method", "steps", "save_every"
+# Axes of a parameter of a body after those of the batch; the first is also that of states.
+_COMPONENTS = "component", "component_j", "component_k"
+# Names of a dataset that no axis of a batch and no coordinate may have.
+TAKEN = ("n", "time", *_COMPONENTS, "space", "body", *_ARRAYS[2:6], *_NUMBERS)
+
+
+def save(run: Any, path: PathLike, overwrite: bool) -> None:
+    """Write a run to a .npz file, which appears under its name when it is complete."""
+    from .. import __version__
+
+    target = _checked(path)
+    if target.exists() and not overwrite:
+        message = "expected the name of a new file, or overwrite=True, got one that exists"
+        raise FileExistsError(errno.EEXIST, message, os.fspath(path))
+    about = {"format": FORMAT, "version": __version__, "map": run._map.name}
+    about |= {name: getattr(run, name) for name in _NUMBERS}
+    arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}
+    arrays |= {"about": json.dumps(about), "body": json.dumps(run.body.to_dict())}
+    if not target.absolute().parent.is_dir():
+        message = "expected a name in a folder that exists, got one in none"
+        raise FileNotFoundError(errno.ENOENT, message, os.fspath(path))
+    new = target.with_name(f".{secrets.token_hex(8)}.part")
+    try:
+        with open(new, "xb") as file:
+            np.savez(file, **arrays)
+        os.replace(new, target)
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def load(path: PathLike) -> dict[str, Any]:
+    """Return the attributes of the run in a file of `save`; errors name the file."""
+    name = os.fspath(_checked(path))
+    try:
+        with open(name, "rb") as file, np.lib.npyio.NpzFile(file) as entries:
+            found = {each: entries[each] for each in entries.files}
+        about = json.loads(str(found.get("about", "{}")))
+        written = {each: str(found.get(each, "")) for each in ("format", "version")} | about
+        if written["format"] not in ("", FORMAT):
+            how = f"one of suslov_fast {written['version']}: compute the run again"
+            raise wrong("format", f"{FORMAT}, that of this version", how)
+        run: dict[str, Any] = {each: found.get(each) for each in _ARRAYS}
+        run |= {each: about[each] for each in _NUMBERS} | {"_map": map_named(about["map"])}
+        body, eps = body_from_dict(json.loads(str(found["body"]))), found["eps"]
+        rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
+        shape = rows, *run["status"].shape, body.dimension
+        if run["states"].shape != shape:
+            raise wrong("states", f"shape {shape}", run["states"].shape)
+        return run | {"body": body, "eps": float(eps) if eps.ndim == 0 else eps}
+    except _DAMAGE as error:
+        expected = "a file that Trajectories.save wrote"
+        raise wrong(name, expected, f"another, or a damaged one: {error}") from error
+
+
+def _checked(path: PathLike) -> Path:
+    if not isinstance(path, (str, os.PathLike)):
+        raise wrong("path", "a string or a path", type(path).__name__, TypeError)
+    if Path(path).suffix.lower() != ".npz":
+        how = "to_xarray().to_netcdf(path) and ensemble(store=...) write other formats"
+        raise wrong("path", f"a name that ends in .npz ({how})", repr(os.fspath(path)))
+    return Path(path)
+
+
+def to_xarray(
+    run: Any, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
+) -> Any:
+    """Return a run as a dataset; see `Trajectories.to_xarray`."""
+    from .. import __version__
+
+    try:
+        import xarray
+    except ImportError as error:
+        install = "pip install '.[xarray]' in a copy of the repository"
+        raise ImportError(f"expected xarray, got none: {install}") from error
+    map, body = run._map, run.body
+    # With the numbers of their axes that are not axes of the batch.
+    parameters = {"eps": (np.asarray(run.eps), 0)}
+    for name, array in (body._arrays | body._coordinates).items():
+        if name not in ("H", "K"):
+            parameters[name] = array, 0 if name in body._coordinates else body._axes(name)
+    batch = _batch_names(run, dims, parameters)
+    flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
+    variables: dict[str, Any] = {
+        map.variable: (("n", *batch, "component"), run.states, {"long_name": map.meaning}),
+        "final": ((*batch, "component"), run.final, {"long_name": "state after the last step"}),
+        "status": (batch, run.status, flags),
+        "failed_at": (batch, run.failed_at, {"long_name": "first missing state, or -1"}),
+        "n": ("n", run.n, {"long_name": "number of steps"}),
+        # Strings of variable length: Zarr format 3 has none of fixed length.
+        "component": ("component", np.array(body._labels, object)),
+    }
+    if run.attitude is not None:
+        variables["attitude"] = ("n", *batch, "space", "body"), run.attitude
+    for name, (array, axes) in parameters.items():
+        variables[name] = _along(name, array, axes, batch)
+    attributes = {"title": map.title, "map": map.name, "version": __version__}
+    attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
+    dataset = xarray.Dataset(variables, attrs=attributes)
+    dataset = dataset.set_coords([*body._coordinates, *({*batch} & {*parameters})])
+    if coords is not None:
+        instance("coords", coords, Mapping)
+    if taken := [str(name) for name in coords or () if name in {*dataset.variables, *TAKEN}]:
+        raise wrong("coords", "names not in use", ", ".join(taken))
+    time = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
+    return dataset.assign_coords({"time": time, **(coords or {})})
+
+
+def _along(name: str, array: NDArray[Any], axes: int, batch: tuple[str, ...]) -> Any:
+    """Return a parameter with its axes: those on which it varies, or that have its name."""
+    split = array.ndim - axes
+    names = (*batch[len(batch) - split :], *_COMPONENTS[:axes])
+    kept = [k for k in range(array.ndim) if k >= split or array.shape[k] != 1 or names[k] == name]
+    return tuple(names[k] for k in kept), array.reshape([array.shape[k] for k in kept])
+
+
+def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return a name for each axis of the batch; a parameter may name the one it varies along."""
+    count = run.status.ndim
+    alone = {}  # the axes along which parameters vary alone
+    for name, (array, axes) in parameters.items():
+        along = [k - array.ndim + axes for k in range(array.ndim - axes) if array.shape[k] > 1]
+        if len(along) == 1:
+            alone[name] = along[0] + count
+    if dims is None:
+        names = ["trajectory"] if count == 1 else [f"batch_{k}" for k in range(count)]
+        for name in reversed([name for name in run.body._coordinates if name in alone]):
+            names[alone[name]] = name
+        return tuple(names)
+    names = [dims] if isinstance(dims, str) else list(dims)
+    if len(names) != count or len({*names}) != count or not all(isinstance(n, str) for n in names):
+        raise wrong("dims", f"a name for each of the {count} axes of the batch", repr(dims))
+    if clashing := sorted({*TAKEN, run._map.variable} & {*names}):
+        raise wrong("dims", "names that are not taken", ", ".join(clashing))
+    for axis, name in enumerate(names):
+        if name in parameters and run.status.shape[axis] > 1 and alone.get(name) != axis:
+            raise wrong("dims", f"{name} for the axis along which it varies alone", repr(dims))
+    return tuple(names)

@@ -1,0 +1,360 @@
+"""The result of an iteration."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray, integer, one_of, short, wrong
+from ..engine.arguments import BodyOrField, States, checked_out, thread_count
+from ..engine.progress import Progress, check_progress, reporter
+from ..engine.stretches import March
+from ..maps import Map
+from .failures import ON_SINGULAR, OnSingular, report_failures
+
+if TYPE_CHECKING:
+    import xarray
+
+# Methods that evaluate a public function for the saved states; a run has those of its map.
+_FUNCTIONS = "first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction"
+
+
+def _quantity(
+    name: str, shape: str = "(n_saved, ...)", with_eps: bool = True
+) -> Callable[[Trajectories], FloatArray]:
+    """Return the method that evaluates a public function for the saved states."""
+
+    def method(self: Trajectories) -> FloatArray:
+        function = getattr(import_module("suslov_fast"), name)
+        values: FloatArray = function(self.body, self.states, *(self.eps,) * with_eps)
+        return values
+
+    method.__name__, method.__qualname__ = name, f"Trajectories.{name}"
+    arguments = "the saved states and eps" if with_eps else "the saved states"
+    method.__doc__ = f"Return :func:`suslov_fast.{name}` of {arguments}, shape {shape}."
+    return method
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectories:
+    """A batch of trajectories, as :func:`iterate` returns it.
+
+    Attributes
+    ----------
+    states : ndarray(float, shape=(n_saved, ..., D))
+        The saved states; NaN from the first nonexistent state on. ``run.omega``, or ``run.x`` for
+        a field, and ``np.asarray(run)`` are the same array.
+    eps : float or ndarray(float, shape=(...))
+        The step size, in the unit of time of the states.
+    body
+        The body or field.
+    status : ndarray(int8, shape=(...))
+        The :class:`Status` of each trajectory; negative if it failed.
+    failed_at : ndarray(int, shape=(...))
+        The index of the first state that does not exist, or -1.
+    final : ndarray(float, shape=(..., D))
+        The state after the last step, even if not saved.
+    method : str
+        The method that was asked for.
+    steps : int
+        The number of steps.
+    save_every : int or None
+        The states 0, k, 2k, ... were saved, or only the last.
+    attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
+        The orientations of the body at the saved states, if requested.
+
+    Notes
+    -----
+    ``len(run)`` is the number of saved states, ``run[k]`` is ``run.states[k]`` for any index of
+    NumPy, and a run iterates over its states. Runs are equal if all of the above is equal, where
+    NaN equals NaN; they are not hashable.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, iterate
+    >>> orbit = iterate(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2, steps=25)
+    >>> orbit
+    Trajectories(omega: (26, 2), n: 0, 1 ... 25, eps: 0.2, failed: 0 of 1)
+    >>> orbit.energy().shape
+    (26,)
+    """
+
+    states: FloatArray
+    eps: float | FloatArray
+    body: BodyOrField
+    status: NDArray[np.int8]
+    failed_at: NDArray[np.int64]
+    final: FloatArray
+    method: str
+    steps: int
+    save_every: int | None
+    attitude: FloatArray | Any = None  # with `Any`, callers need no test of None
+    _map: Map = field(kw_only=True)
+    # What `extend` goes on from, beside the last state: numbers (B, C) and orientations (B, n, n).
+    # `dataclasses.replace` makes a run without them.
+    _carry: FloatArray | None = field(init=False, default=None)
+    _turned: FloatArray | None = field(init=False, default=None)
+
+    @classmethod
+    def _of(cls, **attributes: Any) -> Trajectories:
+        run = cls.__new__(cls)
+        object.__setattr__(run, "__dict__", attributes)  # faster than a call of the class
+        return run
+
+    @classmethod
+    def _at_end(
+        cls,
+        map: Map,
+        states: States,
+        march: March,
+        method: str,
+        steps: int,
+        save_every: int | None,
+        progress: Progress = None,
+        out: FloatArray | None = None,
+        earlier: Trajectories | None = None,
+    ) -> Trajectories:
+        """Let a march go on to state `steps`; return its run, with the states of `earlier`."""
+        start, every = max(march.n, 0), save_every or 0
+        if out is not None:  # which may overlap state 0
+            rows = steps // every + 1 if every else 1
+            out = checked_out(out, (rows, *march.final.shape))
+            march.omega0 = march.omega0.copy()
+        if progress:
+            with reporter(progress, steps - start) as report:
+                saved, turns = march.to(steps, every, out, lambda n: report(n - start))
+        else:  # a context would take a tenth of a small call
+            saved, turns = march.to(steps, every, out)
+        if every and earlier is not None:
+            saved = np.concatenate([earlier.states, saved])
+            turns = None if turns is None else np.concatenate([earlier.attitude, turns])
+        return cls._of(
+            states=saved,
+            eps=states.eps,
+            body=states.body,
+            status=march.status,
+            failed_at=march.failed_at,
+            final=march.final,
+            method=method,
+            steps=steps,
+            save_every=save_every,
+            attitude=turns,
+            _map=map,
+            _carry=march.carry,
+            _turned=march.turned,
+        )
+
+    def extend(
+        self,
+        steps: int,
+        *,
+        threads: int | None = None,
+        on_singular: OnSingular = "warn",
+        progress: Progress = None,
+    ) -> Trajectories:
+        """Continue the run; the result has the bits of an uninterrupted run.
+
+        Parameters
+        ----------
+        steps : int
+            Number of additional steps, 0 or more. Failures before them are not reported again.
+        threads, on_singular, progress
+            As in :func:`iterate`.
+
+        Returns
+        -------
+        Trajectories
+            A new object, whose arrays also hold the states of this one.
+
+        Raises
+        ------
+        ValueError
+            If this is a copy with other attributes, which lacks what is needed to go on.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> half = iterate(body, [1.0, 0.5], eps=0.2, steps=15)
+        >>> half.extend(15) == iterate(body, [1.0, 0.5], eps=0.2, steps=30)
+        True
+        """
+        if self._carry is None:
+            raise ValueError("extend: expected a run of iterate or Trajectories.load, got a copy")
+        one_of("on_singular", on_singular, ON_SINGULAR)
+        check_progress(progress)
+        whole, batch = self.steps + integer("steps", steps, 0), self.status.shape
+        states = States(self.body, self.final, self.eps, batch, thread_count(threads))
+        march = March(self._map.methods[self.method], states)
+        march.n, march.carry, march.final = self.steps, self._carry.copy(), self.final.copy()
+        march.status, march.failed_at = self.status.copy(), self.failed_at.copy()
+        march.turned = None if self._turned is None else self._turned.copy()
+        options = self.method, whole, self.save_every, progress
+        run = Trajectories._at_end(self._map, states, march, *options, earlier=self)
+        report_failures(run, on_singular, self.steps + 1)
+        return run
+
+    @property
+    def omega(self) -> FloatArray:
+        """The saved states, if they are angular velocities."""
+        return self._states_called("omega")
+
+    @property
+    def x(self) -> FloatArray:
+        """The saved states, if they are those of a field."""
+        return self._states_called("x")
+
+    def _states_called(self, name: str) -> FloatArray:
+        if name == self._map.variable:
+            return self.states
+        kind = type(self.body).__name__
+        raise AttributeError(
+            f"{name}: expected {self._map.variable}, the states of a run of {kind}"
+        )
+
+    def __dir__(self) -> list[str]:
+        other = "x" if self._map.variable == "omega" else "omega"
+        hidden = {other, *_FUNCTIONS} - {*self._map.functions(self.body)}
+        return [name for name in super().__dir__() if name not in hidden]
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def __getitem__(self, index: Any) -> Any:
+        try:
+            return self.states[index]
+        except IndexError as error:
+            expected = f"one that NumPy takes for states of shape {self.states.shape}, time first"
+            how = "run.states[:, k] has trajectory k; k may be a mask, as run.status >= 0"
+            raise wrong("index", expected, f"{short(index)}; {how}", IndexError) from error
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        return iter(self.states)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is None:  # which NumPy 1.26 does not take
+            return np.asarray(self.states, dtype)
+        return np.array(self.states, dtype, copy=copy)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Trajectories):
+            return NotImplemented
+        names = [item.name for item in fields(self) if item.name not in ("_carry", "_turned")]
+        return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+    @cached_property
+    def n(self) -> NDArray[np.int64]:
+        """Step numbers of the saved states, shape (n_saved,)."""
+        if self.save_every is None:
+            return np.array([self.steps])
+        return self.save_every * np.arange(self.steps // self.save_every + 1)
+
+    @property
+    def time(self) -> FloatArray:
+        """Times n eps of the saved states, (n_saved,), or (n_saved, ...) if eps varies."""
+        n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
+        times: FloatArray = n * np.asarray(self.eps)
+        return times
+
+    @property
+    def ok(self) -> bool:
+        """True if every trajectory finished."""
+        return bool((self.status >= 0).all())
+
+    first_integral = _quantity("first_integral")
+    energy = _quantity("energy", with_eps=False)
+    modified_energy = _quantity("modified_energy")
+    criticality = _quantity("criticality")
+    to_xy = _quantity("to_xy", "(n_saved, ..., 2)", with_eps=False)
+    reaction = _quantity("reaction", "(n_saved, ...) or (n_saved, ..., n - 1, n - 1)")
+
+    def plot(
+        self, *, components: tuple[int, int] = (0, 1), lines: bool | None = None, ax: Any = None
+    ) -> Any:
+        """Draw the saved states in the plane of two components; returns Matplotlib axes.
+
+        States are dots, whose colours are levels of the first integral or of the modified energy
+        where the map conserves one. `lines` joins the states that follow each other; by default
+        only where they are close. `ax` are axes to draw on.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> ax = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
+        >>> ax.get_title().splitlines()[1]
+        '2 orbits of 100 steps'
+        """
+        return import_module("suslov_fast.plots.orbits").plot_run(self, components, lines, ax)
+
+    def to_xarray(
+        self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
+    ) -> xarray.Dataset:
+        """Return the run as an `xarray.Dataset`, to look at; only `save` keeps how it goes on.
+
+        Parameters
+        ----------
+        dims : str or sequence of str, optional
+            Names for the axes of the batch; by default that of a parameter of the body that varies
+            along this axis alone, else "trajectory", or "batch_0", "batch_1", ... The name of such
+            a parameter, or "eps", makes it the coordinate: ``data.sel(eps=0.2)``.
+        coords : mapping, optional
+            Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
+
+        Returns
+        -------
+        xarray.Dataset
+            Its dimensions are "n", those of the batch, and "component".
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> orbits = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=25)
+        >>> data = orbits.to_xarray(dims="start", coords={"start": ["fast", "slow"]})
+        >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
+        -0.7
+        """
+        from .storage import to_xarray
+
+        return to_xarray(self, dims, coords)
+
+    def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+        """Write the run to `path`, a name that ends in .npz, without loss.
+
+        The file appears under its name when it is complete. An existing file is an error unless
+        `overwrite` is True.
+        """
+        from .storage import save
+
+        save(self, path, overwrite)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Trajectories:
+        """Read a run written by :meth:`save`; ValueError if the file is something else."""
+        from .storage import load
+
+        return cls._of(**load(path))
+
+    def __repr__(self) -> str:
+        failed, n = np.count_nonzero(self.status < 0), self.n
+        steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
+        low, high = np.min(self.eps, initial=np.inf), np.max(self.eps, initial=-np.inf)
+        eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
+        return (
+            f"Trajectories({self._map.variable}: {self.states.shape}, n: {steps}, eps: {eps}, "
+            f"failed: {failed} of {self.status.size})"
+        )
+
+
+def _equal(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return np.array_equal(a, b, equal_nan=True)
+    return type(a) is type(b) and bool(a == b)

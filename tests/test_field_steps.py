@@ -1,0 +1,235 @@
+"""Kahan's map of quadratic fields, against the Runge-Kutta form in 60 digits.
+
+Of a linear field x' = (1 - A) x and eps = 2 the matrix of a step is A, so that small systems show
+what each rule of elimination is for.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import naive
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast import maps
+from suslov_fast.bodies.base import Body
+from suslov_fast.core import steps_field
+
+of_function = sf.QuadraticField.from_function
+
+
+def lorenz(x):
+    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+def henon_heiles(x):
+    q1, q2, p1, p2 = x
+    return p1, p2, -q1 - 2 * q1 * q2, q2 * q2 - q1 * q1 - q2
+
+
+def lotka_volterra(x):
+    return x[0] - x[0] * x[1], x[0] * x[1] - x[1]
+
+
+def chain(x):
+    return [x[i] * (x[(i + 1) % 6] - x[i - 1]) for i in range(6)]
+
+
+def square(x):
+    return (x[0] * x[0],)
+
+
+@pytest.mark.parametrize(
+    ("f", "start", "eps", "steps", "tolerance"),
+    [
+        (lorenz, (1.0, 2.0, 20.0), 1 / 64, 200, 2e-13),
+        (lorenz, (1.0, 2.0, 20.0), -0.5, 20, 1e-12),  # with other pivots
+        (henon_heiles, (0.125, 0.25, 0.25, -0.125), 0.25, 500, 1e-12),
+        (lotka_volterra, (0.5, 0.7), 0.125, 200, 1e-13),
+        (chain, (1.0, 0.5, 0.75, 1.25, 1.5, 0.25), 0.125, 60, 1e-13),
+        (square, (0.1,), 0.5, 15, 1e-13),
+        (lambda x: (0 * x[0], 1 + 0 * x[1]), (0.0, -3.0), 0.25, 10, 0.0),
+    ],
+)
+def test_orbits(f, start, eps, steps, tolerance):
+    run = sf.iterate(of_function(f, len(start)), start, eps, steps)
+    exact = naive.iterated(lambda x: naive.kahan_step(f, eps, x), start, steps)
+    size = max(float(naive.mpmath.norm(x)) for x in exact)
+    assert run.ok
+    for state, x in zip(run.x, exact, strict=True):
+        assert naive.relative_error(state, x) * float(naive.mpmath.norm(x)) <= tolerance * size
+
+
+def random_field(rng):
+    """Coefficients of a sparse field whose components have units up to 2**30 apart, and a state."""
+    D = int(rng.integers(1, 7))
+    units = 2.0 ** rng.integers(-15, 16, D)
+    tables = [rng.normal(size=(D,) * n) for n in (3, 2, 1)]
+    for n, table in enumerate(tables):
+        table *= rng.random(table.shape) < 1.5 / D ** (2 - n)
+        table *= units.reshape(D, *[1] * (2 - n))
+        for axis in range(1, 3 - n):
+            table /= units.reshape([-1 if k == axis else 1 for k in range(3 - n)])
+    return tables, units, rng.normal(size=D) * units
+
+
+def values_at(tables, x):
+    D, (q, l, c) = len(x), tables
+    return [
+        sum((naive.mpf(q[i, j, k]) * x[j] * x[k] for j in range(D) for k in range(D) if q[i, j, k]),
+            sum((naive.mpf(l[i, j]) * x[j] for j in range(D)), naive.mpf(c[i])))
+        for i in range(D)
+    ]  # fmt: skip
+
+
+def test_random_fields_in_units_far_apart(rng):
+    """Errors of a step and of its derivative in units of the condition of A in these units."""
+    for case in range(120):
+        tables, units, x = random_field(rng)
+        eps = 10.0 ** rng.uniform(-3, 3) * rng.choice([-1, 1])
+        field, f = sf.QuadraticField(*tables), partial(values_at, tables)
+        exact = naive.kahan_step(f, eps, x)
+        errors = [
+            float((naive.mpf(a) - b) / u)
+            for a, b, u in zip(sf.step(field, x, eps), exact, units, strict=True)
+        ]
+        size = max(1.0, *(abs(float(b / u)) for b, u in zip(exact, units, strict=True)))
+        condition = np.linalg.cond(sf.matrix(field, x, eps) * units / units[:, None])
+        assert max(map(abs, errors)) < 1e-13 * size * condition
+        if case % 8 == 0:
+            slope = naive.derivative(partial(naive.kahan_step, f, eps), x)
+            slope = np.array(slope, float) * units / units[:, None]
+            found = sf.jacobian(field, x, eps) * units / units[:, None]
+            assert abs(found - slope).max() < 1e-13 * abs(slope).max() * condition
+
+
+def linear_step(A, x):
+    """Return a step of x' = (1 - A) x with eps = 2, and the exact state, None at a pole."""
+    field = sf.QuadraticField(np.zeros([len(x)] * 3), np.eye(len(x)) - A)
+    run = sf.iterate(field, x, 2.0, 1, on_singular="ignore")
+    if not run.ok:
+        return run, None
+    half = naive.mpmath.lu_solve(naive.mpmath.matrix(np.asarray(A).tolist()), list(x))
+    return run, [2 * v - naive.mpf(w) for v, w in zip(half, x, strict=True)]
+
+
+@pytest.mark.parametrize("small", [0.0, 2.0**-9, 2.0**-30, -(2.0**-52)])
+def test_a_small_pivot(small):
+    """On the diagonal it is no pivot."""
+    for A in ([[small, 1.0], [1.0, 1.0]], [[1.0, 1, 0.25], [1, 1 + small, 1], [0.5, 1, 1]]):
+        run, exact = linear_step(np.array(A), [1.0, 0.7, 0.3][: len(A)])
+        assert naive.relative_error(run.final, exact) < 2e-15 * np.linalg.cond(A)
+
+
+def test_a_growing_pivot():
+    """Beside the largest number that was on the diagonal, the first pivots are small."""
+    A = np.array([[2.0**-5, 1.0, 1.0], [-1.0, 2.0**-5, 1.0], [1.0, 1.0, 1.0]])
+    run, exact = linear_step(A, [1.0, 0.7, 0.3])
+    assert naive.relative_error(run.final, exact) < 2e-16 * np.linalg.cond(A)
+
+
+def test_pivots_are_chosen_in_units_of_the_components(rng):
+    for _ in range(150):
+        D = int(rng.integers(2, 6))
+        units = 2.0 ** (15 * rng.integers(-1, 2, D))
+        A = np.eye(D) - rng.normal(size=(D, D)) * rng.choice([0, 1, 1e-8], (D, D))
+        A[np.arange(D), np.arange(D)] *= rng.choice([1, 1e-3, 1e-10], D)
+        A = 1 - (1 - A)  # as the map finds it
+        if np.linalg.cond(A) < 1e10:
+            run, exact = linear_step(A * units[:, None] / units, rng.normal(size=D) * units)
+            assert run.ok
+            exact = [v / naive.mpf(u) for v, u in zip(exact, units, strict=True)]
+            assert naive.relative_error(run.final / units, exact) < 1e-14 * np.linalg.cond(A)
+
+
+@pytest.mark.parametrize(
+    "A",
+    [
+        [[0.0]],
+        [[1.0, 1.0], [1.0, 1.0]],
+        np.outer([0.1, 0.7, -0.3], [1.3, 0.9, 1.1]).tolist(),  # to rounding
+        [[0.1, 0.3, 0.4], [0.2, 0.7, 0.9], [0.3, 1.0, 1.3]],
+        [[1.0, 2.0**60], [2.0**-60, 1.0]],
+    ],
+)
+def test_poles(A):
+    run, _ = linear_step(np.array(A), np.ones(len(A)))
+    assert run.status == sf.Status.SINGULAR
+    assert run.failed_at == 1
+    assert np.isnan(run.final).all()
+
+
+def test_a_pole_and_what_is_next_to_it():
+    field = of_function(square, 1)
+    for x, status in ((2.0, -1), (2.0 * (1 + 2.0**-52), -1), (2.0 * (1 - 2.0**-40), 0)):
+        assert sf.iterate(field, [x], 0.5, 1, on_singular="ignore").status == status
+    run, _ = linear_step(np.array([[2.0**-40]]), [1e300])
+    assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
+
+
+def test_a_state_that_its_increment_cancels():
+    """x' = -x has x_next = x (1 - eps / 2) / (1 + eps / 2): of one component, or of both."""
+    for gap in 2.0 ** -np.arange(5.0, 45.0, 5):
+        for x in np.linspace(0.5, 1.0, 9):
+            eps = 2 - gap
+            exact = x * (1 - eps / 2) / (1 + eps / 2)
+            alone = sf.step(of_function(lambda x: (-x[0],), 1), [x], eps)
+            both = sf.step(of_function(lambda x: (-x[0], x[1] * 0.75), 2), [x, 1.0], eps)
+            for found in (alone[0], both[0]):
+                assert abs(found / exact - 1) < (1e-15 if found is alone[0] else 3e-13)
+
+
+def test_states_at_rest_keep_their_bits():
+    field, rest = of_function(lotka_volterra, 2), [1.0, 1.0]
+    for state in (rest, [0.0, 0.0]):
+        run = sf.iterate(field, [state, [0.5, 0.7]], 0.3, 50)
+        assert (run.x[:, 0] == state).all()
+
+
+def test_bits_do_not_depend_on_the_batch(rng):
+    """Nor on cuts; and a failure ends one trajectory alone."""
+    rho = rng.uniform(20, 30, 131)
+    field = of_function(lambda x, r: (*lorenz(x)[:1], x[0] * (r - x[2]) - x[1], *lorenz(x)[2:]), 3,
+                        r=rho)  # fmt: skip
+    x = rng.normal(size=(131, 3)) * 10
+    x[70, 1] = np.nan
+    options = {"on_singular": "ignore"}
+    run = sf.iterate(field, x, 0.125, 9, threads=2, **options)
+    assert (run.status[70], run.failed_at[70]) == (sf.Status.NONFINITE, 0)
+    assert np.isfinite(np.delete(run.x, 70, axis=1)).all()
+    first = sf.iterate(field, x, 0.125, 4, **options)
+    for each in (first.extend(5), sf.iterate(field, x, 0.125, 9, save_every=3, **options)):
+        np.testing.assert_array_equal(each.final, run.final)
+    for k in (0, 64, 70, 130):
+        one = sf.iterate(field[k], x[k], 0.125, 9, **options)
+        np.testing.assert_array_equal(one.x, run.x[:, k])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sleigh(Body):
+    """A Chaplygin sleigh, whose state is its speed and its angular velocity."""
+
+    mass: Any
+    J: Any
+    b: Any
+
+    def field(self):
+        mass, J, b = np.broadcast_arrays(self.mass, self.J, self.b)
+        q = np.zeros((*self.shape, 2, 2, 2))
+        q[..., 0, 1, 1], q[..., 1, 0, 1] = b, -mass * b / (J + mass * b * b)
+        return sf.QuadraticField(q)
+
+
+def test_a_body_with_a_record_steps_as_its_field(monkeypatch, tmp_path):
+    methods = {"auto": maps.Steps(steps_field.steps, steps_field.carried)}
+    sample = Sleigh(1, 1, 1), (1.0, 1.0)
+    record = maps.Map("sleigh", Sleigh, "Sleigh", methods, lambda body: (), sample)
+    monkeypatch.setattr(maps, "_RECORDS", (*maps._RECORDS, record))
+    bodies, starts = Sleigh([1, 2, 3], 1.5, 0.4), [[1.0, 0.5]] * 3
+    suslov = sf.Suslov3D(bodies.mass, 1.5 + 0.16 * bodies.mass, 0, -0.4 * bodies.mass)
+    found = sf.iterate(bodies, starts, 0.3, 50)
+    assert abs(found.omega - sf.iterate(suslov, starts, 0.3, 50).omega).max() < 1e-14
+    assert np.array_equal(sf.iterate(bodies[1], starts[1], 0.3, 50).omega, found.omega[:, 1])
+    assert found.extend(5) == sf.iterate(bodies, starts, 0.3, 55)

@@ -1,0 +1,96 @@
+"""Multipliers of fixed points, against the Jacobian and a spectrum in 60 digits."""
+
+import mpmath
+import naive
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+
+LORENZ = sf.QuadraticField.from_function(
+    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
+)
+FOCUS = [72**0.5, 72**0.5, 27.0]
+
+
+@pytest.mark.parametrize(
+    ("body", "x", "eps", "dtype"),
+    [
+        (sf.Suslov3D(4, 1, -0.5, -0.3), [0.6, -1.0], 0.2, float),
+        (sf.Suslov3D(4, 1, -0.5, [-0.3, -0.25]), [[0.6, -1.0], [-0.5, 1.0]], -0.2, float),
+        (sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), [-0.8, 1.4, -1.0], [[0.2], [0.4]], float),
+        (sf.SuslovND([1.3, 2.1, 3.7, 4.0], [0, -0.7, 0.5, 0.0]), [0, 1.4, -1.0, 0], 0.4, float),
+        (sf.SuslovGyrostat(2, 1, 0.5, -0.5, 0.25), [0.5, 1.0], 0.35, complex),
+        (sf.SuslovGyrostat(2, 1, 0.5, -0.5, [0.25, -0.25]), [0.0, 0.0], 0.35, complex),
+        (LORENZ, [FOCUS, [0.0, 0.0, 0.0]], 1 / 64, complex),
+    ],
+)
+def test_they_are_eigenvalues_of_the_jacobian(body, x, eps, dtype):
+    computed = sf.multipliers(body, x, eps)
+    derivatives = sf.jacobian(body, x, eps)
+    assert computed.dtype == dtype
+    assert computed.shape == derivatives.shape[:-1]
+    for found, derivative in zip(
+        computed.reshape(-1, body.dimension),
+        derivatives.reshape(-1, body.dimension, body.dimension),
+        strict=True,
+    ):
+        others = sorted(np.linalg.eigvals(derivative), key=lambda v: (-round(abs(v), 9), -v.imag))
+        np.testing.assert_allclose(found, others, rtol=1e-11, atol=1e-13)
+        assert body is LORENZ or not np.any(x) or abs(found - 1).min() < 1e-15
+
+
+def test_at_poles_and_missing_states(body, unit):
+    away, towards = sf.multipliers(body, [[-0.9, 1.5], [0.9, -1.5]], 0.2)
+    assert (away[1], towards[0]) == (1, 1)
+    assert 0 < towards[1] < 1 < away[0]
+    assert towards[1] * away[0] == pytest.approx(1, abs=1e-15)
+    assert sf.multipliers(unit, [0.0, -2.0], 1.0).tolist() == [np.inf, 1.0]
+    assert sf.multipliers(sf.SuslovND([2.0], [1.0]), [3.0], 1.0) == 1.0
+    assert sf.multipliers(sf.SuslovND([2, 3, 4], [0, 0, 0]), [3.0, 1, 2], 1.0).tolist() == [1] * 3
+    square = sf.QuadraticField([[[1]]], constant=[-1])
+    found = sf.multipliers(square, [[1.0], [np.nan], [-1.0]], 1.0)
+    np.testing.assert_array_equal(found, [[np.inf], [np.nan], [0.0]])
+    assert np.isnan(sf.multipliers(body, [0.6, np.nan], 0.2)).all()
+    family = sf.QuadraticField.from_function(lambda x, a: (a * x[0], -x[1]), 2, a=[1.0, 3.0])
+    np.testing.assert_allclose(sf.multipliers(family, [0.0, 0.0], 0.5)[:, 0], [5 / 3, 7])
+
+
+@pytest.mark.parametrize(
+    ("body", "x", "where"),
+    [
+        (sf.Suslov3D(4, 1, -0.5, -0.3), [[0.6, -1.0], [0.6, -1.0 + 1e-6]], "1 .*first: 1"),
+        (sf.SuslovND([1, 2, 3], [1, 2, 3]), [[np.nan] * 3, [1, 2, 3], [1, 2, 3.1]], "1 .*first: 2"),
+        (sf.SuslovGyrostat(2, 1, 0.5, -0.5, 0.25), [0.0, 1e-9], "1 other states: use jacobian"),
+        (LORENZ, [[FOCUS, [1e-9, 0, 0]], [FOCUS, [1, 2, 3]]], r"2 .*first: \(0, 1\)"),
+    ],
+)
+def test_states_that_move(body, x, where):
+    with pytest.raises(ValueError, match=f"x: expected fixed points of the map, got {where}"):
+        sf.multipliers(body, x, 0.1)
+
+
+STIFF = ([0.0059, 5012, 1185, 0.114, 82, 0.000217], [-2091, -1.98, 365, -0.016, -0.102, 0.061])
+
+
+def test_a_wide_spread_of_moments(rng):
+    """1, and those of the spectrum of J**-1 (|I|**2 - I I^T), each to a few digits of its own."""
+    problems = [(*STIFF, 1e3, 1e-9)]
+    for m in (1, 2, 2, 3, 3, 3, 6, 6, 20):
+        J, I = rng.uniform(0.5, 4, m), rng.normal(size=m) * 10 ** rng.uniform(-2, 0, m)
+        problems.append((J, I, rng.normal(), rng.uniform(-1, 1)))
+        J = 10.0 ** rng.uniform(-8, 8, m)
+        problems.append((J, I, -np.sqrt(J.min() * J.max()) / (I @ I), 1.0))
+    for J, I, c, eps in problems:
+        x = c * np.array(I)
+        computed = sf.multipliers(sf.SuslovND(J, I), x, eps)
+        assert abs(computed - 1).min() < 1e-15
+        J, I, x, (eps,) = (naive.exactly(*each) for each in (J, I, x, [eps]))
+        m, square = range(len(J)), mpmath.fdot(I, I)
+        symmetric = mpmath.matrix(
+            [[(square * (i == j) - I[i] * I[j]) / mpmath.sqrt(J[i] * J[j]) for j in m] for i in m]
+        )
+        rates = sorted(mpmath.eigsy(symmetric, eigvals_only=True))[1:]
+        Y = [eps * mpmath.fdot(I, x) / square * s / 2 for s in rates]
+        exact = sorted([1.0] + [float((1 + y) / (1 - y)) for y in Y], key=lambda v: -abs(v))
+        np.testing.assert_allclose(abs(computed), np.abs(exact), rtol=1e-13, atol=1e-15)

@@ -1,0 +1,132 @@
+"""The page of `explore` in a notebook: a widget whose messages Python answers."""
+
+import http.server
+import json
+import re
+import threading
+
+import pytest
+from browser import check_silence, pixels, put, settle, text
+
+import suslov_fast as sf
+from suslov_fast.plots.explore.notebook import Widget, page_in_one_file
+from suslov_fast.plots.explore.scene import PAGE
+
+# A page that mounts the widget as a notebook does, with the Python handler behind its model.
+NOTEBOOK = """<!doctype html><link rel="icon" href="data:,"><script type="module">
+import widget from "/widget.js";
+const state = await (await fetch("/state")).json(), listeners = new Set();
+window.model = {
+  get: (name) => state[name],
+  set: (name, value) => { state[name] = value; },
+  save_changes() {},
+  on: (event, listener) => listeners.add(listener),
+  off: (event, listener) => listeners.delete(listener),
+  async send(message) {
+    const replies = await fetch("/kernel", { method: "POST", body: JSON.stringify(message) });
+    for (const reply of await replies.json()) for (const each of listeners) each(reply);
+  },
+};
+window.stop = widget.render({ model, el: document.body });
+</script>"""
+
+
+class Notebook(http.server.BaseHTTPRequestHandler):
+    """Sends the widget and its state, and gives messages to a widget in Python."""
+
+    def do_GET(self):
+        state = {**self.server.widget.get_state(), "_patience": self.server.patience}
+        text, kind = {
+            "/": (NOTEBOOK, "text/html"),
+            "/widget.js": (state["_esm"], "text/javascript"),
+            "/state": (json.dumps(state), "application/json"),
+        }[self.path]
+        self.answer(text, kind)
+
+    def do_POST(self):
+        message = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        self.server.sent.clear()
+        if self.server.alive:
+            self.server.widget._handle_custom_msg(message, [])
+        self.answer(json.dumps(self.server.sent), "application/json")
+
+    def answer(self, text, kind):
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.end_headers()
+        self.wfile.write(text.encode())
+
+    def log_message(self, *arguments):
+        pass
+
+
+@pytest.fixture
+def notebook(browser, monkeypatch):
+    """A notebook that shows a page of a body with a rotor."""
+    page = sf.explore(sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.7), [-0.9, 1.3], eps=0.2, steps=50)
+    bundle, _ = page._repr_mimebundle_()
+    assert "application/vnd.jupyter.widget-view+json" in bundle
+    assert "run this cell" in bundle["text/plain"]
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Notebook) as running:
+        running.widget, running.sent, running.alive, running.patience = page._widget, [], True, 10
+        monkeypatch.setattr(page._widget, "send", running.sent.append)
+        thread = threading.Thread(target=running.serve_forever, args=(0.02,))
+        thread.start()
+        running.url = f"http://127.0.0.1:{running.server_address[1]}/"
+        browser.look(1280, 800)
+        browser.events.clear()
+        yield running
+        running.shutdown()
+        thread.join()
+    check_silence(browser, running.url)
+
+
+def test_notebook(browser, notebook):
+    browser.open(notebook.url)
+    frame = browser.frame()
+    settle(browser, **frame)
+    assert "I1=4" in browser.value("model.get('query')")
+    assert (text(browser, "status", **frame), text(browser, "message", **frame)) == ("OK", "")
+    before = pixels(browser, **frame)
+    put(browser, "I1", "2.5", **frame)
+    assert pixels(browser, **frame) != before
+    browser.wait("model.get('query').includes('I1=2.5')")
+    put(browser, "I1", "0", **frame)
+    assert text(browser, "message", **frame).startswith("I1: expected")
+    # The frame can neither read the notebook nor load anything.
+    for script in ("parent.document.body", "localStorage.length", f"fetch({notebook.url!r})"):
+        refused = f"(async () => {{ try {{ await {script}; }} catch {{ return true; }} }})()"
+        assert browser.value(refused, **frame) is True, script
+    browser.events[:] = [each for each in browser.events if "Log" not in each.get("method", "")]
+    assert browser.value("stop(); model.send({ id: 'x', query: '' })") is None
+
+
+def test_notebook_without_a_kernel(browser, notebook):
+    """Words say so, also where there never was one, and a kernel that answers later is heard."""
+    notebook.patience = 0
+    browser.open(notebook.url)
+    frame = browser.frame()
+    settle(browser, **frame)
+    notebook.alive = False
+    browser.value("document.getElementById('I1-slider').stepUp()", **frame)
+    put_value = "document.getElementById('I1-slider').dispatchEvent(new Event('input'))"
+    browser.value(put_value, **frame)
+    words = "document.getElementById('message').textContent.includes('run this cell again')"
+    browser.wait(words, **frame)
+    assert "any more" in text(browser, "message", **frame)
+    browser.events.clear()
+    browser.open(notebook.url)
+    frame = browser.frame()
+    browser.wait(words, **frame)
+    assert "saved notebook" in text(browser, "message", **frame)
+
+
+def test_modules_in_one_file_are_those_of_the_page():
+    html = page_in_one_file()
+    assert Widget(query="")._html == html
+    assert not re.search(r"^(import|export) ", html, re.MULTILINE)
+    assert 'src="' not in html
+    for file in PAGE.glob("*.js"):
+        body = file.read_text("utf-8").splitlines()
+        assert body[0].startswith("// ")
+        assert (body[0] in html) == (file.name not in ("http.js", "widget.js"))

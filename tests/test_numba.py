@@ -1,0 +1,203 @@
+"""Kernels and universal functions: compiled, interpreted, parallel, with and without a cache.
+
+A small package with a copy of `core/numba.py` compiles fast.
+"""
+
+import re
+import shutil
+from pathlib import Path
+
+import children
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.core import numba as core_numba
+
+pytestmark = pytest.mark.compiled
+
+FILES = {
+    "__init__.py": "",
+    "core/__init__.py": "",
+    "core/small.py": """
+from .numba import formula
+
+@formula
+def change(x):
+    return 2.0 * x
+""",
+    "core/loops.py": """
+from .numba import kernel, select, share, stream_line
+from .small import change
+from .universal import universal
+
+@kernel
+def double(part, parts, arrays, numbers, out):
+    begin, end = share(out.size, part, parts)
+    for i in range(begin, end):
+        doubled, other = change(arrays[0][i]), arrays[1][i + numbers[1]]
+        out[i] = select(arrays[0][i] > numbers[0][0], doubled, other)
+
+@kernel
+def copy(part, parts, source, out):
+    stream_line(out, 0, source, 3)
+
+@universal("(),()->()")
+def ratio(x, y, out):
+    out[0] = change(x) / y
+
+@universal("(),(d)->(d,d),(d)")
+def outer(a, x, product, row):
+    for i in range(x.size):
+        row[i] = x[i] / a
+        for j in range(x.size):
+            product[i, j] = change(x[i]) * x[j]
+""",
+}
+CALL = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from package.core import loops
+import numpy as np
+assert loops.__file__.startswith(sys.argv[1])
+x = np.arange(3.0)
+for name in sys.argv[2:]:
+    out = np.zeros(3)
+    if name in ("serial", "parallel"):
+        arguments = (x, np.full(4, -1.0)), ((0.5,), 1), out
+        if name == "serial":
+            loops.double.serial(*arguments)
+        else:
+            loops.double.parallel(2, *arguments)
+    elif name == "beyond":
+        loops.double.serial((x, np.full(3, -1.0)), ((0.5,), 7), out)
+    elif name == "line":
+        memory, source = np.zeros(16), np.arange(16.0)
+        out = memory[-(memory.ctypes.data // 8) % 8 :][:8]
+        loops.copy.serial(source, out)
+    elif name == "ratio":
+        out = loops.ratio([[1], [2]], np.arange(2.0)).ravel()
+        assert loops.ratio(1.0, np.empty((0, 2))).shape == (0, 2)
+    else:
+        product, row = loops.outer([2.0, 4.0], x[::-1])
+        assert product.shape == (2, 3, 3) and (product[0] == 2 * np.outer(x[::-1], x[::-1])).all()
+        assert loops.outer(2.0, np.empty((0, 3)))[0].shape == (0, 3, 3)
+        out = row.ravel()
+    print("result", name, *out)
+"""
+RESULTS = {
+    "serial": "serial -1.0 2.0 4.0",
+    "parallel": "parallel -1.0 2.0 4.0",
+    "line": "line 3.0 4.0 5.0 6.0 7.0 8.0 9.0 10.0",
+    "ratio": "ratio inf 2.0 inf 4.0",
+    "outer": "outer 1.0 0.5 0.0 0.5 0.25 0.0",
+}
+LOADED = (
+    r"data loaded from .*/(?:guf-)?(?:loops\.(?:double|copy|ratio|outer)|numba\.(?:_start|_loop))_"
+)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, text in FILES.items():
+        path = tmp_path / "package" / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    for name in ("numba.py", "universal.py"):
+        shutil.copy(Path(core_numba.__file__).with_name(name), tmp_path / "package" / "core")
+    return tmp_path
+
+
+def call(folder, *names, **environment):
+    """Check the results of functions in a new process; return how many files it loaded."""
+    environment = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1"} | environment
+    output = children.run(CALL, folder, *names, PYTHONWARNINGS="error", **environment)
+    lines = [line.partition("result ")[2] for line in output.splitlines() if "result " in line]
+    assert lines == [RESULTS[name] for name in names]
+    return len(re.findall(LOADED, output))
+
+
+def cached(folder, name="*"):
+    pattern = f"*loops.{name}_*.nb?" if name != "*" else "*.nb?"
+    return sorted((folder / "package" / "core" / "__pycache__").glob(pattern))
+
+
+@pytest.mark.parametrize("variable", ["NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK"])
+def test_settings_of_numba(folder, variable):
+    """Interpreted, and with checks of bounds, the results are the same, and nothing is cached."""
+    assert call(folder, *RESULTS) == 0
+    before = cached(folder)
+    assert call(folder, *RESULTS, **{variable: "1"}) == 0
+    assert cached(folder) == before
+    done = children.attempt(CALL, folder, "beyond", NUMBA_CACHE_DIR="", **{variable: "1"})
+    assert done.returncode == 1
+    assert "IndexError" in done.stderr
+
+
+def test_later_processes_compile_edited_and_damaged_functions_only(folder):
+    assert call(folder, *RESULTS) == 0
+    assert call(folder, *RESULTS) == 8  # two for parallel calls, two for each universal function
+    damages = {"double": b"", "ratio": b"garbage", "outer": b"\x80"}
+    for name, content in damages.items():
+        files = cached(folder, name)
+        assert len(files) >= 2
+        for path in files:
+            path.write_bytes(content)
+    before = cached(folder)
+    assert call(folder, *RESULTS) == 3
+    assert call(folder, *RESULTS) == 8
+    small = folder / "package" / "core" / "small.py"
+    small.write_text(small.read_text().replace("2.0", "2.0 * 1.0"))
+    assert call(folder, *RESULTS) == 0
+    after = cached(folder)
+    assert len(after) == len(before)  # files of the earlier source are deleted
+    assert not set(after) & set(before)
+
+
+def test_serial_and_parallel_calls_share_a_kernel(folder):
+    assert call(folder, "parallel") == 0
+    assert call(folder, "serial") == 1
+    assert call(folder, "serial", "parallel") == 3
+
+
+def test_other_versions_keep_their_files(folder):
+    assert call(folder, "serial", "ratio") == 0
+    before = cached(folder)
+    path = folder / "package" / "core" / "numba.py"
+    path.write_text(path.read_text().replace("{numba.__version__}", "another"))
+    assert call(folder, "serial", "ratio") == 0
+    assert set(cached(folder)) > set(before)
+
+
+def test_without_a_writable_folder(folder):
+    """Each process compiles for itself, as in a read-only installation."""
+    blocked = folder / "package" / "core" / "__pycache__"
+    blocked.write_text("not a folder")
+    places = {"HOME": str(blocked), "XDG_CACHE_HOME": str(blocked), "LOCALAPPDATA": str(blocked)}
+    assert call(folder, *RESULTS, PYTHONDONTWRITEBYTECODE="1", **places) == 0
+    assert blocked.read_text() == "not a folder"
+
+
+def test_the_compiler_is_timed():
+    with core_numba.compile_timer() as seconds:
+        core_numba.kernel(lambda part, parts, out: None).compiled(0, 1, 0.5)
+    assert seconds() > 0
+
+
+def test_only_one_file_speaks_to_numba():
+    """The options of Numba, and LLVM, are in `core/numba.py`."""
+    package = Path(sf.__file__).parent
+    for path in package.rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        if path.parts[-2:] != ("core", "numba.py"):
+            assert not re.search(r"njit\(|fastmath|error_model|nogil|llvmlite", text)
+        if "core" in path.parts:
+            assert "from .." not in text
+
+
+@pytest.mark.slow
+def test_nothing_is_compiled_after_warm_up(tmp_path):
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path), "timeout": 900}
+    children.run("from suslov_fast.command import main; main(['warm-up'])", **cache)
+    compiled, tests = set(tmp_path.rglob("*.nbc")), Path(__file__).with_name("test_promises.py")
+    children.run("import pytest, sys; sys.exit(pytest.main(['-q', sys.argv[1]]))", tests, **cache)
+    assert set(tmp_path.rglob("*.nbc")) == compiled

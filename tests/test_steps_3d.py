@@ -285,3 +285,14 @@ def test_a_parabolic_orbit():
     body = sf.SuslovGyrostat(1, 1, 1, 0, 1.0)
     omega = [0.0, 1.0]  # R = 1 / sqrt(1 + e**2) < k; for the flow A = 1
     np.testing.assert_allclose(sf.flow(body, omega, [1e9, -1e9]), [[-1, 0]] * 2, atol=1e-8)
+
+
+def test_a_rotor_beyond_the_range_has_no_next_state():
+    """Where X, Y or K is above 1e8, differences of them have lost their digits."""
+    body = sf.SuslovGyrostat(2.0, 1.0, 0.5, -0.3, [1e11, 1e3, -1e11])
+    run = sf.iterate(body, [1.0, 0.5], 0.1, 3, on_singular="ignore")
+    assert run.status.tolist() == [NONFINITE, OK, NONFINITE]
+    assert run.failed_at.tolist() == [1, -1, 1]
+    assert np.isnan(run.omega[1:, [0, 2]]).all()
+    assert np.isfinite(run.omega[:, 1]).all()
+    assert np.isfinite(run.omega[0]).all()

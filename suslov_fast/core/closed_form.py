@@ -34,6 +34,7 @@ import numpy as np
 from .elementary import cosine_and_sine, exponential, is_integer, logarithm, quarter_turns
 from .numba import formula, kernel, select, share
 from .rows import alignment, pick, write
+from .steps_3d import RANGE
 from .universal import universal
 
 LANES, GROUP = 128, 8
@@ -46,7 +47,6 @@ NO_SQUARE = 1e-300  # |A**2 - k**2| below this: its root is replaced, and sin(n 
 STEEP = 2.0  # in place of r, if the angle of a step is above half a quarter turn
 PARITY_KNOWN = 2.0**53
 ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
-RANGE = 1e8  # of X, Y and K: beyond, too few digits are left
 FAINT = 1e-140  # of x / y, on the way from a steady state: squares below that are subnormal
 
 

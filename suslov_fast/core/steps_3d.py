@@ -38,6 +38,7 @@ RESTORED = 512  # steps after which `restore` is called
 ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
 NEGLIGIBLE = 1e-150  # X that decays and is below this is 0: subnormal numbers are slow
 LARGE = 1e100  # of X: its square is finite
+RANGE = 1e8  # of X, Y and K: beyond, their differences have too few digits
 GENERAL, PLAIN, RESTS = 0.0, 1.0, 2.0
 
 
@@ -190,7 +191,9 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
             rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
             b[KIND, l] = select(plain, PLAIN, select(rests, RESTS, GENERAL))
             v = select(rests, w2, w2 / frame.back)  # at rest it keeps all bits
-            b[X_, l], b[Y_, l], b[XG, l], b[V, l] = X, Y, X, v
+            far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
+            lost = far & (frame.K != 0.0) & ~rests  # there is no next state
+            b[X_, l], b[Y_, l], b[XG, l], b[V, l] = X, Y, select(lost, np.nan, X), v
             b[R2, l] = (w1 * w1 + v * v) / (1.0 + X * X)
             b[ALIVE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
         rests = b[KIND, l] == RESTS

@@ -155,7 +155,7 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     import xarray
 
     place = stores.resolved(store)
-    if not stores.attributes(place):
+    if not stores.attributes(place)[1]:
         raise wrong("store", "a store of ensemble", f"none at {place}", FileNotFoundError)
     data = xarray.open_zarr(place, consolidated=True, chunks={})
     return data.assign_coords(time=data.n * data.eps)
@@ -188,7 +188,7 @@ def _compute_missing(run: Run, functions: Any, store: Any, client: Any, progress
     import zarr
 
     with zarr.config.set({"array.write_empty_chunks": True}):  # to look for them takes time
-        arrays = dict(zarr.open_group(store, mode="r+", use_consolidated=True).arrays())
+        arrays = dict(zarr.open_group(store, mode="r+", use_consolidated=False).arrays())
     status, steps = arrays["status"], run["steps"]
     axes = zip(status.shape, status.chunks, strict=True)
     sides = [[slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes]

@@ -1,7 +1,7 @@
 """Zarr stores of runs: what they hold, how they are made, and how runs are told apart.
 
-The metadata of a store are made in memory and copied, those of its root last: only then it is
-there. The attributes of the root are the arguments of the run.
+The attributes of the root are the arguments of the run, and are written first. A store is there
+when the metadata of its arrays are consolidated, which is last.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ import inspect
 import math
 import os
 import shutil
+import threading
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,7 @@ FORMAT, PENDING = 6, -128
 LAST = ("final", "failed_at", "status")
 # Numbers read at a time for a digest.
 _READ = 2**21
+_ONE_AT_A_TIME = threading.Lock()
 
 
 def resolved(store: Any) -> Any:
@@ -117,30 +120,34 @@ def _differences(asked: dict[str, Any], stored: dict[str, Any]) -> str:
     return "; ".join(found)
 
 
-def attributes(store: Any) -> dict[str, Any]:
-    """Return the attributes of a store, {} if there is none; ValueError if it is no run's."""
+def attributes(store: Any) -> tuple[dict[str, Any], bool]:
+    """Return the attributes of a store, {} if there is none, and whether all of it was created.
+
+    ValueError if it is no store of a run.
+    """
     import zarr
 
     try:
-        found = dict(zarr.open_group(store, mode="r", use_consolidated=False).attrs)
+        root = zarr.open_group(store, mode="r")
     except FileNotFoundError:
-        return {}
+        return {}, False
+    found = dict(root.attrs)
     if found and found.get("format") != FORMAT:
         version = found.get("version") or found.get("source")
         of = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
         raise wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {of}")
-    return found
+    return found, root.metadata.consolidated_metadata is not None
 
 
 def prepare(store: Any, data: Any, sizes: dict[str, int]) -> None:
     """Create the store of a run, or check that it holds this run."""
-    stored = attributes(store)
+    stored, created = attributes(store)
     if stored and (text := _differences(data.attrs, stored)):
         received = f"{store} of another run: {text}"
         raise wrong("store", "a new name, or the store of this run", received)
     if isinstance(store, str) and "://" not in store:
         _require_space(Path(store), data)
-    if not stored:
+    if not created:
         _create(store, data, sizes)
 
 
@@ -158,35 +165,38 @@ def _require_space(folder: Path, data: Any) -> None:
 
 
 def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
-    """Write all but what is to be computed; the metadata of the root come last."""
-    import zarr
-    from zarr.core.sync import sync
+    """Write all but what is to be computed; the metadata of all arrays together come last.
 
-    contents: dict[str, Any] = {}
+    What an interrupted call has written is written again, with the same bytes.
+    """
+    import zarr
+
     labels = " ".join(str(name) for name in data.coords if name not in data.dims)
     about = {**data.attrs, "coordinates": labels}  # as xarray reads it
-    root = zarr.create_group(zarr.storage.MemoryStore(contents), attributes=about)
+    with suppress(zarr.errors.ContainsGroupError):  # of an earlier call, or another process
+        zarr.create_group(store, zarr_format=3, attributes=about)
+    root = zarr.open_group(store, mode="r+", use_consolidated=False)
     for name, variable in data.variables.items():
         lengths = {dim: max(1, n) for dim, n in variable.sizes.items()}
         fill = variable.encoding.get("fill_value")
-        array = root.create_array(
-            name,
-            shape=variable.shape,
-            dtype=str if variable.dtype.kind in "OU" else variable.dtype,
-            chunks=tuple((lengths if fill is None else lengths | sizes)[dim] for dim in lengths),
-            fill_value=fill,
-            compressors=zarr.codecs.Crc32cCodec(),
-            dimension_names=variable.dims,
-            attributes=variable.attrs,
-        )
+        with suppress(zarr.errors.ContainsArrayError):
+            root.create_array(
+                name,
+                shape=variable.shape,
+                dtype=str if variable.dtype.kind in "OU" else variable.dtype,
+                chunks=tuple(
+                    (lengths if fill is None else lengths | sizes)[dim] for dim in lengths
+                ),
+                fill_value=fill,
+                compressors=zarr.codecs.Crc32cCodec(),
+                dimension_names=variable.dims,
+                attributes=variable.attrs,
+            )
         if fill is None:
-            array[...] = variable.values
-    with warnings.catch_warnings():
+            root[name][...] = variable.values
+    with _ONE_AT_A_TIME, warnings.catch_warnings():  # filters of warnings are those of all threads
         warnings.simplefilter("ignore", UserWarning)  # consolidated metadata extend the format
-        zarr.consolidate_metadata(root.store)
-    place = zarr.open_group(store, mode="a", zarr_format=3, use_consolidated=False).store_path
-    for key in sorted(contents, key="zarr.json".__eq__):
-        sync((place / key).set(contents[key]))
+        zarr.consolidate_metadata(store)
 
 
 def values(name: str, function: Any, points: FloatArray) -> Any:

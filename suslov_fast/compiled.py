@@ -306,7 +306,7 @@ def _check(constants, *others):
 
 @overload(_check)
 def _check_types(constants, *others):
-    """Refuse the same when a loop is compiled: the arguments are Numba types."""
+    """Refuse Numba types of arguments that do not fit, when a loop is compiled."""
     kind = getattr(constants, "instance_class", None)
     name = "system" if others else "frame"
     if kind not in ((NDSystem, FieldSystem) if others else (Frame, GyrostatFrame)):

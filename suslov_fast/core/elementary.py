@@ -35,7 +35,7 @@ def two_to_the(k):
 
 @formula
 def is_integer(v):
-    """Whether v >= 0 is an integer."""
+    """True if v >= 0 is an integer."""
     return (v >= 2.0**52) | ((v + 2.0**52) - 2.0**52 == v)
 
 

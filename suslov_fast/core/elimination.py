@@ -35,7 +35,7 @@ def smaller(v, w):
 
 @formula
 def keeps_digits(least, largest):
-    """Whether no pivot was small beside the largest: elimination in this order lost no digits."""
+    """True if no pivot was small beside the largest: elimination in this order lost no digits."""
     return least > LEAST_PIVOT * largest
 
 

@@ -1,4 +1,4 @@
-"""What the loops over trajectories share: parameters of each, and rows of an output.
+"""Parameters of each trajectory, and rows of an output, for all loops over trajectories.
 
 Large outputs leave past the caches, in whole lines: 2.1 times as fast.
 """

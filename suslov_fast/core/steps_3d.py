@@ -75,7 +75,7 @@ def enter(frame, I1, I2, I13, I23, k, eps, w1, w2):
 
 @formula
 def is_supercritical(frame, X, Y):
-    """Whether T = e A >= 1 in modulus: T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
+    """True if T = e A >= 1 in modulus: T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
     return Y * Y >= 1.0 + frame.K * (2.0 * X - frame.K)
 
 

@@ -90,7 +90,7 @@ def next_component(x, half):
 
 @formula
 def is_accurate(b, l, D):
-    """Whether a next state is finite and has its digits."""
+    """True if a next state is finite and has its digits."""
     return (b[LOST, l] < D) & keeps_digits(b[LEAST, l], b[LARGEST, l])
 
 

@@ -33,7 +33,7 @@ Report = Callable[[int], object]  # takes the number of steps done so far
 
 
 class Steps(NamedTuple):
-    """How a method steps, for states of D components."""
+    """The steps of a method, for states of D components."""
 
     kernel: Kernel
     carried: Callable[[int], int]  # the numbers of a trajectory from which steps go on

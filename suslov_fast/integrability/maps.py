@@ -118,7 +118,7 @@ class BirationalMap:
 
     @cached_property
     def is_invertible(self) -> bool:
-        """Whether det DPhi is not 0 everywhere."""
+        """True if det DPhi is not 0 everywhere."""
         rng, steps = random.Random(0), self.steps(None)
         x = [self.ring.constant(rng.randrange(2, 2**20)) for _ in range(self.dimension)]
         x.append(self.ring.constant(1))
@@ -213,7 +213,7 @@ class Steps:
         raise NotImplementedError
 
     def jacobian(self, x: Sequence[Any], F: Sequence[Any]) -> tuple[Any, Any]:
-        """Return numerator and denominator of det DPhi, with x_0 = 1, likewise."""
+        """Return numerator and denominator of det DPhi, with x_0 = 1, up to a common factor."""
         raise NotImplementedError
 
     def reduced(self, x: Sequence[Any]) -> list[Any]:

@@ -1,4 +1,4 @@
-"""How a function of a state gets from its arguments to a universal function, and what it returns.
+"""The way of a function of a state from its arguments to a universal function and its result.
 
 To add one, write its formula in `core.quantities`, as a universal function of the arguments that
 all have, and call `evaluate` with it. A field has functions of `States` in place of formulas, most

@@ -385,10 +385,10 @@ def report(options: argparse.Namespace) -> None:
 
 def pictures(options: argparse.Namespace) -> None:
     """Draw the paper's four pictures. The gallery of the documentation has others."""
-    from .plots.pictures import draw, paths
+    from .plots.phase import draw_pictures, pictures_in
 
-    _require_new(paths(options.output), options.force)
-    print(*draw(options.output), sep="\n", flush=True)
+    _require_new(pictures_in(options.output), options.force)
+    print(*draw_pictures(options.output), sep="\n", flush=True)
 
 
 def explore(options: argparse.Namespace) -> None:

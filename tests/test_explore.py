@@ -16,8 +16,7 @@ from browser import check_silence, pixels, put, settle, text
 import suslov_fast as sf
 from suslov_fast.bodies.paper import PICTURES
 from suslov_fast.plots.explore import server as serving
-from suslov_fast.plots.explore.parameters import Parameters, parse_query
-from suslov_fast.plots.explore.scene import PAGE, scene
+from suslov_fast.plots.explore.scene import PAGE, Parameters, parse_query, scene
 from suslov_fast.plots.explore.server import Server
 
 NAMES, VALUES = (

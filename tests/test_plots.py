@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import suslov_fast as sf
 from suslov_fast.bodies.paper import PICTURES
-from suslov_fast.plots import pictures
+from suslov_fast.plots.phase import draw_pictures
 
 # The end of Section 4 of the paper, arXiv:0807.2966, from its LaTeX source.
 PAPER = r"""
@@ -34,7 +34,7 @@ def test_the_parameters_of_the_paper(tmp_path):
         eps, *parameters = (float(each) for each in re.findall(r"=(-?[\d.]+)", text))
         assert PICTURES[int(number)].eps == eps
         assert PICTURES[int(number)].body == sf.Suslov3D(*parameters)
-    drawn = pictures.draw(tmp_path / "new")
+    drawn = draw_pictures(tmp_path / "new")
     assert drawn == [tmp_path / "new" / f"picture{number}.png" for number in PICTURES]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in drawn)
     assert not plt.get_fignums()

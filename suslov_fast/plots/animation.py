@@ -1,7 +1,5 @@
 """The body in space: its ellipsoid of inertia, and the path of the axis a."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -10,11 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, integer, wrong
-from ..quantities.conserved import energy
 from ..runs.iterate import iterate
-from . import geometry
-from .geometry import BodyIn3D
 from .phase import positive
+from .plane import BodyIn3D, Plane, ellipsoid, plane_of
 
 # A realizable body: admissible_I3() contains 2.28 to 5.68.
 _EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
@@ -75,8 +71,8 @@ def animate_body(
         raise wrong("eps", "a single number", eps)
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
     body = _EXAMPLE if body is None else body
-    geometry.check_moving(body)
-    start = _passing(body, eps) if omega0 is None else omega0
+    plane = plane_of(body, eps)
+    start = _passing(plane) if omega0 is None else omega0
     turned = True if R0 is None else R0
     run = iterate(body, start, eps, steps, attitude=turned, on_singular="raise")
     if run.status.ndim:
@@ -89,20 +85,19 @@ def animate_body(
     return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
 
 
-def _passing(body: BodyIn3D, eps: float) -> FloatArray:
+def _passing(plane: Plane) -> FloatArray:
     """A state near the repelling steady rotation, where there is one."""
-    g, k = geometry.half_angle(body)
-    R = 2.0 * float(np.sqrt(2.0 * energy(body, geometry.steady_line(body)[1] if g else [1.0, 0.0])))
-    return geometry.on_level(body, eps, R, 0.15 - geometry.meeting_phase(R * abs(g), k))
+    R = 2.0 * plane.radius(plane.steady_line()[1] if plane.g else [1.0, 0.0])
+    return plane.on_level(R, 0.15 - plane.meeting_phase(R))
 
 
 def _turning_body(
     body: BodyIn3D, rotations: FloatArray, eps: float
 ) -> tuple[Any, Callable[[int], list[Any]]]:
     """Return a figure, and a function that draws the body in a given state."""
-    from .figures import plt
+    from .orbits import plt
 
-    radii, principal, I3, _ = geometry.ellipsoid(body)
+    radii, principal, I3, _ = ellipsoid(body)
     radii = _RADIUS * radii
     surface = np.einsum("ij,j,jkl->ikl", principal, radii, _sphere())
     look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "rcount": 65, "ccount": 65}

@@ -1,6 +1,4 @@
-"""Runs in a plane of two components of their states."""
-
-from __future__ import annotations
+"""Axes and colours of all pictures, and pictures of runs. Imports Matplotlib (extra `plots`)."""
 
 import math
 from typing import Any
@@ -10,6 +8,20 @@ import numpy as np
 from ..checks import FloatArray, integer, short, wrong
 from ..quantities import conserved
 
+try:
+    import matplotlib.pyplot as plt
+    from matplotlib import colormaps
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import ListedColormap
+except ImportError as error:
+    install = "pip install '.[plots]' in a copy of the repository"
+    raise ImportError(f"plots need matplotlib: {install}") from error
+
+__all__ = ["COLOURS", "axes_for", "plot_run", "plt", "set_title"]
+# Without the lightest colours, which are faint on white.
+COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
+
 # More dots make a picture large and no clearer; on lines, more than a few hide them.
 _MOST, _FEW = 20_000, 2000
 _LEVELS = {
@@ -18,10 +30,26 @@ _LEVELS = {
 }
 
 
+def axes_for(ax: Any, size: tuple[float, float]) -> Any:
+    """Return the plane axes passed, checked, or those of a new figure of a size in inches.
+
+    pyplot knows the new figure, so that notebooks and `plt.show()` show it.
+    """
+    if ax is None:
+        return plt.figure(figsize=size, layout="constrained").add_subplot()
+    if not isinstance(ax, Axes) or ax.name == "3d":
+        raise wrong("ax", "plane axes of Matplotlib", repr(ax), TypeError)
+    return ax
+
+
+def set_title(axes: Any, title: str) -> None:
+    """Set a title in small letters, unless the axes have one."""
+    if not axes.get_title():
+        axes.set_title(title, fontsize="small")
+
+
 def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
-    from .figures import axes_for, set_title
-
     first, second = _checked(components, run.states.shape[-1])
     plane = run.states[..., (first, second)].reshape(len(run), -1, 2)
     if lines not in (None, True, False):
@@ -75,10 +103,6 @@ def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) 
     Return what has the colours, and the number of states drawn: with more than _MOST dots a random
     choice, as every k-th state of an orbit may show one of k islands.
     """
-    from matplotlib.collections import LineCollection
-
-    from .figures import COLOURS
-
     look: dict[str, Any] = {"color": COLOURS(0.3)} if levels is None else {"cmap": COLOURS}
     count = plane[..., 0].size
     if lines:

@@ -1,7 +1,5 @@
 """The page in a notebook (extra `notebook`): messages to the kernel in place of HTTP."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

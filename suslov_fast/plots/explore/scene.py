@@ -1,16 +1,16 @@
-"""All numbers of the page, computed by public functions, as JSON values."""
-
-from __future__ import annotations
+"""What the page shows: parameters in its address, and all numbers, by public functions, as JSON."""
 
 import math
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+from urllib.parse import parse_qsl, urlencode
 
 import numpy as np
 
 from ... import __version__
-from ...bodies.rigid import Suslov3D
+from ...bodies.rigid import Suslov3D, SuslovGyrostat
+from ...checks import states, wrong
 from ...engine.status import Status
 from ...quantities.conserved import criticality, energy, first_integral
 from ...quantities.derivatives import vector_field
@@ -18,18 +18,82 @@ from ...runs.iterate import iterate
 from ...runs.solution import flow, limits
 from ...space.scattering import scattering_angle
 from ...space.vectors import to_vector
-from .. import geometry
-from ..geometry import BodyIn3D
-from .parameters import Parameters, parse_query
+from ..plane import BodyIn3D, Plane, ellipsoid
 
 # The files of the page, which draws these numbers.
 PAGE = Path(__file__).with_name("page")
+_MOST_STEPS = 5000
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
 # Orbits of a portrait: levels, steps, phase from the line of steady states.
 _LEVELS, _LONGEST_ORBIT, _OFFSET = 10, 300, 0.07
 # Below this criticality the rates of map and flow differ by less than a third of a percent.
 _FOLLOWS = 0.1
+
+
+class Parameters(NamedTuple):
+    """Numbers, by their names in the address of the page."""
+
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    eps: float
+    Omega1: float
+    Omega2: float
+    steps: int
+    extent: float = 4.0
+    portrait: int = 0
+    k: float = 0.0
+
+    @property
+    def body(self) -> BodyIn3D:
+        """The body; ValueError if the parameters are invalid."""
+        return SuslovGyrostat(*self[:4], self.k) if self.k else Suslov3D(*self[:4])
+
+    @property
+    def plane(self) -> Plane:
+        """The plane of the body and the step size."""
+        return Plane(*self[:4], self.k, self.eps)
+
+    @property
+    def omega0(self) -> list[float]:
+        """The initial state."""
+        return [self.Omega1, self.Omega2]
+
+
+def parse_query(query: str) -> Parameters:
+    """Return the parameters in a query, beside what it shows; each once, or by default."""
+    pairs = [each for each in parse_qsl(query, keep_blank_values=True) if each[0] != "show"]
+    needed = [name for name in Parameters._fields if name not in Parameters._field_defaults]
+    values: dict[str, Any] = {}
+    for name, text in pairs:
+        try:
+            values[name] = float(text)
+        except ValueError:
+            values[name] = math.nan
+        if not math.isfinite(values[name]):
+            raise wrong(name, "a number", repr(text))
+    if len(values) < len(pairs) or not {*needed} <= values.keys() <= {*Parameters._fields}:
+        got = ", ".join(name for name, _ in pairs) or "none"
+        raise wrong("parameters", f"each of {', '.join(needed)} once", got)
+    if values["steps"] not in range(1, _MOST_STEPS + 1):
+        raise wrong("steps", f"an integer from 1 to {_MOST_STEPS}", f"{values['steps']:g}")
+    whole = {name: int(values.get(name, 0)) for name in ("steps", "portrait")}
+    return Parameters(**values | whole)
+
+
+def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
+    """Return the query of a page that shows an orbit of a single body."""
+    state = states("omega0", omega0, body._labels)
+    if body.shape or state.ndim != 1:
+        raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
+    *moments, k = map(float, body.parameters)
+    extent = 1.5 * float(abs(state).max()) or 1.0
+    values = *moments, eps, *state.tolist(), steps, extent, 0, k
+    query = urlencode(dict(zip(Parameters._fields, values, strict=True)))
+    parse_query(query)
+    return query
 
 
 def answer(query: str) -> dict[str, Any]:
@@ -75,8 +139,8 @@ def scene(parameters: Parameters) -> dict[str, Any]:
             "flow": flow(body, start, run.time),
             "attitude": run.attitude.reshape(-1, 9),
             "spatial": to_vector(body, run.omega, attitude=run.attitude),
-            "line": _line(body, eps),
-            "levels": _levels(body, eps, numbers),
+            "line": _line(parameters.plane),
+            "levels": _levels(parameters.plane, numbers),
             "portrait": _portrait(parameters) if parameters.portrait else None,
             "ellipsoid": _ellipsoid(body),
             "regime": _regime(parameters, t, status),
@@ -96,21 +160,20 @@ def scene(parameters: Parameters) -> dict[str, Any]:
         return {name: _json_values(each) for name, each in found.items()}
 
 
-def _line(body: BodyIn3D, eps: float) -> dict[str, Any] | None:
+def _line(plane: Plane) -> dict[str, Any] | None:
     """The line of steady states, if there is one: its middle and the directions of its halves."""
-    if not (body.I13 or body.I23):
+    if not plane.g:
         return None
-    middle, direction = geometry.steady_line(body)
-    repelling = math.copysign(1.0, eps) * direction
+    middle, repelling = plane.steady_line()
     return {"middle": middle, "repelling": repelling, "attracting": -repelling}
 
 
-def _levels(body: BodyIn3D, eps: float, numbers: dict[str, Any]) -> dict[str, Any]:
+def _levels(plane: Plane, numbers: dict[str, Any]) -> dict[str, Any]:
     """The levels of F and of the energy through the first state."""
-    R = 2.0 * float(np.sqrt(body.I1 * body.I2 * numbers["F"]))
+    R = 2.0 * float(np.sqrt(plane.I1 * plane.I2 * numbers["F"]))
     return {
-        "F": geometry.level(body, eps, R, _REACH) if R > 0 else [],
-        "energy": geometry.level(body, 0.0, math.sqrt(2.0 * numbers["energy"]))[0],
+        "F": plane.level(R, _REACH) if R > 0 else [],
+        "energy": plane._replace(eps=0.0).level(math.sqrt(2.0 * numbers["energy"]))[0],
     }
 
 
@@ -125,7 +188,7 @@ def _regime(parameters: Parameters, t: float, status: Status) -> str:
         return "steady"
     if status == Status.SINGULAR:
         return "pole"
-    if abs(geometry.half_step(body, eps) * parameters.k) > abs(t):
+    if abs(parameters.plane.e * parameters.k) > abs(t):
         return "rotor"
     if abs(t) == 1:
         return "at" if parameters.k == 0 else "above"
@@ -134,25 +197,25 @@ def _regime(parameters: Parameters, t: float, status: Status) -> str:
 
 def _portrait(parameters: Parameters) -> dict[str, Any] | None:
     """Orbits on levels that fill the view, from both sides of a repelling steady state."""
-    body, eps, extent = parameters.body, parameters.eps, parameters.extent
-    if eps == 0 or not (body.I13 or body.I23 or parameters.k):
+    plane, eps = parameters.plane, parameters.eps
+    if eps == 0 or not (plane.g or plane.k):
         return None
-    g, k = geometry.half_angle(body)
-    largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
+    largest = plane.radius([parameters.extent] * 2)
     starts, levels = [], []
     for R in largest * np.arange(1, _LEVELS + 1) / _LEVELS:
-        start = -math.copysign(geometry.meeting_phase(R * abs(g), k), eps)
-        starts.append(geometry.on_level(body, eps, R, np.array([start + _OFFSET, start - _OFFSET])))
-        levels += geometry.level(body, eps, R, _REACH)
+        start = -math.copysign(plane.meeting_phase(R), eps)
+        starts.append(plane.on_level(R, np.array([start + _OFFSET, start - _OFFSET])))
+        levels += plane.level(R, _REACH)
     steps = min(parameters.steps, _LONGEST_ORBIT)
-    orbits = iterate(body, np.concatenate(starts), eps, steps, on_singular="ignore", threads=1)
+    options: Any = {"on_singular": "ignore", "threads": 1}
+    orbits = iterate(parameters.body, np.concatenate(starts), eps, steps, **options)
     return {"levels": levels, "orbits": list(np.moveaxis(orbits.omega, 1, 0))}
 
 
 def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
     """The ellipsoid of inertia, if there is one in the range of float64."""
     try:
-        radii, axes, I3, admissible = geometry.ellipsoid(body)
+        radii, axes, I3, admissible = ellipsoid(body)
     except (ValueError, OverflowError, np.linalg.LinAlgError):
         return None
     return {"I3": I3, "matter": admissible, "radii": radii, "axes": axes}

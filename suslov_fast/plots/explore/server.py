@@ -1,7 +1,5 @@
 """The local HTTP server of the page, and the page of one orbit."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys
@@ -15,9 +13,8 @@ from urllib.parse import unquote
 from numpy.typing import ArrayLike
 
 from ...checks import instance
-from ..geometry import BodyIn3D
-from .parameters import query_of
-from .scene import PAGE, answer
+from ..plane import BodyIn3D
+from .scene import PAGE, answer, query_of
 
 _ADDRESS = "127.0.0.1"
 _MOST = 32  # requests at a time; others wait

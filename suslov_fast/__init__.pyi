@@ -7,6 +7,7 @@ from .bodies.nd import SuslovND as SuslovND
 from .bodies.rigid import Suslov3D as Suslov3D
 from .bodies.rigid import SuslovGyrostat as SuslovGyrostat
 from .engine.starts import RandomStarts as RandomStarts
+from .engine.status import SingularStepError as SingularStepError
 from .engine.status import SingularStepWarning as SingularStepWarning
 from .engine.status import Status as Status
 from .maps import body_from_dict as body_from_dict
@@ -32,7 +33,6 @@ from .quantities.exponents import lyapunov_exponents as lyapunov_exponents
 from .quantities.fixed_points import fixed_points as fixed_points
 from .runs.ensemble import ensemble as ensemble
 from .runs.ensemble import open_ensemble as open_ensemble
-from .runs.failures import SingularStepError as SingularStepError
 from .runs.iterate import iterate as iterate
 from .runs.iterate import step as step
 from .runs.iterate import step_full as step_full

@@ -181,6 +181,21 @@ def jacobian(I1, I2, I13, I23, k, eps, w, out):
     out[1, 0], out[1, 1] = (a11 * b21 - a21 * b11) * inverse, (a11 * b22 - a21 * b12) * inverse
 
 
+@universal("(),(),(),(),(),(),(d)->(d)")
+def step_full(I1, I2, I13, I23, I3, eps, w, out):
+    """Equations (3), the first two solved for the increments, with w3_next = -w3."""
+    h, x = 0.5 * eps, I13 * w[0] + I23 * w[1]
+    a11, a12 = I1 + h * (I13 * w[1]), h * (x + I23 * w[1] + (I3 - I2) * w[2])
+    a21, a22 = h * ((I1 - I3) * w[2] - x - I13 * w[0]), I2 - h * (I23 * w[0])
+    b1 = 2.0 * (I13 * w[2] - h * (I23 * w[2] * w[2] + w[1] * x))
+    b2 = 2.0 * (I23 * w[2] + h * (I13 * w[2] * w[2] + w[0] * x))
+    det, size = a11 * a22 - a12 * a21, abs(a11 * a22) + abs(a12 * a21)
+    inverse = 1.0 / select(abs(det) > ZERO_TO_ROUNDING * size, det, np.nan)
+    out[0] = w[0] + (a22 * b1 - a12 * b2) * inverse
+    out[1] = w[1] + (a11 * b2 - a21 * b1) * inverse
+    out[2] = -w[2]
+
+
 @universal(IN_3D + "()")
 def reaction(I1, I2, I13, I23, k, eps, w, out):
     """(l_next - l) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2; eps = 0: the derivatives.

@@ -10,19 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, instance, integer, one_of, warn, wrong
+from ..checks import FloatArray, instance, integer, one_of, wrong
+from ..core import quantities as formulas
 from ..engine.arguments import BodyOrField, States, check, refuse_rotor
 from ..engine.progress import Progress, check_progress
 from ..engine.starts import RandomStarts
-from ..engine.status import SingularStepWarning
+from ..engine.status import ON_SINGULAR, OnSingular, report_failures
 from ..engine.stretches import March
 from ..maps import Map, map_of
-from .failures import ON_SINGULAR, OnSingular, report_failures
+from ..quantities.evaluation import reported
 from .trajectories import Trajectories
 
 Method = Literal["auto", "gauss", "rank2"]
-# A determinant below this part of its terms is 0 to rounding.
-_ZERO_TO_ROUNDING = 2.0**-50
 
 
 def step(
@@ -237,30 +236,6 @@ def step_full(
     elif body.I3 is None:
         raise wrong("I3", "a number, or a body whose I3 is set", "neither", TypeError)
     labels = "Omega1", "Omega2", "Omega3"
-    states = check(body, (), {"omega": omega, "eps": eps}, components=labels)
-    w1, w2, w3 = np.moveaxis(states.omega, -1, 0)
-    h, w1, w2 = np.multiply(0.5, states.eps), w1 + 0.0, w2 + 0.0
-    with np.errstate(all="ignore"):
-        d1, d2 = _increments(body, h, w1, w2, w3)
-    following = np.empty((*states.batch, 3))
-    following[..., 0], following[..., 1], following[..., 2] = w1 + d1, w2 + d2, -w3
-    exists = np.isfinite(following).all(axis=-1)
-    following[~exists] = np.nan
-    if failed := np.count_nonzero(~exists & ~np.isnan(states.omega).any(axis=-1)):
-        message = f"{failed} of {exists.size} states: no next state in three components"
-        warn(message, SingularStepWarning)
-    return following
-
-
-def _increments(body: Any, h: Any, w1: Any, w2: Any, w3: Any) -> tuple[Any, Any]:
-    """Solve the first two equations (3) for the increments, with Omega3_next = -Omega3."""
-    I1, I2, I13, I23, I3 = body.I1, body.I2, body.I13, body.I23, body.I3
-    x = I13 * w1 + I23 * w2
-    m11, m12 = I1 + h * (I13 * w2), h * (x + I23 * w2 + (I3 - I2) * w3)
-    m21, m22 = h * ((I1 - I3) * w3 - x - I13 * w1), I2 - h * (I23 * w1)
-    right1 = 2.0 * (I13 * w3 - h * (I23 * w3 * w3 + w2 * x))
-    right2 = 2.0 * (I23 * w3 + h * (I13 * w3 * w3 + w1 * x))
-    det = m11 * m22 - m12 * m21
-    size = abs(m11 * m22) + abs(m12 * m21)
-    det = np.where(abs(det) > _ZERO_TO_ROUNDING * size, det, np.nan)
-    return (m22 * right1 - m12 * right2) / det, (m11 * right2 - m21 * right1) / det
+    states = check(body, Suslov3D, {"omega": omega, "eps": eps}, components=labels)
+    found = formulas.step_full(*body.parameters[:4], body.I3, states.eps, states.omega)
+    return reported(states, found, axes=1)

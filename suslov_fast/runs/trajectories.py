@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, integer, one_of, short, wrong
 from ..engine.arguments import BodyOrField, States, checked_out, thread_count
 from ..engine.progress import Progress, check_progress, reporter
+from ..engine.status import ON_SINGULAR, OnSingular, report_failures
 from ..engine.stretches import March
 from ..maps import Map
-from .failures import ON_SINGULAR, OnSingular, report_failures
 
 if TYPE_CHECKING:
     import xarray

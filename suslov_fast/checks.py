@@ -1,7 +1,5 @@
 """Checks of arguments: every message reads "name: expected ..., got ..."."""
 
-from __future__ import annotations
-
 import math
 import numbers
 import operator
@@ -9,7 +7,6 @@ import os
 import sys
 import warnings
 from collections.abc import Collection, Sequence
-from contextlib import suppress
 from typing import Any, get_args
 
 import numpy as np
@@ -193,18 +190,7 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
         received = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
         expected = "expected batch shapes that broadcast against each other"
-        raise ValueError(f"{expected}, got {received}{_axes_that_fit(shapes)}") from error
-
-
-def _axes_that_fit(shapes: dict[str, tuple[int, ...]]) -> str:
-    """Return a hint if one argument, with more axes, gives all combinations."""
-    more = max(map(len, shapes.values()))
-    for name, shape in reversed(shapes.items()):
-        if name.isidentifier() and name != "body" and len(shape) == 1:
-            with suppress(ValueError):
-                np.broadcast_shapes(*(shapes | {name: shape + (1,) * more}).values())
-                return f"; {name}[:{', None' * more}] would fit"
-    return ""
+        raise ValueError(f"{expected}, got {received}") from error
 
 
 def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:

@@ -57,14 +57,9 @@ def _of_field(body: QuadraticField) -> tuple[str, ...]:
 _IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction"
 
 
-# Costs between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
-def _cost_in_nd(D: int, T: int) -> float:
-    return 16.0 * D + D**3 / 30.0
-
-
-def _cost_of_field(D: int, T: int) -> float:
-    return 3.0 * (D**3 + T)
-
+# Costs lie between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
+_IN_ND = Steps(steps_nd.steps, steps_nd.carried, lambda D, T: 16.0 * D + D**3 / 30.0, 32)
+_BY_FIELD = Steps(steps_field.steps, steps_field.carried, lambda D, T: 3.0 * (D**3 + T), 32)
 
 _RECORDS = (
     Map(  # equation (4) of the paper
@@ -81,9 +76,9 @@ _RECORDS = (
         title="Discrete Suslov problem in n dimensions",
         sample=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
         methods={
-            "auto": Steps(steps_nd.steps, steps_nd.carried, _cost_in_nd, 32),
+            "auto": _IN_ND,
             "gauss": Steps(steps_nd.gauss_steps, steps_nd.carried, lambda D, T: D**3 / 3.0, 32),
-            "rank2": Steps(steps_nd.steps, steps_nd.carried, _cost_in_nd, 32),
+            "rank2": _IN_ND,
         },
         functions=_in_nd,
     ),
@@ -100,7 +95,7 @@ _RECORDS = (
         body=QuadraticField,
         title="Kahan map of a quadratic field",
         sample=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
-        methods={"auto": Steps(steps_field.steps, steps_field.carried, _cost_of_field, 32)},
+        methods={"auto": _BY_FIELD},
         functions=_of_field,
         variable="x",
         meaning="state",

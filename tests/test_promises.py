@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.engine import exact, stretches, threads
+from suslov_fast.engine import stretches, threads
 from suslov_fast.runs.iterate import pieces
 
 # No body has the I3 of some samples.
@@ -187,7 +187,11 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
     alone = list(row.values(*problem, threads=1))
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     same(alone, row.values(*problem, threads=2))
-    for module, constant in ((stretches, "_STRETCH"), (stretches, "_TURNING"), (exact, "_SLICE")):
+    for module, constant in (
+        (stretches, "_STRETCH"),
+        (stretches, "_TURNING"),
+        (stretches, "_SLICE"),
+    ):
         monkeypatch.setattr(module, constant, 2**6)
     monkeypatch.setattr(stretches, "_LENGTH", 1)
     same(alone, row.values(*problem))

@@ -3,6 +3,7 @@
 import os
 import random
 import signal
+import sys
 import textwrap
 import threading
 from types import SimpleNamespace
@@ -173,8 +174,8 @@ def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
         begin, end, start, stop = span[:4]
         operations.append((end - begin) * (stop - start) * D**3)
 
-    for module in (stretches, threads):
-        monkeypatch.setattr(module, "call_kernel", count)
+    for module in (stretches, sys.modules[function.__module__]):
+        monkeypatch.setattr(module, "call_kernel", count, raising=False)
     function(sf.QuadraticField(np.ones((D, D, D))), np.ones((1500, D)), 0.1, 5, threads=1)
     assert sum(operations) == 1500 * 5 * D**3
     assert max(operations) < 2**26

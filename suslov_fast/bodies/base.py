@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, real_array, wrong
-from .numbers import to_lists
+from .polynomials import to_lists
 
 Kind = TypeVar("Kind", bound="Body")
 

@@ -15,25 +15,41 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from numbers import Rational
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ..checks import OTHERS, FloatArray, common_shape, integer, within, wrong
+from ..checks import OTHERS, FloatArray, common_shape, integer, refuse, states, within, wrong
+from . import polynomials
 from .base import Body, cut
-from .numbers import (
-    antisymmetric,
-    as_given,
-    check_parameters,
-    coefficients,
-    from_lists,
-    to_lists,
-)
-from .polynomials import family, terms_of, text_of, traced
-from .tensors import Hamiltonian, at_points, rates, sparse
+from .polynomials import as_given, coefficients, family, terms_of, text_of, traced
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
+
+
+class Hamiltonian:
+    """A polynomial of degree 3, or a batch: ``H(x) = sum_ijk H_ijk x_i x_j x_k``, x_(D+1) = 1.
+
+    Called with a state it returns a fraction if all numbers are exact, else floats (...).
+    """
+
+    def __init__(self, tensor: Any) -> None:
+        self.tensor = tensor
+
+    @cached_property
+    def terms(self) -> tuple[Any, FloatArray]:
+        """The nonzero terms v x_i x_j x_k: i <= j <= k (3, T), where D is the 1, and v (..., T)."""
+        return sparse(self.tensor, ordered=3)
+
+    def __call__(self, x: Any) -> Any:
+        return at_points(self.tensor, x, 3)
+
+    def __repr__(self) -> str:
+        if self.tensor.ndim > 3:
+            return f"<polynomials of shape {self.tensor.shape[:-3]}>"
+        return text_of(terms_of(self.tensor))
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -190,7 +206,7 @@ class QuadraticField(Body):
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
         D = integer("dimension", dimension, 1)
-        matrix = antisymmetric(K, D)
+        matrix = polynomials.antisymmetric(K, D)
 
         def tables(given: Mapping[str, Any]) -> tuple[Any, Any]:
             whole = traced("H", H, D, 3, given)
@@ -289,7 +305,7 @@ class QuadraticField(Body):
         if values.get("H") is None:
             return whole
         H = coefficients("H", as_given("H", values["H"]), bool(whole.shape))
-        K = antisymmetric(values.get("K"), whole.dimension).astype(H.dtype)
+        K = polynomials.antisymmetric(values.get("K"), whole.dimension).astype(H.dtype)
         if H.shape != (*whole.shape, *(len(K) + 1,) * 3):
             raise wrong("H, K", "those of the coefficients", f"shape {H.shape}")
         expected = rates(H, K)  # the coefficients of a batch are rounded
@@ -325,12 +341,52 @@ class QuadraticField(Body):
 
     @property
     def _plain(self) -> dict[str, Any]:
-        named = {name: to_lists(value) for name, value in self._parameters.items()}
+        named = {name: polynomials.to_lists(value) for name, value in self._parameters.items()}
         return super()._plain | ({"parameters": named} if named else {})
 
     @classmethod
     def _from_plain(cls, given: dict[str, Any]) -> QuadraticField:
-        given = {name: from_lists(name, each) for name, each in given.items()}
+        given = {name: polynomials.from_lists(name, each) for name, each in given.items()}
         field = cls._of(given)
-        field._parameters.update(check_parameters(given.get("parameters", {})))
+        field._parameters.update(polynomials.check_parameters(given.get("parameters", {})))
         return field
+
+
+def rates(H: Any, K: Any) -> Any:
+    """Return the table of K grad H; most entries of K are 0."""
+    table = np.full_like(H[..., :-1, :, :], Fraction(0))
+    for i, j in np.argwhere(K != 0):
+        table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
+    return table
+
+
+def sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
+    """Return indices and values of the nonzero terms of a table symmetric in its last axes."""
+    places = np.argwhere(np.any(table != 0, axis=tuple(range(table.ndim - 3)))).T
+    places = places[:, (np.diff(places[3 - ordered :], axis=0) >= 0).all(axis=0)]
+    places = places[:, np.argsort(places[-1] == table.shape[-1] - 1, kind="stable")]
+    kinds = 1 + (np.diff(places[3 - ordered :], axis=0) > 0).sum(axis=0)  # of variables in a term
+    count = kinds if ordered == 2 else np.array([0, 1, 3, 6])[kinds]
+    values = (table[(..., *places)] * count).astype(np.float64)
+    return np.ascontiguousarray(places), np.ascontiguousarray(values)
+
+
+def at_points(tensor: Any, x: Any, degree: int) -> Any:
+    """Return the values at x of polynomials, whose variables are the last `degree` axes.
+
+    They are fractions if all numbers are exact, else floats.
+    """
+    D = tensor.shape[-1] - 1
+    is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
+    are_exact = tensor.dtype == object and is_list and all(isinstance(a, Rational) for a in x)
+    if are_exact and len(x) == D:
+        refuse("x", x)
+        point = np.array([*(polynomials.exact("x", a) for a in x), Fraction(1)], dtype=object)
+    else:
+        x = states("x", x, [f"x{i}" for i in range(1, D + 1)])
+        point = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+        tensor = np.asarray(tensor, np.float64)
+    with np.errstate(all="ignore"):
+        for axes in ("ijk", "ij", "i")[:degree]:
+            tensor = np.einsum(f"...{axes},...{axes[-1]}->...{axes[:-1]}", tensor, point)
+    return tensor

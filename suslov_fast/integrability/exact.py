@@ -17,7 +17,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.numbers import exact as as_fraction
+from ..bodies.polynomials import exact as as_fraction
 from ..checks import refuse, wrong
 
 Point = tuple[Fraction, ...]

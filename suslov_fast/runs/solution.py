@@ -17,8 +17,8 @@ from ..bodies.nd import SuslovND, check_solved
 from ..checks import FloatArray, real_number, warn, wrong
 from ..core import closed_form
 from ..engine.arguments import AnyBody, States, check, flat_arrays, flat_parameter, parameters_of
-from ..engine.exact import states_at
 from ..engine.status import SingularStepWarning
+from ..engine.stretches import states_at
 
 # Why orbits lack states, in the order of the flags of the closed form.
 _REASONS = (

@@ -40,10 +40,10 @@ from .runs.solution import exact as exact
 from .runs.solution import flow as flow
 from .runs.solution import limits as limits
 from .runs.trajectories import Trajectories as Trajectories
-from .space.attitude import attitude as attitude
-from .space.scattering import scattering_angle as scattering_angle
-from .space.vectors import momentum as momentum
-from .space.vectors import to_matrix as to_matrix
-from .space.vectors import to_vector as to_vector
+from .space import attitude as attitude
+from .space import momentum as momentum
+from .space import scattering_angle as scattering_angle
+from .space import to_matrix as to_matrix
+from .space import to_vector as to_vector
 
 __version__: str

@@ -16,8 +16,7 @@ from ...quantities.conserved import criticality, energy, first_integral
 from ...quantities.derivatives import vector_field
 from ...runs.iterate import iterate
 from ...runs.solution import flow, limits
-from ...space.scattering import scattering_angle
-from ...space.vectors import to_vector
+from ...space import scattering_angle, to_vector
 from ..plane import BodyIn3D, Plane, ellipsoid
 
 # The files of the page, which draws these numbers.

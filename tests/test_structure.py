@@ -68,11 +68,11 @@ def test_imports_follow_the_arrows_without_cycles():
             assert rooms <= {"integrability", "bodies", "checks", "maps", "engine"}, name
 
 
-COMPILING = [PACKAGE / "core" / name for name in ("numba.py", "universal.py", "__init__.py")]
+COMPILING = [PACKAGE / "core" / name for name in ("numba.py", "__init__.py")]
 
 
 def test_numba_is_chosen_in_one_file():
-    """Only core/numba.py and core/universal.py name options and internals of Numba."""
+    """Only core/numba.py names options and internals of Numba."""
     words = re.compile(r"njit\(|numba\.(gu)?vectorize|error_model|nogil|llvmlite|numba\.core\b")
     for path, text in TEXTS.items():
         if path not in COMPILING:

@@ -33,10 +33,8 @@ import math
 
 import numpy as np
 
-from .numba import formula, kernel, select, share
-from .rows import alignment, pick, write
+from .numba import alignment, formula, kernel, pick, select, share, universal, write
 from .steps_3d import RANGE, ZERO_TO_ROUNDING
-from .universal import universal
 
 LANES = 128
 # In place of a factor that is 0 exactly on the critical level e L = 1: all that vanish with it stay

@@ -10,9 +10,8 @@ import math
 
 import numpy as np
 
-from .numba import formula, select
+from .numba import formula, select, universal
 from .steps_3d import ZERO_TO_ROUNDING, enter, frame_of, is_supercritical
-from .universal import universal
 
 IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .codes import OK
 from .elimination import determinant_of, eliminate, keeps_digits, substitute
-from .numba import function
+from .numba import function, universal
 from .steps_field import (
     LARGEST,
     LEAST,
@@ -22,7 +22,6 @@ from .steps_field import (
     memory_of_one,
 )
 from .tangent import derive
-from .universal import universal
 
 FIELD = "(c,t),(t),(b),(b,d)->"
 

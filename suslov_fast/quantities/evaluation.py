@@ -14,7 +14,7 @@ import numpy as np
 
 from ..bodies.nd import SuslovND
 from ..checks import FloatArray, first_index, real_array, spell, warn
-from ..core.universal import Universal
+from ..core.numba import Universal
 from ..engine.arguments import BodyIn3D, States, check
 from ..engine.status import SingularStepWarning
 

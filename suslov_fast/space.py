@@ -277,10 +277,11 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     """Angle between the angular velocities in space at time -infinity and at +infinity.
 
     In the continuous problem every motion leaves one steady rotation and tends to another. The
-    angle between them in space depends on the body, not on the energy. That of the discrete problem
-    converges to it with order 2. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2,
-    alpha = I1 I2 m / D, beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
-    kappa**2 = (alpha - i gamma)**2 - beta**2,
+    angle between them in space depends on the body alone; that of the discrete problem converges to
+    it with order 2. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2, alpha = I1 I2 m / D,
+    beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
+    kappa**2 = (alpha - i gamma)**2 - beta**2, and for gamma = 0 by Fedorov, Maciejewski and
+    Przybylska, Nonlinearity 22 (2009), arXiv:0902.0079,
 
     sin(angle / 2)**2 = (Re cosh(pi kappa / 2) / cosh(pi alpha / 2))**2
     + (Im cosh(pi kappa / 2) / sinh(pi alpha / 2))**2.
@@ -298,12 +299,6 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
         about 1e-15 (alpha + beta + abs(gamma)), below 1e-10 if I1 and I2 are within a factor of
         1e8.
 
-    References
-    ----------
-    .. [1] Yu. N. Fedorov, A. J. Maciejewski, M. Przybylska, "The Poisson equations in the
-       nonholonomic Suslov problem: integrability, meromorphic and hypergeometric solutions",
-       Nonlinearity 22 (2009), arXiv:0902.0079: the angle where gamma = 0.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, scattering_angle
@@ -320,16 +315,18 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
 def _angle(I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray) -> FloatArray:
     """Angle 2 arcsin |S|, by sums of positive terms.
 
-    With A and P + i Q = pi / 2 times alpha and kappa,
+    With A, B, C and P + i Q = pi / 2 times alpha, beta, abs(gamma) and the conjugate of kappa,
+    A - P is the real part of B**2 / (A + i C + P + i Q), where nothing cancels, and
 
     |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,
     1 - |S|**2 = sinh(A - P) sinh(A + P) ((cos(Q) / cosh(A))**2 + (sin(Q) / sinh(A))**2).
     """
     m, D = np.hypot(I13, I23), I13 * I13 * I2 + I23 * I23 * I1
     A, B = 0.5 * np.pi * (I1 * I2 * (m / D)), 0.5 * np.pi * np.sqrt(I1 * I2) / m
-    z = A - 1j * abs(B * (I13 * (I2 - I1) / D * I23))
-    K = np.sqrt(z - B) * np.sqrt(z + B)
-    gap, P, Q = (B / (z + K) * B).real, K.real, K.imag  # gap = A - P, where nothing cancels
+    C = abs(B * (I13 * (I2 - I1) / D * I23))
+    kappa = np.sqrt((A - B) * (A + B) - C * C + 2j * (A * C))
+    P, Q = kappa.real, kappa.imag
+    gap = B * (B / np.hypot(A + P, C + Q)) * ((A + P) / np.hypot(A + P, C + Q))  # A - P
     # All terms divided by exp(A).
     cosine, sine = np.cos(Q) / (1.0 + np.exp(-2.0 * A)), np.sin(Q) / -np.expm1(-2.0 * A)
     S = np.exp(-gap) * np.hypot((1.0 + np.exp(-2.0 * P)) * cosine, -np.expm1(-2.0 * P) * sine)

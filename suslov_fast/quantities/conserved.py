@@ -44,7 +44,7 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
 
 
 def _hamiltonian(states: States) -> FloatArray:
-    return by_terms(fields.hamiltonian, states, _terms_of_hamiltonian(states.body))
+    return by_terms(fields.cubic_form, states, _terms_of_hamiltonian(states.body), states.omega)
 
 
 def _terms_of_hamiltonian(body: Any) -> Any:
@@ -130,8 +130,9 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
 
 
 def _modified_hamiltonian(states: States) -> FloatArray:
-    terms = _terms_of_hamiltonian(states.body)
-    return by_terms(fields.polarised_hamiltonian, states, terms, states_after(states))
+    places, values = _terms_of_hamiltonian(states.body)  # symmetric: x_next in each of the places
+    terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)
+    return by_terms(fields.cubic_form, states, terms, states_after(states))
 
 
 def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:

@@ -251,24 +251,6 @@ def test_signs_and_order_of_n_change_no_bit(rng):
     assert_same([many[:, :3]], [states])
 
 
-def test_one_state_is_missing_beyond_a_pole():
-    body, start = sf.Suslov3D(*UNIT), sf.exact(sf.Suslov3D(*UNIT), [1.0, -3.0], -2.0, 2)
-    with pytest.warns(RuntimeWarning, match="pole"):
-        states = sf.exact(body, [1.0, -3.0], 2.0, np.arange(-3, 4))
-    assert np.isnan(states).any(1).tolist() == [False] * 4 + [True] + [False] * 2
-    np.testing.assert_allclose(states[1], start, rtol=1e-14)
-    with pytest.warns(RuntimeWarning, match="pole|undefined"):
-        assert np.isnan(sf.exact(body, [0.0, -1.0], 2.0, 1)).all()
-
-
-@pytest.mark.parametrize("omega", [[0.5, -7.0], [0.25, -1.0]])
-def test_no_real_powers(omega):
-    """For T >= 1, n is an integer."""
-    with pytest.warns(RuntimeWarning, match="integer"):
-        states = sf.exact(sf.Suslov3D(*UNIT), omega, 2.0, [1.0, 1.5])
-    assert np.isnan(states).any(1).tolist() == [False, True]
-
-
 def test_limits_of_states_that_rest():
     for body, omega, eps in (
         (sf.Suslov3D(*UNIT), [0.0, 2.0], 0.5),
@@ -277,7 +259,9 @@ def test_limits_of_states_that_rest():
         (sf.SuslovGyrostat(*UNIT, 0.5), [1.0, 2.0], 0.0),
     ):
         assert (np.array(sf.limits(body, omega, eps)) == omega).all()
-        assert (sf.exact(body, omega, eps, [-3, 5]) == omega).all()
+        assert (sf.exact(body, omega, eps, [-3, 0.5, 1e15]) == omega).all()
+        if eps:
+            assert (sf.flow(body, omega, [-1e300, 0.5, 1e300]) == omega).all()
 
 
 def test_a_parabolic_orbit():

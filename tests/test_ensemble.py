@@ -1,6 +1,7 @@
 """Stored runs equal those of `iterate`, bit for bit, whatever happened in between."""
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -131,7 +132,7 @@ def test_sources_of_initial_states(tmp_path):
     for name in ("array", "dask"):
         ensemble(BODY, sources[name], 0.2, 20, store=tmp_path / "map.zarr")
     array[-1, -1, -1] += 1e-9
-    with pytest.raises(ValueError, match=r"omega0: 100 values .*the store has others"):
+    with pytest.raises(ValueError, match=r"omega0: .*the store has others"):
         ensemble(BODY, array, 0.2, 20, store=tmp_path / "map.zarr")
 
 
@@ -172,9 +173,9 @@ def test_stores_of_other_runs_are_refused_in_words(store):
     others = {
         "body": (Suslov3D(4, 1, -0.5, -0.31), "I23: -0.31, the store has -0.3"),
         "eps": (-0.2, "eps: -0.2, the store has 0.2"),
-        "omega0": ([[1.0, 0.5 + 1e-12]], "omega0: 2 values from 0.5 to 1, the store has others"),
+        "omega0": ([[1.0, 0.5 + 1e-12]], "omega0: .*, the store has others"),
         "save_every": (None, "save_every: None, the store has 2"),
-        "attitude": (True, "attitude: 9 values .*, the store has None"),
+        "attitude": (True, r"attitude: \[\[1.0.*, the store has None"),
         "functions": ({"radius": radius}, "functions: radius, the store has None"),
         "dims": ("start", "dims: start, the store has trajectory"),
         "coords": ({"a": 3}, "coords: a, the store has None"),
@@ -191,8 +192,7 @@ def test_the_parameters_of_a_field_identify_its_run(store):
     asked = {"omega0": [1.0, 1.0, 1.0], "eps": 0.01, "steps": 9, "store": store}
     dataset = ensemble(body=lorenz([10.0, 20.0, 30.0, 40.0]), **asked)
     assert dataset.attrs["rho"] == [10.0, 20.0, 30.0, 40.0]
-    words = "rho: 5 values from 10 to 40, the store has 4 values from 10 to 40"
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match=r"rho: \[10.0, 17.5.*, the store has \[10.0, 20.0"):
         ensemble(body=lorenz(np.linspace(10.0, 40.0, 5)), **asked)
 
     def oscillator(constant):
@@ -262,7 +262,7 @@ def test_a_run_larger_than_its_disk_is_refused(store, monkeypatch):
     free = 0
     monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=free))
     asked = {**ASKED, "omega0": RandomStarts(1000, 1.0), "store": store}
-    with pytest.raises(OSError, match="0 bytes, fewer than the 201,"):
+    with pytest.raises(OSError, match=" 0 bytes, fewer than the 201,"):
         ensemble(**asked)
     assert list(store.parent.iterdir()) == []
     free = 210_000
@@ -335,8 +335,11 @@ def test_a_killed_run_is_finished(store):
 def test_a_run_killed_while_its_store_is_made_is_finished(store):
     ensemble(**ASKED, store=store)
     whole = contents(store)
-    (store / "zarr.json").unlink()  # it is written last
-    (store / "status" / "c" / "0").unlink()
+    made = json.loads(whole["zarr.json"])
+    del made["consolidated_metadata"]  # which is written last
+    (store / "zarr.json").write_text(json.dumps(made))
+    for unmade in ("status", "n/c"):
+        shutil.rmtree(store / unmade)
     ensemble(**ASKED, store=store)
     assert contents(store) == whole
 
@@ -390,4 +393,4 @@ def test_attributes_are_plain(store):
     dataset = ensemble(**ASKED, store=store, functions={"radius": radius})
     assert xarray.open_zarr(store).attrs == dataset.attrs
     assert json.loads(json.dumps(dataset.attrs)) == dataset.attrs
-    assert dataset.attrs["omega0"].startswith("2 values from 0.5 to 1, sha256 ")
+    assert "sha256 " in dataset.attrs["omega0"]

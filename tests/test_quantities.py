@@ -26,6 +26,12 @@ def henon(x, unit=1):
 HENON = sf.QuadraticField.from_hamiltonian(henon, 4)
 
 
+def exact_matrix(f, eps, x):
+    """1 - (eps / 2) f'."""
+    derivative = mpmath.matrix(naive.derivative(f, naive.exactly(*x)))
+    return mpmath.eye(len(x)) - naive.mpf(eps) / 2 * derivative
+
+
 def random_problem(rng, size=0.0):
     """Random parameters, step size and state, with t below and above 1."""
     parameters = (*rng.uniform(0.5, 4, 2), *rng.uniform(-0.5, 0.5, 2))
@@ -115,15 +121,9 @@ def test_in_n_dimensions(rng, m):
         size = np.linalg.norm(I) * np.linalg.norm(omega) ** 2 / J.min()
         assert abs(sf.vector_field(body, omega) - exact).max() < 1e-15 * size
         if m < 7:
-            assert error(sf.matrix(body, omega, eps), matrix_nd(J, I, eps, omega)) < 1e-15
+            A = exact_matrix(partial(naive.vector_field_nd, J, I), eps, omega)
+            assert error(sf.matrix(body, omega, eps), A.tolist()) < 1e-15
     assert sf.modified_energy(body, np.zeros(m), 0.3) == 0
-
-
-def matrix_nd(J, I, eps, omega):
-    """Coefficients of the unknowns in equation (15), divided by J."""
-    J, I, omega, (eps,) = (naive.exactly(*v) for v in (J, I, omega, [eps]))
-    slope = naive.derivative(lambda v: naive.dsn(J, I, eps, omega, v), omega)  # affine
-    return [[entry / J_i for entry in row] for J_i, row in zip(J, slope, strict=True)]
 
 
 def test_where_components_are_far_apart():
@@ -153,24 +153,20 @@ def test_measures_of_bodies_along_an_axis(rng, axis):
     assert sf.invariant_density(sf.SuslovND(J, I), rest, 0.3) == np.inf
 
 
-def test_three_dimensions_and_n_agree(rng):
-    for _ in range(20):
-        (I1, I2, I13, I23), eps, omega = random_problem(rng)
-        three, nd = sf.Suslov3D(I1, I2, I13, I23), sf.SuslovND([I1, I2], [I23, -I13])
-        for function in (sf.first_integral, sf.criticality, sf.invariant_density):
-            other = function(three, omega, eps)
-            np.testing.assert_allclose(function(nd, omega, eps), other, rtol=1e-13)
-
-
 @pytest.mark.parametrize(
     ("J", "I"), [([2.0] * 4, [0.3, -0.4, 0.2, 0.1]), ([1.5, 1.5, 1.5, 4.0], [0, 0, 0, -0.7])]
 )
-def test_integrals_of_solved_bodies_in_n_dimensions(rng, J, I):
-    """F and t are constant along orbits if all J are equal or I is along one axis."""
+def test_solved_bodies_in_n_dimensions(rng, J, I):
+    """F and t are constant along orbits, and for n = 3 those of three dimensions."""
     states = np.array(naive.orbit_nd(J, I, 0.2, rng.normal(size=4), 10), float)
+    (I1, I2, I13, I23), eps, omega = random_problem(rng)
+    bodies = sf.Suslov3D(I1, I2, I13, I23), sf.SuslovND([I1, I2], [I23, -I13])
     for function in (sf.first_integral, sf.criticality):
         values = function(sf.SuslovND(J, I), states, 0.2)
         np.testing.assert_allclose(values, np.full(11, values[0]), rtol=1e-13)
+    for function in (sf.first_integral, sf.criticality, sf.invariant_density):
+        three, nd = (function(body, omega, eps) for body in bodies)
+        assert nd == pytest.approx(three, rel=1e-13)
 
 
 def field_of(x):
@@ -187,10 +183,8 @@ def test_of_fields(rng):
     x = rng.normal(size=(300, 3))
     found = sf.vector_field(LORENZ, x), sf.matrix(LORENZ, x, 0.1)
     for k in (0, 150, 299):
-        point = naive.exactly(*x[k])
-        A = mpmath.eye(3) - mpmath.mpf(0.1) / 2 * mpmath.matrix(naive.derivative(field_of, point))
-        assert error(found[0][k], field_of(point)) < 1e-15
-        assert error(found[1][k], A.tolist()) < 1e-15
+        assert error(found[0][k], field_of(naive.exactly(*x[k]))) < 1e-15
+        assert error(found[1][k], exact_matrix(field_of, 0.1, x[k]).tolist()) < 1e-15
     eps = 0.25
     step = partial(naive.kahan_step, field_of_henon, eps)
     x = np.array(naive.iterated(step, [0.1] * 4, 5), float)
@@ -199,9 +193,8 @@ def test_of_fields(rng):
     assert np.ptp(sf.energy(HENON, x)) > 1e-6
     (density, after), J = sf.invariant_density(HENON, x[:2], eps), sf.jacobian(HENON, x[0], eps)
     assert after * np.linalg.det(J) == pytest.approx(density, rel=1e-14)
-    A = mpmath.matrix(naive.derivative(field_of_henon, naive.exactly(*x[0])))
-    exact = 1 / mpmath.det(mpmath.eye(4) - eps / 2 * A)
-    assert float(abs(density / exact - 1)) < 1e-15
+    det = mpmath.det(exact_matrix(field_of_henon, eps, x[0]))
+    assert float(abs(density * det - 1)) < 1e-15
 
 
 def test_the_hamiltonian_of_components_in_other_units():
@@ -239,10 +232,9 @@ def test_batches_of_fields(rng):
         for k in range(3):
             alone = f(Member(a[k]).field(), x[:, k], *(eps[k] for _ in steps))
             np.testing.assert_array_equal(found[:, k], alone)
-    exponents = sf.lyapunov_exponents(Member(a), x / 100, 0.1, 5)
-    np.testing.assert_array_equal(
-        exponents, sf.lyapunov_exponents(Member(a).field(), x / 100, 0.1, 5)
-    )
+    bodies = Member(a), Member(a).field()
+    first, second = (sf.lyapunov_exponents(each, x / 100, 0.1, 5) for each in bodies)
+    np.testing.assert_array_equal(first, second)
     assert sf.multipliers(Member(2.0), [0.0, 0.0], 0.1).tolist() == [1, 1]
 
 

@@ -3,6 +3,7 @@
 import naive
 import numpy as np
 import pytest
+from numba import config
 
 import suslov_fast as sf
 
@@ -48,6 +49,12 @@ def test_half_a_turn(eps, size):
         R = sf.attitude(body, np.tile(size * u[: body.dimension], (3, 1)), eps)
         np.testing.assert_allclose(R[1], expected, atol=1e-12)
         np.testing.assert_allclose(R[2], np.eye(len(expected)), atol=1e-12)
+
+
+def test_orientations_remain_orthogonal(case):
+    run = sf.iterate(*case, 0.3, 300 if config.DISABLE_JIT else 100_000, attitude=True)
+    error = run.attitude @ run.attitude.swapaxes(-2, -1) - np.eye(run.attitude.shape[-1])
+    assert abs(error).max() < 1e-14
 
 
 def test_nan_from_the_first_nan_on(case):

@@ -21,7 +21,7 @@ BEYOND = sf.Suslov3D(3, 3, -0.2, -0.2)
     + [(GYROSTAT, [1.0, 0.5], 0.4, 40, 1e-13)]
     + [(BEYOND, omega, 1.0, 12, 1e-11) for omega in ((-40, -250), (35, -20), (-300, 500))]
     + [(m, None, eps, 25, 1e-12) for m in (1, 2, 3, 4, 7) for eps in (0.3, -0.3)]
-    + [(LORENZ, [1.0, 2.0, 20.0], 1 / 64, 100, 1e-12)]
+    + [(LORENZ, [1.0, 2.0, 20.0], eps, 100, 1e-12) for eps in (1 / 64, 0.5)]
     + [(m, None, 1.6, 8, 1e-11) for m in (10, 12)],  # negative pivots, and rows exchanged
 )
 def test_against_derivatives_one_by_one(rng, body, omega, eps, steps, tolerance):

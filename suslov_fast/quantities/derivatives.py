@@ -211,7 +211,7 @@ def _slopes_at_fixed_points(states: States) -> FloatArray:
     y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
     half_slopes = np.einsum("...ijk,...k->...ij", table, y)
     f = np.einsum("...ij,...j->...i", half_slopes, y)
-    terms = np.einsum("...ijk,...j,...k->...i", *map(abs, (table, y, y)))
+    terms = np.einsum("...ijk,...j,...k->...i", abs(table), abs(y), abs(y))
     moves = ~(abs(f) <= _FIXED * terms) & ~np.isnan(x)
     if moves.any():
         moves = np.broadcast_to(moves.any(axis=-1), states.batch)

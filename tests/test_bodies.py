@@ -64,7 +64,7 @@ def test_equality_copies_and_immutability(body):
     assert len(repr(body)) < 120
     with pytest.raises(AttributeError):
         setattr(body, name, 3)
-    for array in (each for each in body._values.values() if np.ndim(each)):
+    for array in (each for each in body._arrays.values() if np.ndim(each)):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 7
         with pytest.raises(ValueError, match="WRITEABLE"):

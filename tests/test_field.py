@@ -224,9 +224,9 @@ def test_parameters_that_are_missing_and_unknown_are_told_apart():
 
     with pytest.raises(TypeError, match="f needs rho: pass rho=28"):
         QuadraticField.from_function(f, 1)
-    with pytest.raises(TypeError, match=r"parameters that it has \(rho\), got sigma"):
+    with pytest.raises(TypeError, match=r"^f: .*sigma"):
         QuadraticField.from_function(f, 1, rho=1, sigma=2)
-    with pytest.raises(TypeError, match=r"\(none but x\), got rho"):
+    with pytest.raises(TypeError, match=r"^f: .*unexpected.*rho"):
         QuadraticField.from_function(lambda x: (x[0],), 1, rho=1)
     with pytest.raises(TypeError, match="H needs a: "):
         QuadraticField.from_hamiltonian(lambda x, a: a * x[0] * x[1], 2)

@@ -142,7 +142,7 @@ def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,)):
 def part(body, index, batch):
     """The members of a batch with an index."""
     parts = {}
-    for name, value in body._values.items():
+    for name, value in body._arrays.items():
         own = np.shape(value)[np.ndim(value) - body._axes(name) :]
         parts[name] = np.broadcast_to(value, (*batch, *own))[index]
     return type(body)(**parts)
@@ -242,7 +242,7 @@ def hard(rng, kind):
     body, omega, eps = sample(rng, kind, (SIZE,), (SIZE,), (SIZE,))
     omega[3, 0], eps[4], omega[7::9] = np.nan, 0.0, omega[7::9] * 1e4
     if kind == "3D":  # poles of the unit body, after none, one and two steps
-        values = {name: np.array(each) for name, each in body._values.items()}
+        values = {name: np.array(each) for name, each in body._arrays.items()}
         for each, value in zip(values.values(), (1, 1, 1, 0), strict=True):
             each[11:14] = value
         body, eps[11:14], omega[11:14] = sf.Suslov3D(**values), 1.0, [1.0, -3.0]

@@ -109,14 +109,14 @@ FIELDS = [
     (changed(HENON, parameters={"x": 1.0}), ValueError, "parameters"),
     (field(lambda x: (x[0] * x[1], x[0]), 3), ValueError, "f"),
     (field(lambda x: (x[0] * x[2], x[0])), ValueError, "f"), (field(np.sin), TypeError, "f"),
-    (field(lambda x: (np.sin(x[0]), x[1])), TypeError, "f: .*got sin of x"),
+    (field(lambda x: (np.sin(x[0]), x[1])), TypeError, "f: .* sin"),
     (field(lambda x: (1 / x[0], x[1])), TypeError, "f"),
     (field(lambda x: (x[0] if x[0] == 0 else 1, x[1])), TypeError, "f"),
     (field(lambda x: (x[0] and 1, x[1])), TypeError, "f"),
     (field(lambda x: (x[0] ** 0.5, x[1])), ValueError, "f"),
     (field(lambda x: (x[0] * NAN, x[1])), ValueError, "f"),
     (field(lambda x: (x[0] / 0, x[1])), ValueError, "f"),
-    (field(lambda x: (x[0] ** 3, x[1])), ValueError, r"f: .* degree 3: .*quadratic.* reset"),
+    (field(lambda x: (x[0] ** 3, x[1])), ValueError, "f: .* degree 3"),
     (field(lambda x: x[0] * x[1]), ValueError, "f"),
     (field(lambda x: ("1", 1)), TypeError, "f"), (field(None), TypeError, "f"),
     (field(lambda x: (1,), 1.5), TypeError, "dimension"),
@@ -253,7 +253,7 @@ def test_bad_calls(call, exception, name):
     assert re.search(rf"(?<!\w){name}(?!\w)", message)
     assert "expected " in message
     assert ", got " in message or exception is AttributeError
-    assert not re.search("ufunc|\n", message)
+    assert "\n" not in message
 
 
 def test_a_bad_call_changes_nothing():

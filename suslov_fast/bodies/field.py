@@ -16,14 +16,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from numbers import Rational
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..checks import OTHERS, FloatArray, common_shape, integer, refuse, states, within, wrong
 from . import polynomials
 from .base import Body, cut
-from .polynomials import as_given, coefficients, family, terms_of, text_of, traced
+from .polynomials import as_given, coefficients, from_lists, terms_of, text_of, to_lists, traced
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
@@ -96,23 +96,18 @@ class QuadraticField(Body):
     QuadraticField(x1' = x2*x3, x2' = x1*x3, x3' = x1*x2)
     """
 
-    quadratic: Any
-    linear: Any = None
-    constant: Any = None
-
-    if TYPE_CHECKING:  # attributes that are made from these, or with them
-        table: Any = None
-        H: Hamiltonian | None = None
-        K: Any = None
-        _parameters: dict[str, Any] = {}
-
-    _extras: ClassVar[tuple[str, ...]] = ("H", "K", "parameters")
+    if TYPE_CHECKING:
+        quadratic: Any
+        linear: Any
+        constant: Any
+        table: Any
+        H: Hamiltonian | None
+        K: Any
+        _parameters: dict[str, Any]
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        arrays = {"quadratic": as_given("quadratic", quadratic)}
-        for name, each in (("linear", linear), ("constant", constant)):
-            if each is not None:
-                arrays[name] = as_given(name, each)
+        given = {"quadratic": quadratic, "linear": linear, "constant": constant}
+        arrays = {name: as_given(name, each) for name, each in given.items() if each is not None}
         D = (0, *arrays["quadratic"].shape)[-1]
         for name, array in arrays.items():
             axes = _AXES[name]
@@ -124,21 +119,24 @@ class QuadraticField(Body):
         table[..., :-1, :-1] = found["quadratic"]
         table[..., :-1, -1] += found.get("linear", 0)
         table[..., -1, -1] += found.get("constant", 0)
-        vars(self).update(vars(self._made((table + table.swapaxes(-2, -1)) / 2)))
+        self._become((table + table.swapaxes(-2, -1)) / 2)
 
-    @classmethod
-    def _made(
-        cls, table: Any, H: Any = None, K: Any = None, parameters: Mapping[str, Any] | None = None
-    ) -> QuadraticField:
-        """Return the field with a table, and H, K and named parameters, which are not checked."""
-        self = object.__new__(cls)
+    def _become(self, table: Any, H: Any = None, K: Any = None, parameters: Any = ()) -> None:
+        """Take a table, H, K and named parameters, which are not checked."""
+        if table.ndim > 3:
+            table, H, K = (None if a is None else a.astype(np.float64) for a in (table, H, K))
         found = {"quadratic": table[..., :-1, :-1], "constant": table[..., -1, -1], "table": table}
         found |= {"linear": 2 * table[..., :-1, -1], "K": K}
         for array in (H, *found.values()):
             if array is not None:
                 array.flags.writeable = False
-        found |= {"H": None if H is None else Hamiltonian(H), "shape": table.shape[:-3]}
-        vars(self).update(found, _parameters=dict(parameters or {}))
+        found |= {"H": None if H is None else Hamiltonian(H), "_parameters": dict(parameters)}
+        vars(self).update(found, shape=table.shape[:-3])
+
+    @classmethod
+    def _made(cls, *parts: Any) -> QuadraticField:
+        self = object.__new__(cls)
+        self._become(*parts)
         return self
 
     @classmethod
@@ -173,8 +171,8 @@ class QuadraticField(Body):
         ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
         """
         D = integer("dimension", dimension, 1)
-        (table,), values = family(parameters, lambda given: (traced("f", f, D, 2, given),))
-        return cls._made(table, None, None, values)
+        values = polynomials.check_parameters(parameters)
+        return cls._made(traced("f", f, D, 2, values), None, None, values)
 
     @classmethod
     def from_hamiltonian(
@@ -207,13 +205,9 @@ class QuadraticField(Body):
         """
         D = integer("dimension", dimension, 1)
         matrix = polynomials.antisymmetric(K, D)
-
-        def tables(given: Mapping[str, Any]) -> tuple[Any, Any]:
-            whole = traced("H", H, D, 3, given)
-            return within("H", rates(whole, matrix), OTHERS), whole
-
-        (table, whole), values = family(parameters, tables)
-        return cls._made(table, whole, matrix.astype(table.dtype), values)
+        values = polynomials.check_parameters(parameters)
+        tensor = traced("H", H, D, 3, values)
+        return cls._made(within("H", rates(tensor, matrix), OTHERS), tensor, matrix, values)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
@@ -291,9 +285,14 @@ class QuadraticField(Body):
         return tuple(f"x{i}" for i in range(1, self.dimension + 1))
 
     @property
-    def _values(self) -> dict[str, Any]:
-        found = {name: getattr(self, name) for name in self._names()}
+    def _tables(self) -> dict[str, Any]:
+        """The coefficients as they are, and H and K if there are any."""
+        found = {name: getattr(self, name) for name in ("quadratic", "linear", "constant")}
         return found if self.H is None else found | {"H": self.H.tensor, "K": self.K}
+
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        return {name: np.asarray(each, np.float64) for name, each in self._tables.items()}
 
     @property
     def _coordinates(self) -> dict[str, FloatArray]:
@@ -301,17 +300,32 @@ class QuadraticField(Body):
 
     @classmethod
     def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
-        whole = cls(*(values.get(name) for name in cls._names()))
-        if values.get("H") is None:
-            return whole
-        H = coefficients("H", as_given("H", values["H"]), bool(whole.shape))
-        K = polynomials.antisymmetric(values.get("K"), whole.dimension).astype(H.dtype)
-        if H.shape != (*whole.shape, *(len(K) + 1,) * 3):
-            raise wrong("H, K", "those of the coefficients", f"shape {H.shape}")
-        expected = rates(H, K)  # the coefficients of a batch are rounded
-        if not (abs(expected - whole.table) <= 1e-9 * abs(expected).max(initial=0)).all():
-            raise wrong("H, K", "those of the coefficients", "others")
-        return cls._made(whole.table, H, K)
+        return cls._read(**values)
+
+    @classmethod
+    def _read(
+        cls,
+        quadratic: Any,
+        linear: Any = None,
+        constant: Any = None,
+        H: Any = None,
+        K: Any = None,
+        parameters: Mapping[str, Any] | None = None,
+    ) -> QuadraticField:
+        """Return a field of arrays or nested lists, in which strings "p/q" are fractions."""
+        given = {"quadratic": quadratic, "linear": linear, "constant": constant}
+        whole = cls(*(from_lists(name, each) for name, each in given.items()))
+        named = {name: from_lists(name, each)[()] for name, each in (parameters or {}).items()}
+        tensor = matrix = None
+        if H is not None:
+            tensor = coefficients("H", as_given("H", from_lists("H", H)), bool(whole.shape))
+            matrix = polynomials.antisymmetric(from_lists("K", K), whole.dimension)
+            if tensor.shape != (*whole.shape, *(len(matrix) + 1,) * 3):
+                raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
+            expected = rates(tensor, matrix.astype(tensor.dtype))  # those of a batch are rounded
+            if not (abs(expected - whole.table) <= 1e-9 * abs(expected).max(initial=0)).all():
+                raise wrong("H, K", "those of the coefficients", "others")
+        return cls._made(whole.table, tensor, matrix, polynomials.check_parameters(named))
 
     def _part(self, axis: int, index: int | slice) -> QuadraticField:
         part = super()._part(axis, index)
@@ -339,17 +353,10 @@ class QuadraticField(Body):
         short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
         return f"QuadraticField({short})"
 
-    @property
-    def _plain(self) -> dict[str, Any]:
-        named = {name: polynomials.to_lists(value) for name, value in self._parameters.items()}
-        return super()._plain | ({"parameters": named} if named else {})
-
-    @classmethod
-    def _from_plain(cls, given: dict[str, Any]) -> QuadraticField:
-        given = {name: polynomials.from_lists(name, each) for name, each in given.items()}
-        field = cls._of(given)
-        field._parameters.update(polynomials.check_parameters(given.get("parameters", {})))
-        return field
+    def to_dict(self) -> dict[str, Any]:
+        named = {name: to_lists(value) for name, value in self._parameters.items()}
+        found = {name: to_lists(each) for name, each in self._tables.items()}
+        return {"body": "QuadraticField", **found, **({"parameters": named} if named else {})}
 
 
 def rates(H: Any, K: Any) -> Any:

@@ -27,10 +27,6 @@ RESERVED = frozenset(
 _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 # The indices of the variables of a monomial, ascending, and its coefficient.
 Terms = Mapping[tuple[int, ...], Fraction]
-_LIFT = (
-    ": make it quadratic by a variable for a product, as y for x**2 with y' = 2 x x'; away from "
-    "y = x**2 errors may grow, so watch abs(y - x**2), and reset y after each step where it grows"
-)
 
 
 def is_number(value: Any) -> bool:
@@ -77,10 +73,9 @@ def antisymmetric(K: Any, D: int) -> Any:
             raise wrong("dimension", "an even number without K", D)
         K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
     matrix = coefficients("K", as_given("K", K), False)
-    if matrix.shape != (D, D):
-        raise wrong("K", f"shape ({D}, {D})", matrix.shape)
-    if (matrix != -matrix.T).any():
-        raise wrong("K", "an antisymmetric matrix", short(matrix.astype(float).tolist()))
+    if matrix.shape != (D, D) or (matrix != -matrix.T).any():
+        received = short(matrix.astype(float).tolist())
+        raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
     return matrix
 
 
@@ -114,15 +109,17 @@ def to_lists(value: Any) -> Any:
 
 
 def from_lists(name: str, value: Any) -> Any:
-    """Return nested lists of numbers whose strings "p/q" are fractions."""
-    if isinstance(value, Mapping):
-        return {key: from_lists(key, each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [from_lists(name, each) for each in value]
+    """Return an array of numbers, of which strings "p/q" are fractions; None for None."""
+    if value is None or isinstance(value, np.ndarray):
+        return value
+    array: Any = np.array(value, dtype=object)
     try:
-        return Fraction(value) if isinstance(value, str) else value
+        for place in np.ndindex(array.shape):
+            if isinstance(array[place], str):
+                array[place] = Fraction(array[place])
     except (ValueError, ZeroDivisionError):
-        raise wrong(name, 'numbers or strings "p/q"', repr(value)) from None
+        raise wrong(name, 'numbers or strings "p/q"', short(value)) from None
+    return array
 
 
 class Polynomial:
@@ -191,28 +188,39 @@ class Polynomial:
 def _check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
     """Raise TypeError unless f can be called as f(x, **parameters)."""
     try:
-        known = inspect.signature(f).parameters
+        signature = inspect.signature(f)
     except (TypeError, ValueError):  # no function, or one of another language
         return
-    own = {each: known[each] for each in [*known][1:]}
-    takes_any = any(each.kind is each.VAR_KEYWORD for each in own.values())
-    for each, about in own.items():
-        if about.default is about.empty and each not in parameters and "VAR" not in about.kind.name:
-            received = f"none for {each}: {name} needs {each}: pass {each}=28, say"
-            raise wrong(name, "values for all its parameters", received, TypeError)
-    for each in parameters:
-        if each not in own and not takes_any:
-            expected = f"parameters that it has ({', '.join(own) or 'none but x'})"
-            raise wrong(name, expected, each, TypeError)
+    try:
+        signature.bind((), **parameters)
+    except TypeError as error:
+        missing = re.search(r"missing.*'(\w+)'", str(error))
+        how = f": {name} needs {missing[1]}: pass {missing[1]}=28, say" if missing else ""
+        expected = "parameters that it has, and all of them"
+        raise wrong(name, expected, str(error).removeprefix("got ") + how, TypeError) from None
 
 
 def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
-    """Return the tensors of the D polynomials f(x, **parameters), or of the one of degree 3."""
+    """Return the tensors of the D polynomials f(x, **parameters), or of the one of degree 3.
+
+    They are exact. For arrays of parameters there is one for each of their values.
+    """
     _check_call(name, f, parameters)
+    batch = np.broadcast_shapes(*map(np.shape, parameters.values()))
+    if not batch:
+        return _traced_once(name, f, D, degree, parameters)
+    shape = (D,) * (degree == 2) + (D + 1,) * degree
+    columns = (np.broadcast_to(each, batch).ravel().tolist() for each in parameters.values())
+    rows = [dict(zip(parameters, row, strict=True)) for row in zip(*columns, strict=True)]
+    members = [_traced_once(name, f, D, degree, row) for row in rows]
+    return np.array(members, dtype=object).reshape(*batch, *shape)
+
+
+def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str, Any]) -> Any:
     count = f"{D} polynomials" if degree == 2 else "a polynomial"
-    expected = f"a function that returns {count} of degree at most {degree} in x[0] to x[{D - 1}]"
+    expected = f"{count} of degree at most {degree} in x[0] to x[{D - 1}], by +, -, * and /"
     try:
         found = f(tuple(Polynomial({(i,): Fraction(1)}) for i in range(D)), **parameters)
         if degree == 3:
@@ -222,11 +230,7 @@ def traced(
         return np.stack([_tensor(each, D, degree) for each in found])
     except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
-        of_numpy = re.search(r"callable (\w+) method", str(error))
-        received = f"{of_numpy[1]} of x" if of_numpy else error
-        raise wrong(
-            name, f"{expected}, by +, -, * and divisions by numbers", received, kind
-        ) from error
+        raise wrong(name, expected, error, kind) from error
 
 
 def _tensor(value: Any, D: int, degree: int) -> Any:
@@ -238,32 +242,17 @@ def _tensor(value: Any, D: int, degree: int) -> Any:
     table = np.full((D + 1,) * degree, Fraction(0))
     for powers, c in polynomial.terms.items():
         if len(powers) > degree:
-            raise ValueError(f"degree {len(powers)}" + _LIFT * (degree == 2))
+            raise ValueError(f"degree {len(powers)}")
         places = {*permutations((*powers, *[D] * (degree - len(powers))))}
         for each in places:
             table[each] = c / len(places)
     return table
 
 
-def family(
-    parameters: Mapping[str, Any], tables: Callable[[Any], tuple[Any, ...]]
-) -> tuple[tuple[Any, ...], dict[str, Any]]:
-    """Return what `tables` makes of parameters, of floats if these are arrays, and them checked."""
-    values = check_parameters(parameters)
-    if not any(map(np.ndim, values.values())):
-        return tables(values), values
-    arrays = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in values.values()))
-    rows = zip(*(array.ravel().tolist() for array in arrays), strict=True)
-    members = [tables(dict(zip(values, row, strict=True))) for row in rows]
-    one = members or [tables(dict.fromkeys(values, 1.0))]  # shapes of an empty batch
-    columns = (np.array(each, np.float64)[: len(members)] for each in zip(*one, strict=True))
-    return tuple(each.reshape(*arrays[0].shape, *each.shape[1:]) for each in columns), values
-
-
 def terms_of(table: Any) -> Terms:
     """Return the terms of a symmetric tensor in homogeneous coordinates."""
     D, terms = len(table) - 1, dict[tuple[int, ...], Any]()
-    for place in zip(*(each.tolist() for each in np.nonzero(table)), strict=True):
+    for place in map(tuple, np.argwhere(table != 0).tolist()):
         powers = tuple(sorted(i for i in place if i < D))
         terms[powers] = terms.get(powers, 0) + table[place]
     return terms

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any, ClassVar
 
@@ -35,7 +35,7 @@ class _In3D(Body):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        I1, I2, I13, I23, *_, I3 = (getattr(self, name) for name in self._names())
+        I1, I2, I13, I23, *_, I3 = (getattr(self, field.name) for field in fields(self))
         if I3 is None:
             return
         tensors = _matrices((I1, 0.0, I13), (0.0, I2, I23), (I13, I23, I3)).reshape(-1, 3, 3)

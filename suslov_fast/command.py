@@ -1,7 +1,5 @@
 """The command `suslov-fast`: runs, their summaries, reports, pictures and a page in the browser."""
 
-from __future__ import annotations
-
 import argparse
 import inspect
 import json
@@ -205,7 +203,6 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, float]:
 
 
 def _body_in(path: Path) -> Any:
-    """Return the body or field in a file."""
     from . import body_from_dict
 
     with _about(path):
@@ -246,13 +243,10 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
     if isinstance(starts, RandomStarts):
         starts = starts.states(starts.shape[0], dimension=body.dimension)
     try:
-        for _ in range(2):  # short runs twice, since the first one starts threads
-            with compile_timer() as compiling:
-                begin = time.perf_counter()
-                found = iterate(body, starts, eps, steps, on_singular="ignore", **settings)
-                seconds = time.perf_counter() - begin - compiling()
-            if seconds > 0.5:
-                break
+        with compile_timer() as compiling:
+            begin = time.perf_counter()
+            found = iterate(body, starts, eps, steps, on_singular="ignore", **settings)
+            seconds = time.perf_counter() - begin - compiling()
         if path is not None:
             found.save(path, overwrite=force)
     except KeyboardInterrupt:
@@ -293,10 +287,11 @@ def info(options: argparse.Namespace) -> int:
                     facts = _facts_of_store(open_ensemble(path))
                 else:
                     facts = _facts_of(Trajectories.load(path))
-            print(_lines_of({"file": str(path), **facts}, options.json), flush=True)
         except ValueError as error:
             _tell(str(error))
             failed = 1
+        else:
+            print(_lines_of({"file": str(path), **facts}, options.json), flush=True)
     return failed
 
 
@@ -316,7 +311,6 @@ def _facts_of(found: Any, start: Any = None) -> dict[str, Any]:
 
 
 def _facts_of_store(data: Any) -> dict[str, Any]:
-    """Return the summary of a store, finished or not: its attributes and statuses."""
     return {**data.attrs, "trajectories": data.status.size, "status": _counts(data.status)}
 
 

@@ -218,52 +218,37 @@ MISTAKES = """
 2 | | required: COMMAND
 2 | rum | invalid choice: 'rum' .* did you mean run?
 2 | run --stpes 3 | unrecognized arguments: --stpes 3; did you mean --steps?
-2 | run --Steps=3 | --Steps=3; did you mean --steps?
 2 | run --i1 3 | --i1 3; did you mean --I1?
-2 | report --body good.json --digree 3 | did you mean --degree?
-2 | run 10 | unrecognized arguments: 10
 2 | run --steps | --steps: expected one argument
 2 | run --steps 1.5 | --steps: invalid integer value: '1.5'
-2 | run --omega0 1 2 | unrecognized arguments: 2
 2 | run --omega0 1,x | --omega0: invalid numbers value: '1,x'
 2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k: not allowed
-2 | run --picture 5 | --picture: invalid choice
 2 | run --I1 4kg | --I1: invalid float value: '4kg'
 2 | run --I1 4.5 --eps 1 | required: --I2, --I13, --I23
-2 | run --J 1,2 --eps 1 | required: --I
 2 | run --I1 4 --I2 1 --I13 1 --I23 1 | required: --eps
-2 | run --body good.json | required: --eps
-2 | run --picture 1 --J 4,5 | --J: not allowed
 2 | run --body good.json --picture 1 | --picture: not allowed with argument --body
 2 | run --omega0 1,2 --initial good.npy | --initial: not allowed with argument --omega0
 2 | run --omega0 1,2 --seed 0 | --seed: expected random
 2 | run --save-every 3 | --save-every .* expected -o FILE
 2 | run --attitude | --attitude: expected -o FILE
 2 | run -o o.csv | -o/--output: expected FILE.npz or FILE.zarr, got 'o.csv'
-2 | info | required: FILE
-2 | report | required: --body
 2 | report --body good.json --eps x | --eps: invalid Fraction value: 'x'
 2 | explore now | unrecognized arguments: now
 1 | report --body good.json --eps 1/0 | Fraction(1, 0)
 1 | run --omega0 1,2,3 | --omega0: expected shape
-1 | run --omega0 1,2 --omega0 1 | --omega0: expected a rectangular array
 1 | run --omega0 inf,1 | --omega0: .* inf
 1 | run --I1 -3 --I2 1 --I13 1 --I23 1 --eps 1 | I1: .* -3
 1 | run --J 1,2 --I 1,2,3 --eps 1 | I
-1 | run --J 1,-2 --I 1,2 --eps 1 | J: .* -2
 2 | run --J 1,2 --I 1,2 --eps 1 --I1 3 | --I1: not allowed
 1 | run --steps -1 | steps: expected .* -1
 1 | run --trajectories 0 | --trajectories: expected .* 0
 1 | run --trajectories 1e12 --steps 9 | memory
-1 | run --steps 1000000000 --save-every 1 -o o.npz | memory
 1 | run --steps 1e12 --save-every 1 -o o.zarr | memory
 1 | run --save-every 0 -o o.npz | save_every: expected .* 0
 1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* bytes, fewer than
 1 | run --threads 100000 | threads: expected .* 100000
 2 | run --eps inf | --eps: invalid Fraction value: 'inf'
 1 | run --eps 1e99 | eps: expected .* units
-1 | run --extent 0 | extent: expected .* 0
-1 | run --seed -1 | seed: expected .* -1
 1 | run --method rk4 | method: expected .* 'rk4'
 1 | run --body field.json --eps 1 --attitude -o o.npz | attitude: expected
 1 | run --body missing.json --eps 1 | missing.json: No such file
@@ -271,30 +256,22 @@ MISTAKES = """
 1 | run --body cut.json --eps 1 | cut.json: .* line 1 column 10
 1 | run --body wrong.json --eps 1 | wrong.json: .* I1 .* -4
 1 | run --body short.json --eps 1 | short.json: .* I23
-1 | run --body more.json --eps 1 | more.json: .* mass
-1 | run --body list.json --eps 1 | list.json: .* list
 1 | run --body other.json --eps 1 | other.json: .* Rattleback
 1 | run --body binary.json --eps 1 | binary.json: .* utf-8
-1 | run --initial missing.npy | missing.npy: No such file
 1 | run --initial cut.npy | cut.npy:
-1 | run --initial text.npy | text.npy:
-1 | run --initial good.npz | good.npz:
 1 | run --initial inf.npy | inf.npy: expected finite .* inf .* (2, 1)
 1 | run --initial names.npy | names.npy: expected real numbers
 1 | run --initial three.npy | three.npy: expected shape (..., 2), got (4, 3)
 1 | run -o good.npz | good.npz: expected a new name, or --force
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
-1 | run -o good.npz/o.npz | good.npz/o.npz:
 1 | run -o good.npz/o.zarr | good.npz
 1 | run -o folder.zarr | folder.zarr .* thesis.tex
 1 | run -o folder.zarr --force | folder.zarr
 1 | info missing.npz | missing.npz: No such file
-1 | info good.npz | good.npz: expected
 1 | info foreign.npz | foreign.npz: expected
 1 | info folder.zarr | folder.zarr: .* expected
 1 | pictures | picture1.png: expected a new name, or --force
 1 | pictures -o good.npz/new | good.npz
-1 | report --body cut.json --eps 1/3 | cut.json: .* line 1 column 10
 1 | report --body good.json --eps 1/3 --degree 0 | degree: expected .* 0
 1 | explore --port 65536 | --port 65536:
 """
@@ -316,9 +293,8 @@ def bad_files(tmp_path_factory):
     (folder / "binary.json").write_bytes(bytes(range(128, 200)))
     body = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": 0, "I23": 1}
     texts = {
-        "good.npz": "precious", "picture1.png": "precious", "starts.txt": "1,2\n",
-        "text.npy": "1,2\n", "list.json": "[4]", "good.json": json.dumps(body),
-        "wrong.json": json.dumps(body | {"I1": -4}), "more.json": json.dumps(body | {"mass": 3}),
+        "good.npz": "precious", "picture1.png": "precious",
+        "good.json": json.dumps(body), "wrong.json": json.dumps(body | {"I1": -4}),
         "short.json": json.dumps({name: body[name] for name in [*body][:-1]}),
         "other.json": json.dumps(body | {"body": "Rattleback"}), "cut.json": '{"body": ',
         "field.json": json.dumps(lotka().to_dict()),

@@ -49,6 +49,8 @@ def test_half_a_turn(eps, size):
         R = sf.attitude(body, np.tile(size * u[: body.dimension], (3, 1)), eps)
         np.testing.assert_allclose(R[1], expected, atol=1e-12)
         np.testing.assert_allclose(R[2], np.eye(len(expected)), atol=1e-12)
+        beyond = sf.attitude(body, np.tile(1e200 * u[: body.dimension], (2, 1)), 1.0)
+        assert np.isnan(beyond[1]).all()
 
 
 def test_orientations_remain_orthogonal(case):

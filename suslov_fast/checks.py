@@ -221,9 +221,7 @@ def instance(name: str, value: Any, expected: Any) -> None:
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         names = " or ".join(each.__name__ for each in classes)
-        is_class = isinstance(value, type)
-        received = f"the class {value.__name__}" if is_class else type(value).__name__
-        raise wrong(name, names, received, TypeError)
+        raise wrong(name, names, type(value).__name__, TypeError)
 
 
 def short(value: Any) -> str:

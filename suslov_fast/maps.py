@@ -119,8 +119,7 @@ def map_of(body: Any) -> Map:
     for record in _RECORDS:
         if isinstance(body, record.body):
             return record
-    received = f"the class {body.__name__}" if isinstance(body, type) else type(body).__name__
-    raise checks.wrong("body", " or ".join(_KINDS), received, TypeError)
+    raise checks.wrong("body", " or ".join(_KINDS), type(body).__name__, TypeError)
 
 
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:

@@ -186,10 +186,7 @@ def check_measure(body: SuslovND, function: str) -> None:
     size = abs(body.I)
     along_axis = (size > _ROUNDING * size.max(axis=-1, keepdims=True)).sum(axis=-1) <= 1
     known = (along_axis & (body.dimension == 3)) | (body.dimension == 2)
-    instead = (
-        "for which no invariant measure is known: use jacobian, whose determinant is the factor by "
-        "which a step changes volumes"
-    )
+    instead = "for which no invariant measure is known: use the determinant of jacobian"
     _require(known, function, "n = 3, or with n = 4 and I along one axis", instead)
 
 

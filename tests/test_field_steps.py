@@ -188,6 +188,14 @@ def test_states_at_rest_keep_their_bits():
         assert (run.x[:, 0] == state).all()
 
 
+def test_a_hamiltonian_with_three_factors():
+    """H(x, x, x_next), whose terms have places of their own, is conserved."""
+    field = sf.QuadraticField.from_hamiltonian(lambda x: x[0] * x[1] * x[2] + x[0] * x[3], 4)
+    run = sf.iterate(field, [0.3, -0.2, 0.5, 0.7], 0.2, 10)
+    assert np.ptp(run.modified_energy()) < 1e-15
+    assert np.ptp(run.energy()) > 1e-5
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Sleigh(Body):
     """A Chaplygin sleigh, whose state is its speed and its angular velocity."""

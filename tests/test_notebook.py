@@ -2,15 +2,12 @@
 
 import http.server
 import json
-import re
 import threading
 
 import pytest
 from browser import check_silence, pixels, put, settle, text
 
 import suslov_fast as sf
-from suslov_fast.plots.explore.notebook import Widget, page_in_one_file
-from suslov_fast.plots.explore.scene import PAGE
 
 # A page that mounts the widget as a notebook does, with the Python handler behind its model.
 NOTEBOOK = """<!doctype html><link rel="icon" href="data:,"><script type="module">
@@ -119,14 +116,3 @@ def test_notebook_without_a_kernel(browser, notebook):
     frame = browser.frame()
     browser.wait(words, **frame)
     assert "saved notebook" in text(browser, "message", **frame)
-
-
-def test_modules_in_one_file_are_those_of_the_page():
-    html = page_in_one_file()
-    assert Widget(query="")._html == html
-    assert not re.search(r"^(import|export) ", html, re.MULTILINE)
-    assert 'src="' not in html
-    for file in PAGE.glob("*.js"):
-        body = file.read_text("utf-8").splitlines()
-        assert body[0].startswith("// ")
-        assert (body[0] in html) == (file.name not in ("http.js", "widget.js"))

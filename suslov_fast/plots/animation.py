@@ -1,7 +1,7 @@
 """The body in space: its ellipsoid of inertia, and the path of the axis a."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, integer, wrong
 from ..runs.iterate import iterate
-from .phase import positive
-from .plane import BodyIn3D, Plane, ellipsoid, plane_of
+from .phase import BodyIn3D, Plane, plane_of, positive
 
 # A realizable body: admissible_I3() contains 2.28 to 5.68.
 _EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
@@ -149,3 +148,32 @@ def _plot_around(axes: Any, points: FloatArray, in_front: NDArray[np.bool_]) -> 
     for order, shown, alpha in ((1, behind, 0.45), (3, in_front, 1.0)):
         part = np.where(shown[:, np.newaxis], points, np.nan)
         axes.plot(*part.T, zorder=order, alpha=alpha, color="crimson", linewidth=1.2)
+
+
+class Ellipsoid(NamedTuple):
+    """Semi-axes, the largest being 1, and their directions as columns."""
+
+    radii: FloatArray
+    axes: FloatArray
+    I3: float
+    matter: bool  # whether a rigid body has this I3
+
+
+def ellipsoid(body: BodyIn3D) -> Ellipsoid:
+    """The ellipsoid of inertia.
+
+    Without I3 the middle of the interval or, if that is empty, a number of an ellipsoid is taken.
+    """
+    I1, I2, I13, I23, _ = body.parameters
+    low, high = Suslov3D(I1, I2, I13, I23).admissible_I3()
+    if body.I3 is not None:
+        I3 = float(body.I3)
+    elif np.isfinite(low):
+        I3 = float(0.5 * (low + high))
+    else:
+        I3 = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
+    moments, axes = np.linalg.eigh(np.array([[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]))
+    if not moments[0] > 0:
+        expected = "one with a positive definite inertia tensor"
+        raise wrong("I3", expected, f"{I3} and the principal moment {moments[0]:.3g}")
+    return Ellipsoid(np.sqrt(moments[0] / moments), axes, I3, bool(low < I3 < high))

@@ -1,4 +1,4 @@
-"""Axes and colours of all pictures, and pictures of runs. Imports Matplotlib (extra `plots`)."""
+"""Pictures of runs, and axes and colours of all pictures. Imports Matplotlib (extra `plots`)."""
 
 import math
 from typing import Any
@@ -31,10 +31,7 @@ _LEVELS = {
 
 
 def axes_for(ax: Any, size: tuple[float, float]) -> Any:
-    """Return the plane axes passed, checked, or those of a new figure of a size in inches.
-
-    pyplot knows the new figure, so that notebooks and `plt.show()` show it.
-    """
+    """Return the plane axes passed, or those of a new figure, which pyplot shows."""
     if ax is None:
         return plt.figure(figsize=size, layout="constrained").add_subplot()
     if not isinstance(ax, Axes) or ax.name == "3d":
@@ -69,12 +66,11 @@ def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any)
 
 def _checked(components: tuple[int, int], D: int) -> tuple[int, int]:
     if D == 1:
-        how = "draw run.states[..., 0] over run.time"
-        raise ValueError(f"plot: expected states with at least 2 components, got 1: {how}")
+        raise wrong("plot", "states with at least 2 components", 1)
     expected = f"two integers from 0 to {D - 1}"
     found = [integer("components", k, 0, expected) for k in components]
     if len(found) != 2 or max(found) >= D:
-        raise ValueError(f"components: expected {expected}, got {components}")
+        raise wrong("components", expected, components)
     return found[0], found[1]
 
 

@@ -1,18 +1,97 @@
 """The phase plane of a body in three dimensions: orbits, level curves and steady states."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..bodies.paper import PICTURES
-from ..checks import FloatArray, integer, real_number, wrong
+from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..checks import FloatArray, instance, integer, real_number, wrong
 from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
-from .plane import BodyIn3D, Plane, plane_of
 
+BodyIn3D = Suslov3D | SuslovGyrostat
+# Relative distance from t = 1 of levels drawn in place of nearer ones.
+_NEAR_1 = 1e-6
 # Phase between the ends of orbits and the line, where the arc is a half turn; longest orbits.
 _FROM_LINE, _LONGEST_TURN = 0.03, 1000
+
+
+class Plane(NamedTuple):
+    """The plane of a single body and a step size.
+
+    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, l = k + Re(conj(g) z), e = eps / (2 sqrt(I1 I2)),
+    the levels of F are abs(z) / sqrt(1 + e**2 l**2) = R, and psi = arg(z / (1 - i e l)) - arg(g) is
+    the phase on a level.
+    """
+
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    k: float
+    eps: float
+
+    @property
+    def g(self) -> complex:
+        """The complex number I13 / sqrt(I1) + i I23 / sqrt(I2)."""
+        return complex(self.I13 / np.sqrt(self.I1), self.I23 / np.sqrt(self.I2))
+
+    @property
+    def e(self) -> float:
+        """The number eps / (2 sqrt(I1 I2))."""
+        return float(0.5 * self.eps / np.sqrt(self.I1 * self.I2))
+
+    def radius(self, omega: Any) -> float:
+        """The modulus of z."""
+        return float(np.hypot(np.sqrt(self.I1) * omega[0], np.sqrt(self.I2) * omega[1]))
+
+    def on_level(self, R: float, psi: float | FloatArray) -> FloatArray:
+        """States (..., 2) on the level R of the first integral, at phases psi (...)."""
+        g, e = self.g, self.e
+        A, turn = R * abs(g), g / abs(g) if g else 1.0
+        turned = (1 - 1j * e * self.k) * np.exp(1j * psi) - 1j * e * A
+        z = R * turn * turned / (1 - e * A * np.sin(psi))
+        return np.stack([z.real / np.sqrt(self.I1), z.imag / np.sqrt(self.I2)], axis=-1)
+
+    def level(self, R: float, reach: float = 3.0) -> list[FloatArray]:
+        """Branches, as states (N, 2), of the level R, a conic; for eps = 0, of the energy.
+
+        Unbounded branches are cut off at sinh(reach) times their width.
+        """
+        t = abs(self.e * R * self.g)
+        if abs(t - 1.0) < _NEAR_1:  # two lines, which have no phases: the hyperbola next to them
+            R, t = R * (1.0 + _NEAR_1) / t, 1.0 + _NEAR_1
+        # With u = tan(phase / 2 - pi / 4) the curve is a quotient of quadratic polynomials, of
+        # which the denominator is proportional to u**2 - v**2 or, where t < 1, u**2 + v**2.
+        v = float(np.sqrt(abs((1.0 - t) / (1.0 + t))))
+        if t < 1.0:
+            branches = [v * np.tan(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 300))]
+        else:
+            s = np.tanh(np.linspace(-0.5 * reach, 0.5 * reach, 300))
+            branches = [v * s, v / s]
+        middle = np.copysign(0.5 * np.pi, self.eps)
+        return [self.on_level(R, middle + 2.0 * np.arctan(u)) for u in branches]
+
+    def meeting_phase(self, R: float) -> float:
+        """The phase, up to its sign, where abs(l) is least on a level."""
+        A = R * abs(self.g)
+        return float(np.arccos(np.clip(-self.k / A, -1.0, 1.0))) if A else 0.0
+
+    def steady_line(self) -> tuple[FloatArray, FloatArray]:
+        """The steady state of least energy, and the direction of the half that repels."""
+        least = -self.k / abs(self.g) ** 2 * np.array([self.I13 / self.I1, self.I23 / self.I2])
+        direction = np.copysign(1.0, self.eps) * np.array([self.I23, -self.I13])
+        return least + 0.0, direction / np.hypot(self.I13, self.I23)
+
+
+def plane_of(body: BodyIn3D, eps: float) -> Plane:
+    """The plane of a body, which must be a single one that does not rest in all states."""
+    instance("body", body, BodyIn3D)
+    if body.shape or not any(body.parameters[2:]):
+        raise wrong("body", "a single one with I13 or I23 other than 0", body)
+    return Plane(*(*body.parameters, eps))
 
 
 def plot_phase(
@@ -48,16 +127,14 @@ def plot_phase(
     -------
     matplotlib.axes.Axes
 
+        Each level has a colour: a thin line, and states of the map as dots, from near a repelling
+        to near an attracting steady state, or for one turn. The title has the parameters, unless
+        the axes have a title.
+
     Raises
     ------
     ValueError
         If the body rests in every state, or a state in the picture has a criticality of 1 or more.
-
-    Notes
-    -----
-    Each level has a colour: a thin line, and states of the map as dots. An orbit is drawn from near
-    a repelling to near an attracting steady state, on both sides of the line; a periodic one for
-    one turn. The title has the parameters, unless the axes have a title.
 
     Examples
     --------
@@ -73,8 +150,7 @@ def plot_phase(
     largest = plane.radius([extent, extent])
     t = plane.e * largest * abs(plane.g)
     if not t < 1:
-        expected = "a criticality below 1 in the corners of the picture"
-        raise wrong("extent", expected, f"{t:.3g}")
+        raise wrong("extent", "a criticality below 1 in the corners of the picture", f"{t:.3g}")
     axes = axes_for(ax, (5.2, 5.8))
     colours = COLOURS(np.linspace(0.05, 0.9, levels))
     for R, colour in zip(largest * np.arange(1, levels + 1) / (levels + 1), colours, strict=True):

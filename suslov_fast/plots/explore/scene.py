@@ -17,7 +17,8 @@ from ...quantities.derivatives import vector_field
 from ...runs.iterate import iterate
 from ...runs.solution import flow, limits
 from ...space import scattering_angle, to_vector
-from ..plane import BodyIn3D, Plane, ellipsoid
+from ..animation import ellipsoid
+from ..phase import BodyIn3D, Plane
 
 # The files of the page, which draws these numbers.
 PAGE = Path(__file__).with_name("page")
@@ -37,34 +38,26 @@ class Parameters(NamedTuple):
     I2: float
     I13: float
     I23: float
+    k: float
     eps: float
     Omega1: float
     Omega2: float
     steps: int
     extent: float = 4.0
-    portrait: int = 0
-    k: float = 0.0
+    portrait: float = 0.0
 
     @property
     def body(self) -> BodyIn3D:
         """The body; ValueError if the parameters are invalid."""
-        return SuslovGyrostat(*self[:4], self.k) if self.k else Suslov3D(*self[:4])
+        return SuslovGyrostat(*self[:5]) if self.k else Suslov3D(*self[:4])
 
-    @property
-    def plane(self) -> Plane:
-        """The plane of the body and the step size."""
-        return Plane(*self[:4], self.k, self.eps)
 
-    @property
-    def omega0(self) -> list[float]:
-        """The initial state."""
-        return [self.Omega1, self.Omega2]
+_NEEDED = Parameters._fields[:-2]
 
 
 def parse_query(query: str) -> Parameters:
-    """Return the parameters in a query, beside what it shows; each once, or by default."""
+    """Return the parameters in a query, each once, beside what it `show`s."""
     pairs = [each for each in parse_qsl(query, keep_blank_values=True) if each[0] != "show"]
-    needed = [name for name in Parameters._fields if name not in Parameters._field_defaults]
     values: dict[str, Any] = {}
     for name, text in pairs:
         try:
@@ -73,13 +66,13 @@ def parse_query(query: str) -> Parameters:
             values[name] = math.nan
         if not math.isfinite(values[name]):
             raise wrong(name, "a number", repr(text))
-    if len(values) < len(pairs) or not {*needed} <= values.keys() <= {*Parameters._fields}:
+    if len(values) < len(pairs) or not {*_NEEDED} <= values.keys() <= {*Parameters._fields}:
         got = ", ".join(name for name, _ in pairs) or "none"
-        raise wrong("parameters", f"each of {', '.join(needed)} once", got)
-    if values["steps"] not in range(1, _MOST_STEPS + 1):
-        raise wrong("steps", f"an integer from 1 to {_MOST_STEPS}", f"{values['steps']:g}")
-    whole = {name: int(values.get(name, 0)) for name in ("steps", "portrait")}
-    return Parameters(**values | whole)
+        raise wrong("parameters", f"each of {', '.join(_NEEDED)} once", got)
+    steps = values["steps"]
+    if steps not in range(1, _MOST_STEPS + 1):
+        raise wrong("steps", f"an integer from 1 to {_MOST_STEPS}", f"{steps:g}")
+    return Parameters(**values | {"steps": int(steps)})
 
 
 def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
@@ -87,10 +80,9 @@ def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
     state = states("omega0", omega0, body._labels)
     if body.shape or state.ndim != 1:
         raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
-    *moments, k = map(float, body.parameters)
     extent = 1.5 * float(abs(state).max()) or 1.0
-    values = *moments, eps, *state.tolist(), steps, extent, 0, k
-    query = urlencode(dict(zip(Parameters._fields, values, strict=True)))
+    values = *map(float, body.parameters), eps, *state.tolist(), steps, extent
+    query = urlencode(Parameters(*values)._asdict())
     parse_query(query)
     return query
 
@@ -113,50 +105,59 @@ def scene(parameters: Parameters) -> dict[str, Any]:
     """Return all numbers of the page; ValueError for an invalid body."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        body, eps, start = parameters.body, parameters.eps, np.array(parameters.omega0)
-        steps = parameters.steps
-        run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
-        status = Status(int(run.status))
-        F = first_integral(body, run.omega, eps)
-        t = float(criticality(body, start, eps))
-        numbers = {
+        found = _scene(parameters)
+        return {name: _json_values(each) for name, each in found.items()}
+
+
+def _scene(parameters: Parameters) -> dict[str, Any]:
+    body, eps, steps = parameters.body, parameters.eps, parameters.steps
+    plane, start = Plane(*parameters[:6]), [parameters.Omega1, parameters.Omega2]
+    run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
+    status = Status(int(run.status))
+    F = first_integral(body, run.omega, eps)
+    E = energy(body, start)
+    t = float(criticality(body, start, eps))
+    before, after = limits(body, start, eps)
+    R = 2.0 * float(np.sqrt(plane.I1 * plane.I2 * F[0]))
+    return {
+        "version": __version__,
+        "parameters": parameters._asdict(),
+        "time": list(run.time),
+        "omega": run.omega,
+        "flow": flow(body, start, run.time),
+        "attitude": run.attitude.reshape(-1, 9),
+        "spatial": to_vector(body, run.omega, attitude=run.attitude),
+        "line": _line(plane),
+        "levels": {
+            "F": plane.level(R, _REACH) if R > 0 else [],
+            "energy": plane._replace(eps=0.0).level(math.sqrt(2.0 * E))[0],
+        },
+        "portrait": _portrait(parameters, plane) if parameters.portrait else None,
+        "ellipsoid": _ellipsoid(body),
+        "regime": _regime(parameters, plane, t, status),
+        "status": {
+            "name": status.name,
+            "message": status.message,
+            "failed_at": int(run.failed_at) if status < 0 else None,
+        },
+        "numbers": {
             "criticality": t,
             # How many times faster than the flow the map tends to the last steady state.
             "ahead": math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else None,
             "F": F[0],
             "drift": np.fmax.reduce(abs(F / F[0] - 1.0)),
-            "energy": energy(body, start),
+            "energy": E,
             "scattering_angle": scattering_angle(body) if isinstance(body, Suslov3D) else None,
             "I3": Suslov3D(*parameters[:4]).admissible_I3(),
-        }
-        numbers["omega_minus"], numbers["omega_plus"] = limits(body, start, eps)
-        found = {
-            "version": __version__,
-            "parameters": parameters._asdict(),
-            "time": list(run.time),
-            "omega": run.omega,
-            "flow": flow(body, start, run.time),
-            "attitude": run.attitude.reshape(-1, 9),
-            "spatial": to_vector(body, run.omega, attitude=run.attitude),
-            "line": _line(parameters.plane),
-            "levels": _levels(parameters.plane, numbers),
-            "portrait": _portrait(parameters) if parameters.portrait else None,
-            "ellipsoid": _ellipsoid(body),
-            "regime": _regime(parameters, t, status),
-            "status": {
-                "name": status.name,
-                "message": status.message,
-                "failed_at": int(run.failed_at) if status < 0 else None,
-            },
-            "numbers": numbers,
-            "python": (
-                f"from suslov_fast import {type(body).__name__}, iterate\n\n"
-                f"body = {body!r}\n"
-                f"run = iterate(body, {parameters.omega0}, eps={eps}, steps={steps}, "
-                "attitude=True)\n"
-            ),
-        }
-        return {name: _json_values(each) for name, each in found.items()}
+            "omega_minus": before,
+            "omega_plus": after,
+        },
+        "python": (
+            f"from suslov_fast import {type(body).__name__}, iterate\n\n"
+            f"body = {body!r}\n"
+            f"run = iterate(body, {start}, eps={eps}, steps={steps}, attitude=True)\n"
+        ),
+    }
 
 
 def _line(plane: Plane) -> dict[str, Any] | None:
@@ -167,36 +168,26 @@ def _line(plane: Plane) -> dict[str, Any] | None:
     return {"middle": middle, "repelling": repelling, "attracting": -repelling}
 
 
-def _levels(plane: Plane, numbers: dict[str, Any]) -> dict[str, Any]:
-    """The levels of F and of the energy through the first state."""
-    R = 2.0 * float(np.sqrt(plane.I1 * plane.I2 * numbers["F"]))
-    return {
-        "F": plane.level(R, _REACH) if R > 0 else [],
-        "energy": plane._replace(eps=0.0).level(math.sqrt(2.0 * numbers["energy"]))[0],
-    }
-
-
-def _regime(parameters: Parameters, t: float, status: Status) -> str:
+def _regime(parameters: Parameters, plane: Plane, t: float, status: Status) -> str:
     """The name of the regime, which agrees with the status."""
-    body, eps = parameters.body, parameters.eps
-    if eps == 0:
+    if plane.eps == 0:
         return "still"
     if not math.isfinite(t) or status == Status.NONFINITE:
         return "unknown"
-    if not vector_field(body, parameters.omega0).any():
+    if not vector_field(parameters.body, parameters[6:8]).any():
         return "steady"
     if status == Status.SINGULAR:
         return "pole"
-    if abs(parameters.plane.e * parameters.k) > abs(t):
+    if abs(plane.e * plane.k) > abs(t):
         return "rotor"
-    if abs(t) == 1:
-        return "at" if parameters.k == 0 else "above"
-    return "above" if abs(t) > 1 else "ahead" if abs(t) > _FOLLOWS else "below"
+    if abs(t) >= 1:
+        return "at" if abs(t) == 1 and plane.k == 0 else "above"
+    return "ahead" if abs(t) > _FOLLOWS else "below"
 
 
-def _portrait(parameters: Parameters) -> dict[str, Any] | None:
+def _portrait(parameters: Parameters, plane: Plane) -> dict[str, Any] | None:
     """Orbits on levels that fill the view, from both sides of a repelling steady state."""
-    plane, eps = parameters.plane, parameters.eps
+    eps = plane.eps
     if eps == 0 or not (plane.g or plane.k):
         return None
     largest = plane.radius([parameters.extent] * 2)
@@ -214,10 +205,9 @@ def _portrait(parameters: Parameters) -> dict[str, Any] | None:
 def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
     """The ellipsoid of inertia, if there is one in the range of float64."""
     try:
-        radii, axes, I3, admissible = ellipsoid(body)
+        return ellipsoid(body)._asdict()
     except (ValueError, OverflowError, np.linalg.LinAlgError):
         return None
-    return {"I3": I3, "matter": admissible, "radii": radii, "axes": axes}
 
 
 def _json_values(value: Any) -> Any:

@@ -4,7 +4,7 @@ import json
 import os
 import sys
 import threading
-from http.server import BaseHTTPRequestHandler
+from http.server import SimpleHTTPRequestHandler
 from importlib.util import find_spec
 from socketserver import ThreadingTCPServer
 from typing import Any
@@ -13,17 +13,11 @@ from urllib.parse import unquote
 from numpy.typing import ArrayLike
 
 from ...checks import instance
-from ..plane import BodyIn3D
+from ..phase import BodyIn3D
 from .scene import PAGE, answer, query_of
 
 _ADDRESS = "127.0.0.1"
 _MOST = 32  # requests at a time; others wait
-_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
-_HEADERS = {
-    "Cache-Control": "no-store",
-    # The browser refuses whatever the page would load from elsewhere.
-    "Content-Security-Policy": "default-src 'self'; img-src data:",
-}
 
 
 class Server(ThreadingTCPServer):
@@ -57,39 +51,44 @@ class Server(ThreadingTCPServer):
             super().handle_error(request, client_address)
 
 
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(SimpleHTTPRequestHandler):
     server: Server
     # Seconds; browsers open connections that they may never use.
     timeout = 10.0
+    # Not as the machine has it, which may be another type.
+    extensions_map = SimpleHTTPRequestHandler.extensions_map | {".js": "text/javascript"}
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments, directory=str(PAGE))
 
     def do_GET(self) -> None:
         """Send a file of the page or numbers for it."""
         path, _, query = self.path.partition("?")
         hosts = [f"{name}:{self.server.port}" for name in (_ADDRESS, "localhost")]
-        file = PAGE / (path[1:] or "index.html")
         site = self.headers.get("Sec-Fetch-Site", "none")
         foreign = path == "/scene" and site not in ("none", "same-origin")
-        if not unquote(path).isprintable():  # no file has such a name
+        if not unquote(path, "latin-1").isprintable():  # no file has such a name
             self.send_error(400)
         elif foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
             self.send_error(403)
         elif path == "/scene":
-            text = json.dumps(answer(query), allow_nan=False, separators=(",", ":"))
-            self._send(text, "application/json")
-        elif file in PAGE.iterdir():
-            self._send(file.read_text("utf-8"), f"{_TYPES[file.suffix]}; charset=utf-8")
+            self._send_numbers(query)
         else:
-            self.send_error(404)
+            super().do_GET()
 
-    def _send(self, text: str, kind: str) -> None:
-        body = text.encode()
+    def _send_numbers(self, query: str) -> None:
+        text = json.dumps(answer(query), allow_nan=False, separators=(",", ":")).encode()
         self.send_response(200)
-        for name, value in _HEADERS.items():
-            self.send_header(name, value)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", str(len(text)))
         self.end_headers()
-        self.wfile.write(body)
+        self.wfile.write(text)
+
+    def end_headers(self) -> None:
+        """Let the browser keep nothing, and refuse whatever the page would load from elsewhere."""
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Content-Security-Policy", "default-src 'self'; img-src data:")
+        super().end_headers()
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Log nothing: the page shows errors."""
@@ -156,8 +155,8 @@ def explore(
     Returns
     -------
     Page
-        What a notebook displays. Its attribute `url` is an address of the page on this machine,
-        served from the first use of `url` until its method `close` or the end of the process.
+        What a notebook displays. `page.url` is an address on this machine, served from its first
+        use until `page.close()` or the end of the process.
 
     Examples
     --------

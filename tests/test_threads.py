@@ -103,7 +103,7 @@ def test_signals_at_random_moments():
                     threads.call_kernel(idle, threads.CROSSOVER, 2)
             except Alarm:
                 signal.setitimer(signal.ITIMER_REAL, 0)
-            assert not threads._owned()
+            assert not threads._one_at_a_time._is_owned()
             assert numba.get_num_threads() == available
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
@@ -122,9 +122,9 @@ def test_a_call_during_a_parallel_call_is_serial():
         other.join()
         calls.append("parallel")
 
-    threads._parallel(SimpleNamespace(parallel=parallel), None, ())
+    threads.call_kernel(SimpleNamespace(parallel=parallel), threads.CROSSOVER, 2)
     assert calls == ["serial", "serial", "parallel"]
-    assert not threads._owned()
+    assert not threads._one_at_a_time._is_owned()
 
 
 @pytest.mark.compiled

@@ -5,6 +5,7 @@ Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from typing import Any, NamedTuple
 
 import numba
@@ -12,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.nd import SuslovND
-from ..checks import FloatArray
+from ..checks import FloatArray, wrong
 from ..core import closed_form, orientations, steps_field
 from ..core.numba import Kernel
-from .arguments import States, flat_arrays, parameters_of
-from .memory import require
+from .arguments import States, flat_arrays, parameters_of, require
 from .threads import call_kernel
 
 # Work of a thread in a stretch, in steps of the three-dimensional map.
@@ -34,7 +34,42 @@ _SLICE = 2**21
 # Costs of entering an orbit, and of a state, in steps of the three-dimensional map.
 _ENTERING, _STATE = 64, 8
 
+Progress = bool | None | Callable[[int, int], object]  # the argument of long computations
 Report = Callable[[int], object]  # takes the number of steps done so far
+
+
+def check_progress(progress: Progress) -> None:
+    """Check the argument, and that tqdm is installed if a bar is requested."""
+    if progress is True:
+        _tqdm()
+    elif not (progress is None or progress is False or callable(progress)):
+        expected = "True, False, None or a callable (done, total)"
+        raise wrong("progress", expected, type(progress).__name__, TypeError)
+
+
+@contextmanager
+def reporter(progress: Progress, total: int) -> Iterator[Report]:
+    """Yield a function that takes the number of steps done so far, and shows any progress."""
+
+    def report(done: int) -> None:
+        if callable(progress):
+            progress(done, total)
+        elif bar is not None:
+            bar.update(done - bar.n)
+
+    bar = _tqdm()(total=total, unit="step", unit_scale=True) if progress is True else None
+    with bar or nullcontext():
+        yield report
+        report(total)
+
+
+def _tqdm() -> Any:
+    try:
+        from tqdm.auto import tqdm  # a notebook bar in a notebook
+    except ImportError as error:
+        install = "pip install '.[progress]' in a copy of the repository"
+        raise ImportError(f"progress: expected tqdm, got none: {install}") from error
+    return tqdm
 
 
 class Steps(NamedTuple):

@@ -24,9 +24,8 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..engine.memory import require
-from ..engine.progress import Progress, check_progress, reporter
-from ..engine.starts import RandomStarts
+from ..engine.arguments import RandomStarts, require
+from ..engine.stretches import Progress, check_progress, reporter
 from ..maps import map_of
 from .iterate import _begin, _counts, pieces
 from .trajectories import Trajectories

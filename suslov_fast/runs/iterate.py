@@ -12,11 +12,9 @@ from numpy.typing import ArrayLike
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, instance, integer, one_of, wrong
 from ..core import quantities as formulas
-from ..engine.arguments import BodyOrField, States, check, refuse_rotor
-from ..engine.progress import Progress, check_progress
-from ..engine.starts import RandomStarts
+from ..engine.arguments import BodyOrField, RandomStarts, States, check, refuse_rotor
 from ..engine.status import ON_SINGULAR, OnSingular, report_failures
-from ..engine.stretches import March
+from ..engine.stretches import March, Progress, check_progress
 from ..maps import Map, map_of
 from ..quantities.evaluation import reported
 from .trajectories import Trajectories

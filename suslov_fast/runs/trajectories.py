@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, integer, one_of, short, wrong
 from ..engine.arguments import BodyOrField, States, checked_out, thread_count
-from ..engine.progress import Progress, check_progress, reporter
 from ..engine.status import ON_SINGULAR, OnSingular, report_failures
-from ..engine.stretches import March
+from ..engine.stretches import March, Progress, check_progress, reporter
 from ..maps import Map
 
 if TYPE_CHECKING:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import pickle
-import queue
 import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, BinaryIO
+from typing import Any
 
 _START = """
 import sys
@@ -30,33 +28,27 @@ def results_until(deadline: float, function: Callable[..., Iterator[Any]], *argu
     command = [sys.executable, "-c", _START.format(path=sys.path)]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe) as process:
-        arrived: queue.Queue[Any] = queue.Queue()
-        threading.Thread(target=_read, args=(process.stdout, arrived), daemon=True).start()
+        assert process.stdin
+        assert process.stdout
+        left = min(deadline - time.monotonic(), threading.TIMEOUT_MAX)
+        timer = threading.Timer(left, process.kill)
+        timer.daemon = True
+        timer.start()
+        value: Any = 0
         try:
-            with contextlib.suppress(BrokenPipeError), process.stdin as stdin:  # type: ignore[union-attr]
-                pickle.dump((function, arguments), stdin)
-            while (left := deadline - time.monotonic()) > 0:
-                value = arrived.get(timeout=min(left, threading.TIMEOUT_MAX))
+            with process.stdin:
+                pickle.dump((function, arguments), process.stdin)
+            while value is not None:
+                value = pickle.load(process.stdout)
                 if isinstance(value, BaseException):
                     raise value
                 yield value
-                if value is None:
-                    return
-        except queue.Empty:
-            return
+        except (EOFError, BrokenPipeError, pickle.UnpicklingError):
+            if time.monotonic() < deadline:
+                raise RuntimeError("the process of the search ended") from None
         finally:
+            timer.cancel()
             process.kill()
-
-
-def _read(stream: BinaryIO, arrived: queue.Queue[Any]) -> None:
-    """Put all values of a stream into a queue, and an error if it ends without None."""
-    value: Any = 0
-    try:
-        while value is not None:
-            value = pickle.load(stream)
-            arrived.put(value)
-    except (EOFError, OSError, ValueError, pickle.UnpicklingError):
-        arrived.put(RuntimeError("the process of the search ended"))
 
 
 def serve() -> None:

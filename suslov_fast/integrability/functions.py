@@ -70,23 +70,25 @@ class RationalFunction:
         1
         """
         value = rational("eps", Fraction(eps) if isinstance(eps, str) else eps)
-        above, below = (at_eps(P, value, self._highest) for P in (self.numerator, self.denominator))
-        if below == 0:
-            raise ZeroDivisionError(f"{self} has no value at eps = {value}")
-        found = exact_quotient(above, below) if above else RationalFunction((), Fraction(0))
+        found = RationalFunction((), self.constant)
+        try:
+            for P, e in self.factors:
+                found *= at_eps(P, value) ** e
+        except ZeroDivisionError:
+            raise ZeroDivisionError(f"{self} has no value at eps = {value}") from None
         return replace(
             found, basis=self.basis, cofactor=self.cofactor and self.cofactor.subs(value)
         )
 
     @property
-    def _highest(self) -> int:
-        """A bound of the powers of eps."""
-        return sum(int(P.degrees()[0]) * abs(e) for P, e in self.factors if has_letter(P))
-
-    @property
     def special(self) -> tuple[Fraction, ...]:
         """The rational eps at which a factor is 0 for all x."""
-        return tuple(sorted({eps for P, _ in self.factors for eps in content_roots(P)}))
+        found = set()
+        for P, _ in self.factors:
+            if degree_of(P) == 0 and P.total_degree() == 1:  # a * eps + b
+                a, *b = map(int, P.coeffs())
+                found.add(Fraction(-sum(b), a))
+        return tuple(sorted(found))
 
     def __mul__(self, other: RationalFunction) -> RationalFunction:
         basis = MODULAR if MODULAR in (self.basis, other.basis) else self.basis
@@ -190,28 +192,16 @@ def product_of(powers: Iterable[tuple[Any, int]], basis: str) -> RationalFunctio
     return RationalFunction(tuple(chosen), basis=basis)
 
 
-def at_eps(P: Any, eps: Fraction, power: int) -> Any:
-    """Return a polynomial in x at this eps, times a power of the denominator of eps."""
+def at_eps(P: Any, eps: Fraction) -> RationalFunction:
+    """Return a polynomial in x at this eps."""
     if not has_letter(P):
-        return P * eps.denominator**power
-    terms: dict[Any, int] = {}
+        return RationalFunction(((P, 1),))
+    highest, terms = int(P.degrees()[0]), dict[Any, int]()
     for (k, *e), c in P.to_dict().items():
-        c = int(c) * eps.numerator ** int(k) * eps.denominator ** (power - int(k))
+        c = int(c) * eps.numerator ** int(k) * eps.denominator ** (highest - int(k))
         terms[tuple(e)] = terms.get(tuple(e), 0) + c
-    return ring(P.context().nvars() - 1, False).from_dict(terms)
-
-
-def content_roots(P: Any) -> set[Fraction]:
-    """Return the rational eps at which a polynomial is 0 for all x."""
-    by_monomial: dict[Any, dict[int, int]] = {}
-    for (k, *e), c in P.to_dict().items() if has_letter(P) else ():
-        by_monomial.setdefault(tuple(e), {})[int(k)] = int(c)
-    roots = []
-    for terms in by_monomial.values():
-        f = flint.fmpz_poly([terms.get(k, 0) for k in range(max(terms) + 1)])
-        linear = (g.coeffs() for g, _ in f.factor()[1] if g.degree() == 1)
-        roots.append({Fraction(-int(a), int(b)) for a, b in linear})
-    return set.intersection(*roots) if roots else set()
+    of = ring(P.context().nvars() - 1, False)
+    return exact_quotient(of.from_dict(terms), of.constant(eps.denominator**highest))
 
 
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:

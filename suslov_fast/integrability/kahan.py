@@ -9,8 +9,6 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from ..bodies.field import QuadraticField
 from ..bodies.polynomials import terms_of
 from ..checks import wrong
@@ -55,38 +53,31 @@ class KahanMap(BirationalMap):
         return hash((self.field, self.eps))
 
     @cached_property
-    def _rows(self) -> list[list[list[tuple[int, int, int]]]]:
-        """The rows of (A | b), forms in x1, ..., xD, 1, of the equations A(x) x~ = b(x).
+    def _rows(self) -> list[Any]:
+        """The rows of (A | b) of the equations A(x) x~ = b(x), times a common denominator.
 
-        A form is a list of (k, a, b), for the terms (a + b eps) x_k. Each row is multiplied by a
-        common denominator.
+        Entries are lists of (j, a, b), for the terms (a + b eps) x_j of forms in x1, ..., xD, 1.
         """
-        field, D = self.field, self.dimension
-        half = np.array(field.linear, object) / 2
-        both = np.zeros((D, 2, D + 1, D + 1), object)
-        both[:, 0, :D, D] = both[:, 0, D, :D] = np.eye(D, dtype=int)
-        both[:, 1, :D, :D], both[:, 1, :D, D] = -field.quadratic, -half
-        both[:, 1, D, :D], both[:, 1, D, D] = half, field.constant
-        rows = []
-        for parts in both:
-            scale = math.lcm(*(Fraction(c).denominator for c in parts[1].flat))
-            whole = [part * scale for part in parts]
+        D, rows = self.dimension, []
+        for i, table in enumerate(self.field.table):
+            scale = math.lcm(*(c.denominator for c in table.flat))
+            ones = [D] * D + [i]  # A is the unit matrix at eps = 0, and b is x
+            signs = [-scale] * D + [scale]
             rows.append(
                 [
                     [
-                        (k, int(a), int(b))
-                        for k, (a, b) in enumerate(zip(*form, strict=True))
-                        if a or b
+                        (j, scale * (k in (i, D) and j == ones[k]), int(signs[k] * table[j, k]))
+                        for j in range(D + 1)
                     ]
-                    for form in zip(*whole, strict=True)
+                    for k in range(D + 1)
                 ]
             )
         return rows
 
     def _equations(self, eps: Any, denominator: int = 1) -> Any:
-        """Return the rows with terms (k, c), multiplied by the denominator of eps."""
+        """Return the rows with terms (j, c), multiplied by the denominator of eps."""
         return [
-            [[(k, a * denominator + b * eps) for k, a, b in form] for form in row]
+            [[(j, a * denominator + b * eps) for j, a, b in form if a or b] for form in row]
             for row in self._rows
         ]
 
@@ -166,10 +157,6 @@ class _KahanSteps(Steps):
 
     def forms(self, x: Sequence[Any]) -> list[Any]:
         return _cramer(_values(self.forward, x))
-
-    def jacobian(self, x: Sequence[Any], F: Sequence[Any]) -> tuple[Any, Any]:
-        above, below = _determinant(self.backward, F), _determinant(self.forward, x)
-        return above, F[-1] ** (len(x) - 1) * below
 
 
 def _values(equations: Any, x: Sequence[Any]) -> list[list[Any]]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property, reduce
 from typing import Any
@@ -16,15 +17,17 @@ from .exact import (
     Point,
     Residues,
     degree_of,
+    factors,
     fmpq,
     fraction,
     modulo,
+    random_prime,
     rationals,
     ring,
     size,
 )
 from .functions import RationalFunction, exact_quotient, product_of
-from .reconstruction import over_rationals
+from .reconstruction import over_rationals, polynomials_with
 
 TERMS = 100_000  # of the largest polynomial that is written out
 _SPARSE = 100  # terms of a component; of sparse maps all polynomials are
@@ -118,11 +121,11 @@ class BirationalMap:
 
     @cached_property
     def is_invertible(self) -> bool:
-        """True if det DPhi is not 0 everywhere."""
-        rng, steps = random.Random(0), self.steps(None)
-        x = [self.ring.constant(rng.randrange(2, 2**20)) for _ in range(self.dimension)]
-        x.append(self.ring.constant(1))
-        return bool(steps.jacobian(x, steps.forms(x))[0] != 0)
+        """True if det DPhi is not 0 at a random point modulo a prime."""
+        rng = random.Random(0)
+        steps = self.steps(random_prime(rng), rng.getrandbits(60))
+        x = steps.point([rng.getrandbits(60) for _ in range(self.dimension)])
+        return bool(steps.derivative(x).det() != 0)
 
     @cached_property
     def _determinant(self) -> list[tuple[RationalFunction, int]] | None:
@@ -150,49 +153,47 @@ class BirationalMap:
 
     def cofactor(self, P: Any) -> RationalFunction | None:
         """Return C with P(Phi) = C P, a product of powers of factors; None if there is none."""
-        k = degree_of(P)
-
-        def quotient(steps: Any, eps: int, line: Any, F: Any) -> tuple[Any, Any]:
-            known = modulo(P, steps.p, eps)
-            before, after = (homogeneous_value(known, x, k) for x in (line, F))
-            return after, before * F[-1] ** k
-
-        return self._as_product(quotient)
-
-    def _as_product(self, quotient: Callable[..., tuple[Any, Any]]) -> RationalFunction | None:
-        """Return a function as a product of powers of factors; None if it is none.
-
-        It is given by its numerator and denominator on lines modulo primes.
-        """
-        powers: dict[int, int] = {}
+        degree, known = degree_of(P), self.factors or ()
+        powers: list[int] = []
 
         def constant(p: int, eps: int) -> Residues:
             steps, line = self.steps(p, eps), random_line(self.dimension, p, random.Random(p))
-            parts = quotient(steps, eps, line, steps.reduced(line))
-            common = parts[0].gcd(parts[1])
-            above, below = (part // common for part in parts)
-            for i, f in enumerate(self.factors or ()):
-                divisor, powers[i] = on_line(modulo(f, p, eps), line, degree_of(f)), 0
-                while above.degree() > 0 and above % divisor == 0:
-                    above, powers[i] = above // divisor, powers[i] + 1
-                while below.degree() > 0 and below % divisor == 0:
-                    below, powers[i] = below // divisor, powers[i] - 1
+            F, Q = steps.reduced(line), modulo(P, p, eps)
+            above = homogeneous_value(Q, F, degree)
+            below = homogeneous_value(Q, line, degree) * F[-1] ** degree
+            powers.clear()
+            for f in known:
+                divisor = on_line(modulo(f, p, eps), line, degree_of(f))
+                above, more = _divided(above, divisor)
+                below, less = _divided(below, divisor)
+                powers.append(more - less)
+            above, below = (part // above.gcd(below) for part in (above, below))
             # What is left may be a power of the hyperplane at infinity, t = 0.
             left = [c for part in (above, below) for c in part.coeffs() if c]
-            return [[int(left[0] / left[1])]] if len(left) == 2 else []
+            return [[-int(left[0] / left[1]), 1]] if len(left) == 2 else []
 
         rows = over_rationals(random.Random(0), constant, self.has_letter)
         if not rows:
             return None
-        ((quotient_in_eps,),) = rows
-        scale = math.lcm(*(c.denominator for part in quotient_in_eps for c in part))
-        zeros = (0,) * (self.ring.nvars() - 1)
-        above, below = (
-            self.ring.from_dict({(k, *zeros): int(c * scale) for k, c in enumerate(part)})
-            for part in quotient_in_eps
-        )
-        product = product_of(((f, powers[i]) for i, f in enumerate(self.factors or ())), "")
-        return product * exact_quotient(above, below)
+        (c,) = rational_roots(rows[0], self.has_letter)
+        own = tuple((P.project_to_context(self.ring), e) for P, e in c.factors)
+        return product_of(zip(known, powers, strict=True), "") * replace(c, factors=own)
+
+
+def _divided(P: Any, divisor: Any) -> tuple[Any, int]:
+    """Return what is left of a polynomial in t without a divisor, and the divisor's power."""
+    power = 0
+    while P.degree() > 0 and P % divisor == 0:
+        P, power = P // divisor, power + 1
+    return P, power
+
+
+def rational_roots(row: Any, letter: bool) -> list[RationalFunction]:
+    """Return the rational roots of a polynomial, numbers or functions of eps."""
+    (f,) = polynomials_with([row], tuple((k,) for k in range(len(row))), letter)
+    *_, t = f.context().gens()
+    pairs = ((g, g.derivative(int(letter))) for g, _ in factors(f) if degree_of(g) == 1)
+    return [exact_quotient(slope * t - g, slope) for g, slope in pairs]
 
 
 class Steps:
@@ -210,10 +211,6 @@ class Steps:
 
     def forms(self, x: Sequence[Any]) -> list[Any]:
         """Return F, up to a common factor, at homogeneous coordinates of any type."""
-        raise NotImplementedError
-
-    def jacobian(self, x: Sequence[Any], F: Sequence[Any]) -> tuple[Any, Any]:
-        """Return numerator and denominator of det DPhi, with x_0 = 1, up to a common factor."""
         raise NotImplementedError
 
     def reduced(self, x: Sequence[Any]) -> list[Any]:

@@ -14,9 +14,8 @@ import numpy as np
 
 from . import exact
 from .darboux import value_of
-from .exact import MORE, Polynomials, Residues, degree_of, factors, modulo
-from .functions import RationalFunction, exact_quotient
-from .maps import BirationalMap, on_line, random_line
+from .exact import MORE, Polynomials, Residues, degree_of, modulo
+from .maps import BirationalMap, on_line, random_line, rational_roots
 from .reconstruction import over_rationals, polynomials_with
 
 Powers = tuple[int, ...]  # of the hyperplane at infinity and the factors of the map
@@ -43,21 +42,10 @@ def invariant_spaces(map: BirationalMap, degree: int) -> Iterator[Polynomials]:
         constants: list[Any] = [None]
         if several:
             rows = over_rationals(rng, partial(charpoly, powers), letter)
-            constants = _roots(rows, letter)
+            constants = rational_roots(rows[0], letter) if rows else []
         for c in constants:
             if rows := over_rationals(rng, partial(space, powers, c), letter):
                 yield polynomials_with(rows, first.exponents, letter)
-
-
-def _roots(rows: Any, letter: bool) -> list[RationalFunction]:
-    """Return the rational roots of a characteristic polynomial, numbers or functions of eps."""
-    if not rows:
-        return []
-    (row,) = rows
-    (f,) = polynomials_with([row], tuple((k,) for k in range(len(row))), letter)
-    *_, t = f.context().gens()
-    pairs = ((g, g.derivative(int(letter))) for g, _ in factors(f) if degree_of(g) == 1)
-    return [exact_quotient(slope * t - g, slope) for g, slope in pairs]
 
 
 class Pullbacks:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
-from functools import cached_property, reduce
+from functools import reduce
 from numbers import Rational
 from typing import Any
 
@@ -106,29 +106,21 @@ class RationalMap(BirationalMap):
     def steps(self, p: int | None, eps: int = 0) -> _RationalSteps:
         return _RationalSteps(self, p)
 
-    @cached_property
-    def jacobian_polynomial(self) -> Any:
-        """The polynomial F_0^(D + 1) det DPhi."""
+    def _parts_of_determinant(self) -> Iterator[tuple[Any, int]]:
         *above, below = self.forms
         n = self.dimension
         rows = [
             [F.derivative(j) * below - F * below.derivative(j) for j in range(n)] for F in above
         ]
-        return _determinant(rows) // below ** (n - 1)
-
-    def _parts_of_determinant(self) -> Iterator[tuple[Any, int]]:
-        yield self.forms[-1], -self.dimension - 1
-        yield self.jacobian_polynomial, 1
+        yield below, -n - 1
+        yield _determinant(rows) // below ** (n - 1), 1
 
 
 class _RationalSteps(Steps):
     def __init__(self, map: RationalMap, p: int | None) -> None:
         super().__init__(p)
         self.degree, n = map.degree, map.dimension
-        polynomials = [*map.forms, map.jacobian_polynomial]
-        if p is not None:
-            polynomials = [modulo(F, p, 0) for F in polynomials]
-        *self.polynomials, self.determinant = polynomials
+        self.polynomials = map.forms if p is None else [modulo(F, p, 0) for F in map.forms]
         self.gradients = [[F.derivative(i) for i in range(n)] for F in self.polynomials]
 
     def image(self, x: Sequence[Any]) -> list[Any]:
@@ -147,10 +139,6 @@ class _RationalSteps(Steps):
 
     def forms(self, x: Sequence[Any]) -> list[Any]:
         return [homogeneous_value(F, x, self.degree) for F in self.polynomials]
-
-    def jacobian(self, x: Sequence[Any], F: Sequence[Any]) -> tuple[Any, Any]:
-        D = len(x) - 1
-        return homogeneous_value(self.determinant, x, (D + 1) * (self.degree - 1)), F[-1] ** (D + 1)
 
 
 def _determinant(rows: list[list[Any]]) -> Any:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from . import exact
-from .functions import content_roots, independent
+from .functions import exact_quotient, independent
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
 from .maps import BirationalMap
@@ -56,9 +56,10 @@ def _update(found: Any, invariants: Invariants) -> None:
     found.measures = tuple(invariants.measures)
     found.polynomials = tuple(invariants.polynomials)
     if found.map.has_letter:
-        formulas = (*found.integrals, *found.measures, *found.polynomials)
-        special = {eps for f in formulas for eps in f.special}
-        found.special_eps = tuple(sorted(special | content_roots(found.map.forms[-1])))
+        below = found.map.forms[-1]
+        formulas = [*found.integrals, *found.measures, *found.polynomials]
+        formulas.append(exact_quotient(below, 0 * below + 1))
+        found.special_eps = tuple(sorted({eps for f in formulas for eps in f.special}))
 
 
 def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator[list[str]]:

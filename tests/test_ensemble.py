@@ -175,7 +175,7 @@ def test_stores_of_other_runs_are_refused_in_words(store):
         "eps": (-0.2, "eps: -0.2, the store has 0.2"),
         "omega0": ([[1.0, 0.5 + 1e-12]], "omega0: .*, the store has others"),
         "save_every": (None, "save_every: None, the store has 2"),
-        "attitude": (True, r"attitude: \[\[1.0.*, the store has None"),
+        "attitude": (True, "attitude: 9 values from 0 to 1, the store has None"),
         "functions": ({"radius": radius}, "functions: radius, the store has None"),
         "dims": ("start", "dims: start, the store has trajectory"),
         "coords": ({"a": 3}, "coords: a, the store has None"),
@@ -192,7 +192,7 @@ def test_the_parameters_of_a_field_identify_its_run(store):
     asked = {"omega0": [1.0, 1.0, 1.0], "eps": 0.01, "steps": 9, "store": store}
     dataset = ensemble(body=lorenz([10.0, 20.0, 30.0, 40.0]), **asked)
     assert dataset.attrs["rho"] == [10.0, 20.0, 30.0, 40.0]
-    with pytest.raises(ValueError, match=r"rho: \[10.0, 17.5.*, the store has \[10.0, 20.0"):
+    with pytest.raises(ValueError, match="rho: 5 values from 10 to 40, the store has 4 "):
         ensemble(body=lorenz(np.linspace(10.0, 40.0, 5)), **asked)
 
     def oscillator(constant):

@@ -1,10 +1,7 @@
 """Runs larger than memory: tiles of the batch, each written to its part of a Zarr store.
 
-The attributes of a store are the arguments of its run, and are written first. A store is made when
-the metadata of its arrays are consolidated; a tile is there when its `status` is.
+A store is made when its metadata are consolidated; a tile is there when its `status` is.
 """
-
-from __future__ import annotations
 
 import hashlib
 import inspect
@@ -59,9 +56,9 @@ def ensemble(
     coords: Mapping[Any, Any] | None = None,
     chunk: int | Mapping[str, int] | None = None,
     functions: Mapping[str, Callable[[FloatArray], ArrayLike]] | None = None,
-    client: distributed.Client | None = None,
+    client: "distributed.Client | None" = None,
     progress: Progress = None,
-) -> xarray.Dataset:
+) -> "xarray.Dataset":
     """Iterate a batch of any size into a Zarr store.
 
     States are those of :func:`iterate`, bit for bit. Each tile of the batch is written when it is
@@ -132,7 +129,7 @@ def ensemble(
     return open_ensemble(store)
 
 
-def open_ensemble(store: Any) -> xarray.Dataset:
+def open_ensemble(store: Any) -> "xarray.Dataset":
     """Open a store of :func:`ensemble`, finished or not.
 
     Parameters
@@ -150,7 +147,7 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is nothing of that name, or something else.
+        If there is nothing, or something else.
 
     Examples
     --------
@@ -173,10 +170,11 @@ def open_ensemble(store: Any) -> xarray.Dataset:
 
 def _resolved(store: Any) -> Any:
     """Return a store that other processes can open: folders as absolute paths."""
-    if store is None:  # for which Zarr makes a store in memory
-        raise wrong("store", "a name or a Zarr store", None, TypeError)
-    is_folder = isinstance(store, os.PathLike) or (isinstance(store, str) and "://" not in store)
-    return os.path.abspath(store) if is_folder else store
+    from zarr.abc.store import Store
+
+    checks.instance("store", store, (str, os.PathLike, Store))
+    elsewhere = isinstance(store, Store) or "://" in os.fspath(store)
+    return store if elsewhere else os.path.abspath(store)
 
 
 def _template(run: Run, batch: tuple[int, ...], functions: Any, dims: Any, coords: Any) -> Any:
@@ -216,31 +214,38 @@ def _about(run: Run, data: Any, sources: dict[str, str], coords: Any) -> dict[st
     """Return the arguments of a run, which identify it, as attributes of its store."""
     body = run["body"]
     arrays = {**body._arrays, **body._coordinates, "eps": np.asarray(run["eps"])}
+    if run["attitude"] is not None:
+        arrays["attitude"] = run["attitude"]
     about = {name: _described(name, each) for name, each in arrays.items()}
     about["omega0"] = _described("omega0", run["omega0"], few=0)
-    if run["attitude"] is not None:
-        about["attitude"] = _described("attitude", run["attitude"])
     labels = {name: data[name].values.tolist() for name in coords or ()}
     for name, entries in (("functions", sources), ("coords", labels)):
-        text = repr(sorted(entries.items())).encode()
-        digest = f"sha256 {hashlib.sha256(text).hexdigest()}"
-        about |= {name: f"{', '.join(entries)}, {digest}"} if entries else {}
-    dims = ", ".join(data.status.dims)
-    return {**about, "body": type(body).__name__, "dims": dims, "format": FORMAT}
+        digest = hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()
+        about |= {name: f"{', '.join(entries)}, sha256 {digest}"} if entries else {}
+    about |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims), "format": FORMAT}
+    return about
 
 
 def _described(name: str, array: Any, few: int = 1000) -> Any:
-    """Return a few numbers as they are; of many, read in parts, the shape and a digest."""
+    """Return a few numbers as they are; of many, read in parts, number, range and a digest."""
     if isinstance(array, RandomStarts):
         return repr(array)
     if array.size <= few:
         return array.tolist()
-    digest = hashlib.sha256()
+    digest, low, high = hashlib.sha256(str(array.shape).encode()), np.inf, -np.inf
     step = max(1, 2**21 // max(1, math.prod(array.shape[1:])))  # 16 MiB
     for k in range(0, len(array), step):
         part = checks.real_array(name, np.asarray(array[k : k + step]), allow_nan=True)
+        low = np.fmin.reduce(part, axis=None, initial=low)
+        high = np.fmax.reduce(part, axis=None, initial=high)
         digest.update(np.ascontiguousarray(part).data)
-    return f"numbers of shape {array.shape}, sha256 {digest.hexdigest()}"
+    return f"{array.size} values from {low:g} to {high:g}, sha256 {digest.hexdigest()}"
+
+
+def _in_words(value: Any) -> str:
+    """Return an attribute without the digest, and an array by number and range."""
+    text = str(_described("store", np.array(value), 0) if isinstance(value, list) else value)
+    return text.partition(", sha256")[0]
 
 
 def _values(name: str, function: Any, points: FloatArray) -> Any:
@@ -290,12 +295,10 @@ def _opened(store: Any) -> tuple[dict[str, Any], bool]:
 
 def _prepare(store: Any, data: Any, sizes: dict[str, int]) -> None:
     """Create the store of a run, or check that it holds this run."""
-    stored, is_made = _opened(store)
-    texts = []
+    (stored, is_made), texts = _opened(store), []
     for name in dict.fromkeys([*data.attrs, *stored]) if stored else ():
         if name not in ("version", "coordinates") and data.attrs.get(name) != stored.get(name):
-            values = (str(each.get(name)) for each in (data.attrs, stored))
-            ours, theirs = (value.partition(", sha256")[0][:60] for value in values)
+            ours, theirs = (_in_words(each.get(name)) for each in (data.attrs, stored))
             texts.append(f"{name}: {ours}, the store has {'others' if ours == theirs else theirs}")
     if texts:
         received = f"{store} of another run: {'; '.join(texts)}"
@@ -309,8 +312,9 @@ def _prepare(store: Any, data: Any, sizes: dict[str, int]) -> None:
 def _require_space(folder: Path, data: Any) -> None:
     """Raise an error if a folder holds other data, or its disk has no space for what it lacks."""
     there = [path for path in folder.rglob("*") if path.suffix != ".partial"]
-    if there and not (folder / "zarr.json").exists():
-        raise wrong("store", "a new name or a store", f"{folder} with {there[0].name} in it")
+    known = {"zarr.json", *map(str, data.variables)}
+    if others := {path.relative_to(folder).parts[0] for path in there} - known:
+        raise wrong("store", "a new name or a store", f"{folder} with {min(others)} in it")
     needed = data.nbytes - sum(path.stat().st_size for path in there if path.is_file())
     free = shutil.disk_usage(next(each for each in folder.parents if each.exists())).free
     if needed > free:
@@ -357,8 +361,7 @@ def _compute_missing(run: Run, functions: Any, store: Any, client: Any, progress
     status, steps = arrays["status"], run["steps"]
     axes = zip(status.shape, status.chunks, strict=True)
     tiles = [*product(*([slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes))]
-    pending = np.asarray(status[...]) == PENDING
-    missing = iter([where for where in tiles if pending[where].any()])
+    missing = (where for where in tiles if (np.asarray(status[where]) == PENDING).any())
 
     def submit(where: Where) -> Any:
         return client.submit(_compute, _tile(run, where), where, functions, arrays, pure=False)

@@ -195,9 +195,11 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, float]:
     if options.body:
         return _body_in(options.body), options.eps
     kind: Any = SuslovND if {"J", "I"} & {*given} else SuslovGyrostat if "k" in given else Suslov3D
-    if missing := [f"--{name}" for name in kind._required() if name not in given]:
+    parameters = inspect.signature(kind).parameters
+    required = [name for name, each in parameters.items() if each.default is each.empty]
+    if missing := [f"--{name}" for name in required if name not in given]:
         options.usage_error(f"the following arguments are required: {', '.join(missing)}")
-    if unknown := given.keys() - {*kind._names()}:
+    if unknown := given.keys() - parameters:
         options.usage_error(f"argument --{min(unknown)}: not allowed with --J and --I")
     return kind(**given), options.eps
 

@@ -75,8 +75,7 @@ def ensemble(
     dims, coords : optional
         As in :meth:`Trajectories.to_xarray`.
     chunk : int or mapping, optional
-        Number of trajectories in a tile, or sizes along `dims` and "n", the saved states. Results
-        do not depend on it; a store keeps its own.
+        Number of trajectories in a tile, or sizes along `dims` and "n"; a store keeps its own.
     functions : mapping of str to callable, optional
         Functions of the saved states (..., D), whose real values (...) are stored under these
         names. Names and source texts identify the run; values of variables that a source uses do
@@ -109,8 +108,7 @@ def ensemble(
     check_progress(progress)
     if client is not None and not hasattr(client, "nthreads"):
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
-    map_of(body)
-    given = _begin(body, np.zeros(body.dimension), eps, method, attitude, None)[1]
+    given = _begin(body, RandomStarts((), 1.0), eps, method, attitude, None)[1]
     is_random = isinstance(omega0, RandomStarts)
     if not (is_random or isinstance(omega0, np.memmap) or hasattr(omega0, "dask")):
         omega0 = checks.states("omega0", omega0, body._labels)

@@ -245,12 +245,9 @@ def parameters_of(
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
     """Return the array `out` of the user, checked."""
-    if not isinstance(out, np.ndarray) or isinstance(out, np.ma.MaskedArray):
-        raise wrong("out", "a NumPy array", type(out).__name__, TypeError)
-    if out.dtype != np.float64:
-        raise wrong("out", "dtype float64", out.dtype, TypeError)
-    if out.shape != shape:
-        raise wrong("out", f"shape {shape}", out.shape)
-    if not out.flags.carray:
-        raise wrong("out", "a C-contiguous, writeable, aligned array", "one that is not")
+    if not isinstance(out, np.ndarray) or np.ma.isMA(out) or out.dtype != np.float64:
+        raise wrong("out", "a NumPy array of dtype float64", checks.short(out), TypeError)
+    if out.shape != shape or not out.flags.carray:
+        expected = f"a C-contiguous, writeable, aligned array of shape {shape}"
+        raise wrong("out", expected, f"shape {out.shape}, strides {out.strides}")
     return out

@@ -141,7 +141,8 @@ def iterate(
     map, states = _begin(body, omega0, eps, method, attitude, threads)
     steps, save_every = _counts(steps, save_every)
     march = March(map.methods[method], states)
-    run = Trajectories._at_end(map, states, march, method, steps, save_every, progress, out)
+    about = {"body": states.body, "eps": states.eps, "method": method, "_map": map}
+    run = Trajectories._at_end(march, steps, save_every, progress, out, **about)
     report_failures(run, on_singular)
     return run
 
@@ -195,7 +196,8 @@ def step_full(
 ) -> FloatArray:
     """One step of the scheme in three components, equation (3) of the paper.
 
-    The constraint requires Omega3 = 0; the scheme itself only changes the sign of Omega3.
+    The constraint requires Omega3 = 0; the scheme itself only changes the sign of Omega3, and
+    unless Omega3 is 0 it has no limit for eps -> 0.
 
     Parameters
     ----------
@@ -213,12 +215,6 @@ def step_full(
     ndarray(float, shape=(..., 3))
         The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`,
         where there is no next state.
-
-    Notes
-    -----
-    Unless Omega3 is 0 the scheme has no limit for eps -> 0: in the example
-    (Omega1_next - Omega1) / eps is -0.174, -2.42, -24.9 for eps = 0.1, 0.01, 0.001; with
-    Omega3 = 0 it is 0.0782, 0.081, 0.0812.
 
     Examples
     --------

@@ -102,11 +102,6 @@ def flow(
     ndarray(float, shape=(..., D) or (N, ..., D))
         The angular velocities.
 
-    Raises
-    ------
-    NotIntegrableError
-        If no closed form is known for the body; in three dimensions there always is one.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, energy, flow
@@ -138,11 +133,6 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
         line I13 Omega1 + I23 Omega2 = -k; beyond a pole, too. A fixed point is its own limit. NaN
         where a gyrostat is periodic, if omega0 is NaN, and for the one state of a body at which the
         map, or its inverse, is undefined.
-
-    Raises
-    ------
-    NotIntegrableError
-        If no closed form is known for the body; in three dimensions there always is one.
 
     Notes
     -----

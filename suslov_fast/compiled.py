@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
-from numba.extending import overload
+from numba.extending import overload, typeof_impl
 from numpy.typing import ArrayLike, NDArray
 
 from .bodies.base import Body
@@ -272,3 +272,9 @@ def _check_types(x, out):
         if not isinstance(each, types.Array) or (each.dtype, each.ndim) != (types.float64, 1):
             raise wrong(name, "an array (D,) of float64", f"{each!s:.60}", TypeError)
     return lambda x, out: None
+
+
+@typeof_impl.register(Body)
+def _refuse_bodies(body, context):
+    expected = "frame(body, eps) or system(body, eps)"
+    raise wrong("compiled code", expected, type(body).__name__, TypeError)

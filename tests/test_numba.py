@@ -165,12 +165,6 @@ def test_without_a_writable_folder(folder):
     assert blocked.read_text() == "not a folder"
 
 
-def test_the_compiler_is_timed():
-    with core_numba.compile_timer() as seconds:
-        core_numba.kernel(lambda part, parts, out: None).compiled(0, 1, 0.5)
-    assert seconds() > 0
-
-
 @pytest.mark.slow
 def test_nothing_is_compiled_after_warm_up(tmp_path):
     cache = {"NUMBA_CACHE_DIR": str(tmp_path), "timeout": 900}

@@ -21,7 +21,7 @@ Constant integers have types of their own: a function that takes one is compiled
 import functools
 import hashlib
 import re
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import llvmlite
@@ -29,7 +29,6 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import config, prange, types
-from numba.core import event
 from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
@@ -105,13 +104,6 @@ def _tolerate_unusable_files(cache, name):
             _delete_files(Path(cache.cache_path), name)
 
     cache.load_overload, cache.save_overload = load_overload, save_overload
-
-
-@contextmanager
-def compile_timer():
-    """Yield a function that returns the seconds spent in Numba's compiler."""
-    with event.install_listener("numba:compiler_lock", event.TimingListener()) as lock:
-        yield lambda: lock.duration if lock.done else 0.0
 
 
 function = functools.partial(_cached, numba.njit(**_FUNCTION))

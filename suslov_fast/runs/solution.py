@@ -188,7 +188,7 @@ def _states_at(name: str, given: States, times: FloatArray) -> FloatArray:
 def _in_plane(name: str, given: States) -> tuple[States, Callable[[FloatArray], FloatArray]]:
     """Return states reduced to a body in three dimensions, and what takes others back.
 
-    The way back keeps all bits of states at rest. A body that is not solved is an error.
+    A body that is not solved is an error.
     """
     body, omega = given.body, given.omega
     if not isinstance(body, SuslovND):
@@ -205,12 +205,10 @@ def _in_plane(name: str, given: States) -> tuple[States, Callable[[FloatArray], 
     rest = np.sqrt((across * across).sum(axis=-1))
     order = abs(I).argsort(axis=-1)
     a, b = (np.take_along_axis(J, order[..., k, None], axis=-1)[..., 0] for k in (0, -1))
-    at_rest = (rest == 0.0) | (length == 0.0)
 
     def leave(states: FloatArray) -> FloatArray:
         ratio = states[..., 1] / np.where(rest > 0.0, rest, 1.0)
-        found = states[..., :1] * unit + ratio[..., None] * across
-        return np.where(at_rest[..., None], omega, found)
+        return states[..., :1] * unit + ratio[..., None] * across
 
     reduced = Suslov3D._of({"I1": b, "I2": a, "I13": np.zeros(()), "I23": length})
     return given._replace(body=reduced, omega=np.stack([along, rest], axis=-1)), leave

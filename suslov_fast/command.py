@@ -194,7 +194,7 @@ def run(options: argparse.Namespace) -> None:
 
 def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
     """Return the body of a picture, of a file or with parameters, and the step size."""
-    from .bodies.paper import PICTURES
+    from .bodies.rigid import PICTURES
 
     values = vars(options).items()
     given = {name: each for name, each in values if name in _PARAMETERS and each is not None}

@@ -14,7 +14,7 @@ import pytest
 from browser import check_silence, pixels, put, settle, text
 
 import suslov_fast as sf
-from suslov_fast.bodies.paper import PICTURES
+from suslov_fast.bodies.rigid import PICTURES
 from suslov_fast.plots.explore import server as serving
 from suslov_fast.plots.explore.scene import PAGE, Parameters, parse_query, scene
 from suslov_fast.plots.explore.server import Server

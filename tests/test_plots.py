@@ -9,7 +9,7 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 
 import suslov_fast as sf
-from suslov_fast.bodies.paper import PICTURES
+from suslov_fast.bodies.rigid import PICTURES
 from suslov_fast.plots.phase import draw_pictures
 
 # The end of Section 4 of the paper, arXiv:0807.2966, from its LaTeX source.

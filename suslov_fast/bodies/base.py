@@ -1,7 +1,5 @@
 """Base class of all bodies: immutable parameters, families, equality, text and plain data."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from fractions import Fraction
@@ -22,9 +20,8 @@ class Body:
 
     # The number of axes of all parameters that are not axes of the batch.
     _vector_axes: ClassVar[int] = 0
-    # The moments of inertia, and all parameters that are positive.
-    _moments: ClassVar[tuple[str, ...]] = ()
-    _positive: ClassVar[tuple[str, ...]] = ()
+    # The parameters that are positive, with the exponents of their range.
+    _positive: ClassVar[dict[str, int]] = {}
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -32,7 +29,7 @@ class Body:
             if value is None and field.default is None:
                 continue
             array = checks.real_array(name, value)
-            checks.within(name, array, checks.MOMENTS if name in self._moments else checks.OTHERS)
+            checks.within(name, array, self._positive.get(name, checks.OTHERS))
             if name in self._positive and not (array > 0).all():
                 raise wrong(name, "positive numbers", array.min())
             vars(self)[name] = _frozen(array)

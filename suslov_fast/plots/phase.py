@@ -5,8 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..bodies.paper import PICTURES
-from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..bodies.rigid import PICTURES, Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, instance, integer, real_number, wrong
 from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate

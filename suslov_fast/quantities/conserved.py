@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.base import Body
-from ..bodies.nd import SuslovND, check_measure, check_solved
+from ..bodies.nd import SuslovND, check_known
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, wrong
 from ..core import quantities as formulas
@@ -90,7 +90,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
     array([0.26534473, 0.26534473])
     """
     if isinstance(body, SuslovND):
-        check_solved(body, "first_integral")
+        check_known(body, "first_integral")
     given, in_nd = {"omega": omega, "eps": eps}, formulas.first_integral_nd
     return evaluate(body, AnyBody, given, formulas.first_integral, in_nd)
 
@@ -169,7 +169,7 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     array([0.1049, 1.2281])
     """
     if isinstance(body, SuslovND):
-        check_solved(body, "criticality")
+        check_known(body, "criticality")
     given, in_nd = {"omega": omega, "eps": eps}, formulas.criticality_nd
     return evaluate(body, AnyBody, given, formulas.criticality, in_nd)
 
@@ -243,7 +243,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     -0.096052391
     """
     if isinstance(body, SuslovND):
-        check_measure(body, "invariant_density")
+        check_known(body, "invariant_density")
     given, in_nd = {"omega": omega, "eps": eps}, formulas.invariant_density_nd
     in_3d = formulas.invariant_density
     return evaluate(body, Body, given, in_3d, in_nd, _density_of_field, poles=True)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.field import QuadraticField
-from ..bodies.nd import SuslovND, check_solved
+from ..bodies.nd import SuslovND, check_known
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, real_number, warn, wrong
 from ..core import closed_form
@@ -193,7 +193,7 @@ def _in_plane(name: str, given: States) -> tuple[States, Callable[[FloatArray], 
     body, omega = given.body, given.omega
     if not isinstance(body, SuslovND):
         return given, lambda states: states
-    check_solved(body, name)
+    check_known(body, name)
     J, I = np.broadcast_arrays(body.J, body.I)
     if body.dimension == 2:
         plane = {"I1": J[..., 0], "I2": J[..., 1], "I13": -I[..., 1], "I23": I[..., 0]}

@@ -136,8 +136,7 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
 
     Notes
     -----
-    This is Proposition 2 in Section 4 of the paper. For eps > 0 the limits are plus and minus
-    2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
+    This is Proposition 2 in Section 4 of the paper.
 
     Examples
     --------
@@ -208,7 +207,8 @@ def _in_plane(name: str, given: States) -> tuple[States, Callable[[FloatArray], 
 
     def leave(states: FloatArray) -> FloatArray:
         ratio = states[..., 1] / np.where(rest > 0.0, rest, 1.0)
-        return states[..., :1] * unit + ratio[..., None] * across
+        found: FloatArray = states[..., :1] * unit + ratio[..., None] * across
+        return found
 
     reduced = Suslov3D._of({"I1": b, "I2": a, "I13": np.zeros(()), "I23": length})
     return given._replace(body=reduced, omega=np.stack([along, rest], axis=-1)), leave

@@ -189,7 +189,7 @@ def _template(run: Run, batch: tuple[int, ...], functions: Any, dims: Any, coord
     if run["attitude"] is not None:
         fills["attitude"] = np.broadcast_to(np.nan, (rows, *batch, D + 1, D + 1))
     whole = {**run, "attitude": None, **fills, "_map": map_of(body)}
-    data = Trajectories._of(**whole).to_xarray(dims, coords).drop_vars("time")
+    data = Trajectories._of(whole).to_xarray(dims, coords).drop_vars("time")
     sources = {}
     for name, function in functions.items():
         if name in (*data.variables, "time"):

@@ -142,7 +142,7 @@ def iterate(
     steps, save_every = _counts(steps, save_every)
     march = March(map.methods[method], states)
     about = {"body": states.body, "eps": states.eps, "method": method, "_map": map}
-    run = Trajectories._at_end(march, steps, save_every, progress, out, **about)
+    run = Trajectories._at_end(about, march, steps, save_every, progress, out)
     report_failures(run, on_singular)
     return run
 

@@ -113,7 +113,7 @@ class Trajectories:
     _turned: FloatArray | None = field(init=False, default=None, compare=False)
 
     @classmethod
-    def _of(cls, **attributes: Any) -> Trajectories:
+    def _of(cls, attributes: dict[str, Any]) -> Trajectories:
         run = cls.__new__(cls)
         object.__setattr__(run, "__dict__", attributes)  # faster than a call of the class
         return run
@@ -121,13 +121,13 @@ class Trajectories:
     @classmethod
     def _at_end(
         cls,
+        about: dict[str, Any],
         march: March,
         steps: int,
         save_every: int | None,
         progress: Progress = None,
         out: FloatArray | None = None,
         earlier: Trajectories | None = None,
-        **about: Any,
     ) -> Trajectories:
         """Let a march go on to state `steps`; return its run, with the states of `earlier`.
 
@@ -146,18 +146,18 @@ class Trajectories:
         if every and earlier is not None:
             saved = np.concatenate([earlier.states, saved])
             turns = None if turns is None else np.concatenate([earlier.attitude, turns])
-        return cls._of(
-            **about,
-            states=saved,
-            status=march.status,
-            failed_at=march.failed_at,
-            final=march.final,
-            steps=steps,
-            save_every=save_every,
-            attitude=turns,
-            _carry=march.carry,
-            _turned=march.turned,
-        )
+        found = {
+            "states": saved,
+            "status": march.status,
+            "failed_at": march.failed_at,
+            "final": march.final,
+            "steps": steps,
+            "save_every": save_every,
+            "attitude": turns,
+            "_carry": march.carry,
+            "_turned": march.turned,
+        }
+        return cls._of(about | found)
 
     def extend(
         self,
@@ -206,7 +206,7 @@ class Trajectories:
         march.turned = None if self._turned is None else self._turned.copy()
         about = {name: getattr(self, name) for name in ("body", "eps", "method", "_map")}
         options = whole, self.save_every, progress
-        run = Trajectories._at_end(march, *options, earlier=self, **about)
+        run = Trajectories._at_end(about, march, *options, earlier=self)
         report_failures(run, on_singular, self.steps + 1)
         return run
 
@@ -329,7 +329,7 @@ class Trajectories:
         """Read a run written by :meth:`save`; ValueError if the file is something else."""
         from .storage import load
 
-        return cls._of(**load(path))
+        return cls._of(load(path))
 
     def __repr__(self) -> str:
         failed, n = np.count_nonzero(self.status < 0), self.n

@@ -153,8 +153,7 @@ class Body:
             i = int(np.argmin(abs(column - wanted)))
             nearest = column.flat[i]
             if method is None and nearest != wanted:
-                how = f'the nearest is {nearest}, which method="nearest" takes'
-                raise wrong(name, f"one of its {column.size} values", f"{wanted}: {how}")
+                raise wrong(name, f"one of its {column.size} values, as {nearest}", wanted)
             axis = len(self.shape) - column.ndim + int(np.argmax(column.shape))
             self = self._part(axis, i)
         return self
@@ -230,8 +229,8 @@ class Body:
             raise wrong("parameters", f"those of {cls.__name__}", error) from None
 
     @classmethod
-    def _read(cls: type[Kind], *args: Any, **given: Any) -> Kind:
-        return cls(*args, **given)
+    def _read(cls: type[Kind], **given: Any) -> Kind:
+        return cls(**given)
 
 
 def cut(array: Any, shape: tuple[int, ...], axis: int, index: Any, own: int) -> Any:

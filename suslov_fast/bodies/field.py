@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..checks import OTHERS, FloatArray, common_shape, integer, refuse, states, within, wrong
+from .. import checks
+from ..checks import FloatArray, wrong
 from . import polynomials
 from .base import Body, cut
-from .polynomials import as_given, coefficients, from_lists, terms_of, text_of, to_lists, traced
+from .polynomials import from_lists, terms_of, text_of, to_lists, traced
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
@@ -107,14 +108,17 @@ class QuadraticField(Body):
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
         given = {"quadratic": quadratic, "linear": linear, "constant": constant}
-        arrays = {name: as_given(name, each) for name, each in given.items() if each is not None}
+        given = {name: each for name, each in given.items() if each is not None}
+        arrays = {name: polynomials.as_given(name, each) for name, each in given.items()}
         D = (0, *arrays["quadratic"].shape)[-1]
         for name, array in arrays.items():
             axes = _AXES[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
                 raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
-        batch = common_shape({name: a.shape[: a.ndim - _AXES[name]] for name, a in arrays.items()})
-        found = {name: coefficients(name, a, bool(batch)) for name, a in arrays.items()}
+        shapes = {name: array.shape[: array.ndim - _AXES[name]] for name, array in arrays.items()}
+        batch = checks.common_shape(shapes)
+        read = polynomials.coefficients
+        found = {name: read(name, array, bool(batch)) for name, array in arrays.items()}
         table = np.full((*batch, D, D + 1, D + 1), Fraction(0), found["quadratic"].dtype)
         table[..., :-1, :-1] = found["quadratic"]
         table[..., :-1, -1] += found.get("linear", 0)
@@ -170,7 +174,7 @@ class QuadraticField(Body):
         >>> fields.parameters, fields.sel(a=2)
         ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
         """
-        D = integer("dimension", dimension, 1)
+        D = checks.integer("dimension", dimension, 1)
         values = polynomials.check_parameters(parameters)
         return cls._made(traced("f", f, D, 2, values), None, None, values)
 
@@ -203,11 +207,12 @@ class QuadraticField(Body):
         >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
-        D = integer("dimension", dimension, 1)
+        D = checks.integer("dimension", dimension, 1)
         matrix = polynomials.antisymmetric(K, D)
         values = polynomials.check_parameters(parameters)
         tensor = traced("H", H, D, 3, values)
-        return cls._made(within("H", rates(tensor, matrix), OTHERS), tensor, matrix, values)
+        table = checks.within("H", rates(tensor, matrix), checks.OTHERS)
+        return cls._made(table, tensor, matrix, values)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
@@ -222,8 +227,7 @@ class QuadraticField(Body):
         -------
         QuadraticField
         """
-        if not isinstance(body, Body):
-            raise wrong("body", "a body or a field", type(body).__name__, TypeError)
+        checks.instance("body", body, Body)
         field: QuadraticField = body.field()
         return field
 
@@ -304,21 +308,15 @@ class QuadraticField(Body):
 
     @classmethod
     def _read(
-        cls,
-        quadratic: Any,
-        linear: Any = None,
-        constant: Any = None,
-        H: Any = None,
-        K: Any = None,
-        parameters: Mapping[str, Any] | None = None,
+        cls, *, H: Any = None, K: Any = None, parameters: Any = None, **given: Any
     ) -> QuadraticField:
         """Return a field of arrays or nested lists, in which strings "p/q" are fractions."""
-        given = {"quadratic": quadratic, "linear": linear, "constant": constant}
-        whole = cls(*(from_lists(name, each) for name, each in given.items()))
+        whole = cls(**{name: from_lists(name, each) for name, each in given.items()})
         named = {name: from_lists(name, each)[()] for name, each in (parameters or {}).items()}
         tensor = matrix = None
         if H is not None:
-            tensor = coefficients("H", as_given("H", from_lists("H", H)), bool(whole.shape))
+            given_H = polynomials.as_given("H", from_lists("H", H))
+            tensor = polynomials.coefficients("H", given_H, bool(whole.shape))
             matrix = polynomials.antisymmetric(from_lists("K", K), whole.dimension)
             if tensor.shape != (*whole.shape, *(len(matrix) + 1,) * 3):
                 raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
@@ -387,10 +385,10 @@ def at_points(tensor: Any, x: Any, degree: int) -> Any:
     is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
     are_exact = tensor.dtype == object and is_list and all(isinstance(a, Rational) for a in x)
     if are_exact and len(x) == D:
-        refuse("x", x)
+        checks.refuse("x", x)
         point = np.array([*(polynomials.exact("x", a) for a in x), Fraction(1)], dtype=object)
     else:
-        x = states("x", x, [f"x{i}" for i in range(1, D + 1)])
+        x = checks.states("x", x, [f"x{i}" for i in range(1, D + 1)])
         point = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
         tensor = np.asarray(tensor, np.float64)
     with np.errstate(all="ignore"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -112,14 +111,14 @@ def from_lists(name: str, value: Any) -> Any:
     """Return an array of numbers, of which strings "p/q" are fractions; None for None."""
     if value is None or isinstance(value, np.ndarray):
         return value
-    array: Any = np.array(value, dtype=object)
+
+    def number(each: Any) -> Any:
+        return Fraction(each) if isinstance(each, str) else each
+
     try:
-        for place in np.ndindex(array.shape):
-            if isinstance(array[place], str):
-                array[place] = Fraction(array[place])
+        return np.vectorize(number, "O")(np.array(value, dtype=object))
     except (ValueError, ZeroDivisionError):
         raise wrong(name, 'numbers or strings "p/q"', short(value)) from None
-    return array
 
 
 class Polynomial:
@@ -185,29 +184,10 @@ class Polynomial:
         return text_of(self.terms)
 
 
-def _check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
-    """Raise TypeError unless f can be called as f(x, **parameters)."""
-    try:
-        signature = inspect.signature(f)
-    except (TypeError, ValueError):  # no function, or one of another language
-        return
-    try:
-        signature.bind((), **parameters)
-    except TypeError as error:
-        missing = re.search(r"missing.*'(\w+)'", str(error))
-        how = f": {name} needs {missing[1]}: pass {missing[1]}=28, say" if missing else ""
-        expected = "parameters that it has, and all of them"
-        raise wrong(name, expected, str(error).removeprefix("got ") + how, TypeError) from None
-
-
 def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
-    """Return the tensors of the D polynomials f(x, **parameters), or of the one of degree 3.
-
-    They are exact. For arrays of parameters there is one for each of their values.
-    """
-    _check_call(name, f, parameters)
+    """Return exact tensors: of the D polynomials f(x, **parameters), or of the one of degree 3."""
     batch = np.broadcast_shapes(*map(np.shape, parameters.values()))
     if not batch:
         return _traced_once(name, f, D, degree, parameters)

@@ -2,11 +2,11 @@
 
 import contextlib
 import http.client
+import itertools
 import json
 import re
 import threading
 import urllib.request
-from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlencode, urlsplit
 
 import numpy as np
@@ -186,33 +186,13 @@ def test_nothing_else_is_served(server):
     assert server.socket.getsockname()[0] == "127.0.0.1"
 
 
-def test_threads_are_bounded(server, monkeypatch):
-    """Of forty requests at once thirty-two are under way; the others wait."""
-    under_way, most, enough, go = [], [], threading.Event(), threading.Event()
-
-    def slow(query):
-        under_way.append(query)
-        most.append(len(under_way))
-        if len(under_way) == 32:
-            enough.set()
-        go.wait()
-        under_way.pop()
-        return {}
-
-    monkeypatch.setattr(serving, "answer", slow)
-    with ThreadPoolExecutor(40) as pool:
-        replies = [pool.submit(ask, server, "/scene?") for _ in range(40)]
-        enough.wait()
-        go.set()
-        assert [reply.result()[0].status for reply in replies] == [200] * 40
-    assert max(most) == 32
-
-
 def test_foreign_pages_are_refused(server):
     """A name elsewhere may lead to this address, and other pages may ask for numbers."""
     numbers, port = f"/scene?{query(PICTURE_1)}", server.port
-    for host in ("example.org", f"example.org:{port}", "127.0.0.1", f"127.0.0.1:{port + 1}", ""):
-        assert ask(server, numbers, Host=host)[0].status == 403
+    hosts = "example.org", f"example.org:{port}", "127.0.0.1", f"127.0.0.1:{port + 1}", ""
+    for host, path, method in itertools.product(hosts, (numbers, "/"), ("GET", "HEAD")):
+        assert ask(server, path, method, Host=host)[0].status == 403
+    assert ask(server, "/", "HEAD")[0].status == ask(server, numbers, "HEAD")[0].status == 200
     assert ask(server, numbers, Host=f"localhost:{port}")[0].status == 200
     for site, status in (("cross-site", 403), ("same-site", 403), ("same-origin", 200)):
         assert ask(server, numbers, Sec_Fetch_Site=site)[0].status == status

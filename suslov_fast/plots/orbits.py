@@ -54,10 +54,10 @@ def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any)
     if lines is None:
         lines = plane[..., 0].size <= _MOST and run.n[-1] == len(run) - 1 and _are_near(plane)
     axes = axes_for(ax, (5.4, 5.0))
-    levels, name = _levels(run)
-    drawn, count = _draw(axes, plane, levels if name else None, lines)
-    if name:
-        axes.figure.colorbar(drawn, ax=axes, label=name, shrink=0.8)
+    levels, label = _levels(run)
+    drawn, count = _draw(axes, plane, levels, lines)
+    if levels is not None:
+        axes.figure.colorbar(drawn, ax=axes, label=label, shrink=0.8)
     symbols = run._map.symbols(run.body)
     axes.set(xlabel=symbols[first], ylabel=symbols[second])
     set_title(axes, _title(run, count))
@@ -82,23 +82,19 @@ def _are_near(plane: FloatArray) -> bool:
     return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(known, axis=0).max())
 
 
-def _levels(run: Any) -> tuple[FloatArray, str]:
-    """The levels (B,) of the orbits, and what they are levels of; "" if they have one colour."""
-    known = [name for name in _LEVELS if name in run._map.functions(run.body)]
-    if known and run.states[0].size:
-        values = getattr(conserved, known[0])(run.body, run.states[0], run.eps).ravel()
-        finite = values[np.isfinite(values)]
-        if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
-            return values, _LEVELS[known[0]]
-    return np.zeros(math.prod(run.states.shape[1:-1])), ""
+def _levels(run: Any) -> tuple[FloatArray | None, str]:
+    """The levels (B,) of the orbits, and what they are levels of; None if they have one colour."""
+    for name, label in _LEVELS.items():
+        if name in run._map.functions(run.body):
+            values = getattr(conserved, name)(run.body, run.states[0], run.eps).ravel()
+            finite = values[np.isfinite(values)]
+            if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
+                return values, label
+    return None, ""
 
 
 def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) -> tuple[Any, int]:
-    """Draw states (N, B, 2), coloured by the levels (B,) of orbits.
-
-    Return what has the colours, and the number of states drawn: with more than _MOST dots a random
-    choice, as every k-th state of an orbit may show one of k islands.
-    """
+    """Draw states (N, B, 2), coloured by levels (B,); return what has colours, and how many."""
     look: dict[str, Any] = {"color": COLOURS(0.3)} if levels is None else {"cmap": COLOURS}
     count = plane[..., 0].size
     if lines:
@@ -107,7 +103,7 @@ def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) 
         axes.add_collection(drawn)
     if not lines or count <= _FEW:
         shown = np.arange(count)
-        if count > _MOST:
+        if count > _MOST:  # by chance, as every k-th state may show one of k islands
             shown = np.random.default_rng(0).choice(count, _MOST, replace=False)
             count = _MOST
         if levels is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ... import __version__
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
-from ...checks import states, wrong
+from ...checks import real_number, states, wrong
 from ...engine.status import Status
 from ...quantities.conserved import criticality, energy, first_integral
 from ...quantities.derivatives import vector_field
@@ -61,11 +61,9 @@ def parse_query(query: str) -> Parameters:
     values: dict[str, Any] = {}
     for name, text in pairs:
         try:
-            values[name] = float(text)
-        except ValueError:
-            values[name] = math.nan
-        if not math.isfinite(values[name]):
-            raise wrong(name, "a number", repr(text))
+            values[name] = real_number(name, float(text))
+        except ValueError as error:
+            raise wrong(name, "a number", repr(text)) from error
     if len(values) < len(pairs) or not {*_NEEDED} <= values.keys() <= {*Parameters._fields}:
         got = ", ".join(name for name, _ in pairs) or "none"
         raise wrong("parameters", f"each of {', '.join(_NEEDED)} once", got)
@@ -87,26 +85,22 @@ def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
     return query
 
 
-def answer(query: str) -> dict[str, Any]:
+def answer(query: str) -> Any:
     """Return the numbers for a query, or a message that the page shows."""
     try:
         return scene(parse_query(query))
-    except ValueError as error:
+    except (ValueError, ArithmeticError) as error:
         # A message begins with the names of the fields that it is about.
         named = str(error).partition(":")[0].split(", ")
         fields = [name for name in named if name in Parameters._fields]
         return {"error": str(error), "fields": fields}
-    except ArithmeticError as error:
-        expected = "parameters: expected numbers of which a picture can be drawn"
-        return {"error": f"{expected}, got an {error}", "fields": []}
 
 
-def scene(parameters: Parameters) -> dict[str, Any]:
+def scene(parameters: Parameters) -> Any:
     """Return all numbers of the page; ValueError for an invalid body."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = _scene(parameters)
-        return {name: _json_values(each) for name, each in found.items()}
+        return _json_values(_scene(parameters))
 
 
 def _scene(parameters: Parameters) -> dict[str, Any]:
@@ -133,7 +127,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "energy": plane._replace(eps=0.0).level(math.sqrt(2.0 * E))[0],
         },
         "portrait": _portrait(parameters, plane) if parameters.portrait else None,
-        "ellipsoid": _ellipsoid(body),
+        "ellipsoid": ellipsoid(body),
         "regime": _regime(parameters, plane, t, status),
         "status": {
             "name": status.name,
@@ -200,14 +194,6 @@ def _portrait(parameters: Parameters, plane: Plane) -> dict[str, Any] | None:
     options: Any = {"on_singular": "ignore", "threads": 1}
     orbits = iterate(parameters.body, np.concatenate(starts), eps, steps, **options)
     return {"levels": levels, "orbits": list(np.moveaxis(orbits.omega, 1, 0))}
-
-
-def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
-    """The ellipsoid of inertia, if there is one in the range of float64."""
-    try:
-        return ellipsoid(body)._asdict()
-    except (ValueError, OverflowError, np.linalg.LinAlgError):
-        return None
 
 
 def _json_values(value: Any) -> Any:

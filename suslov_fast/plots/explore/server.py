@@ -1,5 +1,6 @@
 """The local HTTP server of the page, and the page of one orbit."""
 
+import io
 import json
 import os
 import sys
@@ -17,7 +18,6 @@ from ..phase import BodyIn3D
 from .scene import PAGE, answer, query_of
 
 _ADDRESS = "127.0.0.1"
-_MOST = 32  # requests at a time; others wait
 
 
 class Server(ThreadingTCPServer):
@@ -28,22 +28,9 @@ class Server(ThreadingTCPServer):
     allow_reuse_address = os.name == "posix"
 
     def __init__(self, port: int) -> None:
-        self._free = threading.BoundedSemaphore(_MOST)
         super().__init__((_ADDRESS, port), _Handler)
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Start a thread for a request when one of those allowed is free."""
-        self._free.acquire()
-        super().process_request(request, client_address)
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer a request in its thread."""
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._free.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error, unless the browser has closed the connection."""
@@ -61,8 +48,8 @@ class _Handler(SimpleHTTPRequestHandler):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments, directory=str(PAGE))
 
-    def do_GET(self) -> None:
-        """Send a file of the page or numbers for it."""
+    def send_head(self) -> Any:
+        """Send the head of an answer to GET or HEAD; return its body, from a file or of numbers."""
         path, _, query = self.path.partition("?")
         hosts = [f"{name}:{self.server.port}" for name in (_ADDRESS, "localhost")]
         site = self.headers.get("Sec-Fetch-Site", "none")
@@ -72,17 +59,18 @@ class _Handler(SimpleHTTPRequestHandler):
         elif foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
             self.send_error(403)
         elif path == "/scene":
-            self._send_numbers(query)
+            return self._numbers(query)
         else:
-            super().do_GET()
+            return super().send_head()
+        return None
 
-    def _send_numbers(self, query: str) -> None:
+    def _numbers(self, query: str) -> io.BytesIO:
         text = json.dumps(answer(query), allow_nan=False, separators=(",", ":")).encode()
         self.send_response(200)
         self.send_header("Content-Type", "application/json")
         self.send_header("Content-Length", str(len(text)))
         self.end_headers()
-        self.wfile.write(text)
+        return io.BytesIO(text)
 
     def end_headers(self) -> None:
         """Let the browser keep nothing, and refuse whatever the page would load from elsewhere."""
@@ -95,7 +83,7 @@ class _Handler(SimpleHTTPRequestHandler):
 
 
 class Page:
-    """The page of an orbit, in a notebook or at an address of this machine."""
+    """The page of an orbit."""
 
     def __init__(self, query: str) -> None:
         self._query = query
@@ -104,7 +92,7 @@ class Page:
 
     @property
     def url(self) -> str:
-        """The address, from whose first use on a thread of this process serves the page."""
+        """The address; its first use starts a server in a thread."""
         if self._server is None:
             self._server = Server(0)
             serve: Any = self._server.serve_forever
@@ -137,9 +125,8 @@ def explore(
 ) -> Page:
     """Show an orbit on the page of `suslov-fast explore`, in a notebook or a browser.
 
-    The value of a notebook's cell is displayed as the page. With the extra `notebook` (anywidget)
-    the notebook's own connection carries its numbers, so the kernel may run on another machine;
-    without it this process serves the page, to browsers on this machine only.
+    With the extra `notebook` the kernel of a notebook may run on another machine; without it this
+    process serves the page, to browsers on this machine only.
 
     Parameters
     ----------
@@ -148,15 +135,15 @@ def explore(
     omega0 : array_like(float, shape=(2,))
         Initial angular velocity (Omega1, Omega2).
     eps : float
-        Step size, in the unit of time that the unit of `omega0` implies.
+        Step size.
     steps : int
         Number of steps, from 1 to 5000.
 
     Returns
     -------
     Page
-        What a notebook displays. `page.url` is an address on this machine, served from its first
-        use until `page.close()` or the end of the process.
+        What a notebook displays. `page.url` is its address on this machine, served from its first
+        use to `page.close()` or the end of the process.
 
     Examples
     --------

@@ -1,7 +1,5 @@
 """The maps of the package: a record of each, which its clients read, and lookup by name or body."""
 
-from __future__ import annotations
-
 import copyreg
 import re
 from collections.abc import Callable, Mapping
@@ -40,9 +38,8 @@ class Map:
 
     def symbols(self, body: Any) -> list[str]:
         r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
-        labels = (re.fullmatch(r"(\D+)(.*)", label) for label in body._labels)
-        words = (("\\" * (len(found[1]) > 1) + found[1], found[2]) for found in labels if found)
-        return [f"${word}_{{{index}}}$" for word, index in words]
+        labels = (re.sub(r"(\D+)(.*)", r"$\1_{\2}$", label) for label in body._labels)
+        return [label.replace("Omega", r"\Omega") for label in labels]
 
 
 def _in_nd(body: SuslovND) -> tuple[str, ...]:
@@ -55,8 +52,6 @@ def _of_field(body: QuadraticField) -> tuple[str, ...]:
 
 
 _IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction"
-
-
 # Costs lie between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
 _IN_ND = Steps(steps_nd.steps, steps_nd.carried, lambda D, T: 16.0 * D + D**3 / 30.0, 32)
 _BY_FIELD = Steps(steps_field.steps, steps_field.carried, lambda D, T: 3.0 * (D**3 + T), 32)
@@ -128,7 +123,7 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     Parameters
     ----------
     parameters : mapping
-        Numbers and nested lists by name, and, as "body", the name of the class.
+        What `to_dict` returned.
 
     Returns
     -------

@@ -74,13 +74,9 @@ class QuadraticField(Body):
 
     Attributes
     ----------
-    quadratic, linear, constant : ndarray
-        The coefficients: fractions of a single field, floats of a batch.
-    H
-        The Hamiltonian that :meth:`from_hamiltonian` was given, which can be called with a state,
-        or None.
-    K : ndarray(shape=(D, D)) or None
-        Its structure matrix.
+    H, K
+        The Hamiltonian of :meth:`from_hamiltonian`, which can be called with a state, and its
+        structure matrix (D, D), or None.
     parameters : dict
         The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`: numbers as they
         were given, and read-only arrays. They are coordinates of datasets and stores; ``==`` and
@@ -93,8 +89,6 @@ class QuadraticField(Body):
     QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
     >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25))
     QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
-    >>> QuadraticField.from_function(lambda x: (x[1] * x[2], x[2] * x[0], x[0] * x[1]), 3)
-    QuadraticField(x1' = x2*x3, x2' = x1*x3, x3' = x1*x2)
     """
 
     if TYPE_CHECKING:
@@ -168,8 +162,6 @@ class QuadraticField(Body):
         Examples
         --------
         >>> from suslov_fast import QuadraticField
-        >>> QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
-        QuadraticField(x1' = -x1*x2 + x1, x2' = x1*x2 - x2)
         >>> fields = QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[1, 2, 3])
         >>> fields.parameters, fields.sel(a=2)
         ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
@@ -242,7 +234,7 @@ class QuadraticField(Body):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The named parameters: numbers, and read-only arrays whose shapes broadcast."""
+        """The named parameters."""
         return dict(self._parameters)
 
     @cached_property

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
+import math
 import random
 from collections.abc import Iterator
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from typing import Any
 
 import flint
@@ -14,7 +14,8 @@ import numpy as np
 
 from . import exact
 from .darboux import value_of
-from .exact import MORE, Polynomials, Residues, degree_of, modulo
+from .exact import Polynomials, Residues, degree_of, modulo
+from .functions import quotient_of
 from .maps import BirationalMap, on_line, random_line, rational_roots
 from .reconstruction import over_rationals, polynomials_with
 
@@ -51,37 +52,44 @@ def invariant_spaces(map: BirationalMap, degree: int) -> Iterator[Polynomials]:
 class Pullbacks:
     """Pullbacks of the polynomials of a degree, modulo a prime and for one eps.
 
-    Columns are monomials. On random lines, with the parameter t = 0 at infinity, divisibility by a
-    factor is that of polynomials in t; all else is found at random points.
+    Columns are monomials. The equations are those of polynomials in the parameter t of random
+    lines, whose points at infinity have t = 0.
     """
 
     def __init__(self, map: BirationalMap, degree: int, p: int, eps: int) -> None:
         self.map, self.degree, self.p, self.eps = map, degree, p, eps
         self.rng, self.steps = random.Random(p), map.steps(p, eps)
         self.exponents = exact.exponents_up_to(degree, map.dimension)
-        self.monomials = [(*e, degree - sum(e)) for e in self.exponents]
         self.everything = self._matrix(np.eye(len(self.exponents), dtype=int).tolist())
-        self.factors = [modulo(f, p, eps) for f in map.factors or ()]
-        self.degrees = [int(f.total_degree()) for f in self.factors]
-        self._line, self._sample = cache(self._new_line), cache(self._new_sample)
-        self._equations = cache(self._divisible_by)
+        infinity = map.ring.constant(1)  # its value on a line is t
+        factors = [infinity, *(map.factors or ()), map.forms[-1]]
+        self.degrees = [1, *(degree_of(f) for f in map.factors or ()), map.degree]
+        self.polynomials = [modulo(P, p, eps) for P in factors]
+        self._line, self._equations = cache(self._new_line), cache(self._divisible_by)
 
     def _matrix(self, rows: Any) -> Any:
         return flint.nmod_mat(rows, self.p)
 
-    def _new_line(self, k: int) -> tuple[list[Any], list[Any]]:
-        """Return the k-th random line, and the monomials of its image."""
+    def _new_line(self, k: int) -> tuple[list[Any], list[Any], list[Any]]:
+        """Return the monomials on the k-th random line, those of its image, and the factors."""
         line = random_line(self.map.dimension, self.p, self.rng)
-        return line, list(exact.monomial_values(self.monomials, self.steps.reduced(line)))
+        polynomials = zip(self.polynomials, self.degrees, strict=True)
+        *factors, below = (on_line(P, line, degree) for P, degree in polynomials)
+        image = self.steps.reduced(line)
+        scale = below.leading_coefficient() / image[-1].leading_coefficient()
+        image = [scale * F for F in image]
+        monomials = [(*e, self.degree - sum(e)) for e in self.exponents]
+        here, there = (list(exact.monomial_values(monomials, x)) for x in (line, image))
+        return here, there, factors
 
     def _divisible_by(self, i: int, power: int) -> Any:
         """Return equations for the polynomials whose pullback has factor i to this power."""
         rows: Residues = []
         for k in itertools.count():
-            line, images = self._line(k)
-            factor = line[-1] if i == 0 else on_line(self.factors[i - 1], line, self.degrees[i - 1])
-            remainders = [f % factor**power for f in images]
-            rows += [[f[j] for f in remainders] for j in range(power * factor.degree())]
+            _, images, factors = self._line(k)
+            divisor = factors[i] ** power
+            remainders = [f % divisor for f in images]
+            rows += [[f[j] for f in remainders] for j in range(divisor.degree())]
             if len(rows) > 2 * len(self.exponents):
                 return self._matrix(rows)
         raise AssertionError
@@ -97,8 +105,7 @@ class Pullbacks:
 
     def search(self) -> Iterator[tuple[Powers, bool]]:
         """Yield the powers of invariant spaces, and whether there are several for them."""
-        total = self.degree * (self.map.degree - 1)
-        degrees = [1, *self.degrees]
+        total, degrees = self.degree * (self.map.degree - 1), self.degrees[:-1]
         most = [0] * len(degrees)
         # If others were allowed, any of them that goes to another one would have a cofactor.
         for i, exceptional in enumerate(exceptional_factors(self.map)):
@@ -107,21 +114,18 @@ class Pullbacks:
                 basis = self._divisible(basis, i, most[i] + 1)
                 most[i] += basis is not None
         products = [a * b for a, b in zip(most, degrees, strict=True)]
-
-        def descend(basis: Any, left: int, powers: Powers) -> Iterator[Any]:
-            """Yield the powers of all factors that continue these, and what they leave."""
-            i = len(powers)
-            if i == len(degrees):
-                yield basis, powers
-                return
-            least = max(0, left - sum(products[i + 1 :]))
-            for power in range(-(-least // degrees[i]), min(most[i], left // degrees[i]) + 1):
-                reduced = self._divisible(basis, i, power) if power else basis
-                if reduced is None:
-                    break
-                yield from descend(reduced, left - power * degrees[i], (*powers, power))
-
-        for basis, powers in descend(self.everything, total, ()):
+        spaces: list[Any] = [(self.everything, total, ())]
+        for i, degree in enumerate(degrees):
+            before, spaces = spaces, []
+            rest = sum(products[i + 1 :])
+            for basis, left, powers in before:
+                least = max(0, -((rest - left) // degree))
+                for power in range(least, min(most[i], left // degree) + 1):
+                    reduced = self._divisible(basis, i, power) if power else basis
+                    if reduced is None:
+                        break
+                    spaces.append((reduced, left - power * degree, (*powers, power)))
+        for basis, _, powers in spaces:
             _, pulled = self._invariant(basis, powers)
             if pulled is not None:
                 yield powers, pulled != self._scalar(pulled[0, 0], pulled.nrows())
@@ -142,41 +146,29 @@ class Pullbacks:
     def _scalar(self, c: Any, n: int) -> Any:
         return self._matrix([[int(c) * (i == j) for j in range(n)] for i in range(n)])
 
-    def _new_sample(self, k: int) -> tuple[list[Any], list[Any], list[Any]]:
-        """At the k-th random point: the monomials, those of the image under F, and the factors."""
-        while True:
-            x = self.steps.point([self.rng.randrange(self.p) for _ in range(self.map.dimension)])
-            with contextlib.suppress(ZeroDivisionError):
-                image, denominator = self.steps.image(x), self._denominator(*x[:-1])
-                here, there = (exact.monomial_values(self.exponents, y) for y in (x, image))
-                known = [x[-1], *(f(*x[:-1]) for f in self.factors)]
-                return list(here), list(there * denominator**self.degree), known
-
-    @cached_property
-    def _denominator(self) -> Any:
-        return modulo(self.map.forms[-1], self.p, self.eps)
-
     def _invariant(self, basis: Any, powers: Powers) -> tuple[Any, Any]:
         """Return the polynomials with pullbacks ``factors**powers`` times one of them.
 
         They are the rows of the first matrix. The second one is the pullback in their coordinates.
         """
+        before: Residues = []
+        after: Residues = []
+        rows = range(1 + self.degree * self.map.degree)
+        for k in range(1 + 4 * basis.nrows() // len(rows)):
+            here, there, factors = self._line(k)
+            weight = math.prod(f**power for f, power in zip(factors, powers, strict=True))
+            here = [weight * f for f in here]
+            before += [[f[j] for f in here] for j in rows]
+            after += [[f[j] for f in there] for j in rows]
+        left, right = self._matrix(before), self._matrix(after)
         while basis is not None:
             r = basis.nrows()
-            before, after = [], []
-            for here, there, known in map(self._sample, range(2 * r + MORE)):
-                weight = flint.nmod(1, self.p)
-                for a, power in zip(known, powers, strict=True):
-                    weight *= a**power
-                before.append([weight * a for a in here])
-                after.append(there)
-            both = (self._matrix(rows) * basis.transpose() for rows in (before, after))
-            joined = [a + b for a, b in zip(*(each.tolist() for each in both), strict=True)]
-            reduced, rank = self._matrix(joined).rref()
-            right = [row[r:] for row in reduced.tolist()[:rank]]
+            both = ((each * basis.transpose()).tolist() for each in (left, right))
+            reduced, rank = self._matrix([a + b for a, b in zip(*both, strict=True)]).rref()
+            pulled = [row[r:] for row in reduced.tolist()[:rank]]
             if rank == r:
-                return basis, self._matrix(right)
-            basis = self._solutions(self._matrix(right[r:]), basis)
+                return basis, self._matrix(pulled)
+            basis = self._solutions(self._matrix(pulled[r:]), basis)
         return None, None
 
 
@@ -185,11 +177,7 @@ def exceptional_factors(map: BirationalMap) -> list[bool]:
 
     They divide the Jacobian determinant of F in homogeneous coordinates, F_0^(D + 1) det DPhi.
     """
-    powers = {str(f): e for f, e in exact.factors(map.forms[-1])}
-    powers = {name: (map.dimension + 1) * e for name, e in powers.items()}
-    for f, e in map.jacobian_cofactor.factors if map.jacobian_cofactor else ():
-        powers[str(f)] = powers.get(str(f), 0) + e
-    known = map.factors or ()
-    left = (map.dimension + 1) * (map.degree - 1)
-    left -= sum(powers.get(str(f), 0) * degree_of(f) for f in known)
-    return [left > 0, *(powers.get(str(f), 0) > 0 for f in known)]
+    below: Any = quotient_of(map.forms[-1], map.ring.constant(1), "")
+    found = (below ** (map.dimension + 1) * map.jacobian_cofactor).factors
+    left = (map.dimension + 1) * (map.degree - 1) - sum(e * degree_of(f) for f, e in found)
+    return [left > 0, *(f in [g for g, _ in found] for f in map.factors or ())]

@@ -5,13 +5,12 @@ import http.client
 import itertools
 import json
 import re
-import threading
 import urllib.request
 from urllib.parse import urlencode, urlsplit
 
 import numpy as np
 import pytest
-from browser import check_silence, pixels, put, settle, text
+from browser import check_silence, pixels, put, serve, settle, text
 
 import suslov_fast as sf
 from suslov_fast.bodies.rigid import PICTURES
@@ -120,12 +119,8 @@ def test_presets_match_their_names(name):
 
 @pytest.fixture(scope="module")
 def server():
-    with Server(0) as running:
-        thread = threading.Thread(target=running.serve_forever, args=(0.02,))
-        thread.start()
+    with serve(Server(0)) as running:
         yield running
-        running.shutdown()
-        thread.join()
 
 
 def ask(server, path, method="GET", **headers):

@@ -2,10 +2,9 @@
 
 import http.server
 import json
-import threading
 
 import pytest
-from browser import check_silence, pixels, put, settle, text
+from browser import check_silence, pixels, put, serve, settle, text
 
 import suslov_fast as sf
 
@@ -64,17 +63,13 @@ def notebook(browser, monkeypatch):
     bundle, _ = page._repr_mimebundle_()
     assert "application/vnd.jupyter.widget-view+json" in bundle
     assert "run this cell" in bundle["text/plain"]
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Notebook) as running:
+    with serve(http.server.ThreadingHTTPServer(("127.0.0.1", 0), Notebook)) as running:
         running.widget, running.sent, running.alive, running.patience = page._widget, [], True, 10
         monkeypatch.setattr(page._widget, "send", running.sent.append)
-        thread = threading.Thread(target=running.serve_forever, args=(0.02,))
-        thread.start()
         running.url = f"http://127.0.0.1:{running.server_address[1]}/"
         browser.look(1280, 800)
         browser.events.clear()
         yield running
-        running.shutdown()
-        thread.join()
     check_silence(browser, running.url)
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from numbers import Rational
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -91,14 +91,13 @@ class QuadraticField(Body):
     QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
     """
 
-    if TYPE_CHECKING:
-        quadratic: Any
-        linear: Any
-        constant: Any
-        table: Any
-        H: Hamiltonian | None
-        K: Any
-        _parameters: dict[str, Any]
+    quadratic: Any
+    linear: Any
+    constant: Any
+    table: Any
+    H: Hamiltonian | None
+    K: Any
+    _parameters: dict[str, Any]
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
         given = {"quadratic": quadratic, "linear": linear, "constant": constant}

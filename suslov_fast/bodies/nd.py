@@ -60,11 +60,10 @@ class SuslovND(Body):
     _positive: ClassVar[dict[str, int]] = {"J": OTHERS}
 
     def __post_init__(self) -> None:
-        shapes = real_array("J", self.J).shape, real_array("I", self.I).shape
-        if () in shapes or shapes[0][-1] != shapes[1][-1] or shapes[0][-1] == 0:
-            expected = "shapes (..., n - 1) with the same n > 1"
-            raise wrong("J, I", expected, f"{shapes[0]} and {shapes[1]}")
         super().__post_init__()
+        J, I = np.shape(self.J), np.shape(self.I)
+        if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
+            raise wrong("J, I", "shapes (..., n - 1) with the same n > 1", f"{J} and {I}")
 
     @property
     def dimension(self) -> int:

@@ -189,12 +189,12 @@ def traced(
 ) -> Any:
     """Return exact tensors: of the D polynomials f(x, **parameters), or of the one of degree 3."""
     batch = np.broadcast_shapes(*map(np.shape, parameters.values()))
-    if not batch:
-        return _traced_once(name, f, D, degree, parameters)
+    columns = [np.broadcast_to(each, batch).ravel().tolist() for each in parameters.values()]
+    members = []
+    for i in range(math.prod(batch)):
+        row = zip(parameters, (column[i] for column in columns), strict=True)
+        members.append(_traced_once(name, f, D, degree, dict(row)))
     shape = (D,) * (degree == 2) + (D + 1,) * degree
-    columns = (np.broadcast_to(each, batch).ravel().tolist() for each in parameters.values())
-    rows = [dict(zip(parameters, row, strict=True)) for row in zip(*columns, strict=True)]
-    members = [_traced_once(name, f, D, degree, row) for row in rows]
     return np.array(members, dtype=object).reshape(*batch, *shape)
 
 

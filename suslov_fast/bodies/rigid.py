@@ -15,8 +15,6 @@ from ..checks import FloatArray, wrong
 from .base import Body
 from .field import QuadraticField
 
-# Products of inertia below this part of the largest moment are rounding errors of a rotation.
-ROUNDING_OF_PRODUCTS = 2.0**-50
 # Rounding of the triangle inequality, which is an equality for flat bodies.
 _ROUNDING = 1e-14
 
@@ -262,5 +260,5 @@ def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
 
 
 def without_rounding(products: FloatArray, largest: FloatArray) -> FloatArray:
-    """Return products of inertia, 0 where they are rounding errors beside the largest moment."""
-    return np.where(abs(products) < ROUNDING_OF_PRODUCTS * largest, 0.0, products)
+    """Return products of inertia, 0 where a rotation leaves a rounding error of the moments."""
+    return np.where(abs(products) < 2.0**-50 * largest, 0.0, products)

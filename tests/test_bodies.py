@@ -202,6 +202,7 @@ def test_from_mass_tensor(rng):
         body, rotation = SuslovND.from_mass_tensor(matter, axis)
         turned = adapted(rotation, matter)
         assert body.dimension == n - 1
+        assert np.linalg.det(rotation) > 0
         assert abs(turned[:-1, -1] - body.I).max() < 1e-13 * abs(matter).max()
         assert abs(np.diag(turned)[:-1] + turned[-1, -1] - body.J).max() < 1e-13 * body.J.max()
         assert abs(rotation @ axis / np.linalg.norm(axis) - np.eye(n)[-1]).max() < 1e-14

@@ -815,13 +815,13 @@ def test_a_root_of_a_polynomial_is_no_density():
 
 def test_a_search_that_cannot_be_interrupted(monkeypatch):
     """The limit holds whatever the search does: here its first part never ends."""
-    from suslov_fast.integrability import background
+    from suslov_fast.integrability import search
 
-    monkeypatch.setattr(background, "_START", "import time\ntime.sleep(1000)")
+    monkeypatch.setattr(search, "_START", "import time\ntime.sleep(1000)")
     found = report(CYCLE, EPS, time_limit=0.05)
     assert not found.finished
     assert "nothing yet" in repr(found)
-    monkeypatch.setattr(background, "_START", "pass")
+    monkeypatch.setattr(search, "_START", "pass")
     with pytest.raises(RuntimeError):
         report(CYCLE, EPS, time_limit=1000)
 

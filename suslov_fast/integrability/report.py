@@ -12,20 +12,24 @@ from contextlib import closing
 from fractions import Fraction
 from typing import Any
 
-from ..bodies.field import QuadraticField
+import numpy as np
+
+from ..bodies.field import QuadraticField, rates
 from ..checks import integer, real_number, wrong
 from . import exact
-from .background import results_until
-from .decimals import decimal, field_of, note_on_floats
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .kahan import KahanMap, kahan
 from .maps import BirationalMap, check_map
-from .search import search
+from .search import results_until, search
 
 _WIDTH = 150  # characters of a polynomial in the text
 _SHOWN = {"First integrals": 6, "Densities of measures": 1, "Darboux polynomials": 6}
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
+
+_LONG = 2**20  # denominators of floats such as 0.1
+_ODD = 1000  # factors of denominators of fractions of floats
+_DIGITS = 12  # of decimals that sums and products of floats can be
 
 Functions = tuple[RationalFunction, ...]
 
@@ -259,8 +263,57 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[BirationalMap, list[s
         missing = field.inverse is None if not isinstance(field, KahanMap) else False
         text = "No inverse was given: it is not checked that the map is birational."
         return field, [text] if missing else []
-    found = field_of(field, decimals)
-    if decimals and isinstance(eps, float):
-        eps = decimal(eps)
+    found = QuadraticField.of(field)
+    if decimals and not found.shape:
+        found = _in_decimals(field)
+        eps = _decimal(eps) if isinstance(eps, float) else eps
     map = kahan(found, eps)
-    return map, [] if decimals else note_on_floats([*field.to_dict().values(), map.eps])
+    return map, [] if decimals else _note_on_floats([*field.to_dict().values(), map.eps])
+
+
+def _in_decimals(body: Any) -> QuadraticField:
+    """Return the field of a single body or field with its floats as decimals."""
+    if not isinstance(body, QuadraticField):
+        field: QuadraticField = body._field_of(_decimal)
+        return field
+    decimals = np.vectorize(_decimal, "O")
+    if body.H is None:
+        return QuadraticField(*map(decimals, (body.quadratic, body.linear, body.constant)))
+    H, K = map(decimals, (body.H.tensor, body.K))
+    return QuadraticField._made(rates(H, K), H, K, {})
+
+
+def _decimal(a: Any) -> Fraction:
+    """Return the decimal of at most 15 digits that a float was written as, or its binary value.
+
+    So 0.1 is 1/10, and 1/3 remains the binary number. Of the thirds of floats, say, that
+    coefficients of a Hamiltonian are, the float is replaced.
+    """
+    binary = Fraction(a)
+    odd = binary.denominator // (binary.denominator & -binary.denominator)
+    if odd > 1:
+        return _decimal(binary * odd) / odd if odd < _ODD else binary
+    if binary.denominator < _LONG:
+        return binary
+    text = f"{float(binary):.14e}"
+    simple = Fraction(text)
+    digits = len(text.partition("e")[0].replace(".", "").lstrip("-").rstrip("0"))
+    near = digits <= _DIGITS and abs(simple - binary) <= abs(binary) / 2**50
+    return simple if near or float(simple) == binary else binary
+
+
+def _note_on_floats(values: list[Any]) -> list[str]:
+    """Return a note if numbers in nested lists look like decimals that are taken as floats."""
+    for c in values:
+        if isinstance(c, list):
+            if note := _note_on_floats(c):
+                return note
+        elif isinstance(c, float | Fraction):
+            simple, q = Fraction(c).limit_denominator(10**6), Fraction(c).denominator
+            if q > _LONG and q & (q - 1) == 0 and float(simple) == c:
+                return [
+                    f"The float {float(c)!r} is taken exactly, as {Fraction(c)}: if {simple} is "
+                    f"meant, write Fraction({simple.numerator}, {simple.denominator}), or "
+                    "decimals=True for all."
+                ]
+    return []

@@ -35,7 +35,7 @@ def animate_body(
         A single body, by default Suslov3D(4, 2, -0.5, -0.3, I3=3). Without I3 the middle of the
         interval ``admissible_I3()`` is drawn or, if no rigid body has these parameters, another.
     omega0 : array_like(float, shape=(2,)), optional
-        Initial angular velocity; by default one that passes from one steady rotation to the other.
+        Initial angular velocity; by default one near the repelling steady rotation.
     eps : float
         Step size.
     steps : int
@@ -146,10 +146,10 @@ def _plot_around(axes: Any, points: FloatArray, eye: FloatArray) -> None:
 
 
 def ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
-    """The ellipsoid of inertia, if there is one: semi-axes, the largest 1, and directions, columns.
+    """The ellipsoid of inertia, if there is one, and whether a rigid body has this I3 (`matter`).
 
-    Without I3 the middle of the interval or, if that is empty, a number of an ellipsoid is taken;
-    `matter` is whether a rigid body has this I3.
+    The largest semi-axis is 1; directions are columns. Without I3 the middle of the interval or,
+    if that is empty, a number of an ellipsoid is taken.
     """
     I1, I2, I13, I23, _ = body.parameters
     low, high = Suslov3D(I1, I2, I13, I23).admissible_I3()

@@ -125,7 +125,6 @@ def plot_phase(
     Returns
     -------
     matplotlib.axes.Axes
-
         Each level has a colour: a thin line, and states of the map as dots, from near a repelling
         to near an attracting steady state, or for one turn. The title has the parameters, unless
         the axes have a title.

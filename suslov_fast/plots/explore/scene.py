@@ -52,11 +52,9 @@ class Parameters(NamedTuple):
         return SuslovGyrostat(*self[:5]) if self.k else Suslov3D(*self[:4])
 
 
-_NEEDED = Parameters._fields[:-2]
-
-
 def parse_query(query: str) -> Parameters:
     """Return the parameters in a query, each once, beside what it `show`s."""
+    needed = Parameters._fields[:-2]
     pairs = [each for each in parse_qsl(query, keep_blank_values=True) if each[0] != "show"]
     values: dict[str, Any] = {}
     for name, text in pairs:
@@ -64,9 +62,9 @@ def parse_query(query: str) -> Parameters:
             values[name] = real_number(name, float(text))
         except ValueError as error:
             raise wrong(name, "a number", repr(text)) from error
-    if len(values) < len(pairs) or not {*_NEEDED} <= values.keys() <= {*Parameters._fields}:
+    if len(values) < len(pairs) or not {*needed} <= values.keys() <= {*Parameters._fields}:
         got = ", ".join(name for name, _ in pairs) or "none"
-        raise wrong("parameters", f"each of {', '.join(_NEEDED)} once", got)
+        raise wrong("parameters", f"each of {', '.join(needed)} once", got)
     steps = values["steps"]
     if steps not in range(1, _MOST_STEPS + 1):
         raise wrong("steps", f"an integer from 1 to {_MOST_STEPS}", f"{steps:g}")

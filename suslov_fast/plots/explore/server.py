@@ -5,6 +5,7 @@ import json
 import os
 import sys
 import threading
+from functools import partial
 from http.server import SimpleHTTPRequestHandler
 from importlib.util import find_spec
 from socketserver import ThreadingTCPServer
@@ -28,7 +29,7 @@ class Server(ThreadingTCPServer):
     allow_reuse_address = os.name == "posix"
 
     def __init__(self, port: int) -> None:
-        super().__init__((_ADDRESS, port), _Handler)
+        super().__init__((_ADDRESS, port), partial(_Handler, directory=str(PAGE)))
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
 
@@ -44,9 +45,6 @@ class _Handler(SimpleHTTPRequestHandler):
     timeout = 10.0
     # Not as the machine has it, which may be another type.
     extensions_map = SimpleHTTPRequestHandler.extensions_map | {".js": "text/javascript"}
-
-    def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments, directory=str(PAGE))
 
     def send_head(self) -> Any:
         """Send the head of an answer to GET or HEAD; return its body, from a file or of numbers."""
@@ -142,8 +140,8 @@ def explore(
     Returns
     -------
     Page
-        What a notebook displays. `page.url` is its address on this machine, served from its first
-        use to `page.close()` or the end of the process.
+        What a notebook displays. `page.url` is an address on this machine, served from its first
+        use until `page.close()`.
 
     Examples
     --------

@@ -12,7 +12,7 @@ from typing import Any
 from ..bodies.field import QuadraticField
 from ..bodies.polynomials import terms_of
 from ..checks import wrong
-from .exact import degree_of, rational
+from .exact import degree_of, step_size
 from .functions import exact_quotient
 from .maps import TERMS, BirationalMap, Steps
 
@@ -228,14 +228,4 @@ def kahan(field: QuadraticField, eps: Any = None) -> KahanMap:
         raise wrong("field", "QuadraticField", type(field).__name__, TypeError)
     if field.shape:
         raise wrong("field", "a single field", f"a batch of shape {field.shape}")
-    return KahanMap(field, None if eps is None else _step_size(eps))
-
-
-def _step_size(eps: Any) -> Fraction:
-    """Return eps as a fraction."""
-    if not isinstance(eps, str):
-        return rational("eps", eps)
-    try:
-        return Fraction(eps)
-    except (ValueError, ZeroDivisionError):
-        raise wrong("eps", "a number such as 1/3 or 0.1", repr(eps)) from None
+    return KahanMap(field, None if eps is None else step_size(eps))

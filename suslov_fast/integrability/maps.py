@@ -25,6 +25,7 @@ from .exact import (
     rationals,
     ring,
     size,
+    value_at,
 )
 from .functions import RationalFunction, exact_quotient, product_of
 from .reconstruction import over_rationals, polynomials_with
@@ -159,8 +160,8 @@ class BirationalMap:
         def constant(p: int, eps: int) -> Residues:
             steps, line = self.steps(p, eps), random_line(self.dimension, p, random.Random(p))
             F, Q = steps.reduced(line), modulo(P, p, eps)
-            above = homogeneous_value(Q, F, degree)
-            below = homogeneous_value(Q, line, degree) * F[-1] ** degree
+            above = value_at(Q, F, degree)
+            below = value_at(Q, line, degree) * F[-1] ** degree
             powers.clear()
             for f in known:
                 divisor = on_line(modulo(f, p, eps), line, degree_of(f))
@@ -244,18 +245,6 @@ def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
     by_inverse = [of.from_dict({(0,): int(x[1]), (1,): int(x[0])}) for x in line[:-1]]  # of x / t
     terms = P.compose(*by_inverse, ctx=of).to_dict()
     return flint.nmod_poly([int(terms.get((degree - k,), 0)) for k in range(degree + 1)], p)
-
-
-def homogeneous_value(P: Any, x: Sequence[Any], degree: int) -> Any:
-    """Return x_0^degree P(x / x_0) for coordinates of any type."""
-    powers = [[a**k for k in range(degree + 1)] for a in x]
-    values = (
-        math.prod(
-            (of[k] for of, k in zip(powers, (*e, degree - sum(e)), strict=True)), start=int(c)
-        )
-        for e, c in P.to_dict().items()
-    )
-    return sum(values, 0 * x[-1])
 
 
 def check_map(map: Any) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from ..checks import integer, wrong
 from .exact import modulo, ring, value_at
 from .functions import exact_quotient
-from .maps import BirationalMap, Steps, homogeneous_value
+from .maps import BirationalMap, Steps
 
 _NUMBERS: Any = Rational | float | np.integer | np.floating
 
@@ -138,7 +138,7 @@ class _RationalSteps(Steps):
         )
 
     def forms(self, x: Sequence[Any]) -> list[Any]:
-        return [homogeneous_value(F, x, self.degree) for F in self.polynomials]
+        return [value_at(F, x, self.degree) for F in self.polynomials]
 
 
 def _determinant(rows: list[list[Any]]) -> Any:
@@ -201,7 +201,7 @@ def rational_map(
     map, opposite = RationalMap(forms), RationalMap(back, RationalMap(forms))
     map.inverse = opposite
     # The inverse takes images back, as an identity.
-    *above, below = (homogeneous_value(F, forms, opposite.degree) for F in back)
+    *above, below = (value_at(F, forms, opposite.degree) for F in back)
     if below == 0 or [*above] != [x * below for x in map.variables[:-1]]:
         raise wrong("inverse", "the inverse of f", "another map")
     return map

@@ -113,7 +113,8 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
     bad = np.isinf(array) if allow_nan else ~finite
     if bad.any():
         index = first_index(bad)
-        raise wrong(name, "finite real numbers", f"{array[index]} at index {index}")
+        where = f" at index {index}" if index else ""
+        raise wrong(name, "finite real numbers", f"{array[index]}{where}")
     return False
 
 

@@ -14,11 +14,10 @@ import flint
 
 from ..checks import integer
 from . import exact
-from .darboux import with_cofactor
+from .darboux import invariant_spaces, with_cofactor
 from .exact import Polynomials, degree_of, factors, rank, size
 from .functions import IDENTITY, MODULAR, RationalFunction, independent, quotient_of
 from .maps import TERMS, BirationalMap, check_map
-from .pullbacks import invariant_spaces
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice
@@ -206,9 +205,8 @@ def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[lis
 def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
     """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
 
-    They are constants times products of powers of the irreducible factors over the rationals of
-    det DPhi and of the map's denominator. Of these products the ones are returned for which there
-    is a polynomial modulo a prime, and 1 and det DPhi.
+    They are constants times products of powers of the factors of det DPhi and of the map's
+    denominator: those that have a polynomial, and 1 and det DPhi.
 
     Parameters
     ----------
@@ -225,7 +223,7 @@ def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
     Raises
     ------
     ArithmeticError
-        If there is no map, it has no inverse, or the factors are too long to write out.
+        If there is no map or inverse, or the factors are too long to write out.
 
     Examples
     --------

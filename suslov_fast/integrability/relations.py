@@ -72,25 +72,21 @@ def hk_bases(
 ) -> HKBasis:
     """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
 
-    An orbit has 10 points more than there are monomials, which shows all relations: if the
-    monomials at a point of a generic orbit depend on those before, so do all that follow. The
-    coefficients of a relation in the form of `HKBasis.basis` are first integrals; the rank of their
-    derivatives is the number of independent ones. If the relations of all orbits together span one
-    dimension more than those of one orbit, then quotients of these polynomials are first integrals,
-    too; otherwise, Darboux polynomials of equal cofactor
-    are sought.
+    The coefficients of a relation in the form of `HKBasis.basis` are first integrals; the rank of
+    their derivatives is the number of independent ones. If the relations of all orbits together
+    span one dimension more than those of one orbit, quotients of these polynomials are first
+    integrals, too; otherwise, Darboux polynomials of equal cofactor are sought. An orbit has 10
+    points more than there are monomials.
 
     Parameters
     ----------
     map : KahanMap or RationalMap
         Made by `kahan` or `rational_map`.
     monomials : int or sequence of exponents
-        A degree, or the exponents (e1, ..., eD) of each monomial. For a degree, all monomials up
-        to it are examined; the basis is that of the lowest degree that shows as many independent
-        integrals.
+        The exponents (e1, ..., eD) of each monomial, or a degree: then the basis is that of the
+        lowest degree that shows as many independent integrals.
     point : sequence of D rational numbers, optional
-        Point whose orbit `basis` and `dimension` belong to; by default one of random integers below
-        100.
+        Point whose orbit `basis` and `dimension` belong to; by default random integers below 100.
     seed : int, optional
         Seed of the random primes and points.
 
@@ -227,8 +223,6 @@ def _exponents(monomials: Any, n: int) -> Exponents:
     for each in exponents:
         if len(each) != n:
             raise wrong("monomials", f"{n} exponents for each monomial", each)
-    if not exponents or len({*exponents}) < len(exponents):
-        raise wrong("monomials", "at least one monomial, and none twice", monomials)
-    if len(exponents) > _MOST:
-        raise wrong("monomials", f"at most {_MOST} monomials", len(exponents))
+    if not exponents or len({*exponents}) < len(exponents) or len(exponents) > _MOST:
+        raise wrong("monomials", f"at least one, at most {_MOST}, and none twice", monomials)
     return exponents

@@ -1,9 +1,9 @@
 """The search of a report: cheap parts first, until as much is written as orbits show.
 
 It finds the degrees of iterates on random lines (`growth`), the number of integrals that relations
-along orbits show (`relations`), the polynomials with the cofactors 1 and det DPhi (`darboux`), and
-then those of all products of factors of the map (`pullbacks`), with the integrals and measures that
-follow from them and are checked as identities (`invariants`).
+along orbits show (`relations`), the polynomials with the cofactors 1 and det DPhi, and then with
+all products of factors of the map (`darboux`), with the integrals and measures that follow from
+them and are checked as identities (`invariants`).
 """
 
 from __future__ import annotations

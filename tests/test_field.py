@@ -218,3 +218,12 @@ def test_the_field_of_a_single_body_is_exact():
     single = QuadraticField.of(SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]))
     assert single.quadratic[0, 0, 1] == F(-0.7) / F(1.3) / 2
     assert QuadraticField.of(LORENZ) is LORENZ
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [({}, "f needs rho: pass rho=28"), ({"rho": 1, "sigma": 2}, "unexpected .*'sigma'")],
+)
+def test_parameters_that_are_missing_and_unknown_are_told_apart(given, words):
+    with pytest.raises(TypeError, match=words):
+        of_function(lambda x, rho: (rho * x[0],), 1, **given)

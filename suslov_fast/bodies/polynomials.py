@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from fractions import Fraction
 from itertools import permutations
 from numbers import Rational
@@ -188,6 +190,7 @@ def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
     """Return exact tensors: of the D polynomials f(x, **parameters), or of the one of degree 3."""
+    _check_call(name, f, parameters)
     batch = np.broadcast_shapes(*map(np.shape, parameters.values()))
     columns = [np.broadcast_to(each, batch).ravel().tolist() for each in parameters.values()]
     members = []
@@ -196,6 +199,18 @@ def traced(
         members.append(_traced_once(name, f, D, degree, dict(row)))
     shape = (D,) * (degree == 2) + (D + 1,) * degree
     return np.array(members, dtype=object).reshape(*batch, *shape)
+
+
+def _check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
+    """Raise TypeError unless f can be called as f(x, **parameters)."""
+    with suppress(ValueError):  # a function of another language has no signature
+        try:
+            inspect.signature(f).bind("x", **parameters)
+        except TypeError as error:
+            found = re.search(r"missing .*'(\w+)'", str(error))
+            missing = found and f"none for {found[1]}: {name} needs {found[1]}: pass {found[1]}=28"
+            received = f"{missing}, say" if missing else error
+            raise wrong(name, "values for all its parameters", received, TypeError) from error
 
 
 def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str, Any]) -> Any:

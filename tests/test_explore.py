@@ -5,7 +5,9 @@ import http.client
 import itertools
 import json
 import re
+import threading
 import urllib.request
+from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlencode, urlsplit
 
 import numpy as np
@@ -179,6 +181,28 @@ def test_nothing_else_is_served(server):
     assert ask(server, "/%00")[0].status == ask(server, "/a%0Ab")[0].status == 400
     assert ask(server, "/", "POST")[0].status == 501
     assert server.socket.getsockname()[0] == "127.0.0.1"
+
+
+def test_threads_are_bounded(server, monkeypatch):
+    """Of forty requests at once thirty-two are under way; the others wait."""
+    under_way, most, enough, go = [], [], threading.Event(), threading.Event()
+
+    def slow(query):
+        under_way.append(query)
+        most.append(len(under_way))
+        if len(under_way) == 32:
+            enough.set()
+        go.wait()
+        under_way.pop()
+        return {}
+
+    monkeypatch.setattr(serving, "answer", slow)
+    with ThreadPoolExecutor(40) as pool:
+        replies = [pool.submit(ask, server, "/scene?") for _ in range(40)]
+        enough.wait()
+        go.set()
+        assert [reply.result()[0].status for reply in replies] == [200] * 40
+    assert max(most) == 32
 
 
 def test_foreign_pages_are_refused(server):

@@ -19,6 +19,7 @@ from ..phase import BodyIn3D
 from .scene import PAGE, answer, query_of
 
 _ADDRESS = "127.0.0.1"
+_MOST = 32  # requests at a time; others wait
 
 
 class Server(ThreadingTCPServer):
@@ -29,9 +30,22 @@ class Server(ThreadingTCPServer):
     allow_reuse_address = os.name == "posix"
 
     def __init__(self, port: int) -> None:
+        self._free = threading.BoundedSemaphore(_MOST)
         super().__init__((_ADDRESS, port), partial(_Handler, directory=str(PAGE)))
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Start a thread for a request when one of those allowed is free."""
+        self._free.acquire()
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer a request in its thread."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error, unless the browser has closed the connection."""

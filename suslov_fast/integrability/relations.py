@@ -13,7 +13,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..checks import integer, wrong
+from ..checks import integer, short, wrong
 from . import exact
 from .exact import MORE, Exponents, Point, Polynomials, Residues, monomial_values
 from .functions import rank_of_quotients
@@ -224,5 +224,5 @@ def _exponents(monomials: Any, n: int) -> Exponents:
         if len(each) != n:
             raise wrong("monomials", f"{n} exponents for each monomial", each)
     if not exponents or len({*exponents}) < len(exponents) or len(exponents) > _MOST:
-        raise wrong("monomials", f"at least one, at most {_MOST}, and none twice", monomials)
+        raise wrong("monomials", f"at least one, at most {_MOST}, and none twice", short(monomials))
     return exponents

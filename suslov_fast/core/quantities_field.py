@@ -10,7 +10,7 @@ import numpy as np
 from . import steps_field as steps
 from .codes import OK
 from .elimination import determinant_of, eliminate, keeps_digits, substitute
-from .numba import function, universal
+from .numba import function, inlined, universal
 from .tangent import derive
 
 FIELD = "(c,t),(t),(b),(b,d)->"
@@ -43,15 +43,28 @@ def vector_field(places, values, eps, x, out):
                 out[first + l, i] = f[i, l]
 
 
+@universal(FIELD + "(b)")
+def energy(places, values, eps, x, out):
+    """H(x)."""
+    add_terms(places, values, x, None, out)
+
+
 @universal("(c,t),(t),(b),(b,d),(b,d)->(b)")
 def cubic_form(places, values, eps, x, z, out):
-    """The sum of v x_i x_j z_k: H(x) if z is x."""
+    """The sum of v x_i x_j z_k."""
+    add_terms(places, values, x, z, out)
+
+
+@inlined
+def add_terms(places, values, x, z, out):
+    """Fill the sum of v x_i x_j z_k, where z is x if it is None."""
     D, terms = x.shape[1], places.astype(np.int64)
-    y = np.ones((D + 1, steps.lanes_of(D, len(x))))
-    after, h = np.ones_like(y), np.empty(y.shape[1])
+    y = np.ones((D + 1, steps.lanes_of(D, len(x))))  # x_D = 1
+    after, h = y if z is None else np.ones_like(y), np.empty(y.shape[1])
     for first in range(0, len(x), len(h)):
         count = read(x, first, y)
-        read(z, first, after)
+        if z is not None:
+            read(z, first, after)
         h[:] = 0.0
         for i in range(D):
             for l in range(count):

@@ -1,7 +1,5 @@
 """The body in space: vectors and matrices of its motion, its orientation, the scattering angle."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

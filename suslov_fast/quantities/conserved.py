@@ -1,7 +1,5 @@
 """Conserved quantities, the invariant measure, and the coordinates and constants of Section 4."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

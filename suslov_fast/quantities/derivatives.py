@@ -1,7 +1,5 @@
 """Derivatives with respect to time, with the reaction, and those of the map by its state."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

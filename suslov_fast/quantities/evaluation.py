@@ -4,8 +4,6 @@ To add one, write its formula in `core.quantities`, as a universal function of t
 all have, and call `evaluate` with it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Fixed points of fields, by elimination over the rationals with python-flint."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from decimal import Context, Decimal

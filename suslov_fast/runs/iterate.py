@@ -1,7 +1,5 @@
 """One step and many steps of the map of a body or a field."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Runs as .npz files, without loss, and as an `xarray.Dataset`."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -536,7 +536,7 @@ def test_a_map_without_inverse_and_no_map():
     assert found.finished
     nowhere = QuadraticField([[[0]]], [[2]])
     for call in (report, lambda *args: degrees(kahan(*args), 3), lambda *a: hk_bases(kahan(*a), 1)):
-        with pytest.raises(ArithmeticError, match="has no inverse at any x for eps = 1"):
+        with pytest.raises(ArithmeticError, match="eps=1.*no solution"):
             call(nowhere, 1)
     assert report(nowhere).special_eps == (1,)
 

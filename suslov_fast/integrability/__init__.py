@@ -34,7 +34,8 @@ from .functions import RationalFunction
 from .growth import Growth, degrees, growth
 from .invariants import cofactors
 from .kahan import KahanMap, kahan
-from .rational import RationalMap, rational_map
+from .maps import RationalMap
+from .rational import rational_map
 from .relations import HKBasis, hk_bases
 from .report import Report, report
 from .zoo import zoo

@@ -17,14 +17,14 @@ from ..checks import integer, wrong
 from . import exact
 from .exact import MORE, Polynomials, Residues, degree_of, modulo, monomial_values, value_at
 from .functions import RationalFunction, quotient_of
-from .maps import BirationalMap, check_map, on_line, random_line, rational_roots
+from .maps import RationalMap, check_map, on_line, random_line, rational_roots
 from .reconstruction import over_rationals, polynomials_with
 
 Powers = tuple[int, ...]  # of the hyperplane at infinity and the factors of the map
 
 
 def darboux_polynomials(
-    map: BirationalMap, degree: int, cofactor: Any = None, *, seed: int = 0
+    map: RationalMap, degree: int, cofactor: Any = None, *, seed: int = 0
 ) -> Polynomials:
     """Find the polynomials P with P(map(x)) = C(x) P(x) (arXiv:1902.04715).
 
@@ -75,9 +75,7 @@ def darboux_polynomials(
     return with_cofactor(map, degree, cofactor, rng)
 
 
-def with_cofactor(
-    map: BirationalMap, degree: int, cofactor: Any, rng: random.Random
-) -> Polynomials:
+def with_cofactor(map: RationalMap, degree: int, cofactor: Any, rng: random.Random) -> Polynomials:
     """Return a basis of the polynomials up to a degree that have a cofactor, None for det DPhi."""
     exponents = exact.exponents_up_to(degree, map.dimension)
 
@@ -118,7 +116,7 @@ def value_of(cofactor: Any, steps: Any, eps: int, x: list[Any]) -> Any:
     return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), steps.p)
 
 
-def invariant_spaces(map: BirationalMap, degree: int) -> Iterator[Polynomials]:
+def invariant_spaces(map: RationalMap, degree: int) -> Iterator[Polynomials]:
     """Yield the polynomials whose pullback is a constant times them and powers of the factors.
 
     The factors of the map must be known. All have the degree, or have the hyperplane at infinity as
@@ -152,7 +150,7 @@ class Pullbacks:
     lines, whose points at infinity have t = 0.
     """
 
-    def __init__(self, map: BirationalMap, degree: int, p: int, eps: int) -> None:
+    def __init__(self, map: RationalMap, degree: int, p: int, eps: int) -> None:
         self.map, self.degree, self.p, self.eps = map, degree, p, eps
         self.rng, self.steps = random.Random(p), map.steps(p, eps)
         self.exponents = exact.exponents_up_to(degree, map.dimension)
@@ -268,7 +266,7 @@ class Pullbacks:
         return None, None
 
 
-def exceptional_factors(map: BirationalMap) -> list[bool]:
+def exceptional_factors(map: RationalMap) -> list[bool]:
     """Return which of the hyperplane at infinity and the factors have a lower-dimensional image.
 
     They divide the Jacobian determinant of F in homogeneous coordinates, F_0^(D + 1) det DPhi.

@@ -143,10 +143,10 @@ class RationalFunction:
     def _repr_latex_(self) -> str:
         text = str(self)
         if "/" in text:
-            above, below = text.split("/")
-            above = re.sub(r"^(-?)\(([^()]*)\)$", r"\1\2", above)
+            above, below = text.removeprefix("-").split("/")
+            above = re.sub(r"^\(([^()]*)\)$", r"\1", above)
             below = re.sub(r"^\((.*)\)$", r"\1", below)
-            text = f"\\frac{{{above}}}{{{below}}}"
+            text = f"{'-' * (self.constant < 0)}\\frac{{{above}}}{{{below}}}"
         for old, new in _LATEX.items():
             text = re.sub(old, new, text)
         return f"$\\displaystyle {text}$"

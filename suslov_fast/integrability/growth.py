@@ -15,10 +15,10 @@ import numpy as np
 
 from ..checks import integer, short, wrong
 from .exact import confirmed
-from .maps import BirationalMap, check_map, random_line
+from .maps import RationalMap, check_map, random_line
 
 
-def degrees(map: BirationalMap, n: int, *, seed: int = 0) -> list[int]:
+def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
     The degree is the largest of the numerators and the common denominator, without common factors.
@@ -59,7 +59,7 @@ def degrees(map: BirationalMap, n: int, *, seed: int = 0) -> list[int]:
     return list(confirmed(rng, compute))
 
 
-def degrees_on_a_line(map: BirationalMap, p: int, eps: int, rng: random.Random) -> Iterator[int]:
+def degrees_on_a_line(map: RationalMap, p: int, eps: int, rng: random.Random) -> Iterator[int]:
     """Yield the degrees of the iterates of a random line modulo a prime."""
     line, steps = random_line(map.dimension, p, rng), map.steps(p, eps)
     while True:

@@ -17,7 +17,7 @@ from . import exact
 from .darboux import invariant_spaces, with_cofactor
 from .exact import Polynomials, degree_of, factors, rank, size
 from .functions import IDENTITY, MODULAR, RationalFunction, independent, quotient_of
-from .maps import TERMS, BirationalMap, check_map
+from .maps import TERMS, RationalMap, check_map
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice
@@ -26,7 +26,7 @@ _WEIGHT = 2**40  # of equations in a lattice
 class Invariants:
     """The Darboux polynomials of a map that were found, and what follows from them."""
 
-    def __init__(self, map: BirationalMap) -> None:
+    def __init__(self, map: RationalMap) -> None:
         self.map = map
         # Darboux polynomials that are no combinations of products of others.
         self.generators: list[Any] = []
@@ -202,7 +202,7 @@ def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[lis
     return [row[:n] for row in reduced if any(row[:n]) and not any(row[n:])]
 
 
-def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
+def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
 
     They are constants times products of powers of the factors of det DPhi and of the map's
@@ -247,7 +247,7 @@ def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
 
 
 @lru_cache(maxsize=8)
-def invariants_up_to(map: BirationalMap, degree: int) -> Invariants:
+def invariants_up_to(map: RationalMap, degree: int) -> Invariants:
     """Return the Darboux polynomials; ArithmeticError if the factors of the map are not known."""
     if map.factors is None:
         raise ArithmeticError(

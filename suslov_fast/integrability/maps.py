@@ -34,28 +34,65 @@ TERMS = 100_000  # of the largest polynomial that is written out
 _SPARSE = 100  # terms of a component; of sparse maps all polynomials are
 
 
-class BirationalMap:
-    """A map whose components are F_i / F_0, with polynomials F in x without a common factor."""
+class RationalMap:
+    """A birational map, exact, with components F_i / F_0; made by `rational_map`.
 
-    dimension: int
+    Called with a point, D rational numbers, it returns the next one, a tuple of fractions. At a
+    pole, a point without an image, its methods raise `ZeroDivisionError`. `inverse` is None if it
+    was not given.
+    """
+
     has_letter = False  # whether eps is a letter
-    inverse: BirationalMap | None = None
+    inverse: Any
+    forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
 
-    def steps(self, p: int | None, eps: int = 0) -> Any:
-        """Return the `Steps` modulo a prime, with a number for eps if it is a letter.
+    def __init__(self, forms: Sequence[Any], inverse: RationalMap | None = None) -> None:
+        self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """The components as text."""
+        *above, below = self.forms
+        return tuple(str(exact_quotient(F, below)) for F in above)
+
+    def __repr__(self) -> str:
+        return f"rational_map({', '.join(self.components)})"
+
+    @property
+    def _key(self) -> Any:
+        return self.components
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __reduce__(self) -> Any:
+        return RationalMap, (self.forms, self.inverse)
+
+    def steps(self, p: int | None, eps: int = 0) -> Steps:
+        """Return the steps modulo a prime, with a number for eps if it is a letter.
 
         For None, they are those over the rationals, or polynomials.
         """
-        raise NotImplementedError
-
-    def _parts_of_determinant(self) -> Iterator[tuple[Any, int]]:
-        """Yield polynomials, None for one that is too long, and powers: F_0, and of det DPhi."""
-        raise NotImplementedError
+        return Steps(p, self.forms)
 
     @property
-    def why_none(self) -> str:
-        """Say why there is no map, if there is none."""
-        return ""
+    def denominator(self) -> Any:
+        """The polynomial F_0, or a multiple whose factors a cofactor may have too."""
+        return self.forms[-1]
+
+    def _determinant(self) -> RationalFunction | None:
+        """Return det DPhi in factors; None if they are too long."""
+        *above, below = self.forms
+        n = self.dimension
+        rows = [
+            [*(F.derivative(j) * below - F * below.derivative(j) for j in range(n)), below]
+            for F in above
+        ]
+        whole = cramer(rows)[-1] // below ** (n - 1)
+        return exact_quotient(whole) * exact_quotient(below) ** (-n - 1)
 
     def __call__(self, point: Any) -> tuple[Any, ...]:
         """Return the image of a point, exactly; functions of eps if it is a letter."""
@@ -98,11 +135,6 @@ class BirationalMap:
         return [*self.ring.gens()[self.has_letter :], self.ring.constant(1)]
 
     @cached_property
-    def forms(self) -> list[Any]:
-        """The polynomials F_1, ..., F_D, F_0."""
-        return list(self.steps(None).reduced(self.variables))
-
-    @cached_property
     def degree(self) -> int:
         """The degree of the map of projective space."""
         return max(map(degree_of, self.forms))
@@ -129,28 +161,17 @@ class BirationalMap:
         return bool(steps.derivative(x).det() != 0)
 
     @cached_property
-    def _determinant(self) -> list[tuple[RationalFunction, int]] | None:
-        """Polynomials in factors, and powers, whose product is det DPhi; None if too long."""
-        parts = [*self._parts_of_determinant()] if self.is_invertible else [(None, 0)]
-        if any(P is None for P, _ in parts):
-            return None
-        one = self.ring.constant(1)
-        return [(exact_quotient(P, one), e) for P, e in parts]
+    def jacobian_cofactor(self) -> RationalFunction | None:
+        """The determinant of the derivative, in factors; None if they are too long."""
+        return self._determinant() if self.is_invertible else None
 
     @cached_property
     def factors(self) -> list[Any] | None:
         """The irreducible factors of F_0 and of det DPhi; None if they are too long."""
-        if self._determinant is None:
+        if self.jacobian_cofactor is None:
             return None
-        found = {str(f): f for P, _ in self._determinant for f, _ in P.factors if degree_of(f)}
-        return sorted(found.values(), key=size)
-
-    @cached_property
-    def jacobian_cofactor(self) -> RationalFunction | None:
-        """The determinant of the derivative, in factors; None if they are too long."""
-        if self._determinant is None:
-            return None
-        return math.prod((P**e for P, e in self._determinant), start=RationalFunction(()))
+        powers = (*self.jacobian_cofactor.factors, *factors(self.denominator))
+        return sorted({str(f): f for f, _ in powers if degree_of(f)}.values(), key=size)
 
     def cofactor(self, P: Any) -> RationalFunction | None:
         """Return C with P(Phi) = C P, a product of powers of factors; None if there is none."""
@@ -200,25 +221,34 @@ def rational_roots(row: Any, letter: bool) -> list[RationalFunction]:
 class Steps:
     """Steps of a map over the rationals, or modulo a prime p. Points are (x1, ..., xD, 1)."""
 
-    def __init__(self, p: int | None) -> None:
-        self.p = p
+    def __init__(self, p: int | None, polynomials: Sequence[Any]) -> None:
+        self.p, n = p, len(polynomials) - 1
+        self.polynomials = [F if p is None else modulo(F, p, 0) for F in polynomials]
+        self.gradients = [[F.derivative(i) for i in range(n)] for F in self.polynomials]
+        self.degree = max(degree_of(F) for F in polynomials)
 
     def image(self, x: Sequence[Any]) -> list[Any]:
-        raise NotImplementedError
+        *above, below = self.forms(x)
+        return [*(a / below for a in above), x[-1] ** 0]
 
     def derivative(self, x: Sequence[Any]) -> Any:
         """Return the matrix of derivatives at a point."""
-        raise NotImplementedError
+        *above, below = self.forms(x)
+        *rows, last = ([value_at(f, x) for f in row] for row in self.gradients)
+        return self.matrix(
+            [
+                [(f * below - a * g) / below**2 for f, g in zip(row, last, strict=True)]
+                for row, a in zip(rows, above, strict=True)
+            ]
+        )
 
     def forms(self, x: Sequence[Any]) -> list[Any]:
         """Return F, up to a common factor, at homogeneous coordinates of any type."""
-        raise NotImplementedError
+        return [value_at(F, x, self.degree) for F in self.polynomials]
 
     def reduced(self, x: Sequence[Any]) -> list[Any]:
         """Return F at polynomials, without a common factor."""
-        F = self.forms(x)
-        common = reduce(lambda a, b: a.gcd(b), F)
-        return [each // common for each in F]
+        return coprime(self.forms(x))
 
     def point(self, x: Sequence[Any]) -> list[Any]:
         return [flint.nmod(fmpq(a), self.p) for a in (*x, 1)]
@@ -247,10 +277,39 @@ def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
     return flint.nmod_poly([int(terms.get((degree - k,), 0)) for k in range(degree + 1)], p)
 
 
+def coprime(polynomials: Sequence[Any]) -> list[Any]:
+    """Return polynomials without their common factor."""
+    common = reduce(lambda a, b: a.gcd(b), polynomials)
+    return [each // common for each in polynomials]
+
+
+def cramer(system: list[list[Any]]) -> list[Any]:
+    """Return the numerators of the solution of a linear system (A | b), and det A.
+
+    Elimination without fractions (Bareiss).
+    """
+    n, previous = len(system), 1
+    for k in range(n):
+        pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
+        if pivot is None:
+            raise ZeroDivisionError
+        if pivot != k:  # the determinant keeps its sign
+            system[k], system[pivot] = system[pivot], [-a for a in system[k]]
+        top = system[k]
+        for row in system[:k] + system[k + 1 :]:
+            for j in range(k + 1, n + 1):
+                row[j] = (top[k] * row[j] - row[k] * top[j]) // previous
+        previous = top[k]
+    return [*(row[n] for row in system), previous]
+
+
 def check_map(map: Any) -> None:
     """Raise an error for anything but a map, and for equations that define none."""
-    if not isinstance(map, BirationalMap):
+    if not isinstance(map, RationalMap):
         expected = "a map, as kahan(field, eps) or rational_map(f, dimension) returns it"
         raise wrong("map", expected, type(map).__name__, TypeError)
-    if map.why_none:
-        raise ArithmeticError(f"{map} is no map: {map.why_none}")
+    steps, rng = map.steps(2**61 - 1, 2**40 + 7), random.Random(0)
+    try:
+        steps.image(steps.point([rng.randrange(2**60) for _ in range(map.dimension)]))
+    except ZeroDivisionError:
+        raise ArithmeticError(f"{map} is no map: its equations have no solution") from None

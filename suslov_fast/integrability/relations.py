@@ -18,7 +18,7 @@ from . import exact
 from .exact import MORE, Exponents, Point, Polynomials, Residues, monomial_values
 from .functions import rank_of_quotients
 from .invariants import common_denominator, invariants_up_to
-from .maps import BirationalMap, check_map
+from .maps import RationalMap, check_map
 from .reconstruction import over_rationals, polynomials_with
 
 _MOST = 500  # monomials up to a degree
@@ -64,7 +64,7 @@ class HKBasis:
 
 
 def hk_bases(
-    map: BirationalMap,
+    map: RationalMap,
     monomials: int | Sequence[Sequence[int]],
     *,
     point: Any = None,
@@ -145,7 +145,7 @@ def hk_bases(
 class Relations:
     """Relations between monomials along random orbits."""
 
-    def __init__(self, map: BirationalMap, rng: random.Random) -> None:
+    def __init__(self, map: RationalMap, rng: random.Random) -> None:
         self.map, self.rng = map, rng
         self.counts = cache(self._counts)
 

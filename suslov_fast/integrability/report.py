@@ -20,7 +20,7 @@ from . import exact
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .kahan import KahanMap, kahan
-from .maps import BirationalMap, check_map
+from .maps import RationalMap, check_map
 from .search import results_until, search
 
 _WIDTH = 150  # characters of a polynomial in the text
@@ -45,7 +45,7 @@ class Report:
     and `special_eps` has the rational eps at which one of them has no meaning, or there is no map.
     """
 
-    map: BirationalMap
+    map: RationalMap
     degree: int  # the largest that was searched
     degrees: list[int] = dataclasses.field(default_factory=list)
     integrals: Functions = ()  # independent
@@ -242,9 +242,9 @@ def report(
     return found
 
 
-def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[BirationalMap, list[str]]:
+def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str]]:
     """Return the map of the arguments of a report, and notes on them."""
-    if isinstance(field, BirationalMap):
+    if isinstance(field, RationalMap):
         if eps is not None:
             raise wrong("eps", "none for a map", eps)
         missing = field.inverse is None if not isinstance(field, KahanMap) else False

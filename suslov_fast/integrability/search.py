@@ -23,7 +23,7 @@ from . import exact
 from .functions import exact_quotient, independent
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
-from .maps import BirationalMap
+from .maps import RationalMap
 from .relations import Relations
 
 _FEW = 80  # coefficients of a polynomial of more than the degree
@@ -112,7 +112,7 @@ def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator
         yield done
 
 
-def _degrees(map: BirationalMap, seed: int) -> list[int]:
+def _degrees(map: RationalMap, seed: int) -> list[int]:
     """Return degrees of iterates, as many as a recurrence needs, and more if they cost little."""
 
     def compute(p: int, eps: int) -> list[int]:

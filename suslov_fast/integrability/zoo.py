@@ -8,7 +8,8 @@ from typing import Any
 
 from ..bodies.field import QuadraticField
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from .rational import RationalMap, rational_map
+from .maps import RationalMap
+from .rational import rational_map
 
 
 def _of(f: Callable[..., Any]) -> QuadraticField:

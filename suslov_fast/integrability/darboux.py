@@ -1,7 +1,5 @@
 """Darboux polynomials: of one cofactor, at random points, or of all, on random lines."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import random

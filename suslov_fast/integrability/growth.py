@@ -1,7 +1,5 @@
 """Degrees of iterates and their growth."""
 
-from __future__ import annotations
-
 import math
 import operator
 import random

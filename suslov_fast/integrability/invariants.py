@@ -1,7 +1,5 @@
 """First integrals and invariant measures from the Darboux polynomials of all cofactors."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import random

@@ -1,7 +1,5 @@
 """Hirota-Kimura bases: linear relations between monomials along orbits."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 `search` fills it part by part.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import time

@@ -6,8 +6,6 @@ all products of factors of the map (`darboux`), with the integrals and measures 
 them and are checked as identities (`invariants`).
 """
 
-from __future__ import annotations
-
 import math
 import pickle
 import random

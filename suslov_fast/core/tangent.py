@@ -198,10 +198,9 @@ def derive_lane(indices, x, fixed, half, l, one, system, q, v, b):
     for i in range(D):
         for j in range(D):
             v[i, j, l] = system[i, D + j, 0]
-            system[i, j, 0] = (2.0 if i == j else 0.0) - after[i, j, 0]
-            system[i, D + j, 0] = 0.0
-    solve(system, one[4])
-    b[FAR, l] *= abs(determinant_of(system, one[4]) / of_step)
+            after[i, j, 0] = (2.0 if i == j else 0.0) - after[i, j, 0]
+    solve(after, one[4])
+    b[FAR, l] *= abs(determinant_of(after, one[4]) / of_step)
 
 
 @function

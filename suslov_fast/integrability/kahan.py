@@ -42,12 +42,8 @@ class KahanMap(RationalMap):
     def __repr__(self) -> str:
         return f"kahan({self.field}{'' if self.eps is None else f', eps={self.eps}'})"
 
-    @property
-    def _key(self) -> Any:
-        return self.field, self.eps
-
     def __reduce__(self) -> Any:
-        return KahanMap, self._key
+        return KahanMap, (self.field, self.eps)
 
     @cached_property
     def _rows(self) -> list[Any]:

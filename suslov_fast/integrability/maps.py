@@ -58,15 +58,11 @@ class RationalMap:
     def __repr__(self) -> str:
         return f"rational_map({', '.join(self.components)})"
 
-    @property
-    def _key(self) -> Any:
-        return self.components
-
     def __eq__(self, other: object) -> bool:
-        return type(other) is type(self) and self._key == other._key
+        return isinstance(other, RationalMap) and self.__reduce__() == other.__reduce__()
 
     def __hash__(self) -> int:
-        return hash(self._key)
+        return hash(repr(self))
 
     def __reduce__(self) -> Any:
         return RationalMap, (self.forms, self.inverse)
@@ -96,9 +92,9 @@ class RationalMap:
 
     def __call__(self, point: Any) -> tuple[Any, ...]:
         """Return the image of a point, exactly; functions of eps if it is a letter."""
-        x = rationals("point", point, self.dimension)
         if not self.has_letter:
-            return tuple(map(fraction, self._at(x, self.steps(None).image)[:-1]))
+            return tuple(map(fraction, self._at(point, "image")[:-1]))
+        x = rationals("point", point, self.dimension)
         scale = math.lcm(*(a.denominator for a in x))
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
         *above, below = self.steps(None).forms(constants)
@@ -106,20 +102,19 @@ class RationalMap:
 
     def jacobian(self, point: Any) -> tuple[Point, ...]:
         """Return the matrix of derivatives at a point, exactly, as a tuple of rows."""
-        x = rationals("point", point, self.dimension)
-        rows = self._at(x, self.steps(None).derivative).tolist()
+        rows = self._at(point, "derivative").tolist()
         return tuple(tuple(map(fraction, row)) for row in rows)
 
     def determinant(self, point: Any) -> Fraction:
         """Return the determinant of the matrix of derivatives at a point, exactly."""
-        x = rationals("point", point, self.dimension)
-        return fraction(self._at(x, self.steps(None).derivative).det())
+        return fraction(self._at(point, "derivative").det())
 
-    def _at(self, x: Point, method: Any) -> Any:
+    def _at(self, point: Any, method: str) -> Any:
+        x = rationals("point", point, self.dimension)
         if self.has_letter:
             raise TypeError("eps: expected a number here, as in map.subs(eps=Fraction(1, 3))")
         try:
-            return method([fmpq(a) for a in (*x, 1)])
+            return getattr(self.steps(None), method)([fmpq(a) for a in (*x, 1)])
         except ZeroDivisionError:
             where = ", ".join(map(str, x))
             raise ZeroDivisionError(f"({where}) has no image: it is a pole of the map") from None

@@ -100,7 +100,8 @@ def _floats(name: str, value: Any, labels: Sequence[str] = ()) -> FloatArray:
         raise wrong(name, expected, short(value)) from error
     if array.dtype.kind not in "iuf":
         raise wrong(name, "real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
-    return array.astype(np.float64, copy=False)
+    with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
+        return array.astype(np.float64, copy=False)
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
@@ -212,8 +213,12 @@ def instance(name: str, value: Any, expected: Any) -> None:
     """Check the class of an object; `expected` is a class, a tuple or a union of classes."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
-        names = " or ".join(each.__name__ for each in classes)
-        raise wrong(name, names, type(value).__name__, TypeError)
+        names = " or ".join(vars(each).get("_called", each.__name__) for each in classes)
+        raise wrong(name, names, kind_of(value), TypeError)
+
+
+def kind_of(value: Any) -> str:
+    return f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
 
 
 def short(value: Any) -> str:

@@ -209,10 +209,11 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
         return _body_in(options.body), options.eps
     in_3d = sf.SuslovGyrostat if "k" in given else sf.Suslov3D
     kind: Any = sf.SuslovND if {"J", "I"} & given.keys() else in_3d
-    try:
-        inspect.signature(kind).bind(**given)
-    except TypeError as error:
-        options.usage_error(f"{kind.__name__}: {error}")
+    known = inspect.signature(kind).parameters.items()
+    if needed := [f"--{n}" for n, each in known if each.default is each.empty and n not in given]:
+        options.usage_error(f"the following arguments are required: {', '.join(needed)}")
+    if foreign := given.keys() - dict(known):
+        options.usage_error(f"argument --{min(foreign)}: not allowed with --J and --I")
     return kind(**given), options.eps
 
 

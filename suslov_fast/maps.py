@@ -114,7 +114,7 @@ def map_of(body: Any) -> Map:
     for record in _RECORDS:
         if isinstance(body, record.body):
             return record
-    raise checks.wrong("body", " or ".join(_KINDS), type(body).__name__, TypeError)
+    raise checks.wrong("body", " or ".join(_KINDS), checks.kind_of(body), TypeError)
 
 
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:

@@ -38,7 +38,7 @@ def test_it_begins_at_r0_and_agrees_with_a_run(case, rng):
     assert sf.attitude(body, [omega0], 0.2).shape == (1, n, n)
 
 
-@pytest.mark.parametrize(("eps", "size"), [(1.0, 1e14), (-1.0, 1e100), (1e50, 1e-20)])
+@pytest.mark.parametrize(("eps", "size"), [(1.0, 1e14), (-1.0, 1e100), (1e50, 1e-20), (1.0, 1e200)])
 def test_half_a_turn(eps, size):
     """For huge |eps omega| a step is a half turn: R = 2 u u^T - 1 about u, or in the plane of u."""
     u, e = np.array([0.6, -0.8, 0.0, 0.0]), np.eye(4)[-1]
@@ -49,8 +49,6 @@ def test_half_a_turn(eps, size):
         R = sf.attitude(body, np.tile(size * u[: body.dimension], (3, 1)), eps)
         np.testing.assert_allclose(R[1], expected, atol=1e-12)
         np.testing.assert_allclose(R[2], np.eye(len(expected)), atol=1e-12)
-        beyond = sf.attitude(body, np.tile(1e200 * u[: body.dimension], (2, 1)), 1.0)
-        assert np.isnan(beyond[1]).all()
 
 
 def test_orientations_remain_orthogonal(case):

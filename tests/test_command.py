@@ -217,8 +217,8 @@ MISTAKES = """
 2 | run --i1 3 | --i1 3; did you mean --I1?
 2 | run --steps 1.5 | --steps: invalid integer value: '1.5'
 2 | run --omega0 1,x | --omega0: invalid numbers value: '1,x'
-2 | run --I1 4.5 --eps 1 | 'I2'
-2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | 'k'
+2 | run --I1 4.5 --eps 1 | --I2, --I13
+2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k
 2 | run --I1 4 --I2 1 --I13 1 --I23 1 | required: --eps
 2 | run --I1 4 --picture 1 | --I1: not allowed with --picture
 2 | run --body good.json --picture 1 | --picture: not allowed with argument --body

@@ -123,3 +123,11 @@ def test_times(body):
             sf.exact(body, [1, 0.5], 0.2, n)
         with pytest.raises((TypeError, ValueError), match=r"^time: "):
             sf.flow(body, [1, 0.5], n)
+
+
+@pytest.mark.parametrize("I", [[0.0, 0.0, 0.0], [0.5, -0.75, 0.25]])
+def test_tiny_states_in_n_dimensions_keep_their_value(I):
+    """They are too slow to move, and their squares are out of range."""
+    body, omega = sf.SuslovND([2.0, 2.0, 2.0], I), 1e-165 * np.array([1.0, 0.3, -0.2])
+    for found in (sf.exact(body, omega, 0.2, 5), sf.flow(body, omega, 0.2)):
+        np.testing.assert_allclose(found, omega, rtol=1e-14)

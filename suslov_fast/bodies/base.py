@@ -1,5 +1,6 @@
 """Base class of all bodies: immutable parameters, families, equality, text and plain data."""
 
+import inspect
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from fractions import Fraction
@@ -22,6 +23,9 @@ class Body:
     _vector_axes: ClassVar[int] = 0
     # The parameters that are positive, with the exponents of their range.
     _positive: ClassVar[dict[str, int]] = {}
+    # What `to_dict` may have besides the parameters; and the name of the class in messages.
+    _extras: ClassVar[tuple[str, ...]] = ()
+    _called: ClassVar[str] = "a body or a field"
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -145,7 +149,7 @@ class Body:
             scalars = {each: a for each, a in self._arrays.items() if self._axes(each) == 0}
             column = (scalars | self._coordinates).get(name, np.empty(0))
             if not 0 < column.size == max(column.shape, default=0):
-                names = ", ".join(scalars | self._coordinates)
+                names = ", ".join(scalars | self._coordinates) or "none"
                 raise wrong("sel", f"a parameter that varies along one axis, of {names}", name)
             wanted = checks.real_number(name, value)
             if type(wanted) is not float:
@@ -223,10 +227,12 @@ class Body:
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
         checks.one_of("body", given.pop("body", None), [cls.__name__])
-        try:
-            return cls._read(**given)
-        except TypeError as error:
-            raise wrong("parameters", f"those of {cls.__name__}", error) from None
+        known = inspect.signature(cls).parameters
+        needed = {name for name, each in known.items() if each.default is each.empty}
+        if others := ({*given} - {*known, *cls._extras}) | (needed - {*given}):
+            received = f"others: {', '.join(sorted(map(str, others)))} missing or unknown"
+            raise wrong("parameters", f"those of {cls.__name__}", received)
+        return cls._read(**given)
 
     @classmethod
     def _read(cls: type[Kind], **given: Any) -> Kind:

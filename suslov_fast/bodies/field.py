@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from numbers import Rational
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -91,6 +91,8 @@ class QuadraticField(Body):
     QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
     """
 
+    _extras: ClassVar[tuple[str, ...]] = ("H", "K", "parameters")
+
     quadratic: Any
     linear: Any
     constant: Any
@@ -100,9 +102,10 @@ class QuadraticField(Body):
     _parameters: dict[str, Any]
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        given = {"quadratic": quadratic, "linear": linear, "constant": constant}
-        given = {name: each for name, each in given.items() if each is not None}
-        arrays = {name: polynomials.as_given(name, each) for name, each in given.items()}
+        arrays = {"quadratic": polynomials.as_given("quadratic", quadratic)}
+        for name, each in (("linear", linear), ("constant", constant)):
+            if each is not None:
+                arrays[name] = polynomials.as_given(name, each)
         D = (0, *arrays["quadratic"].shape)[-1]
         for name, array in arrays.items():
             axes = _AXES[name]
@@ -303,7 +306,9 @@ class QuadraticField(Body):
     ) -> QuadraticField:
         """Return a field of arrays or nested lists, in which strings "p/q" are fractions."""
         whole = cls(**{name: from_lists(name, each) for name, each in given.items()})
-        named = {name: from_lists(name, each)[()] for name, each in (parameters or {}).items()}
+        checks.instance("parameters", parameters or {}, Mapping)
+        found = {name: from_lists(name, each) for name, each in (parameters or {}).items()}
+        named = {name: each if each is None else each[()] for name, each in found.items()}
         tensor = matrix = None
         if H is not None:
             given_H = polynomials.as_given("H", from_lists("H", H))

@@ -209,7 +209,7 @@ def _check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
         except TypeError as error:
             found = re.search(r"missing .*'(\w+)'", str(error))
             missing = found and f"none for {found[1]}: {name} needs {found[1]}: pass {found[1]}=28"
-            received = f"{missing}, say" if missing else error
+            received = f"{missing}, say" if missing else str(error).removeprefix("got ")
             raise wrong(name, "values for all its parameters", received, TypeError) from error
 
 

@@ -10,10 +10,12 @@ Rounding errors are removed at each state whose index is a multiple of CLEAN_EVE
 
 import numpy as np
 
+from .elimination import larger
 from .numba import function, kernel, share
 
 SQUARE, ALONG, QUARTER = range(3)  # rows of numbers of lanes: |b|**2; r.b; and eps / 4
 CLEAN_EVERY = 16
+HALF_TURN = 2.0**500  # a longer b is as good as one of this length, whose square is in range
 
 
 @kernel
@@ -61,12 +63,18 @@ def turn(part, parts, omega, eps, axial, R, start, every, next_row, turns):
 
 @function
 def turn_lanes(r, b, c):
-    """Replace r by r cay(S); NaN where |b|**2 is beyond the range."""
+    """Replace r by r cay(S); a long b, whose turn is a half one to rounding, is made shorter."""
     D, lanes = b.shape
     for l in range(lanes):
-        c[SQUARE, l] = 0.0
+        c[ALONG, l], c[SQUARE, l] = HALF_TURN, 0.0
     for i in range(D):
         for l in range(lanes):
+            c[ALONG, l] = larger(abs(b[i, l]), c[ALONG, l])
+    for l in range(lanes):
+        c[ALONG, l] = HALF_TURN / c[ALONG, l]
+    for i in range(D):
+        for l in range(lanes):
+            b[i, l] *= c[ALONG, l]
             c[SQUARE, l] += b[i, l] * b[i, l]
     for i in range(D + 1):
         for l in range(lanes):
@@ -75,7 +83,7 @@ def turn_lanes(r, b, c):
             for l in range(lanes):
                 c[ALONG, l] += r[i, j, l] * b[j, l]
         for l in range(lanes):
-            scale = 2.0 / (1.0 + c[SQUARE, l]) + 0.0 * c[SQUARE, l]
+            scale = 2.0 / (1.0 + c[SQUARE, l])
             last = r[i, D, l]
             r[i, D, l] = last + scale * (c[ALONG, l] - c[SQUARE, l] * last)
             c[ALONG, l] = scale * (c[ALONG, l] + last)

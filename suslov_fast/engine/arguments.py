@@ -246,7 +246,8 @@ def parameters_of(
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
     """Return the array `out` of the user, checked."""
     if not isinstance(out, np.ndarray) or np.ma.isMA(out) or out.dtype != np.float64:
-        raise wrong("out", "a NumPy array of dtype float64", checks.short(out), TypeError)
+        received = f"{checks.kind_of(out)} of dtype {getattr(out, 'dtype', None)}"
+        raise wrong("out", "a NumPy array of dtype float64", received, TypeError)
     if out.shape != shape or not out.flags.carray:
         expected = f"a C-contiguous, writeable, aligned array of shape {shape}"
         raise wrong("out", expected, f"shape {out.shape}, strides {out.strides}")

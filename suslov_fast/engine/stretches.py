@@ -50,12 +50,15 @@ def check_progress(progress: Progress) -> None:
 @contextmanager
 def reporter(progress: Progress, total: int) -> Iterator[Report]:
     """Yield a function that takes the number of steps done so far, and shows any progress."""
+    shown = -1
 
     def report(done: int) -> None:
-        if callable(progress):
+        nonlocal shown
+        if callable(progress) and done > shown:
             progress(done, total)
         elif bar is not None:
             bar.update(done - bar.n)
+        shown = done
 
     bar = _tqdm()(total=total, unit="step", unit_scale=True) if progress is True else None
     with bar or nullcontext():

@@ -48,6 +48,8 @@ class RationalFunction:
 
     def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
         """Return the value at a point; a function with the letter eps needs its value."""
+        if self.has_letter and eps is None:
+            raise TypeError("eps: expected a number, as in f(x, eps=Fraction(1, 3)), got None")
         x = [*([step_size(eps)] if self.has_letter else []), *(rational("x", a) for a in x)]
         values = (Fraction(value_at(P, x)) ** e for P, e in self.factors)
         return math.prod(values, start=self.constant)

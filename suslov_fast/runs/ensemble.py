@@ -3,6 +3,7 @@
 A store is made when its metadata are consolidated; a tile is there when its `status` is.
 """
 
+import errno
 import hashlib
 import inspect
 import math
@@ -284,7 +285,7 @@ def _opened(store: Any) -> tuple[dict[str, Any], bool]:
         root = zarr.open_group(store, mode="r")
     except FileNotFoundError:
         return {}, False
-    if root.attrs.get("format") != FORMAT:
+    if root.attrs and root.attrs.get("format") != FORMAT:
         version = root.attrs.get("version") or root.attrs.get("source")
         of = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
         raise wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {of}")
@@ -317,7 +318,7 @@ def _require_space(folder: Path, data: Any) -> None:
     free = shutil.disk_usage(next(each for each in folder.parents if each.exists())).free
     if needed > free:
         received = f"{free:,} bytes, fewer than the {needed:,} of the run: raise save_every"
-        raise wrong(str(folder), "space for the run", received, OSError)
+        raise OSError(errno.ENOSPC, f"expected space for the run, got {received}", str(folder))
 
 
 def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:

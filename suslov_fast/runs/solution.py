@@ -201,7 +201,8 @@ def _in_plane(name: str, given: States) -> tuple[States, Callable[[FloatArray], 
     unit = I / np.where(length > 0.0, length, 1.0)[..., None]
     along = (unit * omega).sum(axis=-1)
     across = omega - along[..., None] * unit
-    rest = np.sqrt((across * across).sum(axis=-1))
+    size = abs(across).max(axis=-1, keepdims=True)  # whose square may be out of range
+    rest = size[..., 0] * np.linalg.norm(across / np.where(size > 0.0, size, 1.0), axis=-1)
     order = abs(I).argsort(axis=-1)
     a, b = (np.take_along_axis(J, order[..., k, None], axis=-1)[..., 0] for k in (0, -1))
 

@@ -169,7 +169,7 @@ def memory_of_one(m):
     return c, b, np.empty((m, m + 1, 1)), np.empty((2, m))
 
 
-@function
+@inlined
 def eliminate_one(c, b, l, one):
     """Replace the state of lane l by the next, by `solve`, and make its increment 0; return its
     status.

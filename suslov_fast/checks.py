@@ -1,7 +1,5 @@
 """Checks of arguments: every message reads "name: expected ..., got ..."."""
 
-from __future__ import annotations
-
 import math
 import numbers
 import operator
@@ -9,7 +7,6 @@ import os
 import sys
 import warnings
 from collections.abc import Collection, Sequence
-from contextlib import suppress
 from typing import Any, get_args
 
 import numpy as np
@@ -50,14 +47,12 @@ def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArr
 
 def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     """Return a finite real number as a float, or an array; floats are much faster."""
+    if type(value) is float and math.isfinite(value):
+        return value
     if type(value) is int and abs(value) <= 2**53:
         return float(value)
-    if type(value) is not float:
-        array = real_array(name, value)
-        return array.item() if array.ndim == 0 else array
-    if not math.isfinite(value):
-        raise wrong(name, "finite real numbers", value)
-    return value
+    array = real_array(name, value)
+    return array.item() if array.ndim == 0 else array
 
 
 def within(name: str, value: Any, exponent: int) -> Any:
@@ -96,22 +91,17 @@ def _floats(name: str, value: Any, labels: Sequence[str] = ()) -> FloatArray:
     refuse(name, value)
     try:
         array = np.asarray(value)
-    except ValueError as error:
-        raise wrong(name, "a rectangular array of real numbers", short(value)) from error
-    if array.dtype is _FLOAT64:
-        return array
-    refuse(name, array)
-    are_real = array.dtype.kind in "iuf"
-    if array.dtype.kind == "O":
-        are_real = all(isinstance(item, numbers.Real) for item in array.flat)
-    if not are_real:
-        received = f"{short(value)} of dtype {array.dtype}"
-        raise wrong(name, "real numbers", received, TypeError)
-    try:
-        with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
-            return array.astype(np.float64, copy=False)
-    except OverflowError as error:
-        raise wrong(name, "numbers in the range of float64", short(value)) from error
+        if array.dtype is _FLOAT64:
+            return array
+        if array.dtype.kind == "O" and all(isinstance(each, numbers.Real) for each in array.flat):
+            array = array.astype(np.float64)
+    except (ValueError, OverflowError) as error:
+        expected = "a rectangular array of numbers in the range of float64"
+        raise wrong(name, expected, short(value)) from error
+    if array.dtype.kind not in "iuf":
+        raise wrong(name, "real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
+    with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
+        return array.astype(np.float64, copy=False)
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
@@ -158,7 +148,7 @@ def refuse(name: str, value: Any) -> None:
         raise wrong(name, "an array without labels", how, TypeError)
     if hasattr(value, "unit") or hasattr(value, "units"):
         number = "magnitude" if hasattr(value, "magnitude") else "value"
-        unit = value.unit if hasattr(value, "unit") else value.units
+        unit = getattr(value, "unit", getattr(value, "units", None))
         how = f"pass its number in the unit of all arguments, as {name}.to(...).{number}"
         raise wrong(name, "numbers without a unit", f"{kind} in {unit}: {how}", TypeError)
     if isinstance(value, np.ndarray) and np.ma.is_masked(value):
@@ -193,25 +183,14 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
         received = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
         expected = "expected batch shapes that broadcast against each other"
-        raise ValueError(f"{expected}, got {received}{_axes_that_fit(shapes)}") from error
-
-
-def _axes_that_fit(shapes: dict[str, tuple[int, ...]]) -> str:
-    """Return a hint if one argument, with more axes, gives all combinations."""
-    more = max(map(len, shapes.values()))
-    for name, shape in reversed(shapes.items()):
-        if name.isidentifier() and name != "body" and len(shape) == 1:
-            with suppress(ValueError):
-                np.broadcast_shapes(*(shapes | {name: shape + (1,) * more}).values())
-                return f"; {name}[:{', None' * more}] would fit"
-    return ""
+        raise ValueError(f"{expected}, got {received}") from error
 
 
 def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
     """Return an integer of at least `minimum` that fits in 64 bits."""
     if type(value) is int and minimum <= value < 2**62:
         return value
-    expected = expected or f"an integer of at least {minimum}"
+    expected = expected or f"an integer from {minimum} to 2**62"
     try:
         if isinstance(value, (bool, np.bool_)):
             raise TypeError
@@ -220,7 +199,7 @@ def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
         received = f"{short(value)} of type {type(value).__name__}"
         raise wrong(name, expected, received, TypeError) from error
     if not minimum <= number < 2**62:
-        raise wrong(name, f"{expected}, below 2**62" if number > 0 else expected, short(number))
+        raise wrong(name, expected, short(number))
     return number
 
 
@@ -234,10 +213,12 @@ def instance(name: str, value: Any, expected: Any) -> None:
     """Check the class of an object; `expected` is a class, a tuple or a union of classes."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
-        names = " or ".join(each.__name__ for each in classes)
-        is_class = isinstance(value, type)
-        received = f"the class {value.__name__}" if is_class else type(value).__name__
-        raise wrong(name, names, received, TypeError)
+        names = " or ".join(vars(each).get("_called", each.__name__) for each in classes)
+        raise wrong(name, names, kind_of(value), TypeError)
+
+
+def kind_of(value: Any) -> str:
+    return f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
 
 
 def short(value: Any) -> str:

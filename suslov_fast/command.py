@@ -1,7 +1,5 @@
 """The command `suslov-fast`: runs, their summaries, reports, pictures and a page in the browser."""
 
-from __future__ import annotations
-
 import argparse
 import inspect
 import json
@@ -19,9 +17,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NoReturn
 
-from . import __version__
+import suslov_fast as sf
 
-# Other modules are imported where they are needed: Numba would delay `--help`.
+# Modules that need Numba, which would delay `--help`, are imported where they are used.
 _PARAMETERS = ("I1", "I2", "I13", "I23", "I3", "k", "J", "I")
 _SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
 
@@ -48,21 +46,21 @@ def _tell(text: str) -> None:
     print("suslov-fast:", " ".join(text.split()), file=sys.stderr, flush=True)
 
 
-def _text_of(error: Exception) -> str:
+def _text_of(error: Exception, what: object = "") -> str:
+    """Return the message of an error, which begins with what it is about."""
+    text = str(error) or type(error).__name__
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return str(error) or type(error).__name__
+        what, text = error.filename or what, error.strerror
+    return text if text.startswith(str(what)) else f"{what}: {text}"
 
 
 @contextmanager
-def _about(what: Path | str) -> Iterator[None]:
+def _about(what: object) -> Iterator[None]:
     """Let the messages of errors begin with the name of a file or an option."""
     try:
         yield
     except Exception as error:
-        text = _text_of(error)
-        text = text if text.startswith(str(what)) else f"{what}: {text}"
-        raise ValueError(text) from error
+        raise ValueError(_text_of(error, what)) from error
 
 
 class _Parser(argparse.ArgumentParser):
@@ -78,13 +76,15 @@ class _Parser(argparse.ArgumentParser):
 
 def _parsed(words: Sequence[str]) -> argparse.Namespace:
     parser = _Parser("suslov-fast", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("-V", "--version", action="version", version=f"suslov-fast {__version__}")
+    parser.add_argument(
+        "-V", "--version", action="version", version=f"suslov-fast {sf.__version__}"
+    )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
 
     def command(function: Callable[..., int | None]) -> Any:
-        name, text = function.__name__.replace("_", "-"), inspect.getdoc(function) or ""
-        settings: dict[str, Any] = {"help": text.partition(".")[0], "description": text}
-        made = commands.add_parser(name, allow_abbrev=False, **settings)
+        name, text = function.__name__.replace("_", "-"), function.__doc__ or ""
+        about: dict[str, Any] = {"help": text.partition(".")[0], "description": text}
+        made = commands.add_parser(name, allow_abbrev=False, **about)
         made.set_defaults(function=function, usage_error=made.error)
         return made
 
@@ -94,7 +94,7 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
     made.add_argument("--json", action="store_true", help="print JSON, an object in each line")
     made = command(report)
     made.add_argument("--body", type=Path, metavar="FILE.json", required=True)
-    made.add_argument("--eps", type=Fraction, metavar="X", help="as 1/3 or 0.1 (any step size)")
+    made.add_argument("--eps", type=fraction, metavar="X", help="as 1/3 or 0.1 (any step size)")
     made.add_argument("--degree", type=integer, default=3, help="of polynomials (3)")
     made.add_argument("--time-limit", type=float, metavar="SECONDS")
     made.add_argument("--json", action="store_true", help="print JSON, for programs")
@@ -113,15 +113,21 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
     return options
 
 
+def fraction(text: str) -> Fraction:
+    """Return a number, which may be written as 1/3 or 1e6."""
+    try:
+        return Fraction(text)
+    except ZeroDivisionError as error:
+        raise ValueError from error
+
+
 def integer(text: str) -> int:
-    """Return an integer, which may be written as 1e6."""
-    if (value := Fraction(text)).denominator > 1:
+    if (value := fraction(text)).denominator > 1:
         raise ValueError
     return int(value)
 
 
 def numbers(text: str) -> list[float]:
-    """Return numbers separated by commas."""
     return [float(each) for each in text.split(",")]
 
 
@@ -135,13 +141,15 @@ def _add_options_of_run(parser: Any) -> None:
         group.add_argument(f"--{name}", type=kind, metavar=form)
     group = parser.add_argument_group("initial states")
     one = group.add_mutually_exclusive_group()
-    one.add_argument("--trajectories", type=integer, metavar="N", help="random ones (65536)")
+    one.add_argument(
+        "--trajectories", type=integer, metavar="N", default=65_536, help="random ones (65536)"
+    )
     one.add_argument("--omega0", type=numbers, action="append", metavar="X,...", help="given ones")
     one.add_argument("--initial", type=Path, metavar="FILE.npy", help="one in each row")
     group.add_argument("--extent", type=float, metavar="X", help="random ones in [-X, X) (2)")
     group.add_argument("--seed", type=integer, metavar="N", help="of random ones (0)")
     group = parser.add_argument_group("run")
-    group.add_argument("--eps", type=Fraction, metavar="X", help="step size (of the picture)")
+    group.add_argument("--eps", type=fraction, metavar="X", help="step size (of the picture)")
     group.add_argument("--steps", type=integer, default=1000, metavar="N", help="(1000)")
     group.add_argument("--method", default="auto", help="of iterate (auto)")
     group.add_argument("--threads", type=integer, metavar="N", help="(all)")
@@ -167,23 +175,26 @@ def run(options: argparse.Namespace) -> None:
     work = body, _starts(options, body), eps, options.steps
     import numba
 
-    from .engine.arguments import thread_count
-
-    numba.set_num_threads(thread_count(options.threads) or numba.get_num_threads())
+    if options.threads is not None:
+        with _about("--threads"):
+            numba.set_num_threads(options.threads)
     settings = {name: getattr(options, name) for name in ("save_every", "method", "attitude")}
     settings["progress"] = sys.stderr.isatty() and find_spec("tqdm") is not None
-    compute = _stored if path is not None and path.suffix == ".zarr" else _held
-    facts = compute(path, options.force, work, settings)
-    facts |= {"threads": numba.get_num_threads()} | ({} if path is None else {"written": str(path)})
+    is_stored = path is not None and path.suffix == ".zarr"
+    try:
+        facts = (_stored if is_stored else _held)(path, options.force, work, settings)
+    except KeyboardInterrupt:
+        kept = "keeps its tiles; the same command goes on" if is_stored else "was not written"
+        raise KeyboardInterrupt(f": {path} {kept}" if path else "") from None
+    facts |= {"threads": numba.get_num_threads()} | ({"written": str(path)} if path else {})
     print(_lines_of(facts, options.json), flush=True)
     if facts["trajectories"] and not facts["status"].keys() & {"OK", "SUPERCRITICAL"}:
         raise ArithmeticError("run: all trajectories failed")
 
 
-def _body_and_step(options: argparse.Namespace) -> tuple[Any, float]:
+def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
     """Return the body of a picture, of a file or with parameters, and the step size."""
-    from . import Suslov3D, SuslovGyrostat, SuslovND
-    from .bodies.paper import PICTURES
+    from .bodies.rigid import PICTURES
 
     values = vars(options).items()
     given = {name: each for name, each in values if name in _PARAMETERS and each is not None}
@@ -196,69 +207,74 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, float]:
         options.usage_error("the following arguments are required: --eps, with a body of your own")
     if options.body:
         return _body_in(options.body), options.eps
-    kind: Any = SuslovND if {"J", "I"} & {*given} else SuslovGyrostat if "k" in given else Suslov3D
-    if missing := [f"--{name}" for name in kind._required() if name not in given]:
-        options.usage_error(f"the following arguments are required: {', '.join(missing)}")
-    if unknown := given.keys() - {*kind._names()}:
-        options.usage_error(f"argument --{min(unknown)}: not allowed with --J and --I")
+    in_3d = sf.SuslovGyrostat if "k" in given else sf.Suslov3D
+    kind: Any = sf.SuslovND if {"J", "I"} & given.keys() else in_3d
+    known = inspect.signature(kind).parameters.items()
+    if needed := [f"--{n}" for n, each in known if each.default is each.empty and n not in given]:
+        options.usage_error(f"the following arguments are required: {', '.join(needed)}")
+    if foreign := given.keys() - dict(known):
+        options.usage_error(f"argument --{min(foreign)}: not allowed with --J and --I")
     return kind(**given), options.eps
 
 
 def _body_in(path: Path) -> Any:
-    """Return the body or field in a file."""
-    from . import body_from_dict
-
     with _about(path):
-        return body_from_dict(json.loads(path.read_text(encoding="utf-8")))
+        return sf.body_from_dict(json.loads(path.read_text(encoding="utf-8")))
 
 
 def _starts(options: argparse.Namespace, body: Any) -> Any:
-    """Return the initial states: RandomStarts, an array, or a memory map."""
+    """Return the initial states: RandomStarts, or an array, which may be a map of a file."""
     import numpy as np
 
-    from . import RandomStarts, checks
+    from . import checks
 
-    path, given = options.initial, options.omega0
-    if (path or given) and (options.extent, options.seed) != (None, None):
-        options.usage_error("arguments --extent and --seed: expected random states with them")
-    if given:
-        return checks.states("--omega0", given, body._labels)
-    if path is None:
-        count = 65_536 if options.trajectories is None else options.trajectories
+    path, states = options.initial, options.omega0
+    if not (path or states):
+        count = checks.integer("--trajectories", options.trajectories, 1)
         extent = 2.0 if options.extent is None else options.extent
-        return RandomStarts(checks.integer("--trajectories", count, 1), extent, options.seed or 0)
-    with _about(path):
-        states = np.lib.format.open_memmap(path, mode="r")
-        checks.states(str(path), np.asarray(states), body._labels)
-    return states
+        return sf.RandomStarts(count, extent, options.seed or 0)
+    if (options.extent, options.seed) != (None, None):
+        options.usage_error("arguments --extent and --seed: expected random states with them")
+    name = str(path or "--omega0")
+    with _about(name):
+        if path:
+            states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
+        return checks.states(name, checks.real_array(name, states), body._labels)
 
 
 def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str, Any]:
     """Compute a run, save it if there is a path, and return its summary."""
-    from . import RandomStarts, iterate
-    from .core.numba import compile_timer
+    from .engine.threads import CROSSOVER
 
     if path is not None:
         _require_new([path], force)
         if not os.access(f"{path.absolute().parent}/", os.W_OK):
             raise PermissionError(f"{path}: expected a name in a folder that can be written to")
     body, starts, eps, steps = work
-    if isinstance(starts, RandomStarts):
+    if isinstance(starts, sf.RandomStarts):
         starts = starts.states(starts.shape[0], dimension=body.dimension)
-    try:
-        for _ in range(2):  # short runs twice, since the first one starts threads
-            with compile_timer() as compiling:
-                begin = time.perf_counter()
-                found = iterate(body, starts, eps, steps, on_singular="ignore", **settings)
-                seconds = time.perf_counter() - begin - compiling()
-            if seconds > 0.5:
-                break
-        if path is not None:
-            found.save(path, overwrite=force)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt("" if path is None else f": {path} was not written") from None
-    rate = float((found.failed_at + (found.failed_at < 0) * (steps + 1)).sum()) / seconds
-    return _facts_of(found, starts) | {"seconds": seconds, "steps_per_second": rate}
+    settings = settings | {"on_singular": "ignore"}
+    few = min(steps, CROSSOVER // max(1, len(starts)) + 1)
+    sf.iterate(body, starts, eps, few, **settings | {"progress": None})  # compiles, starts threads
+    begin = time.perf_counter()
+    found = sf.iterate(body, starts, eps, steps, **settings)
+    seconds = time.perf_counter() - begin
+    computed = (found.failed_at + (found.failed_at < 0) * (steps + 1)).sum()
+    rate = {"seconds": seconds, "steps_per_second": float(computed) / seconds}
+    facts = _facts_of(found, starts) | rate
+    if path is not None:
+        found.save(path, overwrite=force)
+    return facts
+
+
+def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]:
+    """Compute what a store lacks of a run, and return its summary."""
+    if force and path.exists():
+        sf.open_ensemble(path)  # an error, unless it is the store of a run
+        shutil.rmtree(path)
+    begin = time.perf_counter()
+    sf.ensemble(*work, store=path, **settings)
+    return _facts_in(path) | {"seconds": time.perf_counter() - begin}
 
 
 def _require_new(paths: Sequence[Path], force: bool) -> None:
@@ -266,77 +282,55 @@ def _require_new(paths: Sequence[Path], force: bool) -> None:
         raise FileExistsError(f"{path}: expected a new name, or --force to replace it")
 
 
-def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]:
-    """Compute what a store lacks of a run, and return its summary."""
-    from . import ensemble, open_ensemble
-
-    if force and path.exists():
-        open_ensemble(path)  # an error, unless it is the store of a run
-        shutil.rmtree(path)
-    begin = time.perf_counter()
-    try:
-        facts = _facts_of_store(ensemble(*work, store=path, **settings))
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f": {path} keeps its tiles; the same command goes on") from None
-    return facts | {"seconds": time.perf_counter() - begin}
-
-
 def info(options: argparse.Namespace) -> int:
     """Print a summary of saved runs: .npz of Trajectories.save, .zarr of ensemble."""
-    from . import Trajectories, open_ensemble
-
     failed = 0
     for path in options.file:
         try:
-            with _about(path):
-                if path.suffix == ".zarr":
-                    facts = _facts_of_store(open_ensemble(path))
-                else:
-                    facts = _facts_of(Trajectories.load(path))
-            print(_lines_of({"file": str(path), **facts}, options.json), flush=True)
-        except ValueError as error:
-            _tell(str(error))
+            text = _lines_of({"file": str(path), **_facts_in(path)}, options.json)
+        except Exception as error:
+            _tell(_text_of(error, path))
             failed = 1
+        else:
+            print(text, flush=True)
     return failed
 
 
-def _facts_of(found: Any, start: Any = None) -> dict[str, Any]:
-    """Return the summary of a run, with changes since its first state or `start`."""
-    start = found.states[0] if start is None and len(found) and found.n[0] == 0 else start
+def _facts_in(path: Path) -> dict[str, Any]:
+    if path.suffix == ".zarr":
+        data = sf.open_ensemble(path)
+        return {**data.attrs, **_counts(data.status)}
+    found = sf.Trajectories.load(path)
+    return _facts_of(found, found.states[0] if found.n[0] == 0 else None)
+
+
+def _facts_of(found: Any, start: Any) -> dict[str, Any]:
+    """Return the summary of a run; of one without its first state, no changes."""
     return {
         "body": repr(found.body) if found.body.shape else found.body.to_dict(),
         "eps": found.eps if isinstance(found.eps, float) else f"{found.eps.size} values",
-        "trajectories": found.status.size,
+        **_counts(found.status),
         "steps": found.steps,
         "saved_states": len(found),
         "method": found.method,
         "drift": {} if start is None else _drift(found, start),
-        "status": _counts(found.status),
     }
 
 
-def _facts_of_store(data: Any) -> dict[str, Any]:
-    """Return the summary of a store, finished or not: its attributes and statuses."""
-    return {**data.attrs, "trajectories": data.status.size, "status": _counts(data.status)}
-
-
-def _counts(status: Any) -> dict[str, int]:
-    """Return the number of trajectories of each status; of a store also of those not computed."""
-    from . import Status
-
-    codes = {each.name: int(each) for each in Status} | {"PENDING": -128}
-    return {name: int(n) for name, code in codes.items() if (n := (status == code).sum())}
+def _counts(status: Any) -> dict[str, Any]:
+    """Return the number of trajectories, in all and of each status, or not computed yet."""
+    codes = {each.name: int(each) for each in sf.Status} | {"PENDING": -128}
+    counts = {name: int((status == code).sum()) for name, code in codes.items()}
+    return {"trajectories": status.size, "status": {k: n for k, n in counts.items() if n}}
 
 
 def _drift(found: Any, start: Any) -> dict[str, float]:
     """Return the largest finite changes of what is conserved, until the last state."""
     import numpy as np
 
-    import suslov_fast
-
     drift = {}
     for name in found._map.conserved(found.body):
-        function, eps = getattr(suslov_fast, name), () if name == "energy" else (found.eps,)
+        function, eps = getattr(sf, name), () if name == "energy" else (found.eps,)
         with np.errstate(all="ignore"):
             last, first = (function(found.body, each, *eps) for each in (found.final, start))
             change = np.asarray(abs(last / first - 1))
@@ -349,14 +343,12 @@ def _lines_of(facts: dict[str, Any], as_json: bool) -> str:
     """Return a line for each fact, or one JSON object for programs."""
     if as_json:
         return json.dumps(facts)
-    from . import Status
-
     names = [name for name in facts if name not in ("drift", "status")]
     rows = [(name.replace("_", " "), _spelled(facts[name])) for name in names]
     for name, change in facts.get("drift", {}).items():
         rows.append((f"drift of {name}", f"{change:.2g}, largest relative"))
     for name, count in facts["status"].items():
-        meaning = Status[name].message if name in Status.__members__ else "not computed yet"
+        meaning = sf.Status[name].message if name in sf.Status.__members__ else "not computed yet"
         rows.append(("status", f"{count:,} {name}: {meaning}"))
     return "\n".join(f"{name:<17}{text}" for name, text in rows)
 
@@ -385,10 +377,10 @@ def report(options: argparse.Namespace) -> None:
 
 def pictures(options: argparse.Namespace) -> None:
     """Draw the paper's four pictures. The gallery of the documentation has others."""
-    from .plots.pictures import draw, paths
+    from .plots.phase import draw_pictures, pictures_in
 
-    _require_new(paths(options.output), options.force)
-    print(*draw(options.output), sep="\n", flush=True)
+    _require_new(pictures_in(options.output), options.force)
+    print(*draw_pictures(options.output), sep="\n", flush=True)
 
 
 def explore(options: argparse.Namespace) -> None:

@@ -24,13 +24,12 @@ Examples
 218
 """
 
-from __future__ import annotations
-
 import math
+from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import typeof, types
+from numba import types
 from numba.extending import overload, typeof_impl
 from numpy.typing import ArrayLike, NDArray
 
@@ -41,40 +40,11 @@ from .checks import FloatArray, instance, real_number, wrong
 from .core import quantities, steps_3d, steps_field, steps_nd
 from .core.numba import borrowed, for_users, select
 
-
-class Frame(NamedTuple):
-    """A body without a rotor and a step size: (u, v) = (X, Y) of the theory pages."""
-
-    I1: float
-    I2: float
-    I13: float
-    I23: float
-    k: float  # 0
-    eps: float
-    u1: float  # u = u1 omega1 + u2 omega2
-    u2: float
-    v1: float  # v = v1 omega1 + v2 omega2
-    v2: float
-    inverse: float  # of the determinant u1 v2 - u2 v1
-
-
-class GyrostatFrame(NamedTuple):
-    """A gyrostat and a step size: u + i v = eps / 2 (omega1 + i sqrt(I2 / I1) omega2)."""
-
-    I1: float
-    I2: float
-    I13: float
-    I23: float
-    k: float
-    eps: float
-    u1: float
-    u2: float
-    v1: float
-    v2: float
-    inverse: float
-    K: float  # X = K + a u + b v, Y = b u - a v
-    a: float
-    b: float
+# The numbers of a body and a step size: u = u1 omega1 + u2 omega2, v = v1 omega1 + v2 omega2, and
+# the inverse of the determinant. Without a rotor, u and v are X and Y of the theory pages; with one
+# u + i v = eps / 2 (omega1 + i sqrt(I2 / I1) omega2), X = K + a u + b v and Y = b u - a v.
+Frame = namedtuple("Frame", "I1 I2 I13 I23 k eps u1 u2 v1 v2 inverse")
+GyrostatFrame = namedtuple("GyrostatFrame", (*Frame._fields, "K", "a", "b"))
 
 
 class NDSystem(NamedTuple):
@@ -95,7 +65,7 @@ class FieldSystem(NamedTuple):
 
 
 # Numba resolves the length of a tuple as it compiles, and drops the branch for the other kind.
-_GYROSTAT, _FIELD = len(GyrostatFrame._fields), len(FieldSystem._fields)
+_BODY, _FIELD = len(Frame._fields), len(FieldSystem._fields)
 
 
 def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFrame:
@@ -162,30 +132,27 @@ def _single(body: Any, eps: ArrayLike) -> float:
 @for_users
 def enter(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the numbers u and v of a state, dimensionless and linear in omega."""
-    _check(frame)
     return frame.u1 * omega1 + frame.u2 * omega2, frame.v1 * omega1 + frame.v2 * omega2
 
 
 @for_users
 def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return u and v one step further, with one division; NaN where there is no next state."""
-    _check(frame)
-    if len(frame) == _GYROSTAT:
-        X, Y = frame.K + (frame.a * u + frame.b * v), frame.b * u - frame.a * v
-        along, across, _, _ = steps_3d.turn(X, Y, frame.K)
-        return along * u - across * v, along * v + across * u
-    _, _, ratio, _ = steps_3d.turn(u, v, 0.0)
-    following = u * ratio
-    decayed = (abs(following) < steps_3d.NEGLIGIBLE) & (v < 0.0)
-    # (1 + Y_next) / (1 - Y) = X_next / X: the difference would cancel for large v.
-    turned = select(abs(v) < 1.0, v - 2.0 * u * following, (1.0 - v) * ratio - 1.0)
-    return select(decayed, 0.0, following), turned
+    if len(frame) == _BODY:
+        _, _, ratio, _ = steps_3d.turn(u, v, 0.0)
+        following = u * ratio
+        decayed = (abs(following) < steps_3d.NEGLIGIBLE) & (v < 0.0)
+        # (1 + Y_next) / (1 - Y) = X_next / X: the difference would cancel for large v.
+        turned = select(abs(v) < 1.0, v - 2.0 * u * following, (1.0 - v) * ratio - 1.0)
+        return select(decayed, 0.0, following), turned
+    X, Y = frame.K + (frame.a * u + frame.b * v), frame.b * u - frame.a * v
+    along, across, _, _ = steps_3d.turn(X, Y, frame.K)
+    return along * u - across * v, along * v + across * u
 
 
 @for_users
 def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return (omega1, omega2), the inverse of :func:`enter`."""
-    _check(frame)
     f = frame
     return (f.v2 * u - f.u2 * v) * f.inverse, (f.u1 * v - f.v1 * u) * f.inverse
 
@@ -193,7 +160,6 @@ def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, floa
 @for_users
 def step(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the next state; NaN where there is none."""
-    _check(frame)
     f = frame
     return steps_3d.one_step(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
@@ -201,7 +167,6 @@ def step(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[fl
 @for_users
 def vector_field(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the derivatives of omega1 and omega2, as :func:`suslov_fast.vector_field`."""
-    _check(frame)
     f = frame
     return quantities.vector_field_at(f.I1, f.I2, f.I13, f.I23, f.k, omega1, omega2)
 
@@ -209,14 +174,12 @@ def vector_field(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> 
 @for_users
 def energy(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
     """Return the energy, as :func:`suslov_fast.energy`."""
-    _check(frame)
     return quantities.energy_at(frame.I1, frame.I2, omega1, omega2)
 
 
 @for_users
 def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> float:
     """Return F of Lemma 1, as :func:`suslov_fast.first_integral`."""
-    _check(frame)
     f = frame
     return quantities.first_integral_at(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
@@ -287,7 +250,7 @@ def step_system(
     Where there is no next state, the status is negative and `out` is NaN. Arrays of another length
     are a ValueError; other than float64, a TypeError when the loop is compiled.
     """
-    _check(system, x, out, work)
+    _check(x, out)
     constants, memory = borrowed(system), borrowed(work)
     m = len(constants[0])
     if (len(x) != m) | (len(out) != m) | (memory[2][0].shape[1] != m):
@@ -299,26 +262,16 @@ def step_system(
     return steps_nd.step_of_one(constants, borrowed(x), borrowed(out), memory)
 
 
-def _check(constants, *others):
-    """Refuse other arguments than a frame, or than a system, x, out and work; here interpreted."""
-    _check_types(*map(typeof, (constants, *others)))
+def _check(x, out):
+    """Refuse arrays of other numbers than float64, when a loop is compiled."""
 
 
 @overload(_check)
-def _check_types(constants, *others):
-    """Refuse Numba types of arguments that do not fit, when a loop is compiled."""
-    kind = getattr(constants, "instance_class", None)
-    name = "system" if others else "frame"
-    if kind not in ((NDSystem, FieldSystem) if others else (Frame, GyrostatFrame)):
-        raise wrong(name, f"what {name}(body, eps) returns", f"{constants!s:.60}", TypeError)
-    for name, each in zip(("x", "out"), others, strict=False):
+def _check_types(x, out):
+    for name, each in (("x", x), ("out", out)):
         if not isinstance(each, types.Array) or (each.dtype, each.ndim) != (types.float64, 1):
             raise wrong(name, "an array (D,) of float64", f"{each!s:.60}", TypeError)
-    if others:
-        work, parts = others[2], 5 if kind is FieldSystem else 4  # of the memory of one lane
-        if not isinstance(work, types.Tuple) or len(work) != 3 or len(work[2]) != parts:
-            raise wrong("work", "what work(system) returns", f"{work!s:.60}", TypeError)
-    return lambda constants, *others: None
+    return lambda x, out: None
 
 
 @typeof_impl.register(Body)

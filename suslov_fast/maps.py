@@ -1,7 +1,5 @@
 """The maps of the package: a record of each, which its clients read, and lookup by name or body."""
 
-from __future__ import annotations
-
 import copyreg
 import re
 from collections.abc import Callable, Mapping
@@ -40,9 +38,8 @@ class Map:
 
     def symbols(self, body: Any) -> list[str]:
         r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
-        labels = (re.fullmatch(r"(\D+)(.*)", label) for label in body._labels)
-        words = (("\\" * (len(found[1]) > 1) + found[1], found[2]) for found in labels if found)
-        return [f"${word}_{{{index}}}$" for word, index in words]
+        labels = (re.sub(r"(\D+)(.*)", r"$\1_{\2}$", label) for label in body._labels)
+        return [label.replace("Omega", r"\Omega") for label in labels]
 
 
 def _in_nd(body: SuslovND) -> tuple[str, ...]:
@@ -55,16 +52,9 @@ def _of_field(body: QuadraticField) -> tuple[str, ...]:
 
 
 _IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction"
-
-
-# Costs between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
-def _cost_in_nd(D: int, T: int) -> float:
-    return 16.0 * D + D**3 / 30.0
-
-
-def _cost_of_field(D: int, T: int) -> float:
-    return 3.0 * (D**3 + T)
-
+# Costs lie between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
+_IN_ND = Steps(steps_nd.steps, steps_nd.carried, lambda D, T: 16.0 * D + D**3 / 30.0, 32)
+_BY_FIELD = Steps(steps_field.steps, steps_field.carried, lambda D, T: 3.0 * (D**3 + T), 32)
 
 _RECORDS = (
     Map(  # equation (4) of the paper
@@ -81,9 +71,9 @@ _RECORDS = (
         title="Discrete Suslov problem in n dimensions",
         sample=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
         methods={
-            "auto": Steps(steps_nd.steps, steps_nd.carried, _cost_in_nd, 32),
+            "auto": _IN_ND,
             "gauss": Steps(steps_nd.gauss_steps, steps_nd.carried, lambda D, T: D**3 / 3.0, 32),
-            "rank2": Steps(steps_nd.steps, steps_nd.carried, _cost_in_nd, 32),
+            "rank2": _IN_ND,
         },
         functions=_in_nd,
     ),
@@ -100,7 +90,7 @@ _RECORDS = (
         body=QuadraticField,
         title="Kahan map of a quadratic field",
         sample=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
-        methods={"auto": Steps(steps_field.steps, steps_field.carried, _cost_of_field, 32)},
+        methods={"auto": _BY_FIELD},
         functions=_of_field,
         variable="x",
         meaning="state",
@@ -124,8 +114,7 @@ def map_of(body: Any) -> Map:
     for record in _RECORDS:
         if isinstance(body, record.body):
             return record
-    received = f"the class {body.__name__}" if isinstance(body, type) else type(body).__name__
-    raise checks.wrong("body", " or ".join(_KINDS), received, TypeError)
+    raise checks.wrong("body", " or ".join(_KINDS), checks.kind_of(body), TypeError)
 
 
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:
@@ -134,7 +123,7 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     Parameters
     ----------
     parameters : mapping
-        Numbers and nested lists by name, and, as "body", the name of the class.
+        What `to_dict` returned.
 
     Returns
     -------

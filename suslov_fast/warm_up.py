@@ -1,7 +1,5 @@
 """Calls that compile everything: later processes read it from the cache on disk."""
 
-from __future__ import annotations
-
 import inspect
 import warnings
 from collections.abc import Callable, Iterator

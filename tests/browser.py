@@ -1,11 +1,12 @@
 """A headless browser, driven by the DevTools protocol, and the page of `explore` in it."""
 
-import base64
+import contextlib
 import functools
 import itertools
 import json
 import shutil
 import subprocess
+import threading
 import time
 from pathlib import Path
 
@@ -29,6 +30,17 @@ def wait(function):
         assert time.monotonic() < end, "timed out"
         time.sleep(0.02)
     return found
+
+
+@contextlib.contextmanager
+def serve(server):
+    """Serve in a thread."""
+    with server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
 
 
 class Browser:
@@ -88,17 +100,15 @@ class Browser:
     def frame(self):
         """The context of scripts in the frame of the page, once its page is there."""
         self.wait("document.querySelector('iframe') !== null")
+        return wait(self._newest_frame)
+
+    def _newest_frame(self):
+        self.value("1")  # receives events
         made = "Runtime.executionContextCreated"
-        return wait(
-            lambda: (
-                self.value("1")
-                and [
-                    {"contextId": each["params"]["context"]["id"]}
-                    for each in self.events
-                    if each.get("method") == made and each["params"]["context"]["origin"] == "://"
-                ][-1:]
-            )
-        )[0]
+        events = [each for each in self.events if each.get("method") == made]
+        found = [each["params"]["context"] for each in events]
+        numbers = [each["id"] for each in found if each["origin"] == "://"]
+        return numbers and {"contextId": numbers[-1]}
 
     def look(self, width, height):
         """Set the size of the window, without animations."""
@@ -110,10 +120,6 @@ class Browser:
     def open(self, url):
         self.call("Page.navigate", url=url)
         self.wait("document.readyState === 'complete' && document.documentElement !== null")
-
-    def picture(self, path):
-        data = self.call("Page.captureScreenshot", format="png")
-        path.write_bytes(base64.b64decode(data["data"]))
 
 
 def settle(browser, **context):

@@ -150,30 +150,6 @@ def matrix(I1, I2, I13, I23, eps, omega, k=0):
     ]
 
 
-def solution(a, eps, x, y, n):
-    """State n of the orbit of (x, y) under equation (8), for any integer n.
-
-    In X = eps x / sqrt(2 a), Y = eps y / (2 a) = U / W a step is linear on a level H: the matrix of
-    (U, W) is ((1 + H, -2 H), (-2, 1 + H)), and X W is multiplied by 1 - H.
-    """
-    X, Y = eps * x / mpmath.sqrt(2 * a), eps * y / (2 * a)
-    H = (X**2 + 2 * Y**2) / (2 + X**2)
-    T = mpmath.sqrt(H)
-    first, second = (1 + T) ** (2 * n) * (T - Y), (1 - T) ** (2 * n) * (T + Y)  # eigenvectors
-    W = (first + second) / (2 * T)
-    return x * (1 - H) ** n / W, 2 * a / eps * (second - first) / 2 / W
-
-
-@mp.workdps(700)
-def far_state(I1, I2, I13, I23, eps, omega, n):
-    """State n in 700 digits, since x may be as small as 1e-300."""
-    x, y = xy(I1, I2, I13, I23, exactly(*omega))
-    I1, I2, I13, I23, eps = exactly(I1, I2, I13, I23, eps)
-    x, y = solution(I1 * I2, eps, x, y, n)
-    D = I13**2 * I2 + I23**2 * I1
-    return [(I13 * I2 * x + I23 * y) / D, (I23 * I1 * x - I13 * y) / D]
-
-
 def relative_error(computed, exact):
     """|computed - exact| / |exact| of vectors."""
     difference = mpmath.norm([mpf(c) - e for c, e in zip(computed, exact, strict=True)])
@@ -308,25 +284,6 @@ def reaction_nd(J, I, omega, following, derivative):
 
 def orbit_nd(J, I, eps, omega, steps):
     return iterated(partial(step_nd, J, I, eps), omega, steps)
-
-
-@mp.workdps(700)
-def far_state_nd(J, I, eps, omega, n):
-    """State n where J I = b I and J = a on the vectors orthogonal to I, in 700 digits.
-
-    x = |I| |part of omega orthogonal to I| and y = b I.omega move as in three dimensions.
-    """
-    J, I, omega, (eps,) = exactly(*J), exactly(*I), exactly(*omega), exactly(eps)
-    k = max(range(len(I)), key=lambda i: abs(I[i]))
-    a, b, square = J[k - 1], J[k], mpmath.fdot(I, I)
-    p = mpmath.fdot(I, omega)
-    across = [w - p / square * i for w, i in zip(omega, I, strict=True)]
-    x = mpmath.sqrt(square * mpmath.fdot(across, across))
-    if x < mpf(10) ** -600:  # steady
-        return omega
-    x_n, y_n = solution(a * b, eps, x, b * p, n)
-    parts = zip(I, across, strict=True)
-    return [y_n / (b * square) * i + x_n / x * v for i, v in parts]
 
 
 def solution_with_rotor(I1, I2, I13, I23, k, eps, w1, w2, n, flows=False):

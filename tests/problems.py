@@ -41,7 +41,7 @@ def body(name, parameters, omega, eps, steps, tolerance=1e-14):
 
 
 PICTURE, ROTOR, UNIT = (4, 1, -0.5, -0.3), (2.3, 1.4, 0.5, -0.7), (1, 1, 1, 0)
-BODIES = [
+PROBLEMS = [
     body("picture 1", PICTURE, (1.0, 0.5), 0.2, 60),
     body("picture 1, backwards", PICTURE, (1.0, 0.5), -0.2, 60),
     body("picture 2", (4, 3, -0.4, -0.2), (1.5, 0.25), 0.2, 60),
@@ -70,4 +70,3 @@ BODIES = [
     body("rotor alone, turns", (2.0, 3.0, 0.0, 0.0, 1.5), (1.0, 1.0), 0.3, 60, 3e-14),
     body("rotor, at rest", (1, 1, 1, 0, 0.5), (-0.5, 0.75), 0.5, 20, 0.0),
 ]
-PROBLEMS = [*BODIES]

@@ -11,7 +11,7 @@ import pytest
 
 import suslov_fast as sf
 
-CASES, MANY_CASES = 60, 400
+SLOW = pytest.mark.slow, pytest.mark.compiled
 REGIMES = [
     "body, T < 1",
     "body, next to the line",
@@ -122,24 +122,14 @@ def errors(regime, cases):
             yield error, of_steps / max(1, n / 100)
 
 
-def assert_accurate(regime, cases):
+@pytest.mark.parametrize("regime", REGIMES)
+@pytest.mark.parametrize("cases", [60, pytest.param(400, marks=SLOW)])
+def test_backward_error(regime, cases):
     closed_form, steps = zip(*errors(regime, cases), strict=True)
     assert len(steps) > 0.8 * cases
     assert max(closed_form) < 32
     assert max(steps) < 128
     assert np.median(closed_form) < 2
-
-
-@pytest.mark.parametrize("regime", REGIMES)
-def test_backward_error(regime):
-    assert_accurate(regime, CASES)
-
-
-@pytest.mark.slow
-@pytest.mark.compiled
-@pytest.mark.parametrize("regime", REGIMES)
-def test_backward_error_of_many(regime):
-    assert_accurate(regime, MANY_CASES)
 
 
 def independent_numbers(rng):

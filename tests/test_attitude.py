@@ -3,6 +3,7 @@
 import naive
 import numpy as np
 import pytest
+from numba import config
 
 import suslov_fast as sf
 
@@ -37,7 +38,7 @@ def test_it_begins_at_r0_and_agrees_with_a_run(case, rng):
     assert sf.attitude(body, [omega0], 0.2).shape == (1, n, n)
 
 
-@pytest.mark.parametrize(("eps", "size"), [(1.0, 1e14), (-1.0, 1e100), (1e50, 1e-20)])
+@pytest.mark.parametrize(("eps", "size"), [(1.0, 1e14), (-1.0, 1e100), (1e50, 1e-20), (1.0, 1e200)])
 def test_half_a_turn(eps, size):
     """For huge |eps omega| a step is a half turn: R = 2 u u^T - 1 about u, or in the plane of u."""
     u, e = np.array([0.6, -0.8, 0.0, 0.0]), np.eye(4)[-1]
@@ -48,6 +49,12 @@ def test_half_a_turn(eps, size):
         R = sf.attitude(body, np.tile(size * u[: body.dimension], (3, 1)), eps)
         np.testing.assert_allclose(R[1], expected, atol=1e-12)
         np.testing.assert_allclose(R[2], np.eye(len(expected)), atol=1e-12)
+
+
+def test_orientations_remain_orthogonal(case):
+    run = sf.iterate(*case, 0.3, 300 if config.DISABLE_JIT else 100_000, attitude=True)
+    error = run.attitude @ run.attitude.swapaxes(-2, -1) - np.eye(run.attitude.shape[-1])
+    assert abs(error).max() < 1e-14
 
 
 def test_nan_from_the_first_nan_on(case):

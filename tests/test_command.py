@@ -21,7 +21,6 @@ from suslov_fast.command import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
 COMMAND = [sys.executable, "-m", "suslov_fast"]
-COMMANDS = ("run", "info", "report", "pictures", "explore", "warm-up")
 load = sf.Trajectories.load
 
 
@@ -73,14 +72,11 @@ def test_help_needs_no_kernels():
 
 
 def test_help():
-    assert succeed("-V") == succeed("--version") == f"suslov-fast {sf.__version__}\n"
+    assert succeed("-V") == f"suslov-fast {sf.__version__}\n"
     text = succeed("--help")
-    for name in COMMANDS:
+    for name in ("run", "info", "report", "pictures", "explore", "warm-up"):
         assert f"    {name} " in text
         assert f"usage: suslov-fast {name} " in succeed(f"{name} --help")
-    kinds = (sf.Suslov3D, sf.SuslovGyrostat, sf.SuslovND)
-    text = succeed("run --help")
-    assert all(f" --{name} " in text for kind in kinds for name in kind._names())
 
 
 @pytest.mark.compiled
@@ -98,30 +94,35 @@ def test_quick_start():
     assert os.listdir() == []
 
 
-def test_the_rate_is_that_of_steps_computed():
-    """A failed trajectory counts the steps that it took."""
-    unit = "--I1 1 --I2 1 --I13 1 --I23 0 --eps 1 --steps 20"
-    facts = facts_of(f"run {unit} --omega0 1,-3 --omega0 .3,.1")
-    assert facts["status"] == {"OK": 1, "SINGULAR": 1}
-    assert facts["steps_per_second"] * facts["seconds"] == pytest.approx(20 + 1)
+UNIT = "run --I1 1 --I2 1 --I13 1 --I23 0 --eps 1 --steps 20"
+
+
+def test_failures_are_counted():
+    """The rate is that of the steps computed."""
+    line = f"{UNIT} --omega0 .3,.1 --omega0 1,-3 --omega0 .5,-40"
+    text, facts = succeed(line), facts_of(line)
+    for status in sf.Status.OK, sf.Status.SUPERCRITICAL, sf.Status.SINGULAR:
+        assert f"1 {status.name}: {status.message}" in text
+    assert facts["steps_per_second"] * facts["seconds"] == pytest.approx(20 + 1 + 20)
+
+
+def test_the_time_is_without_that_of_the_compiler(monkeypatch):
+    delays, iterate = [0.0, 0.5], sf.iterate
+    monkeypatch.setattr(sf, "iterate", lambda *a, **k: time.sleep(delays.pop()) or iterate(*a, **k))
+    assert facts_of(f"{UNIT} --omega0 .3,.1")["seconds"] < 0.5
 
 
 def test_all_trajectories_failed():
-    done = run("run --I1 1 --I2 1 --I13 1 --I23 0 --eps 1 --steps 20 --omega0 1,-3")
-    assert done.code == 1
+    done = run(f"{UNIT} --omega0 1,-3")
+    assert (done.code, done.err) == (1, "suslov-fast: run: all trajectories failed\n")
     assert summary(done.out)["status"].startswith("1 SINGULAR")
     assert "drift" not in done.out
-    assert done.err == "suslov-fast: run: all trajectories failed\n"
 
 
 @pytest.mark.parametrize("suffix", ["npz", "zarr"])
 def test_run_and_info(suffix):
     name = f"result.{suffix}"
     facts = facts_of(f"run --trajectories 1e2 --steps 2e1 --save-every 10 -o {name}")
-    saved = sf.open_ensemble(name) if suffix == "zarr" else load(name)
-    starts = sf.RandomStarts(100, 2.0)
-    orbits = sf.iterate(sf.Suslov3D(4, 3, -0.4, -0.2), starts, 0.2, 20, save_every=10)
-    assert np.array_equal(saved.omega, orbits.omega)
     expected = {"trajectories": 100, "steps": 20, "written": name, "status": {"OK": 100}}
     assert {**facts, **expected} == facts
     found = [json.loads(line) for line in succeed(f"info {name} {name} --json").splitlines()]
@@ -145,56 +146,48 @@ def lotka():
     return sf.QuadraticField.from_function(f, 2)
 
 
-BODIES = {
-    "": sf.Suslov3D(4, 3, -0.4, -0.2),
-    "--picture 3": sf.Suslov3D(4, 2, 0, -0.2),
-    "--picture 4 --eps -0.25": sf.Suslov3D(3, 3, -0.2, -0.2),
-    "--I1 4 --I2 1 --I13 -.5 --I23 -3e-1 --eps -1e-3": sf.Suslov3D(4, 1, -0.5, -0.3),
-    "--I1 4 --I2 1 --I13 -.5 --I23 0 --I3 4 --k -.5 --eps 1": sf.SuslovGyrostat(
-        4, 1, -0.5, 0, -0.5, 4
-    ),
-    "--J 5,6,7 --I -0.4,-0.7,5e-1 --eps 1": sf.SuslovND([5, 6, 7], [-0.4, -0.7, 0.5]),
-    "--body b.json --eps 1": lotka(),
-}
+# What is passed to `iterate`, beside these.
+DEFAULTS = {
+    "body": sf.Suslov3D(4, 3, -0.4, -0.2), "omega0": sf.RandomStarts(65_536, 2.0), "eps": 0.2,
+    "steps": 4, "save_every": None,
+}  # fmt: skip
+STARTS = [[0.3, 0.1], [1.0, -3.0], [0.5, -40.0]]
+RUNS = {
+    "": {},
+    "--picture 3": {"body": sf.Suslov3D(4, 2, 0, -0.2), "eps": 0.02},
+    "--picture 4 --eps -1/4": {"body": sf.Suslov3D(3, 3, -0.2, -0.2), "eps": -0.25},
+    "--I1 4 --I2 1 --I13 -.5 --I23 -3e-1 --eps -1e-3": {
+        "body": sf.Suslov3D(4, 1, -0.5, -0.3), "eps": -1e-3,
+    },
+    "--I1 4 --I2 1 --I13 -.5 --I23 0 --I3 4 --k -.5 --eps 1": {
+        "body": sf.SuslovGyrostat(4, 1, -0.5, 0, -0.5, 4), "eps": 1.0,
+    },
+    "--J 5,6,7 --I -0.4,-0.7,5e-1 --eps 1 --method gauss": {
+        "body": sf.SuslovND([5, 6, 7], [-0.4, -0.7, 0.5]), "eps": 1.0, "method": "gauss",
+    },
+    "--body b.json --eps 1": {"body": lotka(), "eps": 1.0},
+    "--omega0 1.0,0.5": {"omega0": [[1.0, 0.5]]},
+    "--omega0 -1,.5 --omega0 2,-3": {"omega0": [[-1.0, 0.5], [2.0, -3.0]]},
+    "--trajectories 3 --extent 0.5 --seed 4": {"omega0": sf.RandomStarts(3, 0.5, 4)},
+    "--initial s.npy --picture 1 --threads 1 --save-every 2 --attitude": {
+        "body": sf.Suslov3D(4, 1, -0.5, -0.3), "omega0": STARTS, "save_every": 2, "attitude": True,
+    },
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("options", BODIES)
-def test_bodies(options):
+@pytest.mark.parametrize("options", RUNS)
+def test_run_is_iterate(options):
     Path("b.json").write_text(json.dumps(lotka().to_dict()))
-    facts = facts_of(f"run {options} --trajectories 5 --steps 4 -o o.npz")
-    assert load("o.npz").body == BODIES[options]
-    default = 0.02 if "3" in options else 0.2
-    assert facts["eps"] == (float(options.split()[-1]) if "--eps" in options else default)
-    assert facts["body"] == BODIES[options].to_dict()
+    np.save("s.npy", STARTS)
+    expected = sf.iterate(**DEFAULTS | RUNS[options], on_singular="ignore")
+    facts = facts_of(f"run {options} --steps 4 -o o.npz")
+    assert load("o.npz") == expected
+    assert (facts["body"], facts["eps"]) == (expected.body.to_dict(), expected.eps)
     assert "status" in summary(succeed("info o.npz"))
-
-
-STARTS = {
-    "--omega0 1.0,0.5": [[1.0, 0.5]],
-    "--omega0 -1,.5 --omega0 2,-3": [[-1.0, 0.5], [2.0, -3.0]],
-    "--trajectories 3 --extent 0.5 --seed 4": sf.RandomStarts(3, 0.5, 4).states(3),
-    "--initial s.npy": [[0.3, 0.1], [1.0, 0.25]],
-}
-
-
-@pytest.mark.parametrize("options", STARTS)
-@pytest.mark.parametrize("name", ["o.npz", "o.zarr"])
-def test_starts(options, name):
-    np.save("s.npy", [[0.3, 0.1], [1.0, 0.25]])
-    succeed(f"run {options} --steps 0 -o {name}")
-    found = sf.open_ensemble(name) if "zarr" in name else load(name)
-    np.testing.assert_array_equal(found.final, STARTS[options])
-
-
-def test_run_is_iterate():
-    starts = [[0.3, 0.1], [1.0, -3.0], [0.5, -40.0]]
-    np.save("starts.npy", starts)
-    line = "run --I1 1 --I2 1 --I13 1 --I23 0 --eps 1 --steps 20 --initial starts.npy"
-    text = succeed(f"{line} --save-every 5 --attitude --threads 1 -o o.npz")
-    for status in (sf.Status.OK, sf.Status.SUPERCRITICAL, sf.Status.SINGULAR):
-        assert f"1 {status.name}: {status.message}" in text
-    settings = {"save_every": 5, "attitude": True, "on_singular": "ignore"}
-    assert load("o.npz") == sf.iterate(sf.Suslov3D(1, 1, 1, 0), starts, 1.0, 20, **settings)
+    succeed(f"run {options} --steps 4 -o o.zarr")
+    stored = sf.open_ensemble("o.zarr")
+    for name in (expected._map.variable, "final"):
+        np.testing.assert_array_equal(stored[name], getattr(expected, name))
 
 
 def test_a_store_is_finished_or_refused():
@@ -206,11 +199,14 @@ def test_a_store_is_finished_or_refused():
     refused = run(f"{line} --eps 0.3")
     assert (refused.code, refused.err.count("\n")) == (1, 1)
     assert "eps: 0.3, the store has 0.2" in refused.err
-    assert facts_of(f"{line} --eps 0.3 --force")["eps"] == 0.3
-    succeed("run --omega0 1,2 --steps 3 -o o.npz")
-    assert run("run --omega0 1,2 --steps 4 -o o.npz").code == 1
-    succeed("run --omega0 1,2 --steps 4 -o o.npz --force")
-    assert load("o.npz").steps == 4
+
+
+@pytest.mark.parametrize("suffix", ["npz", "zarr"])
+def test_force_replaces_a_run(suffix):
+    for eps in ("0.2", "0.3"):
+        facts = facts_of(f"run --omega0 1,2 --steps 3 --eps {eps} -o run.{suffix} --force")
+        assert facts["eps"] == float(eps)
+    assert json.loads(succeed(f"info run.{suffix} --json"))["eps"] == 0.3
 
 
 # Exit status, command line, and parts of the message on stderr.
@@ -218,84 +214,52 @@ MISTAKES = """
 2 | | required: COMMAND
 2 | rum | invalid choice: 'rum' .* did you mean run?
 2 | run --stpes 3 | unrecognized arguments: --stpes 3; did you mean --steps?
-2 | run --Steps=3 | --Steps=3; did you mean --steps?
 2 | run --i1 3 | --i1 3; did you mean --I1?
-2 | report --body good.json --digree 3 | did you mean --degree?
-2 | run 10 | unrecognized arguments: 10
-2 | run --steps | --steps: expected one argument
 2 | run --steps 1.5 | --steps: invalid integer value: '1.5'
-2 | run --omega0 1 2 | unrecognized arguments: 2
 2 | run --omega0 1,x | --omega0: invalid numbers value: '1,x'
-2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k: not allowed
-2 | run --picture 5 | --picture: invalid choice
-2 | run --I1 4kg | --I1: invalid float value: '4kg'
-2 | run --I1 4.5 --eps 1 | required: --I2, --I13, --I23
-2 | run --J 1,2 --eps 1 | required: --I
+2 | run --I1 4.5 --eps 1 | --I2, --I13
+2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k
 2 | run --I1 4 --I2 1 --I13 1 --I23 1 | required: --eps
-2 | run --body good.json | required: --eps
-2 | run --picture 1 --J 4,5 | --J: not allowed
+2 | run --I1 4 --picture 1 | --I1: not allowed with --picture
 2 | run --body good.json --picture 1 | --picture: not allowed with argument --body
 2 | run --omega0 1,2 --initial good.npy | --initial: not allowed with argument --omega0
 2 | run --omega0 1,2 --seed 0 | --seed: expected random
 2 | run --save-every 3 | --save-every .* expected -o FILE
 2 | run --attitude | --attitude: expected -o FILE
 2 | run -o o.csv | -o/--output: expected FILE.npz or FILE.zarr, got 'o.csv'
-2 | info | required: FILE
-2 | report | required: --body
-2 | report --body good.json --eps x | --eps: invalid Fraction value: 'x'
+2 | run --eps inf | --eps: invalid fraction value: 'inf'
+2 | report --body good.json --eps 1/0 | --eps: invalid fraction value: '1/0'
 2 | explore now | unrecognized arguments: now
-1 | report --body good.json --eps 1/0 | Fraction(1, 0)
 1 | run --omega0 1,2,3 | --omega0: expected shape
-1 | run --omega0 1,2 --omega0 1 | --omega0: expected a rectangular array
-1 | run --omega0 inf,1 | --omega0: .* inf
-1 | run --I1 -3 --I2 1 --I13 1 --I23 1 --eps 1 | I1: .* -3
-1 | run --J 1,2 --I 1,2,3 --eps 1 | I
-1 | run --J 1,-2 --I 1,2 --eps 1 | J: .* -2
-2 | run --J 1,2 --I 1,2 --eps 1 --I1 3 | --I1: not allowed
+1 | run --omega0 nan,1 | --omega0: .* nan
+1 | run --J 1,-2 --I 1,1 --eps 1 | J: .* -2
 1 | run --steps -1 | steps: expected .* -1
 1 | run --trajectories 0 | --trajectories: expected .* 0
-1 | run --trajectories 1e12 --steps 9 | memory
-1 | run --steps 1000000000 --save-every 1 -o o.npz | memory
-1 | run --steps 1e12 --save-every 1 -o o.zarr | memory
-1 | run --save-every 0 -o o.npz | save_every: expected .* 0
-1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* bytes, fewer than
-1 | run --threads 100000 | threads: expected .* 100000
-2 | run --eps inf | --eps: invalid Fraction value: 'inf'
-1 | run --eps 1e99 | eps: expected .* units
 1 | run --extent 0 | extent: expected .* 0
 1 | run --seed -1 | seed: expected .* -1
+1 | run --trajectories 1e12 --steps 9 | memory
+1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* bytes, fewer than
+1 | run --threads 100000 | --threads:
 1 | run --method rk4 | method: expected .* 'rk4'
-1 | run --body field.json --eps 1 --attitude -o o.npz | attitude: expected
 1 | run --body missing.json --eps 1 | missing.json: No such file
 1 | run --body folder.zarr --eps 1 | folder.zarr: Is a directory
 1 | run --body cut.json --eps 1 | cut.json: .* line 1 column 10
 1 | run --body wrong.json --eps 1 | wrong.json: .* I1 .* -4
-1 | run --body short.json --eps 1 | short.json: .* I23
-1 | run --body more.json --eps 1 | more.json: .* mass
+1 | run --body more.json --eps 1 | more.json: .* I4
 1 | run --body list.json --eps 1 | list.json: .* list
-1 | run --body other.json --eps 1 | other.json: .* Rattleback
 1 | run --body binary.json --eps 1 | binary.json: .* utf-8
-1 | run --initial missing.npy | missing.npy: No such file
+1 | report --body good.json --eps 1/3 --degree 0 | degree: expected .* 0
 1 | run --initial cut.npy | cut.npy:
-1 | run --initial text.npy | text.npy:
-1 | run --initial good.npz | good.npz:
-1 | run --initial inf.npy | inf.npy: expected finite .* inf .* (2, 1)
+1 | run --initial nan.npy | nan.npy: expected finite .* nan .* (2, 1)
 1 | run --initial names.npy | names.npy: expected real numbers
-1 | run --initial three.npy | three.npy: expected shape (..., 2), got (4, 3)
 1 | run -o good.npz | good.npz: expected a new name, or --force
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
-1 | run -o good.npz/o.npz | good.npz/o.npz:
 1 | run -o good.npz/o.zarr | good.npz
-1 | run -o folder.zarr | folder.zarr .* thesis.tex
 1 | run -o folder.zarr --force | folder.zarr
-1 | info missing.npz | missing.npz: No such file
-1 | info good.npz | good.npz: expected
 1 | info foreign.npz | foreign.npz: expected
 1 | info folder.zarr | folder.zarr: .* expected
 1 | pictures | picture1.png: expected a new name, or --force
 1 | pictures -o good.npz/new | good.npz
-1 | report --body cut.json --eps 1/3 | cut.json: .* line 1 column 10
-1 | report --body good.json --eps 1/3 --degree 0 | degree: expected .* 0
 1 | explore --port 65536 | --port 65536:
 """
 
@@ -305,24 +269,17 @@ def bad_files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bad")
     (folder / "folder.zarr").mkdir()
     (folder / "folder.zarr" / "thesis.tex").touch()
-    arrays = {
-        "good": np.ones((4, 2)), "inf": [[1, 2], [3, 4], [5, np.inf]], "names": [["a", "b"]],
-        "three": np.ones((4, 3)),
-    }  # fmt: skip
-    for name, array in arrays.items():
-        np.save(folder / f"{name}.npy", array)
+    np.save(folder / "good.npy", np.ones((4, 2)))
+    np.save(folder / "nan.npy", [[1, 2], [3, 4], [5, np.nan]])
+    np.save(folder / "names.npy", [["a", "b"]])
     np.savez(folder / "foreign.npz", x=np.ones(3))
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
     (folder / "binary.json").write_bytes(bytes(range(128, 200)))
     body = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": 0, "I23": 1}
-    texts = {
-        "good.npz": "precious", "picture1.png": "precious", "starts.txt": "1,2\n",
-        "text.npy": "1,2\n", "list.json": "[4]", "good.json": json.dumps(body),
-        "wrong.json": json.dumps(body | {"I1": -4}), "more.json": json.dumps(body | {"mass": 3}),
-        "short.json": json.dumps({name: body[name] for name in [*body][:-1]}),
-        "other.json": json.dumps(body | {"body": "Rattleback"}), "cut.json": '{"body": ',
-        "field.json": json.dumps(lotka().to_dict()),
-    }  # fmt: skip
+    changes = {"good": {}, "wrong": {"I1": -4}, "more": {"I4": 1}}
+    texts = {f"{name}.json": json.dumps(body | change) for name, change in changes.items()}
+    texts |= {"cut.json": '{"body": ', "list.json": "[4, 1, 0, 1]"}
+    texts |= {"good.npz": "precious", "picture1.png": "precious"}
     for name, text in texts.items():
         (folder / name).write_text(text)
     return folder
@@ -359,7 +316,7 @@ def test_ctrl_c():
                 time.sleep(0.05)
             time.sleep(8.0 if name == "o.npz" else 1.0)  # Numba may lose a signal while it compiles
             process.send_signal(signal.SIGINT)
-            errors = process.communicate(timeout=60)[1]
+            errors = process.communicate(timeout=10)[1]
         assert process.returncode == 130
         assert errors.startswith("suslov-fast: interrupted: ")
         assert words in errors
@@ -391,8 +348,9 @@ def test_warm_up_calls_all_functions(monkeypatch):
 
 def test_report():
     Path("b.json").write_text(json.dumps(lotka().to_dict()))
-    assert "degree" in succeed("report --body b.json --eps 1/3 --degree 1")
-    assert facts_of("report --body b.json --eps 1/3 --degree 1")
+    line = "report --body b.json --eps 1/3 --degree 1"
+    assert "degree" in succeed(line)
+    assert facts_of(line)
 
 
 @pytest.mark.compiled
@@ -400,7 +358,6 @@ def test_pictures():
     paths = succeed("pictures -o new/folder").split()
     assert paths == [f"new/folder/picture{k}.png" for k in (1, 2, 3, 4)]
     assert all(Path(path).read_bytes().startswith(b"\x89PNG") for path in paths)
-    assert run("pictures -o new/folder").code == 1
 
 
 @posix

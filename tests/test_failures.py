@@ -77,8 +77,7 @@ def test_states_that_do_not_exist(body, unit):
     assert np.isnan(run.omega[:, 1]).all()
     assert np.isnan(sf.step(body, [np.nan, 1.0], 0.2)).all()
     assert run.extend(3).failed_at.tolist() == [-1, 0]
-    assert [each.message for each in sf.Status]
-    assert sf.Status(-1).message.startswith("singular")
+    assert all(each.message for each in sf.Status)
 
 
 def test_raise_and_ignore(unit):
@@ -87,12 +86,8 @@ def test_raise_and_ignore(unit):
         sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="raise")
     again = pickle.loads(pickle.dumps(caught.value))
     assert str(again) == str(caught.value)
-    assert again.trajectories == sf.iterate(
-        unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="ignore"
-    )
-    for wrong in ("no", None):
-        with pytest.raises(ValueError, match=r"^on_singular: "):
-            sf.iterate(unit, HEALTHY, 1, 4, on_singular=wrong)
+    ignored = sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 4, on_singular="ignore")
+    assert again.trajectories == ignored
 
 
 def test_memory(body):

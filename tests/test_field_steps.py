@@ -188,23 +188,12 @@ def test_states_at_rest_keep_their_bits():
         assert (run.x[:, 0] == state).all()
 
 
-def test_bits_do_not_depend_on_the_batch(rng):
-    """Nor on cuts; and a failure ends one trajectory alone."""
-    rho = rng.uniform(20, 30, 131)
-    field = of_function(lambda x, r: (*lorenz(x)[:1], x[0] * (r - x[2]) - x[1], *lorenz(x)[2:]), 3,
-                        r=rho)  # fmt: skip
-    x = rng.normal(size=(131, 3)) * 10
-    x[70, 1] = np.nan
-    options = {"on_singular": "ignore"}
-    run = sf.iterate(field, x, 0.125, 9, threads=2, **options)
-    assert (run.status[70], run.failed_at[70]) == (sf.Status.NONFINITE, 0)
-    assert np.isfinite(np.delete(run.x, 70, axis=1)).all()
-    first = sf.iterate(field, x, 0.125, 4, **options)
-    for each in (first.extend(5), sf.iterate(field, x, 0.125, 9, save_every=3, **options)):
-        np.testing.assert_array_equal(each.final, run.final)
-    for k in (0, 64, 70, 130):
-        one = sf.iterate(field[k], x[k], 0.125, 9, **options)
-        np.testing.assert_array_equal(one.x, run.x[:, k])
+def test_a_hamiltonian_with_three_factors():
+    """H(x, x, x_next), whose terms have places of their own, is conserved."""
+    field = sf.QuadraticField.from_hamiltonian(lambda x: x[0] * x[1] * x[2] + x[0] * x[3], 4)
+    run = sf.iterate(field, [0.3, -0.2, 0.5, 0.7], 0.2, 10)
+    assert np.ptp(run.modified_energy()) < 1e-15
+    assert np.ptp(run.energy()) > 1e-5
 
 
 @dataclass(frozen=True, eq=False, repr=False)

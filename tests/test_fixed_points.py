@@ -53,26 +53,6 @@ def test_known_fixed_points(f, expected):
     np.testing.assert_array_max_ulp(found, np.reshape(expected, (-1, D)).astype(float), 1)
 
 
-@pytest.mark.parametrize("D", [1, 2, 3])
-def test_planted_fixed_points_in_other_coordinates(rng, D):
-    for _ in range(5):
-        ends = np.sort(rng.choice(40, (D, 2), replace=False) / 8 - 2, axis=1)
-        T = rng.integers(-4, 5, (D, D)) + 10 * np.eye(D, dtype=int)
-
-        def f(x, ends=ends, T=T):
-            y = [sum(int(a) * b for a, b in zip(row, x, strict=True)) for row in T]
-            g = [(a - low) * (a - high) for a, (low, high) in zip(y, ends.tolist(), strict=True)]
-            return [sum(int(a) * b for a, b in zip(row, g, strict=True)) for row in T.T]
-
-        field = QuadraticField.from_function(f, D)
-        expected = np.linalg.solve(T, np.array([*product(*ends)]).T).T
-        found = fixed_points(field)
-        np.testing.assert_allclose(found, sorted(expected.tolist()), rtol=1e-13, atol=1e-14)
-        assert found.tolist() == sorted(found.tolist())
-        speed = sf.vector_field(field, found)
-        assert abs(speed).max() <= 1e-12 * abs(np.asarray(field.constant, float)).max()
-
-
 def test_families_continue_their_points():
     """Points are in the order of those before that they continue, and new ones are last."""
     a = np.array([-1.0, -0.5, 0.5, 0.75, 2.0])

@@ -1,18 +1,36 @@
-"""Lyapunov exponents against products of Jacobians and the density of the invariant measure."""
+"""Derivatives of maps, and Lyapunov exponents: against naive ones, and against each other."""
+
+from itertools import pairwise
 
 import naive
 import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast.quantities import derivatives
 
 THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
 GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
-LORENZ = sf.QuadraticField.from_function(
-    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
-)
+ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 # Orbits with t > 1 jump through infinity.
 BEYOND = sf.Suslov3D(3, 3, -0.2, -0.2)
+
+
+def lorenz(x):
+    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+LORENZ = sf.QuadraticField.from_function(lorenz, 3)
+
+
+@pytest.mark.parametrize("eps", [0.4, -3.0, 60.0])
+@pytest.mark.parametrize("m", [3, 4, 6])
+def test_derivatives_of_a_step(rng, m, eps):
+    J, I, omega = rng.uniform(1, 4, m), *rng.normal(size=(2, m))
+    body = sf.SuslovND(J, I)
+    exact = naive.derivative(lambda v: naive.step_nd(J, I, eps, v), omega)
+    error = naive.relative_error(sf.jacobian(body, omega, eps).ravel(), sum(exact, ()))
+    assert error < 2e-14 * np.linalg.cond(sf.matrix(body, omega, eps))
 
 
 @pytest.mark.parametrize(
@@ -21,7 +39,7 @@ BEYOND = sf.Suslov3D(3, 3, -0.2, -0.2)
     + [(GYROSTAT, [1.0, 0.5], 0.4, 40, 1e-13)]
     + [(BEYOND, omega, 1.0, 12, 1e-11) for omega in ((-40, -250), (35, -20), (-300, 500))]
     + [(m, None, eps, 25, 1e-12) for m in (1, 2, 3, 4, 7) for eps in (0.3, -0.3)]
-    + [(LORENZ, [1.0, 2.0, 20.0], 1 / 64, 100, 1e-12)]
+    + [(LORENZ, [1.0, 2.0, 20.0], eps, 100, 1e-12) for eps in (1 / 64, 0.5)]
     + [(m, None, 1.6, 8, 1e-11) for m in (10, 12)],  # negative pivots, and rows exchanged
 )
 def test_against_derivatives_one_by_one(rng, body, omega, eps, steps, tolerance):
@@ -62,8 +80,12 @@ def test_batches_and_a_transient():
         assert abs(sf.lyapunov_exponents(body, [1.0, 0.5], eps, 5)).max() <= 1e-15
     with pytest.raises(ValueError, match="transient"):
         sf.lyapunov_exponents(LORENZ, starts, *run, transient=-1)
+    square = sf.QuadraticField([[[1]]])
     with pytest.warns(sf.SingularStepWarning, match="1 of 1"):  # a pole in the transient
-        sf.lyapunov_exponents(sf.QuadraticField([[[1]]]), [1.0], 1.0, 5, 3)
+        sf.lyapunov_exponents(square, [1.0], 1.0, 5, 3)
+    with pytest.warns(sf.SingularStepWarning, match="1 of 2"):  # and later
+        found = sf.lyapunov_exponents(square, [[2.0], [-1.0]], 0.5, 5)
+    assert np.isnan(found).ravel().tolist() == [True, False]
 
 
 def test_steps_that_are_not_invertible(unit):
@@ -88,3 +110,50 @@ def test_the_sum_is_that_of_the_invariant_density(k, eps):
     modulus = sum(abs(v - w) for v, w in zip(logs[1:], logs, strict=False)) / steps
     total = sf.lyapunov_exponents(body, omega, eps, steps).sum()
     assert abs(total - (logs[0] - logs[-1]) / steps) < 1e-10 * modulus
+
+
+def log_of_step(f, eps, x, following):
+    """log |det DPhi| from 1 - (eps/2) f'(x) and 1 + (eps/2) f'(x_next), in 60 digits."""
+    dets = []
+    for state, half in ((x, -eps / 2), (following, eps / 2)):
+        slope = naive.mpmath.matrix(naive.derivative(f, state))
+        dets.append(naive.mpmath.det(naive.mpmath.eye(len(x)) + half * slope))
+    return naive.mpmath.log(abs(dets[1] / dets[0]))
+
+
+@pytest.mark.parametrize(
+    ("start", "eps", "steps"),
+    [
+        ((1.0, 2.0, 20.0), 1 / 64, 40),
+        ((1.0, 2.0, 20.0), 1e-9, 4),
+        ((1.0, 2.0, 20.0), 0.5, 12),  # with pivots
+        ((1.0, 2.0, 20.0), -4.0, 12),
+        ((-4.0, 300.0, 8.0), 1e-3, 12),
+    ],
+)
+def test_the_sum_is_that_of_determinants(start, eps, steps):
+    """To rounding of the mean modulus of their logarithms, for short steps, too."""
+    states = naive.iterated(lambda x: naive.kahan_step(lorenz, eps, x), start, steps)
+    logs = [log_of_step(lorenz, naive.mpf(eps), *each) for each in pairwise(states)]
+    modulus = float(sum(map(abs, logs)))
+    total = sf.lyapunov_exponents(LORENZ, start, eps, steps).sum()
+    assert abs(total * steps - float(sum(logs))) < 1e-11 * modulus
+
+
+@pytest.mark.parametrize(("body", "eps"), [(LORENZ, 1 / 64), (LORENZ, 0.5), (ND, 0.4), (ND, 30.0)])
+def test_stretches_change_rounding_alone(rng, monkeypatch, body, eps):
+    x = rng.normal(size=(133, 3))
+    whole = sf.lyapunov_exponents(body, x, eps, 20)
+    for stretch in (2**9, 2**15):
+        monkeypatch.setattr(derivatives, "_STRETCH", stretch)
+        found = sf.lyapunov_exponents(body, x, eps, 20)
+        np.testing.assert_allclose(found, whole, atol=1e-12)
+
+
+def test_growth_over_many_orders_of_magnitude():
+    """|det DPhi| over the whole run underflows, and the logarithms do not."""
+    field = sf.QuadraticField(np.zeros((2, 2, 2)), [[-1.0, 0.0], [0.5, -4.0]])
+    exponents = sf.lyapunov_exponents(field, [1.0, 1.0], 0.25, 5000)
+    first, second = np.log(0.875 / 1.125), np.log(0.5 / 1.5)
+    assert exponents.sum() == pytest.approx(first + second, rel=1e-12)
+    np.testing.assert_allclose(exponents, [first, second], rtol=1e-3)

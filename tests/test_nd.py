@@ -142,23 +142,3 @@ def test_large_singular_matrices(rng):
     omega *= (4.0 / (I * omega).sum(axis=1))[:, None]
     status = one_step("gauss", J, I, 1.0, omega).status
     assert np.count_nonzero(status == sf.Status.SINGULAR) > 57
-
-
-@every_method
-def test_bits_do_not_depend_on_the_batch(rng, method):
-    """Nor on cuts; and a failure ends one trajectory alone."""
-    J, I, omega = rng.uniform(1, 4, (131, 3)), *rng.normal(size=(2, 131, 3)) * 2
-    J[5], I[5], omega[5] = 1.0, [0.5, -0.75, 0.5], [1.0, -1.0, 1.5]  # a pole
-    omega[70, 1] = np.nan
-    body = sf.SuslovND(J, I)
-    run = sf.iterate(body, omega, 1.0, 9, method=method, on_singular="ignore", threads=2)
-    assert run.failed_at[[5, 70]].tolist() == [1, 0]
-    assert run.status[[5, 70]].tolist() == [sf.Status.SINGULAR, sf.Status.NONFINITE]
-    assert np.isnan(run.omega[1:, 5]).all()
-    first = sf.iterate(body, omega, 1.0, 4, method=method, on_singular="ignore")
-    for each in (first.extend(5), sf.iterate(body, omega, 1.0, 9, save_every=3, method=method,
-                                             on_singular="ignore")):  # fmt: skip
-        np.testing.assert_array_equal(each.final, run.final)
-    for k in (0, 5, 64, 130):
-        one = sf.iterate(body[k], omega[k], 1.0, 9, method=method, on_singular="ignore")
-        np.testing.assert_array_equal(one.omega, run.omega[:, k])

@@ -9,8 +9,8 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 
 import suslov_fast as sf
-from suslov_fast.bodies.paper import PICTURES
-from suslov_fast.plots import pictures
+from suslov_fast.bodies.rigid import PICTURES
+from suslov_fast.plots.phase import draw_pictures
 
 # The end of Section 4 of the paper, arXiv:0807.2966, from its LaTeX source.
 PAPER = r"""
@@ -34,58 +34,44 @@ def test_the_parameters_of_the_paper(tmp_path):
         eps, *parameters = (float(each) for each in re.findall(r"=(-?[\d.]+)", text))
         assert PICTURES[int(number)].eps == eps
         assert PICTURES[int(number)].body == sf.Suslov3D(*parameters)
-    drawn = pictures.draw(tmp_path / "new")
+    drawn = draw_pictures(tmp_path / "new")
     assert drawn == [tmp_path / "new" / f"picture{number}.png" for number in PICTURES]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in drawn)
     assert not plt.get_fignums()
 
 
-@pytest.mark.parametrize("number", PICTURES)
-def test_phase(number):
-    body, eps, extent = PICTURES[number]
-    axes = sf.plot_phase(body, eps, extent, levels=4, letter="a")
+PHASES = [(*picture, 12) for picture in PICTURES.values()]
+PHASES += [(GYROSTAT, 0.4, 2.6, 11), (sf.SuslovGyrostat(4, 2, 0, 0, 0.4), 0.4, 2.6, 6)]
+
+
+@pytest.mark.parametrize(("body", "eps", "extent", "orbits"), PHASES)
+def test_phase(body, eps, extent, orbits):
+    """Levels that meet the line of steady states have two orbits from it to it, others one turn."""
+    axes = sf.plot_phase(body, eps, extent, levels=6, letter="a")
     assert axes.get_title(loc="left") == "(a)"
     assert rf"$\epsilon={eps:g}$" in axes.get_title()
     assert axes.get_xlim() == axes.get_ylim() == (-extent, extent)
-    lines = axes.get_lines()
-    labelled = [line for line in lines if line.get_label().startswith("$I_{13}")]
-    assert len(labelled) == 2
-    for line in labelled:
-        x, _ = sf.to_xy(body, line.get_xydata()).T
-        assert abs(x).max() < 1e-12 * extent
-    dots = [line for line in lines if line.get_marker() == "." and len(line.get_xdata()) > 1]
-    curves = [line for line in lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 99]
-    assert (len(dots), len(curves)) == (8, 4)
-    for k, orbit in enumerate(dots):
-        t = sf.criticality(body, orbit.get_xydata(), eps)
-        np.testing.assert_allclose(t, t[0], rtol=1e-11)
-        on_curve = sf.criticality(body, curves[k // 2].get_xydata(), eps)
-        np.testing.assert_allclose(on_curve, t[0], rtol=1e-11)
-        steps = sf.step(body, orbit.get_xydata()[:-1], eps)
-        np.testing.assert_allclose(orbit.get_xydata()[1:], steps, atol=1e-11 * extent)
-
-
-@pytest.mark.parametrize("I13", [-0.5, 0.0])
-def test_phase_of_a_gyrostat(I13):
-    """Levels that meet the line of steady states have two orbits from it to it, others one turn."""
-    body, eps = sf.SuslovGyrostat(4, 2, I13, -0.3 if I13 else 0.0, 0.4), 0.4
-    lines = sf.plot_phase(body, eps, 2.6, levels=6).get_lines()
-    steady = [line.get_xydata() for line in lines if "k = 0" in line.get_label()]
-    assert len(steady) == (2 if I13 else 0)
-    for ends in steady:
-        np.testing.assert_allclose(ends @ [body.I13, body.I23], -body.k, rtol=1e-12)
-    orbits = [line.get_xydata() for line in lines if line.get_marker() == "."][:-1]
-    for orbit in orbits:
-        F = sf.first_integral(body, orbit, eps)
-        np.testing.assert_allclose(F, F[0], rtol=1e-12)
-        np.testing.assert_allclose(sf.step(body, orbit[:-1], eps), orbit[1:], atol=1e-12)
-        momentum = abs(orbit @ [body.I13, body.I23] + body.k)
-        A2 = 4 * body.I1 * body.I2 * F[0] * (body.I13**2 / body.I1 + body.I23**2 / body.I2)
-        if body.k**2 < A2:
-            assert max(momentum[0], momentum[-1]) < 0.1 * momentum.max()
-        else:
-            assert np.hypot(*(orbit[-1] - orbit[0])) < 0.2
-    assert len(orbits) == (11 if I13 else 6)
+    I1, I2, I13, I23, k = body.parameters
+    level, lines = np.nan, axes.get_lines()
+    assert sum("= 0" in line.get_label() for line in lines) == (2 if I13 or I23 else 0)
+    for line in lines:
+        states = line.get_xydata()
+        along = abs(states @ [I13, I23] + k)
+        if "= 0" in line.get_label():
+            assert along.max() < 1e-12 * extent
+        elif len(states):
+            F = sf.first_integral(body, states, eps)
+            level = F[0] if line.get_linestyle() == "-" else level
+            np.testing.assert_allclose(F, level, rtol=1e-11)
+        if line.get_marker() == "." and len(states):
+            orbits -= 1
+            steps = sf.step(body, states[:-1], eps)
+            np.testing.assert_allclose(states[1:], steps, atol=1e-11 * extent)
+            if k**2 < 4 * I1 * I2 * level * (I13**2 / I1 + I23**2 / I2):
+                assert max(along[0], along[-1]) < 0.1 * along.max()
+            else:
+                assert np.hypot(*(states[-1] - states[0])) < 0.2
+    assert orbits == 0
 
 
 def test_axes_are_taken_and_returned():

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.engine import exact, stretches, threads
+from suslov_fast.engine import stretches, threads
 from suslov_fast.runs.iterate import pieces
 
 # No body has the I3 of some samples.
@@ -142,7 +142,7 @@ def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,)):
 def part(body, index, batch):
     """The members of a batch with an index."""
     parts = {}
-    for name, value in body._values.items():
+    for name, value in body._arrays.items():
         own = np.shape(value)[np.ndim(value) - body._axes(name) :]
         parts[name] = np.broadcast_to(value, (*batch, *own))[index]
     return type(body)(**parts)
@@ -187,7 +187,11 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
     alone = list(row.values(*problem, threads=1))
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     same(alone, row.values(*problem, threads=2))
-    for module, constant in ((stretches, "_STRETCH"), (stretches, "_TURNING"), (exact, "_SLICE")):
+    for module, constant in (
+        (stretches, "_STRETCH"),
+        (stretches, "_TURNING"),
+        (stretches, "_SLICE"),
+    ):
         monkeypatch.setattr(module, constant, 2**6)
     monkeypatch.setattr(stretches, "_LENGTH", 1)
     same(alone, row.values(*problem))
@@ -238,7 +242,7 @@ def hard(rng, kind):
     body, omega, eps = sample(rng, kind, (SIZE,), (SIZE,), (SIZE,))
     omega[3, 0], eps[4], omega[7::9] = np.nan, 0.0, omega[7::9] * 1e4
     if kind == "3D":  # poles of the unit body, after none, one and two steps
-        values = {name: np.array(each) for name, each in body._values.items()}
+        values = {name: np.array(each) for name, each in body._arrays.items()}
         for each, value in zip(values.values(), (1, 1, 1, 0), strict=True):
             each[11:14] = value
         body, eps[11:14], omega[11:14] = sf.Suslov3D(**values), 1.0, [1.0, -3.0]

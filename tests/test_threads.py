@@ -3,6 +3,7 @@
 import os
 import random
 import signal
+import sys
 import textwrap
 import threading
 from types import SimpleNamespace
@@ -17,15 +18,6 @@ from suslov_fast.core.steps_3d import LANES, steps
 from suslov_fast.engine import stretches, threads
 
 
-def in_child(code, **environment):
-    return children.run(children.SETUP + textwrap.dedent(code), **environment)
-
-
-few = numba.config.NUMBA_NUM_THREADS < 2
-needs_two_threads = pytest.mark.skipif(few, reason="needs two threads")
-needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-
-
 def test_little_work_stays_serial(body, monkeypatch):
     """A small batch is serial, and a single block of lanes for any number of steps."""
     monkeypatch.setattr(steps, "parallel", None)
@@ -33,21 +25,13 @@ def test_little_work_stays_serial(body, monkeypatch):
     sf.iterate(body, np.ones((LANES, 2)), 0.2, 20_000, save_every=None)
 
 
-@pytest.mark.compiled
-@pytest.mark.parametrize("layer", children.LAYERS)
-@pytest.mark.sampled(1)
-def test_python_threads_at_once(layer):
-    in_child(
-        """
-        from concurrent.futures import ThreadPoolExecutor
-        with ThreadPoolExecutor(8) as pool:
-            results = list(pool.map(lambda _: run(), range(64)))
-        assert all((result == expected).all() for result in results)
-        """,
-        **children.layer(layer),
-    )
-
-
+AT_ONCE = """
+import sys
+from concurrent.futures import ThreadPoolExecutor
+with ThreadPoolExecutor(8) as pool:
+    results = list(pool.map(lambda _: run(), range(int(sys.argv[1]))))
+assert all((result == expected).all() for result in results)
+"""
 FORKS = """
 import os, sys, threading, warnings
 warnings.simplefilter("ignore", DeprecationWarning)
@@ -68,29 +52,29 @@ thread.join()
 """
 
 
-@needs_fork
 @pytest.mark.compiled
-@pytest.mark.parametrize(("layer", "count"), [("omp", 20), *((k, 500) for k in children.LAYERS)])
-@pytest.mark.sampled(1)
-def test_forks(layer, count):
-    """A child forked while another thread computes neither aborts nor hangs."""
-    children.run(children.SETUP + FORKS, count, timeout=1800, **children.layer(layer))
+@pytest.mark.parametrize("layer", children.LAYERS)
+@pytest.mark.parametrize(("code", "count"), [(AT_ONCE, 64), (FORKS, 100)])
+@pytest.mark.sampled(2)
+def test_threads_and_forks(code, count, layer):
+    """Threads at once, and children forked while a thread computes, neither abort nor hang."""
+    if code is FORKS and not hasattr(os, "fork"):
+        pytest.skip("needs fork")
+    children.run(children.SETUP + code, count, timeout=1800, **children.layer(layer))
 
 
 class Alarm(Exception):
-    pass
+    @classmethod
+    def sound(cls, signum, frame):
+        raise cls
 
 
-def raise_alarm(signum, frame):
-    raise Alarm
-
-
-@needs_two_threads
 @pytest.mark.compiled
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
 def test_signals_at_random_moments():
     """The lock and the number of threads are restored wherever the handler of a signal raises."""
-    chance, before = random.Random(1), signal.signal(signal.SIGALRM, raise_alarm)
+    chance, before = random.Random(1), signal.signal(signal.SIGALRM, Alarm.sound)
     available = numba.get_num_threads()
     idle = SimpleNamespace(parallel=lambda count: None, serial=lambda: None)
     threads.call_kernel(idle, threads.CROSSOVER, 2)  # starts threads, once
@@ -102,7 +86,7 @@ def test_signals_at_random_moments():
                     threads.call_kernel(idle, threads.CROSSOVER, 2)
             except Alarm:
                 signal.setitimer(signal.ITIMER_REAL, 0)
-            assert not threads._owned()
+            assert not threads._one_at_a_time._is_owned()
             assert numba.get_num_threads() == available
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
@@ -121,9 +105,9 @@ def test_a_call_during_a_parallel_call_is_serial():
         other.join()
         calls.append("parallel")
 
-    threads._parallel(SimpleNamespace(parallel=parallel), None, ())
+    threads.call_kernel(SimpleNamespace(parallel=parallel), threads.CROSSOVER, 2)
     assert calls == ["serial", "serial", "parallel"]
-    assert not threads._owned()
+    assert not threads._one_at_a_time._is_owned()
 
 
 @pytest.mark.compiled
@@ -133,8 +117,7 @@ def test_ctrl_c():
 
     A step of the map of a body takes about a nanosecond, one of a field ten.
     """
-    output = in_child(
-        """
+    code = """
         import os, signal, threading
         turn = sf.QuadraticField.from_function(lambda x: (x[1], -x[0] * x[1] - x[0]), 2)
         for kind, size, save_every in ((body, 1, None), (body, 2000, 2 * 10**9), (turn, 70, None)):
@@ -154,9 +137,8 @@ def test_ctrl_c():
                            progress=progress)
             except KeyboardInterrupt:
                 print(len(seen) - before[0], max(np.diff(seen)) * max(size, 10))
-        """
-    )
-    lines = output.splitlines()
+    """
+    lines = children.run(children.SETUP + textwrap.dedent(code)).splitlines()
     assert len(lines) == 3
     for line in lines:
         returns, steps = map(int, line.split())
@@ -173,8 +155,8 @@ def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
         begin, end, start, stop = span[:4]
         operations.append((end - begin) * (stop - start) * D**3)
 
-    for module in (stretches, threads):
-        monkeypatch.setattr(module, "call_kernel", count)
+    for module in (stretches, sys.modules[function.__module__]):
+        monkeypatch.setattr(module, "call_kernel", count, raising=False)
     function(sf.QuadraticField(np.ones((D, D, D))), np.ones((1500, D)), 0.1, 5, threads=1)
     assert sum(operations) == 1500 * 5 * D**3
     assert max(operations) < 2**26

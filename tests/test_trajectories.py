@@ -15,6 +15,7 @@ LOTKA = sf.QuadraticField.from_function(
     lambda x, a: (x[0] * (1 - a * x[1]), x[1] * (x[0] - 1)), 2, a=[1, 2, 3]
 )
 HENON = sf.QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 2 / 2 - x[0] ** 3, 2)
+THIRDS = sf.QuadraticField.from_function(lambda x, rho: (x[0] / 3 - rho * x[0] ** 2,), 1, rho=2)
 STARTS = np.random.default_rng(3).normal(size=(5, 2))
 RUNS = {
     "batch": (BODY, STARTS, 0.2, 20, {"save_every": 5}),
@@ -27,19 +28,13 @@ RUNS = {
     "gyrostat": (GYROSTAT, STARTS[:3], 0.35, 6, {"save_every": 4}),
     "field": (LOTKA, [0.5, 0.7], 0.125, 6, {}),
     "hamiltonian": (HENON, [0.1, 0.05], 0.1, 6, {"save_every": 2}),
+    "exact field": (THIRDS, [0.1], 0.1, 3, {}),
 }
 
 
 def run_of(name):
     *problem, options = RUNS[name]
     return sf.iterate(*problem, on_singular="ignore", **options)
-
-
-@pytest.fixture
-def sweep(rng):
-    """Three bodies along the first axis, two step sizes along the second, and two saved states."""
-    body = sf.Suslov3D(rng.uniform(1, 2, (3, 1)), 1, 0.3, 0.2)
-    return sf.iterate(body, [1, 0.5], [0.1, 0.2], 5, save_every=4)
 
 
 QUANTITIES = {"first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction"}
@@ -78,7 +73,7 @@ def test_attributes(name):
     assert run.ok == (name != "failed")
     assert (run.method, run.steps, run.save_every) == (options.get("method", "auto"), steps, every)
     assert re.fullmatch(r"Trajectories\((omega|x): .{,98}\)", repr(run))
-    own, other = ("x", "omega") if "field" in name or name == "hamiltonian" else ("omega", "x")
+    own, other = ("x", "omega") if isinstance(body, sf.QuadraticField) else ("omega", "x")
     assert getattr(run, own) is run.states
     with pytest.raises(AttributeError, match=f"^{other}: expected {own}"):
         getattr(run, other)
@@ -91,7 +86,7 @@ def test_a_run_as_an_array():
     assert np.asarray(run) is run.states
     assert np.array(run) is not run.states
     assert np.asarray(run, np.float32).dtype == np.float32
-    assert (run == run.extend(0)) is True
+    assert (run == run.extend(0)) is (run == replace(run)) is True
     assert (run == replace(run, states=run.states + 1.0)) is (run == other) is (run == 1) is False
     assert run != replace(run, attitude=np.ones(3))
     with pytest.raises(TypeError, match="unhashable"):
@@ -99,9 +94,6 @@ def test_a_run_as_an_array():
     for index in (2, -1, slice(None, None, 2), (..., 1), (slice(2), 0), run.n % 2 == 0, [0, 3]):
         np.testing.assert_array_equal(run[index], run.states[index])
     np.testing.assert_array_equal([*run], run.states)
-    for index in (6, "a", run.status == 0):
-        with pytest.raises(IndexError, match=r"^index: "):
-            _ = run[index]
 
 
 @pytest.mark.parametrize("name", RUNS)
@@ -129,21 +121,12 @@ def test_orientations(rng, body):
         along = sf.iterate(each, omega, 0.2, 40).states
         expected = sf.attitude(each, along, 0.2, first)
         np.testing.assert_array_equal(run.attitude, expected[::5])
-        products = run.attitude @ run.attitude.swapaxes(-1, -2)
-        np.testing.assert_allclose(
-            products, np.broadcast_to(np.eye(D + 1), products.shape), atol=1e-13
-        )
         assert (run.attitude[0] == first).all()
         plain = sf.iterate(each, omega, 0.2, 40, save_every=5)
         assert (plain.states == run.states).all()
-        for bad in (2 * first, first[:-1], "a"):
-            with pytest.raises((TypeError, ValueError), match=r"^attitude: "):
-                sf.iterate(each, omega, 0.2, 4, attitude=bad)
     with pytest.warns(sf.SingularStepWarning):
         lost = sf.iterate(sf.Suslov3D(1, 1, 1, 0), [1.0, -3.0], 1, 3, attitude=True)
     assert np.isnan(lost.attitude[1:]).all()
-    with pytest.raises(TypeError, match=r"^attitude: "):
-        sf.iterate(HENON, [0.1, 0.1], 0.1, 3, attitude=True)
 
 
 def test_a_parameter_as_a_coordinate():
@@ -189,23 +172,16 @@ def test_datasets_can_be_written(name, tmp_path):
         np.testing.assert_array_equal(data[run._map.variable].values, run.states)
 
 
-def test_names_and_coordinates_of_the_user(sweep):
+def test_names_and_coordinates_of_the_user():
+    sweep = sf.iterate(sf.Suslov3D([[1], [2], [3]], 1, 0.3, 0.2), [1, 0.5], [0.1, 0.2], 5)
     coords = {"mass": ["a", "b", "c"], "colour": ("step", [1, 2])}
     data = sweep.to_xarray(dims=("mass", "step"), coords=coords)
     assert data.omega.dims == ("n", "mass", "step", "component")
     assert (data.omega.sel(mass="c").isel(step=1).values == sweep.omega[:, 2, 1]).all()
     assert data.colour.dims == ("step",)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "name"),
-    [
-        ({"dims": "a"}, "dims"), ({"dims": ("a", "a")}, "dims"), ({"dims": ("a", "n")}, "dims"),
-        ({"dims": ("a", "omega")}, "dims"), ({"dims": ("a", 3)}, "dims"),
-        ({"coords": {"omega": 3}}, "coords"),
-        ({"coords": {"I1": [1, 2]}}, "coords"), ({"coords": [1, 2]}, "coords"),
-    ],
-)  # fmt: skip
-def test_bad_labels(sweep, arguments, name):
-    with pytest.raises((TypeError, ValueError), match=f"^{name}: "):
-        sweep.to_xarray(**arguments)
+    for dims in ("a", ("a", "a"), ("a", "n"), ("a", "omega"), ("a", 3)):
+        with pytest.raises(ValueError, match=r"^dims: "):
+            sweep.to_xarray(dims=dims)
+    for coords in ({"omega": 3}, {"I1": [1, 2]}, [1, 2]):
+        with pytest.raises((TypeError, ValueError), match=r"^coords: "):
+            sweep.to_xarray(coords=coords)

@@ -1,9 +1,8 @@
 """Base class of all bodies: immutable parameters, families, equality, text and plain data."""
 
-from __future__ import annotations
-
+import inspect
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
@@ -11,8 +10,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from .. import checks
-from ..checks import FloatArray, real_array, wrong
-from .numbers import to_lists
+from ..checks import FloatArray, wrong
 
 Kind = TypeVar("Kind", bound="Body")
 
@@ -23,31 +21,23 @@ class Body:
 
     # The number of axes of all parameters that are not axes of the batch.
     _vector_axes: ClassVar[int] = 0
-    # The moments of inertia, and all parameters that are positive.
-    _moments: ClassVar[tuple[str, ...]] = ()
-    _positive: ClassVar[tuple[str, ...]] = ()
-    # Names that `to_dict` has besides those of the parameters.
+    # The parameters that are positive, with the exponents of their range.
+    _positive: ClassVar[dict[str, int]] = {}
+    # What `to_dict` may have besides the parameters; and the name of the class in messages.
     _extras: ClassVar[tuple[str, ...]] = ()
+    _called: ClassVar[str] = "a body or a field"
 
     def __post_init__(self) -> None:
-        required = {name: getattr(self, name) for name in self._required()}
-        arrays = {name: real_array(name, each) for name, each in (required | self._values).items()}
-        for name, array in arrays.items():
-            checks.within(name, array, checks.MOMENTS if name in self._moments else checks.OTHERS)
+        for field in fields(self):
+            name, value = field.name, getattr(self, field.name)
+            if value is None and field.default is None:
+                continue
+            array = checks.real_array(name, value)
+            checks.within(name, array, self._positive.get(name, checks.OTHERS))
             if name in self._positive and not (array > 0).all():
                 raise wrong(name, "positive numbers", array.min())
-        checks.common_shape({name: self._batch_of(name, array) for name, array in arrays.items()})
-        vars(self).update({name: _frozen(array) for name, array in arrays.items()})
-
-    @classmethod
-    def _names(cls) -> list[str]:
-        """Return the names of the parameters, optional ones last."""
-        return [field.name for field in fields(cls)]
-
-    @classmethod
-    def _required(cls) -> list[str]:
-        """Return the names of the parameters of the map, which may not be left out."""
-        return [field.name for field in fields(cls) if field.default is MISSING]
+            vars(self)[name] = _frozen(array)
+        _ = self.shape  # an error unless there is one
 
     @classmethod
     def _axes(cls, name: str) -> int:
@@ -55,15 +45,10 @@ class Body:
         return cls._vector_axes
 
     @property
-    def _values(self) -> dict[str, Any]:
-        """The parameters that are set, by name: floats and read-only arrays."""
-        named = {name: getattr(self, name) for name in self._names()}
-        return {name: value for name, value in named.items() if value is not None}
-
-    @property
     def _arrays(self) -> dict[str, FloatArray]:
         """The parameters that are set, as arrays of floats."""
-        return {name: np.asarray(value, np.float64) for name, value in self._values.items()}
+        named = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: np.asarray(value) for name, value in named.items() if value is not None}
 
     @property
     def _coordinates(self) -> dict[str, FloatArray]:
@@ -74,8 +59,7 @@ class Body:
     def _of(cls: type[Kind], values: Mapping[str, Any]) -> Kind:
         """Return a body with parameters of another, or parts of them, which are not checked."""
         self = object.__new__(cls)
-        frozen = {name: _frozen(np.asarray(each)) for name, each in values.items()}
-        vars(self).update(dict.fromkeys(cls._names()) | frozen)
+        vars(self).update({name: _frozen(np.asarray(each)) for name, each in values.items()})
         return self
 
     def field(self) -> Any:
@@ -93,7 +77,7 @@ class Body:
     @property
     def parameters(self) -> Any:
         """The parameters of the map, in order."""
-        return tuple(getattr(self, name) for name in self._required())
+        return tuple(self._arrays.values())
 
     @cached_property
     def batch_of_one(self) -> tuple[Any, ...]:
@@ -113,11 +97,8 @@ class Body:
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
-        return np.broadcast_shapes(*(self._batch_of(*item) for item in self._values.items()))
-
-    def _batch_of(self, name: str, value: float | FloatArray) -> tuple[int, ...]:
-        shape = np.shape(value)
-        return shape[: len(shape) - self._axes(name)]
+        arrays = self._arrays.items()
+        return checks.common_shape({n: a.shape[: a.ndim - self._axes(n)] for n, a in arrays})
 
     def __len__(self) -> int:
         if not self.shape:
@@ -168,7 +149,7 @@ class Body:
             scalars = {each: a for each, a in self._arrays.items() if self._axes(each) == 0}
             column = (scalars | self._coordinates).get(name, np.empty(0))
             if not 0 < column.size == max(column.shape, default=0):
-                names = ", ".join({**self._coordinates} or self._names())
+                names = ", ".join(scalars | self._coordinates) or "none"
                 raise wrong("sel", f"a parameter that varies along one axis, of {names}", name)
             wanted = checks.real_number(name, value)
             if type(wanted) is not float:
@@ -176,8 +157,7 @@ class Body:
             i = int(np.argmin(abs(column - wanted)))
             nearest = column.flat[i]
             if method is None and nearest != wanted:
-                how = f'the nearest is {nearest}, which method="nearest" takes'
-                raise wrong(name, f"one of its {column.size} values", f"{wanted}: {how}")
+                raise wrong(name, f"one of its {column.size} values, as {nearest}", wanted)
             axis = len(self.shape) - column.ndim + int(np.argmax(column.shape))
             self = self._part(axis, i)
         return self
@@ -200,15 +180,15 @@ class Body:
         return hash(self._key)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, (self._values,)
+        return self._of, (self._arrays,)
 
     def __repr__(self) -> str:
-        name, values = type(self).__name__, self._values
-        if sum(map(np.size, values.values())) <= 25:
-            text = ", ".join(f"{each}={np.asarray(a).tolist()}" for each, a in values.items())
+        name, arrays = type(self).__name__, self._arrays.items()
+        if sum(a.size for _, a in arrays) <= 25:
+            text = ", ".join(f"{each}={a.tolist()}" for each, a in arrays)
             if len(text) < 100:
                 return f"{name}({text})"
-        text = ", ".join(f"{each}={np.shape(a) or a}" for each, a in values.items())
+        text = ", ".join(f"{each}={a.shape or a}" for each, a in arrays)
         return f"<{name} of shape {self.shape}: {text}>"
 
     def to_dict(self) -> dict[str, Any]:
@@ -227,11 +207,8 @@ class Body:
         >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
         {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
         """
-        return {"body": type(self).__name__, **self._plain}
-
-    @property
-    def _plain(self) -> dict[str, Any]:
-        return {name: to_lists(value) for name, value in self._values.items()}
+        plain = {name: array.tolist() for name, array in self._arrays.items()}
+        return {"body": type(self).__name__, **plain}
 
     @classmethod
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
@@ -249,16 +226,16 @@ class Body:
         """
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
-        kind, names = given.pop("body", None), [*cls._names(), *cls._extras]
-        if kind != cls.__name__:
-            raise wrong("body", repr(cls.__name__), repr(kind))
-        if wrong_names := {*given} - {*names} | {*cls._required()} - {*given}:
-            others = f"others: {', '.join(sorted(wrong_names))} missing or unknown"
-            raise wrong("parameters", f"the names {', '.join(names)}", others)
-        return cls._from_plain(given)
+        checks.one_of("body", given.pop("body", None), [cls.__name__])
+        known = inspect.signature(cls).parameters
+        needed = {name for name, each in known.items() if each.default is each.empty}
+        if others := ({*given} - {*known, *cls._extras}) | (needed - {*given}):
+            received = f"others: {', '.join(sorted(map(str, others)))} missing or unknown"
+            raise wrong("parameters", f"those of {cls.__name__}", received)
+        return cls._read(**given)
 
     @classmethod
-    def _from_plain(cls: type[Kind], given: dict[str, Any]) -> Kind:
+    def _read(cls: type[Kind], **given: Any) -> Kind:
         return cls(**given)
 
 

@@ -15,25 +15,42 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from numbers import Rational
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import OTHERS, FloatArray, common_shape, integer, within, wrong
+from .. import checks
+from ..checks import FloatArray, wrong
+from . import polynomials
 from .base import Body, cut
-from .numbers import (
-    antisymmetric,
-    as_given,
-    check_parameters,
-    coefficients,
-    from_lists,
-    to_lists,
-)
-from .polynomials import family, terms_of, text_of, traced
-from .tensors import Hamiltonian, at_points, rates, sparse
+from .polynomials import from_lists, terms_of, text_of, to_lists, traced
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
+
+
+class Hamiltonian:
+    """A polynomial of degree 3, or a batch: ``H(x) = sum_ijk H_ijk x_i x_j x_k``, x_(D+1) = 1.
+
+    Called with a state it returns a fraction if all numbers are exact, else floats (...).
+    """
+
+    def __init__(self, tensor: Any) -> None:
+        self.tensor = tensor
+
+    @cached_property
+    def terms(self) -> tuple[Any, FloatArray]:
+        """The nonzero terms v x_i x_j x_k: i <= j <= k (3, T), where D is the 1, and v (..., T)."""
+        return sparse(self.tensor, ordered=3)
+
+    def __call__(self, x: Any) -> Any:
+        return at_points(self.tensor, x, 3)
+
+    def __repr__(self) -> str:
+        if self.tensor.ndim > 3:
+            return f"<polynomials of shape {self.tensor.shape[:-3]}>"
+        return text_of(terms_of(self.tensor))
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -57,13 +74,9 @@ class QuadraticField(Body):
 
     Attributes
     ----------
-    quadratic, linear, constant : ndarray
-        The coefficients: fractions of a single field, floats of a batch.
-    H
-        The Hamiltonian that :meth:`from_hamiltonian` was given, which can be called with a state,
-        or None.
-    K : ndarray(shape=(D, D)) or None
-        Its structure matrix.
+    H, K
+        The Hamiltonian of :meth:`from_hamiltonian`, which can be called with a state, and its
+        structure matrix (D, D), or None.
     parameters : dict
         The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`: numbers as they
         were given, and read-only arrays. They are coordinates of datasets and stores; ``==`` and
@@ -76,53 +89,54 @@ class QuadraticField(Body):
     QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
     >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25))
     QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
-    >>> QuadraticField.from_function(lambda x: (x[1] * x[2], x[2] * x[0], x[0] * x[1]), 3)
-    QuadraticField(x1' = x2*x3, x2' = x1*x3, x3' = x1*x2)
     """
-
-    quadratic: Any
-    linear: Any = None
-    constant: Any = None
-
-    if TYPE_CHECKING:  # attributes that are made from these, or with them
-        table: Any = None
-        H: Hamiltonian | None = None
-        K: Any = None
-        _parameters: dict[str, Any] = {}
 
     _extras: ClassVar[tuple[str, ...]] = ("H", "K", "parameters")
 
+    quadratic: Any
+    linear: Any
+    constant: Any
+    table: Any
+    H: Hamiltonian | None
+    K: Any
+    _parameters: dict[str, Any]
+
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        arrays = {"quadratic": as_given("quadratic", quadratic)}
+        arrays = {"quadratic": polynomials.as_given("quadratic", quadratic)}
         for name, each in (("linear", linear), ("constant", constant)):
             if each is not None:
-                arrays[name] = as_given(name, each)
+                arrays[name] = polynomials.as_given(name, each)
         D = (0, *arrays["quadratic"].shape)[-1]
         for name, array in arrays.items():
             axes = _AXES[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
                 raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
-        batch = common_shape({name: a.shape[: a.ndim - _AXES[name]] for name, a in arrays.items()})
-        found = {name: coefficients(name, a, bool(batch)) for name, a in arrays.items()}
+        shapes = {name: array.shape[: array.ndim - _AXES[name]] for name, array in arrays.items()}
+        batch = checks.common_shape(shapes)
+        read = polynomials.coefficients
+        found = {name: read(name, array, bool(batch)) for name, array in arrays.items()}
         table = np.full((*batch, D, D + 1, D + 1), Fraction(0), found["quadratic"].dtype)
         table[..., :-1, :-1] = found["quadratic"]
         table[..., :-1, -1] += found.get("linear", 0)
         table[..., -1, -1] += found.get("constant", 0)
-        vars(self).update(vars(self._made((table + table.swapaxes(-2, -1)) / 2)))
+        self._become((table + table.swapaxes(-2, -1)) / 2)
 
-    @classmethod
-    def _made(
-        cls, table: Any, H: Any = None, K: Any = None, parameters: Mapping[str, Any] | None = None
-    ) -> QuadraticField:
-        """Return the field with a table, and H, K and named parameters, which are not checked."""
-        self = object.__new__(cls)
+    def _become(self, table: Any, H: Any = None, K: Any = None, parameters: Any = ()) -> None:
+        """Take a table, H, K and named parameters, which are not checked."""
+        if table.ndim > 3:
+            table, H, K = (None if a is None else a.astype(np.float64) for a in (table, H, K))
         found = {"quadratic": table[..., :-1, :-1], "constant": table[..., -1, -1], "table": table}
         found |= {"linear": 2 * table[..., :-1, -1], "K": K}
         for array in (H, *found.values()):
             if array is not None:
                 array.flags.writeable = False
-        found |= {"H": None if H is None else Hamiltonian(H), "shape": table.shape[:-3]}
-        vars(self).update(found, _parameters=dict(parameters or {}))
+        found |= {"H": None if H is None else Hamiltonian(H), "_parameters": dict(parameters)}
+        vars(self).update(found, shape=table.shape[:-3])
+
+    @classmethod
+    def _made(cls, *parts: Any) -> QuadraticField:
+        self = object.__new__(cls)
+        self._become(*parts)
         return self
 
     @classmethod
@@ -150,15 +164,13 @@ class QuadraticField(Body):
         Examples
         --------
         >>> from suslov_fast import QuadraticField
-        >>> QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
-        QuadraticField(x1' = -x1*x2 + x1, x2' = x1*x2 - x2)
         >>> fields = QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[1, 2, 3])
         >>> fields.parameters, fields.sel(a=2)
         ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
         """
-        D = integer("dimension", dimension, 1)
-        (table,), values = family(parameters, lambda given: (traced("f", f, D, 2, given),))
-        return cls._made(table, None, None, values)
+        D = checks.integer("dimension", dimension, 1)
+        values = polynomials.check_parameters(parameters)
+        return cls._made(traced("f", f, D, 2, values), None, None, values)
 
     @classmethod
     def from_hamiltonian(
@@ -189,15 +201,12 @@ class QuadraticField(Body):
         >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
-        D = integer("dimension", dimension, 1)
-        matrix = antisymmetric(K, D)
-
-        def tables(given: Mapping[str, Any]) -> tuple[Any, Any]:
-            whole = traced("H", H, D, 3, given)
-            return within("H", rates(whole, matrix), OTHERS), whole
-
-        (table, whole), values = family(parameters, tables)
-        return cls._made(table, whole, matrix.astype(table.dtype), values)
+        D = checks.integer("dimension", dimension, 1)
+        matrix = polynomials.antisymmetric(K, D)
+        values = polynomials.check_parameters(parameters)
+        tensor = traced("H", H, D, 3, values)
+        table = checks.within("H", rates(tensor, matrix), checks.OTHERS)
+        return cls._made(table, tensor, matrix, values)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
@@ -212,8 +221,7 @@ class QuadraticField(Body):
         -------
         QuadraticField
         """
-        if not isinstance(body, Body):
-            raise wrong("body", "a body or a field", type(body).__name__, TypeError)
+        checks.instance("body", body, Body)
         field: QuadraticField = body.field()
         return field
 
@@ -228,7 +236,7 @@ class QuadraticField(Body):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The named parameters: numbers, and read-only arrays whose shapes broadcast."""
+        """The named parameters."""
         return dict(self._parameters)
 
     @cached_property
@@ -275,9 +283,14 @@ class QuadraticField(Body):
         return tuple(f"x{i}" for i in range(1, self.dimension + 1))
 
     @property
-    def _values(self) -> dict[str, Any]:
-        found = {name: getattr(self, name) for name in self._names()}
+    def _tables(self) -> dict[str, Any]:
+        """The coefficients as they are, and H and K if there are any."""
+        found = {name: getattr(self, name) for name in ("quadratic", "linear", "constant")}
         return found if self.H is None else found | {"H": self.H.tensor, "K": self.K}
+
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        return {name: np.asarray(each, np.float64) for name, each in self._tables.items()}
 
     @property
     def _coordinates(self) -> dict[str, FloatArray]:
@@ -285,17 +298,28 @@ class QuadraticField(Body):
 
     @classmethod
     def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
-        whole = cls(*(values.get(name) for name in cls._names()))
-        if values.get("H") is None:
-            return whole
-        H = coefficients("H", as_given("H", values["H"]), bool(whole.shape))
-        K = antisymmetric(values.get("K"), whole.dimension).astype(H.dtype)
-        if H.shape != (*whole.shape, *(len(K) + 1,) * 3):
-            raise wrong("H, K", "those of the coefficients", f"shape {H.shape}")
-        expected = rates(H, K)  # the coefficients of a batch are rounded
-        if not (abs(expected - whole.table) <= 1e-9 * abs(expected).max(initial=0)).all():
-            raise wrong("H, K", "those of the coefficients", "others")
-        return cls._made(whole.table, H, K)
+        return cls._read(**values)
+
+    @classmethod
+    def _read(
+        cls, *, H: Any = None, K: Any = None, parameters: Any = None, **given: Any
+    ) -> QuadraticField:
+        """Return a field of arrays or nested lists, in which strings "p/q" are fractions."""
+        whole = cls(**{name: from_lists(name, each) for name, each in given.items()})
+        checks.instance("parameters", parameters or {}, Mapping)
+        found = {name: from_lists(name, each) for name, each in (parameters or {}).items()}
+        named = {name: each if each is None else each[()] for name, each in found.items()}
+        tensor = matrix = None
+        if H is not None:
+            given_H = polynomials.as_given("H", from_lists("H", H))
+            tensor = polynomials.coefficients("H", given_H, bool(whole.shape))
+            matrix = polynomials.antisymmetric(from_lists("K", K), whole.dimension)
+            if tensor.shape != (*whole.shape, *(len(matrix) + 1,) * 3):
+                raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
+            expected = rates(tensor, matrix.astype(tensor.dtype))  # those of a batch are rounded
+            if not (abs(expected - whole.table) <= 1e-9 * abs(expected).max(initial=0)).all():
+                raise wrong("H, K", "those of the coefficients", "others")
+        return cls._made(whole.table, tensor, matrix, polynomials.check_parameters(named))
 
     def _part(self, axis: int, index: int | slice) -> QuadraticField:
         part = super()._part(axis, index)
@@ -323,14 +347,47 @@ class QuadraticField(Body):
         short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
         return f"QuadraticField({short})"
 
-    @property
-    def _plain(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         named = {name: to_lists(value) for name, value in self._parameters.items()}
-        return super()._plain | ({"parameters": named} if named else {})
+        found = {name: to_lists(each) for name, each in self._tables.items()}
+        return {"body": "QuadraticField", **found, **({"parameters": named} if named else {})}
 
-    @classmethod
-    def _from_plain(cls, given: dict[str, Any]) -> QuadraticField:
-        given = {name: from_lists(name, each) for name, each in given.items()}
-        field = cls._of(given)
-        field._parameters.update(check_parameters(given.get("parameters", {})))
-        return field
+
+def rates(H: Any, K: Any) -> Any:
+    """Return the table of K grad H; most entries of K are 0."""
+    table = np.full_like(H[..., :-1, :, :], Fraction(0))
+    for i, j in np.argwhere(K != 0):
+        table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
+    return table
+
+
+def sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
+    """Return indices and values of the nonzero terms of a table symmetric in its last axes."""
+    places = np.argwhere(np.any(table != 0, axis=tuple(range(table.ndim - 3)))).T
+    places = places[:, (np.diff(places[3 - ordered :], axis=0) >= 0).all(axis=0)]
+    places = places[:, np.argsort(places[-1] == table.shape[-1] - 1, kind="stable")]
+    kinds = 1 + (np.diff(places[3 - ordered :], axis=0) > 0).sum(axis=0)  # of variables in a term
+    count = kinds if ordered == 2 else np.array([0, 1, 3, 6])[kinds]
+    values = (table[(..., *places)] * count).astype(np.float64)
+    return np.ascontiguousarray(places), np.ascontiguousarray(values)
+
+
+def at_points(tensor: Any, x: Any, degree: int) -> Any:
+    """Return the values at x of polynomials, whose variables are the last `degree` axes.
+
+    They are fractions if all numbers are exact, else floats.
+    """
+    D = tensor.shape[-1] - 1
+    is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
+    are_exact = tensor.dtype == object and is_list and all(isinstance(a, Rational) for a in x)
+    if are_exact and len(x) == D:
+        checks.refuse("x", x)
+        point = np.array([*(polynomials.exact("x", a) for a in x), Fraction(1)], dtype=object)
+    else:
+        x = checks.states("x", x, [f"x{i}" for i in range(1, D + 1)])
+        point = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+        tensor = np.asarray(tensor, np.float64)
+    with np.errstate(all="ignore"):
+        for axes in ("ijk", "ij", "i")[:degree]:
+            tensor = np.einsum(f"...{axes},...{axes[-1]}->...{axes[:-1]}", tensor, point)
+    return tensor

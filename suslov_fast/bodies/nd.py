@@ -10,20 +10,21 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import FloatArray, first_index, real_array, spell, wrong
+from ..checks import OTHERS, FloatArray, first_index, real_array, spell, wrong
 from .base import Body
 from .field import QuadraticField
 from .rigid import inertia_matrix, shortest_rotation_to_last, unit_axis, without_rounding
 
 # Rounding error of J and I, which from_mass_tensor rotates.
 _ROUNDING = 1e-14
-# What to use for bodies that are not solved.
+# What to use for bodies of which no formula is known.
 _INSTEAD = {
     "exact": "iterate",
     "limits": "iterate",
     "flow": "vector_field with scipy.integrate.solve_ivp",
     "first_integral": "modified_energy",
     "criticality": "iterate, and compare with half the step size",
+    "invariant_density": "the determinant of jacobian",
 }
 
 
@@ -32,7 +33,9 @@ class SuslovND(Body):
     """A body in n dimensions, or a batch of them, in the adapted basis of the Suslov problem.
 
     In that basis Omega_ij = 0 for i, j < n, and the inertia matrix is diagonal except for its last
-    row and column. The state is omega = (Omega_1n, ..., Omega_(n-1)n).
+    row and column: section 5 of Dragovic and Gajic, equation (13). The state is
+    omega = (Omega_1n, ..., Omega_(n-1)n). For n = 3 this is :class:`Suslov3D` with
+    (Omega_13, Omega_23) = (Omega2, -Omega1), J = (I2, I1) and I = (-I13, -I23).
 
     Parameters
     ----------
@@ -41,11 +44,6 @@ class SuslovND(Body):
     I : array_like(float, shape=(..., n - 1))
         The couplings I_in, 0 or between 1e-60 and 1e60 in modulus. Where all are 0 every angular
         velocity is constant.
-
-    Notes
-    -----
-    Section 5 of Dragovic and Gajic, equation (13). For n = 3 this is :class:`Suslov3D` with
-    (Omega_13, Omega_23) = (Omega2, -Omega1), J = (I2, I1) and I = (-I13, -I23).
 
     Examples
     --------
@@ -59,14 +57,13 @@ class SuslovND(Body):
     I: Any
 
     _vector_axes: ClassVar[int] = 1
-    _positive: ClassVar[tuple[str, ...]] = ("J",)
+    _positive: ClassVar[dict[str, int]] = {"J": OTHERS}
 
     def __post_init__(self) -> None:
-        shapes = np.shape(real_array("J", self.J)), np.shape(real_array("I", self.I))
-        if () in shapes or shapes[0][-1] != shapes[1][-1] or shapes[0][-1] == 0:
-            expected = "shapes (..., n - 1) with the same n > 1"
-            raise wrong("J, I", expected, f"{shapes[0]} and {shapes[1]}")
         super().__post_init__()
+        J, I = np.shape(self.J), np.shape(self.I)
+        if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
+            raise wrong("J, I", "shapes (..., n - 1) with the same n > 1", f"{J} and {I}")
 
     @property
     def dimension(self) -> int:
@@ -112,18 +109,14 @@ class SuslovND(Body):
         rotation : ndarray(float, shape=(n, n))
             The matrix, of determinant 1, that takes components to the adapted basis:
             ``I_adapted = rotation @ I @ rotation.T``. It is the identity where the given basis is
-            adapted already.
+            adapted already; where it turns the other axes, J ascends.
 
         Examples
         --------
         >>> from suslov_fast import SuslovND
-        >>> body, rotation = SuslovND.from_mass_tensor(
-        ...     [[1, 0, 0, 0.4], [0, 2, 0, -0.7], [0, 0, 3, 0.5], [0.4, -0.7, 0.5, 4]]
-        ... )
+        >>> body, rotation = SuslovND.from_mass_tensor([[1, 0, 0.4], [0, 2, -0.7], [0.4, -0.7, 3]])
         >>> body
-        SuslovND(J=[5.0, 6.0, 7.0], I=[0.4, -0.7, 0.5])
-        >>> float(rotation.trace())
-        4.0
+        SuslovND(J=[4.0, 5.0], I=[0.4, -0.7])
         """
         given = real_array("I", I)
         n = len(given) if given.ndim else 0
@@ -137,25 +130,13 @@ class SuslovND(Body):
         block = (rotation @ matrix @ rotation.T)[:-1, :-1]
         if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(matrix).max():
             turn = np.eye(n)
-            turn[:-1, :-1] = _principal_axes(block)
+            turn[:-1, :-1] = np.linalg.eigh(block)[1].T
+            turn[0] *= np.sign(np.linalg.det(turn))
             rotation = turn @ rotation
         adapted = rotation @ matrix @ rotation.T
         diagonal = np.diag(adapted)
         J = diagonal[:-1] + diagonal[-1]
         return cls(J, without_rounding(adapted[:-1, -1], J.max())), rotation
-
-
-def _principal_axes(block: FloatArray) -> FloatArray:
-    """Return the rotation that makes a symmetric matrix diagonal, near the identity if one is."""
-    from scipy.optimize import linear_sum_assignment  # imported here, since importing takes time
-
-    _, vectors = np.linalg.eigh(block)
-    _, order = linear_sum_assignment(-(vectors**2))
-    axes = vectors[:, order]
-    axes = axes * np.copysign(1.0, np.diag(axes))
-    if np.linalg.det(axes) < 0:
-        axes[:, np.argmin(abs(np.diag(axes)))] *= -1.0
-    return axes.T
 
 
 class NotIntegrableError(ValueError):
@@ -174,27 +155,18 @@ def are_solved(body: SuslovND) -> NDArray[np.bool_]:
     return np.asarray(solved)
 
 
-def check_solved(body: SuslovND, function: str) -> None:
-    """Raise an error that names the function unless all bodies are solved."""
-    expected = "all J equal, or with I along one axis and all other J equal"
-    instead = f"for which no closed form is known: use {_INSTEAD[function]}"
-    _require(are_solved(body), function, expected, instead)
-
-
-def check_measure(body: SuslovND, function: str) -> None:
-    """Raise an error that names the function unless all bodies have a known invariant measure."""
-    size = abs(body.I)
-    along_axis = (size > _ROUNDING * size.max(axis=-1, keepdims=True)).sum(axis=-1) <= 1
-    known = (along_axis & (body.dimension == 3)) | (body.dimension == 2)
-    instead = (
-        "for which no invariant measure is known: use jacobian, whose determinant is the factor by "
-        "which a step changes volumes"
+def check_known(body: SuslovND, function: str) -> None:
+    """Raise an error unless the formula of a function is known for all bodies."""
+    known, expected = (
+        are_solved(body),
+        "all J equal, or with I along one axis and all other J equal",
     )
-    _require(known, function, "n = 3, or with n = 4 and I along one axis", instead)
-
-
-def _require(known: NDArray[np.bool_], function: str, expected: str, instead: str) -> None:
+    if function == "invariant_density":
+        size = abs(body.I)
+        count = (size > _ROUNDING * size.max(axis=-1, keepdims=True)).sum(axis=-1)
+        known = ((count <= 1) & (body.dimension == 3)) | (body.dimension == 2)
+        expected = "n = 3, or with n = 4 and I along one axis"
     if not known.all():
         which = f"body {spell(first_index(~known))}" if known.ndim else "one"
-        received = f"{which}, {instead}"
+        received = f"{which}, for which no formula is known: use {_INSTEAD[function]}"
         raise wrong(function, f"a body with {expected}", received, NotIntegrableError)

@@ -1,4 +1,4 @@
-"""Polynomials of functions of the user, traced with exact coefficients, and their text."""
+"""Exact numbers and named parameters of users, and the polynomials that their functions are."""
 
 from __future__ import annotations
 
@@ -6,21 +6,121 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from fractions import Fraction
 from itertools import permutations
+from numbers import Rational
 from typing import Any
 
 import numpy as np
 
-from ..checks import OTHERS, short, within, wrong
-from .numbers import check_parameters, exact, is_number, plain
+from ..checks import OTHERS, common_shape, real_array, refuse, short, within, wrong
 
+# Names that a parameter may not have: those of runs, of their files and datasets, of variables,
+# and of arguments of functions that take parameters by name.
+RESERVED = frozenset(
+    "f H K x omega n time eps dimension body space component component_j component_k trajectory "
+    "quadratic linear constant parameters states status failed_at final method steps save_every "
+    "attitude orientation carry ok first_integral energy modified_energy criticality to_xy "
+    "reaction extend to_xarray plot save load about format version map title omega0 store "
+    "functions dims coords chunk client progress self cls".split()
+)
+_NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 # The indices of the variables of a monomial, ascending, and its coefficient.
 Terms = Mapping[tuple[int, ...], Fraction]
-_LIFT = (
-    ": make it quadratic by a variable for a product, as y for x**2 with y' = 2 x x'; away from "
-    "y = x**2 errors may grow, so watch abs(y - x**2), and reset y after each step where it grows"
-)
+
+
+def is_number(value: Any) -> bool:
+    """Return True for integers, fractions, decimals and floats, of NumPy and SymPy too."""
+    known = isinstance(value, Rational) or hasattr(value, "as_integer_ratio")
+    return known and not isinstance(value, bool)
+
+
+def exact(name: str, value: Any) -> Fraction:
+    """Return a number as a fraction: a float as its binary value."""
+    if not is_number(value):
+        received = f"{short(value)} of type {type(value).__name__}"
+        raise wrong(name, "integers, fractions or floats", received, TypeError)
+    if isinstance(value, Rational):
+        return Fraction(int(value.numerator), int(value.denominator))
+    try:
+        return Fraction(*map(int, value.as_integer_ratio()))
+    except (OverflowError, ValueError):
+        raise wrong(name, "finite numbers", value) from None
+
+
+def exact_array(name: str, array: Any) -> Any:
+    """Return an array of fractions."""
+    found, some = np.full(array.shape, Fraction(0)), array != 0
+    found[some] = [exact(name, each) for each in array[some].tolist()]
+    return found
+
+
+def as_given(name: str, value: Any) -> Any:
+    """Return an array of the numbers as they are: one of integers and floats is one of objects."""
+    refuse(name, value)
+    return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
+
+
+def coefficients(name: str, array: Any, is_batch: bool) -> Any:
+    """Return floats of a batch, or fractions of a single field, that are in range."""
+    return within(name, real_array(name, array) if is_batch else exact_array(name, array), OTHERS)
+
+
+def antisymmetric(K: Any, D: int) -> Any:
+    """Return the exact antisymmetric matrix (D, D), the canonical one for None."""
+    if K is None:
+        if D % 2:
+            raise wrong("dimension", "an even number without K", D)
+        K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
+    matrix = coefficients("K", as_given("K", K), False)
+    if matrix.shape != (D, D) or (matrix != -matrix.T).any():
+        received = short(matrix.astype(float).tolist())
+        raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
+    return matrix
+
+
+def check_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters by name: numbers as they are, and read-only arrays of floats."""
+    found: dict[str, Any] = {}
+    for name, value in parameters.items():
+        if name in RESERVED or _NUMBERED.fullmatch(name) or not name.isidentifier():
+            raise wrong("parameters", "names that are not in use, as a or rho", repr(name))
+        refuse(name, value)
+        if isinstance(value, (list, tuple)) or np.ndim(value):
+            found[name] = real_array(name, value).copy()
+            found[name].flags.writeable = False
+        else:
+            found[name] = value.item() if hasattr(value, "item") else value
+            exact(name, found[name])
+    common_shape({name: np.shape(value) for name, value in found.items()})
+    return found
+
+
+def plain(value: Any) -> float | str:
+    """Return a number as a float if it is one, else as the string "p/q"."""
+    number = exact("value", value)
+    return float(number) if float(number) == number else str(number)
+
+
+def to_lists(value: Any) -> Any:
+    """Return numbers as nested lists of floats and strings "p/q"."""
+    array = np.asarray(value)
+    return array.tolist() if array.dtype.kind == "f" else np.vectorize(plain, "O")(array).tolist()
+
+
+def from_lists(name: str, value: Any) -> Any:
+    """Return an array of numbers, of which strings "p/q" are fractions; None for None."""
+    if value is None or isinstance(value, np.ndarray):
+        return value
+
+    def number(each: Any) -> Any:
+        return Fraction(each) if isinstance(each, str) else each
+
+    try:
+        return np.vectorize(number, "O")(np.array(value, dtype=object))
+    except (ValueError, ZeroDivisionError):
+        raise wrong(name, 'numbers or strings "p/q"', short(value)) from None
 
 
 class Polynomial:
@@ -86,31 +186,36 @@ class Polynomial:
         return text_of(self.terms)
 
 
-def _check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
-    """Raise TypeError unless f can be called as f(x, **parameters)."""
-    try:
-        known = inspect.signature(f).parameters
-    except (TypeError, ValueError):  # no function, or one of another language
-        return
-    own = {each: known[each] for each in [*known][1:]}
-    takes_any = any(each.kind is each.VAR_KEYWORD for each in own.values())
-    for each, about in own.items():
-        if about.default is about.empty and each not in parameters and "VAR" not in about.kind.name:
-            received = f"none for {each}: {name} needs {each}: pass {each}=28, say"
-            raise wrong(name, "values for all its parameters", received, TypeError)
-    for each in parameters:
-        if each not in own and not takes_any:
-            expected = f"parameters that it has ({', '.join(own) or 'none but x'})"
-            raise wrong(name, expected, each, TypeError)
-
-
 def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
-    """Return the tensors of the D polynomials f(x, **parameters), or of the one of degree 3."""
+    """Return exact tensors: of the D polynomials f(x, **parameters), or of the one of degree 3."""
     _check_call(name, f, parameters)
+    batch = np.broadcast_shapes(*map(np.shape, parameters.values()))
+    columns = [np.broadcast_to(each, batch).ravel().tolist() for each in parameters.values()]
+    members = []
+    for i in range(math.prod(batch)):
+        row = zip(parameters, (column[i] for column in columns), strict=True)
+        members.append(_traced_once(name, f, D, degree, dict(row)))
+    shape = (D,) * (degree == 2) + (D + 1,) * degree
+    return np.array(members, dtype=object).reshape(*batch, *shape)
+
+
+def _check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
+    """Raise TypeError unless f can be called as f(x, **parameters)."""
+    with suppress(ValueError):  # a function of another language has no signature
+        try:
+            inspect.signature(f).bind("x", **parameters)
+        except TypeError as error:
+            found = re.search(r"missing .*'(\w+)'", str(error))
+            missing = found and f"none for {found[1]}: {name} needs {found[1]}: pass {found[1]}=28"
+            received = f"{missing}, say" if missing else str(error).removeprefix("got ")
+            raise wrong(name, "values for all its parameters", received, TypeError) from error
+
+
+def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str, Any]) -> Any:
     count = f"{D} polynomials" if degree == 2 else "a polynomial"
-    expected = f"a function that returns {count} of degree at most {degree} in x[0] to x[{D - 1}]"
+    expected = f"{count} of degree at most {degree} in x[0] to x[{D - 1}], by +, -, * and /"
     try:
         found = f(tuple(Polynomial({(i,): Fraction(1)}) for i in range(D)), **parameters)
         if degree == 3:
@@ -120,11 +225,7 @@ def traced(
         return np.stack([_tensor(each, D, degree) for each in found])
     except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
-        of_numpy = re.search(r"callable (\w+) method", str(error))
-        received = f"{of_numpy[1]} of x" if of_numpy else error
-        raise wrong(
-            name, f"{expected}, by +, -, * and divisions by numbers", received, kind
-        ) from error
+        raise wrong(name, expected, error, kind) from error
 
 
 def _tensor(value: Any, D: int, degree: int) -> Any:
@@ -136,32 +237,17 @@ def _tensor(value: Any, D: int, degree: int) -> Any:
     table = np.full((D + 1,) * degree, Fraction(0))
     for powers, c in polynomial.terms.items():
         if len(powers) > degree:
-            raise ValueError(f"degree {len(powers)}" + _LIFT * (degree == 2))
+            raise ValueError(f"degree {len(powers)}")
         places = {*permutations((*powers, *[D] * (degree - len(powers))))}
         for each in places:
             table[each] = c / len(places)
     return table
 
 
-def family(
-    parameters: Mapping[str, Any], tables: Callable[[Any], tuple[Any, ...]]
-) -> tuple[tuple[Any, ...], dict[str, Any]]:
-    """Return what `tables` makes of parameters, of floats if these are arrays, and them checked."""
-    values = check_parameters(parameters)
-    if not any(map(np.ndim, values.values())):
-        return tables(values), values
-    arrays = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in values.values()))
-    rows = zip(*(array.ravel().tolist() for array in arrays), strict=True)
-    members = [tables(dict(zip(values, row, strict=True))) for row in rows]
-    one = members or [tables(dict.fromkeys(values, 1.0))]  # shapes of an empty batch
-    columns = (np.array(each, np.float64)[: len(members)] for each in zip(*one, strict=True))
-    return tuple(each.reshape(*arrays[0].shape, *each.shape[1:]) for each in columns), values
-
-
 def terms_of(table: Any) -> Terms:
     """Return the terms of a symmetric tensor in homogeneous coordinates."""
     D, terms = len(table) - 1, dict[tuple[int, ...], Any]()
-    for place in zip(*(each.tolist() for each in np.nonzero(table)), strict=True):
+    for place in map(tuple, np.argwhere(table != 0).tolist()):
         powers = tuple(sorted(i for i in place if i < D))
         terms[powers] = terms.get(powers, 0) + table[place]
     return terms

@@ -1,28 +1,27 @@
-"""The bodies in three dimensions, without and with a rotor, and bases adapted to an axis."""
+"""Bodies in three dimensions, without and with a rotor, those of the paper, and adapted bases."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import FloatArray, common_shape, real_array, square_matrices, warn, wrong
+from .. import checks
+from ..checks import FloatArray, wrong
 from .base import Body
 from .field import QuadraticField
 
-# Products of inertia below this part of the largest moment are rounding errors of a rotation.
-ROUNDING_OF_PRODUCTS = 2.0**-50
 # Rounding of the triangle inequality, which is an equality for flat bodies.
 _ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _In3D(Body):
-    """A rigid body in three dimensions, whose subclasses have I3 as last parameter."""
+    """A rigid body in three dimensions, whose subclasses add I3."""
 
     # What is given is array_like, what is kept a float or an array.
     I1: Any
@@ -30,24 +29,24 @@ class _In3D(Body):
     I13: Any
     I23: Any
 
-    _moments: ClassVar[tuple[str, ...]] = ("I1", "I2", "I3")
-    _positive: ClassVar[tuple[str, ...]] = _moments
+    _positive: ClassVar[dict[str, int]] = dict.fromkeys(("I1", "I2", "I3"), checks.MOMENTS)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        I1, I2, I13, I23, *_, I3 = (getattr(self, name) for name in self._names())
-        if I3 is None:
-            return
-        tensors = _matrices((I1, 0.0, I13), (0.0, I2, I23), (I13, I23, I3)).reshape(-1, 3, 3)
-        moments = np.linalg.eigvalsh(tensors / abs(tensors).max(axis=(1, 2), keepdims=True))
-        if not (fits := _obey_triangles(moments)).all():
-            expected = "one that a body with these parameters can have (see admissible_I3)"
-            warn(str(wrong("I3", expected, tensors[~fits][0, 2, 2])))
+        if "I3" in self._arrays:
+            tensors = self._inertia(self._arrays["I3"])
+            if not (fits := _excess(tensors) >= -_ROUNDING).all():
+                expected = "one that a body with these parameters can have (see admissible_I3)"
+                checks.warn(str(wrong("I3", expected, tensors[~fits][0, 2, 2])))
 
     @property
     def parameters(self) -> tuple[Any, ...]:
         """I1, I2, I13, I23 and k, which is 0 without a rotor."""
         return self.I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
+
+    def _inertia(self, I3: Any) -> FloatArray:
+        I1, I2, I13, I23, _ = self.parameters
+        return _matrices((I1, 0.0, I13), (0.0, I2, I23), (I13, I23, I3))
 
     def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
         I1, I2, *products = self.parameters if self.shape else map(number, self.parameters)
@@ -67,10 +66,13 @@ def _matrices(*rows: tuple[Any, ...]) -> FloatArray:
     return np.stack(entries, axis=-1).reshape(*entries[0].shape, 3, 3)
 
 
-def _obey_triangles(moments: Any) -> Any:
-    """Return where principal moments (..., 3), in order, obey the triangle inequalities."""
-    smallest, middle, largest = np.moveaxis(moments, -1, 0)
-    return smallest + middle - largest >= -_ROUNDING * largest
+def _excess(tensors: FloatArray) -> Any:
+    """Return what two principal moments have beyond the largest one, as a part of it.
+
+    A rigid body with an inertia tensor exists if that is positive, and a flat one if it is 0.
+    """
+    moments = np.linalg.eigvalsh(tensors)
+    return moments.sum(axis=-1) / moments[..., -1] - 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,7 +80,7 @@ class Suslov3D(_In3D):
     """A rigid body, or a batch of them, in the adapted basis of the Suslov problem.
 
     In that basis the constraint is Omega3 = 0 and the inertia tensor is
-    ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``.
+    ``[[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]``: section 2 of Dragovic and Gajic, equation (2).
 
     Parameters
     ----------
@@ -92,15 +94,9 @@ class Suslov3D(_In3D):
         :func:`step_full` and :func:`animate_body` take it from the body. A warning is given if no
         rigid body has it; see :meth:`admissible_I3`.
 
-    Notes
-    -----
-    Section 2 of Dragovic and Gajic, equation (2).
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D
-    >>> Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3)
     >>> bodies = Suslov3D(I1=[2, 3, 4], I2=1, I13=-0.5, I23=-0.3)
     >>> bodies.shape, bodies[-1]
     ((3,), Suslov3D(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3))
@@ -110,8 +106,6 @@ class Suslov3D(_In3D):
 
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.
-
-        For such I3 the second moments of mass are positive definite.
 
         Returns
         -------
@@ -126,16 +120,13 @@ class Suslov3D(_In3D):
         (0.053816, 5.946184)
         """
         I1, I2, I13, I23, _ = self.parameters
-        # The second moments tr(T) / 2 - T are (B + I3 diag(1, 1, -1)) / 2, singular at both ends,
-        # which are the larger eigenvalues of -diag(1, 1, -1) B.
+        # The second moments of mass, tr(T) / 2 - T = (B + I3 diag(1, 1, -1)) / 2, are singular at
+        # both ends, which are the larger eigenvalues of -diag(1, 1, -1) B.
         rows = (I1 - I2, 0.0, 2 * I13), (0.0, I2 - I1, 2 * I23), (-2 * I13, -2 * I23, I1 + I2)
-        ends = _matrices(*rows)
-        low, high = np.moveaxis(np.sort(np.linalg.eigvals(ends).real, axis=-1)[..., 1:], -1, 0)
-        signs = np.array([1.0, 1.0, -1.0])
-        middle = np.diag(signs) * (0.5 * (low + high))[..., None, None] - signs[:, None] * ends
-        exists = np.linalg.eigvalsh(middle)[..., 0] > 0
-        low, high = (np.where(exists, end, np.nan)[()] for end in (low, high))
-        return low, high
+        ends = np.sort(np.linalg.eigvals(_matrices(*rows)).real, axis=-1)[..., 1:]
+        exists = _excess(self._inertia(ends.mean(axis=-1))) > 0.0
+        low, high = np.moveaxis(np.where(exists[..., None], ends, np.nan), -1, 0)
+        return low[()], high[()]
 
     @classmethod
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
@@ -161,22 +152,18 @@ class Suslov3D(_In3D):
 
         Examples
         --------
-        >>> import numpy as np
         >>> from suslov_fast import Suslov3D
         >>> I = [[4, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
         >>> body, rotation = Suslov3D.from_inertia(I, a=[0, 0, 2])
         >>> body
         Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, I3=3.0)
-        >>> bool((rotation == np.eye(3)).all())
-        True
         """
         tensor = inertia_matrix("I", I, 3)
-        moments = np.linalg.eigvalsh(tensor)
-        if not (fits := _obey_triangles(moments)).all():
+        if not (fits := _excess(tensor) >= -_ROUNDING).all():
             expected = "no principal moment larger than the sum of the others"
-            raise wrong("I", expected, f"the principal moments {moments[~fits][0].tolist()}")
+            raise wrong("I", expected, checks.short(tensor[~fits][0].tolist()))
         axis = unit_axis("a", a, 3)
-        common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
+        checks.common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
         to_e3 = shortest_rotation_to_last(axis)
         turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
         # The smaller angle about e3 that makes I12 vanish (Jacobi); 0 if I12 is 0.
@@ -186,9 +173,8 @@ class Suslov3D(_In3D):
         c, s = np.cos(angle), np.sin(angle)
         rotation = _matrices((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)) @ to_e3
         I = rotation @ tensor @ rotation.swapaxes(-2, -1)
-        I1, I2, I3 = np.moveaxis(np.diagonal(I, axis1=-2, axis2=-1), -1, 0)
-        largest = np.diagonal(I, axis1=-2, axis2=-1).max(axis=-1)
-        I13, I23 = (without_rounding(I[..., i, 2], largest) for i in (0, 1))
+        I1, I2, I3 = moments = np.moveaxis(np.diagonal(I, axis1=-2, axis2=-1), -1, 0)
+        I13, I23 = (without_rounding(I[..., i, 2], moments.max(axis=0)) for i in (0, 1))
         return cls(I1, I2, I13, I23, I3), rotation
 
 
@@ -196,44 +182,47 @@ class Suslov3D(_In3D):
 class SuslovGyrostat(_In3D):
     """Suslov gyrostat, or a batch: a rigid body with a rotor along the constrained axis.
 
-    In the adapted basis the constraint is Omega3 = 0, and the angular momentum is that of
-    :class:`Suslov3D` with the constant k along e3.
+    With l = I13 Omega1 + I23 Omega2 + k the equations are I1 Omega1' = -l Omega2 and
+    I2 Omega2' = l Omega1, so that Omega rotates also where I13 = I23 = 0.
 
     Parameters
     ----------
-    I1, I2 : array_like(float, shape=(...))
-        Moments of inertia, between 1e-50 and 1e50, in any unit that all parameters share.
-    I13, I23 : array_like(float, shape=(...))
-        Products of inertia, 0 or between 1e-60 and 1e60 in modulus.
+    I1, I2, I13, I23, I3 : array_like(float, shape=(...))
+        As in :class:`Suslov3D`; I3 is optional.
     k : array_like(float, shape=(...))
         Momentum of the rotor, of either sign, in units of inertia times angular velocity; 0 or
         between 1e-60 and 1e60 in modulus.
-    I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, as in :class:`Suslov3D`.
-
-    Notes
-    -----
-    With l = I13 Omega1 + I23 Omega2 + k the equations are I1 Omega1' = -l Omega2 and
-    I2 Omega2' = l Omega1. States with l = 0 are steady. An orbit of energy E goes from one to
-    another where k**2 <= 2 E (I13**2 / I1 + I23**2 / I2), and is periodic elsewhere. If
-    I13 = I23 = 0, Omega still rotates.
 
     Examples
     --------
     >>> from suslov_fast import SuslovGyrostat
     >>> SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
     SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)
-    >>> SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=[0.0, 0.9, 1.8]).shape
-    (3,)
     """
 
     k: Any
     I3: Any = None
 
 
+class Picture(NamedTuple):
+    """A body, a step size, and the extent of the axes, which the paper does not state."""
+
+    body: Suslov3D
+    eps: float
+    extent: float
+
+
+PICTURES = {  # of the paper, end of Section 4
+    1: Picture(Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
+    2: Picture(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
+    3: Picture(Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),
+    4: Picture(Suslov3D(3, 3, -0.2, -0.2), 1.0, 3.0),
+}
+
+
 def inertia_matrix(name: str, value: ArrayLike, n: int) -> FloatArray:
     """Return symmetric positive definite matrices (..., n, n)."""
-    matrix = square_matrices(name, value, n)
+    matrix = checks.square_matrices(name, value, n)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
     if not (asymmetry <= 1e-12 * size).all():
@@ -246,7 +235,7 @@ def inertia_matrix(name: str, value: ArrayLike, n: int) -> FloatArray:
 
 def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
     """Return nonzero axes (..., n), normalized."""
-    axis = real_array(name, value)
+    axis = checks.real_array(name, value)
     if axis.shape[-1:] != (n,):
         raise wrong(name, f"shape (..., {n})", axis.shape)
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
@@ -271,5 +260,5 @@ def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
 
 
 def without_rounding(products: FloatArray, largest: FloatArray) -> FloatArray:
-    """Return products of inertia, 0 where they are rounding errors beside the largest moment."""
-    return np.where(abs(products) < ROUNDING_OF_PRODUCTS * largest, 0.0, products)
+    """Return products of inertia, 0 where a rotation leaves a rounding error of the moments."""
+    return np.where(abs(products) < 2.0**-50 * largest, 0.0, products)

@@ -29,25 +29,30 @@ next to a steady state, next to |k| = A and next to the critical level e L = 1 a
 identities: L - y, L**2 + k x - L y and 1 - (e L)**2 in `orbit`.
 """
 
+import math
+
 import numpy as np
 
-from .elementary import cosine_and_sine, exponential, is_integer, logarithm, quarter_turns
-from .numba import formula, kernel, select, share
-from .rows import alignment, pick, write
-from .steps_3d import RANGE
-from .universal import universal
+from .numba import alignment, formula, kernel, pick, select, share, universal, write
+from .steps_3d import RANGE, ZERO_TO_ROUNDING
 
-LANES, GROUP = 128, 8
-ROWS_OF_TASK = 128  # times the number of n in a block
+LANES = 128
 # In place of a factor that is 0 exactly on the critical level e L = 1: all that vanish with it stay
 # in proportion, so that state 1 and the collapse onto the steady state come out.
 TINY = 2.0**-100
 CRITICAL = 2.0**-90  # r below this is 0, or negative: no real power
 NO_SQUARE = 1e-300  # |A**2 - k**2| below this: its root is replaced, and sin(n a) / M is n h
-STEEP = 2.0  # in place of r, if the angle of a step is above half a quarter turn
 PARITY_KNOWN = 2.0**53
-ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
 FAINT = 1e-140  # of x / y, on the way from a steady state: squares below that are subnormal
+VANISHES = -350.0  # exp(t) below this is 0: its square would be subnormal
+
+# Rows of a block: a problem and its orbit. From B1 on they are for n >= 0, from B1 + BACK on for
+# n < 0, if eps > 0. MISSING has the sign of the n for which no state is known.
+I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)
+B1, B2, C1, C2, D12, D22 = range(8, 14)
+BACK = 6
+PASSES, ROOT, R, RATE, MISSING, TIME, RHO, SIGMA = range(20, 28)
+ROWS = 28
 
 
 @formula
@@ -64,8 +69,9 @@ def coordinates(I1, I2, I13, I23, k, w1, w2):
 
 
 @formula
-def steady(I1, I2, I13, I23, s, u, y):
+def steady(I1, I2, I13, I23, u, y):
     """The state with these u and y, times |g|**2."""
+    s = np.sqrt(I1 * I2)
     return (I13 / I1) * u + (I23 / s) * y, (I23 / I2) * u - (I13 / s) * y
 
 
@@ -76,140 +82,139 @@ def difference_of_squares(x, u, y, k, X, K):
 
 
 @formula
-def orbit(I1, I2, I13, I23, k, eps, w1, w2, discrete, direction):
-    """The numbers of an orbit, rows B1 to RATE, with `direction` -1 for n < 0."""
-    x, u, y, s = coordinates(I1, I2, I13, I23, k, w1, w2)
-    e = 0.5 * select(discrete > 0.0, abs(eps), 1.0) / s
+def fill(b, l, row, ahead, passes, root, gap, minus, R2, square):
+    """Fill the rows of one direction, `ahead` 1 or -1, from `row` on."""
+    I1, I2, I13, I23, k = b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l]
+    w1, w2 = b[W1, l], b[W2, l]
+    x, _, y, s = coordinates(I1, I2, I13, I23, k, w1, w2)
+    per_g = 1.0 / (I13 * (I13 / I1) + I23 * (I23 / I2))
+    b1, b2 = steady(I1, I2, I13, I23, 2.0 * (root * x - k * gap), -ahead * minus)
+    c1, c2 = steady(I1, I2, I13, I23, -k * minus, -ahead * root * minus)
+    # Around: multiples of i z and i g; of z, and of conj(z) g.
+    i1 = -2.0 * ahead * ((k * s / I1) * w2 + R2 * (I23 / s))
+    i2 = 2.0 * ahead * ((k * s / I2) * w1 + R2 * (I13 / s))
+    back1, back2 = steady(I1, I2, I13, I23, R2 * (x + k), -(R2 * y))
+    b[row, l], b[row + 1, l] = select(passes, b1 * per_g, i1), select(passes, b2 * per_g, i2)
+    b[row + 2, l] = select(passes, c1 * per_g, -(k * k * w1) - back1)
+    b[row + 3, l] = select(passes, c2 * per_g, -(k * k * w2) - back2)
+    b[row + 4, l] = select(passes, 2.0 * gap, -2.0 * ahead * y)
+    b[row + 5, l] = select(passes, minus, 2.0 * k * x + square)
+
+
+@formula
+def orbit(b, l, discrete):
+    """Fill the rows of an orbit; L is left in place of RATE."""
+    k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
+    x, u, y, s = coordinates(b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], k, w1, w2)
+    e = 0.5 * select(discrete > 0.0, abs(b[EPS, l]), 1.0) / s
     h = discrete * e
-    ahead = select((discrete > 0.0) & (eps < 0.0), -direction, direction)
-    y = ahead * y
     X, Y, K = h * x, h * y, h * k
     below = 1.0 / (1.0 + X * X)
-    R2 = (I1 * w1 * w1 + I2 * w2 * w2) * below
     square = difference_of_squares(x, u, y, k, X, K)
     passes = square > NO_SQUARE
     root = np.sqrt(select(passes, square, select(square < -NO_SQUARE, -square, NO_SQUARE)))
 
-    # Towards a steady state: gap = L - y, minus = 2 (L**2 + k x - L y).
-    less, more, total = nonzero(1.0 - Y), nonzero(1.0 + Y), root + abs(y)
+    less, more = nonzero(1.0 - Y), nonzero(1.0 + Y)
     one_minus_square = (nonzero(less + K * X) * nonzero(more + K * X)) * below  # 1 - (h L)**2
-    gap = (x * (x * (less * more) - k * (2.0 + K * X))) * below / total
-    gap = select(y < 0.0, total, gap)
-    A2, S, product = (u * u + y * y) * below, root * root + k * x, root * abs(y)
+    one_more = 1.0 / (1.0 + h * root)
+    b[R, l] = select(discrete > 0.0, one_minus_square * one_more * one_more, 1.0)
+
+    # gap = L - y and minus = 2 (L**2 + k x - L y), for both signs of y.
+    total = root + abs(y)
+    difference = (x * (x * (less * more) - k * (2.0 + K * X))) * below / total
+    S, product = root * root + k * x, root * abs(y)
     larger = S + select(S < 0.0, -product, product)
-    smaller = x * (x / larger) * (A2 * one_minus_square)
-    minus = 2.0 * select((y < 0.0) == (S >= 0.0), larger, smaller)
-    per_g = 1.0 / (I13 * (I13 / I1) + I23 * (I23 / I2))
-    b1, b2 = steady(I1, I2, I13, I23, s, 2.0 * (root * x - k * gap), -ahead * minus)
-    c1, c2 = steady(I1, I2, I13, I23, s, -k * minus, -ahead * root * minus)
+    smaller = x * (x / larger) * ((u * u + y * y) * below * one_minus_square)
+    high, low = select(S < 0.0, smaller, larger), select(S < 0.0, larger, smaller)
+    R2, falls = (b[I1_, l] * w1 * w1 + b[I2_, l] * w2 * w2) * below, y < 0.0
+    gap, minus = select(falls, total, difference), 2.0 * select(falls, high, low)
+    fill(b, l, B1, 1.0, passes, root, gap, minus, R2, square)
+    gap, minus = select(falls, difference, total), 2.0 * select(falls, low, high)
+    fill(b, l, B1 + BACK, -1.0, passes, root, gap, minus, R2, square)
 
-    # Around: multiples of z, i z, g and i g.
-    ks, along, across = k * s, R2 * (x + k), ahead * (R2 * y)
-    around1 = -2.0 * ahead * ((ks / I1) * w2 + R2 * (I23 / s))
-    around2 = 2.0 * ahead * ((ks / I2) * w1 + R2 * (I13 / s))
-    back1, back2 = steady(I1, I2, I13, I23, s, along, -across)
-    b1, b2 = select(passes, b1 * per_g, around1), select(passes, b2 * per_g, around2)
-    c1 = select(passes, c1 * per_g, -(k * k * w1) - back1)
-    c2 = select(passes, c2 * per_g, -(k * k * w2) - back2)
-    d12 = select(passes, 2.0 * gap, -2.0 * y)
-    d22 = select(passes, minus, 2.0 * k * x + square)
-
-    # r (1.0 for the flow) and log|r|; or the angle a in quarter turns, and what is left to one.
-    L = h * root
-    one_more = 1.0 / (1.0 + L)
-    r = one_minus_square * one_more * one_more
-    log_r = logarithm(abs(r), 2.0 * select(L < 1.0, L, 1.0) * one_more)
-    steep = L > 1.0
-    angle = quarter_turns(select(steep, -1.0, L) / select(steep, L, 1.0))
-    r = select(discrete > 0.0, select(passes, r, select(steep, STEEP, 1.0)), 1.0)
-    slow = e * root
-    rate = select(
-        discrete > 0.0,
-        select(passes, log_r, angle),
-        select(passes, -2.0 * slow, slow / (0.5 * np.pi)),
-    )
-    undefined = abs(1.0 - Y) < ZERO_TO_ROUNDING * (1.0 + abs(Y))  # 0 / 0, if the state is at rest
     rests = x == 0.0
-    rate = select(rests, select(undefined, np.nan, 0.0), rate)
     in_range = (abs(X) <= RANGE) & (abs(Y) <= RANGE) & (abs(K) <= RANGE)
-    in_range &= rests | (abs(x) >= FAINT * y)
-    passing = select(rests, 0.0, select(passes, 1.0, 0.0))
-    return b1, c1, b2, c2, d12, d22, passing, select(in_range, root, np.nan), r, rate
+    undefined = abs(1.0 - abs(Y)) < ZERO_TO_ROUNDING * (1.0 + abs(Y))  # 0 / 0, if it is at rest
+    missing = select(rests, undefined, abs(x) < FAINT * abs(y))
+    b[PASSES, l] = select(rests, 0.0, select(passes, 1.0, 0.0))
+    b[ROOT, l], b[RATE, l] = select(in_range, root, np.nan), select(rests, 0.0, e * root)
+    b[MISSING, l] = select(missing, select(falls, -1.0, 1.0), 0.0)
+
+
+@formula
+def rate(passes, L, r, discrete):
+    """log|r|, or the angle a; less a quarter turn if it is more than half of one."""
+    if discrete == 0.0:
+        return -2.0 * L if passes > 0.0 else L
+    if passes == 0.0:
+        return -math.atan(1.0 / L) if L > 1.0 else math.atan(L)
+    less = 2.0 * min(L, 1.0) / (1.0 + L)  # 1 - |r|
+    return math.log1p(-less) if less < 0.5 else math.log(abs(r))
+
+
+@formula
+def has_power(r, n):
+    """True if r**n is a real number, of known sign."""
+    return r >= CRITICAL or (n == np.floor(n) and n <= PARITY_KNOWN)
 
 
 @formula
 def pair(n, passes, root, r, rate):
     """(rho, sigma) after n >= 0 steps, or at time n of the flow; NaN if there is no real power."""
-    t = select(n > 0.0, rate * n, 0.0)
-    # As above log|r|; where r < 0, odd n change the sign.
-    rho, less = exponential(select(passes > 0.0, t, 0.0))
-    changes = (r < 0.0) & ~is_integer(0.5 * n)
-    rho, less = select(changes, -rho, rho), select(changes, -2.0 - less, less)
-    rho = select((r < CRITICAL) & ~(is_integer(n) & (n <= PARITY_KNOWN)), np.nan, rho)
-    # Angles; where a is more than half a quarter turn, t counts from n quarter turns.
-    half = 0.5 * n
-    c, s = cosine_and_sine(t + select(r == STEEP, n - 2.0 * np.floor(half), 0.0))
-    return select(passes > 0.0, rho, c), select(passes > 0.0, -0.5 * less, s) / root
+    t = rate * n if n > 0.0 else 0.0
+    if passes == 0.0:
+        t += 0.5 * np.pi * (n % 2.0) if rate < 0.0 else 0.0
+        return math.cos(t), math.sin(t) / root
+    if not has_power(r, n):
+        return np.nan, np.nan
+    less = math.expm1(t)
+    rho = 0.0 if t < VANISHES else 1.0 + less if t > -1.0 else math.exp(t)
+    if r < 0.0 and n % 2.0 == 1.0:
+        rho, less = -rho, -2.0 - less
+    return rho, -0.5 * less / root
 
 
 @formula
-def state(w1, w2, b1, c1, b2, c2, d12, d22, rho, sigma):
-    """The state of a pair; NaN after a pole."""
+def state(b, l):
+    """The state of a lane; NaN after a pole."""
+    ahead, rho, sigma = b[TIME, l] >= 0.0, b[RHO, l], b[SIGMA, l]
     square, both, other = rho * rho, rho * sigma, sigma * sigma
-    second, third = d12 * both, d22 * other
+    second = select(ahead, b[D12, l], b[D12 + BACK, l]) * both
+    third = select(ahead, b[D22, l], b[D22 + BACK, l]) * other
     d, size = (square + third) + second, (square + abs(third)) + abs(second)
     inverse = 1.0 / select(abs(d) > ZERO_TO_ROUNDING * size, d, np.nan)
-    return (
-        ((w1 * square + c1 * other) + b1 * both) * inverse,
-        ((w2 * square + c2 * other) + b2 * both) * inverse,
-    )
-
-
-# Rows of a block.
-(W1, W2, B1, C1, B2, C2, D12, D22, PASSES, ROOT, R, RATE) = range(12)
-(Q1, Q2, Q13, Q23, QK, QE) = range(12, 18)  # I1, I2, I13, I23, k and eps
-ROWS = 18
+    c1 = select(ahead, b[C1, l], b[C1 + BACK, l]) * other
+    c2 = select(ahead, b[C2, l], b[C2 + BACK, l]) * other
+    b1 = select(ahead, b[B1, l], b[B1 + BACK, l]) * both
+    b2 = select(ahead, b[B2, l], b[B2 + BACK, l]) * both
+    return ((b[W1, l] * square + c1) + b1) * inverse, ((b[W2, l] * square + c2) + b2) * inverse
 
 
 @formula
-def orbits_of(b, first, width, used, parameters, omega0, discrete, direction):
-    """Fill the lanes: `width` orbits from trajectory `first` on, again and again."""
+def enter(b, first, width, used, parameters, omega0, discrete):
+    """Fill the lanes in use: `width` orbits from trajectory `first` on, again and again."""
     I1, I2, I13, I23, k, eps = parameters
-    for l in range(width):
-        i = first + l
-        b[W1, l], b[W2, l], b[Q1, l], b[Q2, l] = (
-            omega0[i, 0],
-            omega0[i, 1],
-            pick(I1, i),
-            pick(I2, i),
-        )
-        b[Q13, l], b[Q23, l], b[QK, l], b[QE, l] = (
-            pick(I13, i),
-            pick(I23, i),
-            pick(k, i),
-            pick(eps, i),
-        )
-    for group in range(0, width, GROUP):
-        for j in range(GROUP):
-            l = np.uint64(group) + np.uint64(j)
-            (
-                b[B1, l], b[C1, l], b[B2, l], b[C2, l], b[D12, l], b[D22, l],
-                b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l],
-            ) = orbit(
-                b[Q1, l], b[Q2, l], b[Q13, l], b[Q23, l], b[QK, l], b[QE, l], b[W1, l], b[W2, l],
-                discrete, direction,
-            )  # fmt: skip
-    for row in range(RATE + 1):
-        for l in range(width, used):
-            b[row, l] = b[row, l - width]
+    i = first
+    for l in range(used):
+        b[I1_, l], b[I2_, l], b[K_, l] = pick(I1, i), pick(I2, i), pick(k, i)
+        b[I13_, l], b[I23_, l], b[EPS, l] = pick(I13, i), pick(I23, i), pick(eps, i)
+        b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
+        i = i + 1 if i + 1 < first + width else first
+    for l in range(np.uint64(used)):
+        orbit(b, l, discrete)
+    for l in range(used):
+        b[RATE, l] = rate(b[PASSES, l], b[RATE, l], b[R, l], discrete)
 
 
 @formula
-def explain(b, l, n, reasons, i):
+def explain(b, l, reasons, i):
     """Note why a state of trajectory i is NaN."""
-    if b[ROOT, l] != b[ROOT, l]:
+    n, passes = b[TIME, l], b[PASSES, l] > 0.0
+    if np.isnan(b[W1, l] + b[W2, l]):
+        return
+    if np.isnan(b[ROOT, l]) or (passes and n * b[MISSING, l] > 0.0):
         reasons[1, i] = True
-    elif b[PASSES, l] > 0.0 and b[R, l] < CRITICAL and not (is_integer(n) and n <= PARITY_KNOWN):
+    elif passes and not has_power(b[R, l], abs(n)):
         reasons[0, i] = True
     else:
         reasons[2, i] = True
@@ -230,52 +235,34 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     A block is `width` trajectories at `abreast` n, so that few trajectories fill the lanes, too.
     """
     B, N, flat = len(omega0), len(n), out.reshape(out.size)
-    b, tile, times = np.ones((ROWS, LANES)), np.empty(2 * LANES), np.ones(LANES)
-    abreast = max(1, LANES // max(B, 1))
+    b, tile = np.ones((ROWS, LANES)), np.empty(2 * LANES)
+    abreast, entered = max(1, LANES // max(B, 1)), -1
     lead, shift = alignment(out, 0, B, LANES)
-    blocks = (B + shift + LANES - 1) // LANES
-    rows = abreast * ROWS_OF_TASK
-    chunks, order = (N + rows - 1) // rows, np.empty(rows + 1, np.int64)
-    first_task, last_task = share(blocks * chunks, part, parts)
-    for task in range(first_task, last_task):
-        block, begin = task // chunks, task % chunks * rows
-        first = max(block * LANES - shift, 0)
+    blocks, rows = (B + shift + LANES - 1) // LANES, (N + abreast - 1) // abreast
+    begin, end = share(blocks * rows, part, parts)
+    for task in range(begin, end):
+        block, row = task // rows, task % rows * abreast
+        first, count = max(block * LANES - shift, 0), min(abreast, N - row)
         width = min((block + 1) * LANES - shift, B) - first
-        at, end = 0, 0
-        for direction in (1.0, -1.0):
-            for j in range(begin, min(begin + rows, N)):
-                order[end] = j  # kept if n has this sign
-                end += 1 if (n[j] >= 0.0) == (direction > 0.0) else 0
-            if at < end:
-                used = width * min(abreast, end - at)
-                orbits_of(b, first, width, used, parameters, omega0, discrete, direction)
-            while at < end:
-                count = min(abreast, end - at)
-                used, failed = width * count, 0
-                for row in range(count):
-                    for l in range(row * width, (row + 1) * width):
-                        times[l] = abs(n[order[at + row]])
-                for l in range(LANES):
-                    rho, sigma = pair(times[l], b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l])
-                    tile[2 * l], tile[2 * l + 1] = state(
-                        b[W1, l], b[W2, l], b[B1, l], b[C1, l], b[B2, l], b[C2, l],
-                        b[D12, l], b[D22, l], rho, sigma,
-                    )  # fmt: skip
-                for l in range(used):
-                    failed += 1 if tile[2 * l] != tile[2 * l] else 0
-                if failed > 0:
-                    for l in range(used):
-                        if tile[2 * l] != tile[2 * l] and not np.isnan(b[W1, l] + b[W2, l]):
-                            explain(b, l, times[l], reasons, first + l % width)
-                place = 2 * (order[at] * B + first)
-                if order[at + count - 1] - order[at] == count - 1:  # neighbours in the output
-                    write(tile, flat, place, 2 * used, lead)
-                else:
-                    for row in range(count):
-                        place = 2 * order[at + row] * B
-                        for j in range(2 * B):
-                            flat[place + j] = tile[2 * B * row + j]
-                at += count
+        used = width * count
+        if block != entered:
+            enter(b, first, width, used, parameters, omega0, discrete)
+            entered = block
+        for j in range(count):
+            for l in range(j * width, (j + 1) * width):
+                forward = discrete == 0.0 or b[EPS, l] >= 0.0
+                b[TIME, l] = n[row + j] if forward else -n[row + j]
+                b[RHO, l], b[SIGMA, l] = pair(
+                    abs(n[row + j]), b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l]
+                )
+                if b[TIME, l] * b[MISSING, l] > 0.0:
+                    b[RHO, l] = np.nan
+        for l in range(LANES):
+            tile[2 * l], tile[2 * l + 1] = state(b, l)
+        for l in range(used):
+            if np.isnan(tile[2 * l]):
+                explain(b, l, reasons, first + l % width)
+        write(tile, flat, 2 * (row * B + first), 2 * used, lead)
 
 
 @universal("(),(),(),(),(),(),(d)->(d),(d)")
@@ -295,7 +282,7 @@ def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
     L = np.copysign(np.sqrt(square), eps) if in_range and square >= 0.0 else np.nan
     rests = eps == 0.0 or x == 0.0 or (w1 == 0.0 and w2 == 0.0)
     for out, sign in ((minus, 1.0), (plus, -1.0)):
-        v1, v2 = steady(I1, I2, I13, I23, s, -k, sign * L)
+        v1, v2 = steady(I1, I2, I13, I23, -k, sign * L)
         out[0], out[1] = (w1, w2) if rests else (v1 * per_g, v2 * per_g)
         if x == 0.0 and abs(1.0 + sign * Y) < 2.0 * ZERO_TO_ROUNDING:  # 0 / 0
             out[0], out[1] = np.nan, np.nan

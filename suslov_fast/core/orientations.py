@@ -11,13 +11,11 @@ Rounding errors are removed at each state whose index is a multiple of CLEAN_EVE
 import numpy as np
 
 from .elimination import larger
-from .numba import formula, function, kernel, select, share
+from .numba import function, kernel, share
 
-# Rows of numbers of lanes: the 1 beside |b|**2, before that the largest component of b; |b|**2; for
-# a row r.b, then the factor of b, and before the rows the unit of b; and eps / 4.
-ONE, SQUARE, ALONG, QUARTER = range(4)
+SQUARE, ALONG, QUARTER = range(3)  # rows of numbers of lanes: |b|**2; r.b; and eps / 4
 CLEAN_EVERY = 16
-HALF_TURN = 2.0**60  # beside a component of b above this, 1 is nothing
+HALF_TURN = 2.0**500  # a longer b is as good as one of this length, whose square is in range
 
 
 @kernel
@@ -33,7 +31,7 @@ def turn(part, parts, omega, eps, axial, R, start, every, next_row, turns):
     """
     count, B, D = omega.shape
     lanes = min(64 if D < 8 else 8, (B + 7) // 8 * 8)
-    r, b, c = np.empty((D + 1, D + 1, lanes)), np.empty((D, lanes)), np.empty((4, lanes))
+    r, b, c = np.empty((D + 1, D + 1, lanes)), np.empty((D, lanes)), np.empty((3, lanes))
     gram, cleaned = np.empty_like(r), np.empty_like(r)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
@@ -65,17 +63,15 @@ def turn(part, parts, omega, eps, axial, R, start, every, next_row, turns):
 
 @function
 def turn_lanes(r, b, c):
-    """Replace r by r cay(S). c is scratch: of large turns, b has any length, and no 1 beside it."""
+    """Replace r by r cay(S); a long b, whose turn is a half one to rounding, is made shorter."""
     D, lanes = b.shape
     for l in range(lanes):
-        c[ONE, l] = 0.0
+        c[ALONG, l], c[SQUARE, l] = HALF_TURN, 0.0
     for i in range(D):
         for l in range(lanes):
-            c[ONE, l] = larger(abs(b[i, l]), c[ONE, l])
+            c[ALONG, l] = larger(abs(b[i, l]), c[ALONG, l])
     for l in range(lanes):
-        large = c[ONE, l] > HALF_TURN
-        c[ALONG, l] = select(large, 1.0 / c[ONE, l], 1.0)
-        c[ONE, l], c[SQUARE, l] = select(large, 0.0, 1.0), 0.0
+        c[ALONG, l] = HALF_TURN / c[ALONG, l]
     for i in range(D):
         for l in range(lanes):
             b[i, l] *= c[ALONG, l]
@@ -87,10 +83,10 @@ def turn_lanes(r, b, c):
             for l in range(lanes):
                 c[ALONG, l] += r[i, j, l] * b[j, l]
         for l in range(lanes):
-            scale = 2.0 / (c[ONE, l] + c[SQUARE, l])
+            scale = 2.0 / (1.0 + c[SQUARE, l])
             last = r[i, D, l]
-            r[i, D, l] = last + scale * (c[ONE, l] * c[ALONG, l] - c[SQUARE, l] * last)
-            c[ALONG, l] = scale * (c[ALONG, l] + c[ONE, l] * last)
+            r[i, D, l] = last + scale * (c[ALONG, l] - c[SQUARE, l] * last)
+            c[ALONG, l] = scale * (c[ALONG, l] + last)
         for j in range(D):
             for l in range(lanes):
                 r[i, j, l] -= c[ALONG, l] * b[j, l]
@@ -102,26 +98,20 @@ def clean(r, gram, cleaned):
     n, _, lanes = r.shape
     for i in range(n):
         for j in range(n):
-            for l in range(lanes):
-                gram[i, j, l] = 1.5 if i == j else 0.0
-                cleaned[i, j, l] = 0.0
-    for i in range(n):
-        for j in range(n):
+            gram[i, j] = 1.5 if i == j else 0.0
             for k in range(n):
                 for l in range(lanes):
                     gram[i, j, l] -= 0.5 * r[k, i, l] * r[k, j, l]
+    cleaned[:] = 0.0
     for i in range(n):
         for j in range(n):
             for k in range(n):
                 for l in range(lanes):
                     cleaned[i, j, l] += r[i, k, l] * gram[k, j, l]
-    for i in range(n):
-        for j in range(n):
-            for l in range(lanes):
-                r[i, j, l] = cleaned[i, j, l]
+    r[:] = cleaned
 
 
-@formula
+@function
 def write(r, begin, width, target):
     """Write orientations to target (B, n, n)."""
     for l in range(width):

@@ -3,29 +3,21 @@
 All take the same, used or not: in three dimensions I1, I2, I13, I23, k, eps and the state w, with
 k = 0 without a rotor; in n dimensions J, I, eps and w. `quantities_field` has those of fields.
 
-X, Y, K, e, l, g and z are those of `steps_3d`, U = X - K; e conj(g) z = U - i Y.
+X, Y, K, e, l, g and z are those of `steps_3d`, x, u and y those of `closed_form`.
 """
 
 import math
 
 import numpy as np
 
-from .numba import formula, select
+from .closed_form import coordinates, difference_of_squares
+from .numba import formula, select, universal
 from .steps_3d import ZERO_TO_ROUNDING, enter, frame_of, is_supercritical
-from .universal import universal
 
 IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
 
 
 # ------------------------------------------------------------------------------- three dimensions
-@formula
-def numbers_of(I1, I2, I13, I23, k, eps, w1, w2):
-    """X and Y, with the bits of steps, U and K."""
-    frame = frame_of(I1, I2, I13, I23, k, eps)
-    X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
-    return X, Y, 0.5 * eps / np.sqrt(I1 * I2) * (I13 * w1 + I23 * w2), frame.K
-
-
 @formula
 def in_range(number):
     """The number, or NaN for one that has left the range of float64."""
@@ -84,8 +76,9 @@ def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
     size = 2.0 * eps * eps * energy_at(I1, I2, w1, w2)
     T = np.sqrt(in_range(size) / (4.0 * a + step * step) * of_g)
     if k != 0.0 or abs(T - 1.0) < 1e-6:
-        X, Y, _, _ = numbers_of(I1, I2, I13, I23, k, eps, w1, w2)
-        beyond = is_supercritical(frame_of(I1, I2, I13, I23, k, eps), X, Y)
+        frame = frame_of(I1, I2, I13, I23, k, eps)
+        X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)  # as steps do, to the bit
+        beyond = is_supercritical(frame, X, Y)
         T = select(beyond & (T < 1.0), 1.0, select((T >= 1.0) & ~beyond, 1.0 - 2.0**-53, T))
     return select(eps < 0.0, -T, T)
 
@@ -98,10 +91,11 @@ def criticality(I1, I2, I13, I23, k, eps, w, out):
 @universal(IN_3D + "()")
 def rotation_number(I1, I2, I13, I23, k, eps, w, out):
     """sign(k) arctan(e mu) / pi with mu**2 = k**2 - A**2, and 0 where that is negative."""
-    X, Y, U, K = numbers_of(I1, I2, I13, I23, k, eps, w[0], w[1])
-    square = ((K * X) * (K * X) - X * (U - K) - Y * Y) / (1.0 + X * X)  # (e mu)**2
-    turns = math.atan(np.sqrt(select(square < 0.0, 0.0, square))) / math.pi
-    out[0] = select(K < 0.0, -turns, turns)
+    x, u, y, s = coordinates(I1, I2, I13, I23, k, w[0], w[1])
+    e = 0.5 * eps / s
+    square = -difference_of_squares(x, u, y, k, e * x, e * k)
+    turns = math.atan(abs(e) * np.sqrt(select(square < 0.0, 0.0, square))) / math.pi
+    out[0] = select(e * k < 0.0, -turns, turns)
 
 
 @universal(IN_3D + "(d)")
@@ -123,8 +117,9 @@ def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
 
     k1 = -(2 / eps) artanh t and sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
     """
-    X, Y, _, _ = numbers_of(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
-    x, y = I13 * w[0] + I23 * w[1], np.sqrt(I1 * I2) * (I23 / I2 * w[0] - I13 / I1 * w[1])
+    frame = frame_of(I1, I2, I13, I23, 0.0, eps)
+    X, Y = enter(frame, I1, I2, I13, I23, 0.0, eps, w[0], w[1])
+    x, _, y, _ = coordinates(I1, I2, I13, I23, 0.0, w[0], w[1])
     t[0] = criticality_at(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
     h[0], k1[0], k2[0] = 0.25 * (x * x + y * y) / (1.0 + X * X), np.nan, np.nan
     if abs(Y) < 1.0:
@@ -179,6 +174,21 @@ def jacobian(I1, I2, I13, I23, k, eps, w, out):
     b11, b12, b21, b22 = matrix_at(I1, I2, I13, I23, k, -h, next1, next2)
     out[0, 0], out[0, 1] = (a22 * b11 - a12 * b21) * inverse, (a22 * b12 - a12 * b22) * inverse
     out[1, 0], out[1, 1] = (a11 * b21 - a21 * b11) * inverse, (a11 * b22 - a21 * b12) * inverse
+
+
+@universal("(),(),(),(),(),(),(d)->(d)")
+def step_full(I1, I2, I13, I23, I3, eps, w, out):
+    """Equations (3), the first two solved for the increments, with w3_next = -w3."""
+    h, x = 0.5 * eps, I13 * w[0] + I23 * w[1]
+    a11, a12 = I1 + h * (I13 * w[1]), h * (x + I23 * w[1] + (I3 - I2) * w[2])
+    a21, a22 = h * ((I1 - I3) * w[2] - x - I13 * w[0]), I2 - h * (I23 * w[0])
+    b1 = 2.0 * (I13 * w[2] - h * (I23 * w[2] * w[2] + w[1] * x))
+    b2 = 2.0 * (I23 * w[2] + h * (I13 * w[2] * w[2] + w[0] * x))
+    det, size = a11 * a22 - a12 * a21, abs(a11 * a22) + abs(a12 * a21)
+    inverse = 1.0 / select(abs(det) > ZERO_TO_ROUNDING * size, det, np.nan)
+    out[0] = w[0] + (a22 * b1 - a12 * b2) * inverse
+    out[1] = w[1] + (a11 * b2 - a21 * b1) * inverse
+    out[2] = -w[2]
 
 
 @universal(IN_3D + "()")

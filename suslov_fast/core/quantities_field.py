@@ -7,22 +7,11 @@ v x_i x_j x_k. Blocks of states are lanes, as in `steps_field`.
 
 import numpy as np
 
+from . import steps_field as steps
 from .codes import OK
 from .elimination import determinant_of, eliminate, keeps_digits, substitute
-from .numba import function
-from .steps_field import (
-    LARGEST,
-    LEAST,
-    ROWS,
-    advance,
-    advance_one,
-    fill,
-    is_accurate,
-    lanes_of,
-    memory_of_one,
-)
+from .numba import function, inlined, universal
 from .tangent import derive
-from .universal import universal
 
 FIELD = "(c,t),(t),(b),(b,d)->"
 
@@ -40,7 +29,7 @@ def read(x, first, y):
 @universal(FIELD + "(b,d)")
 def vector_field(places, values, eps, x, out):
     D, terms = x.shape[1], places.astype(np.int64)
-    y = np.ones((D + 1, lanes_of(D, len(x))))  # x_D = 1
+    y = np.ones((D + 1, steps.lanes_of(D, len(x))))  # x_D = 1
     f = np.empty_like(y)
     for first in range(0, len(x), y.shape[1]):
         count = read(x, first, y)
@@ -55,12 +44,27 @@ def vector_field(places, values, eps, x, out):
 
 
 @universal(FIELD + "(b)")
-def hamiltonian(places, values, eps, x, out):
+def energy(places, values, eps, x, out):
+    """H(x)."""
+    add_terms(places, values, x, None, out)
+
+
+@universal("(c,t),(t),(b),(b,d),(b,d)->(b)")
+def cubic_form(places, values, eps, x, z, out):
+    """The sum of v x_i x_j z_k."""
+    add_terms(places, values, x, z, out)
+
+
+@inlined
+def add_terms(places, values, x, z, out):
+    """Fill the sum of v x_i x_j z_k, where z is x if it is None."""
     D, terms = x.shape[1], places.astype(np.int64)
-    y = np.ones((D + 1, lanes_of(D, len(x))))
-    h = np.empty(y.shape[1])
+    y = np.ones((D + 1, steps.lanes_of(D, len(x))))  # x_D = 1
+    after, h = y if z is None else np.ones_like(y), np.empty(y.shape[1])
     for first in range(0, len(x), len(h)):
         count = read(x, first, y)
+        if z is not None:
+            read(z, first, after)
         h[:] = 0.0
         for i in range(D):
             for l in range(count):
@@ -68,26 +72,7 @@ def hamiltonian(places, values, eps, x, out):
         for t in range(len(values)):
             (i, j, k), v = terms[:, t], values[t]
             for l in range(count):
-                h[l] += v * y[i, l] * y[j, l] * y[k, l]
-        for l in range(count):
-            out[first + l] = h[l]
-
-
-@universal("(c,t),(t),(b),(b,d),(b,d)->(b)")
-def polarised_hamiltonian(places, values, eps, x, after, out):
-    """H(x, x, after), the symmetric trilinear form in (x, 1) for which H(x) = H(x, x, x)."""
-    D, terms = x.shape[1], places.astype(np.int64)
-    y = np.ones((D + 1, lanes_of(D, len(x))))
-    z, h = np.ones_like(y), np.empty(y.shape[1])
-    for first in range(0, len(x), len(h)):
-        count = read(x, first, y)
-        read(after, first, z)
-        h[:] = 0.0
-        for t in range(len(values)):
-            (i, j, k), v = terms[:, t], values[t] / 3.0
-            for l in range(count):
-                form = y[i, l] * y[j, l] * z[k, l] + y[i, l] * z[j, l] * y[k, l]
-                h[l] += v * (form + z[i, l] * y[j, l] * y[k, l])
+                h[l] += v * y[i, l] * y[j, l] * after[k, l]
         for l in range(count):
             out[first + l] = h[l]
 
@@ -95,7 +80,7 @@ def polarised_hamiltonian(places, values, eps, x, after, out):
 @function
 def memory_of(places, x):
     """Return the terms, and the arrays x, fixed, half and `a` of a block of `steps_field`."""
-    D, T, lanes = x.shape[1], places.shape[1], lanes_of(x.shape[1], len(x))
+    D, T, lanes = x.shape[1], places.shape[1], steps.lanes_of(x.shape[1], len(x))
     fixed, a = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes))
     return places.astype(np.int64), np.zeros((2, D, lanes)), fixed, np.zeros((T, lanes)), a
 
@@ -114,7 +99,7 @@ def fill_block(block, values, eps, x, first):
             half[t, l] = 0.5 * eps[first + l] * v
         if k == D:
             fixed[i, j] -= half[t]
-    fill(terms, half, fixed, states[0], a, a.shape[2])
+    steps.fill(terms, half, fixed, states[0], a, a.shape[2])
     return count
 
 
@@ -136,17 +121,17 @@ def density(places, values, eps, x, out):
     """1 / det A, infinite where the determinant is 0 to rounding."""
     block, D = memory_of(places, x), x.shape[1]
     terms, states, fixed, half, a = block
-    lanes, one = a.shape[2], memory_of_one(D, len(values))
-    b = np.empty((ROWS, lanes))
+    lanes, one = a.shape[2], steps.memory_of_one(D, len(values))
+    b = np.empty((steps.ROWS, lanes))
     for first in range(0, len(x), lanes):
         count = fill_block(block, values, eps, x, first)
-        eliminate(a, b[LEAST], b[LARGEST], lanes)
+        eliminate(a, b[steps.LEAST], b[steps.LARGEST], lanes)
         for l in range(count):
             found = 1.0
             for i in range(D):
                 found *= a[i, i, l]
-            if not keeps_digits(b[LEAST, l], b[LARGEST, l]):
-                advance_one(terms, states, fixed, half, l, one)
+            if not keeps_digits(b[steps.LEAST, l], b[steps.LARGEST, l]):
+                steps.advance_one(terms, states, fixed, half, l, one)
                 found = 1.0 / determinant_of(one[3], one[4])
             for i in range(D):
                 found += 0.0 * x[first + l, i]
@@ -158,13 +143,13 @@ def jacobian(places, values, eps, x, out):
     """A(x)**-1 (2 - A(x_next))."""
     block, D = memory_of(places, x), x.shape[1]
     terms, states, fixed, half, a = block
-    lanes, one, system = a.shape[2], memory_of_one(D, len(values)), np.empty((D, 2 * D, 1))
-    b, right = np.empty((ROWS, lanes)), np.empty((D, D, lanes))
+    lanes, one, system = a.shape[2], steps.memory_of_one(D, len(values)), np.empty((D, 2 * D, 1))
+    b, right = np.empty((steps.ROWS, lanes)), np.empty((D, D, lanes))
     after, one_after = np.empty_like(a), np.empty((D, D + 1, 1))
     for first in range(0, len(x), lanes):
         count = fill_block(block, values, eps, x, first)
-        advance(states, a, b, lanes)
-        fill(terms, half, fixed, states[1], after, lanes)
+        steps.advance(states, a, b, lanes)
+        steps.fill(terms, half, fixed, states[1], after, lanes)
         for i in range(D):
             for j in range(D):
                 unit = 2.0 if i == j else 0.0
@@ -173,7 +158,7 @@ def jacobian(places, values, eps, x, out):
         substitute(a, right)
         for l in range(count):
             exists = 1.0
-            if not is_accurate(b, l, D):
+            if not steps.is_accurate(b, l, D):
                 for i in range(D):
                     for j in range(D):
                         system[i, D + j, 0] = 1.0 if i == j else 0.0

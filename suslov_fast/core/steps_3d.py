@@ -28,8 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .numba import formula, kernel, select, share
-from .rows import alignment, pick, write
+from .numba import alignment, formula, kernel, pick, select, share, write
 
 LANES = 128
 FEW = 6  # so few trajectories take less time one by one than all lanes

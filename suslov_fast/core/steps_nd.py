@@ -186,6 +186,27 @@ def eliminate_one(c, b, l, one):
     return status
 
 
+@inlined
+def eliminate_all(c, b, a, lanes):
+    """Go on to the next states by elimination; return how many lanes must use pivots."""
+    m, to_solve = len(a), 0
+    fill(c, b, a, lanes)
+    eliminate(a, b[LEAST], b[LARGEST], lanes)
+    for l in range(lanes):
+        b[OTHERS, l] = 0.0
+    for i in range(m):
+        for l in range(lanes):
+            b[OTHERS, l] += abs(a[i, m, l])
+    for l in range(lanes):
+        good = (b[OTHERS, l] < np.inf) & keeps_digits(b[LEAST, l], b[LARGEST, l])
+        b[TO_SOLVE, l] = select(good, 0.0, 1.0)
+        to_solve += select(good, 0, 1)
+    for i in range(m):
+        for l in range(lanes):
+            c[W, i, l] = select(b[TO_SOLVE, l] == 0.0, a[i, m, l], c[W, i, l])
+    return to_solve
+
+
 @function
 def step_of_one(system, given, out, memory):
     """Write the state that follows `given` to `out`; return its status. For `compiled`."""
@@ -208,39 +229,26 @@ def step_of_one(system, given, out, memory):
 @kernel
 def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part, as `steps_3d.steps`, in O(n) where that keeps digits."""
-    first, last, start, stop, every, next_row = span
-    m = omega0.shape[1]
-    lanes = lanes_of(m, last - first)
-    c, b, one = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
-    first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
-    for block in range(first_block, last_block):
-        begin, row = first + block * lanes, next_row
-        end = min(begin + lanes, last)
-        states = omega0 if start == 0 else carry
-        enter(c, b, parameters, states, begin, end, start, status, failed_at)
-        for n in range(start, stop + 1):
-            if n > start:
-                if find_factors(c, b, lanes) > 0:
-                    for l in range(lanes):
-                        if b[TO_SOLVE, l] > 0.0:
-                            code = eliminate_one(c, b, l, one)
-                            if code != OK:
-                                end_lane(c, b, l, begin, end, n, code, status, failed_at)
-                add_increments(c, b, lanes)
-            if every > 0 and n % every == 0 and (n > start or start == 0):
-                write(c, b, begin, end, saved[row])
-                row += 1
-        leave(c, b, begin, end, carry, final)
+    arrays = omega0, carry, saved, final, status, failed_at
+    iterate(part, parts, parameters, span, arrays, None)
 
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part by elimination."""
+    arrays = omega0, carry, saved, final, status, failed_at
+    iterate(part, parts, parameters, span, arrays, True)
+
+
+@inlined
+def iterate(part, parts, parameters, span, arrays, by_elimination):
+    """Iterate the trajectories of a part. (Numba compiles one branch of what is None or not.)"""
+    omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
     lanes = lanes_of(m, last - first)
     c, b, one = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
-    a = np.empty((m, m + 1, lanes))
+    a = None if by_elimination is None else np.empty((m, m + 1, lanes))
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
@@ -249,34 +257,26 @@ def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, stat
         enter(c, b, parameters, states, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
             if n > start:
-                fill(c, b, a, lanes)
-                eliminate(a, b[LEAST], b[LARGEST], lanes)
-                for l in range(lanes):
-                    b[OTHERS, l] = 0.0
-                for i in range(m):
-                    for l in range(lanes):
-                        b[OTHERS, l] += abs(a[i, m, l])
-                failed = 0
-                for l in range(lanes):
-                    good = (b[OTHERS, l] < np.inf) & keeps_digits(b[LEAST, l], b[LARGEST, l])
-                    b[TO_SOLVE, l] = 0.0 if good else 1.0
-                    failed += 0 if good else 1
-                for l in range(lanes if failed > 0 else 0):
+                if a is None:
+                    to_solve = find_factors(c, b, lanes)
+                else:
+                    to_solve = eliminate_all(c, b, a, lanes)
+                for l in range(lanes if to_solve > 0 else 0):
                     if b[TO_SOLVE, l] > 0.0:
                         code = eliminate_one(c, b, l, one)
-                        for i in range(m):
-                            a[i, m, l] = c[W, i, l]
                         if code != OK:
-                            end_lane(c, b, l, begin, end, n, code, status, failed_at)
-                            for i in range(m):
-                                a[i, m, l] = 0.0
-                for i in range(m):
-                    for l in range(lanes):
-                        c[W, i, l] = a[i, m, l]
+                            rest(c, b, l)
+                            if begin + l < end:
+                                status[begin + l], failed_at[begin + l] = code, n
+                if a is None:
+                    add_increments(c, b, lanes)
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write(c, b, begin, end, saved[row])
                 row += 1
-        leave(c, b, begin, end, carry, final)
+        write(c, b, begin, end, final)
+        for l in range(end - begin):
+            for i in range(m):
+                carry[begin + l, i] = c[W, i, l]
 
 
 @function
@@ -311,25 +311,8 @@ def rest(c, b, l):
 
 
 @inlined
-def end_lane(c, b, l, begin, end, n, code, status, failed_at):
-    """End a trajectory without a state n."""
-    if begin + l < end:
-        status[begin + l], failed_at[begin + l] = code, n
-    rest(c, b, l)
-
-
-@inlined
 def write(c, b, begin, end, target):
     """Write the states of a block to target (B, m)."""
     for l in range(end - begin):
         for i in range(target.shape[1]):
             target[begin + l, i] = c[W, i, l] * b[EXISTS, l]
-
-
-@inlined
-def leave(c, b, begin, end, carry, final):
-    """Write the last states, and those from which a run goes on."""
-    write(c, b, begin, end, final)
-    for l in range(end - begin):
-        for i in range(final.shape[1]):
-            carry[begin + l, i] = c[W, i, l]

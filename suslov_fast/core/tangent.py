@@ -14,26 +14,16 @@ mean of log |det DPhi|, to rounding. (The last is sums[:, -1] / N where another 
 
 import numpy as np
 
+from . import steps_field as steps
 from .codes import OK
 from .elimination import determinant_of, eliminate, keeps_digits, solve, substitute
 from .numba import function, kernel, select, share
-from .steps_field import (
-    EXISTS,
-    ROWS,
-    advance,
-    advance_failed,
-    advance_one,
-    enter,
-    fill,
-    is_accurate,
-    lanes_of,
-    memory_of_one,
-)
+from .steps_field import EXISTS, ROWS, enter, fill, lanes_of
 
 # Rows of numbers of lanes, after those of `steps_field`: of `eliminate` for 2 - A(x_next); 1 if
 # both eliminations keep their digits, else 0; products of the factors of |det DPhi| near 1, less 1,
-# and of the others; a sum of logarithms; and, from LENGTHS on, the products of lengths.
-LEAST_BACK, LARGEST_BACK, GOOD, NEAR_1, FAR, SUM, LENGTHS = range(ROWS, ROWS + 7)
+# and of the others; and, from LENGTHS on, the products of lengths.
+LEAST_BACK, LARGEST_BACK, GOOD, NEAR_1, FAR, LENGTHS = range(ROWS, ROWS + 6)
 # Logarithms are taken of products that leave these ranges: what lies within keeps its digits.
 NEAR_1_LEAST, NEAR_1_LARGEST, LEAST, LARGEST = -0.999, 1e3, 1e-100, 1e100
 
@@ -46,7 +36,7 @@ def derive(indices, x, fixed, half, l, one, after, system):
     """
     x1, fixed1, half1, a, units = one
     D, columns, _ = system.shape
-    code = advance_one(indices, x, fixed, half, l, one)
+    code = steps.advance_one(indices, x, fixed, half, l, one)
     fill(indices, half1, fixed1, x1[1], after, 1)
     fill(indices, half1, fixed1, x1[0], a, 1)
     for r in range(D, columns):
@@ -82,7 +72,11 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
     x, fixed, half = np.empty((2, D, lanes)), np.empty((D, D + 1, lanes)), np.empty((T, lanes))
     a, after, b = np.empty_like(fixed), np.empty_like(fixed), np.empty((LENGTHS + D, lanes))
     q, v, back = np.empty((D, D, lanes)), np.empty((D, D, lanes)), np.empty((D, D, lanes))
-    more, one, system = np.empty((2, D, lanes)), memory_of_one(D, T), np.empty((D, 2 * D, 1))
+    more, one, system = (
+        np.empty((2, D, lanes)),
+        steps.memory_of_one(D, T),
+        np.empty((D, 2 * D, 1)),
+    )
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin = first + block * lanes
@@ -91,7 +85,7 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
         enter(parameters, states, x, fixed, half, b, begin, end, start, status, failed_at)
         for l in range(lanes):
             k = min(begin + l, end - 1)
-            b[NEAR_1, l], b[FAR, l], b[SUM, l] = 0.0, 1.0, 0.0
+            b[NEAR_1, l], b[FAR, l] = 0.0, 1.0
             for i in range(D):
                 b[LENGTHS + i, l] = 1.0
                 for j in range(D):
@@ -100,8 +94,10 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
         fill(indices, half, fixed, x[0], a, lanes)
         for n in range(start + 1, stop + 1):
             fill_diagonals(indices, half, x[0], more[0], -1.0)
-            if advance(x, a, b, lanes) > 0:
-                advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at)
+            if steps.advance(x, a, b, lanes) > 0:
+                steps.advance_failed(
+                    indices, x, fixed, half, b, one, begin, end, n, status, failed_at
+                )
             fill(indices, half, fixed, x[1], after, lanes)
             fill_diagonals(indices, half, x[1], more[1], 1.0)
             fill_right_sides(after, q, v, back)
@@ -109,7 +105,9 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
             eliminate(back, b[LEAST_BACK], b[LARGEST_BACK], lanes)
             inaccurate = 0
             for l in range(lanes):
-                good = is_accurate(b, l, D) & keeps_digits(b[LEAST_BACK, l], b[LARGEST_BACK, l])
+                good = steps.is_accurate(b, l, D) & keeps_digits(
+                    b[LEAST_BACK, l], b[LARGEST_BACK, l]
+                )
                 b[GOOD, l] = 1.0 if good else 0.0
                 inaccurate += 0 if good else 1
             multiply_determinants(a, back, more, b)
@@ -118,15 +116,15 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
                     if b[GOOD, l] == 0.0 and b[EXISTS, l] == 1.0:
                         derive_lane(indices, x, fixed, half, l, one, system, q, v, b)
             orthonormalise(v, b)
-            take_logarithms(b, sums, begin, end, False)
+            take_logarithms(b, sums, of_det, begin, end, False)
             a, after, q, v = after, a, v, q
             for i in range(D):
                 for l in range(lanes):
                     x[0, i, l] = x[1, i, l]
-        take_logarithms(b, sums, begin, end, True)
+        take_logarithms(b, sums, of_det, begin, end, True)
         for l in range(end - begin):
             k = begin + l
-            of_det[k] += b[SUM, l] * b[EXISTS, l]
+            of_det[k] *= b[EXISTS, l]
             for i in range(D):
                 carry[k, i] = x[0, i, l]
                 sums[k, i] *= b[EXISTS, l]
@@ -138,19 +136,13 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
 def fill_diagonals(indices, half, x, diagonal, sign):
     """Fill sign (eps/2) f'(x)_ii, to rounding."""
     D, lanes = x.shape
-    for i in range(D):
-        for l in range(lanes):
-            diagonal[i, l] = 0.0
+    diagonal[:] = 0.0
     for t in range(indices.shape[1]):
         i, j, k = indices[0, t], indices[1, t], indices[2, t]
-        if k == D and j == i:
-            for l in range(lanes):
-                diagonal[i, l] += sign * half[t, l]
-        if k < D and j == i:
-            for l in range(lanes):
-                diagonal[i, l] += sign * half[t, l] * x[k, l]
-        if k < D and k == i:
-            for l in range(lanes):
+        for l in range(lanes):
+            if j == i:
+                diagonal[i, l] += sign * half[t, l] * (x[k, l] if k < D else 1.0)
+            if k == i:
                 diagonal[i, l] += sign * half[t, l] * x[j, l]
 
 
@@ -206,10 +198,9 @@ def derive_lane(indices, x, fixed, half, l, one, system, q, v, b):
     for i in range(D):
         for j in range(D):
             v[i, j, l] = system[i, D + j, 0]
-            system[i, j, 0] = (2.0 if i == j else 0.0) - after[i, j, 0]
-            system[i, D + j, 0] = 0.0
-    solve(system, one[4])
-    b[SUM, l] += np.log(abs(determinant_of(system, one[4]) / of_step))
+            after[i, j, 0] = (2.0 if i == j else 0.0) - after[i, j, 0]
+    solve(after, one[4])
+    b[FAR, l] *= abs(determinant_of(after, one[4]) / of_step)
 
 
 @function
@@ -242,22 +233,18 @@ def orthonormalise(v, b):
 
 
 @function
-def take_logarithms(b, sums, begin, end, always):
-    """Add the logarithms of products that leave their ranges, or of all, and begin new ones."""
-    D = sums.shape[1]
-    for row in range(NEAR_1, LENGTHS + D):
-        near = row == NEAR_1
+def take_logarithms(b, sums, of_det, begin, end, always):
+    """Add the logarithms of products that leave their range, or of all, and begin new ones."""
+    for row in range(NEAR_1, LENGTHS + sums.shape[1]):
+        near, outside = row == NEAR_1, 0
         low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST, LARGEST)
-        outside = 0
         for l in range(b.shape[1]):
             outside += 0 if (b[row, l] > low) & (b[row, l] < high) else 1
-        if row == SUM or (outside == 0 and not always):
-            continue
-        for l in range(end - begin):
+        for l in range(end - begin if always or outside > 0 else 0):
             if always or not low < b[row, l] < high:
                 logarithm = np.log1p(b[row, l]) if near else np.log(b[row, l])
                 b[row, l] = 0.0 if near else 1.0
                 if row < LENGTHS:
-                    b[SUM, l] += logarithm
+                    of_det[begin + l] += logarithm
                 else:
                     sums[begin + l, row - LENGTHS] += logarithm

@@ -1,8 +1,9 @@
-"""Arguments common to most public functions, and the flat arrays that kernels take of them."""
-
-from __future__ import annotations
+"""Arguments common to most public functions: random, checked, and as flat arrays for kernels."""
 
 import math
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,12 +13,122 @@ from .. import checks
 from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from ..checks import MOMENTS, FloatArray, common_shape, instance, real_number, within, wrong
-from .starts import RandomStarts
+from ..checks import FloatArray, common_shape, integer, real_number, wrong
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
 BodyOrField = AnyBody | QuadraticField
+
+
+# Requests up to this many bytes are not tested, for speed; as many bytes are kept free.
+SMALL = 2**26
+
+
+def require(nbytes: int, what_to_do: str) -> None:
+    """Raise MemoryError if `nbytes` are not available: Linux lends more, and kills the process."""
+    if nbytes <= SMALL:
+        return
+    free = available()
+    if free is not None and nbytes > free - SMALL:
+        raise MemoryError(
+            f"expected arrays that fit in memory, of which {free:,} bytes are available, "
+            f"got {nbytes:,} bytes; {what_to_do}"
+        )
+
+
+def available() -> int | None:
+    """Return the number of bytes that the machine has available; None if unknown."""
+    with suppress(OSError, ValueError):
+        for line in Path("/proc/meminfo").read_text("ascii", "replace").splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) * 1024
+    return None
+
+
+@dataclass(frozen=True)
+class RandomStarts:
+    """Random initial states for :func:`ensemble` or :func:`iterate`, uniform in a cube around 0.
+
+    State i depends on the seed and on i alone, and is computed when it is needed.
+
+    Parameters
+    ----------
+    size : int or tuple of int
+        Number of states, or the shape of the batch.
+    extent : float
+        Each component lies in [-extent, extent), in the unit of the states.
+    seed : int
+        0 or more.
+
+    Examples
+    --------
+    >>> from suslov_fast import RandomStarts
+    >>> starts = RandomStarts(10**9, extent=2.0, seed=1)
+    >>> starts.states(2, start=999_999_998).shape
+    (2, 2)
+    """
+
+    size: int | tuple[int, ...]
+    extent: float
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        size = self.size
+        if isinstance(size, (tuple, list)):
+            size = tuple(integer("size", length, 0) for length in size)
+        else:
+            size = integer("size", size, 0)
+        extent = real_number("extent", self.extent)
+        if not isinstance(extent, float) or extent <= 0.0:
+            raise wrong("extent", "a positive number", self.extent)
+        object.__setattr__(self, "size", size)
+        object.__setattr__(self, "extent", extent)
+        object.__setattr__(self, "seed", integer("seed", self.seed, 0))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """The batch shape."""
+        return self.size if isinstance(self.size, tuple) else (self.size,)
+
+    def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
+        """Return the states `start` to `start + count`.
+
+        Parameters
+        ----------
+        count, start : int
+            0 or more.
+        dimension : int
+            The number of components of a state, D.
+
+        Returns
+        -------
+        ndarray(float, shape=(count, D))
+        """
+        count, start = integer("count", count, 0), integer("start", start, 0)
+        dimension = integer("dimension", dimension, 1)
+        require(32 * count * dimension, "fewer initial states, or `ensemble`, need less")
+        # One value of the counter gives four 64-bit words.
+        first, skipped = divmod(start * dimension, 4)
+        generator = np.random.Philox(key=self.seed, counter=first)
+        words = generator.random_raw(skipped + count * dimension)
+        unit = (words[skipped:] >> np.uint64(11)) * 2.0**-53
+        states: FloatArray = np.asarray((2.0 * unit - 1.0) * self.extent, np.float64)
+        return states.reshape(count, dimension)
+
+    def _part(self, where: tuple[slice, ...], dimension: int) -> FloatArray:
+        """Return the states (..., D) of a part of the batch, given by a slice for each axis."""
+        if not where:
+            return self.states(1, 0, dimension).reshape(dimension)
+        shape = (*(part.stop - part.start for part in where), dimension)
+        require(16 * math.prod(shape), "fewer initial states, or `ensemble`, need less")
+        states = np.empty(shape)
+        if not states.size:
+            return states
+        first = [part.start for part in where]
+        for index in np.ndindex(states.shape[:-2]):
+            start = int(np.ravel_multi_index(np.add(first, (*index, 0)), self.shape))
+            states[index] = self.states(states.shape[-2], start, dimension)
+        return states
 
 
 class States(NamedTuple):
@@ -47,7 +158,7 @@ def check(
     True. Messages call the state of a field x; `later` is that of `checks.states`.
     """
     if kinds:
-        instance("body", body, kinds)
+        checks.instance("body", body, kinds)
     labels = components or body._labels
     omega: Any = None
     eps: float | FloatArray = 0.0
@@ -55,7 +166,7 @@ def check(
     shapes = {"body": body.shape}
     for name, value in arguments.items():
         if name == "eps":
-            eps = within(name, real_number(name, value), MOMENTS)
+            eps = checks.within(name, real_number(name, value), checks.MOMENTS)
             shapes[name] = () if type(eps) is float else eps.shape  # type: ignore[union-attr]
         elif name == "attitude":
             if isinstance(body, QuadraticField):
@@ -83,7 +194,7 @@ def thread_count(threads: int | None) -> int | None:
 
     limit = int(numba.config.NUMBA_NUM_THREADS)
     expected = f"None or an integer from 1 to {limit} (NUMBA_NUM_THREADS)"
-    count = checks.integer("threads", threads, 1, expected)
+    count = integer("threads", threads, 1, expected)
     if count > limit:
         raise wrong("threads", expected, count)
     return count
@@ -134,12 +245,10 @@ def parameters_of(
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
     """Return the array `out` of the user, checked."""
-    if not isinstance(out, np.ndarray) or isinstance(out, np.ma.MaskedArray):
-        raise wrong("out", "a NumPy array", type(out).__name__, TypeError)
-    if out.dtype != np.float64:
-        raise wrong("out", "dtype float64", out.dtype, TypeError)
-    if out.shape != shape:
-        raise wrong("out", f"shape {shape}", out.shape)
-    if not out.flags.carray:
-        raise wrong("out", "a C-contiguous, writeable, aligned array", "one that is not")
+    if not isinstance(out, np.ndarray) or np.ma.isMA(out) or out.dtype != np.float64:
+        received = f"{checks.kind_of(out)} of dtype {getattr(out, 'dtype', None)}"
+        raise wrong("out", "a NumPy array of dtype float64", received, TypeError)
+    if out.shape != shape or not out.flags.carray:
+        expected = f"a C-contiguous, writeable, aligned array of shape {shape}"
+        raise wrong("out", expected, f"shape {out.shape}, strides {out.strides}")
     return out

@@ -1,22 +1,22 @@
-"""Trajectories step by step: one call of a kernel for each stretch.
+"""Trajectories step by step, and states by the closed form: one call of a kernel for each stretch.
 
 Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is reported.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable
-from typing import NamedTuple
+import math
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from ..bodies.nd import SuslovND
-from ..checks import FloatArray
-from ..core import orientations, steps_field
+from ..checks import FloatArray, wrong
+from ..core import closed_form, orientations, steps_field
 from ..core.numba import Kernel
-from .arguments import States, flat_arrays, parameters_of
-from .memory import require
+from .arguments import States, flat_arrays, parameters_of, require
 from .threads import call_kernel
 
 # Work of a thread in a stretch, in steps of the three-dimensional map.
@@ -29,7 +29,50 @@ _SAVING = 8.0
 # Work of a stretch with orientations: the number of states times n**2.
 _TURNING = 2**24
 
+# States of a slice: 30 ms, or 130 ms of orbits that turn.
+_SLICE = 2**21
+# Costs of entering an orbit, and of a state, in steps of the three-dimensional map.
+_ENTERING, _STATE = 64, 8
+
+Progress = bool | None | Callable[[int, int], object]  # the argument of long computations
 Report = Callable[[int], object]  # takes the number of steps done so far
+
+
+def check_progress(progress: Progress) -> None:
+    """Check the argument, and that tqdm is installed if a bar is requested."""
+    if progress is True:
+        _tqdm()
+    elif not (progress is None or progress is False or callable(progress)):
+        expected = "True, False, None or a callable (done, total)"
+        raise wrong("progress", expected, type(progress).__name__, TypeError)
+
+
+@contextmanager
+def reporter(progress: Progress, total: int) -> Iterator[Report]:
+    """Yield a function that takes the number of steps done so far, and shows any progress."""
+    shown = -1
+
+    def report(done: int) -> None:
+        nonlocal shown
+        if callable(progress) and done > shown:
+            progress(done, total)
+        elif bar is not None:
+            bar.update(done - bar.n)
+        shown = done
+
+    bar = _tqdm()(total=total, unit="step", unit_scale=True) if progress is True else None
+    with bar or nullcontext():
+        yield report
+        report(total)
+
+
+def _tqdm() -> Any:
+    try:
+        from tqdm.auto import tqdm  # a notebook bar in a notebook
+    except ImportError as error:
+        install = "pip install '.[progress]' in a copy of the repository"
+        raise ImportError(f"progress: expected tqdm, got none: {install}") from error
+    return tqdm
 
 
 class Steps(NamedTuple):
@@ -165,3 +208,44 @@ class March:
             for end in (min(begin + width, size),)
             for start in range(n, max(stop, n + 1), length)
         )
+
+
+def states_at(
+    parameters: tuple[FloatArray, ...],
+    omega: FloatArray,
+    discrete: bool,
+    times: FloatArray,
+    threads: int | None,
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return states (N, B, 2) at times (N,), and why orbits lack some, the flags (3, B) of kernels.
+
+    The orbits are those of states omega (B, 2), of the map, or else of the flow.
+    """
+    shape = times.size, *omega.shape
+    require(8 * math.prod(shape), "compute fewer states at a time")
+    out, reasons = np.empty(shape), np.zeros((3, len(omega)), bool)
+    if shape[0] * shape[1] <= _SLICE:
+        _fill(threads, parameters, omega, float(discrete), times, out, reasons)
+        return out, reasons
+    for rows, orbits in _slices(*shape[:2]):
+        part = tuple(each if len(each) == 1 else each[orbits] for each in parameters)
+        found = np.zeros(reasons[:, orbits].shape, bool)
+        states = out[rows, orbits]
+        _fill(threads, part, omega[orbits], float(discrete), times[rows], states, found)
+        reasons[:, orbits] |= found
+    return out, reasons
+
+
+def _fill(threads: int | None, *arguments: Any) -> None:
+    _, omega, _, times, *_ = arguments
+    work = len(omega) * (_ENTERING + _STATE * len(times))
+    call_kernel(closed_form.states, work, threads, *arguments)
+
+
+def _slices(times: int, orbits: int) -> Iterator[tuple[slice, slice]]:
+    """Yield the times and orbits of each call of the kernel, whose results are contiguous."""
+    rows = max(_SLICE // max(orbits, 1), 1)
+    width = orbits if rows > 1 else min(_SLICE, orbits)
+    for row in range(0, times, rows):
+        for first in range(0, orbits, width or 1):
+            yield slice(row, row + rows), slice(first, first + width)

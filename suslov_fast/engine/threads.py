@@ -1,7 +1,5 @@
 """Calls of kernels, serial or parallel."""
 
-from __future__ import annotations
-
 import os
 import threading
 from contextlib import suppress
@@ -16,31 +14,26 @@ from ..core.numba import Kernel
 CROSSOVER = 1_000_000
 
 # One parallel call at a time: Numba's `workqueue` layer aborts under two. A second thread
-# makes a serial call, whose results are bit-identical. The lock stores its owner, so it can be
-# released without knowing whether it was acquired.
+# makes a serial call, whose results are bit-identical.
 _one_at_a_time = threading.RLock()
-_may_use_threads = True
-_idle_at_fork = True
+_threads_are_gone = False
 
 
 def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
     """Call a kernel; `work` lane-steps decide between a serial and a parallel call."""
-    if (
-        work < CROSSOVER
-        or (threads or numba.config.NUMBA_NUM_THREADS) == 1
-        or not _may_use_threads
-        or _owned()  # by a call interrupted by a signal, whose handler makes this call
-        or not _parallel(kernel, threads, arguments)
-    ):
+    is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
+    if is_serial or not _parallel(kernel, threads, arguments):
         kernel.serial(*arguments)
 
 
-# A signal handler may raise between any two lines here, but not before the first call of a
-# `finally`, which is one to C.
-
-
 def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:
-    """Call a kernel in parallel and return True, or return False if another thread is doing so."""
+    """Call a kernel in parallel and return True, or return False if that is impossible.
+
+    The handler of a signal may raise between any two lines, but not before the first call of
+    `finally`. What it calls itself is serial, as it may have interrupted a parallel call.
+    """
+    if _threads_are_gone or _one_at_a_time._is_owned():  # type: ignore[attr-defined]
+        return False
     try:
         if not _one_at_a_time.acquire(blocking=False):
             return False
@@ -53,37 +46,14 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
             pass
 
 
-def _owned() -> bool:
-    """Return True in a thread that is in a parallel call."""
-    owned: bool = _one_at_a_time._is_owned()  # type: ignore[attr-defined]
-    return owned
-
-
-def _before_fork() -> None:
-    """Prevent parallel calls during a fork; record if one was running before it."""
-    global _idle_at_fork
-    _idle_at_fork = _one_at_a_time.acquire(blocking=False)
-
-
-def _after_fork_in_parent() -> None:
-    with suppress(RuntimeError):  # another thread's
-        _one_at_a_time.release()
-
-
-def _after_fork_in_child() -> None:
-    """Make serial calls in a forked child that cannot use the threads of its parent.
-
-    OpenMP aborts the child, TBB may hang, and `workqueue` starts new threads unless it was running.
-    """
-    global _may_use_threads, _one_at_a_time
+def _after_fork() -> None:
+    """In a child, make serial calls: with the threads of its parent OpenMP aborts, TBB may hang."""
+    global _threads_are_gone, _one_at_a_time
     _one_at_a_time = threading.RLock()
     with suppress(ValueError):  # no thread was ever started
-        _may_use_threads &= numba.threading_layer() == "workqueue" and _idle_at_fork
+        numba.threading_layer()
+        _threads_are_gone = True
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(
-        before=_before_fork,
-        after_in_parent=_after_fork_in_parent,
-        after_in_child=_after_fork_in_child,
-    )
+    os.register_at_fork(after_in_child=_after_fork)

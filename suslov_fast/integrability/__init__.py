@@ -1,23 +1,11 @@
 """Exact experiments on the integrability of Kahan maps and other birational maps.
 
-A quadratic vector field and a step size define a birational map; `rational_map` takes any other.
-Degrees and their growth, Hirota-Kimura bases, which give first integrals, and Darboux polynomials,
-which give invariant measures and first integrals, are evidence for or against integrability.
-`report` finds all::
+`report` finds what the other functions find one by one: degrees and their growth,
+Hirota-Kimura bases, which give first integrals, and Darboux polynomials, which give invariant
+measures and first integrals. All are evidence for or against integrability.
 
-    from suslov_fast import Suslov3D
-    from suslov_fast.integrability import *
-
-    map = kahan(QuadraticField.of(Suslov3D(4, 1, -0.5, -0.25)), eps=0.25)
-    report(map.field, map.eps)
-    report(map.field)  # formulas in eps
-    growth(degrees(map, 20))
-    hk_bases(map, 2).integrals
-    darboux_polynomials(map, 3)
-
-All arithmetic is exact, over the rationals or modulo random primes of 62 bits, two of which must
-agree on each result. A seed determines primes, points and lines. The module needs python-flint
-(extra `algebra`).
+Arithmetic is exact, over the rationals or modulo random primes of 62 bits, two of which must agree
+on each result. A seed determines primes, points and lines. Extra `algebra`: python-flint.
 """
 
 try:
@@ -34,7 +22,8 @@ from .functions import RationalFunction
 from .growth import Growth, degrees, growth
 from .invariants import cofactors
 from .kahan import KahanMap, kahan
-from .rational import RationalMap, rational_map
+from .maps import RationalMap
+from .rational import rational_map
 from .relations import HKBasis, hk_bases
 from .report import Report, report
 from .zoo import zoo

@@ -17,7 +17,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.numbers import exact as as_fraction
+from ..bodies.polynomials import exact as as_fraction
 from ..checks import refuse, wrong
 
 Point = tuple[Fraction, ...]
@@ -53,6 +53,16 @@ def rationals(name: str, value: Any, count: int) -> Point:
     if given.shape != (count,):
         raise wrong(name, f"shape ({count},)", given.shape)
     return tuple(rational(name, a) for a in given)
+
+
+def step_size(eps: Any) -> Fraction:
+    """Return eps, a number or a string, as a fraction."""
+    if not isinstance(eps, str):
+        return rational("eps", eps)
+    try:
+        return Fraction(eps)
+    except (ValueError, ZeroDivisionError):
+        raise wrong("eps", "a number such as 1/3 or 0.1", repr(eps)) from None
 
 
 def fmpq(a: Any) -> Any:
@@ -123,9 +133,13 @@ def factors(P: Any) -> list[tuple[Any, int]]:
     return found
 
 
-def value_at(P: Any, x: Sequence[Any]) -> Any:
-    """Return the value for all variables of a polynomial, which may be of any type of numbers."""
-    return sum(int(c) * a for c, a in zip(P.coeffs(), monomial_values(P.monoms(), x), strict=True))
+def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
+    """Return the value at a point of any type of numbers, or ``x_0^degree P(x / x_0)``."""
+    exponents = P.monoms()
+    if degree is not None:
+        exponents = [(*e, degree - sum(e)) for e in exponents]
+    terms = zip(P.coeffs(), monomial_values(exponents, x), strict=True)
+    return sum((int(c) * a for c, a in terms), 0 * x[-1])
 
 
 def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any:
@@ -138,15 +152,21 @@ def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any
     return values
 
 
+def at_eps(P: Any, eps: Any) -> dict[Any, Any]:
+    """Return the coefficients of monomials in x, for a value of eps of any type of numbers."""
+    if not has_letter(P):
+        return dict(P.to_dict())
+    terms: dict[Any, Any] = {}
+    for (k, *e), c in P.to_dict().items():
+        terms[tuple(e)] = terms.get(tuple(e), 0) + int(c) * eps ** int(k)
+    return terms
+
+
 def modulo(P: Any, p: int, eps: int) -> Any:
     """Return a polynomial in x modulo a prime, with this value of eps."""
-    first = int(has_letter(P))
-    terms: dict[tuple[int, ...], int] = {}
-    for e, c in P.to_dict().items():
-        c = int(c) * pow(eps, int(e[0]), p) if first else int(c)
-        terms[e[first:]] = (terms.get(e[first:], 0) + c) % p
-    modular = ring(P.context().nvars() - first, False, flint.nmod_mpoly_ctx, modulus=p)
-    return modular.from_dict(terms)
+    n = P.context().nvars() - has_letter(P)
+    modular = ring(n, False, flint.nmod_mpoly_ctx, modulus=p)
+    return modular.from_dict(at_eps(P, flint.nmod(eps, p)))
 
 
 def null_space(matrix: Any) -> Residues:

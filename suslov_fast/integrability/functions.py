@@ -14,6 +14,7 @@ import flint
 
 from .exact import (
     Polynomials,
+    at_eps,
     degree_of,
     factors,
     has_letter,
@@ -22,10 +23,12 @@ from .exact import (
     rational,
     ring,
     size,
+    step_size,
     value_at,
 )
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
+_LATEX = {r"\*": " ", r"x(\d+)": r"x_{\1}", r"\^(\d+)": r"^{\1}", "eps": r"\\varepsilon"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -47,8 +50,7 @@ class RationalFunction:
         """Return the value at a point; a function with the letter eps needs its value."""
         if self.has_letter and eps is None:
             raise TypeError("eps: expected a number, as in f(x, eps=Fraction(1, 3)), got None")
-        x = [rational("x", a) for a in x]
-        x = [rational("eps", eps), *x] if self.has_letter else x
+        x = [*([step_size(eps)] if self.has_letter else []), *(rational("x", a) for a in x)]
         values = (Fraction(value_at(P, x)) ** e for P, e in self.factors)
         return math.prod(values, start=self.constant)
 
@@ -69,24 +71,24 @@ class RationalFunction:
         >>> measure.subs(eps="1/3")
         1
         """
-        value = rational("eps", Fraction(eps) if isinstance(eps, str) else eps)
-        above, below = (at_eps(P, value, self._highest) for P in (self.numerator, self.denominator))
-        if below == 0:
-            raise ZeroDivisionError(f"{self} has no value at eps = {value}")
-        found = exact_quotient(above, below) if above else RationalFunction((), Fraction(0))
-        return replace(
-            found, basis=self.basis, cofactor=self.cofactor and self.cofactor.subs(value)
-        )
-
-    @property
-    def _highest(self) -> int:
-        """A bound of the powers of eps."""
-        return sum(int(P.degrees()[0]) * abs(e) for P, e in self.factors if has_letter(P))
+        value = step_size(eps)
+        found, cofactor = RationalFunction((), self.constant), self.cofactor
+        try:
+            for P, e in self.factors:
+                found *= _at_eps(P, value) ** e
+        except ZeroDivisionError:
+            raise ZeroDivisionError(f"{self} has no value at eps = {value}") from None
+        return replace(found, basis=self.basis, cofactor=cofactor and cofactor.subs(value))
 
     @property
     def special(self) -> tuple[Fraction, ...]:
         """The rational eps at which a factor is 0 for all x."""
-        return tuple(sorted({eps for P, _ in self.factors for eps in content_roots(P)}))
+        found = set()
+        for P, _ in self.factors:
+            if degree_of(P) == 0 and P.total_degree() == 1:  # a * eps + b
+                a, *b = map(int, P.coeffs())
+                found.add(Fraction(-sum(b), a))
+        return tuple(sorted(found))
 
     def __mul__(self, other: RationalFunction) -> RationalFunction:
         basis = MODULAR if MODULAR in (self.basis, other.basis) else self.basis
@@ -141,7 +143,15 @@ class RationalFunction:
         return f"{'-' if self.constant < 0 else ''}{above}{'' if below == '1' else f'/{below}'}"
 
     def _repr_latex_(self) -> str:
-        return f"$\\displaystyle {latex(self)}$"
+        text = str(self)
+        if "/" in text:
+            above, below = text.removeprefix("-").split("/")
+            above = re.sub(r"^\(([^()]*)\)$", r"\1", above)
+            below = re.sub(r"^\((.*)\)$", r"\1", below)
+            text = f"{'-' * (self.constant < 0)}\\frac{{{above}}}{{{below}}}"
+        for old, new in _LATEX.items():
+            text = re.sub(old, new, text)
+        return f"$\\displaystyle {text}$"
 
 
 def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:
@@ -153,30 +163,20 @@ def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:
     return f"{text}^{e}" if e > 1 else text
 
 
-def latex(f: RationalFunction) -> str:
-    """Return a function in LaTeX, quotients as fractions."""
-    if f.constant.denominator > 1 or any(e < 0 for _, e in f.factors):
-        above = latex(RationalFunction(f._powers(1), Fraction(abs(f.constant.numerator))))
-        below = latex(RationalFunction(f._powers(-1), Fraction(f.constant.denominator)))
-        return f"{'-' if f.constant < 0 else ''}\\frac{{{above}}}{{{below}}}"
-    text = re.sub(r"x(\d+)", r"x_{\1}", str(f).replace("*", " "))
-    return re.sub(r"\^(\d+)", r"^{\1}", text).replace("eps", "\\varepsilon")
-
-
 def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
     """Return a quotient of polynomials in irreducible factors, without a constant."""
     return product_of(factors(P) + [(f, -e) for f, e in factors(Q)], basis)
 
 
-def exact_quotient(P: Any, Q: Any) -> RationalFunction:
-    """Return a quotient of polynomials in irreducible factors."""
+def exact_quotient(P: Any, Q: Any = None) -> RationalFunction:
+    """Return a polynomial, or a quotient, in irreducible factors."""
+    Q = P.context().constant(1) if Q is None else Q
     if P == 0:
         return RationalFunction((), Fraction(0))
     found = quotient_of(P, Q, "")
-    scale = Fraction(int(P.leading_coefficient()), int(Q.leading_coefficient()))
-    for f, e in found.factors:
-        scale /= Fraction(int(f.leading_coefficient())) ** e
-    return replace(found, constant=scale)
+    powers = [(P, 1), (Q, -1), *((f, -e) for f, e in found.factors)]
+    leading = (Fraction(int(f.leading_coefficient())) ** e for f, e in powers)
+    return replace(found, constant=math.prod(leading, start=Fraction(1)))
 
 
 def product_of(powers: Iterable[tuple[Any, int]], basis: str) -> RationalFunction:
@@ -190,28 +190,13 @@ def product_of(powers: Iterable[tuple[Any, int]], basis: str) -> RationalFunctio
     return RationalFunction(tuple(chosen), basis=basis)
 
 
-def at_eps(P: Any, eps: Fraction, power: int) -> Any:
-    """Return a polynomial in x at this eps, times a power of the denominator of eps."""
+def _at_eps(P: Any, eps: Fraction) -> RationalFunction:
+    """Return a polynomial in x at this eps."""
     if not has_letter(P):
-        return P * eps.denominator**power
-    terms: dict[Any, int] = {}
-    for (k, *e), c in P.to_dict().items():
-        c = int(c) * eps.numerator ** int(k) * eps.denominator ** (power - int(k))
-        terms[tuple(e)] = terms.get(tuple(e), 0) + c
-    return ring(P.context().nvars() - 1, False).from_dict(terms)
-
-
-def content_roots(P: Any) -> set[Fraction]:
-    """Return the rational eps at which a polynomial is 0 for all x."""
-    by_monomial: dict[Any, dict[int, int]] = {}
-    for (k, *e), c in P.to_dict().items() if has_letter(P) else ():
-        by_monomial.setdefault(tuple(e), {})[int(k)] = int(c)
-    roots = []
-    for terms in by_monomial.values():
-        f = flint.fmpz_poly([terms.get(k, 0) for k in range(max(terms) + 1)])
-        linear = (g.coeffs() for g, _ in f.factor()[1] if g.degree() == 1)
-        roots.append({Fraction(-int(a), int(b)) for a, b in linear})
-    return set.intersection(*roots) if roots else set()
+        return RationalFunction(((P, 1),))
+    of, scale = ring(P.context().nvars() - 1, False), eps.denominator ** int(P.degrees()[0])
+    terms = {e: int(c * scale) for e, c in at_eps(P, eps).items()}
+    return exact_quotient(of.from_dict(terms), of.constant(scale))
 
 
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:

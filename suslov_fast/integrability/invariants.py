@@ -1,50 +1,33 @@
 """First integrals and invariant measures from the Darboux polynomials of all cofactors."""
 
-from __future__ import annotations
-
 import contextlib
+import math
 import random
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, reduce
-from typing import Any, NamedTuple
+from typing import Any
 
 import flint
 
 from ..checks import integer
 from . import exact
-from .darboux import with_cofactor
+from .darboux import invariant_spaces, with_cofactor
 from .exact import Polynomials, degree_of, factors, rank, size
-from .functions import (
-    IDENTITY,
-    MODULAR,
-    RationalFunction,
-    independent,
-    product_of,
-    quotient_of,
-)
-from .maps import TERMS, BirationalMap, check_map
-from .pullbacks import invariant_spaces
-from .reconstruction import short_basis
+from .functions import IDENTITY, MODULAR, RationalFunction, independent, quotient_of
+from .maps import TERMS, RationalMap, check_map
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice
 
 
-class Darboux(NamedTuple):
-    """A Darboux polynomial that is no combination of products of others."""
-
-    P: Any
-    cofactor: RationalFunction
-    basis: str
-
-
 class Invariants:
     """The Darboux polynomials of a map that were found, and what follows from them."""
 
-    def __init__(self, map: BirationalMap) -> None:
+    def __init__(self, map: RationalMap) -> None:
         self.map = map
-        self.generators: list[Darboux] = []
+        # Darboux polynomials that are no combinations of products of others.
+        self.generators: list[Any] = []
         self.cofactors: list[RationalFunction] = []
         self.quotients: list[RationalFunction] = []  # of equal cofactor, not independent
         self.densities: list[RationalFunction] = []  # of polynomials with the cofactor det DPhi
@@ -75,11 +58,7 @@ class Invariants:
     @property
     def polynomials(self) -> list[RationalFunction]:
         """The Darboux polynomials, without products of others."""
-        generators = sorted(self.generators, key=lambda g: size(g.P))
-        return [
-            RationalFunction(((P, 1),), basis=basis, cofactor=cofactor)
-            for P, cofactor, basis in generators
-        ]
+        return sorted(self.generators, key=lambda g: size(g.numerator))
 
     def of_simple_cofactors(self, degree: int) -> None:
         """Find the polynomials up to a degree with the cofactors 1 and det DPhi."""
@@ -95,62 +74,76 @@ class Invariants:
 
     def add(self, space: Polynomials, measures: bool = False) -> None:
         """Add polynomials of one cofactor; `measures` if it is det DPhi."""
-        basis = MODULAR
-        if self.map.factors is not None and space:
-            degree = max(map(degree_of, space))
-            common = reduce(lambda a, b: a.gcd(b), space)
-            if degree_of(common) and len(space) > 1:
-                self._add_factors(common)
-                self.add(short_basis([P // common for P in space]))
-            else:
-                for P in sorted(space, key=size):
-                    self._add_factors(P)
+        if not space:
+            return
+        space, cofactor = tuple(sorted(space, key=size)), None
+        if self.map.factors is not None:
+            for P in space:
+                self._add_factors(P)
             cofactor = self.map.cofactor(space[0])
-            if cofactor is not None:
-                if cofactor not in self.cofactors:
-                    self.cofactors.append(cofactor)
-                span = self._products_with(cofactor, degree)
-                for P in sorted(space, key=size):
-                    if rank([*span, P]) > len(span):
-                        self._add_generator(P, cofactor)
-                        span = self._products_with(cofactor, degree)
-                space = tuple(span)
-                measures = measures or cofactor == self.map.jacobian_cofactor
-                basis = self._basis_of_all(space)
-        elif space and self.map.writes_out(k := max(map(degree_of, space))):
-            first, *others = ((P, self.map.pullback(P, k)) for P in space)
-            if all(P * first[1] == first[0] * image for P, image in others):
-                basis = IDENTITY
-        space = tuple(sorted(space, key=size))
+        if cofactor is None:
+            functions = [self._function(P) for P in space]
+        else:
+            for P in space:
+                self._add_generator(P, cofactor)
+            if cofactor not in self.cofactors:
+                self.cofactors.append(cofactor)
+            functions = self._products_with(cofactor, degree_of(space[-1]))
+            functions.sort(key=lambda f: size(self._polynomial(f)))
+            measures = measures or cofactor == self.map.jacobian_cofactor
         # The denominator is of least degree, and not 0 at 0 if possible.
-        lowest = [P for P in space if degree_of(P) == degree_of(space[0])]
-        below = next((P for P in lowest if _constant_term(P)), space[0] if space else None)
-        self.quotients += [quotient_of(P, below, basis) for P in space if P is not below]
+        lowest = [f for f in functions if f.degree == functions[0].degree]
+        below = next((f for f in lowest if _constant_term(f.numerator)), functions[0])
+        self.quotients += [self._checked(f * below**-1) for f in functions if f is not below]
         if measures and not self.densities:
-            basis = basis if self.map.factors is not None else MODULAR
-            one = self.map.ring.constant(1)
-            self.densities = [quotient_of(one, P, basis) for P in space]
+            self.densities = [f**-1 for f in functions]
 
-    def _add_generator(self, P: Any, cofactor: RationalFunction) -> None:
-        self.generators.append(Darboux(P, cofactor, self.basis_of(P, cofactor)))
+    def _function(self, P: Any) -> RationalFunction:
+        return quotient_of(P, self.map.ring.constant(1), MODULAR)
+
+    def _polynomial(self, f: RationalFunction) -> Any:
+        return f.quotient_in(self.map.ring)[0]
 
     def _add_factors(self, P: Any) -> None:
         """Add the irreducible factors that are Darboux polynomials themselves."""
         for f, _ in factors(P):
             if degree_of(f) and (cofactor := self.map.cofactor(f)) is not None:
-                span = self._products_with(cofactor, degree_of(f))
-                if rank([*span, f]) > len(span):
-                    self._add_generator(f, cofactor)
+                self._add_generator(f, cofactor)
 
-    def _basis_of_all(self, space: Iterable[Any]) -> str:
-        """Return what products of generators rest on."""
-        for P in space:
-            for g in self.generators:
-                while g.basis == IDENTITY and degree_of(P) and P % g.P == 0:
-                    P = P // g.P
-            if degree_of(P):
-                return MODULAR
-        return IDENTITY
+    def _add_generator(self, P: Any, cofactor: RationalFunction) -> None:
+        """Add a Darboux polynomial, unless it is a combination of products of others."""
+        span = [self._polynomial(f) for f in self._products_with(cofactor, degree_of(P))]
+        if rank([*span, P]) > len(span):
+            found = replace(self._function(P), cofactor=cofactor)
+            self.generators.append(self._checked(found))
+
+    def _checked(self, f: RationalFunction) -> RationalFunction:
+        """Check what the pullback of a function is as an identity, if it is not too long."""
+        map, k = self.map, f.degree
+        if f.basis == IDENTITY or not map.writes_out(k):
+            return f
+        parts = [each.quotient_in(map.ring) for each in (f, f.cofactor or RationalFunction(()))]
+        (P, Q), (above, below) = parts
+        if map.pullback(P, k) * Q * below != map.pullback(Q, k) * P * above:
+            raise ArithmeticError(f"{f}: expected the cofactor {f.cofactor or 1}")
+        return replace(f, basis=IDENTITY)
+
+    def _products_with(self, cofactor: RationalFunction, degree: int) -> list[RationalFunction]:
+        """Return independent products of generators up to a degree that have a cofactor."""
+        found: list[RationalFunction] = []
+        span: list[Any] = []
+        for f, c in self._products(degree, 0):
+            if c == cofactor and rank([*span, P := self._polynomial(f)]) > len(span):
+                found, span = [*found, f], [*span, P]
+        return found
+
+    def _products(self, degree: int, first: int) -> Iterator[tuple[Any, RationalFunction]]:
+        """Yield the products of generators up to a degree, each once, and their cofactors."""
+        yield RationalFunction((), basis=IDENTITY), RationalFunction(())
+        for i, g in enumerate(self.generators[first:], start=first):
+            if (remaining := degree - g.degree) >= 0:
+                for f, c in self._products(remaining, i):
+                    yield f * g, c * g.cofactor
 
     def add_hamiltonian(self, H: Any) -> None:
         """Add the integral H + grad H (x~ - x) / 3 of a field with a Hamiltonian, and 1/det A."""
@@ -159,52 +152,18 @@ class Invariants:
         *above, F = map.forms
         determinant = map.steps(None).forms([*x, one])[-1]
         self.known.append(quotient_of(one, determinant, IDENTITY))
-        change = sum(
-            (
-                H.derivative(i) * (f - y * F)
-                for i, (f, y) in enumerate(zip(above, x, strict=True), map.has_letter)
-            ),
-            0 * H,
-        )
-        modified = quotient_of(3 * H * F + change, 3 * F, MODULAR)
-        if k := modified.degree:
-            P, Q = modified.numerator, modified.denominator
-            if map.writes_out(k):
-                if map.pullback(P, k) * Q != map.pullback(Q, k) * P:
-                    raise ArithmeticError(f"{modified}: expected an integral")
-                modified = replace(modified, basis=IDENTITY)
-                self.add((P, Q))
+        numerator = 3 * H * F
+        for i, (f, y) in enumerate(zip(above, x, strict=True), map.has_letter):
+            numerator += H.derivative(i) * (f - y * F)
+        modified = self._checked(quotient_of(numerator, 3 * F, MODULAR))
+        if modified.degree:
             self.quotients.append(modified)
-
-    def _products_with(self, cofactor: RationalFunction, degree: int) -> list[Any]:
-        """Return independent products of generators up to a degree that have a cofactor."""
-        span: list[Any] = []
-        for P, c in self._products(degree, 0):
-            if c == cofactor and rank([*span, P]) > len(span):
-                span.append(P)
-        return span
-
-    def _products(self, degree: int, first: int) -> Iterator[tuple[Any, RationalFunction]]:
-        """Yield the products of generators up to a degree, each once."""
-        yield self.map.ring.constant(1), RationalFunction(())
-        for i, (Q, cofactor, _) in enumerate(self.generators[first:], start=first):
-            if (remaining := degree - degree_of(Q)) >= 0:
-                for P, c in self._products(remaining, i):
-                    yield P * Q, c * cofactor
-
-    def basis_of(self, P: Any, cofactor: RationalFunction) -> str:
-        """Check a polynomial's pullback as an identity, if it is not too long."""
-        if not self.map.writes_out(k := degree_of(P)):
-            return MODULAR
-        above, below = cofactor.quotient_in(self.map.ring)
-        if self.map.pullback(P, k) * below != above * P * self.map.forms[-1] ** k:
-            raise ArithmeticError(f"{P}: expected the cofactor {cofactor}")
-        return IDENTITY
+            if modified.basis == IDENTITY:
+                self.add(modified.quotient_in())
 
     def _power_product(self, powers: Sequence[int]) -> RationalFunction:
-        chosen = [(g, e) for g, e in zip(self.generators, powers, strict=True) if e]
-        basis = MODULAR if any(g.basis == MODULAR for g, _ in chosen) else IDENTITY
-        return product_of(((f, k * e) for g, e in chosen for f, k in factors(g.P)), basis)
+        chosen = (g**e for g, e in zip(self.generators, powers, strict=True) if e)
+        return math.prod(chosen, start=RationalFunction((), basis=IDENTITY))
 
 
 def _constant_term(P: Any) -> bool:
@@ -241,12 +200,11 @@ def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[lis
     return [row[:n] for row in reduced if any(row[:n]) and not any(row[n:])]
 
 
-def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
+def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
 
-    They are constants times products of powers of the irreducible factors over the rationals of
-    det DPhi and of the map's denominator. Of these products the ones are returned for which there
-    is a polynomial modulo a prime, and 1 and det DPhi.
+    They are constants times products of powers of the factors of det DPhi and of the map's
+    denominator: those that have a polynomial, and 1 and det DPhi.
 
     Parameters
     ----------
@@ -263,7 +221,7 @@ def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
     Raises
     ------
     ArithmeticError
-        If there is no map, it has no inverse, or the factors are too long to write out.
+        If there is no map or inverse, or the factors are too long to write out.
 
     Examples
     --------
@@ -287,7 +245,7 @@ def cofactors(map: BirationalMap, degree: int) -> tuple[RationalFunction, ...]:
 
 
 @lru_cache(maxsize=8)
-def invariants_up_to(map: BirationalMap, degree: int) -> Invariants:
+def invariants_up_to(map: RationalMap, degree: int) -> Invariants:
     """Return the Darboux polynomials; ArithmeticError if the factors of the map are not known."""
     if map.factors is None:
         raise ArithmeticError(

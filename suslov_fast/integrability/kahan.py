@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import math
-import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
-from ..bodies.field import QuadraticField
+from ..bodies.field import QuadraticField, rates
 from ..bodies.polynomials import terms_of
 from ..checks import wrong
-from .exact import degree_of, rational
-from .functions import exact_quotient
-from .maps import TERMS, BirationalMap, Steps
+from .exact import degree_of, step_size
+from .functions import RationalFunction, exact_quotient
+from .maps import TERMS, RationalMap, Steps, coprime, cramer
 
 
-class KahanMap(BirationalMap):
+class KahanMap(RationalMap):
     """The Kahan map of a quadratic field, exact; made by `kahan`.
 
     Called with a point, D rational numbers, it returns the next one, a tuple of fractions. At a
@@ -32,7 +29,7 @@ class KahanMap(BirationalMap):
         self.dimension, self.has_letter = field.dimension, eps is None
 
     @cached_property
-    def inverse(self) -> KahanMap:  # type: ignore[override]
+    def inverse(self) -> KahanMap:
         """The inverse map, which is the Kahan map of the same field with -eps."""
         if self.eps is None:
             raise TypeError("eps: expected a number here, as in map.subs(eps=Fraction(1, 3))")
@@ -48,45 +45,26 @@ class KahanMap(BirationalMap):
     def __reduce__(self) -> Any:
         return KahanMap, (self.field, self.eps)
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, KahanMap) and (self.field, self.eps) == (other.field, other.eps)
-
-    def __hash__(self) -> int:
-        return hash((self.field, self.eps))
-
     @cached_property
-    def _rows(self) -> list[list[list[tuple[int, int, int]]]]:
-        """The rows of (A | b), forms in x1, ..., xD, 1, of the equations A(x) x~ = b(x).
+    def _rows(self) -> list[Any]:
+        """The rows of (A | b) of the equations A(x) x~ = b(x), times a common denominator.
 
-        A form is a list of (k, a, b), for the terms (a + b eps) x_k. Each row is multiplied by a
-        common denominator.
+        Entries are lists of (j, a, b), for the terms (a + b eps) x_j of forms in x1, ..., xD, 1.
         """
-        field, D = self.field, self.dimension
-        half = np.array(field.linear, object) / 2
-        both = np.zeros((D, 2, D + 1, D + 1), object)
-        both[:, 0, :D, D] = both[:, 0, D, :D] = np.eye(D, dtype=int)
-        both[:, 1, :D, :D], both[:, 1, :D, D] = -field.quadratic, -half
-        both[:, 1, D, :D], both[:, 1, D, D] = half, field.constant
-        rows = []
-        for parts in both:
-            scale = math.lcm(*(Fraction(c).denominator for c in parts[1].flat))
-            whole = [part * scale for part in parts]
-            rows.append(
-                [
-                    [
-                        (k, int(a), int(b))
-                        for k, (a, b) in enumerate(zip(*form, strict=True))
-                        if a or b
-                    ]
-                    for form in zip(*whole, strict=True)
-                ]
-            )
-        return rows
+
+        def entry(i: int, k: int) -> list[tuple[int, int, int]]:
+            T, D = self.field.table[i], self.dimension
+            scale = math.lcm(*(c.denominator for c in T.flat))
+            sign = 1 if k == D else -1  # at eps = 0, A is the unit matrix and b is x
+            return [(j, scale * ({j, k} == {i, D}), int(sign * scale * T[k, j])) for j in every]
+
+        every = range(self.dimension + 1)
+        return [[entry(i, k) for k in every] for i in every[:-1]]
 
     def _equations(self, eps: Any, denominator: int = 1) -> Any:
-        """Return the rows with terms (k, c), multiplied by the denominator of eps."""
+        """Return the rows with terms (j, c), multiplied by the denominator of eps."""
         return [
-            [[(k, a * denominator + b * eps) for k, a, b in form] for form in row]
+            [[(j, a * denominator + b * eps) for j, a, b in form if a or b] for form in row]
             for row in self._rows
         ]
 
@@ -104,42 +82,43 @@ class KahanMap(BirationalMap):
             return _KahanSteps(p, self._equations(eps), self._equations(-eps))
         return _KahanSteps(p, *self._both)
 
-    def _parts_of_determinant(self) -> Iterator[tuple[Any, int]]:
-        # With det A homogeneous of degree D: det A(F; -eps) / (F_0^D det A(x; eps)).
-        forward, backward = (_determinant(each, self.variables) for each in self._both)
-        whole = exact_quotient(backward, self.ring.constant(1))
-        yield self.ring.constant(int(whole.constant)), 1
-        yield self.forms[-1], -sum(degree_of(f) * e for f, e in whole.factors)
-        yield forward, -1
-        for f, e in whole.factors:
-            P = self.pullback(f, degree_of(f)) if self.writes_out(degree_of(f)) else None
-            yield P if P is not None and len(P) <= 3 * TERMS else None, e
+    @cached_property
+    def _solution(self) -> list[Any]:
+        return self.steps(None).forms(self.variables)
+
+    @cached_property
+    def forms(self) -> list[Any]:
+        return coprime(self._solution)
 
     @property
-    def why_none(self) -> str:
-        rng, steps = random.Random(0), self.steps(2**61 - 1, 2**40 + 7)
-        x = steps.point([rng.randrange(2**60) for _ in range(self.dimension)])
-        if steps.system(steps.forward, x)[0].det() != 0:
-            return ""
-        return f"A = 1 - (eps/2) f'(x) has no inverse at any x for eps = {self.eps}"
+    def denominator(self) -> Any:
+        """The determinant of A."""
+        return self._solution[-1]
+
+    def _determinant(self) -> RationalFunction | None:
+        # With det A homogeneous of degree D: det A(F; -eps) / (F_0^D det A(x; eps)).
+        whole = exact_quotient(cramer(_values(self._both[1], self.variables))[-1])
+        found = exact_quotient(self.ring.constant(int(whole.constant)), self.denominator)
+        found *= exact_quotient(self.forms[-1]) ** -whole.degree
+        for f, e in whole.factors:
+            P = self.pullback(f, degree_of(f)) if self.writes_out(degree_of(f)) else None
+            if P is None or len(P) > 3 * TERMS:
+                return None
+            found *= exact_quotient(P) ** e
+        return found
 
     @cached_property
     def hamiltonian(self) -> Any:
         """An integer multiple of H of a field K grad H, in `ring`; None for other fields."""
-        field, D = self.field, self.dimension
-        if field.H is None:
-            return None
-        terms = terms_of(field.H.tensor)
-
-        def H(x: Any) -> Any:
-            return sum(math.prod((x[i] for i in powers), start=c) for powers, c in terms.items())
-
+        field = self.field
         # H and K of a field in a file of a batch are rounded.
-        if QuadraticField.from_hamiltonian(H, D, field.K) != field:
+        if field.H is None or (rates(field.H.tensor, field.K) != field.table).any():
             return None
-        scale, letter = math.lcm(*(c.denominator for c in terms.values())), (0,) * self.has_letter
+        terms, letter = terms_of(field.H.tensor), (0,) * self.has_letter
+        scale = math.lcm(*(c.denominator for c in terms.values()))
+        places = range(self.dimension)
         return self.ring.from_dict(
-            {(*letter, *map(e.count, range(D))): int(c * scale) for e, c in terms.items()}
+            {(*letter, *map(e.count, places)): int(c * scale) for e, c in terms.items()}
         )
 
 
@@ -147,62 +126,29 @@ class _KahanSteps(Steps):
     """Steps with the equations of the map and of its inverse."""
 
     def __init__(self, p: int | None, forward: Any, backward: Any) -> None:
-        super().__init__(p)
-        self.forward, self.backward = forward, backward
+        self.p, self.forward, self.backward = p, forward, backward
 
-    def system(self, equations: Any, x: Sequence[Any]) -> tuple[Any, Any]:
+    def _system(self, equations: Any, x: Sequence[Any]) -> tuple[Any, Any]:
         """Return the matrices A and b at a point."""
         rows = _values(equations, x)
         return self.matrix([row[:-1] for row in rows]), self.matrix([row[-1:] for row in rows])
 
     def image(self, x: Sequence[Any]) -> list[Any]:
-        A, b = self.system(self.forward, x)
+        A, b = self._system(self.forward, x)
         return [*A.solve(b).entries(), x[-1] ** 0]
 
     def derivative(self, x: Sequence[Any]) -> Any:
         # DPhi is A(x; eps)^-1 A(Phi(x); -eps).
-        backward, _ = self.system(self.backward, self.image(x))
-        return self.system(self.forward, x)[0].solve(backward)
+        backward, _ = self._system(self.backward, self.image(x))
+        return self._system(self.forward, x)[0].solve(backward)
 
     def forms(self, x: Sequence[Any]) -> list[Any]:
-        return _cramer(_values(self.forward, x))
-
-    def jacobian(self, x: Sequence[Any], F: Sequence[Any]) -> tuple[Any, Any]:
-        above, below = _determinant(self.backward, F), _determinant(self.forward, x)
-        return above, F[-1] ** (len(x) - 1) * below
+        return cramer(_values(self.forward, x))
 
 
 def _values(equations: Any, x: Sequence[Any]) -> list[list[Any]]:
     zero = 0 * x[-1]
     return [[sum((a * x[k] for k, a in form), zero) for form in row] for row in equations]
-
-
-def _determinant(equations: Any, x: Sequence[Any]) -> Any:
-    """Return det A, homogeneous of degree D."""
-    try:
-        return _cramer(_values(equations, x))[-1]
-    except ZeroDivisionError:
-        return 0 * x[-1]
-
-
-def _cramer(system: list[list[Any]]) -> list[Any]:
-    """Return the numerators of the solution of a linear system (A | b), and det A.
-
-    Elimination without fractions (Bareiss).
-    """
-    n, previous = len(system), 1
-    for k in range(n):
-        pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
-        if pivot is None:
-            raise ZeroDivisionError
-        if pivot != k:  # the determinant keeps its sign
-            system[k], system[pivot] = system[pivot], [-a for a in system[k]]
-        top = system[k]
-        for row in system[:k] + system[k + 1 :]:
-            for j in range(k + 1, n + 1):
-                row[j] = (top[k] * row[j] - row[k] * top[j]) // previous
-        previous = top[k]
-    return [*(row[n] for row in system), previous]
 
 
 def kahan(field: QuadraticField, eps: Any = None) -> KahanMap:
@@ -241,14 +187,4 @@ def kahan(field: QuadraticField, eps: Any = None) -> KahanMap:
         raise wrong("field", "QuadraticField", type(field).__name__, TypeError)
     if field.shape:
         raise wrong("field", "a single field", f"a batch of shape {field.shape}")
-    return KahanMap(field, None if eps is None else _step_size(eps))
-
-
-def _step_size(eps: Any) -> Fraction:
-    """Return eps as a fraction."""
-    if not isinstance(eps, str):
-        return rational("eps", eps)
-    try:
-        return Fraction(eps)
-    except (ValueError, ZeroDivisionError):
-        raise wrong("eps", "a number such as 1/3 or 0.1", repr(eps)) from None
+    return KahanMap(field, None if eps is None else step_size(eps))

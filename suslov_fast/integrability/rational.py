@@ -1,19 +1,18 @@
-"""Birational maps of functions of the user."""
+"""Birational maps from functions of the user."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from fractions import Fraction
-from functools import cached_property, reduce
+from functools import reduce
 from numbers import Rational
 from typing import Any
 
 import numpy as np
 
 from ..checks import integer, wrong
-from .exact import modulo, ring, value_at
-from .functions import exact_quotient
-from .maps import BirationalMap, Steps, homogeneous_value
+from .exact import ring, value_at
+from .maps import RationalMap
 
 _NUMBERS: Any = Rational | float | np.integer | np.floating
 
@@ -73,97 +72,6 @@ class Quotient:
         raise TypeError("functions of x cannot be compared")
 
 
-class RationalMap(BirationalMap):
-    """A birational map, exact; made by `rational_map`.
-
-    Called with a point, D rational numbers, it returns the next one, a tuple of fractions. At a
-    pole, a point without an image, its methods raise `ZeroDivisionError`. `inverse` is None if it
-    was not given.
-    """
-
-    def __init__(self, forms: Sequence[Any], inverse: RationalMap | None = None) -> None:
-        vars(self)["forms"] = list(forms)
-        self.dimension, self.inverse = len(forms) - 1, inverse
-
-    @property
-    def components(self) -> tuple[str, ...]:
-        """The components as text."""
-        *above, below = self.forms
-        return tuple(str(exact_quotient(F, below)) for F in above)
-
-    def __repr__(self) -> str:
-        return f"rational_map({', '.join(self.components)})"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, RationalMap) and self.forms == other.forms
-
-    def __hash__(self) -> int:
-        return hash(self.components)
-
-    def __reduce__(self) -> Any:
-        return RationalMap, (self.forms, self.inverse)
-
-    def steps(self, p: int | None, eps: int = 0) -> _RationalSteps:
-        return _RationalSteps(self, p)
-
-    @cached_property
-    def jacobian_polynomial(self) -> Any:
-        """The polynomial F_0^(D + 1) det DPhi."""
-        *above, below = self.forms
-        n = self.dimension
-        rows = [
-            [F.derivative(j) * below - F * below.derivative(j) for j in range(n)] for F in above
-        ]
-        return _determinant(rows) // below ** (n - 1)
-
-    def _parts_of_determinant(self) -> Iterator[tuple[Any, int]]:
-        yield self.forms[-1], -self.dimension - 1
-        yield self.jacobian_polynomial, 1
-
-
-class _RationalSteps(Steps):
-    def __init__(self, map: RationalMap, p: int | None) -> None:
-        super().__init__(p)
-        self.degree, n = map.degree, map.dimension
-        polynomials = [*map.forms, map.jacobian_polynomial]
-        if p is not None:
-            polynomials = [modulo(F, p, 0) for F in polynomials]
-        *self.polynomials, self.determinant = polynomials
-        self.gradients = [[F.derivative(i) for i in range(n)] for F in self.polynomials]
-
-    def image(self, x: Sequence[Any]) -> list[Any]:
-        *above, below = (value_at(F, x) for F in self.polynomials)
-        return [*(a / below for a in above), x[-1] ** 0]
-
-    def derivative(self, x: Sequence[Any]) -> Any:
-        *above, below = (value_at(F, x) for F in self.polynomials)
-        *rows, last = ([value_at(f, x) for f in row] for row in self.gradients)
-        return self.matrix(
-            [
-                [(f * below - a * g) / below**2 for f, g in zip(row, last, strict=True)]
-                for row, a in zip(rows, above, strict=True)
-            ]
-        )
-
-    def forms(self, x: Sequence[Any]) -> list[Any]:
-        return [homogeneous_value(F, x, self.degree) for F in self.polynomials]
-
-    def jacobian(self, x: Sequence[Any], F: Sequence[Any]) -> tuple[Any, Any]:
-        D = len(x) - 1
-        return homogeneous_value(self.determinant, x, (D + 1) * (self.degree - 1)), F[-1] ** (D + 1)
-
-
-def _determinant(rows: list[list[Any]]) -> Any:
-    """Return the determinant of a matrix of polynomials, by minors of its first rows."""
-    if len(rows) == 1:
-        return rows[0][0]
-    return sum(
-        (-1) ** j * a * _determinant([row[:j] + row[j + 1 :] for row in rows[1:]])
-        for j, a in enumerate(rows[0])
-        if a != 0
-    )
-
-
 def rational_map(
     f: Callable[[Any], Any], dimension: int, inverse: Callable[[Any], Any] | None = None
 ) -> RationalMap:
@@ -213,7 +121,7 @@ def rational_map(
     map, opposite = RationalMap(forms), RationalMap(back, RationalMap(forms))
     map.inverse = opposite
     # The inverse takes images back, as an identity.
-    *above, below = (homogeneous_value(F, forms, opposite.degree) for F in back)
+    *above, below = (value_at(F, forms, opposite.degree) for F in back)
     if below == 0 or [*above] != [x * below for x in map.variables[:-1]]:
         raise wrong("inverse", "the inverse of f", "another map")
     return map

@@ -1,12 +1,9 @@
 """Rows of rational numbers, or of rational functions of eps, from their residues modulo primes.
 
-A search modulo a prime p and at a number e in place of eps returns a matrix in echelon form. Its
-entries are values of rational functions of eps, which are interpolated over several e, with
-coefficients modulo p, which are reconstructed from several p. The result is accepted if it predicts
-the matrix for another p and e.
+A search modulo a prime p and at a number e in place of eps returns a matrix in echelon form, whose
+entries are interpolated over several e and reconstructed from several p. The result is accepted if
+it predicts the matrix for another p and e.
 """
-
-from __future__ import annotations
 
 import contextlib
 import math

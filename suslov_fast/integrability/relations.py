@@ -1,7 +1,5 @@
 """Hirota-Kimura bases: linear relations between monomials along orbits."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 from collections.abc import Sequence
@@ -13,12 +11,12 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..checks import integer, wrong
+from ..checks import integer, short, wrong
 from . import exact
 from .exact import MORE, Exponents, Point, Polynomials, Residues, monomial_values
 from .functions import rank_of_quotients
 from .invariants import common_denominator, invariants_up_to
-from .maps import BirationalMap, check_map
+from .maps import RationalMap, check_map
 from .reconstruction import over_rationals, polynomials_with
 
 _MOST = 500  # monomials up to a degree
@@ -64,7 +62,7 @@ class HKBasis:
 
 
 def hk_bases(
-    map: BirationalMap,
+    map: RationalMap,
     monomials: int | Sequence[Sequence[int]],
     *,
     point: Any = None,
@@ -72,25 +70,21 @@ def hk_bases(
 ) -> HKBasis:
     """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
 
-    An orbit has 10 points more than there are monomials, which shows all relations: if the
-    monomials at a point of a generic orbit depend on those before, so do all that follow. The
-    coefficients of a relation in the form of `HKBasis.basis` are first integrals; the rank of their
-    derivatives is the number of independent ones. If the relations of all orbits together span one
-    dimension more than those of one orbit, then quotients of these polynomials are first integrals,
-    too; otherwise, Darboux polynomials of equal cofactor
-    are sought.
+    The coefficients of a relation in the form of `HKBasis.basis` are first integrals; the rank of
+    their derivatives is the number of independent ones. If the relations of all orbits together
+    span one dimension more than those of one orbit, quotients of these polynomials are first
+    integrals, too; otherwise, Darboux polynomials of equal cofactor are sought. An orbit has 10
+    points more than there are monomials.
 
     Parameters
     ----------
     map : KahanMap or RationalMap
         Made by `kahan` or `rational_map`.
     monomials : int or sequence of exponents
-        A degree, or the exponents (e1, ..., eD) of each monomial. For a degree, all monomials up
-        to it are examined; the basis is that of the lowest degree that shows as many independent
-        integrals.
+        The exponents (e1, ..., eD) of each monomial, or a degree: then the basis is that of the
+        lowest degree that shows as many independent integrals.
     point : sequence of D rational numbers, optional
-        Point whose orbit `basis` and `dimension` belong to; by default one of random integers below
-        100.
+        Point whose orbit `basis` and `dimension` belong to; by default random integers below 100.
     seed : int, optional
         Seed of the random primes and points.
 
@@ -149,7 +143,7 @@ def hk_bases(
 class Relations:
     """Relations between monomials along random orbits."""
 
-    def __init__(self, map: BirationalMap, rng: random.Random) -> None:
+    def __init__(self, map: RationalMap, rng: random.Random) -> None:
         self.map, self.rng = map, rng
         self.counts = cache(self._counts)
 
@@ -227,8 +221,6 @@ def _exponents(monomials: Any, n: int) -> Exponents:
     for each in exponents:
         if len(each) != n:
             raise wrong("monomials", f"{n} exponents for each monomial", each)
-    if not exponents or len({*exponents}) < len(exponents):
-        raise wrong("monomials", "at least one monomial, and none twice", monomials)
-    if len(exponents) > _MOST:
-        raise wrong("monomials", f"at most {_MOST} monomials", len(exponents))
+    if not exponents or len({*exponents}) < len(exponents) or len(exponents) > _MOST:
+        raise wrong("monomials", f"at least one, at most {_MOST}, and none twice", short(monomials))
     return exponents

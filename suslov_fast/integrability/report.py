@@ -3,8 +3,6 @@
 `search` fills it part by part.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import time
@@ -12,20 +10,24 @@ from contextlib import closing
 from fractions import Fraction
 from typing import Any
 
-from ..bodies.field import QuadraticField
+import numpy as np
+
+from ..bodies.field import QuadraticField, rates
 from ..checks import integer, real_number, wrong
 from . import exact
-from .background import results_until
-from .decimals import decimal, field_of, note_on_floats
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .kahan import KahanMap, kahan
-from .maps import BirationalMap, check_map
-from .search import search
+from .maps import RationalMap, check_map
+from .search import results_until, search
 
 _WIDTH = 150  # characters of a polynomial in the text
 _SHOWN = {"First integrals": 6, "Densities of measures": 1, "Darboux polynomials": 6}
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
+
+_LONG = 2**20  # denominators of floats such as 0.1
+_ODD = 1000  # factors of denominators of fractions of floats
+_DIGITS = 12  # of decimals that sums and products of floats can be
 
 Functions = tuple[RationalFunction, ...]
 
@@ -41,7 +43,7 @@ class Report:
     and `special_eps` has the rational eps at which one of them has no meaning, or there is no map.
     """
 
-    map: BirationalMap
+    map: RationalMap
     degree: int  # the largest that was searched
     degrees: list[int] = dataclasses.field(default_factory=list)
     integrals: Functions = ()  # independent
@@ -167,28 +169,24 @@ def report(
 ) -> Report:
     """Report what is there: growth of degrees, first integrals, measures, Darboux polynomials.
 
-    First integrals come from the Hamiltonian structure of the field, from quotients of Darboux
-    polynomials of equal cofactor, and from products of powers of Darboux polynomials whose
-    cofactors multiply to 1. The polynomials have rational coefficients, or rational functions of
-    eps as coefficients, if eps is a letter. Relations between monomials along orbits count
-    integrals in another way. The search ends when as many integrals are written as they show, and a
-    measure.
+    First integrals come from a Hamiltonian, from quotients of Darboux polynomials of equal
+    cofactor, and from products of their powers whose cofactors multiply to 1. Relations between
+    monomials along orbits count integrals in another way; the search ends when as many are written,
+    and a measure.
 
     Parameters
     ----------
     field : QuadraticField, body, KahanMap or RationalMap
         A single one.
     eps : int, Fraction, float or str, optional
-        Step size of a field or body; a string may be "1/3". Without it, eps is a letter, and all
-        formulas are functions of x and eps.
+        Step size of a field or body; a string may be "1/3". Without it, eps is a letter.
     degree : int, optional
         Largest degree of polynomials, by default 3.
     decimals : bool, optional
-        True takes floats as the decimals that are written, 0.1 as 1/10; by default a float is its
-        binary value.
+        True takes floats as the decimals that are written, 0.1 as 1/10, not as binary numbers.
     time_limit : float, optional
-        Seconds after which the report is returned with what was found so far. The search then runs
-        in a process of its own. Without a limit the report does not depend on `seed`.
+        Seconds after which the report has what was found so far; the search then runs in a process
+        of its own. Without a limit the report does not depend on `seed`.
     seed : int, optional
         Seed of the random primes, points and lines.
     progress : callable, optional
@@ -197,13 +195,9 @@ def report(
     Returns
     -------
     Report
-        Its repr is a text, and `Report.to_dict` for programs.
 
     Raises
     ------
-    TypeError, ValueError
-        If an argument has a wrong type or value, or polynomials of this degree have too many
-        coefficients.
     ArithmeticError
         If there is no map: the equations have no solution at any x.
     KeyboardInterrupt
@@ -214,13 +208,8 @@ def report(
     >>> from suslov_fast import Suslov3D
     >>> from suslov_fast.integrability import report
     >>> found = report(Suslov3D(4, 1, -0.5, -0.25), eps=0.25)
-    >>> found.growth.kind, found.integrals, found.integrals[0].basis
-    ('linear', ((4*x1^2 + x2^2)/(x1*x2 + 1024),), 'identity')
-    >>> found.measures[0]
-    1/((2*x1 + x2)*(x1*x2 + 1024))
-
-    With the letter eps:
-
+    >>> found.growth.kind, found.integrals, found.measures[0]
+    ('linear', ((4*x1^2 + x2^2)/(x1*x2 + 1024),), 1/((2*x1 + x2)*(x1*x2 + 1024)))
     >>> report(Suslov3D(4, 1, -0.5, -0.25)).integrals
     ((4*x1^2 + x2^2)/(eps^2*x1*x2 + 64),)
     """
@@ -251,16 +240,65 @@ def report(
     return found
 
 
-def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[BirationalMap, list[str]]:
+def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str]]:
     """Return the map of the arguments of a report, and notes on them."""
-    if isinstance(field, BirationalMap):
+    if isinstance(field, RationalMap):
         if eps is not None:
             raise wrong("eps", "none for a map", eps)
         missing = field.inverse is None if not isinstance(field, KahanMap) else False
         text = "No inverse was given: it is not checked that the map is birational."
         return field, [text] if missing else []
-    found = field_of(field, decimals)
-    if decimals and isinstance(eps, float):
-        eps = decimal(eps)
+    found = QuadraticField.of(field)
+    if decimals and not found.shape:
+        found = _in_decimals(field)
+        eps = _decimal(eps) if isinstance(eps, float) else eps
     map = kahan(found, eps)
-    return map, [] if decimals else note_on_floats([*field.to_dict().values(), map.eps])
+    return map, [] if decimals else _note_on_floats([*field.to_dict().values(), map.eps])
+
+
+def _in_decimals(body: Any) -> QuadraticField:
+    """Return the field of a single body or field with its floats as decimals."""
+    if not isinstance(body, QuadraticField):
+        field: QuadraticField = body._field_of(_decimal)
+        return field
+    decimals = np.vectorize(_decimal, "O")
+    if body.H is None:
+        return QuadraticField(*map(decimals, (body.quadratic, body.linear, body.constant)))
+    H, K = map(decimals, (body.H.tensor, body.K))
+    return QuadraticField._made(rates(H, K), H, K, {})
+
+
+def _decimal(a: Any) -> Fraction:
+    """Return the decimal of at most 15 digits that a float was written as, or its binary value.
+
+    So 0.1 is 1/10, and 1/3 remains the binary number. Of the thirds of floats, say, that
+    coefficients of a Hamiltonian are, the float is replaced.
+    """
+    binary = Fraction(a)
+    odd = binary.denominator // (binary.denominator & -binary.denominator)
+    if odd > 1:
+        return _decimal(binary * odd) / odd if odd < _ODD else binary
+    if binary.denominator < _LONG:
+        return binary
+    text = f"{float(binary):.14e}"
+    simple = Fraction(text)
+    digits = len(text.partition("e")[0].replace(".", "").lstrip("-").rstrip("0"))
+    near = digits <= _DIGITS and abs(simple - binary) <= abs(binary) / 2**50
+    return simple if near or float(simple) == binary else binary
+
+
+def _note_on_floats(values: list[Any]) -> list[str]:
+    """Return a note if numbers in nested lists look like decimals that are taken as floats."""
+    for c in values:
+        if isinstance(c, list):
+            if note := _note_on_floats(c):
+                return note
+        elif isinstance(c, float | Fraction):
+            simple, q = Fraction(c).limit_denominator(10**6), Fraction(c).denominator
+            if q > _LONG and q & (q - 1) == 0 and float(simple) == c:
+                return [
+                    f"The float {float(c)!r} is taken exactly, as {Fraction(c)}: if {simple} is "
+                    f"meant, write Fraction({simple.numerator}, {simple.denominator}), or "
+                    "decimals=True for all."
+                ]
+    return []

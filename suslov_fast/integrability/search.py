@@ -1,28 +1,39 @@
 """The search of a report: cheap parts first, until as much is written as orbits show.
 
 It finds the degrees of iterates on random lines (`growth`), the number of integrals that relations
-along orbits show (`relations`), the polynomials with the cofactors 1 and det DPhi (`darboux`), and
-then those of all products of factors of the map (`pullbacks`), with the integrals and measures that
-follow from them and are checked as identities (`invariants`).
+along orbits show (`relations`), the polynomials with the cofactors 1 and det DPhi, and then with
+all products of factors of the map (`darboux`), with the integrals and measures that follow from
+them and are checked as identities (`invariants`).
 """
 
-from __future__ import annotations
-
 import math
+import pickle
 import random
-from collections.abc import Iterator
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from . import exact
-from .functions import content_roots, independent
+from .functions import exact_quotient, independent
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
-from .maps import BirationalMap
+from .maps import RationalMap
 from .relations import Relations
 
 _FEW = 80  # coefficients of a polynomial of more than the degree
 _ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
 _SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees that cost little, and likewise
+
+_START = """
+import sys
+sys.path[:] = {path!r}
+from suslov_fast.integrability.search import serve
+serve()
+"""
 
 
 def search(found: Any, seed: int) -> Iterator[Any]:
@@ -56,9 +67,10 @@ def _update(found: Any, invariants: Invariants) -> None:
     found.measures = tuple(invariants.measures)
     found.polynomials = tuple(invariants.polynomials)
     if found.map.has_letter:
-        formulas = (*found.integrals, *found.measures, *found.polynomials)
-        special = {eps for f in formulas for eps in f.special}
-        found.special_eps = tuple(sorted(special | content_roots(found.map.forms[-1])))
+        below = found.map.forms[-1]
+        formulas = [*found.integrals, *found.measures, *found.polynomials]
+        formulas.append(exact_quotient(below, 0 * below + 1))
+        found.special_eps = tuple(sorted({eps for f in formulas for eps in f.special}))
 
 
 def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator[list[str]]:
@@ -98,7 +110,7 @@ def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator
         yield done
 
 
-def _degrees(map: BirationalMap, seed: int) -> list[int]:
+def _degrees(map: RationalMap, seed: int) -> list[int]:
     """Return degrees of iterates, as many as a recurrence needs, and more if they cost little."""
 
     def compute(p: int, eps: int) -> list[int]:
@@ -114,3 +126,51 @@ def _degrees(map: BirationalMap, seed: int) -> list[int]:
         return found
 
     return list(exact.confirmed(random.Random(seed), compute))
+
+
+def results_until(deadline: float, function: Callable[..., Iterator[Any]], *arguments: Any) -> Any:
+    """Yield what a generator of a module yields, until a time of `time.monotonic`.
+
+    The generator runs in another process, since python-flint cannot be interrupted. The values are
+    pickled. Its last value is followed by None; at the deadline there is no None.
+    """
+    command = [sys.executable, "-c", _START.format(path=sys.path)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe) as process:
+        assert process.stdin
+        assert process.stdout
+        left = min(deadline - time.monotonic(), threading.TIMEOUT_MAX)
+        timer = threading.Timer(left, process.kill)
+        timer.daemon = True
+        timer.start()
+        value: Any = 0
+        try:
+            with process.stdin:
+                pickle.dump((function, arguments), process.stdin)
+            while value is not None:
+                value = pickle.load(process.stdout)
+                if isinstance(value, BaseException):
+                    raise value
+                yield value
+        except (EOFError, BrokenPipeError, pickle.UnpicklingError):
+            if time.monotonic() < deadline:
+                raise RuntimeError("the process of the search ended") from None
+        finally:
+            timer.cancel()
+            process.kill()
+
+
+def serve() -> None:
+    """Run the generator that arrives at stdin, and write what it yields to stdout."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits
+    out = sys.stdout.buffer
+    function, arguments = pickle.load(sys.stdin.buffer)
+    try:
+        for value in function(*arguments):
+            pickle.dump(value, out)
+            out.flush()
+        value = None
+    except Exception as error:
+        value = error
+    pickle.dump(value, out)
+    out.flush()

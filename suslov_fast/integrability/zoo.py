@@ -6,9 +6,12 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
+
 from ..bodies.field import QuadraticField
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from .rational import RationalMap, rational_map
+from .maps import RationalMap
+from .rational import rational_map
 
 
 def _of(f: Callable[..., Any]) -> QuadraticField:
@@ -22,62 +25,38 @@ def _chain(N: int) -> QuadraticField:
     return of(lambda x: [x[k] * (x[(k + 1) % N] - x[k - 1]) for k in range(N)], N)
 
 
-def _cross(a: Sequence[Any], b: Sequence[Any]) -> tuple[Any, ...]:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
 def _rotors(*beta: int) -> QuadraticField:
     """The gyrostat of Zhukovsky and Volterra."""
 
-    def field(x: Any, y: Any, z: Any) -> list[Any]:
-        turn = _cross((x, y, z), beta)
-        return [a + b for a, b in zip((y * z, 2 * z * x, -3 * x * y), turn, strict=True)]
+    def field(x: Any) -> Any:
+        return np.array((x[1] * x[2], 2 * x[2] * x[0], -3 * x[0] * x[1])) + np.cross(x, beta)
 
-    return _of(field)
+    return QuadraticField.from_function(field, 3)
 
 
-def _top(w: Callable[..., Any], v: Callable[..., Any]) -> QuadraticField:
-    """A body with m' = m x w(m) + p x v(p), p' = p x w(m)."""
+def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> QuadraticField:
+    """A body with m' = m x (w m) + p x v(p), p' = p x (w m)."""
 
-    def field(x: Any) -> list[Any]:
-        m, p = x[:3], x[3:]
-        torque = zip(_cross(m, w(*m)), _cross(p, v(*p)), strict=True)
-        return [*(a + b for a, b in torque), *_cross(p, w(*m))]
+    def field(x: Any) -> Any:
+        m, p = np.array(x[:3]), np.array(x[3:])
+        return [*(np.cross(m, w * m) + np.cross(p, v(p))), *np.cross(p, w * m)]
 
     return QuadraticField.from_function(field, 6)
 
 
 def _in_fluid(a: Sequence[int], b: Sequence[int]) -> QuadraticField:
     """Kirchhoff's equations for 2 H = sum a_i m_i^2 + b_i p_i^2."""
-    w, v = (lambda *x, c=c: [k * l for k, l in zip(c, x, strict=True)] for c in (a, b))
-    return _top(w, v)
+    return _top(a, lambda p: b * p)
 
 
-def _nambu(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
+def _nambu(x: Any, y: Any, z: Any) -> Any:
     """Cross product of the gradients of 2 x^2 + y^2 + z^2 + x y and z^2 + x y + x z."""
-    return _cross((4 * x + y, x + 2 * y, 2 * z), (y + z, x, x + 2 * z))
-
-
-def _cubic(x: Any) -> Any:
-    return (x[1] ** 2 - x[0] ** 2) / 2 + x[0] ** 3 / 3
+    return np.cross((4 * x + y, x + 2 * y, 2 * z), (y + z, x, x + 2 * z))
 
 
 def _henon_heiles(x: Any) -> Any:
     q1, q2, p1, p2 = x
     return (p1**2 + p2**2 + q1**2 + q2**2) / 2 + q1**2 * q2 - q2**3 / 3
-
-
-def _lyness(x: Any) -> Any:
-    return x[1], (x[1] + 3) / x[0]
-
-
-def _mcmillan(x: Any) -> Any:
-    return x[1], 6 * x[1] / (1 + x[1] ** 2) - x[0]
-
-
-def _hone_quispel(x: Any) -> Any:
-    """The polarization of x'' = -x^3 with the step 1/2: z - 2 y + x = -x y z / 4."""
-    return x[1], (2 * x[1] - x[0]) / (1 + x[0] * x[1] / 4)
 
 
 def _reversed(f: Callable[[Any], Any]) -> RationalMap:
@@ -107,7 +86,10 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     fields = {
         "Suslov body": ("1/4", QuadraticField.of(Suslov3D(*I))),
         "Suslov gyrostat": ("1/4", QuadraticField.of(SuslovGyrostat(*I, k=0.5))),
-        "cubic Hamiltonian": ("1/2", hamiltonian(_cubic, 2)),
+        "cubic Hamiltonian": (
+            "1/2",
+            hamiltonian(lambda x: (x[1] ** 2 - x[0] ** 2) / 2 + x[0] ** 3 / 3, 2),
+        ),
         "Nahm, octahedral": (
             "1/4",
             _of(lambda x, y: (2 * x**2 - 12 * y**2, -6 * x * y - 4 * y**2)),
@@ -117,7 +99,7 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
         "Nambu": ("1/4", _of(_nambu)),
         "Volterra chain, N = 3": ("1/4", _chain(3)),
         "Volterra chain, N = 4": ("1/4", _chain(4)),
-        "Lagrange top": ("1/4", _top(lambda x, y, z: (x, y, z / 2), lambda *p: (0, 0, 1))),
+        "Lagrange top": ("1/4", _top((1, 1, Fraction(1, 2)), lambda p: (0, 0, 1))),
         "Kirchhoff": ("1/4", _in_fluid((1, 1, 2), (1, 1, 3))),
         "Clebsch": ("1/4", _in_fluid((1, 1, 1), (1, 2, 5))),
         "Lotka-Volterra": ("1/2", _of(lambda x, y: (x * (1 - y), y * (x - 1)))),
@@ -135,7 +117,12 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
             _of(lambda x, y: (-x / 8 - y + x**2, x - y / 8 + x * y / 2 + y**2 / 2)),
         ),
     }
-    maps = {"Lyness": _lyness, "McMillan": _mcmillan, "Hone-Quispel": _hone_quispel}
+    # The last one is the polarization of x'' = -x^3: z - 2 y + x = -x y z / 4.
+    maps: dict[str, Callable[[Any], Any]] = {
+        "Lyness": lambda x: (x[1], (x[1] + 3) / x[0]),
+        "McMillan": lambda x: (x[1], 6 * x[1] / (1 + x[1] ** 2) - x[0]),
+        "Hone-Quispel": lambda x: (x[1], (2 * x[1] - x[0]) / (1 + x[0] * x[1] / 4)),
+    }
     return {
         **{name: (field, Fraction(eps)) for name, (eps, field) in fields.items()},
         **{name: (_reversed(f), None) for name, f in maps.items()},

@@ -1,20 +1,14 @@
 """The body in space: its ellipsoid of inertia, and the path of the axis a."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, integer, wrong
-from ..quantities.conserved import energy
 from ..runs.iterate import iterate
-from . import geometry
-from .geometry import BodyIn3D
-from .phase import positive
+from .phase import BodyIn3D, Plane, plane_of, positive
 
 # A realizable body: admissible_I3() contains 2.28 to 5.68.
 _EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
@@ -38,11 +32,10 @@ def animate_body(
     Parameters
     ----------
     body : Suslov3D or SuslovGyrostat, optional
-        A single body with a positive definite inertia tensor, by default
-        Suslov3D(4, 2, -0.5, -0.3, I3=3). Without I3 the middle of the interval ``admissible_I3()``
-        is drawn or, if no rigid body has these parameters, another one.
+        A single body, by default Suslov3D(4, 2, -0.5, -0.3, I3=3). Without I3 the middle of the
+        interval ``admissible_I3()`` is drawn or, if no rigid body has these parameters, another.
     omega0 : array_like(float, shape=(2,)), optional
-        Initial angular velocity; by default one that passes from one steady rotation to the other.
+        Initial angular velocity; by default one near the repelling steady rotation.
     eps : float
         Step size.
     steps : int
@@ -75,13 +68,12 @@ def animate_body(
         raise wrong("eps", "a single number", eps)
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
     body = _EXAMPLE if body is None else body
-    geometry.check_moving(body)
-    start = _passing(body, eps) if omega0 is None else omega0
-    turned = True if R0 is None else R0
-    run = iterate(body, start, eps, steps, attitude=turned, on_singular="raise")
+    plane = plane_of(body, eps)
+    start = _passing(plane) if omega0 is None else omega0
+    attitude = True if R0 is None else R0
+    run = iterate(body, start, eps, steps, attitude=attitude, on_singular="raise")
     if run.status.ndim:
-        received = f"a batch of shape {run.status.shape}"
-        raise wrong("omega0, R0", "a single state and orientation", received)
+        raise wrong("omega0, R0", "a single state and orientation", f"a batch {run.status.shape}")
     figure, draw = _turning_body(body, run.attitude, eps)
 
     from matplotlib.animation import FuncAnimation
@@ -89,32 +81,31 @@ def animate_body(
     return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
 
 
-def _passing(body: BodyIn3D, eps: float) -> FloatArray:
+def _passing(plane: Plane) -> FloatArray:
     """A state near the repelling steady rotation, where there is one."""
-    g, k = geometry.half_angle(body)
-    R = 2.0 * float(np.sqrt(2.0 * energy(body, geometry.steady_line(body)[1] if g else [1.0, 0.0])))
-    return geometry.on_level(body, eps, R, 0.15 - geometry.meeting_phase(R * abs(g), k))
+    R = 2.0 * plane.radius(plane.steady_line()[1] if plane.g else [1.0, 0.0])
+    return plane.on_level(R, 0.15 - plane.meeting_phase(R))
 
 
-def _turning_body(
-    body: BodyIn3D, rotations: FloatArray, eps: float
-) -> tuple[Any, Callable[[int], list[Any]]]:
+def _turning_body(body: BodyIn3D, rotations: FloatArray, eps: float) -> tuple[Any, Any]:
     """Return a figure, and a function that draws the body in a given state."""
-    from .figures import plt
+    from .orbits import plt
 
-    radii, principal, I3, _ = geometry.ellipsoid(body)
-    radii = _RADIUS * radii
+    drawn = ellipsoid(body)
+    if drawn is None:
+        raise wrong("I3", "one with a positive definite inertia tensor", body.I3)
+    radii, principal = _RADIUS * drawn["radii"], drawn["axes"]
     surface = np.einsum("ij,j,jkl->ikl", principal, radii, _sphere())
     look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "rcount": 65, "ccount": 65}
     path = _PATH * rotations[:, :, 2]
     axes = plt.Figure(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
     axes.computed_zorder = False
     axes.set_proj_type("ortho")
-    elevation, azimuth = np.deg2rad([axes.elev, axes.azim])
-    flat = np.cos(elevation)
-    eye = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+    axes.view_init(elev=30, azim=-60)
+    eye = np.array([np.sqrt(3), -3, 2]) / 4
+    head = f"ellipsoid of inertia, $I_3$ = {drawn['I3']:.3g}; path of axis $a$"
 
-    def draw(number: int) -> list[Any]:
+    def draw(number: int) -> None:
         axes.clear()
         R = rotations[number]
         axes.plot_surface(*np.einsum("ij,jkl->ikl", R, surface), zorder=2, **look)
@@ -126,14 +117,11 @@ def _turning_body(
             axes.plot(*ends.T, color=colour, linewidth=2.2, zorder=order)
             place = {"ha": "center", "va": "center", "zorder": order}
             axes.text(*(_NAME * R[:, k]), name, color=colour, **place)
-        past = path[: number + 1]
-        _plot_around(axes, past, past @ eye >= 0)
+        _plot_around(axes, path[: number + 1], eye)
         axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
         axes.set_box_aspect((1, 1, 1), zoom=1.25)
         axes.set_axis_off()
-        title = f"time {number * eps:.2f}: ellipsoid of inertia, $I_3$ = {I3:.3g}; path of axis $a$"
-        axes.set_title(title, y=0.0, fontsize="small")
-        return []
+        axes.set_title(f"time {number * eps:.2f}: {head}", y=0.0, fontsize="small")
 
     return axes.figure, draw
 
@@ -146,11 +134,33 @@ def _sphere() -> FloatArray:
     return np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
 
 
-def _plot_around(axes: Any, points: FloatArray, in_front: NDArray[np.bool_]) -> None:
+def _plot_around(axes: Any, points: FloatArray, eye: FloatArray) -> None:
     """Draw a curve (N, 3) outside the body's sphere, the part behind it in a lighter colour."""
+    in_front = points @ eye >= 0
     behind = ~in_front  # and the points beside it, so that there is no gap
     behind[1:] |= ~in_front[:-1]
     behind[:-1] |= ~in_front[1:]
     for order, shown, alpha in ((1, behind, 0.45), (3, in_front, 1.0)):
         part = np.where(shown[:, np.newaxis], points, np.nan)
         axes.plot(*part.T, zorder=order, alpha=alpha, color="crimson", linewidth=1.2)
+
+
+def ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
+    """The ellipsoid of inertia, if there is one, and whether a rigid body has this I3 (`matter`).
+
+    The largest semi-axis is 1; directions are columns. Without I3 the middle of the interval or,
+    if that is empty, a number of an ellipsoid is taken.
+    """
+    I1, I2, I13, I23, _ = body.parameters
+    low, high = Suslov3D(I1, I2, I13, I23).admissible_I3()
+    if body.I3 is not None:
+        I3 = float(body.I3)
+    elif np.isfinite(low):
+        I3 = float(0.5 * (low + high))
+    else:
+        I3 = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
+    moments, axes = np.linalg.eigh(np.array([[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]))
+    if not moments[0] > 0:
+        return None
+    radii, matter = np.sqrt(moments[0] / moments), bool(low < I3 < high)
+    return {"radii": radii, "axes": axes, "I3": I3, "matter": matter}

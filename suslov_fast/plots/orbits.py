@@ -1,6 +1,4 @@
-"""Runs in a plane of two components of their states."""
-
-from __future__ import annotations
+"""Pictures of runs, and axes and colours of all pictures. Imports Matplotlib (extra `plots`)."""
 
 import math
 from typing import Any
@@ -10,6 +8,20 @@ import numpy as np
 from ..checks import FloatArray, integer, short, wrong
 from ..quantities import conserved
 
+try:
+    import matplotlib.pyplot as plt
+    from matplotlib import colormaps
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import ListedColormap
+except ImportError as error:
+    install = "pip install '.[plots]' in a copy of the repository"
+    raise ImportError(f"plots need matplotlib: {install}") from error
+
+__all__ = ["COLOURS", "axes_for", "plot_run", "plt", "set_title"]
+# Without the lightest colours, which are faint on white.
+COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
+
 # More dots make a picture large and no clearer; on lines, more than a few hide them.
 _MOST, _FEW = 20_000, 2000
 _LEVELS = {
@@ -18,10 +30,23 @@ _LEVELS = {
 }
 
 
+def axes_for(ax: Any, size: tuple[float, float]) -> Any:
+    """Return the plane axes passed, or those of a new figure, which pyplot shows."""
+    if ax is None:
+        return plt.figure(figsize=size, layout="constrained").add_subplot()
+    if not isinstance(ax, Axes) or ax.name == "3d":
+        raise wrong("ax", "plane axes of Matplotlib", repr(ax), TypeError)
+    return ax
+
+
+def set_title(axes: Any, title: str) -> None:
+    """Set a title in small letters, unless the axes have one."""
+    if not axes.get_title():
+        axes.set_title(title, fontsize="small")
+
+
 def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
-    from .figures import axes_for, set_title
-
     first, second = _checked(components, run.states.shape[-1])
     plane = run.states[..., (first, second)].reshape(len(run), -1, 2)
     if lines not in (None, True, False):
@@ -29,10 +54,10 @@ def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any)
     if lines is None:
         lines = plane[..., 0].size <= _MOST and run.n[-1] == len(run) - 1 and _are_near(plane)
     axes = axes_for(ax, (5.4, 5.0))
-    levels, name = _levels(run)
-    drawn, count = _draw(axes, plane, levels if name else None, lines)
-    if name:
-        axes.figure.colorbar(drawn, ax=axes, label=name, shrink=0.8)
+    levels, label = _levels(run)
+    drawn, count = _draw(axes, plane, levels, lines)
+    if levels is not None:
+        axes.figure.colorbar(drawn, ax=axes, label=label, shrink=0.8)
     symbols = run._map.symbols(run.body)
     axes.set(xlabel=symbols[first], ylabel=symbols[second])
     set_title(axes, _title(run, count))
@@ -41,12 +66,11 @@ def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any)
 
 def _checked(components: tuple[int, int], D: int) -> tuple[int, int]:
     if D == 1:
-        how = "draw run.states[..., 0] over run.time"
-        raise ValueError(f"plot: expected states with at least 2 components, got 1: {how}")
+        raise wrong("plot", "states with at least 2 components", 1)
     expected = f"two integers from 0 to {D - 1}"
     found = [integer("components", k, 0, expected) for k in components]
     if len(found) != 2 or max(found) >= D:
-        raise ValueError(f"components: expected {expected}, got {components}")
+        raise wrong("components", expected, components)
     return found[0], found[1]
 
 
@@ -58,27 +82,19 @@ def _are_near(plane: FloatArray) -> bool:
     return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(known, axis=0).max())
 
 
-def _levels(run: Any) -> tuple[FloatArray, str]:
-    """The levels (B,) of the orbits, and what they are levels of; "" if they have one colour."""
-    known = [name for name in _LEVELS if name in run._map.functions(run.body)]
-    if known and run.states[0].size:
-        values = getattr(conserved, known[0])(run.body, run.states[0], run.eps).ravel()
-        finite = values[np.isfinite(values)]
-        if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
-            return values, _LEVELS[known[0]]
-    return np.zeros(math.prod(run.states.shape[1:-1])), ""
+def _levels(run: Any) -> tuple[FloatArray | None, str]:
+    """The levels (B,) of the orbits, and what they are levels of; None if they have one colour."""
+    for name, label in _LEVELS.items():
+        if name in run._map.functions(run.body):
+            values = getattr(conserved, name)(run.body, run.states[0], run.eps).ravel()
+            finite = values[np.isfinite(values)]
+            if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
+                return values, label
+    return None, ""
 
 
 def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) -> tuple[Any, int]:
-    """Draw states (N, B, 2), coloured by the levels (B,) of orbits.
-
-    Return what has the colours, and the number of states drawn: with more than _MOST dots a random
-    choice, as every k-th state of an orbit may show one of k islands.
-    """
-    from matplotlib.collections import LineCollection
-
-    from .figures import COLOURS
-
+    """Draw states (N, B, 2), coloured by levels (B,); return what has colours, and how many."""
     look: dict[str, Any] = {"color": COLOURS(0.3)} if levels is None else {"cmap": COLOURS}
     count = plane[..., 0].size
     if lines:
@@ -87,7 +103,7 @@ def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) 
         axes.add_collection(drawn)
     if not lines or count <= _FEW:
         shown = np.arange(count)
-        if count > _MOST:
+        if count > _MOST:  # by chance, as every k-th state may show one of k islands
             shown = np.random.default_rng(0).choice(count, _MOST, replace=False)
             count = _MOST
         if levels is not None:

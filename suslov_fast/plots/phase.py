@@ -1,20 +1,96 @@
 """The phase plane of a body in three dimensions: orbits, level curves and steady states."""
 
-from __future__ import annotations
-
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import FloatArray, integer, real_number, wrong
-from ..quantities.conserved import energy
+from ..bodies.rigid import PICTURES, Suslov3D, SuslovGyrostat
+from ..checks import FloatArray, instance, integer, real_number, wrong
 from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
-from . import geometry
-from .geometry import BodyIn3D
 
+BodyIn3D = Suslov3D | SuslovGyrostat
+# Relative distance from t = 1 of levels drawn in place of nearer ones.
+_NEAR_1 = 1e-6
 # Phase between the ends of orbits and the line, where the arc is a half turn; longest orbits.
 _FROM_LINE, _LONGEST_TURN = 0.03, 1000
+
+
+class Plane(NamedTuple):
+    """The plane of a single body and a step size.
+
+    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, l = k + Re(conj(g) z), e = eps / (2 sqrt(I1 I2)),
+    the levels of F are abs(z) / sqrt(1 + e**2 l**2) = R, and psi = arg(z / (1 - i e l)) - arg(g) is
+    the phase on a level.
+    """
+
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    k: float
+    eps: float
+
+    @property
+    def g(self) -> complex:
+        """The complex number I13 / sqrt(I1) + i I23 / sqrt(I2)."""
+        return complex(self.I13 / np.sqrt(self.I1), self.I23 / np.sqrt(self.I2))
+
+    @property
+    def e(self) -> float:
+        """The number eps / (2 sqrt(I1 I2))."""
+        return float(0.5 * self.eps / np.sqrt(self.I1 * self.I2))
+
+    def radius(self, omega: Any) -> float:
+        """The modulus of z."""
+        return float(np.hypot(np.sqrt(self.I1) * omega[0], np.sqrt(self.I2) * omega[1]))
+
+    def on_level(self, R: float, psi: float | FloatArray) -> FloatArray:
+        """States (..., 2) on the level R of the first integral, at phases psi (...)."""
+        g, e = self.g, self.e
+        A, turn = R * abs(g), g / abs(g) if g else 1.0
+        turned = (1 - 1j * e * self.k) * np.exp(1j * psi) - 1j * e * A
+        z = R * turn * turned / (1 - e * A * np.sin(psi))
+        return np.stack([z.real / np.sqrt(self.I1), z.imag / np.sqrt(self.I2)], axis=-1)
+
+    def level(self, R: float, reach: float = 3.0) -> list[FloatArray]:
+        """Branches, as states (N, 2), of the level R, a conic; for eps = 0, of the energy.
+
+        Unbounded branches are cut off at sinh(reach) times their width.
+        """
+        t = abs(self.e * R * self.g)
+        if abs(t - 1.0) < _NEAR_1:  # two lines, which have no phases: the hyperbola next to them
+            R, t = R * (1.0 + _NEAR_1) / t, 1.0 + _NEAR_1
+        # With u = tan(phase / 2 - pi / 4) the curve is a quotient of quadratic polynomials, of
+        # which the denominator is proportional to u**2 - v**2 or, where t < 1, u**2 + v**2.
+        v = float(np.sqrt(abs((1.0 - t) / (1.0 + t))))
+        if t < 1.0:
+            branches = [v * np.tan(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 300))]
+        else:
+            s = np.tanh(np.linspace(-0.5 * reach, 0.5 * reach, 300))
+            branches = [v * s, v / s]
+        middle = np.copysign(0.5 * np.pi, self.eps)
+        return [self.on_level(R, middle + 2.0 * np.arctan(u)) for u in branches]
+
+    def meeting_phase(self, R: float) -> float:
+        """The phase, up to its sign, where abs(l) is least on a level."""
+        A = R * abs(self.g)
+        return float(np.arccos(np.clip(-self.k / A, -1.0, 1.0))) if A else 0.0
+
+    def steady_line(self) -> tuple[FloatArray, FloatArray]:
+        """The steady state of least energy, and the direction of the half that repels."""
+        least = -self.k / abs(self.g) ** 2 * np.array([self.I13 / self.I1, self.I23 / self.I2])
+        direction = np.copysign(1.0, self.eps) * np.array([self.I23, -self.I13])
+        return least + 0.0, direction / np.hypot(self.I13, self.I23)
+
+
+def plane_of(body: BodyIn3D, eps: float) -> Plane:
+    """The plane of a body, which must be a single one that does not rest in all states."""
+    instance("body", body, BodyIn3D)
+    if body.shape or not any(body.parameters[2:]):
+        raise wrong("body", "a single one with I13 or I23 other than 0", body)
+    return Plane(*(*body.parameters, eps))
 
 
 def plot_phase(
@@ -49,17 +125,14 @@ def plot_phase(
     Returns
     -------
     matplotlib.axes.Axes
+        Each level has a colour: a thin line, and states of the map as dots, from near a repelling
+        to near an attracting steady state, or for one turn. The title has the parameters, unless
+        the axes have a title.
 
     Raises
     ------
     ValueError
         If the body rests in every state, or a state in the picture has a criticality of 1 or more.
-
-    Notes
-    -----
-    Each level has a colour: a thin line, and states of the map as dots. An orbit is drawn from near
-    a repelling to near an attracting steady state, on both sides of the line; a periodic one for
-    one turn. The title has the parameters, unless the axes have a title.
 
     Examples
     --------
@@ -68,35 +141,32 @@ def plot_phase(
     >>> [float(end) for end in ax.get_xlim()]
     [-4.0, 4.0]
     """
-    from .figures import COLOURS, axes_for, set_title
+    from .orbits import COLOURS, axes_for, set_title
 
-    geometry.check_moving(body)
-    g, k = geometry.half_angle(body)
     eps, extent = positive("eps", eps), positive("extent", extent)
-    levels = integer("levels", levels, 1)
-    e = geometry.half_step(body, eps)
-    largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
-    if not e * largest * abs(g) < 1:
-        expected = "a criticality below 1 in the corners of the picture"
-        raise wrong("extent", expected, f"{e * largest * abs(g):.3g}")
+    plane, levels = plane_of(body, eps), integer("levels", levels, 1)
+    largest = plane.radius([extent, extent])
+    t = plane.e * largest * abs(plane.g)
+    if not t < 1:
+        raise wrong("extent", "a criticality below 1 in the corners of the picture", f"{t:.3g}")
     axes = axes_for(ax, (5.2, 5.8))
     colours = COLOURS(np.linspace(0.05, 0.9, levels))
     for R, colour in zip(largest * np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
-        (curve,) = geometry.level(body, eps, R)
+        (curve,) = plane.level(R)
         axes.plot(*curve.T, "-", color=colour, linewidth=0.8, alpha=0.7)
-        for psi, steps in _orbits(e, R * abs(g), k):
-            orbit = iterate(body, geometry.on_level(body, eps, R, psi), eps, steps).omega
+        for psi, steps in _orbits(plane, R):
+            orbit = iterate(body, plane.on_level(R, psi), eps, steps).omega
             axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
             _arrow(axes, body, orbit, extent, colour)
-    if g:
-        _steady_states(axes, body, 4.0 * extent)
+    if plane.g:
+        _steady_states(axes, plane, 4.0 * extent)
     look = {"color": colours[levels // 2], "linewidth": 0.8}
     axes.plot([], [], "-", label="levels of $F$, one colour each", **look)
     axes.plot([], [], ".", label="states of the map", **look)
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
-    set_title(axes, _title(body, eps, ", " if letter is None else "\n"))
+    set_title(axes, _title(plane, ", " if letter is None else "\n"))
     if letter is not None:
         axes.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
     if legend:  # below the label of the axis, in units of the font size
@@ -113,21 +183,22 @@ def positive(name: str, value: Any) -> float:
     return number
 
 
-def _title(body: BodyIn3D, eps: float, between: str) -> str:
+def _title(plane: Plane, between: str) -> str:
     """The parameters, in two groups."""
-    moments = rf"$I_1={body.I1:g}$, $I_2={body.I2:g}$, $\epsilon={eps:g}$"
-    products = rf"$I_{{13}}={body.I13:g}$, $I_{{23}}={body.I23:g}$"
-    k = geometry.half_angle(body)[1]
+    I1, I2, I13, I23, k, eps = plane
+    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={eps:g}$"
+    products = rf"$I_{{13}}={I13:g}$, $I_{{23}}={I23:g}$"
     return moments + between + products + (f", $k={k:g}$" if k else "")
 
 
-def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:
+def _orbits(plane: Plane, R: float) -> list[tuple[float, int]]:
     """Phase of the initial state, and steps, of the orbits on a level; theory: the gyrostat."""
+    A, k, e = R * abs(plane.g), plane.k, plane.e
     if abs(k) > A:  # one turn
         steps = np.pi / np.arctan(e * np.sqrt(k * k - A * A))
         return [(0.0, int(min(np.ceil(steps), _LONGEST_TURN)))]
     # From the steady state at -end to that at end, on either side.
-    end, rate = geometry.meeting_phase(A, k), e * np.sqrt(A * A - k * k)
+    end, rate = plane.meeting_phase(R), e * np.sqrt(A * A - k * k)
     orbits = []
     for side, half in ((1.0, end), (-1.0, np.pi - end)):
         psi = -end + side * 2.0 / np.pi * half * _FROM_LINE
@@ -137,10 +208,10 @@ def _orbits(e: float, A: float, k: float) -> list[tuple[float, int]]:
     return orbits
 
 
-def _steady_states(axes: Any, body: Any, reach: float) -> None:
+def _steady_states(axes: Any, plane: Plane, reach: float) -> None:
     """The attracting and the repelling half of the line l = 0, which meet where F is least."""
-    middle, direction = geometry.steady_line(body)
-    k = " + k" if geometry.half_angle(body)[1] else ""
+    middle, direction = plane.steady_line()
+    k = " + k" if plane.k else ""
     line = rf"$I_{{13}}\,\Omega_1 + I_{{23}}\,\Omega_2{k} = 0$"
     for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
         ends = middle + np.outer([0.0, sign * (reach + np.hypot(*middle))], direction)
@@ -157,3 +228,20 @@ def _arrow(axes: Any, body: Any, orbit: FloatArray, extent: float, colour: Any) 
         along = 0.01 * extent * along / np.hypot(*along)
         look = {"arrowstyle": "-|>", "color": colour, "mutation_scale": 12, "linewidth": 0.8}
         axes.annotate("", xy=state + along, xytext=state - along, arrowprops=look)
+
+
+def pictures_in(directory: str | Path) -> list[Path]:
+    """The names of the files that `draw_pictures` writes."""
+    return [Path(directory) / f"picture{number}.png" for number in PICTURES]
+
+
+def draw_pictures(directory: str | Path) -> list[Path]:
+    """Draw the pictures into a directory, made if need be, and return the names of the files."""
+    from .orbits import plt
+
+    Path(directory).mkdir(parents=True, exist_ok=True)
+    for path, picture in zip(pictures_in(directory), PICTURES.values(), strict=True):
+        figure = plot_phase(*picture).figure
+        figure.savefig(path, dpi=150)
+        plt.close(figure)
+    return pictures_in(directory)

@@ -1,19 +1,19 @@
-"""Conserved quantities and the invariant measure."""
+"""Conserved quantities, the invariant measure, and the coordinates and constants of Section 4."""
 
-from __future__ import annotations
+from typing import Any, NamedTuple
 
-from typing import Any
-
+import numpy as np
 from numpy.typing import ArrayLike
 
-from ..bodies.field import QuadraticField
-from ..bodies.nd import SuslovND, check_measure, check_solved
+from ..bodies.base import Body
+from ..bodies.nd import SuslovND, check_known
+from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, wrong
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
-from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States
+from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check, refuse_rotor
 from ..maps import states_after
-from .evaluation import by_terms, evaluate
+from .evaluation import by_terms, evaluate, terms_of
 
 
 def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
@@ -22,7 +22,7 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     Parameters
     ----------
     body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch; a field has to be made by `QuadraticField.from_hamiltonian`.
+        A field has to be made by `QuadraticField.from_hamiltonian`.
     omega : array_like(float, shape=(..., D))
         States.
 
@@ -37,23 +37,24 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    given = {"omega": omega}
-    return evaluate(body, given, formulas.energy, formulas.energy_nd, _hamiltonian)
+    in_3d, in_nd = formulas.energy, formulas.energy_nd
+    return evaluate(body, Body, {"omega": omega}, in_3d, in_nd, _hamiltonian)
 
 
 def _hamiltonian(states: States) -> FloatArray:
-    return by_terms(fields.hamiltonian, states, terms=_terms_of(states.body))
+    return by_terms(fields.energy, states, _terms_of_hamiltonian(states.body))
 
 
-def _terms_of(field: QuadraticField) -> Any:
-    if field.H is None:
+def _terms_of_hamiltonian(body: Any) -> Any:
+    H = body.field().H
+    if H is None:
         expected = "a field with a Hamiltonian, made by QuadraticField.from_hamiltonian"
         raise wrong("body", expected, "one without", TypeError)
-    return field.H.terms
+    return H.terms
 
 
 def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
-    """First integral F of the map.
+    """First integral F of the map, Lemma 1 of the paper, equation (6).
 
     In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2) with
     x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat). In n dimensions F is known if J I = b I and
@@ -79,10 +80,6 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
     NotIntegrableError
         If no first integral is known for the body; :func:`modified_energy` is nearly conserved.
 
-    Notes
-    -----
-    Lemma 1 of the paper, equation (6).
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, first_integral, step
@@ -91,23 +88,23 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
     array([0.26534473, 0.26534473])
     """
     if isinstance(body, SuslovND):
-        check_solved(body, "first_integral")
+        check_known(body, "first_integral")
     given, in_nd = {"omega": omega, "eps": eps}, formulas.first_integral_nd
-    return evaluate(body, given, formulas.first_integral, in_nd)
+    return evaluate(body, AnyBody, given, formulas.first_integral, in_nd)
 
 
 def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Modified energy E**2 / (E + eps**2 f.Jf / 8), where f is the vector field.
 
     The map conserves it wherever :func:`first_integral` is known (in three dimensions it is
-    2 I1 I2 F), and for every other body up to an error of order eps**4; the error of E is of order
-    eps**2. For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the
-    :func:`matrix` A, which the map conserves exactly.
+    2 I1 I2 F), and for every other body up to an error of order eps**4. For a field with a
+    Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the :func:`matrix` A, which the map
+    conserves exactly (Celledoni, McLachlan, Owren and Quispel, arXiv:1209.1164).
 
     Parameters
     ----------
     body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch; a field has to be made by `QuadraticField.from_hamiltonian`.
+        A field has to be made by `QuadraticField.from_hamiltonian`.
     omega : array_like(float, shape=(..., D))
         States.
     eps : array_like(float, shape=(...))
@@ -119,11 +116,6 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
         In the unit of the :func:`energy`. NaN, with one :class:`SingularStepWarning`, where a state
         of a field has no next state.
 
-    Notes
-    -----
-    That of a field is due to Celledoni, McLachlan, Owren and Quispel (2013), arXiv:1209.1164. With
-    the Hamiltonian as a symmetric trilinear form in (x, 1) it is H(x, x, x_next).
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, modified_energy, step
@@ -132,18 +124,20 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
     array([2.122758, 2.122758])
     """
     given, in_nd = {"omega": omega, "eps": eps}, formulas.modified_energy_nd
-    return evaluate(body, given, formulas.modified_energy, in_nd, _modified_hamiltonian)
+    return evaluate(body, Body, given, formulas.modified_energy, in_nd, _modified_hamiltonian)
 
 
 def _modified_hamiltonian(states: States) -> FloatArray:
-    terms = _terms_of(states.body)
-    return by_terms(fields.polarised_hamiltonian, states, states_after(states), terms=terms)
+    places, values = _terms_of_hamiltonian(states.body)  # symmetric: x_next in each of the places
+    terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)
+    return by_terms(fields.cubic_form, states, terms, states_after(states))
 
 
 def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
 
-    It is constant along an orbit, and has the sign of eps. If -1 < t < 1, the orbit follows the
+    h is the integral of equation (9) of the paper, I13**2 I2 + I23**2 I1 times the
+    :func:`first_integral`. t is constant along an orbit. If -1 < t < 1, the orbit follows the
     continuous motion; otherwise it jumps across the line of steady states, and can meet a pole.
 
     Parameters
@@ -158,18 +152,12 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(...))
-        t, dimensionless.
+        t, dimensionless, with the sign of eps.
 
     Raises
     ------
     NotIntegrableError
         If no first integral is known for the body.
-
-    Notes
-    -----
-    h is the integral of equation (9) of the paper, I13**2 I2 + I23**2 I1 times the
-    :func:`first_integral` F. With a rotor t = e A, with e = eps / (2 sqrt(I1 I2)) and
-    A**2 = 4 I1 I2 F (I13**2 / I1 + I23**2 / I2); without one that is the same.
 
     Examples
     --------
@@ -179,15 +167,18 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     array([0.1049, 1.2281])
     """
     if isinstance(body, SuslovND):
-        check_solved(body, "criticality")
+        check_known(body, "criticality")
     given, in_nd = {"omega": omega, "eps": eps}, formulas.criticality_nd
-    return evaluate(body, given, formulas.criticality, in_nd)
+    return evaluate(body, AnyBody, given, formulas.criticality, in_nd)
 
 
 def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """Rotation number of an orbit of the map of a gyrostat: turns of its phase per step.
 
-    It is constant along an orbit, and 0 where orbits go from one steady state to another.
+    It is sign(k) arctan(e sqrt(k**2 - A**2)) / pi, with e = eps / (2 sqrt(I1 I2)) and the
+    :func:`criticality` e A, and 0 where orbits go from one steady state to another. The phase is
+    the argument of z / (1 - i e l), with z = sqrt(I1) Omega1 + i sqrt(I2) Omega2 and
+    l = I13 Omega1 + I23 Omega2 + k. If abs(e) A < 1, Omega turns as often.
 
     Parameters
     ----------
@@ -203,12 +194,6 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatAr
     ndarray(float, shape=(...))
         Turns, dimensionless, between -1/2 and 1/2, with the sign of k eps.
 
-    Notes
-    -----
-    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, l = I13 Omega1 + I23 Omega2 + k and the e and A of
-    :func:`criticality` it is sign(k) arctan(e sqrt(k**2 - A**2)) / pi turns of the argument of
-    z / (1 - i e l). If abs(e) A < 1, Omega turns as often. It is not in the paper.
-
     Examples
     --------
     >>> from suslov_fast import SuslovGyrostat, rotation_number
@@ -216,25 +201,25 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatAr
     >>> rotation_number(body, [1.1, -0.4], eps=0.35).round(6)
     array([0.      , 0.      , 0.043038])
     """
-    return evaluate(body, {"omega": omega, "eps": eps}, formulas.rotation_number)
+    return evaluate(body, BodyIn3D, {"omega": omega, "eps": eps}, formulas.rotation_number)
 
 
 def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
-    """Density of an invariant measure of the map.
+    """Density rho of an invariant measure: rho(next omega) det(jacobian at omega) = rho(omega).
 
     rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat); for
     a field with a Hamiltonian 1 / det A, with the :func:`matrix` A. In n dimensions one is known
-    for n = 3, and for n = 4 with I along one axis. With the :func:`jacobian` J at omega,
-    rho(next omega) det J = rho(omega), signs included; eps = 0 is the continuous motion.
+    for n = 3, and for n = 4 with I along one axis: for I = (I1, 0, 0) it is
+    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))).
 
     Parameters
     ----------
     body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch; a field has to be made by `QuadraticField.from_hamiltonian`.
+        A field has to be made by `QuadraticField.from_hamiltonian`.
     omega : array_like(float, shape=(..., D))
         States.
     eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
+        Step size, in the unit of time of omega; 0 is the continuous motion.
 
     Returns
     -------
@@ -248,12 +233,6 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     NotIntegrableError
         If no invariant measure is known for the body.
 
-    Notes
-    -----
-    The measures are not in the paper. For n = 4 and I = (I1, 0, 0) rho is
-    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))); for another
-    axis the indices are permuted.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, invariant_density
@@ -262,12 +241,120 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     -0.096052391
     """
     if isinstance(body, SuslovND):
-        check_measure(body, "invariant_density")
+        check_known(body, "invariant_density")
     given, in_nd = {"omega": omega, "eps": eps}, formulas.invariant_density_nd
     in_3d = formulas.invariant_density
-    return evaluate(body, given, in_3d, in_nd, _density_of_field, poles=True)
+    return evaluate(body, Body, given, in_3d, in_nd, _density_of_field, poles=True)
 
 
 def _density_of_field(states: States) -> FloatArray:
-    _terms_of(states.body)  # there has to be one
-    return by_terms(fields.density, states)
+    _terms_of_hamiltonian(states.body)  # there has to be one
+    return by_terms(fields.density, states, terms_of(states.body))
+
+
+def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
+    """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
+
+    They are those of equation (7) of the paper. The steady states are the line x = 0.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., 2))
+        States.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 2))
+        x, in the unit of inertia times that of omega, and y, in that of inertia squared times that
+        of omega.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, to_xy
+    >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
+    array([-0.625, -0.75 ])
+    """
+    refuse_rotor(body, "to_xy", "iterate or flow")
+    return evaluate(body, Suslov3D, {"omega": omega}, formulas.to_xy, axes=1)
+
+
+def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
+    """Angular velocities from coordinates (x, y), the inverse of :func:`to_xy`.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        A single one, or a batch.
+    xy : array_like(float, shape=(..., 2))
+        Coordinates (x, y). Where one is NaN, so is the result.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 2))
+        (Omega1, Omega2).
+
+    Raises
+    ------
+    ValueError
+        If I13 and I23 are both 0, where (x, y) is 0 for every omega.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, from_xy
+    >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
+    array([1. , 0.5])
+    """
+    refuse_rotor(body, "from_xy", "iterate or flow")
+    if isinstance(body, Suslov3D) and np.any((body.I13 == 0) & (body.I23 == 0)):
+        raise wrong("body", "I13 or I23 other than 0", "both 0")
+    given, names = {"xy": xy}, ("x", "y")
+    return evaluate(body, Suslov3D, given, formulas.from_xy, axes=1, components=names)
+
+
+class ClosedForm(NamedTuple):
+    """Constants h, k1, k2 and t of :func:`closed_form`, each of shape (...)."""
+
+    h: FloatArray
+    k1: FloatArray
+    k2: FloatArray
+    t: FloatArray
+
+
+def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm:
+    """Constants h, k1 and k2 of the solution of Section 4, and the criticality t.
+
+    In the coordinates of :func:`to_xy` state n of the orbit is
+    x = sign(x_0) 2 sqrt(h I1 I2 / (I1 I2 - h eps**2)) / cosh(theta) and
+    y = 2 sqrt(h I1 I2) tanh(theta), with theta = k1 n eps + k2. h is the integral of equation (9),
+    k1 = -(2 / eps) artanh t solves equation (12), and k2 is that of Theorem 1, which holds for
+    positive x, with the prefactor 2 sqrt(h I1 I2) and the denominator I23**2 I1 + I13**2 I2.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        A single one, or a batch.
+    omega0 : array_like(float, shape=(..., 2))
+        States, each any one of its orbit.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega; 0 is the continuous motion.
+
+    Returns
+    -------
+    ClosedForm
+        Named tuple of arrays (...): h, in the unit of (I13 omega)**2; k1, in the unit of 1 / eps;
+        k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
+        -1 and 1, because the solution has another form there. k2 is infinite on the line x = 0, and
+        0 at rest.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, closed_form
+    >>> constants = closed_form(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2)
+    >>> print(*(f"{value:.6f}" for value in constants))
+    0.161860 -0.402536 -0.678170 0.040232
+    """
+    refuse_rotor(body, "closed_form", "exact")
+    states = check(body, Suslov3D, {"omega0": omega0, "eps": eps})
+    return ClosedForm(*formulas.closed_form(*body.parameters, states.eps, states.omega))

@@ -1,29 +1,33 @@
 """Derivatives with respect to time, with the reaction, and those of the map by its state."""
 
-from __future__ import annotations
-
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..bodies.field import QuadraticField
+from ..bodies.base import Body
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import SuslovGyrostat
-from ..checks import FloatArray, first_index, spell
+from ..checks import FloatArray, first_index, integer, spell
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
-from ..engine.arguments import AnyBody, BodyOrField, States, check
+from ..core import tangent
+from ..engine import arguments
+from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
+from ..engine.threads import call_kernel
 from ..maps import states_after
-from .evaluation import by_terms, evaluate
+from .evaluation import evaluate, reported, terms_of
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.
 _FIXED = 1e-8
+# Work between two stretches of a run, where Ctrl-C is heard, in operations.
+_STRETCH = 2**26
 
 
 def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     """Time derivative of omega in the continuous motion, or of the state x of a field.
+
+    It is equation (2) of the paper, in n dimensions equation (14).
 
     Parameters
     ----------
@@ -37,24 +41,21 @@ def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     ndarray(float, shape=(..., D))
         In the unit of omega squared; of a field, in that of x over time.
 
-    Notes
-    -----
-    Equation (2) of the paper; in n dimensions equation (14).
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, vector_field
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> vector_field(body, [1.0, 0.5]).round(6)
+    >>> vector_field(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
     in_3d, in_nd = formulas.vector_field, formulas.vector_field_nd
-    of_field = partial(by_terms, fields.vector_field)
-    return evaluate(body, {"omega": omega}, in_3d, in_nd, of_field, axes=1)
+    return evaluate(body, Body, {"omega": omega}, in_3d, in_nd, fields.vector_field, axes=1)
 
 
 def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> FloatArray:
     """Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
+
+    In three dimensions lambda follows from the third equation of (2), which is discretized as
+    (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
 
     Parameters
     ----------
@@ -73,23 +74,15 @@ def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> F
         matrix lambda_ij of equation (13). NaN, with one :class:`SingularStepWarning`, where eps is
         given and a state has no next state.
 
-    Notes
-    -----
-    In three dimensions lambda follows from the third equation of (2), which is discretized as
-    (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, reaction
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> float(reaction(body, [1.0, 0.5]).round(6))
-    -1.345625
-    >>> float(reaction(body, [1.0, 0.5], eps=0.01).round(6))
+    >>> float(reaction(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    arguments = {"omega": omega} if eps is None else {"omega": omega, "eps": eps}
+    given = {"omega": omega} if eps is None else {"omega": omega, "eps": eps}
     axes = 2 * isinstance(body, SuslovND)
-    return evaluate(body, arguments, formulas.reaction, _reaction_nd, axes=axes)
+    return evaluate(body, AnyBody, given, formulas.reaction, None, _reaction_nd, axes=axes)
 
 
 def _reaction_nd(states: States) -> FloatArray:
@@ -100,10 +93,10 @@ def _reaction_nd(states: States) -> FloatArray:
 
 
 def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
-    """Matrix A that the paper inverts: A(omega; eps) next_omega = omega.
+    """Matrix A = 1 - (eps / 2) f'(omega), where f is the vector field.
 
-    It is 1 - (eps / 2) f'(omega), where f is the vector field. For every body and field,
-    A(omega; eps) (next_omega - omega) = eps f(omega).
+    A(omega; eps) (next_omega - omega) = eps f(omega). Without a rotor A(omega; eps) next_omega is
+    omega: the paper inverts A before equation (5), and in (16).
 
     Parameters
     ----------
@@ -119,10 +112,6 @@ def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     ndarray(float, shape=(..., D, D))
         A, dimensionless.
 
-    Notes
-    -----
-    The paper inverts it before equation (5), and in (16).
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, matrix, step
@@ -130,12 +119,12 @@ def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> (matrix(body, [1.0, 0.5], eps=0.2) @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    given, in_terms = {"omega": omega, "eps": eps}, partial(by_terms, fields.matrix)
-    return evaluate(body, given, formulas.matrix, in_terms, in_terms, axes=2)
+    given = {"omega": omega, "eps": eps}
+    return evaluate(body, Body, given, formulas.matrix, None, fields.matrix, axes=2)
 
 
 def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
-    """Derivative of the map: the Jacobian matrix of the next state with respect to the state.
+    """Derivative of the map: A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`.
 
     Parameters
     ----------
@@ -152,24 +141,22 @@ def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
         Dimensionless; row i, column j holds the derivative of the next Omega_i by Omega_j. NaN,
         with one :class:`SingularStepWarning`, where a state has no next state.
 
-    Notes
-    -----
-    With the A of :func:`matrix` it is A(omega; eps)**-1 A(omega_next; -eps).
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, jacobian
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> jacobian(body, [1.0, 0.5], eps=0.2).round(6)
+    >>> jacobian(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2).round(6)
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    given, in_terms = {"omega": omega, "eps": eps}, partial(by_terms, fields.jacobian)
-    return evaluate(body, given, formulas.jacobian, in_terms, in_terms, axes=2)
+    given = {"omega": omega, "eps": eps}
+    return evaluate(body, Body, given, formulas.jacobian, None, fields.jacobian, axes=2)
 
 
 def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]:
     """Eigenvalues of the derivative of the map at a fixed point.
+
+    They are (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f'. In n dimensions
+    mu = c s at omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Parameters
     ----------
@@ -194,30 +181,23 @@ def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]
         If a component of the vector field at a state is above 1e-8 of the sum of the moduli of its
         terms. :func:`jacobian` is the derivative at any state.
 
-    Notes
-    -----
-    An eigenvalue mu of f' gives the multiplier (1 + eps mu / 2) / (1 - eps mu / 2). In n dimensions
-    mu = c s at omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, multipliers
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> multipliers(body, [[0.6, -1.0], [-0.6, 1.0]], eps=0.2).round(6)
-    array([[1.      , 0.940805],
-           [1.062919, 1.      ]])
+    >>> multipliers(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [-0.6, 1.0], eps=0.2).round(6)
+    array([1.062919, 1.      ])
     """
-    states = check(body, BodyOrField, {"x": x, "eps": eps})
+    states = check(body, Body, {"x": x, "eps": eps})
     half_step = 0.5 * np.asarray(states.eps)[..., np.newaxis]
     with np.errstate(all="ignore"):
         slopes = _slopes_at_fixed_points(states)
-        is_field = isinstance(body, QuadraticField)
-        Y = half_step * (_eigenvalues(slopes) if is_field else _rates_of_body(states, slopes))
+        known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1), keepdims=True))
+        Y = half_step * _rates(states, np.where(known, slopes, 0.0))
         found = np.where(Y == 1.0, np.inf, (1.0 + Y) / (1.0 - Y))
+        found = np.where(known[..., 0], found, np.nan)
         found = np.broadcast_to(found, (*states.batch, body.dimension))
         order = np.lexsort((-found.imag, -abs(found)), axis=-1)
-    unknown = np.isnan(states.omega).any(axis=-1, keepdims=True)
-    return np.where(unknown, np.nan, np.take_along_axis(found, order, axis=-1))
+    return np.take_along_axis(found, order, axis=-1)
 
 
 def _slopes_at_fixed_points(states: States) -> FloatArray:
@@ -226,13 +206,13 @@ def _slopes_at_fixed_points(states: States) -> FloatArray:
     With y = (x, 1) and the symmetric table of coefficients, f_i = table_ijk y_j y_k.
     """
     table, x = states.body.field().table.astype(np.float64), states.omega
-    y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)[..., np.newaxis, :, np.newaxis]
-    half_slopes = (table @ y)[..., 0]
-    f, terms = half_slopes @ y[..., 0, :, :], (abs(table) @ abs(y))[..., 0] @ abs(y[..., 0, :, :])
-    unknown = np.isnan(x).any(axis=-1)
-    moves = (~(abs(f) <= _FIXED * terms)).any(axis=(-2, -1)) & ~unknown
-    moves = np.broadcast_to(moves, states.batch)
+    y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+    half_slopes = np.einsum("...ijk,...k->...ij", table, y)
+    f = np.einsum("...ij,...j->...i", half_slopes, y)
+    terms = np.einsum("...ijk,...j,...k->...i", abs(table), abs(y), abs(y))
+    moves = ~(abs(f) <= _FIXED * terms) & ~np.isnan(x)
     if moves.any():
+        moves = np.broadcast_to(moves.any(axis=-1), states.batch)
         where = f", first: {spell(first_index(moves))}" if states.batch else ""
         raise ValueError(
             f"{states.name}: expected fixed points of the map, got {np.count_nonzero(moves)} other "
@@ -241,28 +221,21 @@ def _slopes_at_fixed_points(states: States) -> FloatArray:
     return np.asarray(2.0 * half_slopes[..., :-1])
 
 
-def _eigenvalues(matrices: FloatArray) -> NDArray[Any]:
-    """Return eigenvalues, complex; NaN for matrices that are not finite."""
-    known = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))[..., np.newaxis]
-    found = np.linalg.eigvals(np.where(known[..., np.newaxis], matrices, 0.0))
-    return np.where(known, found.astype(complex), np.nan)
-
-
-def _rates_of_body(states: States, slopes: FloatArray) -> NDArray[Any]:
-    """Return the eigenvalues of f' at steady states of a body, (..., m), of which one is 0."""
+def _rates(states: States, slopes: FloatArray) -> NDArray[Any]:
+    """Return the eigenvalues of f' (..., D), of which that along a line of steady states is 0."""
     body, x = states.body, states.omega
-    if isinstance(body, SuslovND) and body.dimension != 2:
+    if isinstance(body, SuslovND):
         along = (body.I * body.I).sum(axis=-1, keepdims=True)
         c = (body.I * x).sum(axis=-1, keepdims=True) / along
         across = np.where(along > 0.0, c * _spectrum(body.J, body.I), 0.0)
         return np.concatenate([across, np.zeros((*across.shape[:-1], 1))], axis=-1)
-    trace = np.trace(slopes, axis1=-2, axis2=-1)
-    rates = np.stack([trace, 0.0 * trace], axis=-1)
-    if not isinstance(body, SuslovGyrostat):
-        return rates
-    speed = np.asarray(body.k / np.sqrt(body.I1 * body.I2))[..., np.newaxis]
-    pair = 1j * speed * np.array([1.0, -1.0])  # at rest, where f' turns
-    return np.where((x == 0.0).all(axis=-1, keepdims=True) & (speed != 0.0), pair, rates)
+    if not isinstance(body, BodyIn3D):
+        return np.linalg.eigvals(slopes).astype(complex)
+    I1, I2, _, _, k = body.parameters
+    trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
+    root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
+    rates = 0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0])
+    return np.asarray(rates if isinstance(body, SuslovGyrostat) else rates.real)
 
 
 def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
@@ -274,9 +247,83 @@ def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
     poles = square.sum(axis=-1, keepdims=True) / J
     bounds = np.sort(poles, axis=-1)
     low, high = bounds[..., :-1], bounds[..., 1:]
-    square, poles = square[..., np.newaxis, :], poles[..., np.newaxis, :]
-    for _ in range(80):
-        middle = np.where(high > 4.0 * low, np.sqrt(low) * np.sqrt(high), 0.5 * (low + high))
-        above = (square / (poles - middle[..., np.newaxis])).sum(axis=-1) < 0.0
+    for _ in range(64):
+        middle = np.sqrt(low) * np.sqrt(high)
+        distances = poles[..., np.newaxis, :] - middle[..., np.newaxis]
+        above = (square[..., np.newaxis, :] / distances).sum(axis=-1) < 0.0
         low, high = np.where(above, middle, low), np.where(above, high, middle)
     return high
+
+
+def lyapunov_exponents(
+    body: BodyOrField,
+    omega0: ArrayLike,
+    eps: ArrayLike,
+    steps: int,
+    transient: int = 0,
+    *,
+    threads: int | None = None,
+) -> FloatArray:
+    """Lyapunov exponents of orbits over a number of steps.
+
+    The product of the derivatives of the map along the orbit is decomposed as Q R after each step;
+    the exponents are the mean logarithms of the diagonal of R. Their sum is the mean of
+    ``log |det DPhi|``, with an error below 1e-10 of the mean of its modulus.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        A single one, or a batch.
+    omega0 : array_like(float, shape=(..., D))
+        States 0.
+    eps : array_like(float, shape=(...))
+        Step size, in the unit of time of omega0.
+    steps : int
+        Number of steps of the mean, 1 or more.
+    transient : int
+        Number of steps before the mean begins.
+    threads : int, optional
+        Number of threads, by default Numba's. Results do not depend on it.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., D))
+        Exponents per step, dimensionless, the largest first; divide by eps for rates. -inf if a
+        step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, lyapunov_exponents
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
+    array([ 0.    , -0.0805])
+    """
+    states = check(body, Body, {"omega0": omega0, "eps": eps}, threads)
+    steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
+    start = states_after(states, transient) if transient else states.omega
+    with np.errstate(all="ignore"):
+        sums, of_det = _growth(states, arguments.flat_arrays(start, states.batch), steps)
+        others = sums[:, :-1].sum(axis=1)
+        # The last follows from the others and the determinant, unless these are 0.
+        sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
+    sums[np.isnan(sums).any(axis=1)] = np.nan
+    found = -np.sort(-sums / steps, axis=1).reshape((*states.batch, body.dimension))
+    return reported(states, found, axes=1, poles=True)
+
+
+def _growth(states: States, start: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
+    """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
+    (places, values), (B, D), batch = terms_of(states.body), start.shape, states.batch
+    flat = arguments.flat_parameter
+    parameters = places, flat(values, batch, 1), flat(states.eps, batch)
+    sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, D + D * D))
+    after = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
+    cost = 4 * D**3 + len(places[0])
+    width = max(min(B, _STRETCH // cost), 1)
+    length = max(_STRETCH // (cost * width), 1)
+    for begin in range(0, B, width):
+        for first in range(0, steps, length):
+            span = begin, min(begin + width, B), first, min(first + length, steps)
+            work, before = cost * width * length, (parameters, start, carry, span)
+            call_kernel(tangent.growth, work, states.threads, *before, *after)
+    return sums, of_det

@@ -1,11 +1,8 @@
 """The way of a function of a state from its arguments to a universal function and its result.
 
 To add one, write its formula in `core.quantities`, as a universal function of the arguments that
-all have, and call `evaluate` with it. A field has functions of `States` in place of formulas, most
-of them `by_terms`.
+all have, and call `evaluate` with it.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
@@ -13,43 +10,40 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
-from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, first_index, real_array, spell, warn
-from ..core.universal import Universal
-from ..engine.arguments import States, check
+from ..core.numba import Universal
+from ..engine.arguments import BodyIn3D, States, check
 from ..engine.status import SingularStepWarning
-
-OfState = Universal | Callable[[States], FloatArray]
 
 
 def evaluate(
     body: Any,
+    kinds: Any,
     arguments: dict[str, Any],
-    in_3d: OfState,
-    in_nd: OfState | None = None,
-    of_field: OfState | None = None,
+    in_3d: Universal,
+    in_nd: Universal | None = None,
+    otherwise: Universal | Callable[[States], FloatArray] | None = None,
     *,
     axes: int = 0,
     poles: bool = False,
+    components: tuple[str, ...] | None = None,
 ) -> FloatArray:
     """Check the arguments of a public function, and return the quantity, which has `axes` axes.
 
-    A body may be of n dimensions if there is `in_nd`, or a field if there is `of_field`. With
-    `poles`, infinite values have a meaning.
+    Bodies of all `kinds` but those that have a formula of their own take `otherwise`: a formula of
+    the terms of their equations, or a function of `States`. With `poles`, infinite values have a
+    meaning.
     """
-    kinds: tuple[Any, ...] = (Suslov3D, SuslovGyrostat)
-    kinds += (SuslovND,) * bool(in_nd) + (QuadraticField,) * bool(of_field)
-    states, quantity = check(body, kinds, arguments, later=True), in_3d
-    if isinstance(body, SuslovND):
-        quantity = in_nd or in_3d
-    elif isinstance(body, QuadraticField):
-        quantity = of_field or in_3d
-    if isinstance(quantity, Universal):
-        found = quantity(*body.parameters, states.eps, states.omega)
+    states = check(body, kinds, arguments, components=components, later=True)
+    own = in_nd if isinstance(body, SuslovND) else None
+    formula = in_3d if isinstance(body, BodyIn3D) else own
+    if formula:
+        found = formula(*body.parameters, states.eps, states.omega)
+    elif isinstance(otherwise, Universal):
+        found = by_terms(otherwise, states, terms_of(body))
     else:
-        found = quantity(states)
+        found = otherwise(states)  # type: ignore[misc]
     return reported(states, found, axes, poles)
 
 
@@ -65,21 +59,19 @@ def terms_of(body: Any) -> tuple[Any, FloatArray]:
     return places, values
 
 
-def by_terms(
-    formula: Universal, states: States, *after: FloatArray, terms: Any = None
-) -> FloatArray:
-    """Return a quantity by a formula of terms, by default of the equations, and of more states.
+def by_terms(formula: Universal, states: States, terms: Any, *after: FloatArray) -> FloatArray:
+    """Return a quantity by a formula of terms, and of more states than one.
 
     Formulas take the states of a single field in rows, which are the last axis of the batch.
     """
     body, omega, eps, batch, *_ = states
     arrays = [np.broadcast_to(each, (*batch, body.dimension)) for each in (omega, *after)]
     arrays.insert(0, np.broadcast_to(eps, batch))
-    one_by_one = bool(body.shape) or not batch
-    if one_by_one:
+    in_rows = bool(batch) and not body.shape
+    if not in_rows:
         arrays = [np.expand_dims(each, len(batch)) for each in arrays]
-    found: FloatArray = formula(*(terms or terms_of(body)), *arrays)
-    return found.reshape(batch + found.shape[len(batch) + 1 :]) if one_by_one else found
+    found: FloatArray = formula(*terms, *arrays)
+    return found if in_rows else found.squeeze(axis=len(batch))
 
 
 def reported(states: States, found: FloatArray, axes: int, poles: bool = False) -> FloatArray:
@@ -95,8 +87,7 @@ def reported(states: States, found: FloatArray, axes: int, poles: bool = False) 
     lost = np.isnan(found) if poles else ~np.isfinite(found)
     lost = lost.any(axis=tuple(range(-axes, 0))) & ~unknown
     if lost.any():
-        where = spell(first_index(lost))
         message = f"{np.count_nonzero(lost)} of {lost.size} states: singular step or out of range"
-        warn(f"{message}, first: {where}", SingularStepWarning)
+        warn(f"{message}, first: {spell(first_index(lost))}", SingularStepWarning)
     missing = np.reshape(unknown | lost, (*states.batch, *(1,) * axes))
     return np.where(missing, np.nan, found)[()]

@@ -1,9 +1,10 @@
-"""Fixed points of fields, by elimination over the rationals."""
-
-from __future__ import annotations
+"""Fixed points of fields, by elimination over the rationals with python-flint."""
 
 import math
+from collections.abc import Sequence
+from decimal import Context, Decimal
 from fractions import Fraction
+from itertools import count, product
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,23 @@ from ..bodies.base import Body
 from ..bodies.field import QuadraticField
 from ..checks import FloatArray, wrong
 
+try:
+    import flint
+except ImportError:  # in one variable it is not needed
+    flint = None
+
+Points = set[tuple[float, ...]]
+
 _BEYOND = "scipy.optimize.root(lambda x: vector_field(field, x), x0) finds one near x0"
-# Bits of a square root before it is rounded.
-_BITS = 192
+# Bits of the numbers from which coordinates are rounded first, and that they have at least.
+_BITS, _LEAST_BITS = 192, 100
 
 
 def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
     """All real fixed points of a field, which are those of its Kahan map for every step size.
+
+    Groebner bases reduce the equations to irreducible ones in one variable, and the points are
+    polynomials in their roots.
 
     Parameters
     ----------
@@ -36,31 +47,17 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
     ------
     ValueError
         If there are more than 3 variables, or infinitely many fixed points, as of all Suslov
-        bodies, or if a batch has several axes.
+        bodies, or if a batch has several axes. For D = 3 complex fixed points that form an
+        irreducible curve, such as that of two ellipsoids, count, even if none of them is real.
     ImportError
         For D > 1 without python-flint (extra `algebra`).
-
-    Notes
-    -----
-    Groebner bases reduce the equations to irreducible ones in one variable, and the points are
-    polynomials in their roots. For D = 3, complex fixed points that form an irreducible curve, such
-    as that of two ellipsoids, count as infinitely many, even if none or one of them is real.
 
     Examples
     --------
     >>> from suslov_fast import QuadraticField, fixed_points
-    >>> field = QuadraticField.from_function(
-    ...     lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 3 * x[2]), 3
-    ... )
-    >>> fixed_points(field)
-    array([[-9., -9., 27.],
-           [ 0.,  0.,  0.],
-           [ 9.,  9., 27.]])
-    >>> family = QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[-1.0, 1.0, 4.0])
-    >>> fixed_points(family)
-    [array([], shape=(0, 1), dtype=float64), array([[-1.],
-           [ 1.]]), array([[-2.],
-           [ 2.]])]
+    >>> fixed_points(QuadraticField.from_function(lambda x: (x[0] - x[1], x[0] * x[1] - 4), 2))
+    array([[-2., -2.],
+           [ 2.,  2.]])
     """
     whole = QuadraticField.of(field)
     if whole.dimension > 3:
@@ -78,8 +75,11 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
 
 def _points_of(field: Any) -> FloatArray:
     """Return the fixed points of a single field in ascending order."""
+    if flint is None and field.dimension > 1:
+        install = "pip install '.[algebra]' in a copy of the repository"
+        raise ImportError(f"expected python-flint, got none: {install}")
     try:
-        points = _roots(field) if field.dimension == 1 else _eliminated(field)
+        points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
     except OverflowError:
         raise wrong("field", "fixed points in the range of float64", "others") from None
     if points is None:
@@ -95,20 +95,10 @@ def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:
     distances = np.linalg.norm((before[:, np.newaxis] - points) / scale, axis=-1)
     _, continued = linear_sum_assignment(distances)
     new = np.setdiff1d(np.arange(len(points)), continued)
-    order = np.concatenate([continued, new]).astype(np.intp)
-    return np.asarray(points[order])
+    return np.asarray(points[np.concatenate([continued, new]).astype(np.intp)])
 
 
-def _eliminated(field: Any) -> set[tuple[float, ...]] | None:
-    try:
-        from .real_zeros import real_zeros
-    except ImportError as error:
-        install = "pip install '.[algebra]' in a copy of the repository"
-        raise ImportError(f"expected python-flint, got none: {install}") from error
-    return real_zeros(field.components)
-
-
-def _roots(field: Any) -> set[tuple[float, ...]] | None:
+def _roots(field: Any) -> Points | None:
     """Return the roots of the equation in one variable; None if it is 0."""
     a, half_b, c = (Fraction(field.table[(0, *place)]) for place in ((0, 0), (0, 1), (1, 1)))
     if not a:
@@ -116,7 +106,120 @@ def _roots(field: Any) -> set[tuple[float, ...]] | None:
     middle, square = -half_b / a, (half_b * half_b - a * c) / (a * a)
     if square <= 0:
         return {(float(middle),)} if square == 0 else set()
-    scale = 1 << (_BITS + square.denominator.bit_length())
-    root = Fraction(math.isqrt(square.numerator * scale * scale // square.denominator), scale)
+    digits = Context(prec=60)
+    quotient = digits.divide(Decimal(square.numerator), Decimal(square.denominator))
+    root = Fraction(digits.sqrt(quotient))
     larger = middle + root if middle >= 0 else middle - root  # where nothing cancels
     return {(float(larger),), (float(c / a / larger),)}
+
+
+def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:
+    """Return the real common zeros of ``flint.fmpq_mpoly``, None if there are infinitely many.
+
+    If there are finitely many complex zeros, those for each irreducible factor of the minimal
+    polynomial of the linear form x1 + weight x2 + weight**2 x3 are found from its roots, with
+    another weight if the form has equal values at different points.
+    """
+    context = equations[0].context()
+    x = context.gens()
+    basis = _groebner_basis(equations)
+    equations = [context.from_dict({m[:-1]: c for m, c in p.to_dict().items()}) for p in basis]
+    matrices = _multiplications(basis, len(x))
+    products = equations
+    if matrices is not None:
+        if not matrices[0].nrows():
+            return set()
+        form = sum((a * weight**i for i, a in enumerate(matrices)), matrices[0] * 0)
+        minimal, linear = form.minpoly(), sum(a * weight**i for i, a in enumerate(x))
+        products = [sum(c * linear**k for k, c in enumerate(minimal.coeffs()))]
+    for each in products:
+        _, factors = each.factor()
+        if len(factors) > 1 or any(power > 1 for _, power in factors):
+            parts = [_real_zeros([*equations, factor], weight) for factor, _ in factors]
+            return None if None in parts else set().union(*parts)  # type: ignore[arg-type]
+    if matrices is not None:
+        if minimal.degree() < form.nrows():
+            return _real_zeros(equations, weight + 1)
+        return _points_at(_in_powers(form, matrices), minimal)
+    # Where a quadric has no two values of opposite sign, its real zeros are critical points.
+    squares = [p.derivative(i) for p in equations if _is_semidefinite(p) for i in range(len(x))]
+    return _real_zeros([*equations, *squares]) if squares else None
+
+
+def _groebner_basis(equations: Sequence[Any]) -> Any:
+    """Return a reduced Groebner basis over the integers in one variable more, `unit`."""
+    names = *equations[0].context().names(), "unit"
+    context = flint.fmpz_mpoly_ctx.get(names, ordering="degrevlex")
+    integral = []
+    for each in equations:
+        scale = math.lcm(*(int(c.q) for c in each.coeffs()))
+        terms = {(*m, 0): int((c * scale).p) for m, c in each.to_dict().items()}
+        integral.append(context.from_dict(terms))
+    basis = flint.fmpz_mpoly_vec(integral, context).buchberger_naive()
+    return basis.autoreduction(groebner=True)
+
+
+def _multiplications(basis: Any, D: int) -> list[Any] | None:
+    """Return the matrices of multiplication by each variable modulo an ideal.
+
+    They act on rows of coefficients of the monomials that no leading one divides, the first of
+    which is 1. None if these are infinitely many. Remainders are known up to a factor, which is
+    that of `unit`.
+    """
+    leading = [each.monoms()[0] for each in basis]
+    powers = [[int(m[i]) for m in leading if m[i] == sum(m)] for i in range(D)]
+    if not all(powers):
+        return None
+    box = product(*(range(min(each)) for each in powers), [0])
+    below = [m for m in box if not any(all(map(int.__le__, map(int, head), m)) for head in leading)]
+    context = basis[0].context()
+    *x, unit = context.gens()
+
+    def row(polynomial: Any) -> list[Any]:
+        remainder = (polynomial + unit).reduction_primitive_part(basis)
+        return [flint.fmpq(remainder[m], remainder[(*[0] * D, 1)]) for m in below]
+
+    return [flint.fmpq_mat([row(a * context.from_dict({m: 1})) for m in below]) for a in x]
+
+
+def _in_powers(form: Any, matrices: Sequence[Any]) -> list[Any]:
+    """Return matrices of multiplication as polynomials in that of a form that generates all."""
+    size = form.nrows()
+    rows = [flint.fmpq_mat(1, size, [1] + [0] * (size - 1))]
+    for _ in range(size - 1):
+        rows.append(rows[-1] * form)
+    powers = flint.fmpq_mat([row.entries() for row in rows]).transpose()
+    found = (powers.solve((rows[0] * each).transpose()) for each in matrices)
+    return [flint.fmpq_poly(each.entries()) for each in found]
+
+
+def _points_at(coordinates: Sequence[Any], minimal: Any) -> Points:
+    """Return the values of polynomials of lower degree at the real zeros of an irreducible one."""
+    for bits in (_BITS << k for k in count()):
+        with flint.ctx.workprec(bits):
+            zeros = [zero.real for zero, _ in minimal.complex_roots() if zero.imag.is_zero()]
+            points = [[flint.arb_poly(each)(zero) for each in coordinates] for zero in zeros]
+        if all(v.is_zero() or v.rel_accuracy_bits() > _LEAST_BITS for p in points for v in p):
+            break
+    return {tuple(map(_rounded, point)) for point in points}
+
+
+def _rounded(value: Any) -> float:
+    """Return a float; OverflowError if it is out of range."""
+    middle = value.mid().fmpq()
+    return int(middle.p) / int(middle.q)
+
+
+def _is_semidefinite(polynomial: Any) -> bool:
+    """Return whether a polynomial is of degree 2 and has no two values of opposite sign."""
+    if polynomial.total_degree() != 2:
+        return False
+    D = len(polynomial.context().gens())
+    matrix = flint.fmpq_mat(D + 1, D + 1)  # twice that of the quadratic form in x and 1
+    for powers, c in polynomial.terms():
+        places = [i for i, power in enumerate(powers) for _ in range(int(power))]
+        i, j = (*places, D, D)[:2]
+        matrix[i, j] += c
+        matrix[j, i] += c
+    # All eigenvalues are real, so the coefficients have one sign if none is positive.
+    return any(min((sign * matrix).charpoly().coeffs()) >= 0 for sign in (1, -1))

@@ -1,29 +1,43 @@
-"""Runs larger than memory: tiles of the batch, each written to its part of a Zarr store."""
+"""Runs larger than memory: tiles of the batch, each written to its part of a Zarr store.
 
-from __future__ import annotations
+A store is made when its metadata are consolidated; a tile is there when its `status` is.
+"""
 
+import errno
+import hashlib
+import inspect
 import math
+import os
+import shutil
+import threading
+import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from itertools import islice, product
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import FloatArray, common_shape, instance, integer, states, wrong
-from ..engine.progress import Progress, check_progress, reporter
-from ..engine.starts import RandomStarts
+from .. import checks
+from ..checks import FloatArray, wrong
+from ..engine.arguments import RandomStarts, require
+from ..engine.stretches import Progress, check_progress, reporter
 from ..maps import map_of
-from . import store as stores
 from .iterate import _begin, _counts, pieces
+from .trajectories import Trajectories
 
 if TYPE_CHECKING:
     import distributed
     import xarray
 
+# Version of the format, and the status of trajectories that are not computed.
+FORMAT, PENDING = 6, -128
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
 # least number of trajectories that keep a processor busy; tiles queued per thread of a worker.
-_CHUNK, _WORK, _FEWEST, _WAITING = 2**24, 2**31, 2**12, 2
+_CHUNK, _WORK, _FEWEST, _WAITING = 2**23, 2**31, 2**12, 4
+_ONE_AT_A_TIME = threading.Lock()
 
 Where = tuple[slice, ...]
 Run = dict[str, Any]  # the arguments of a run, or of a tile of it
@@ -43,35 +57,30 @@ def ensemble(
     coords: Mapping[Any, Any] | None = None,
     chunk: int | Mapping[str, int] | None = None,
     functions: Mapping[str, Callable[[FloatArray], ArrayLike]] | None = None,
-    client: distributed.Client | None = None,
+    client: "distributed.Client | None" = None,
     progress: Progress = None,
-) -> xarray.Dataset:
+) -> "xarray.Dataset":
     """Iterate a batch of any size into a Zarr store.
 
-    States are those of :func:`iterate`, bit for bit. The batch is cut into tiles, each of which is
-    written when it is computed: if the process ends early, the same call computes the others.
+    States are those of :func:`iterate`, bit for bit. Each tile of the batch is written when it is
+    computed; if the process ends early, the same call computes the others.
 
     Parameters
     ----------
     body, eps, steps, save_every, method, attitude, progress
         As in :func:`iterate`.
     omega0 : array_like(float, shape=(..., D)) or RandomStarts
-        Initial states. Memory maps and Dask arrays are read in parts, twice: the first time for
-        the digest that identifies them.
+        Initial states; memory maps and Dask arrays are read in parts, twice.
     store : str, path-like or Zarr store
         The name of a folder, a URL that fsspec supports, or a Zarr store object.
-    dims : str or sequence of str, optional
-        Names of the axes of the batch. A parameter, or "eps", that varies along the axis of its
-        name alone becomes the coordinate of that axis, so that ``.sel(eps=0.2)`` works.
-    coords : mapping, optional
-        More coordinates, as `xarray.Dataset` takes them.
+    dims, coords : optional
+        As in :meth:`Trajectories.to_xarray`.
     chunk : int or mapping, optional
-        Number of trajectories in a tile, or sizes along `dims` and "n", the saved states; by
-        default chunks of 16 MiB or less. Results do not depend on it; a store keeps its own.
+        Number of trajectories in a tile, or sizes along `dims` and "n"; a store keeps its own.
     functions : mapping of str to callable, optional
-        Functions of states (..., D) with real values (...), which are stored beside the saved
-        states under these names. Names and source texts are part of what identifies the run; the
-        values of variables that a source uses are not. With `client` they must be picklable.
+        Functions of the saved states (..., D), whose real values (...) are stored under these
+        names. Names and source texts identify the run; values of variables that a source uses do
+        not. With `client` they must be picklable.
     client : distributed.Client, optional
         Computes the tiles on its workers, which have access to the store.
 
@@ -93,36 +102,33 @@ def ensemble(
     >>> from suslov_fast import RandomStarts, Suslov3D, ensemble
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     runs = ensemble(
-    ...         body, RandomStarts(1000, 2.0), 0.2, 100, store=f"{folder}/runs.zarr", save_every=50
-    ...     )
-    ...     print(dict(runs.omega.sizes), int((runs.status < 0).sum()))
-    {'n': 3, 'trajectory': 1000, 'component': 2} 0
+    ...     runs = ensemble(body, RandomStarts(9, 2.0), 0.2, 100, store=f"{folder}/runs.zarr")
+    ...     print(dict(runs.final.sizes), int((runs.status < 0).sum()))
+    {'trajectory': 9, 'component': 2} 0
     """
     check_progress(progress)
     if client is not None and not hasattr(client, "nthreads"):
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
-    map_of(body)
-    given = _begin(body, np.zeros(body.dimension), eps, method, attitude, None)[1]
+    given = _begin(body, RandomStarts((), 1.0), eps, method, attitude, None)[1]
     is_random = isinstance(omega0, RandomStarts)
     if not (is_random or isinstance(omega0, np.memmap) or hasattr(omega0, "dask")):
-        omega0 = states("omega0", omega0, body._labels)
+        omega0 = checks.states("omega0", omega0, body._labels)
     shape = omega0.shape if is_random else omega0.shape[:-1]
     if not is_random and (omega0.shape[-1:] != (body.dimension,) or np.isnan(shape).any()):
         raise wrong("omega0", f"known shape (..., {body.dimension})", omega0.shape)
-    batch = common_shape({"omega0": shape, "the other arguments": given.batch})
+    batch = checks.common_shape({"omega0": shape, "the other arguments": given.batch})
     steps, save_every = _counts(steps, save_every)
     run = {"body": body, "omega0": omega0, "eps": given.eps, "steps": steps, "method": method}
     run |= {"save_every": save_every, "attitude": given.orientation}
     functions = functions or {}
-    instance("functions", functions, Mapping)
-    place, data = stores.resolved(store), stores.template(run, batch, functions, dims, coords)
-    stores.prepare(place, data, _sizes(data, chunk))
-    _compute_missing(run, functions, place, client, progress)
-    return open_ensemble(place)
+    checks.instance("functions", functions, Mapping)
+    store, data = _resolved(store), _template(run, batch, functions, dims, coords)
+    _prepare(store, data, _sizes(data, chunk))
+    _compute_missing(run, functions, store, client, progress)
+    return open_ensemble(store)
 
 
-def open_ensemble(store: Any) -> xarray.Dataset:
+def open_ensemble(store: Any) -> "xarray.Dataset":
     """Open a store of :func:`ensemble`, finished or not.
 
     Parameters
@@ -133,14 +139,14 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        Lazy, with the names of :meth:`Trajectories.to_xarray` and the functions. Its attributes
-        are the arguments of the run. Where nothing is computed yet `status` is -128 and states are
-        NaN. Reading a damaged chunk is an error.
+        Lazy, with the names of :meth:`Trajectories.to_xarray` and the functions; the attributes
+        are the arguments of the run. What is not computed yet is NaN, and its `status` -128.
+        Reading a damaged chunk is an error.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If there is nothing of that name, or something else.
+        If there is nothing, or something else.
 
     Examples
     --------
@@ -154,33 +160,195 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     """
     import xarray
 
-    place = stores.resolved(store)
-    if not stores.attributes(place)[1]:
-        raise wrong("store", "a store of ensemble", f"none at {place}", FileNotFoundError)
-    data = xarray.open_zarr(place, consolidated=True, chunks={})
+    store = _resolved(store)
+    if not _opened(store)[1]:
+        raise wrong("store", "a store of ensemble", f"none at {store}", FileNotFoundError)
+    data = xarray.open_zarr(store, consolidated=True, chunks={})
     return data.assign_coords(time=data.n * data.eps)
+
+
+def _resolved(store: Any) -> Any:
+    """Return a store that other processes can open: folders as absolute paths."""
+    from zarr.abc.store import Store
+
+    checks.instance("store", store, (str, os.PathLike, Store))
+    elsewhere = isinstance(store, Store) or "://" in os.fspath(store)
+    return store if elsewhere else os.path.abspath(store)
+
+
+def _template(run: Run, batch: tuple[int, ...], functions: Any, dims: Any, coords: Any) -> Any:
+    """Return the dataset of a run, with its arguments as attributes and nothing computed."""
+    body, every, D = run["body"], run["save_every"], run["body"].dimension
+    rows = 1 if every is None else run["steps"] // every + 1
+    require(8 * rows, "raise save_every")
+    fills: dict[str, Any] = {
+        "states": np.broadcast_to(np.nan, (rows, *batch, D)),
+        "final": np.broadcast_to(np.nan, (*batch, D)),
+        "failed_at": np.broadcast_to(np.int64(PENDING), batch),
+        "status": np.broadcast_to(np.int8(PENDING), batch),
+    }
+    if run["attitude"] is not None:
+        fills["attitude"] = np.broadcast_to(np.nan, (rows, *batch, D + 1, D + 1))
+    whole = {**run, "attitude": None, **fills, "_map": map_of(body)}
+    data = Trajectories._of(whole).to_xarray(dims, coords).drop_vars("time")
+    sources = {}
+    for name, function in functions.items():
+        if name in (*data.variables, "time"):
+            raise wrong("functions", "names that the dataset does not have", repr(name))
+        try:
+            sources[name] = inspect.getsource(function)
+        except (TypeError, OSError) as error:
+            received = f"{name}: {function!r}"
+            raise wrong("functions", "functions with a source", received, TypeError) from error
+        _values(name, function, np.full((3, D), 0.5))  # errors come before anything is stored
+        data[name] = (("n", *data.status.dims), np.broadcast_to(np.nan, (rows, *batch)))
+    if any("/" in str(name) for name in data.variables):
+        raise wrong("dims, coords and functions", "names without /", ", ".join(map(str, data)))
+    for name in {map_of(body).variable, *fills, *functions} - {"states"}:
+        data[name].encoding["fill_value"] = PENDING if data[name].dtype.kind == "i" else np.nan
+    return data.assign_attrs(_about(run, data, sources, coords))
+
+
+def _about(run: Run, data: Any, sources: dict[str, str], coords: Any) -> dict[str, Any]:
+    """Return the arguments of a run, which identify it, as attributes of its store."""
+    body = run["body"]
+    arrays = {**body._arrays, **body._coordinates, "eps": np.asarray(run["eps"])}
+    if run["attitude"] is not None:
+        arrays["attitude"] = run["attitude"]
+    about = {name: _described(name, each) for name, each in arrays.items()}
+    about["omega0"] = _described("omega0", run["omega0"], few=0)
+    labels = {name: data[name].values.tolist() for name in coords or ()}
+    for name, entries in (("functions", sources), ("coords", labels)):
+        digest = hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()
+        about |= {name: f"{', '.join(entries)}, sha256 {digest}"} if entries else {}
+    about |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims), "format": FORMAT}
+    return about
+
+
+def _described(name: str, array: Any, few: int = 1000) -> Any:
+    """Return a few numbers as they are; of many, read in parts, number, range and a digest."""
+    if isinstance(array, RandomStarts):
+        return repr(array)
+    if array.size <= few:
+        return array.tolist()
+    digest, low, high = hashlib.sha256(str(array.shape).encode()), np.inf, -np.inf
+    step = max(1, 2**21 // max(1, math.prod(array.shape[1:])))  # 16 MiB
+    for k in range(0, len(array), step):
+        part = checks.real_array(name, np.asarray(array[k : k + step]), allow_nan=True)
+        low = np.fmin.reduce(part, axis=None, initial=low)
+        high = np.fmax.reduce(part, axis=None, initial=high)
+        digest.update(np.ascontiguousarray(part).data)
+    return f"{array.size} values from {low:g} to {high:g}, sha256 {digest.hexdigest()}"
+
+
+def _in_words(value: Any) -> str:
+    """Return an attribute without the digest, and an array by number and range."""
+    text = str(_described("store", np.array(value), 0) if isinstance(value, list) else value)
+    return text.partition(", sha256")[0]
+
+
+def _values(name: str, function: Any, points: FloatArray) -> Any:
+    """Return the values of a function of states."""
+    values = np.asarray(function(points))
+    if values.shape != points.shape[:-1] or values.dtype.kind not in "buif":
+        received = f"{name} with {values.dtype} {values.shape} for states {points.shape}"
+        raise wrong("functions", "real values (...) for states (..., D)", received)
+    return values
 
 
 def _sizes(data: Any, chunk: Any) -> dict[str, int]:
     """Return the lengths of chunks: tiles along the last axes, and saved states."""
     lengths = {"n": data.sizes["n"], **data.status.sizes}
     expected = f"a number of trajectories, or sizes along {', '.join(map(str, lengths))}"
-    largest = max(each.nbytes for name, each in data.items() if "fill_value" in each.encoding)
-    width = max(1, largest // max(1, math.prod(lengths.values())))
     given = dict(chunk) if isinstance(chunk, Mapping) else {}
     if unknown := given.keys() - lengths:
         raise wrong("chunk", expected, ", ".join(map(str, unknown)))
+    width = 8 * max(data.sizes["component"], data.sizes.get("space", 0) ** 2)
     few = min(_CHUNK // (width * lengths["n"]), _WORK // (data.attrs["steps"] + 1))
     left = max(_FEWEST, few) if chunk is None or given else chunk
     sizes: dict[str, int] = {}
     for name in reversed(lengths):
         if name == "n":
             left = max(1, _CHUNK // (width * math.prod(sizes.values())))
-        most = integer("chunk", given.get(name, left), 1, expected)
+        most = checks.integer("chunk", given.get(name, left), 1, expected)
         parts = max(1, -(-lengths[name] // most))  # of equal size, since all take as much space
         sizes[name] = max(1, -(-lengths[name] // parts))
         left = max(1, left // sizes[name])
     return sizes
+
+
+def _opened(store: Any) -> tuple[dict[str, Any], bool]:
+    """Return the attributes of a store, {} if there is none, and whether all of it was made."""
+    import zarr
+
+    try:
+        root = zarr.open_group(store, mode="r")
+    except FileNotFoundError:
+        return {}, False
+    if root.attrs and root.attrs.get("format") != FORMAT:
+        version = root.attrs.get("version") or root.attrs.get("source")
+        of = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
+        raise wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {of}")
+    return dict(root.attrs), root.metadata.consolidated_metadata is not None
+
+
+def _prepare(store: Any, data: Any, sizes: dict[str, int]) -> None:
+    """Create the store of a run, or check that it holds this run."""
+    (stored, is_made), texts = _opened(store), []
+    for name in dict.fromkeys([*data.attrs, *stored]) if stored else ():
+        if name not in ("version", "coordinates") and data.attrs.get(name) != stored.get(name):
+            ours, theirs = (_in_words(each.get(name)) for each in (data.attrs, stored))
+            texts.append(f"{name}: {ours}, the store has {'others' if ours == theirs else theirs}")
+    if texts:
+        received = f"{store} of another run: {'; '.join(texts)}"
+        raise wrong("store", "a new name, or the store of this run", received)
+    if isinstance(store, str) and "://" not in store:
+        _require_space(Path(store), data)
+    if not is_made:
+        _create(store, data, sizes)
+
+
+def _require_space(folder: Path, data: Any) -> None:
+    """Raise an error if a folder holds other data, or its disk has no space for what it lacks."""
+    there = [path for path in folder.rglob("*") if path.suffix != ".partial"]
+    known = {"zarr.json", *map(str, data.variables)}
+    if others := {path.relative_to(folder).parts[0] for path in there} - known:
+        raise wrong("store", "a new name or a store", f"{folder} with {min(others)} in it")
+    needed = data.nbytes - sum(path.stat().st_size for path in there if path.is_file())
+    free = shutil.disk_usage(next(each for each in folder.parents if each.exists())).free
+    if needed > free:
+        received = f"{free:,} bytes, fewer than the {needed:,} of the run: raise save_every"
+        raise OSError(errno.ENOSPC, f"expected space for the run, got {received}", str(folder))
+
+
+def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
+    """Make the arrays of a store, which an interrupted call or another process may have begun."""
+    import zarr
+
+    labels = " ".join(str(name) for name in data.coords if name not in data.dims)
+    about = {**data.attrs, "coordinates": labels}  # as xarray reads it
+    with suppress(zarr.errors.ContainsGroupError):
+        zarr.create_group(store, zarr_format=3, attributes=about)
+    root = zarr.open_group(store, mode="r+", use_consolidated=False)
+    for name, variable in data.variables.items():
+        fill = variable.encoding.get("fill_value")
+        lengths = data.sizes if fill is None else {**data.sizes, **sizes}
+        with suppress(zarr.errors.ContainsArrayError):
+            root.create_array(
+                name,
+                shape=variable.shape,
+                dtype=str if variable.dtype.kind in "OU" else variable.dtype,
+                chunks=tuple(max(1, lengths[dim]) for dim in variable.dims),
+                fill_value=fill,
+                compressors=zarr.codecs.Crc32cCodec(),
+                dimension_names=variable.dims,
+                attributes=variable.attrs,
+            )
+        if fill is None:
+            root[name][...] = variable.values
+    with _ONE_AT_A_TIME, warnings.catch_warnings():  # filters of warnings are those of all threads
+        warnings.simplefilter("ignore", UserWarning)  # consolidated metadata extend the format
+        zarr.consolidate_metadata(store)
 
 
 def _compute_missing(run: Run, functions: Any, store: Any, client: Any, progress: Progress) -> None:
@@ -188,23 +356,22 @@ def _compute_missing(run: Run, functions: Any, store: Any, client: Any, progress
     import zarr
 
     with zarr.config.set({"array.write_empty_chunks": True}):  # to look for them takes time
-        arrays = dict(zarr.open_group(store, mode="r+", use_consolidated=False).arrays())
+        arrays = dict(zarr.open_group(store, mode="r+").arrays())
     status, steps = arrays["status"], run["steps"]
     axes = zip(status.shape, status.chunks, strict=True)
-    sides = [[slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes]
-    missing = (
-        each for each in product(*sides) if (np.asarray(status[each]) == stores.PENDING).any()
-    )
-    with reporter(progress, math.prod(map(len, sides)) * steps) as show:
+    tiles = [*product(*([slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes))]
+    missing = (where for where in tiles if (np.asarray(status[where]) == PENDING).any())
+
+    def submit(where: Where) -> Any:
+        return client.submit(_compute, _tile(run, where), where, functions, arrays, pure=False)
+
+    with reporter(progress, len(tiles) * steps) as show:
         if client is None:
             for done, where in enumerate(missing, start=1):
                 _compute(_tile(run, where), where, functions, arrays, None)
                 show(done * steps)
             return
         from distributed import as_completed
-
-        def submit(where: Where) -> Any:
-            return client.submit(_compute, _tile(run, where), where, functions, arrays, pure=False)
 
         abreast = _WAITING * max(1, sum(client.nthreads().values()))
         futures = as_completed(map(submit, islice(missing, abreast)))
@@ -220,24 +387,23 @@ def _compute(tile: Run, where: Where, functions: Any, arrays: Any, threads: int 
     for piece in pieces(**tile, rows=arrays[variable].chunks[0], threads=threads):
         saved, turns, march = piece
         found = {variable: saved} if turns is None else {variable: saved, "attitude": turns}
-        found |= {name: stores.values(name, f, saved) for name, f in functions.items()}
+        found |= {name: _values(name, f, saved) for name, f in functions.items()}
         for name, values in found.items():
             arrays[name][(slice(row, row + len(saved)), *where)] = values
         row += len(saved)
-    for name in stores.LAST:
+    for name in ("final", "failed_at", "status"):
         arrays[name][where] = getattr(march, name)
 
 
 def _tile(run: Run, where: Where) -> Run:
     """Return the run of a part of the batch, whose initial states are read."""
     body, omega0, turns = run["body"], run["omega0"], run["attitude"]
+    for axis, part in enumerate(_along(body.shape, where)):
+        body = body._part(axis, part)
     if isinstance(omega0, RandomStarts):
-        omega0 = omega0._part(_along(omega0.shape, where), body.dimension)
+        omega0 = omega0._part(_along(omega0.shape, where), run["body"].dimension)
     else:
         omega0 = np.asarray(_cut(omega0, where, 1))
-    if body.shape:
-        arrays = body._arrays.items()
-        body = body._of({name: _cut(each, where, body._axes(name)) for name, each in arrays})
     turns = False if turns is None else _cut(turns, where, 2)
     eps = _cut(np.asarray(run["eps"]), where)
     return {**run, "body": body, "omega0": omega0, "eps": eps, "attitude": turns}

@@ -1,7 +1,5 @@
 """One step and many steps of the map of a body or a field."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Literal
@@ -10,19 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, instance, integer, one_of, warn, wrong
-from ..engine.arguments import BodyOrField, States, check, refuse_rotor
-from ..engine.progress import Progress, check_progress
-from ..engine.starts import RandomStarts
-from ..engine.status import SingularStepWarning
-from ..engine.stretches import March
+from ..checks import FloatArray, instance, integer, one_of, wrong
+from ..core import quantities as formulas
+from ..engine.arguments import BodyOrField, RandomStarts, States, check, refuse_rotor
+from ..engine.status import ON_SINGULAR, OnSingular, report_failures
+from ..engine.stretches import March, Progress, check_progress
 from ..maps import Map, map_of
-from .failures import ON_SINGULAR, OnSingular, report_failures
+from ..quantities.evaluation import reported
 from .trajectories import Trajectories
 
 Method = Literal["auto", "gauss", "rank2"]
-# A determinant below this part of its terms is 0 to rounding.
-_ZERO_TO_ROUNDING = 2.0**-50
 
 
 def step(
@@ -144,7 +139,8 @@ def iterate(
     map, states = _begin(body, omega0, eps, method, attitude, threads)
     steps, save_every = _counts(steps, save_every)
     march = March(map.methods[method], states)
-    run = Trajectories._at_end(map, states, march, method, steps, save_every, progress, out)
+    about = {"body": states.body, "eps": states.eps, "method": method, "_map": map}
+    run = Trajectories._at_end(about, march, steps, save_every, progress, out)
     report_failures(run, on_singular)
     return run
 
@@ -198,7 +194,8 @@ def step_full(
 ) -> FloatArray:
     """One step of the scheme in three components, equation (3) of the paper.
 
-    The constraint requires Omega3 = 0; the scheme itself only changes the sign of Omega3.
+    The constraint requires Omega3 = 0; the scheme itself only changes the sign of Omega3, and
+    unless Omega3 is 0 it has no limit for eps -> 0.
 
     Parameters
     ----------
@@ -217,12 +214,6 @@ def step_full(
         The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`,
         where there is no next state.
 
-    Notes
-    -----
-    Unless Omega3 is 0 the scheme has no limit for eps -> 0: in the example
-    (Omega1_next - Omega1) / eps is -0.174, -2.42, -24.9 for eps = 0.1, 0.01, 0.001; with
-    Omega3 = 0 it is 0.0782, 0.081, 0.0812.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, step_full
@@ -237,30 +228,6 @@ def step_full(
     elif body.I3 is None:
         raise wrong("I3", "a number, or a body whose I3 is set", "neither", TypeError)
     labels = "Omega1", "Omega2", "Omega3"
-    states = check(body, (), {"omega": omega, "eps": eps}, components=labels)
-    w1, w2, w3 = np.moveaxis(states.omega, -1, 0)
-    h, w1, w2 = np.multiply(0.5, states.eps), w1 + 0.0, w2 + 0.0
-    with np.errstate(all="ignore"):
-        d1, d2 = _increments(body, h, w1, w2, w3)
-    following = np.empty((*states.batch, 3))
-    following[..., 0], following[..., 1], following[..., 2] = w1 + d1, w2 + d2, -w3
-    exists = np.isfinite(following).all(axis=-1)
-    following[~exists] = np.nan
-    if failed := np.count_nonzero(~exists & ~np.isnan(states.omega).any(axis=-1)):
-        message = f"{failed} of {exists.size} states: no next state in three components"
-        warn(message, SingularStepWarning)
-    return following
-
-
-def _increments(body: Any, h: Any, w1: Any, w2: Any, w3: Any) -> tuple[Any, Any]:
-    """Solve the first two equations (3) for the increments, with Omega3_next = -Omega3."""
-    I1, I2, I13, I23, I3 = body.I1, body.I2, body.I13, body.I23, body.I3
-    x = I13 * w1 + I23 * w2
-    m11, m12 = I1 + h * (I13 * w2), h * (x + I23 * w2 + (I3 - I2) * w3)
-    m21, m22 = h * ((I1 - I3) * w3 - x - I13 * w1), I2 - h * (I23 * w1)
-    right1 = 2.0 * (I13 * w3 - h * (I23 * w3 * w3 + w2 * x))
-    right2 = 2.0 * (I23 * w3 + h * (I13 * w3 * w3 + w1 * x))
-    det = m11 * m22 - m12 * m21
-    size = abs(m11 * m22) + abs(m12 * m21)
-    det = np.where(abs(det) > _ZERO_TO_ROUNDING * size, det, np.nan)
-    return (m22 * right1 - m12 * right2) / det, (m11 * right2 - m21 * right1) / det
+    states = check(body, Suslov3D, {"omega": omega, "eps": eps}, components=labels)
+    found = formulas.step_full(*body.parameters[:4], body.I3, states.eps, states.omega)
+    return reported(states, found, axes=1)

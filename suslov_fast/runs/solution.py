@@ -5,20 +5,20 @@ component of omega along I, and r the length of what is left, (s, r) is a state 
 I1 = b, I2 = a, I13 = 0 and I23 = abs(I), and the direction of what is left does not change.
 """
 
-from __future__ import annotations
-
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.field import QuadraticField
-from ..bodies.nd import SuslovND, check_solved
+from ..bodies.nd import SuslovND, check_known
+from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, real_number, warn, wrong
 from ..core import closed_form
-from ..engine.arguments import AnyBody, States, check, flat_arrays, flat_parameter, parameters_of
-from ..engine.exact import states_at
+from ..engine.arguments import AnyBody, States, check, flat_arrays, parameters_of
 from ..engine.status import SingularStepWarning
+from ..engine.stretches import states_at
 
 # Why orbits lack states, in the order of the flags of the closed form.
 _REASONS = (
@@ -102,11 +102,6 @@ def flow(
     ndarray(float, shape=(..., D) or (N, ..., D))
         The angular velocities.
 
-    Raises
-    ------
-    NotIntegrableError
-        If no closed form is known for the body; in three dimensions there always is one.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, energy, flow
@@ -139,15 +134,9 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
         where a gyrostat is periodic, if omega0 is NaN, and for the one state of a body at which the
         map, or its inverse, is undefined.
 
-    Raises
-    ------
-    NotIntegrableError
-        If no closed form is known for the body; in three dimensions there always is one.
-
     Notes
     -----
-    This is Proposition 2 in Section 4 of the paper. For eps > 0 the limits are plus and minus
-    2 sqrt(I1 I2 h) (I23, -I13) / D, D = I13**2 I2 + I23**2 I1.
+    This is Proposition 2 in Section 4 of the paper.
 
     Examples
     --------
@@ -158,14 +147,9 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
     given = _checked(body, {"omega0": omega0, "eps": eps})
-    body, omega, eps, *_ = given
-    if not isinstance(body, SuslovND):
-        minus, plus = closed_form.limits(*body.parameters, eps, omega)
-        return minus, plus
-    plane = _in_plane("limits", given)
-    both = closed_form.limits(*plane.body, eps, plane.omega)
-    minus, plus = (_leave_plane(plane, given, each) for each in both)
-    return minus, plus
+    plane, leave = _in_plane("limits", given)
+    minus, plus = closed_form.limits(*plane.body.parameters, plane.eps, plane.omega)
+    return leave(minus), leave(plus)
 
 
 def _checked(body: Any, arguments: dict[str, Any], threads: int | None = None) -> States:
@@ -185,58 +169,47 @@ def _times(name: str, value: Any) -> FloatArray:
 
 def _states_at(name: str, given: States, times: FloatArray) -> FloatArray:
     """Return states of the map or the flow at given times, and warn of those that are missing."""
-    body, omega, eps, batch, threads, *_ = given
-    plane = _in_plane(name, given) if isinstance(body, SuslovND) else None
-    if plane is None:
-        parameters = parameters_of(body, eps, batch)
-    else:
-        parameters = tuple(flat_parameter(each, batch) for each in (*plane.body, eps))
-        omega = plane.omega
+    plane, leave = _in_plane(name, given)
+    body, omega, eps, batch, threads, *_ = plane
     flat, moments = flat_arrays(omega, batch), times.reshape(-1)
+    parameters = parameters_of(body, eps, batch)
     states, reasons = states_at(parameters, flat, name == "exact", moments, threads)
     if reasons.any():
         for flags, (what, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():
                 warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {what}", category)
-    states = states.reshape(*times.shape, *batch, 2)
-    if plane is not None:
-        states = _leave_plane(plane, given, states)
+    states = leave(states.reshape(*times.shape, *batch, 2))
+    if isinstance(given.body, SuslovND):
         states[times == 0.0] = given.omega
     return states
 
 
-class _Plane(NamedTuple):
-    """A body in three dimensions and states of it, and how they lie in n dimensions if n > 3."""
+def _in_plane(name: str, given: States) -> tuple[States, Callable[[FloatArray], FloatArray]]:
+    """Return states reduced to a body in three dimensions, and what takes others back.
 
-    body: tuple[Any, ...]  # I1, I2, I13, I23 and k, of shapes that broadcast to the batch
-    omega: FloatArray  # (..., 2)
-    unit: FloatArray | None = None  # along I, (..., n - 1)
-    across: FloatArray | None = None  # omega without its part along I
-
-
-def _in_plane(name: str, given: States) -> _Plane:
-    """Return the reduction of states to three dimensions; an error if the body is not solved."""
+    A body that is not solved is an error.
+    """
     body, omega = given.body, given.omega
-    check_solved(body, name)
+    if not isinstance(body, SuslovND):
+        return given, lambda states: states
+    check_known(body, name)
     J, I = np.broadcast_arrays(body.J, body.I)
     if body.dimension == 2:
-        return _Plane((J[..., 0], J[..., 1], -I[..., 1], I[..., 0], 0.0), omega)
+        plane = {"I1": J[..., 0], "I2": J[..., 1], "I13": -I[..., 1], "I23": I[..., 0]}
+        return given._replace(body=Suslov3D._of(plane)), lambda states: states
     length = np.sqrt((I * I).sum(axis=-1))
     unit = I / np.where(length > 0.0, length, 1.0)[..., None]
     along = (unit * omega).sum(axis=-1)
     across = omega - along[..., None] * unit
-    rest = np.sqrt((across * across).sum(axis=-1))
+    size = abs(across).max(axis=-1, keepdims=True)  # whose square may be out of range
+    rest = size[..., 0] * np.linalg.norm(across / np.where(size > 0.0, size, 1.0), axis=-1)
     order = abs(I).argsort(axis=-1)
     a, b = (np.take_along_axis(J, order[..., k, None], axis=-1)[..., 0] for k in (0, -1))
-    return _Plane((b, a, 0.0, length, 0.0), np.stack([along, rest], axis=-1), unit, across)
 
+    def leave(states: FloatArray) -> FloatArray:
+        ratio = states[..., 1] / np.where(rest > 0.0, rest, 1.0)
+        found: FloatArray = states[..., :1] * unit + ratio[..., None] * across
+        return found
 
-def _leave_plane(plane: _Plane, given: States, states: FloatArray) -> FloatArray:
-    """Return states (..., 2) of the plane as states of the body; those at rest with all bits."""
-    if plane.unit is None or plane.across is None:
-        return states
-    rest = plane.omega[..., 1]
-    ratio = states[..., 1] / np.where(rest > 0.0, rest, 1.0)
-    found = states[..., :1] * plane.unit + ratio[..., None] * plane.across
-    at_rest = (rest == 0.0) | (plane.body[3] == 0.0)
-    return np.where(at_rest[..., None], given.omega, found)
+    reduced = Suslov3D._of({"I1": b, "I2": a, "I13": np.zeros(()), "I23": length})
+    return given._replace(body=reduced, omega=np.stack([along, rest], axis=-1)), leave

@@ -1,7 +1,5 @@
 """Runs as .npz files, without loss, and as an `xarray.Dataset`."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os
@@ -40,14 +38,14 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
     if target.exists() and not overwrite:
         message = "expected the name of a new file, or overwrite=True, got one that exists"
         raise FileExistsError(errno.EEXIST, message, os.fspath(path))
+    if not target.absolute().parent.is_dir():
+        message = "expected a name in a folder that exists, got one in none"
+        raise FileNotFoundError(errno.ENOENT, message, os.fspath(path))
     about = {"format": FORMAT, "version": __version__, "map": run._map.name}
     about |= {name: getattr(run, name) for name in _NUMBERS}
     arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}
     arrays |= {"about": json.dumps(about), "body": json.dumps(run.body.to_dict())}
-    if not target.absolute().parent.is_dir():
-        message = "expected a name in a folder that exists, got one in none"
-        raise FileNotFoundError(errno.ENOENT, message, os.fspath(path))
-    new = target.with_name(f".{secrets.token_hex(8)}.part")
+    new = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:
         with open(new, "xb") as file:
             np.savez(file, **arrays)
@@ -100,12 +98,7 @@ def to_xarray(
     except ImportError as error:
         install = "pip install '.[xarray]' in a copy of the repository"
         raise ImportError(f"expected xarray, got none: {install}") from error
-    map, body = run._map, run.body
-    # With the numbers of their axes that are not axes of the batch.
-    parameters = {"eps": (np.asarray(run.eps), 0)}
-    for name, array in (body._arrays | body._coordinates).items():
-        if name not in ("H", "K"):
-            parameters[name] = array, 0 if name in body._coordinates else body._axes(name)
+    map, body, parameters = run._map, run.body, _parameters(run)
     batch = _batch_names(run, dims, parameters)
     flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
     variables: dict[str, Any] = {
@@ -119,8 +112,7 @@ def to_xarray(
     }
     if run.attitude is not None:
         variables["attitude"] = ("n", *batch, "space", "body"), run.attitude
-    for name, (array, axes) in parameters.items():
-        variables[name] = _along(name, array, axes, batch)
+    variables |= {name: _labelled(name, each, batch) for name, each in parameters.items()}
     attributes = {"title": map.title, "map": map.name, "version": __version__}
     attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
     dataset = xarray.Dataset(variables, attrs=attributes)
@@ -133,11 +125,25 @@ def to_xarray(
     return dataset.assign_coords({"time": time, **(coords or {})})
 
 
-def _along(name: str, array: NDArray[Any], axes: int, batch: tuple[str, ...]) -> Any:
+def _parameters(run: Any) -> dict[str, NDArray[Any]]:
+    """Return eps and the parameters of the body, with an axis for each of the batch first."""
+    body = run.body
+    found = [("eps", np.asarray(run.eps), 0)]
+    found += [(name, array, body._axes(name)) for name, array in body._arrays.items()]
+    found += [(name, array, 0) for name, array in body._coordinates.items()]
+    count = run.status.ndim
+    return {
+        name: array.reshape((1,) * (count + own - array.ndim) + array.shape)
+        for name, array, own in found
+        if name not in ("H", "K")
+    }
+
+
+def _labelled(name: str, array: NDArray[Any], batch: tuple[str, ...]) -> Any:
     """Return a parameter with its axes: those on which it varies, or that have its name."""
-    split = array.ndim - axes
-    names = (*batch[len(batch) - split :], *_COMPONENTS[:axes])
-    kept = [k for k in range(array.ndim) if k >= split or array.shape[k] != 1 or names[k] == name]
+    names = *batch, *_COMPONENTS[: array.ndim - len(batch)]
+    sizes = enumerate(array.shape)
+    kept = [k for k, size in sizes if size != 1 or k >= len(batch) or names[k] == name]
     return tuple(names[k] for k in kept), array.reshape([array.shape[k] for k in kept])
 
 
@@ -145,10 +151,10 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
     """Return a name for each axis of the batch; a parameter may name the one it varies along."""
     count = run.status.ndim
     alone = {}  # the axes along which parameters vary alone
-    for name, (array, axes) in parameters.items():
-        along = [k - array.ndim + axes for k in range(array.ndim - axes) if array.shape[k] > 1]
+    for name, array in parameters.items():
+        along = [k for k in range(count) if array.shape[k] > 1]
         if len(along) == 1:
-            alone[name] = along[0] + count
+            alone[name] = along[0]
     if dims is None:
         names = ["trajectory"] if count == 1 else [f"batch_{k}" for k in range(count)]
         for name in reversed([name for name in run.body._coordinates if name in alone]):

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, integer, one_of, short, wrong
+from ..checks import FloatArray, integer, one_of
 from ..engine.arguments import BodyOrField, States, checked_out, thread_count
-from ..engine.progress import Progress, check_progress, reporter
-from ..engine.stretches import March
+from ..engine.status import ON_SINGULAR, OnSingular, report_failures
+from ..engine.stretches import March, Progress, check_progress, reporter
 from ..maps import Map
-from .failures import ON_SINGULAR, OnSingular, report_failures
 
 if TYPE_CHECKING:
     import xarray
@@ -40,6 +39,17 @@ def _quantity(
     arguments = "the saved states and eps" if with_eps else "the saved states"
     method.__doc__ = f"Return :func:`suslov_fast.{name}` of {arguments}, shape {shape}."
     return method
+
+
+def _states(name: str, what: str) -> Any:
+    """Return the property of the saved states under the name that only some maps have."""
+
+    def states(self: Trajectories) -> FloatArray:
+        if name != self._map.variable:
+            raise AttributeError(f"{name}: expected {self._map.variable}, as states are called")
+        return self.states
+
+    return property(states, doc=f"The saved states, if they are {what}.")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,11 +109,11 @@ class Trajectories:
     _map: Map = field(kw_only=True)
     # What `extend` goes on from, beside the last state: numbers (B, C) and orientations (B, n, n).
     # `dataclasses.replace` makes a run without them.
-    _carry: FloatArray | None = field(init=False, default=None)
-    _turned: FloatArray | None = field(init=False, default=None)
+    _carry: FloatArray | None = field(init=False, default=None, compare=False)
+    _turned: FloatArray | None = field(init=False, default=None, compare=False)
 
     @classmethod
-    def _of(cls, **attributes: Any) -> Trajectories:
+    def _of(cls, attributes: dict[str, Any]) -> Trajectories:
         run = cls.__new__(cls)
         object.__setattr__(run, "__dict__", attributes)  # faster than a call of the class
         return run
@@ -111,17 +121,18 @@ class Trajectories:
     @classmethod
     def _at_end(
         cls,
-        map: Map,
-        states: States,
+        about: dict[str, Any],
         march: March,
-        method: str,
         steps: int,
         save_every: int | None,
         progress: Progress = None,
         out: FloatArray | None = None,
         earlier: Trajectories | None = None,
     ) -> Trajectories:
-        """Let a march go on to state `steps`; return its run, with the states of `earlier`."""
+        """Let a march go on to state `steps`; return its run, with the states of `earlier`.
+
+        `about` are the attributes of the run that do not change on the way.
+        """
         start, every = max(march.n, 0), save_every or 0
         if out is not None:  # which may overlap state 0
             rows = steps // every + 1 if every else 1
@@ -135,21 +146,18 @@ class Trajectories:
         if every and earlier is not None:
             saved = np.concatenate([earlier.states, saved])
             turns = None if turns is None else np.concatenate([earlier.attitude, turns])
-        return cls._of(
-            states=saved,
-            eps=states.eps,
-            body=states.body,
-            status=march.status,
-            failed_at=march.failed_at,
-            final=march.final,
-            method=method,
-            steps=steps,
-            save_every=save_every,
-            attitude=turns,
-            _map=map,
-            _carry=march.carry,
-            _turned=march.turned,
-        )
+        found = {
+            "states": saved,
+            "status": march.status,
+            "failed_at": march.failed_at,
+            "final": march.final,
+            "steps": steps,
+            "save_every": save_every,
+            "attitude": turns,
+            "_carry": march.carry,
+            "_turned": march.turned,
+        }
+        return cls._of(about | found)
 
     def extend(
         self,
@@ -196,28 +204,14 @@ class Trajectories:
         march.n, march.carry, march.final = self.steps, self._carry.copy(), self.final.copy()
         march.status, march.failed_at = self.status.copy(), self.failed_at.copy()
         march.turned = None if self._turned is None else self._turned.copy()
-        options = self.method, whole, self.save_every, progress
-        run = Trajectories._at_end(self._map, states, march, *options, earlier=self)
+        about = {name: getattr(self, name) for name in ("body", "eps", "method", "_map")}
+        options = whole, self.save_every, progress
+        run = Trajectories._at_end(about, march, *options, earlier=self)
         report_failures(run, on_singular, self.steps + 1)
         return run
 
-    @property
-    def omega(self) -> FloatArray:
-        """The saved states, if they are angular velocities."""
-        return self._states_called("omega")
-
-    @property
-    def x(self) -> FloatArray:
-        """The saved states, if they are those of a field."""
-        return self._states_called("x")
-
-    def _states_called(self, name: str) -> FloatArray:
-        if name == self._map.variable:
-            return self.states
-        kind = type(self.body).__name__
-        raise AttributeError(
-            f"{name}: expected {self._map.variable}, the states of a run of {kind}"
-        )
+    omega = _states("omega", "angular velocities")
+    x = _states("x", "those of a field")
 
     def __dir__(self) -> list[str]:
         other = "x" if self._map.variable == "omega" else "omega"
@@ -228,12 +222,7 @@ class Trajectories:
         return len(self.states)
 
     def __getitem__(self, index: Any) -> Any:
-        try:
-            return self.states[index]
-        except IndexError as error:
-            expected = f"one that NumPy takes for states of shape {self.states.shape}, time first"
-            how = "run.states[:, k] has trajectory k; k may be a mask, as run.status >= 0"
-            raise wrong("index", expected, f"{short(index)}; {how}", IndexError) from error
+        return self.states[index]
 
     def __iter__(self) -> Iterator[FloatArray]:
         return iter(self.states)
@@ -246,7 +235,7 @@ class Trajectories:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Trajectories):
             return NotImplemented
-        names = [item.name for item in fields(self) if item.name not in ("_carry", "_turned")]
+        names = [item.name for item in fields(self) if item.compare]
         return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
 
     @cached_property
@@ -280,9 +269,8 @@ class Trajectories:
     ) -> Any:
         """Draw the saved states in the plane of two components; returns Matplotlib axes.
 
-        States are dots, whose colours are levels of the first integral or of the modified energy
-        where the map conserves one. `lines` joins the states that follow each other; by default
-        only where they are close. `ax` are axes to draw on.
+        Colours are levels of what the map conserves. `lines` joins the states that follow each
+        other; by default only where they are close. `ax` are axes to draw on.
 
         Examples
         --------
@@ -297,7 +285,7 @@ class Trajectories:
     def to_xarray(
         self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
     ) -> xarray.Dataset:
-        """Return the run as an `xarray.Dataset`, to look at; only `save` keeps how it goes on.
+        """Return the run as an `xarray.Dataset`, without what `extend` needs.
 
         Parameters
         ----------
@@ -341,7 +329,7 @@ class Trajectories:
         """Read a run written by :meth:`save`; ValueError if the file is something else."""
         from .storage import load
 
-        return cls._of(**load(path))
+        return cls._of(load(path))
 
     def __repr__(self) -> str:
         failed, n = np.count_nonzero(self.status < 0), self.n

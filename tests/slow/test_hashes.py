@@ -43,7 +43,7 @@ def short(numbers):
 
 
 def problem(body, omega, eps):
-    values = {name: short(value) for name, value in body._values.items()}
+    values = {name: short(value) for name, value in body._arrays.items()}
     return type(body)(**values), short(omega), short(eps)
 
 

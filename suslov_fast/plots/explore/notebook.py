@@ -1,47 +1,39 @@
 """The page in a notebook (extra `notebook`): messages to the kernel in place of HTTP."""
 
-from __future__ import annotations
-
-import re
+import json
 from typing import Any
+from urllib.parse import quote
 
 import anywidget
 import traitlets
 
 from .scene import PAGE, answer
 
-_IMPORT = re.compile(r'^import \{([^}]*)\} from "\./(\w+)\.js";\n', re.MULTILINE)
-_EXPORT = re.compile(r"^export (?=(?:async )?(?:function|const|class) (\w+))", re.MULTILINE)
+_POLICY = """<head>
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:;
+script-src 'unsafe-inline' data:; style-src 'unsafe-inline'">"""
+_BEGIN = """<script type="module">
+import { begin } from "main.js";
+import { overMessages } from "transport.js";
+begin(overMessages());
+</script>"""
 
 
 def page_in_one_file() -> str:
     """Return the page with its style and its modules, which may load nothing at all."""
     html, style = ((PAGE / name).read_text("utf-8") for name in ("index.html", "style.css"))
-    modules: dict[str, str] = {}
-    _collect("main", modules)
-    _collect("transport", modules)
-    script = "".join(modules.values()) + "$main.begin($transport.overMessages());\n"
-    policy = (
-        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
-    )
+    modules = {}
+    for file in PAGE.glob("*.js"):  # modules of data: have no folder, so an import map names them
+        text = file.read_text("utf-8").replace('from "./', 'from "')
+        modules[file.name] = f"data:text/javascript,{quote(text)}"
+    names = f'<script type="importmap">{json.dumps({"imports": modules})}</script>\n'
     for tag, text in {
         '<link rel="stylesheet" href="/style.css">': f"<style>\n{style}</style>",
-        ' src="/http.js">': f">\n{script}",
-        "<head>": f'<head>\n<meta http-equiv="Content-Security-Policy" content="{policy}">',
+        '<script type="module" src="/http.js"></script>': names + _BEGIN,
+        "<head>": _POLICY,
     }.items():
         html = html.replace(tag, text)
     return html
-
-
-def _collect(name: str, modules: dict[str, str]) -> None:
-    """Add a module to a dict, after those that it imports, as a constant with its exports."""
-    text = (PAGE / f"{name}.js").read_text("utf-8")
-    for _, other in _IMPORT.findall(text):
-        if other not in modules:
-            _collect(other, modules)
-    names = ", ".join(_EXPORT.findall(text))
-    text = _EXPORT.sub("", _IMPORT.sub(r"const {\1} = $\2;\n", text))
-    modules[name] = f"const ${name} = (() => {{\n{text}return {{ {names} }};\n}})();\n"
 
 
 class Widget(anywidget.AnyWidget):  # type: ignore[misc]

@@ -1,29 +1,28 @@
-"""All numbers of the page, computed by public functions, as JSON values."""
-
-from __future__ import annotations
+"""What the page shows: parameters in its address, and all numbers, by public functions, as JSON."""
 
 import math
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+from urllib.parse import parse_qsl, urlencode
 
 import numpy as np
 
 from ... import __version__
-from ...bodies.rigid import Suslov3D
+from ...bodies.rigid import Suslov3D, SuslovGyrostat
+from ...checks import real_number, states, wrong
 from ...engine.status import Status
 from ...quantities.conserved import criticality, energy, first_integral
 from ...quantities.derivatives import vector_field
 from ...runs.iterate import iterate
 from ...runs.solution import flow, limits
-from ...space.scattering import scattering_angle
-from ...space.vectors import to_vector
-from .. import geometry
-from ..geometry import BodyIn3D
-from .parameters import Parameters, parse_query
+from ...space import scattering_angle, to_vector
+from ..animation import ellipsoid
+from ..phase import BodyIn3D, Plane
 
 # The files of the page, which draws these numbers.
 PAGE = Path(__file__).with_name("page")
+_MOST_STEPS = 5000
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
 # Orbits of a portrait: levels, steps, phase from the line of steady states.
@@ -32,130 +31,167 @@ _LEVELS, _LONGEST_ORBIT, _OFFSET = 10, 300, 0.07
 _FOLLOWS = 0.1
 
 
-def answer(query: str) -> dict[str, Any]:
+class Parameters(NamedTuple):
+    """Numbers, by their names in the address of the page."""
+
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    k: float
+    eps: float
+    Omega1: float
+    Omega2: float
+    steps: int
+    extent: float = 4.0
+    portrait: float = 0.0
+
+    @property
+    def body(self) -> BodyIn3D:
+        """The body; ValueError if the parameters are invalid."""
+        return SuslovGyrostat(*self[:5]) if self.k else Suslov3D(*self[:4])
+
+
+def parse_query(query: str) -> Parameters:
+    """Return the parameters in a query, each once, beside what it `show`s."""
+    needed = Parameters._fields[:-2]
+    pairs = [each for each in parse_qsl(query, keep_blank_values=True) if each[0] != "show"]
+    values: dict[str, Any] = {}
+    for name, text in pairs:
+        try:
+            values[name] = real_number(name, float(text))
+        except ValueError as error:
+            raise wrong(name, "a number", repr(text)) from error
+    if len(values) < len(pairs) or not {*needed} <= values.keys() <= {*Parameters._fields}:
+        got = ", ".join(name for name, _ in pairs) or "none"
+        raise wrong("parameters", f"each of {', '.join(needed)} once", got)
+    steps = values["steps"]
+    if steps not in range(1, _MOST_STEPS + 1):
+        raise wrong("steps", f"an integer from 1 to {_MOST_STEPS}", f"{steps:g}")
+    return Parameters(**values | {"steps": int(steps)})
+
+
+def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
+    """Return the query of a page that shows an orbit of a single body."""
+    state = states("omega0", omega0, body._labels)
+    if body.shape or state.ndim != 1:
+        raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
+    extent = 1.5 * float(abs(state).max()) or 1.0
+    values = *map(float, body.parameters), eps, *state.tolist(), steps, extent
+    query = urlencode(Parameters(*values)._asdict())
+    parse_query(query)
+    return query
+
+
+def answer(query: str) -> Any:
     """Return the numbers for a query, or a message that the page shows."""
     try:
         return scene(parse_query(query))
-    except ValueError as error:
+    except (ValueError, ArithmeticError) as error:
         # A message begins with the names of the fields that it is about.
         named = str(error).partition(":")[0].split(", ")
         fields = [name for name in named if name in Parameters._fields]
         return {"error": str(error), "fields": fields}
-    except ArithmeticError as error:
-        expected = "parameters: expected numbers of which a picture can be drawn"
-        return {"error": f"{expected}, got an {error}", "fields": []}
 
 
-def scene(parameters: Parameters) -> dict[str, Any]:
+def scene(parameters: Parameters) -> Any:
     """Return all numbers of the page; ValueError for an invalid body."""
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        body, eps, start = parameters.body, parameters.eps, np.array(parameters.omega0)
-        steps = parameters.steps
-        run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
-        status = Status(int(run.status))
-        F = first_integral(body, run.omega, eps)
-        t = float(criticality(body, start, eps))
-        numbers = {
+        return _json_values(_scene(parameters))
+
+
+def _scene(parameters: Parameters) -> dict[str, Any]:
+    body, eps, steps = parameters.body, parameters.eps, parameters.steps
+    plane, start = Plane(*parameters[:6]), [parameters.Omega1, parameters.Omega2]
+    run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
+    status = Status(int(run.status))
+    F = first_integral(body, run.omega, eps)
+    E = energy(body, start)
+    t = float(criticality(body, start, eps))
+    before, after = limits(body, start, eps)
+    R = 2.0 * float(np.sqrt(plane.I1 * plane.I2 * F[0]))
+    return {
+        "version": __version__,
+        "parameters": parameters._asdict(),
+        "time": list(run.time),
+        "omega": run.omega,
+        "flow": flow(body, start, run.time),
+        "attitude": run.attitude.reshape(-1, 9),
+        "spatial": to_vector(body, run.omega, attitude=run.attitude),
+        "line": _line(plane),
+        "levels": {
+            "F": plane.level(R, _REACH) if R > 0 else [],
+            "energy": plane._replace(eps=0.0).level(math.sqrt(2.0 * E))[0],
+        },
+        "portrait": _portrait(parameters, plane) if parameters.portrait else None,
+        "ellipsoid": ellipsoid(body),
+        "regime": _regime(parameters, plane, t, status),
+        "status": {
+            "name": status.name,
+            "message": status.message,
+            "failed_at": int(run.failed_at) if status < 0 else None,
+        },
+        "numbers": {
             "criticality": t,
             # How many times faster than the flow the map tends to the last steady state.
             "ahead": math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else None,
             "F": F[0],
             "drift": np.fmax.reduce(abs(F / F[0] - 1.0)),
-            "energy": energy(body, start),
+            "energy": E,
             "scattering_angle": scattering_angle(body) if isinstance(body, Suslov3D) else None,
             "I3": Suslov3D(*parameters[:4]).admissible_I3(),
-        }
-        numbers["omega_minus"], numbers["omega_plus"] = limits(body, start, eps)
-        found = {
-            "version": __version__,
-            "parameters": parameters._asdict(),
-            "time": list(run.time),
-            "omega": run.omega,
-            "flow": flow(body, start, run.time),
-            "attitude": run.attitude.reshape(-1, 9),
-            "spatial": to_vector(body, run.omega, attitude=run.attitude),
-            "line": _line(body, eps),
-            "levels": _levels(body, eps, numbers),
-            "portrait": _portrait(parameters) if parameters.portrait else None,
-            "ellipsoid": _ellipsoid(body),
-            "regime": _regime(parameters, t, status),
-            "status": {
-                "name": status.name,
-                "message": status.message,
-                "failed_at": int(run.failed_at) if status < 0 else None,
-            },
-            "numbers": numbers,
-            "python": (
-                f"from suslov_fast import {type(body).__name__}, iterate\n\n"
-                f"body = {body!r}\n"
-                f"run = iterate(body, {parameters.omega0}, eps={eps}, steps={steps}, "
-                "attitude=True)\n"
-            ),
-        }
-        return {name: _json_values(each) for name, each in found.items()}
-
-
-def _line(body: BodyIn3D, eps: float) -> dict[str, Any] | None:
-    """The line of steady states, if there is one: its middle and the directions of its halves."""
-    if not (body.I13 or body.I23):
-        return None
-    middle, direction = geometry.steady_line(body)
-    repelling = math.copysign(1.0, eps) * direction
-    return {"middle": middle, "repelling": repelling, "attracting": -repelling}
-
-
-def _levels(body: BodyIn3D, eps: float, numbers: dict[str, Any]) -> dict[str, Any]:
-    """The levels of F and of the energy through the first state."""
-    R = 2.0 * float(np.sqrt(body.I1 * body.I2 * numbers["F"]))
-    return {
-        "F": geometry.level(body, eps, R, _REACH) if R > 0 else [],
-        "energy": geometry.level(body, 0.0, math.sqrt(2.0 * numbers["energy"]))[0],
+            "omega_minus": before,
+            "omega_plus": after,
+        },
+        "python": (
+            f"from suslov_fast import {type(body).__name__}, iterate\n\n"
+            f"body = {body!r}\n"
+            f"run = iterate(body, {start}, eps={eps}, steps={steps}, attitude=True)\n"
+        ),
     }
 
 
-def _regime(parameters: Parameters, t: float, status: Status) -> str:
+def _line(plane: Plane) -> dict[str, Any] | None:
+    """The line of steady states, if there is one: its middle and the directions of its halves."""
+    if not plane.g:
+        return None
+    middle, repelling = plane.steady_line()
+    return {"middle": middle, "repelling": repelling, "attracting": -repelling}
+
+
+def _regime(parameters: Parameters, plane: Plane, t: float, status: Status) -> str:
     """The name of the regime, which agrees with the status."""
-    body, eps = parameters.body, parameters.eps
-    if eps == 0:
+    if plane.eps == 0:
         return "still"
     if not math.isfinite(t) or status == Status.NONFINITE:
         return "unknown"
-    if not vector_field(body, parameters.omega0).any():
+    if not vector_field(parameters.body, parameters[6:8]).any():
         return "steady"
     if status == Status.SINGULAR:
         return "pole"
-    if abs(geometry.half_step(body, eps) * parameters.k) > abs(t):
+    if abs(plane.e * plane.k) > abs(t):
         return "rotor"
-    if abs(t) == 1:
-        return "at" if parameters.k == 0 else "above"
-    return "above" if abs(t) > 1 else "ahead" if abs(t) > _FOLLOWS else "below"
+    if abs(t) >= 1:
+        return "at" if abs(t) == 1 and plane.k == 0 else "above"
+    return "ahead" if abs(t) > _FOLLOWS else "below"
 
 
-def _portrait(parameters: Parameters) -> dict[str, Any] | None:
+def _portrait(parameters: Parameters, plane: Plane) -> dict[str, Any] | None:
     """Orbits on levels that fill the view, from both sides of a repelling steady state."""
-    body, eps, extent = parameters.body, parameters.eps, parameters.extent
-    if eps == 0 or not (body.I13 or body.I23 or parameters.k):
+    eps = plane.eps
+    if eps == 0 or not (plane.g or plane.k):
         return None
-    g, k = geometry.half_angle(body)
-    largest = float(np.sqrt(2.0 * energy(body, [extent, extent])))
+    largest = plane.radius([parameters.extent] * 2)
     starts, levels = [], []
     for R in largest * np.arange(1, _LEVELS + 1) / _LEVELS:
-        start = -math.copysign(geometry.meeting_phase(R * abs(g), k), eps)
-        starts.append(geometry.on_level(body, eps, R, np.array([start + _OFFSET, start - _OFFSET])))
-        levels += geometry.level(body, eps, R, _REACH)
+        start = -math.copysign(plane.meeting_phase(R), eps)
+        starts.append(plane.on_level(R, np.array([start + _OFFSET, start - _OFFSET])))
+        levels += plane.level(R, _REACH)
     steps = min(parameters.steps, _LONGEST_ORBIT)
-    orbits = iterate(body, np.concatenate(starts), eps, steps, on_singular="ignore", threads=1)
+    options: Any = {"on_singular": "ignore", "threads": 1}
+    orbits = iterate(parameters.body, np.concatenate(starts), eps, steps, **options)
     return {"levels": levels, "orbits": list(np.moveaxis(orbits.omega, 1, 0))}
-
-
-def _ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
-    """The ellipsoid of inertia, if there is one in the range of float64."""
-    try:
-        radii, axes, I3, admissible = geometry.ellipsoid(body)
-    except (ValueError, OverflowError, np.linalg.LinAlgError):
-        return None
-    return {"I3": I3, "matter": admissible, "radii": radii, "axes": axes}
 
 
 def _json_values(value: Any) -> Any:

@@ -1,12 +1,12 @@
 """The local HTTP server of the page, and the page of one orbit."""
 
-from __future__ import annotations
-
+import io
 import json
 import os
 import sys
 import threading
-from http.server import BaseHTTPRequestHandler
+from functools import partial
+from http.server import SimpleHTTPRequestHandler
 from importlib.util import find_spec
 from socketserver import ThreadingTCPServer
 from typing import Any
@@ -15,18 +15,11 @@ from urllib.parse import unquote
 from numpy.typing import ArrayLike
 
 from ...checks import instance
-from ..geometry import BodyIn3D
-from .parameters import query_of
-from .scene import PAGE, answer
+from ..phase import BodyIn3D
+from .scene import PAGE, answer, query_of
 
 _ADDRESS = "127.0.0.1"
 _MOST = 32  # requests at a time; others wait
-_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
-_HEADERS = {
-    "Cache-Control": "no-store",
-    # The browser refuses whatever the page would load from elsewhere.
-    "Content-Security-Policy": "default-src 'self'; img-src data:",
-}
 
 
 class Server(ThreadingTCPServer):
@@ -38,7 +31,7 @@ class Server(ThreadingTCPServer):
 
     def __init__(self, port: int) -> None:
         self._free = threading.BoundedSemaphore(_MOST)
-        super().__init__((_ADDRESS, port), _Handler)
+        super().__init__((_ADDRESS, port), partial(_Handler, directory=str(PAGE)))
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
 
@@ -60,46 +53,49 @@ class Server(ThreadingTCPServer):
             super().handle_error(request, client_address)
 
 
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(SimpleHTTPRequestHandler):
     server: Server
     # Seconds; browsers open connections that they may never use.
     timeout = 10.0
+    # Not as the machine has it, which may be another type.
+    extensions_map = SimpleHTTPRequestHandler.extensions_map | {".js": "text/javascript"}
 
-    def do_GET(self) -> None:
-        """Send a file of the page or numbers for it."""
+    def send_head(self) -> Any:
+        """Send the head of an answer to GET or HEAD; return its body, from a file or of numbers."""
         path, _, query = self.path.partition("?")
         hosts = [f"{name}:{self.server.port}" for name in (_ADDRESS, "localhost")]
-        file = PAGE / (path[1:] or "index.html")
         site = self.headers.get("Sec-Fetch-Site", "none")
         foreign = path == "/scene" and site not in ("none", "same-origin")
-        if not unquote(path).isprintable():  # no file has such a name
+        if not unquote(path, "latin-1").isprintable():  # no file has such a name
             self.send_error(400)
         elif foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
             self.send_error(403)
         elif path == "/scene":
-            text = json.dumps(answer(query), allow_nan=False, separators=(",", ":"))
-            self._send(text, "application/json")
-        elif file in PAGE.iterdir():
-            self._send(file.read_text("utf-8"), f"{_TYPES[file.suffix]}; charset=utf-8")
+            return self._numbers(query)
         else:
-            self.send_error(404)
+            return super().send_head()
+        return None
 
-    def _send(self, text: str, kind: str) -> None:
-        body = text.encode()
+    def _numbers(self, query: str) -> io.BytesIO:
+        text = json.dumps(answer(query), allow_nan=False, separators=(",", ":")).encode()
         self.send_response(200)
-        for name, value in _HEADERS.items():
-            self.send_header(name, value)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", str(len(text)))
         self.end_headers()
-        self.wfile.write(body)
+        return io.BytesIO(text)
+
+    def end_headers(self) -> None:
+        """Let the browser keep nothing, and refuse whatever the page would load from elsewhere."""
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Content-Security-Policy", "default-src 'self'; img-src data:")
+        super().end_headers()
 
     def log_message(self, format: str, *arguments: Any) -> None:
         """Log nothing: the page shows errors."""
 
 
 class Page:
-    """The page of an orbit, in a notebook or at an address of this machine."""
+    """The page of an orbit."""
 
     def __init__(self, query: str) -> None:
         self._query = query
@@ -108,7 +104,7 @@ class Page:
 
     @property
     def url(self) -> str:
-        """The address, from whose first use on a thread of this process serves the page."""
+        """The address; its first use starts a server in a thread."""
         if self._server is None:
             self._server = Server(0)
             serve: Any = self._server.serve_forever
@@ -141,9 +137,8 @@ def explore(
 ) -> Page:
     """Show an orbit on the page of `suslov-fast explore`, in a notebook or a browser.
 
-    The value of a notebook's cell is displayed as the page. With the extra `notebook` (anywidget)
-    the notebook's own connection carries its numbers, so the kernel may run on another machine;
-    without it this process serves the page, to browsers on this machine only.
+    With the extra `notebook` the kernel of a notebook may run on another machine; without it this
+    process serves the page, to browsers on this machine only.
 
     Parameters
     ----------
@@ -152,15 +147,15 @@ def explore(
     omega0 : array_like(float, shape=(2,))
         Initial angular velocity (Omega1, Omega2).
     eps : float
-        Step size, in the unit of time that the unit of `omega0` implies.
+        Step size.
     steps : int
         Number of steps, from 1 to 5000.
 
     Returns
     -------
     Page
-        What a notebook displays. Its attribute `url` is an address of the page on this machine,
-        served from the first use of `url` until its method `close` or the end of the process.
+        What a notebook displays. `page.url` is an address on this machine, served from its first
+        use until `page.close()`.
 
     Examples
     --------

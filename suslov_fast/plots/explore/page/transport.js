@@ -54,7 +54,7 @@ export function overMessages(around = window.parent) {
     around.postMessage({ id, ...request }, "*");
   });
   return {
-    address: "http://127.0.0.1:8000/", // for `suslov-fast explore LINK`, which takes any
+    address: "http://127.0.0.1:8000/", // of `suslov-fast explore --port 8000`
     begin: async () => {
       const first = await ask({ begin: true });
       patience = first.patience;

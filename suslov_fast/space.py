@@ -1,0 +1,333 @@
+"""The body in space: vectors and matrices of its motion, its orientation, the scattering angle."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from . import checks
+from .bodies.nd import SuslovND
+from .bodies.rigid import Suslov3D
+from .checks import FloatArray, common_shape, first_index, spell, wrong
+from .core import orientations
+from .engine import arguments
+from .engine.arguments import AnyBody, BodyIn3D, States, check
+from .engine.threads import call_kernel
+from .maps import states_after
+
+# A state follows another if it differs from the image of that by less than this part of the step,
+# which is above rounding and below what any other method or step size gives, and of the state.
+_OF_THE_STEP, _OF_THE_STATE = 1e-6, 1e-10
+
+
+def to_matrix(
+    body: AnyBody,
+    omega: ArrayLike,
+    *,
+    rotation: ArrayLike | None = None,
+    attitude: ArrayLike | None = None,
+) -> FloatArray:
+    """Antisymmetric matrix Omega of an angular velocity: R' = R Omega.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    rotation : array_like(float, shape=(..., n, n)), optional
+        What `from_inertia` or `from_mass_tensor` returned: the result is in the basis of their
+        tensor, not in the adapted basis.
+    attitude : array_like(float, shape=(..., n, n)), optional
+        Orientations of the body: the result is in space.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., n, n))
+        In the unit of omega. In three dimensions, the matrix whose product with a vector v is the
+        vector product of (Omega1, Omega2, 0) and v. In n dimensions, its last column holds
+        Omega_in.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, to_matrix
+    >>> to_matrix(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
+    array([[ 0.,  0.,  5.],
+           [ 0.,  0., -2.],
+           [-5.,  2.,  0.]])
+    """
+    column = _states(body, AnyBody, omega)
+    if isinstance(body, BodyIn3D):
+        column = column[..., ::-1] * [1.0, -1.0]
+    block = 0.0 * column[..., np.newaxis, :1]
+    return _shown(body, _antisymmetric(column, block), 2, rotation, attitude)
+
+
+def to_vector(
+    body: BodyIn3D,
+    omega: ArrayLike,
+    *,
+    rotation: ArrayLike | None = None,
+    attitude: ArrayLike | None = None,
+) -> FloatArray:
+    """Angular velocity as a vector, in three dimensions.
+
+    Parameters
+    ----------
+    body : Suslov3D or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., 2))
+        States.
+    rotation, attitude : array_like(float, shape=(..., 3, 3)), optional
+        Those of :func:`to_matrix`.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 3))
+        (Omega1, Omega2, 0), or its components in the other basis.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, to_vector
+    >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
+    array([2., 5., 0.])
+    """
+    if isinstance(body, SuslovND):
+        raise wrong("body", "one in three dimensions", "SuslovND: use to_matrix", TypeError)
+    state = _states(body, BodyIn3D, omega)
+    vector = np.concatenate([state, abs(0.0 * state[..., :1])], axis=-1)
+    return _shown(body, vector, 1, rotation, attitude)
+
+
+def momentum(
+    body: AnyBody,
+    omega: ArrayLike,
+    *,
+    rotation: ArrayLike | None = None,
+    attitude: ArrayLike | None = None,
+) -> FloatArray:
+    """Angular momentum M = I Omega, with a rotor + k e3; M = I Omega + Omega I in n dimensions.
+
+    I3 does not enter because Omega3 = 0. In space M is not conserved: in three dimensions its
+    derivative is the :func:`reaction` times the constrained axis.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(..., D))
+        States.
+    rotation, attitude : array_like(float, shape=(..., n, n)), optional
+        Those of :func:`to_matrix`.
+
+    Returns
+    -------
+    ndarray(float, shape=(..., 3) or (..., n, n))
+        A vector in three dimensions, an antisymmetric matrix in n; in the unit of inertia times
+        that of omega.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, momentum
+    >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
+    array([ 8. ,  5. , -2.5])
+    """
+    state = _states(body, AnyBody, omega)
+    with np.errstate(all="ignore"):
+        if isinstance(body, BodyIn3D):
+            I1, I2, I13, I23, k = body.parameters
+            w1, w2 = state[..., 0], state[..., 1]
+            vector = np.stack([I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k], axis=-1)
+            return _shown(body, vector, 1, rotation, attitude)
+        product = state[..., :, np.newaxis] * body.I[..., np.newaxis, :]
+        matrix = _antisymmetric(body.J * state, product - product.swapaxes(-2, -1))
+        return _shown(body, matrix, 2, rotation, attitude)
+
+
+def _states(body: Any, kinds: Any, omega: ArrayLike) -> FloatArray:
+    """Return states (..., D) of the whole batch."""
+    states = check(body, kinds, {"omega": omega})
+    return np.broadcast_to(states.omega, (*states.batch, body.dimension))
+
+
+def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:
+    """Return antisymmetric matrices from their last column and the remaining block."""
+    n = column.shape[-1] + 1
+    matrix = np.empty((*column.shape[:-1], n, n))
+    matrix[..., :-1, :-1], matrix[..., -1, -1] = block, 0.0 * column[..., 0]
+    matrix[..., :-1, -1], matrix[..., -1, :-1] = column, -column
+    return matrix + 0.0  # no -0.0
+
+
+def _shown(
+    body: Any, found: FloatArray, axes: int, rotation: ArrayLike | None, attitude: ArrayLike | None
+) -> FloatArray:
+    """Return vectors, or matrices for two axes, of the adapted basis in the requested one."""
+    n = body.dimension + 1
+    if rotation is not None and attitude is not None:
+        raise wrong("rotation, attitude", "at most one of them", "both")
+    if rotation is not None:
+        turn = checks.square_matrices("rotation", rotation, n).swapaxes(-2, -1)
+    elif attitude is not None:
+        turn = checks.square_matrices("attitude", attitude, n, allow_nan=True)
+    else:
+        return found
+    common_shape({"omega": found.shape[:-axes], "matrices": turn.shape[:-2]})
+    if axes == 1:
+        return np.asarray((turn @ found[..., np.newaxis])[..., 0])
+    return np.asarray(turn @ found @ turn.swapaxes(-2, -1))
+
+
+def attitude(
+    body: AnyBody,
+    omega: ArrayLike,
+    eps: ArrayLike,
+    R0: ArrayLike | None = None,
+    *,
+    threads: int | None = None,
+) -> FloatArray:
+    """Orientation of the body along stored trajectories.
+
+    R_next = R cay(eps (Omega + Omega_next) / 2) with the Cayley map, a discretization of order 2 of
+    R' = R Omega.
+
+    Parameters
+    ----------
+    body : Suslov3D, SuslovND or SuslovGyrostat
+        A single one, or a batch.
+    omega : array_like(float, shape=(N + 1, ..., D))
+        Consecutive states of trajectories, as :func:`iterate` returns them, including NaN after a
+        failure.
+    eps : array_like(float, shape=(...))
+        Their step size, in the unit of time of omega.
+    R0 : array_like(float, shape=(..., n, n)), optional
+        Rotation matrix, the orientation at the first state; by default the identity.
+    threads : int, optional
+        Number of threads, by default Numba's. Results do not depend on it.
+
+    Returns
+    -------
+    ndarray(float, shape=(N + 1, ..., n, n))
+        Matrices R that take components in the body frame to components in space, dimensionless,
+        orthogonal to rounding; NaN from the first NaN state on.
+
+    Raises
+    ------
+    ValueError
+        If neither the map takes each state to the next nor its inverse the next to it, to 1e-6 of
+        the step and 1e-10 of the states: as for every k-th state of a run.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, attitude, iterate
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2).shape
+    (101, 3, 3)
+    """
+    checks.instance("body", body, AnyBody)
+    n, D = body.dimension + 1, body.dimension
+    states = checks.states("omega", omega, body._labels)
+    if states.ndim < 2 or len(states) == 0:
+        raise wrong("omega", f"shape (N + 1, ..., {D})", states.shape)
+    step_size = checks.within("eps", checks.real_array("eps", eps), checks.MOMENTS)
+    start = np.eye(n) if R0 is None else checks.rotations("R0", R0, n)
+    threads = arguments.thread_count(threads)
+    shapes = {"omega": states.shape[1:-1], "eps": step_size.shape, "R0": start.shape[:-2]}
+    batch = common_shape({"body": body.shape, **shapes})
+    states = np.expand_dims(states, tuple(range(1, len(batch) + 3 - states.ndim)))
+    states = np.broadcast_to(states, (len(states), *batch, D))
+    _check_that_states_follow(body, states, step_size)
+    flat = arguments.flat_arrays(
+        states.reshape(len(states), math.prod(batch), D), (len(states),), 2
+    )
+    turns = np.empty((*flat.shape[:2], n, n))
+    turns[0] = arguments.flat_arrays(start, batch, 2)
+    turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
+    given = flat, arguments.flat_parameter(step_size, batch), not isinstance(body, SuslovND)
+    after = turns[0].copy(), 0, 1, 1, turns
+    call_kernel(orientations.turn, turns.size, threads, *given, *after)
+    return turns.reshape((len(states), *batch, n, n))
+
+
+def _check_that_states_follow(body: Any, states: FloatArray, eps: FloatArray) -> None:
+    """Raise ValueError if states (N + 1, ..., D) are not consecutive states of the map."""
+    before, after = states[:-1], states[1:]
+    with np.errstate(all="ignore"):
+        strays = ~(_follows(body, before, after, eps) | _follows(body, after, before, -eps))
+    strays &= ~np.isnan(before + after).any(axis=-1)
+    if strays.any():
+        row, *place = first_index(strays)
+        where = f" of trajectory {spell(tuple(place))}" if place else ""
+        received = f"states {row} and {row + 1}{where} that are not: save every state"
+        raise wrong("omega", "consecutive states of the map with this eps", received)
+
+
+def _follows(body: Any, before: FloatArray, after: FloatArray, eps: FloatArray) -> Any:
+    """Return where the map takes states to the others."""
+    found = states_after(States(body, before, eps, before.shape[:-1]))
+    error = abs(found - after).max(axis=-1)
+    step, size = (abs(each).max(axis=-1) for each in (after - before, abs(after) + abs(before)))
+    return error <= _OF_THE_STEP * step + _OF_THE_STATE * size
+
+
+def scattering_angle(body: Suslov3D) -> FloatArray:
+    """Angle between the angular velocities in space at time -infinity and at +infinity.
+
+    In the continuous problem every motion leaves one steady rotation and tends to another. The
+    angle between them in space depends on the body alone; that of the discrete problem converges to
+    it with order 2. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2, alpha = I1 I2 m / D,
+    beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
+    kappa**2 = (alpha - i gamma)**2 - beta**2, and for gamma = 0 by Fedorov, Maciejewski and
+    Przybylska, Nonlinearity 22 (2009), arXiv:0902.0079,
+
+    sin(angle / 2)**2 = (Re cosh(pi kappa / 2) / cosh(pi alpha / 2))**2
+    + (Im cosh(pi kappa / 2) / sinh(pi alpha / 2))**2.
+
+    Parameters
+    ----------
+    body : Suslov3D
+        A single one, or a batch.
+
+    Returns
+    -------
+    ndarray(float, shape=(...))
+        Angle in radians, from 0, if the body turns over, to pi, if its final orientation is
+        the initial one; NaN if I13 = I23 = 0, because then every state is steady. Its error is
+        about 1e-15 (alpha + beta + abs(gamma)), below 1e-10 if I1 and I2 are within a factor of
+        1e8.
+
+    Examples
+    --------
+    >>> from suslov_fast import Suslov3D, scattering_angle
+    >>> float(scattering_angle(Suslov3D(I1=4, I2=1, I13=-1.5, I23=-0.3)).round(12))
+    1.221073798141
+    """
+    arguments.refuse_rotor(body, "scattering_angle", "iterate or flow")
+    checks.instance("body", body, Suslov3D)
+    with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; what underflows is 0
+        angle = _angle(*np.broadcast_arrays(body.I1, body.I2, body.I13, body.I23))
+    return angle[()]
+
+
+def _angle(I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray) -> FloatArray:
+    """Angle 2 arcsin |S|, by sums of positive terms.
+
+    With A, B, C and P + i Q = pi / 2 times alpha, beta, abs(gamma) and the conjugate of kappa,
+    A - P is the real part of B**2 / (A + i C + P + i Q), where nothing cancels, and
+
+    |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,
+    1 - |S|**2 = sinh(A - P) sinh(A + P) ((cos(Q) / cosh(A))**2 + (sin(Q) / sinh(A))**2).
+    """
+    m, D = np.hypot(I13, I23), I13 * I13 * I2 + I23 * I23 * I1
+    A, B = 0.5 * np.pi * (I1 * I2 * (m / D)), 0.5 * np.pi * np.sqrt(I1 * I2) / m
+    C = abs(B * (I13 * (I2 - I1) / D * I23))
+    kappa = np.sqrt((A - B) * (A + B) - C * C + 2j * (A * C))
+    P, Q = kappa.real, kappa.imag
+    gap = B * (B / np.hypot(A + P, C + Q)) * ((A + P) / np.hypot(A + P, C + Q))  # A - P
+    # All terms divided by exp(A).
+    cosine, sine = np.cos(Q) / (1.0 + np.exp(-2.0 * A)), np.sin(Q) / -np.expm1(-2.0 * A)
+    S = np.exp(-gap) * np.hypot((1.0 + np.exp(-2.0 * P)) * cosine, -np.expm1(-2.0 * P) * sine)
+    one = np.expm1(-2.0 * gap) * np.expm1(-2.0 * (A + P))
+    angle: FloatArray = 2.0 * np.arctan2(S, np.sqrt(one) * np.hypot(cosine, sine))
+    return angle

@@ -1,1 +1,0 @@
-"""The motion of the body in space."""

@@ -16,7 +16,7 @@ from ...quantities.conserved import criticality, energy, first_integral
 from ...quantities.derivatives import vector_field
 from ...runs.iterate import iterate
 from ...runs.solution import flow, limits
-from ...space import scattering_angle, to_vector
+from ...space import scattering_angle
 from ..animation import ellipsoid
 from ..phase import BodyIn3D, Plane
 
@@ -25,14 +25,14 @@ PAGE = Path(__file__).with_name("page")
 _MOST_STEPS = 5000
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
-# Orbits of a portrait: levels, steps, phase from the line of steady states.
-_LEVELS, _LONGEST_ORBIT, _OFFSET = 10, 300, 0.07
+# A portrait has so many levels, and orbits of so many steps from their middle.
+_LEVELS, _STEPS = 10, 150
 # Below this criticality the rates of map and flow differ by less than a third of a percent.
 _FOLLOWS = 0.1
 
 
 class Parameters(NamedTuple):
-    """Numbers, by their names in the address of the page."""
+    """What is in the address of the page: numbers by name, and what it shows."""
 
     I1: float
     I2: float
@@ -44,7 +44,7 @@ class Parameters(NamedTuple):
     Omega2: float
     steps: int
     extent: float = 4.0
-    portrait: float = 0.0
+    show: str = ""
 
     @property
     def body(self) -> BodyIn3D:
@@ -53,18 +53,18 @@ class Parameters(NamedTuple):
 
 
 def parse_query(query: str) -> Parameters:
-    """Return the parameters in a query, each once, beside what it `show`s."""
-    needed = Parameters._fields[:-2]
-    pairs = [each for each in parse_qsl(query, keep_blank_values=True) if each[0] != "show"]
-    values: dict[str, Any] = {}
-    for name, text in pairs:
+    """Return the parameters in a query, each once."""
+    pairs = parse_qsl(query, keep_blank_values=True)
+    values: dict[str, Any] = dict(pairs)
+    needed, known = {*Parameters._fields[:-2]}, {*Parameters._fields}
+    if len(values) < len(pairs) or not needed <= values.keys() <= known:
+        expected = f"each of {', '.join(Parameters._fields[:-2])} once"
+        raise wrong("parameters", expected, ", ".join(name for name, _ in pairs) or "none")
+    for name in values.keys() - {"show"}:
         try:
-            values[name] = real_number(name, float(text))
+            values[name] = real_number(name, float(values[name]))
         except ValueError as error:
-            raise wrong(name, "a number", repr(text)) from error
-    if len(values) < len(pairs) or not {*needed} <= values.keys() <= {*Parameters._fields}:
-        got = ", ".join(name for name, _ in pairs) or "none"
-        raise wrong("parameters", f"each of {', '.join(needed)} once", got)
+            raise wrong(name, "a number", repr(values[name])) from error
     steps = values["steps"]
     if steps not in range(1, _MOST_STEPS + 1):
         raise wrong("steps", f"an integer from 1 to {_MOST_STEPS}", f"{steps:g}")
@@ -96,35 +96,32 @@ def answer(query: str) -> Any:
 
 def scene(parameters: Parameters) -> Any:
     """Return all numbers of the page; ValueError for an invalid body."""
-    with np.errstate(all="ignore"), warnings.catch_warnings():
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return _json_values(_scene(parameters))
 
 
 def _scene(parameters: Parameters) -> dict[str, Any]:
     body, eps, steps = parameters.body, parameters.eps, parameters.steps
-    plane, start = Plane(*parameters[:6]), [parameters.Omega1, parameters.Omega2]
+    plane, start = Plane(body, eps), [parameters.Omega1, parameters.Omega2]
     run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
     status = Status(int(run.status))
     F = first_integral(body, run.omega, eps)
-    E = energy(body, start)
     t = float(criticality(body, start, eps))
     before, after = limits(body, start, eps)
-    R = 2.0 * float(np.sqrt(plane.I1 * plane.I2 * F[0]))
+    R = 2.0 * float(np.sqrt(body.I1 * body.I2 * F[0]))
     return {
         "version": __version__,
         "parameters": parameters._asdict(),
-        "time": list(run.time),
         "omega": run.omega,
         "flow": flow(body, start, run.time),
         "attitude": run.attitude.reshape(-1, 9),
-        "spatial": to_vector(body, run.omega, attitude=run.attitude),
-        "line": _line(plane),
+        "line": plane.steady_line() if plane.g else None,
         "levels": {
             "F": plane.level(R, _REACH) if R > 0 else [],
-            "energy": plane._replace(eps=0.0).level(math.sqrt(2.0 * E))[0],
+            "energy": Plane(body, 0.0).level(plane.radius(start))[0],
         },
-        "portrait": _portrait(parameters, plane) if parameters.portrait else None,
+        "portrait": _portrait(plane, parameters) if "portrait" in parameters.show else None,
         "ellipsoid": ellipsoid(body),
         "regime": _regime(parameters, plane, t, status),
         "status": {
@@ -138,7 +135,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "ahead": math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else None,
             "F": F[0],
             "drift": np.fmax.reduce(abs(F / F[0] - 1.0)),
-            "energy": E,
+            "energy": energy(body, start),
             "scattering_angle": scattering_angle(body) if isinstance(body, Suslov3D) else None,
             "I3": Suslov3D(*parameters[:4]).admissible_I3(),
             "omega_minus": before,
@@ -152,14 +149,6 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     }
 
 
-def _line(plane: Plane) -> dict[str, Any] | None:
-    """The line of steady states, if there is one: its middle and the directions of its halves."""
-    if not plane.g:
-        return None
-    middle, repelling = plane.steady_line()
-    return {"middle": middle, "repelling": repelling, "attracting": -repelling}
-
-
 def _regime(parameters: Parameters, plane: Plane, t: float, status: Status) -> str:
     """The name of the regime, which agrees with the status."""
     if plane.eps == 0:
@@ -170,28 +159,22 @@ def _regime(parameters: Parameters, plane: Plane, t: float, status: Status) -> s
         return "steady"
     if status == Status.SINGULAR:
         return "pole"
-    if abs(plane.e * plane.k) > abs(t):
+    if abs(plane.e * parameters.k) > abs(t):
         return "rotor"
     if abs(t) >= 1:
-        return "at" if abs(t) == 1 and plane.k == 0 else "above"
+        return "at" if abs(t) == 1 and parameters.k == 0 else "above"
     return "ahead" if abs(t) > _FOLLOWS else "below"
 
 
-def _portrait(parameters: Parameters, plane: Plane) -> dict[str, Any] | None:
-    """Orbits on levels that fill the view, from both sides of a repelling steady state."""
-    eps = plane.eps
-    if eps == 0 or not (plane.g or plane.k):
+def _portrait(plane: Plane, parameters: Parameters) -> dict[str, Any] | None:
+    """Levels that fill the view, and orbits on them."""
+    if not (parameters.eps and (plane.g or parameters.k)):
         return None
-    largest = plane.radius([parameters.extent] * 2)
-    starts, levels = [], []
-    for R in largest * np.arange(1, _LEVELS + 1) / _LEVELS:
-        start = -math.copysign(plane.meeting_phase(R), eps)
-        starts.append(plane.on_level(R, np.array([start + _OFFSET, start - _OFFSET])))
-        levels += plane.level(R, _REACH)
-    steps = min(parameters.steps, _LONGEST_ORBIT)
-    options: Any = {"on_singular": "ignore", "threads": 1}
-    orbits = iterate(parameters.body, np.concatenate(starts), eps, steps, **options)
-    return {"levels": levels, "orbits": list(np.moveaxis(orbits.omega, 1, 0))}
+    radii = plane.radius([parameters.extent] * 2) * np.arange(1, _LEVELS + 1) / _LEVELS
+    return {
+        "levels": [branch for R in radii for branch in plane.level(R, _REACH)],
+        "orbits": [orbit for R in radii for orbit in plane.orbits(R, _STEPS)],
+    }
 
 
 def _json_values(value: Any) -> Any:

@@ -11,20 +11,20 @@ gradient is 3 H[:D]. Tables of a single field hold fractions, those of a batch f
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from numbers import Rational
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
 from . import polynomials
-from .base import Body, cut
-from .polynomials import from_lists, terms_of, text_of, to_lists, traced
+from .base import Body, frozen
+from .polynomials import exact_array, from_lists, terms_of, text_of, traced
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
@@ -42,7 +42,7 @@ class Hamiltonian:
     @cached_property
     def terms(self) -> tuple[Any, FloatArray]:
         """The nonzero terms v x_i x_j x_k: i <= j <= k (3, T), where D is the 1, and v (..., T)."""
-        return sparse(self.tensor, ordered=3)
+        return sparse(self.tensor, 3)
 
     def __call__(self, x: Any) -> Any:
         return at_points(self.tensor, x, 3)
@@ -91,53 +91,47 @@ class QuadraticField(Body):
     QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
     """
 
-    _extras: ClassVar[tuple[str, ...]] = ("H", "K", "parameters")
-
     quadratic: Any
     linear: Any
     constant: Any
-    table: Any
     H: Hamiltonian | None
     K: Any
-    _parameters: dict[str, Any]
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        arrays = {"quadratic": polynomials.as_given("quadratic", quadratic)}
+        parts = {"quadratic": polynomials.as_given("quadratic", quadratic)}
+        D = (0, *parts["quadratic"].shape)[-1]
         for name, each in (("linear", linear), ("constant", constant)):
-            if each is not None:
-                arrays[name] = polynomials.as_given(name, each)
-        D = (0, *arrays["quadratic"].shape)[-1]
-        for name, array in arrays.items():
+            zeros = np.zeros((D,) * _AXES[name])
+            parts[name] = zeros if each is None else polynomials.as_given(name, each)
+        for name, array in parts.items():
             axes = _AXES[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
                 raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
-        shapes = {name: array.shape[: array.ndim - _AXES[name]] for name, array in arrays.items()}
-        batch = checks.common_shape(shapes)
-        read = polynomials.coefficients
-        found = {name: read(name, array, bool(batch)) for name, array in arrays.items()}
-        table = np.full((*batch, D, D + 1, D + 1), Fraction(0), found["quadratic"].dtype)
-        table[..., :-1, :-1] = found["quadratic"]
-        table[..., :-1, -1] += found.get("linear", 0)
-        table[..., -1, -1] += found.get("constant", 0)
-        self._become((table + table.swapaxes(-2, -1)) / 2)
+        batch = self._batch(parts)
+        for name, array in parts.items():
+            numbers = polynomials.coefficients(name, array, bool(batch))
+            parts[name] = np.broadcast_to(numbers, (*batch, *(D,) * _AXES[name]))
+        parts["quadratic"] = (parts["quadratic"] + parts["quadratic"].swapaxes(-2, -1)) / 2
+        self._take(parts)
 
-    def _become(self, table: Any, H: Any = None, K: Any = None, parameters: Any = ()) -> None:
-        """Take a table, H, K and named parameters, which are not checked."""
-        if table.ndim > 3:
-            table, H, K = (None if a is None else a.astype(np.float64) for a in (table, H, K))
-        found = {"quadratic": table[..., :-1, :-1], "constant": table[..., -1, -1], "table": table}
-        found |= {"linear": 2 * table[..., :-1, -1], "K": K}
-        for array in (H, *found.values()):
-            if array is not None:
-                array.flags.writeable = False
-        found |= {"H": None if H is None else Hamiltonian(H), "_parameters": dict(parameters)}
-        vars(self).update(found, shape=table.shape[:-3])
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        is_batch, kept = bool(self._batch(parts)), {}
+        for name, each in parts.items():
+            array = np.asarray(each)
+            if name in _AXES and is_batch:
+                array = array.astype(np.float64)
+            elif name in _AXES and array.dtype != object:
+                array = exact_array(name, array)
+            kept[name] = frozen(array)
+        own = {name: kept[name] for name in ("quadratic", "linear", "constant")}
+        H = Hamiltonian(kept["H"]) if "H" in kept else None
+        vars(self).update(own, H=H, K=kept.get("K"), _parts=kept)
 
     @classmethod
-    def _made(cls, *parts: Any) -> QuadraticField:
-        self = object.__new__(cls)
-        self._become(*parts)
-        return self
+    def _of_table(cls, table: Any, **parts: Any) -> QuadraticField:
+        """Return the field of a table, besides which H, K and named parameters may be given."""
+        q, l, c = table[..., :-1, :-1], 2 * table[..., :-1, -1], table[..., -1, -1]
+        return cls._of({"quadratic": q, "linear": l, "constant": c, **parts})
 
     @classmethod
     def from_function(
@@ -170,7 +164,7 @@ class QuadraticField(Body):
         """
         D = checks.integer("dimension", dimension, 1)
         values = polynomials.check_parameters(parameters)
-        return cls._made(traced("f", f, D, 2, values), None, None, values)
+        return cls._of_table(traced("f", f, D, 2, values), **values)
 
     @classmethod
     def from_hamiltonian(
@@ -202,11 +196,15 @@ class QuadraticField(Body):
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
         D = checks.integer("dimension", dimension, 1)
-        matrix = polynomials.antisymmetric(K, D)
+        if K is None:
+            if D % 2:
+                raise wrong("dimension", "an even number without K", D)
+            K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
+        matrix = antisymmetric(K, D)
         values = polynomials.check_parameters(parameters)
         tensor = traced("H", H, D, 3, values)
         table = checks.within("H", rates(tensor, matrix), checks.OTHERS)
-        return cls._made(table, tensor, matrix, values)
+        return cls._of_table(table, H=tensor, K=matrix, **values)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
@@ -225,19 +223,31 @@ class QuadraticField(Body):
         field: QuadraticField = body.field()
         return field
 
-    @property
-    def _field(self) -> QuadraticField:
+    def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
         return self
 
     @property
     def dimension(self) -> int:
         """The number of variables."""
-        return int(self.table.shape[-3])
+        return int(self.constant.shape[-1])
 
     @property
     def parameters(self) -> dict[str, Any]:
         """The named parameters."""
-        return dict(self._parameters)
+        return {name: each for name, each in self._parts.items() if name not in _AXES}
+
+    @property
+    def _coordinates(self) -> Collection[str]:
+        return self.parameters
+
+    @cached_property
+    def table(self) -> Any:
+        """The coefficients in homogeneous coordinates (..., D, D + 1, D + 1)."""
+        D = self.dimension
+        table = np.full((*self.shape, D, D + 1, D + 1), Fraction(0), self.quadratic.dtype)
+        table[..., :-1, :-1], table[..., -1, -1] = self.quadratic, self.constant
+        table[..., :-1, -1] = table[..., -1, :-1] = self.linear / 2
+        return frozen(table)
 
     @cached_property
     def terms(self) -> tuple[Any, FloatArray]:
@@ -245,7 +255,7 @@ class QuadraticField(Body):
 
         The index D stands for the 1; the terms with k = D are last. Values are rounded once.
         """
-        return sparse(self.table, ordered=2)
+        return sparse(self.table, 2)
 
     @cached_property
     def batch_of_one(self) -> tuple[Any, FloatArray]:
@@ -276,71 +286,15 @@ class QuadraticField(Body):
 
     @classmethod
     def _axes(cls, name: str) -> int:
-        return _AXES[name]
+        return _AXES.get(name, 0)
 
     @property
     def _labels(self) -> tuple[str, ...]:
         return tuple(f"x{i}" for i in range(1, self.dimension + 1))
 
-    @property
-    def _tables(self) -> dict[str, Any]:
-        """The coefficients as they are, and H and K if there are any."""
-        found = {name: getattr(self, name) for name in ("quadratic", "linear", "constant")}
-        return found if self.H is None else found | {"H": self.H.tensor, "K": self.K}
-
-    @property
-    def _arrays(self) -> dict[str, FloatArray]:
-        return {name: np.asarray(each, np.float64) for name, each in self._tables.items()}
-
-    @property
-    def _coordinates(self) -> dict[str, FloatArray]:
-        return {name: np.asarray(each, np.float64) for name, each in self._parameters.items()}
-
-    @classmethod
-    def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
-        return cls._read(**values)
-
-    @classmethod
-    def _read(
-        cls, *, H: Any = None, K: Any = None, parameters: Any = None, **given: Any
-    ) -> QuadraticField:
-        """Return a field of arrays or nested lists, in which strings "p/q" are fractions."""
-        whole = cls(**{name: from_lists(name, each) for name, each in given.items()})
-        checks.instance("parameters", parameters or {}, Mapping)
-        found = {name: from_lists(name, each) for name, each in (parameters or {}).items()}
-        named = {name: each if each is None else each[()] for name, each in found.items()}
-        tensor = matrix = None
-        if H is not None:
-            given_H = polynomials.as_given("H", from_lists("H", H))
-            tensor = polynomials.coefficients("H", given_H, bool(whole.shape))
-            matrix = polynomials.antisymmetric(from_lists("K", K), whole.dimension)
-            if tensor.shape != (*whole.shape, *(len(matrix) + 1,) * 3):
-                raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
-            expected = rates(tensor, matrix.astype(tensor.dtype))  # those of a batch are rounded
-            if not (abs(expected - whole.table) <= 1e-9 * abs(expected).max(initial=0)).all():
-                raise wrong("H, K", "those of the coefficients", "others")
-        return cls._made(whole.table, tensor, matrix, polynomials.check_parameters(named))
-
-    def _part(self, axis: int, index: int | slice) -> QuadraticField:
-        part = super()._part(axis, index)
-        for name, value in self._parameters.items():
-            each = cut(np.asarray(value), self.shape, axis, index, 0)
-            part._parameters[name] = each if each.ndim else each.item()
-        return part
-
-    @cached_property
-    def _key(self) -> tuple[Any, ...]:
-        """The nonzero coefficients, and their places, that equal fields share."""
-        arrays = [self.table] if self.H is None else [self.table, self.H.tensor, self.K]
-        return tuple((a.shape, np.flatnonzero(a).tobytes(), *a[a != 0]) for a in arrays)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        H = None if self.H is None else self.H.tensor
-        return self._made, (self.table, H, self.K, self._parameters)
-
     def __repr__(self) -> str:
         if self.shape:
-            names = "".join(f", {n}={np.shape(a) or a}" for n, a in self._parameters.items())
+            names = "".join(f", {n}={np.shape(a) or a}" for n, a in self.parameters.items())
             return f"<QuadraticField of shape {self.shape}: D={self.dimension}{names}>"
         equations = [f"x{i}' = {text_of(terms_of(row))}" for i, row in enumerate(self.table, 1)]
         equations += [] if self.H is None else [f"H = {self.H}"]
@@ -348,9 +302,39 @@ class QuadraticField(Body):
         return f"QuadraticField({short})"
 
     def to_dict(self) -> dict[str, Any]:
-        named = {name: to_lists(value) for name, value in self._parameters.items()}
-        found = {name: to_lists(each) for name, each in self._tables.items()}
-        return {"body": "QuadraticField", **found, **({"parameters": named} if named else {})}
+        found = super().to_dict()
+        named = {name: found.pop(name) for name in self.parameters}
+        return found | ({"parameters": named} if named else {})
+
+    @classmethod
+    def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
+        checks.instance("parameters", parameters, Mapping)
+        given = dict(parameters)
+        H, K, named = (given.pop(name, None) for name in ("H", "K", "parameters"))
+        whole = super().from_dict(given)
+        checks.instance("parameters", named or {}, Mapping)
+        values = {name: from_lists(name, each) for name, each in (named or {}).items()}
+        parts = {**whole._parts, **polynomials.check_parameters(values)}
+        if H is not None:
+            tensor = polynomials.as_given("H", from_lists("H", H))
+            tensor = polynomials.coefficients("H", tensor, bool(whole.shape))
+            matrix = antisymmetric(from_lists("K", K), whole.dimension)
+            if tensor.shape != (*whole.shape, *(len(matrix) + 1,) * 3):
+                raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
+            expected = rates(tensor, matrix.astype(tensor.dtype))  # those of a batch are rounded
+            if not (abs(expected - whole.table) <= 1e-9 * abs(expected).max(initial=0)).all():
+                raise wrong("H, K", "those of the coefficients", "others")
+            parts |= {"H": tensor, "K": matrix}
+        return cls._of(parts)
+
+
+def antisymmetric(K: Any, D: int) -> Any:
+    """Return an exact antisymmetric matrix (D, D)."""
+    matrix = polynomials.coefficients("K", polynomials.as_given("K", K), False)
+    if matrix.shape != (D, D) or (matrix != -matrix.T).any():
+        received = checks.short(matrix.astype(float).tolist())
+        raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
+    return matrix
 
 
 def rates(H: Any, K: Any) -> Any:
@@ -361,15 +345,15 @@ def rates(H: Any, K: Any) -> Any:
     return table
 
 
-def sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
-    """Return indices and values of the nonzero terms of a table symmetric in its last axes."""
-    places = np.argwhere(np.any(table != 0, axis=tuple(range(table.ndim - 3)))).T
-    places = places[:, (np.diff(places[3 - ordered :], axis=0) >= 0).all(axis=0)]
-    places = places[:, np.argsort(places[-1] == table.shape[-1] - 1, kind="stable")]
-    kinds = 1 + (np.diff(places[3 - ordered :], axis=0) > 0).sum(axis=0)  # of variables in a term
-    count = kinds if ordered == 2 else np.array([0, 1, 3, 6])[kinds]
-    values = (table[(..., *places)] * count).astype(np.float64)
-    return np.ascontiguousarray(places), np.ascontiguousarray(values)
+def sparse(tensor: Any, degree: int) -> tuple[Any, FloatArray]:
+    """Return indices (3, T) and values (..., T) of the terms of a tensor symmetric in its axes."""
+    places = np.argwhere(np.any(tensor != 0, axis=tuple(range(tensor.ndim - 3))))
+    places[:, 3 - degree :].sort(axis=1)
+    places, counts = np.unique(places, axis=0, return_counts=True)
+    order = np.argsort(places[:, -1] == tensor.shape[-1] - 1, kind="stable")
+    indices = np.ascontiguousarray(places[order].T)
+    values = (tensor[(..., *indices)] * counts[order]).astype(np.float64)
+    return indices, np.ascontiguousarray(values)
 
 
 def at_points(tensor: Any, x: Any, degree: int) -> Any:
@@ -381,7 +365,6 @@ def at_points(tensor: Any, x: Any, degree: int) -> Any:
     is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
     are_exact = tensor.dtype == object and is_list and all(isinstance(a, Rational) for a in x)
     if are_exact and len(x) == D:
-        checks.refuse("x", x)
         point = np.array([*(polynomials.exact("x", a) for a in x), Fraction(1)], dtype=object)
     else:
         x = checks.states("x", x, [f"x{i}" for i in range(1, D + 1)])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import re
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from fractions import Fraction
+from functools import partial
 from itertools import permutations
 from numbers import Rational
 from typing import Any
@@ -51,9 +50,7 @@ def exact(name: str, value: Any) -> Fraction:
 
 def exact_array(name: str, array: Any) -> Any:
     """Return an array of fractions."""
-    found, some = np.full(array.shape, Fraction(0)), array != 0
-    found[some] = [exact(name, each) for each in array[some].tolist()]
-    return found
+    return np.vectorize(partial(exact, name), "O")(array)
 
 
 def as_given(name: str, value: Any) -> Any:
@@ -67,29 +64,15 @@ def coefficients(name: str, array: Any, is_batch: bool) -> Any:
     return within(name, real_array(name, array) if is_batch else exact_array(name, array), OTHERS)
 
 
-def antisymmetric(K: Any, D: int) -> Any:
-    """Return the exact antisymmetric matrix (D, D), the canonical one for None."""
-    if K is None:
-        if D % 2:
-            raise wrong("dimension", "an even number without K", D)
-        K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
-    matrix = coefficients("K", as_given("K", K), False)
-    if matrix.shape != (D, D) or (matrix != -matrix.T).any():
-        received = short(matrix.astype(float).tolist())
-        raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
-    return matrix
-
-
 def check_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters by name: numbers as they are, and read-only arrays of floats."""
+    """Return parameters by name: numbers as they are, and arrays of floats."""
     found: dict[str, Any] = {}
     for name, value in parameters.items():
         if name in RESERVED or _NUMBERED.fullmatch(name) or not name.isidentifier():
             raise wrong("parameters", "names that are not in use, as a or rho", repr(name))
         refuse(name, value)
         if isinstance(value, (list, tuple)) or np.ndim(value):
-            found[name] = real_array(name, value).copy()
-            found[name].flags.writeable = False
+            found[name] = real_array(name, value)
         else:
             found[name] = value.item() if hasattr(value, "item") else value
             exact(name, found[name])
@@ -110,15 +93,11 @@ def to_lists(value: Any) -> Any:
 
 
 def from_lists(name: str, value: Any) -> Any:
-    """Return an array of numbers, of which strings "p/q" are fractions; None for None."""
-    if value is None or isinstance(value, np.ndarray):
-        return value
-
-    def number(each: Any) -> Any:
-        return Fraction(each) if isinstance(each, str) else each
-
+    """Return nested lists of numbers, of which strings "p/q" become fractions."""
+    if isinstance(value, list):
+        return [from_lists(name, each) for each in value]
     try:
-        return np.vectorize(number, "O")(np.array(value, dtype=object))
+        return Fraction(value) if isinstance(value, str) else value
     except (ValueError, ZeroDivisionError):
         raise wrong(name, 'numbers or strings "p/q"', short(value)) from None
 
@@ -190,7 +169,6 @@ def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
     """Return exact tensors: of the D polynomials f(x, **parameters), or of the one of degree 3."""
-    _check_call(name, f, parameters)
     batch = np.broadcast_shapes(*map(np.shape, parameters.values()))
     columns = [np.broadcast_to(each, batch).ravel().tolist() for each in parameters.values()]
     members = []
@@ -199,18 +177,6 @@ def traced(
         members.append(_traced_once(name, f, D, degree, dict(row)))
     shape = (D,) * (degree == 2) + (D + 1,) * degree
     return np.array(members, dtype=object).reshape(*batch, *shape)
-
-
-def _check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
-    """Raise TypeError unless f can be called as f(x, **parameters)."""
-    with suppress(ValueError):  # a function of another language has no signature
-        try:
-            inspect.signature(f).bind("x", **parameters)
-        except TypeError as error:
-            found = re.search(r"missing .*'(\w+)'", str(error))
-            missing = found and f"none for {found[1]}: {name} needs {found[1]}: pass {found[1]}=28"
-            received = f"{missing}, say" if missing else str(error).removeprefix("got ")
-            raise wrong(name, "values for all its parameters", received, TypeError) from error
 
 
 def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str, Any]) -> Any:
@@ -225,7 +191,9 @@ def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str
         return np.stack([_tensor(each, D, degree) for each in found])
     except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
-        raise wrong(name, expected, error, kind) from error
+        missing = re.search(r"missing .* argument.*'(\w+)'", str(error))
+        need = missing and f"none, as {name} needs {missing[1]}: pass {missing[1]}=28, say"
+        raise wrong(name, expected, need or error, kind) from error
 
 
 def _tensor(value: Any, D: int, degree: int) -> Any:

@@ -265,7 +265,7 @@ def _in_decimals(body: Any) -> QuadraticField:
     if body.H is None:
         return QuadraticField(*map(decimals, (body.quadratic, body.linear, body.constant)))
     H, K = map(decimals, (body.H.tensor, body.K))
-    return QuadraticField._made(rates(H, K), H, K, {})
+    return QuadraticField._of_table(rates(H, K), H=H, K=K)
 
 
 def _decimal(a: Any) -> Fraction:

@@ -212,7 +212,7 @@ def _template(run: Run, batch: tuple[int, ...], functions: Any, dims: Any, coord
 def _about(run: Run, data: Any, sources: dict[str, str], coords: Any) -> dict[str, Any]:
     """Return the arguments of a run, which identify it, as attributes of its store."""
     body = run["body"]
-    arrays = {**body._arrays, **body._coordinates, "eps": np.asarray(run["eps"])}
+    arrays = {**body._arrays, "eps": np.asarray(run["eps"])}
     if run["attitude"] is not None:
         arrays["attitude"] = run["attitude"]
     about = {name: _described(name, each) for name, each in arrays.items()}

@@ -130,7 +130,6 @@ def _parameters(run: Any) -> dict[str, NDArray[Any]]:
     body = run.body
     found = [("eps", np.asarray(run.eps), 0)]
     found += [(name, array, body._axes(name)) for name, array in body._arrays.items()]
-    found += [(name, array, 0) for name, array in body._coordinates.items()]
     count = run.status.ndim
     return {
         name: array.reshape((1,) * (count + own - array.ndim) + array.shape)

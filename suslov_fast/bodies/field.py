@@ -24,7 +24,7 @@ from .. import checks
 from ..checks import FloatArray, wrong
 from . import polynomials
 from .base import Body, frozen
-from .polynomials import exact_array, from_lists, terms_of, text_of, traced
+from .polynomials import exact_array, from_lists, polynomial_of, traced
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
@@ -50,7 +50,7 @@ class Hamiltonian:
     def __repr__(self) -> str:
         if self.tensor.ndim > 3:
             return f"<polynomials of shape {self.tensor.shape[:-3]}>"
-        return text_of(terms_of(self.tensor))
+        return repr(polynomial_of(self.tensor))
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -272,7 +272,7 @@ class QuadraticField(Body):
         context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
 
         def polynomial(row: Any) -> Any:
-            terms = terms_of(row).items()
+            terms = polynomial_of(row).terms.items()
             exponents = (tuple(map(powers.count, range(D))) for powers, _ in terms)
             numbers = (flint.fmpq(*c.as_integer_ratio()) for _, c in terms)
             return context.from_dict(dict(zip(exponents, numbers, strict=True)))
@@ -296,7 +296,7 @@ class QuadraticField(Body):
         if self.shape:
             names = "".join(f", {n}={np.shape(a) or a}" for n, a in self.parameters.items())
             return f"<QuadraticField of shape {self.shape}: D={self.dimension}{names}>"
-        equations = [f"x{i}' = {text_of(terms_of(row))}" for i, row in enumerate(self.table, 1)]
+        equations = [f"x{i}' = {polynomial_of(row)}" for i, row in enumerate(self.table, 1)]
         equations += [] if self.H is None else [f"H = {self.H}"]
         short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
         return f"QuadraticField({short})"

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
-from itertools import permutations
+from itertools import permutations, product
 from numbers import Rational
 from typing import Any
 
@@ -25,8 +26,6 @@ RESERVED = frozenset(
     "functions dims coords chunk client progress self cls".split()
 )
 _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
-# The indices of the variables of a monomial, ascending, and its coefficient.
-Terms = Mapping[tuple[int, ...], Fraction]
 
 
 def is_number(value: Any) -> bool:
@@ -70,11 +69,9 @@ def check_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
     for name, value in parameters.items():
         if name in RESERVED or _NUMBERED.fullmatch(name) or not name.isidentifier():
             raise wrong("parameters", "names that are not in use, as a or rho", repr(name))
-        refuse(name, value)
-        if isinstance(value, (list, tuple)) or np.ndim(value):
-            found[name] = real_array(name, value)
-        else:
-            found[name] = value.item() if hasattr(value, "item") else value
+        array = as_given(name, value)
+        found[name] = real_array(name, value) if array.ndim else array.item()
+        if not array.ndim:
             exact(name, found[name])
     common_shape({name: np.shape(value) for name, value in found.items()})
     return found
@@ -103,35 +100,31 @@ def from_lists(name: str, value: Any) -> Any:
 
 
 class Polynomial:
-    """A polynomial with exact coefficients, with which functions of the user calculate."""
+    """A sum of terms, with exact coefficients: what functions of the user calculate with."""
 
-    def __init__(self, terms: Terms) -> None:
-        self.terms = {powers: c for powers, c in terms.items() if c}
+    def __init__(self, terms: Iterable[tuple[Sequence[int], Fraction]]) -> None:
+        found = defaultdict[tuple[int, ...], Fraction](Fraction)
+        for indices, c in terms:  # indices of the variables of a monomial
+            found[tuple(sorted(indices))] += c
+        self.terms = {indices: c for indices, c in found.items() if c}
 
     @classmethod
     def of(cls, value: Any) -> Polynomial | None:
         """Return a polynomial, or a number as a polynomial; None for anything else."""
         if isinstance(value, cls):
             return value
-        return cls({(): exact("f", value)}) if is_number(value) else None
+        return cls([((), exact("f", value))]) if is_number(value) else None
 
     def __add__(self, other: Any) -> Any:
         if (right := self.of(other)) is None:
             return NotImplemented
-        terms = dict(self.terms)
-        for powers, c in right.terms.items():
-            terms[powers] = terms.get(powers, 0) + c
-        return Polynomial(terms)
+        return Polynomial([*self.terms.items(), *right.terms.items()])
 
     def __mul__(self, other: Any) -> Any:
         if (right := self.of(other)) is None:
             return NotImplemented
-        terms: dict[tuple[int, ...], Fraction] = {}
-        for first, a in self.terms.items():
-            for second, b in right.terms.items():
-                powers = tuple(sorted(first + second))
-                terms[powers] = terms.get(powers, Fraction(0)) + a * b
-        return Polynomial(terms)
+        pairs = product(self.terms.items(), right.terms.items())
+        return Polynomial((first + second, a * b) for (first, a), (second, b) in pairs)
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -150,10 +143,10 @@ class Polynomial:
     def __truediv__(self, number: Any) -> Any:
         return self * (1 / exact("divisor", number)) if is_number(number) else NotImplemented
 
-    def __pow__(self, power: Any) -> Polynomial:
+    def __pow__(self, power: Any) -> Any:
         if power not in range(100):
             raise wrong("power", "a small integer", power)
-        return math.prod([self] * int(power), start=Polynomial({(): Fraction(1)}))
+        return math.prod([self] * int(power))
 
     def __eq__(self, other: object) -> bool:
         raise TypeError("polynomials in x cannot be compared")
@@ -162,7 +155,16 @@ class Polynomial:
         raise TypeError("polynomials in x are neither true nor false")
 
     def __repr__(self) -> str:
-        return text_of(self.terms)
+        text = ""
+        for indices, c in sorted(self.terms.items(), key=lambda term: (-len(term[0]), term[0])):
+            size = abs(c)
+            number = str(plain(size) if size.denominator > 2**20 else size)
+            factors = [] if indices and size == 1 else [number]
+            for i in dict.fromkeys(indices):
+                power = indices.count(i)
+                factors.append(f"x{i + 1}^{power}" if power > 1 else f"x{i + 1}")
+            text += (" - " if c < 0 else " + ") + "*".join(factors)
+        return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
 
 
 def traced(
@@ -183,7 +185,7 @@ def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str
     count = f"{D} polynomials" if degree == 2 else "a polynomial"
     expected = f"{count} of degree at most {degree} in x[0] to x[{D - 1}], by +, -, * and /"
     try:
-        found = f(tuple(Polynomial({(i,): Fraction(1)}) for i in range(D)), **parameters)
+        found = f(tuple(Polynomial([((i,), Fraction(1))]) for i in range(D)), **parameters)
         if degree == 3:
             return _tensor(found, D, degree)
         if not isinstance(found, (tuple, list, np.ndarray)) or len(found) != D:
@@ -203,33 +205,16 @@ def _tensor(value: Any, D: int, degree: int) -> Any:
         raise TypeError(f"{short(value)} of type {type(value).__name__}")
     within("coefficients", np.array([*polynomial.terms.values()], dtype=object), OTHERS)
     table = np.full((D + 1,) * degree, Fraction(0))
-    for powers, c in polynomial.terms.items():
-        if len(powers) > degree:
-            raise ValueError(f"degree {len(powers)}")
-        places = {*permutations((*powers, *[D] * (degree - len(powers))))}
+    for indices, c in polynomial.terms.items():
+        if len(indices) > degree:
+            raise ValueError(f"degree {len(indices)}")
+        places = {*permutations((*indices, *[D] * (degree - len(indices))))}
         for each in places:
             table[each] = c / len(places)
     return table
 
 
-def terms_of(table: Any) -> Terms:
-    """Return the terms of a symmetric tensor in homogeneous coordinates."""
-    D, terms = len(table) - 1, dict[tuple[int, ...], Any]()
-    for place in map(tuple, np.argwhere(table != 0).tolist()):
-        powers = tuple(sorted(i for i in place if i < D))
-        terms[powers] = terms.get(powers, 0) + table[place]
-    return terms
-
-
-def text_of(terms: Terms) -> str:
-    """Return a polynomial as text, the terms of highest degree first."""
-    text = ""
-    for powers, c in sorted(terms.items(), key=lambda term: (-len(term[0]), term[0])):
-        size = abs(c)
-        number = str(plain(size) if size.denominator > 2**20 else size)
-        factors = [] if powers and size == 1 else [number]
-        for i in dict.fromkeys(powers):
-            power = powers.count(i)
-            factors.append(f"x{i + 1}^{power}" if power > 1 else f"x{i + 1}")
-        text += (" - " if c < 0 else " + ") + "*".join(factors)
-    return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
+def polynomial_of(tensor: Any) -> Polynomial:
+    """Return the polynomial of a symmetric tensor in homogeneous coordinates."""
+    D, places = len(tensor) - 1, np.argwhere(tensor != 0).tolist()
+    return Polynomial(([i for i in place if i < D], tensor[tuple(place)]) for place in places)

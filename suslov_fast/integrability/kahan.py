@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from ..bodies.field import QuadraticField, rates
-from ..bodies.polynomials import terms_of
+from ..bodies.polynomials import polynomial_of
 from ..checks import wrong
 from .exact import degree_of, step_size
 from .functions import RationalFunction, exact_quotient
@@ -114,7 +114,7 @@ class KahanMap(RationalMap):
         # H and K of a field in a file of a batch are rounded.
         if field.H is None or (rates(field.H.tensor, field.K) != field.table).any():
             return None
-        terms, letter = terms_of(field.H.tensor), (0,) * self.has_letter
+        terms, letter = polynomial_of(field.H.tensor).terms, (0,) * self.has_letter
         scale = math.lcm(*(c.denominator for c in terms.values()))
         places = range(self.dimension)
         return self.ring.from_dict(

@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 from collections.abc import Collection, Sequence
+from fractions import Fraction
 from typing import Any, get_args
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 _FLOAT64 = np.dtype(np.float64)
-_NUMBERS = {float, int, np.float64}
+_NUMBERS = {float, int, np.float64, Fraction}
 # Up to this size the sum in Python is faster than one call of NumPy.
 _FEW = 64
 # Larger arrays take as long to check as to compute with.

@@ -22,9 +22,17 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from . import polynomials
 from .base import Body, frozen
-from .polynomials import exact_array, from_lists, polynomial_of, traced
+from .polynomials import (
+    as_given,
+    coefficients,
+    exact,
+    from_lists,
+    named,
+    numbers,
+    polynomial_of,
+    traced,
+)
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
@@ -98,31 +106,26 @@ class QuadraticField(Body):
     K: Any
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        parts = {"quadratic": polynomials.as_given("quadratic", quadratic)}
+        parts = {"quadratic": as_given("quadratic", quadratic)}
         D = (0, *parts["quadratic"].shape)[-1]
         for name, each in (("linear", linear), ("constant", constant)):
             zeros = np.zeros((D,) * _AXES[name])
-            parts[name] = zeros if each is None else polynomials.as_given(name, each)
+            parts[name] = zeros if each is None else as_given(name, each)
         for name, array in parts.items():
             axes = _AXES[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
                 raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
         batch = self._batch(parts)
         for name, array in parts.items():
-            numbers = polynomials.coefficients(name, array, bool(batch))
-            parts[name] = np.broadcast_to(numbers, (*batch, *(D,) * _AXES[name]))
+            found = coefficients(name, array, bool(batch))
+            parts[name] = np.broadcast_to(found, (*batch, *(D,) * _AXES[name]))
         parts["quadratic"] = (parts["quadratic"] + parts["quadratic"].swapaxes(-2, -1)) / 2
         self._take(parts)
 
     def _take(self, parts: Mapping[str, Any]) -> None:
         is_batch, kept = bool(self._batch(parts)), {}
         for name, each in parts.items():
-            array = np.asarray(each)
-            if name in _AXES and is_batch:
-                array = array.astype(np.float64)
-            elif name in _AXES and array.dtype != object:
-                array = exact_array(name, array)
-            kept[name] = frozen(array)
+            kept[name] = frozen(numbers(name, each, is_batch) if name in _AXES else each)
         own = {name: kept[name] for name in ("quadratic", "linear", "constant")}
         H = Hamiltonian(kept["H"]) if "H" in kept else None
         vars(self).update(own, H=H, K=kept.get("K"), _parts=kept)
@@ -163,7 +166,7 @@ class QuadraticField(Body):
         ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
         """
         D = checks.integer("dimension", dimension, 1)
-        values = polynomials.check_parameters(parameters)
+        values = named(parameters)
         return cls._of_table(traced("f", f, D, 2, values), **values)
 
     @classmethod
@@ -201,7 +204,7 @@ class QuadraticField(Body):
                 raise wrong("dimension", "an even number without K", D)
             K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
         matrix = antisymmetric(K, D)
-        values = polynomials.check_parameters(parameters)
+        values = named(parameters)
         tensor = traced("H", H, D, 3, values)
         table = checks.within("H", rates(tensor, matrix), checks.OTHERS)
         return cls._of_table(table, H=tensor, K=matrix, **values)
@@ -268,14 +271,13 @@ class QuadraticField(Body):
         """The components as ``flint.fmpq_mpoly`` in x1, ..., xD; needs python-flint."""
         import flint
 
-        D = self.dimension
+        every = range(self.dimension)
         context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
 
         def polynomial(row: Any) -> Any:
             terms = polynomial_of(row).terms.items()
-            exponents = (tuple(map(powers.count, range(D))) for powers, _ in terms)
-            numbers = (flint.fmpq(*c.as_integer_ratio()) for _, c in terms)
-            return context.from_dict(dict(zip(exponents, numbers, strict=True)))
+            ratios = {indices: flint.fmpq(*c.as_integer_ratio()) for indices, c in terms}
+            return context.from_dict({tuple(map(i.count, every)): c for i, c in ratios.items()})
 
         return tuple(map(polynomial, self.table))
 
@@ -303,21 +305,20 @@ class QuadraticField(Body):
 
     def to_dict(self) -> dict[str, Any]:
         found = super().to_dict()
-        named = {name: found.pop(name) for name in self.parameters}
-        return found | ({"parameters": named} if named else {})
+        values = {name: found.pop(name) for name in self.parameters}
+        return found | ({"parameters": values} if values else {})
 
     @classmethod
     def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
-        H, K, named = (given.pop(name, None) for name in ("H", "K", "parameters"))
+        H, K, values = (given.pop(name, None) for name in ("H", "K", "parameters"))
         whole = super().from_dict(given)
-        checks.instance("parameters", named or {}, Mapping)
-        values = {name: from_lists(name, each) for name, each in (named or {}).items()}
-        parts = {**whole._parts, **polynomials.check_parameters(values)}
+        checks.instance("parameters", values or {}, Mapping)
+        values = {name: from_lists(name, each) for name, each in (values or {}).items()}
+        parts = {**whole._parts, **named(values)}
         if H is not None:
-            tensor = polynomials.as_given("H", from_lists("H", H))
-            tensor = polynomials.coefficients("H", tensor, bool(whole.shape))
+            tensor = coefficients("H", from_lists("H", H), bool(whole.shape))
             matrix = antisymmetric(from_lists("K", K), whole.dimension)
             if tensor.shape != (*whole.shape, *(len(matrix) + 1,) * 3):
                 raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
@@ -330,7 +331,7 @@ class QuadraticField(Body):
 
 def antisymmetric(K: Any, D: int) -> Any:
     """Return an exact antisymmetric matrix (D, D)."""
-    matrix = polynomials.coefficients("K", polynomials.as_given("K", K), False)
+    matrix = coefficients("K", K, False)
     if matrix.shape != (D, D) or (matrix != -matrix.T).any():
         received = checks.short(matrix.astype(float).tolist())
         raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
@@ -365,7 +366,7 @@ def at_points(tensor: Any, x: Any, degree: int) -> Any:
     is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
     are_exact = tensor.dtype == object and is_list and all(isinstance(a, Rational) for a in x)
     if are_exact and len(x) == D:
-        point = np.array([*(polynomials.exact("x", a) for a in x), Fraction(1)], dtype=object)
+        point = np.array([*(exact("x", a) for a in x), Fraction(1)], dtype=object)
     else:
         x = checks.states("x", x, [f"x{i}" for i in range(1, D + 1)])
         point = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)

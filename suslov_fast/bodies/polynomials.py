@@ -47,23 +47,24 @@ def exact(name: str, value: Any) -> Fraction:
         raise wrong(name, "finite numbers", value) from None
 
 
-def exact_array(name: str, array: Any) -> Any:
-    """Return an array of fractions."""
-    return np.vectorize(partial(exact, name), "O")(array)
-
-
 def as_given(name: str, value: Any) -> Any:
     """Return an array of the numbers as they are: one of integers and floats is one of objects."""
     refuse(name, value)
     return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
 
 
-def coefficients(name: str, array: Any, is_batch: bool) -> Any:
-    """Return floats of a batch, or fractions of a single field, that are in range."""
-    return within(name, real_array(name, array) if is_batch else exact_array(name, array), OTHERS)
+def numbers(name: str, value: Any, is_batch: bool) -> Any:
+    """Return floats of a batch, or fractions of a single field."""
+    if is_batch:
+        return real_array(name, value)
+    return np.vectorize(partial(exact, name), "O")(as_given(name, value))
 
 
-def check_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
+def coefficients(name: str, value: Any, is_batch: bool) -> Any:
+    return within(name, numbers(name, value, is_batch), OTHERS)
+
+
+def named(parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters by name: numbers as they are, and arrays of floats."""
     found: dict[str, Any] = {}
     for name, value in parameters.items():
@@ -193,7 +194,7 @@ def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str
         return np.stack([_tensor(each, D, degree) for each in found])
     except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
-        missing = re.search(r"missing .* argument.*'(\w+)'", str(error))
+        missing = re.search(r"missing .* argument.*?'(\w+)'", str(error))
         need = missing and f"none, as {name} needs {missing[1]}: pass {missing[1]}=28, say"
         raise wrong(name, expected, need or error, kind) from error
 

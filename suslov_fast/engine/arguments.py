@@ -154,8 +154,8 @@ def check(
     """Check the arguments of a public function.
 
     The body is one of `kinds`, if any are given. Arguments are states, by any name, which may be
-    NaN and have the components of the body or those given; `eps`; and rotations `attitude`, or
-    True. Messages call the state of a field x; `later` is that of `checks.states`.
+    NaN and have the components of the body or those given; `eps`; and `attitude` or `R0`, rotations
+    or True. Messages call the state of a field x; `later` is that of `checks.states`.
     """
     if kinds:
         checks.instance("body", body, kinds)
@@ -168,7 +168,7 @@ def check(
         if name == "eps":
             eps = checks.within(name, real_number(name, value), checks.MOMENTS)
             shapes[name] = () if type(eps) is float else eps.shape  # type: ignore[union-attr]
-        elif name == "attitude":
+        elif name in ("attitude", "R0"):
             if isinstance(body, QuadraticField):
                 expected = "False, as states of a field have no orientation"
                 raise wrong(name, expected, checks.short(value), TypeError)

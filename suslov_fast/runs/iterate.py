@@ -230,4 +230,4 @@ def step_full(
     labels = "Omega1", "Omega2", "Omega3"
     states = check(body, Suslov3D, {"omega": omega, "eps": eps}, components=labels)
     found = formulas.step_full(*body.parameters[:4], body.I3, states.eps, states.omega)
-    return reported(states, found, axes=1)
+    return reported(states, found)

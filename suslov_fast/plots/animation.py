@@ -151,7 +151,7 @@ def ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
         I3 = float(0.5 * (low + high))
     else:
         I3 = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
-    moments, axes = np.linalg.eigh(np.array([[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]))
+    moments, axes = np.linalg.eigh(body._inertia(I3))
     if not moments[0] > 0:
         return None
     radii, matter = np.sqrt(moments[0] / moments), bool(low < I3 < high)

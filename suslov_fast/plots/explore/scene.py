@@ -1,4 +1,4 @@
-"""What the page shows: parameters in its address, and all numbers, by public functions, as JSON."""
+"""What the page shows: parameters in its address, and all numbers, by public functions."""
 
 import math
 import warnings
@@ -44,7 +44,7 @@ class Parameters(NamedTuple):
     Omega2: float
     steps: int
     extent: float = 4.0
-    show: str = ""
+    show: str = "F energy"
 
     @property
     def body(self) -> BodyIn3D:
@@ -86,7 +86,9 @@ def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
 def answer(query: str) -> Any:
     """Return the numbers for a query, or a message that the page shows."""
     try:
-        return scene(parse_query(query))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return _json_values(_scene(parse_query(query)))
     except (ValueError, ArithmeticError) as error:
         # A message begins with the names of the fields that it is about.
         named = str(error).partition(":")[0].split(", ")
@@ -94,18 +96,12 @@ def answer(query: str) -> Any:
         return {"error": str(error), "fields": fields}
 
 
-def scene(parameters: Parameters) -> Any:
-    """Return all numbers of the page; ValueError for an invalid body."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return _json_values(_scene(parameters))
-
-
 def _scene(parameters: Parameters) -> dict[str, Any]:
     body, eps, steps = parameters.body, parameters.eps, parameters.steps
     plane, start = Plane(body, eps), [parameters.Omega1, parameters.Omega2]
     run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
     status = Status(int(run.status))
+    failed_at = int(run.failed_at) if status < 0 else None
     F = first_integral(body, run.omega, eps)
     t = float(criticality(body, start, eps))
     before, after = limits(body, start, eps)
@@ -124,11 +120,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         "portrait": _portrait(plane, parameters) if "portrait" in parameters.show else None,
         "ellipsoid": ellipsoid(body),
         "regime": _regime(parameters, plane, t, status),
-        "status": {
-            "name": status.name,
-            "message": status.message,
-            "failed_at": int(run.failed_at) if status < 0 else None,
-        },
+        "status": {"name": status.name, "message": status.message, "failed_at": failed_at},
         "numbers": {
             "criticality": t,
             # How many times faster than the flow the map tends to the last steady state.

@@ -70,19 +70,16 @@ class _Handler(SimpleHTTPRequestHandler):
             self.send_error(400)
         elif foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
             self.send_error(403)
-        elif path == "/scene":
-            return self._numbers(query)
-        else:
+        elif path != "/scene":
             return super().send_head()
+        else:
+            text = json.dumps(answer(query), allow_nan=False, separators=(",", ":")).encode()
+            self.send_response(200)
+            self.send_header("Content-Type", "application/json")
+            self.send_header("Content-Length", str(len(text)))
+            self.end_headers()
+            return io.BytesIO(text)
         return None
-
-    def _numbers(self, query: str) -> io.BytesIO:
-        text = json.dumps(answer(query), allow_nan=False, separators=(",", ":")).encode()
-        self.send_response(200)
-        self.send_header("Content-Type", "application/json")
-        self.send_header("Content-Length", str(len(text)))
-        self.end_headers()
-        return io.BytesIO(text)
 
     def end_headers(self) -> None:
         """Let the browser keep nothing, and refuse whatever the page would load from elsewhere."""

@@ -78,17 +78,17 @@ def with_cofactor(map: RationalMap, degree: int, cofactor: Any, rng: random.Rand
     exponents = exact.exponents_up_to(degree, map.dimension)
 
     def search(p: int, eps: int) -> Residues:
-        steps, rows = map.steps(p, eps), []
+        here, D, rows = map.at(eps), map.dimension, []
         for _ in range(2 * (len(exponents) + MORE)):
-            x = steps.point([rng.randrange(-(2**12), 2**12) for _ in range(map.dimension)])
+            x = exact.point_modulo(p, [rng.randrange(-(2**12), 2**12) for _ in range(D)])
             try:
-                image, c = steps.image(x), value_of(cofactor, steps, eps, x)
+                image, c = here.image(x), value_of(cofactor, here, p, eps, x)
             except ZeroDivisionError:  # at a pole
                 continue
             before, after = (monomial_values(exponents, y) for y in (x, image))
             rows.append([b - c * a for a, b in zip(before, after, strict=True)])
             if len(rows) == len(exponents) + MORE:
-                return exact.null_space(steps.matrix(rows))
+                return exact.null_space(flint.nmod_mat(rows, p))
         raise ArithmeticError("the map or the cofactor is undefined at most points")
 
     rows = over_rationals(rng, search, map.has_letter)
@@ -97,21 +97,21 @@ def with_cofactor(map: RationalMap, degree: int, cofactor: Any, rng: random.Rand
     return polynomials_with(rows, exponents, map.has_letter)
 
 
-def value_of(cofactor: Any, steps: Any, eps: int, x: list[Any]) -> Any:
+def value_of(cofactor: Any, map: RationalMap, p: int, eps: int, x: list[Any]) -> Any:
     """Return the value of a cofactor at a point modulo a prime."""
     if cofactor is None:
-        return steps.derivative(x).det()
+        return map.derivative(x).det()
     if isinstance(cofactor, RationalFunction):
-        value = flint.nmod(exact.fmpq(cofactor.constant), steps.p)
+        value = flint.nmod(exact.fmpq(cofactor.constant), p)
         for P, e in cofactor.factors:
-            letter = [flint.nmod(eps, steps.p)] if exact.has_letter(P) else []
+            letter = [flint.nmod(eps, p)] if exact.has_letter(P) else []
             value *= value_at(P, [*letter, *x]) ** e
         return value
-    half = steps.p // 2
-    found = cofactor(tuple(Fraction((int(a) + half) % steps.p - half) for a in x[:-1]))
+    half = p // 2
+    found = cofactor(tuple(Fraction((int(a) + half) % p - half) for a in x[:-1]))
     if isinstance(found, float):
         raise wrong("cofactor", "exact numbers", "float", TypeError)
-    return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), steps.p)
+    return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), p)
 
 
 def invariant_spaces(map: RationalMap, degree: int) -> Iterator[Polynomials]:
@@ -150,7 +150,7 @@ class Pullbacks:
 
     def __init__(self, map: RationalMap, degree: int, p: int, eps: int) -> None:
         self.map, self.degree, self.p, self.eps = map, degree, p, eps
-        self.rng, self.steps = random.Random(p), map.steps(p, eps)
+        self.rng, self.here = random.Random(p), map.at(eps)
         self.exponents = exact.exponents_up_to(degree, map.dimension)
         self.everything = self._matrix(np.eye(len(self.exponents), dtype=int).tolist())
         infinity = map.ring.constant(1)  # its value on a line is t
@@ -167,7 +167,7 @@ class Pullbacks:
         line = random_line(self.map.dimension, self.p, self.rng)
         polynomials = zip(self.polynomials, self.degrees, strict=True)
         *factors, below = (on_line(P, line, degree) for P, degree in polynomials)
-        image = self.steps.reduced(line)
+        image = self.here.reduced(line)
         scale = below.leading_coefficient() / image[-1].leading_coefficient()
         image = [scale * F for F in image]
         monomials = [(*e, self.degree - sum(e)) for e in self.exponents]
@@ -231,7 +231,7 @@ class Pullbacks:
         """Return a basis, in echelon form, of the polynomials with these powers and constant."""
         basis, pulled = self._invariant(self.everything, powers)
         if basis is not None and c is not None:
-            c = value_of(c, self.steps, self.eps, [])
+            c = value_of(c, self.here, self.p, self.eps, [])
             basis = self._solutions(pulled - self._scalar(c, pulled.nrows()), basis)
         return [] if basis is None else exact.integer_rows(basis.rref()[0])
 

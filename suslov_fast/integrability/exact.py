@@ -122,14 +122,13 @@ def factors(P: Any) -> list[tuple[Any, int]]:
 
     python-flint 0.9 sorts factors over the integers, and fails if a coefficient is large.
     """
-    names = P.context().names()
-    rational_ring = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
-    over_rationals = rational_ring.from_dict({e: flint.fmpq(c) for e, c in P.to_dict().items()})
-    found = []
-    for factor, power in over_rationals.factor()[1]:
+    names, found = P.context().names(), []
+    integers = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
+    rationals = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
+    for factor, power in rationals.from_dict(P.to_dict()).factor()[1]:
         scale = math.lcm(*(int(c.q) for c in factor.coeffs()))
         terms = {e: (c * scale).p for e, c in factor.to_dict().items()}
-        found.append((primitive(P.context().from_dict(terms)), int(power)))
+        found.append((primitive(integers.from_dict(terms)), int(power)))
     return found
 
 
@@ -152,21 +151,32 @@ def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any
     return values
 
 
-def at_eps(P: Any, eps: Any) -> dict[Any, Any]:
-    """Return the coefficients of monomials in x, for a value of eps of any type of numbers."""
-    if not has_letter(P):
-        return dict(P.to_dict())
-    terms: dict[Any, Any] = {}
-    for (k, *e), c in P.to_dict().items():
-        terms[tuple(e)] = terms.get(tuple(e), 0) + int(c) * eps ** int(k)
-    return terms
+def over(numbers: Any, P: Any, eps: Any, **modulus: Any) -> Any:
+    """Return a polynomial in x over another ring of numbers, with this value of eps."""
+    context, letter = P.context(), has_letter(P)
+    same = numbers.get(context.names(), ordering="deglex", **modulus).from_dict(P.to_dict())
+    if not letter:
+        return same
+    in_x = ring(context.nvars() - 1, False, numbers, **modulus)
+    return same.subs({"eps": eps}).project_to_context(in_x)
 
 
 def modulo(P: Any, p: int, eps: int) -> Any:
     """Return a polynomial in x modulo a prime, with this value of eps."""
-    n = P.context().nvars() - has_letter(P)
-    modular = ring(n, False, flint.nmod_mpoly_ctx, modulus=p)
-    return modular.from_dict(at_eps(P, flint.nmod(eps, p)))
+    return over(flint.nmod_mpoly_ctx, P, eps, modulus=p)
+
+
+def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
+    """Return a point (x1, ..., xD, 1) modulo a prime."""
+    return [flint.nmod(fmpq(a), p) for a in (*x, 1)]
+
+
+def matrix(rows: Sequence[Sequence[Any]]) -> Any:
+    """Return a matrix of rational numbers, or of numbers modulo a prime."""
+    first = rows[0][0]
+    if isinstance(first, flint.nmod):
+        return flint.nmod_mat(rows, int(first.modulus()))
+    return flint.fmpq_mat(rows)
 
 
 def null_space(matrix: Any) -> Residues:

@@ -14,11 +14,13 @@ import flint
 
 from .exact import (
     Polynomials,
-    at_eps,
     degree_of,
     factors,
+    fmpq,
+    fraction,
     has_letter,
     modulo,
+    over,
     random_prime,
     rational,
     ring,
@@ -75,7 +77,7 @@ class RationalFunction:
         found, cofactor = RationalFunction((), self.constant), self.cofactor
         try:
             for P, e in self.factors:
-                found *= _at_eps(P, value) ** e
+                found *= factored(over(flint.fmpq_mpoly_ctx, P, fmpq(value))) ** e
         except ZeroDivisionError:
             raise ZeroDivisionError(f"{self} has no value at eps = {value}") from None
         return replace(found, basis=self.basis, cofactor=cofactor and cofactor.subs(value))
@@ -92,8 +94,10 @@ class RationalFunction:
 
     def __mul__(self, other: RationalFunction) -> RationalFunction:
         basis = MODULAR if MODULAR in (self.basis, other.basis) else self.basis
-        product = product_of(self.factors + other.factors, basis)
-        return replace(product, constant=self.constant * other.constant)
+        return product_of(self.factors + other.factors, self.constant * other.constant, basis)
+
+    def __truediv__(self, other: RationalFunction) -> RationalFunction:
+        return self * other**-1
 
     def __pow__(self, power: int) -> RationalFunction:
         powers = tuple((P, power * e) for P, e in self.factors if power)
@@ -163,40 +167,29 @@ def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:
     return f"{text}^{e}" if e > 1 else text
 
 
-def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
-    """Return a quotient of polynomials in irreducible factors, without a constant."""
-    return product_of(factors(P) + [(f, -e) for f, e in factors(Q)], basis)
-
-
-def exact_quotient(P: Any, Q: Any = None) -> RationalFunction:
-    """Return a polynomial, or a quotient, in irreducible factors."""
-    Q = P.context().constant(1) if Q is None else Q
+def factored(P: Any) -> RationalFunction:
+    """Return a polynomial in irreducible factors."""
     if P == 0:
         return RationalFunction((), Fraction(0))
-    found = quotient_of(P, Q, "")
-    powers = [(P, 1), (Q, -1), *((f, -e) for f, e in found.factors)]
-    leading = (Fraction(int(f.leading_coefficient())) ** e for f, e in powers)
-    return replace(found, constant=math.prod(leading, start=Fraction(1)))
+    powers = factors(P)
+    leading = math.prod(int(f.leading_coefficient()) ** e for f, e in powers)
+    return product_of(powers, fraction(flint.fmpq(P.leading_coefficient())) / leading)
 
 
-def product_of(powers: Iterable[tuple[Any, int]], basis: str) -> RationalFunction:
+def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
+    """Return a quotient of polynomials in irreducible factors, without a constant."""
+    return replace(factored(P) / factored(Q), constant=Fraction(1), basis=basis)
+
+
+def product_of(
+    powers: Iterable[tuple[Any, int]], constant: Fraction, basis: str = ""
+) -> RationalFunction:
     """Return a product of powers of primitive polynomials, in the order of their size."""
     total: dict[str, tuple[Any, int]] = {}
     for P, e in powers:
         total[str(P)] = P, total.get(str(P), (P, 0))[1] + e
-    chosen = sorted(
-        (power for power in total.values() if power[1]), key=lambda power: size(power[0])
-    )
-    return RationalFunction(tuple(chosen), basis=basis)
-
-
-def _at_eps(P: Any, eps: Fraction) -> RationalFunction:
-    """Return a polynomial in x at this eps."""
-    if not has_letter(P):
-        return RationalFunction(((P, 1),))
-    of, scale = ring(P.context().nvars() - 1, False), eps.denominator ** int(P.degrees()[0])
-    terms = {e: int(c * scale) for e, c in at_eps(P, eps).items()}
-    return exact_quotient(of.from_dict(terms), of.constant(scale))
+    chosen = sorted((power for power in total.values() if power[1]), key=lambda each: size(each[0]))
+    return RationalFunction(tuple(chosen), constant, basis)
 
 
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:

@@ -4,7 +4,6 @@ import math
 import operator
 import random
 from collections.abc import Iterator, Sequence
-from functools import reduce
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -59,11 +58,9 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
 
 def degrees_on_a_line(map: RationalMap, p: int, eps: int, rng: random.Random) -> Iterator[int]:
     """Yield the degrees of the iterates of a random line modulo a prime."""
-    line, steps = random_line(map.dimension, p, rng), map.steps(p, eps)
+    line, map = random_line(map.dimension, p, rng), map.at(eps)
     while True:
-        image = steps.forms(line)
-        common = reduce(lambda a, b: a.gcd(b), image)
-        line = [each // common for each in image]
+        line = map.reduced(line)
         yield max(each.degree() for each in line)
 
 

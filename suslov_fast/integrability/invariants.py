@@ -150,8 +150,7 @@ class Invariants:
         map = self.map
         *x, one = map.variables
         *above, F = map.forms
-        determinant = map.steps(None).forms([*x, one])[-1]
-        self.known.append(quotient_of(one, determinant, IDENTITY))
+        self.known.append(quotient_of(one, map.denominator, IDENTITY))
         numerator = 3 * H * F
         for i, (f, y) in enumerate(zip(above, x, strict=True), map.has_letter):
             numerator += H.derivative(i) * (f - y * F)

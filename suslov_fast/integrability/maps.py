@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property, reduce
 from typing import Any
@@ -20,14 +19,16 @@ from .exact import (
     factors,
     fmpq,
     fraction,
+    matrix,
     modulo,
+    point_modulo,
     random_prime,
     rationals,
     ring,
     size,
     value_at,
 )
-from .functions import RationalFunction, exact_quotient, product_of
+from .functions import RationalFunction, factored, product_of
 from .reconstruction import over_rationals, polynomials_with
 
 TERMS = 100_000  # of the largest polynomial that is written out
@@ -49,14 +50,9 @@ class RationalMap:
     def __init__(self, forms: Sequence[Any], inverse: RationalMap | None = None) -> None:
         self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse
 
-    @property
-    def components(self) -> tuple[str, ...]:
-        """The components as text."""
-        *above, below = self.forms
-        return tuple(str(exact_quotient(F, below)) for F in above)
-
     def __repr__(self) -> str:
-        return f"rational_map({', '.join(self.components)})"
+        *above, below = map(factored, self.forms)
+        return f"rational_map({', '.join(str(F / below) for F in above)})"
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RationalMap) and self.__reduce__() == other.__reduce__()
@@ -67,12 +63,48 @@ class RationalMap:
     def __reduce__(self) -> Any:
         return RationalMap, (self.forms, self.inverse)
 
-    def steps(self, p: int | None, eps: int = 0) -> Steps:
-        """Return the steps modulo a prime, with a number for eps if it is a letter.
+    def at(self, eps: int) -> RationalMap:
+        """Return the map for a number eps if it is a letter, else the map itself."""
+        return self
 
-        For None, they are those over the rationals, or polynomials.
-        """
-        return Steps(p, self.forms)
+    # Points are (x1, ..., xD, 1), of numbers of any kind.
+
+    def homogeneous(self, x: Sequence[Any]) -> list[Any]:
+        """Return F, up to a common factor, at homogeneous coordinates: numbers or polynomials."""
+        return [value_at(F, x, self.degree) for F in self.forms]
+
+    def reduced(self, x: Sequence[Any]) -> list[Any]:
+        """Return F at polynomials, without a common factor."""
+        return coprime(self.homogeneous(x))
+
+    def image(self, x: Sequence[Any]) -> list[Any]:
+        try:
+            *above, below = self.homogeneous(x)
+            return [*(a / below for a in above), x[-1] ** 0]
+        except ZeroDivisionError:
+            where = ", ".join(map(str, x[:-1]))
+            raise ZeroDivisionError(f"({where}) has no image: it is a pole of the map") from None
+
+    def orbit(self, x: Sequence[Any], length: int) -> Iterator[Sequence[Any]]:
+        for _ in range(length):
+            yield x
+            x = self.image(x)
+
+    def derivative(self, x: Sequence[Any]) -> Any:
+        """Return the matrix of derivatives at a point."""
+        y = self.image(x)[:-1]
+        *rows, last = ([value_at(f, x) for f in row] for row in self._gradients)
+        below = value_at(self.forms[-1], x)
+        return matrix(
+            [
+                [(f - a * g) / below for f, g in zip(row, last, strict=True)]
+                for row, a in zip(rows, y, strict=True)
+            ]
+        )
+
+    @cached_property
+    def _gradients(self) -> list[list[Any]]:
+        return [[F.derivative(i) for i in range(self.dimension)] for F in self.forms]
 
     @property
     def denominator(self) -> Any:
@@ -87,37 +119,31 @@ class RationalMap:
             [*(F.derivative(j) * below - F * below.derivative(j) for j in range(n)), below]
             for F in above
         ]
-        whole = cramer(rows)[-1] // below ** (n - 1)
-        return exact_quotient(whole) * exact_quotient(below) ** (-n - 1)
+        return factored(cramer(rows)[-1] / below ** (n - 1)) / factored(below) ** (n + 1)
 
     def __call__(self, point: Any) -> tuple[Any, ...]:
         """Return the image of a point, exactly; functions of eps if it is a letter."""
         if not self.has_letter:
-            return tuple(map(fraction, self._at(point, "image")[:-1]))
+            return tuple(map(fraction, self.image(self._numbers(point))[:-1]))
         x = rationals("point", point, self.dimension)
         scale = math.lcm(*(a.denominator for a in x))
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
-        *above, below = self.steps(None).forms(constants)
-        return tuple(exact_quotient(a, below) for a in above)
+        *above, below = map(factored, self.homogeneous(constants))
+        return tuple(a / below for a in above)
 
     def jacobian(self, point: Any) -> tuple[Point, ...]:
         """Return the matrix of derivatives at a point, exactly, as a tuple of rows."""
-        rows = self._at(point, "derivative").tolist()
+        rows = self.derivative(self._numbers(point)).tolist()
         return tuple(tuple(map(fraction, row)) for row in rows)
 
     def determinant(self, point: Any) -> Fraction:
         """Return the determinant of the matrix of derivatives at a point, exactly."""
-        return fraction(self._at(point, "derivative").det())
+        return fraction(self.derivative(self._numbers(point)).det())
 
-    def _at(self, point: Any, method: str) -> Any:
-        x = rationals("point", point, self.dimension)
+    def _numbers(self, point: Any) -> list[Any]:
         if self.has_letter:
             raise TypeError("eps: expected a number here, as in map.subs(eps=Fraction(1, 3))")
-        try:
-            return getattr(self.steps(None), method)([fmpq(a) for a in (*x, 1)])
-        except ZeroDivisionError:
-            where = ", ".join(map(str, x))
-            raise ZeroDivisionError(f"({where}) has no image: it is a pole of the map") from None
+        return [fmpq(a) for a in (*rationals("point", point, self.dimension), 1)]
 
     @cached_property
     def ring(self) -> Any:
@@ -151,9 +177,9 @@ class RationalMap:
     def is_invertible(self) -> bool:
         """True if det DPhi is not 0 at a random point modulo a prime."""
         rng = random.Random(0)
-        steps = self.steps(random_prime(rng), rng.getrandbits(60))
-        x = steps.point([rng.getrandbits(60) for _ in range(self.dimension)])
-        return bool(steps.derivative(x).det() != 0)
+        p, map = random_prime(rng), self.at(rng.getrandbits(60))
+        x = point_modulo(p, [rng.getrandbits(60) for _ in range(self.dimension)])
+        return bool(map.derivative(x).det() != 0)
 
     @cached_property
     def jacobian_cofactor(self) -> RationalFunction | None:
@@ -171,30 +197,30 @@ class RationalMap:
     def cofactor(self, P: Any) -> RationalFunction | None:
         """Return C with P(Phi) = C P, a product of powers of factors; None if there is none."""
         degree, known = degree_of(P), self.factors or ()
-        powers: list[int] = []
 
-        def constant(p: int, eps: int) -> Residues:
-            steps, line = self.steps(p, eps), random_line(self.dimension, p, random.Random(p))
-            F, Q = steps.reduced(line), modulo(P, p, eps)
-            above = value_at(Q, F, degree)
-            below = value_at(Q, line, degree) * F[-1] ** degree
-            powers.clear()
-            for f in known:
-                divisor = on_line(modulo(f, p, eps), line, degree_of(f))
+        def on_a_line(p: int, eps: int) -> Residues:
+            """Return the constant of C, times -1, 1, and the powers of the factors."""
+            line = random_line(self.dimension, p, random.Random(p))
+            F, Q = self.at(eps).reduced(line), modulo(P, p, eps)
+            above, below = value_at(Q, F, degree), on_line(Q, line, degree) * F[-1] ** degree
+            powers = []
+            # A power of the hyperplane at infinity, t = 0, is 1 in affine coordinates.
+            divisors = (on_line(modulo(f, p, eps), line, degree_of(f)) for f in known)
+            for divisor in (*divisors, line[-1]):
                 above, more = _divided(above, divisor)
                 below, less = _divided(below, divisor)
                 powers.append(more - less)
-            above, below = (part // above.gcd(below) for part in (above, below))
-            # What is left may be a power of the hyperplane at infinity, t = 0.
-            left = [c for part in (above, below) for c in part.coeffs() if c]
-            return [[-int(left[0] / left[1]), 1]] if len(left) == 2 else []
+            c = above[above.degree()] / below[below.degree()]
+            return [[int(-c), 1, *powers[:-1]]] if above == c * below != 0 else []
 
-        rows = over_rationals(random.Random(0), constant, self.has_letter)
+        rows = over_rationals(random.Random(0), on_a_line, self.has_letter)
         if not rows:
             return None
-        (c,) = rational_roots(rows[0], self.has_letter)
-        own = tuple((P.project_to_context(self.ring), e) for P, e in c.factors)
-        return product_of(zip(known, powers, strict=True), "") * replace(c, factors=own)
+        minus_c, one, *powers = rows[0]
+        (c,) = rational_roots([minus_c, one], self.has_letter)
+        own = [(P.project_to_context(self.ring), e) for P, e in c.factors]
+        exponents = (int(sum(above)) for above, _ in powers)  # 0 is written without coefficients
+        return product_of([*zip(known, exponents, strict=True), *own], c.constant)
 
 
 def _divided(P: Any, divisor: Any) -> tuple[Any, int]:
@@ -210,51 +236,7 @@ def rational_roots(row: Any, letter: bool) -> list[RationalFunction]:
     (f,) = polynomials_with([row], tuple((k,) for k in range(len(row))), letter)
     *_, t = f.context().gens()
     pairs = ((g, g.derivative(int(letter))) for g, _ in factors(f) if degree_of(g) == 1)
-    return [exact_quotient(slope * t - g, slope) for g, slope in pairs]
-
-
-class Steps:
-    """Steps of a map over the rationals, or modulo a prime p. Points are (x1, ..., xD, 1)."""
-
-    def __init__(self, p: int | None, polynomials: Sequence[Any]) -> None:
-        self.p, n = p, len(polynomials) - 1
-        self.polynomials = [F if p is None else modulo(F, p, 0) for F in polynomials]
-        self.gradients = [[F.derivative(i) for i in range(n)] for F in self.polynomials]
-        self.degree = max(degree_of(F) for F in polynomials)
-
-    def image(self, x: Sequence[Any]) -> list[Any]:
-        *above, below = self.forms(x)
-        return [*(a / below for a in above), x[-1] ** 0]
-
-    def derivative(self, x: Sequence[Any]) -> Any:
-        """Return the matrix of derivatives at a point."""
-        *above, below = self.forms(x)
-        *rows, last = ([value_at(f, x) for f in row] for row in self.gradients)
-        return self.matrix(
-            [
-                [(f * below - a * g) / below**2 for f, g in zip(row, last, strict=True)]
-                for row, a in zip(rows, above, strict=True)
-            ]
-        )
-
-    def forms(self, x: Sequence[Any]) -> list[Any]:
-        """Return F, up to a common factor, at homogeneous coordinates of any type."""
-        return [value_at(F, x, self.degree) for F in self.polynomials]
-
-    def reduced(self, x: Sequence[Any]) -> list[Any]:
-        """Return F at polynomials, without a common factor."""
-        return coprime(self.forms(x))
-
-    def point(self, x: Sequence[Any]) -> list[Any]:
-        return [flint.nmod(fmpq(a), self.p) for a in (*x, 1)]
-
-    def matrix(self, rows: Any) -> Any:
-        return flint.fmpq_mat(rows) if self.p is None else flint.nmod_mat(rows, self.p)
-
-    def orbit(self, x: Sequence[Any], length: int) -> Iterator[Sequence[Any]]:
-        for _ in range(length):
-            yield x
-            x = self.image(x)
+    return [factored(slope * t - g) / factored(slope) for g, slope in pairs]
 
 
 def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
@@ -275,13 +257,13 @@ def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
 def coprime(polynomials: Sequence[Any]) -> list[Any]:
     """Return polynomials without their common factor."""
     common = reduce(lambda a, b: a.gcd(b), polynomials)
-    return [each // common for each in polynomials]
+    return [each / common for each in polynomials]
 
 
 def cramer(system: list[list[Any]]) -> list[Any]:
     """Return the numerators of the solution of a linear system (A | b), and det A.
 
-    Elimination without fractions (Bareiss).
+    Elimination with exact divisions (Bareiss), of numbers or polynomials.
     """
     n, previous = len(system), 1
     for k in range(n):
@@ -293,7 +275,7 @@ def cramer(system: list[list[Any]]) -> list[Any]:
         top = system[k]
         for row in system[:k] + system[k + 1 :]:
             for j in range(k + 1, n + 1):
-                row[j] = (top[k] * row[j] - row[k] * top[j]) // previous
+                row[j] = (top[k] * row[j] - row[k] * top[j]) / previous
         previous = top[k]
     return [*(row[n] for row in system), previous]
 
@@ -303,8 +285,9 @@ def check_map(map: Any) -> None:
     if not isinstance(map, RationalMap):
         expected = "a map, as kahan(field, eps) or rational_map(f, dimension) returns it"
         raise wrong("map", expected, type(map).__name__, TypeError)
-    steps, rng = map.steps(2**61 - 1, 2**40 + 7), random.Random(0)
+    rng = random.Random(0)
+    x = point_modulo(2**61 - 1, [rng.randrange(2**60) for _ in range(map.dimension)])
     try:
-        steps.image(steps.point([rng.randrange(2**60) for _ in range(map.dimension)]))
+        map.at(2**40 + 7).image(x)
     except ZeroDivisionError:
         raise ArithmeticError(f"{map} is no map: its equations have no solution") from None

@@ -149,10 +149,10 @@ class Relations:
 
     def relations(self, p: int, eps: int, exponents: Exponents, point: Any = None) -> Residues:
         """Return the relations along an orbit, in the form of `HKBasis.basis`."""
-        steps = self.map.steps(p, eps)
-        x = steps.point(self._random_point() if point is None else point)
-        orbit = steps.orbit(x, len(exponents) + MORE)
-        return exact.null_space(steps.matrix([list(monomial_values(exponents, y)) for y in orbit]))
+        x = exact.point_modulo(p, self._random_point() if point is None else point)
+        orbit = self.map.at(eps).orbit(x, len(exponents) + MORE)
+        rows = [list(monomial_values(exponents, y)) for y in orbit]
+        return exact.null_space(flint.nmod_mat(rows, p))
 
     def _random_point(self) -> list[int]:
         return [self.rng.randrange(2**61) for _ in range(self.map.dimension)]
@@ -175,20 +175,20 @@ class Relations:
 
         For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0.
         """
-        steps, n = self.map.steps(p, eps), self.map.dimension
+        map, n = self.map.at(eps), self.map.dimension
         ring = exact.ring(n, False, flint.nmod_mpoly_ctx, modulus=p)
         polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
         gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
-        derivative = steps.matrix(np.eye(n, dtype=int).tolist())  # of x_k
+        derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), p)  # of x_k
         rows = []
-        for y in steps.orbit(steps.point(start), len(exponents) + MORE):
+        for y in map.orbit(exact.point_modulo(p, start), len(exponents) + MORE):
             values = [[each(*y[:-1]) for each in row] for row in gradients]
-            changes = steps.matrix(values) * derivative
+            changes = flint.nmod_mat(values, p) * derivative
             rows.append([*monomial_values(exponents, y), *changes.entries()])
-            derivative = steps.derivative(y) * derivative
-        reduced = steps.matrix(rows).rref()[0].tolist()[: len(exponents) - len(relations)]
+            derivative = map.derivative(y) * derivative
+        reduced = flint.nmod_mat(rows, p).rref()[0].tolist()[: len(exponents) - len(relations)]
         starts = range(len(exponents), len(rows[0]), n)
-        return int(steps.matrix([row[k : k + n] for row in reduced for k in starts]).rank())
+        return int(flint.nmod_mat([row[k : k + n] for row in reduced for k in starts], p).rank())
 
     def integrals(self, exponents: Exponents) -> Polynomials:
         """Return the polynomials of all relations if their quotients are first integrals."""

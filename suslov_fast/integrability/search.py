@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from . import exact
-from .functions import exact_quotient, independent
+from .functions import factored, independent
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
 from .maps import RationalMap
@@ -67,9 +67,8 @@ def _update(found: Any, invariants: Invariants) -> None:
     found.measures = tuple(invariants.measures)
     found.polynomials = tuple(invariants.polynomials)
     if found.map.has_letter:
-        below = found.map.forms[-1]
         formulas = [*found.integrals, *found.measures, *found.polynomials]
-        formulas.append(exact_quotient(below, 0 * below + 1))
+        formulas.append(factored(found.map.forms[-1]))
         found.special_eps = tuple(sorted({eps for f in formulas for eps in f.special}))
 
 

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from ..bodies.nd import SuslovND
 from ..checks import FloatArray, wrong
 from ..core import closed_form, orientations, steps_field
-from ..core.numba import Kernel
 from .arguments import States, flat_arrays, parameters_of, require
-from .threads import call_kernel
+from .threads import Kernel, call_kernel
 
 # Work of a thread in a stretch, in steps of the three-dimensional map.
 _STRETCH = 2**26

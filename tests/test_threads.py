@@ -16,7 +16,7 @@ from suslov_fast.engine import stretches, threads
 
 def test_little_work_stays_serial(body, monkeypatch):
     """A small batch is serial, and a single block of lanes for any number of steps."""
-    monkeypatch.setattr(threads, "ThreadPoolExecutor", None)
+    monkeypatch.setattr(threads, "threading", None)
     sf.iterate(body, np.ones((LANES + 1, 2)), 0.2, 10)
     sf.iterate(body, np.ones((LANES, 2)), 0.2, 20_000, save_every=None)
 

@@ -1,7 +1,7 @@
 """Calls of kernels, on one thread or on several."""
 
+import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numba
@@ -13,14 +13,28 @@ CROSSOVER = 1_000_000
 
 
 def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
-    """Call a kernel; `work` lane-steps decide whether other threads are started."""
+    """Call a kernel; `work` lane-steps decide whether other threads are started.
+
+    They end with the call, so that neither forks nor other threads disturb them. An executor's lock
+    would stop a handler of signals that interrupts a call, and makes one.
+    """
     parts = 1 if work < CROSSOVER else threads or numba.get_num_threads()
     if parts == 1:
         kernel(0, 1, *arguments)
         return
-    # Threads that end with the call are no trouble to forks, to signals and to other threads.
-    with ThreadPoolExecutor(parts - 1) as pool:
-        others = [pool.submit(kernel, part, parts, *arguments) for part in range(1, parts)]
-        kernel(0, parts, *arguments)
+    done = []
+
+    def take(part: int) -> None:
+        kernel(part, parts, *arguments)
+        done.append(part)
+
+    others = [threading.Thread(target=take, args=(k,), daemon=True) for k in range(1, parts)]
     for each in others:
-        each.result()
+        each.start()
+    try:
+        take(0)
+    finally:
+        for each in others:
+            each.join()
+    if len(done) < parts:
+        raise RuntimeError("a thread failed")

@@ -50,8 +50,6 @@ def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     """Return a finite real number as a float, or an array; floats are much faster."""
     if type(value) is float and math.isfinite(value):
         return value
-    if type(value) is int and abs(value) <= 2**53:
-        return float(value)
     array = real_array(name, value)
     return array.item() if array.ndim == 0 else array
 
@@ -92,8 +90,6 @@ def _floats(name: str, value: Any, labels: Sequence[str] = ()) -> FloatArray:
     refuse(name, value)
     try:
         array = np.asarray(value)
-        if array.dtype is _FLOAT64:
-            return array
         if array.dtype.kind == "O" and all(isinstance(each, numbers.Real) for each in array.flat):
             array = array.astype(np.float64)
     except (ValueError, OverflowError) as error:
@@ -101,23 +97,19 @@ def _floats(name: str, value: Any, labels: Sequence[str] = ()) -> FloatArray:
         raise wrong(name, expected, short(value)) from error
     if array.dtype.kind not in "iuf":
         raise wrong(name, "real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
-    with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
-        return array.astype(np.float64, copy=False)
+    return array.astype(np.float64, copy=False)
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
     """Return True if all numbers are finite, False if some are NaN; raise for those not allowed."""
     if array.size <= _FEW and math.isfinite(sum(array.ravel().tolist())):
         return True
-    finite = np.isfinite(array)
-    if finite.all():
-        return True
-    bad = np.isinf(array) if allow_nan else ~finite
+    bad = np.isinf(array) if allow_nan else ~np.isfinite(array)
     if bad.any():
         index = first_index(bad)
         where = f" at index {index}" if index else ""
         raise wrong(name, "finite real numbers", f"{array[index]}{where}")
-    return False
+    return not (allow_nan and np.isnan(array).any())
 
 
 def _of_dataset(value: Any, labels: Sequence[str]) -> Any:

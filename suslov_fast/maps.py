@@ -1,6 +1,5 @@
 """The maps of the package: a record of each, which its clients read, and lookup by name or body."""
 
-import copyreg
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -29,12 +28,14 @@ class Map:
     variable: str = "omega"  # the name of a state
     meaning: str = "angular velocity"
 
+    def __reduce__(self) -> Any:  # its functions cannot be pickled
+        return map_named, (self.name,)
+
     def conserved(self, body: Any) -> tuple[str, ...]:
         """Return the functions whose drift the summary of a run reports."""
         known = self.functions(body)
-        if "first_integral" in known:
-            return ("first_integral",)
-        return tuple(name for name in ("energy", "modified_energy") if name in known)
+        of_energy = tuple(name for name in ("energy", "modified_energy") if name in known)
+        return ("first_integral",) if "first_integral" in known else of_energy
 
     def symbols(self, body: Any) -> list[str]:
         r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
@@ -103,10 +104,6 @@ _KINDS: dict[str, Any] = {record.body.__name__: record.body for record in _RECOR
 def map_named(name: str) -> Map:
     """Return the map of a name; ValueError if there is none."""
     return MAPS[checks.one_of("map", name, MAPS)]
-
-
-# A record is pickled by its name, since it holds functions that cannot be pickled.
-copyreg.pickle(Map, lambda record: (map_named, (record.name,)))
 
 
 def map_of(body: Any) -> Map:

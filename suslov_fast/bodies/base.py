@@ -1,7 +1,7 @@
 """Base class of all bodies: immutable parameters, families, equality, text and plain data."""
 
 import inspect
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from functools import cached_property
@@ -20,12 +20,9 @@ Kind = TypeVar("Kind", bound="Body")
 class Body:
     """A body, or a batch of them; the fields of a subclass are its parameters."""
 
-    # The number of axes of all parameters that are not axes of the batch.
-    _vector_axes: ClassVar[int] = 0
-    # The parameters that are positive, with the exponents of their range.
-    _positive: ClassVar[dict[str, int]] = {}
-    # The name of the class in messages.
-    _called: ClassVar[str] = "a body or a field"
+    _vector_axes: ClassVar[int] = 0  # of all parameters, besides those of the batch
+    _positive: ClassVar[dict[str, int]] = {}  # parameters, with the exponents of their range
+    _called: ClassVar[str] = "a body or a field"  # in messages
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -64,9 +61,9 @@ class Body:
     def _arrays(self) -> dict[str, FloatArray]:
         return {name: np.asarray(each, np.float64) for name, each in self._parts.items()}
 
-    @property
-    def _coordinates(self) -> Collection[str]:
-        """The parts that are no coefficients, but coordinates of datasets."""
+    @cached_property
+    def _coordinates(self) -> tuple[str, ...]:
+        """The parts that are coordinates of datasets, which equal bodies need not share."""
         return ()
 
     def field(self) -> Any:
@@ -91,12 +88,12 @@ class Body:
         """The parameters of a single body with an axis for the batch."""
         return tuple(np.array(each, ndmin=1 + self._vector_axes) for each in self.parameters)
 
-    @property
+    @cached_property
     def dimension(self) -> int:
         """The number of components of a state."""
         return 2
 
-    @property
+    @cached_property
     def _labels(self) -> tuple[str, ...]:
         """The labels of the components of a state."""
         return "Omega1", "Omega2"
@@ -135,15 +132,13 @@ class Body:
         Parameters
         ----------
         method : {None, "nearest"}
-            "nearest" takes the nearest value that the batch has; by default only equal values.
+            "nearest" takes the nearest value that the batch has, None only an equal one.
         **values : float
-            For each name the value. The parameter has to vary along one axis of the batch, which
-            the result lacks.
+            Each parameter has to vary along one axis of the batch alone, which the result lacks.
 
         Returns
         -------
         body
-            A single one, or a batch with fewer axes.
 
         Examples
         --------
@@ -157,7 +152,7 @@ class Body:
         if method is not None:
             checks.one_of("method", method, ["nearest"])
         for name, value in values.items():
-            scalars = {each: a for each, a in self._arrays.items() if self._axes(each) == 0}
+            scalars = {n: array for n, array in self._arrays.items() if self._axes(n) == 0}
             column = scalars.get(name, np.empty(0))
             if not 0 < column.size == max(column.shape, default=0):
                 names = ", ".join(scalars) or "none"
@@ -208,9 +203,8 @@ class Body:
         Returns
         -------
         dict
-            Numbers and nested lists by name, and under "body" the name of the class. Exact numbers
-            of a field that are no floats are strings "p/q", and H is a symmetric tensor in
-            (x1, ..., xD, 1).
+            Numbers and nested lists by name. Exact numbers of a field that are no floats are
+            strings "p/q", and H is a symmetric tensor in (x1, ..., xD, 1).
 
         Examples
         --------
@@ -228,8 +222,7 @@ class Body:
         Parameters
         ----------
         parameters : mapping
-            What `to_dict` returned: a dictionary of another class, or one that lacks parameters or
-            has others, is a ValueError.
+            What `to_dict` returned; that of another class is a ValueError.
 
         Returns
         -------

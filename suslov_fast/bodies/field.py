@@ -11,7 +11,7 @@ gradient is 3 H[:D]. Tables of a single field hold fractions, those of a batch f
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -23,16 +23,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from .base import Body, frozen
-from .polynomials import (
-    as_given,
-    coefficients,
-    exact,
-    from_lists,
-    named,
-    numbers,
-    polynomial_of,
-    traced,
-)
+from .polynomials import as_given, coefficients, from_lists, named, numbers, polynomial_of, traced
 
 # Numbers of axes that are not axes of the batch.
 _AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
@@ -127,11 +118,14 @@ class QuadraticField(Body):
         for name, each in parts.items():
             kept[name] = frozen(numbers(name, each, is_batch) if name in _AXES else each)
         own = {name: kept[name] for name in ("quadratic", "linear", "constant")}
-        H = Hamiltonian(kept["H"]) if "H" in kept else None
-        vars(self).update(own, H=H, K=kept.get("K"), _parts=kept)
+        H, D = Hamiltonian(kept["H"]) if "H" in kept else None, kept["constant"].shape[-1]
+        vars(self).update(own, H=H, K=kept.get("K"), dimension=D, _parts=kept)
+        vars(self).update(
+            _labels=labels(D), _coordinates=tuple(name for name in kept if name not in _AXES)
+        )
 
     @classmethod
-    def _of_table(cls, table: Any, **parts: Any) -> QuadraticField:
+    def _of_table(cls, table: Any, /, **parts: Any) -> QuadraticField:
         """Return the field of a table, besides which H, K and named parameters may be given."""
         q, l, c = table[..., :-1, :-1], 2 * table[..., :-1, -1], table[..., -1, -1]
         return cls._of({"quadratic": q, "linear": l, "constant": c, **parts})
@@ -146,13 +140,12 @@ class QuadraticField(Body):
         ----------
         f : callable
             It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
-            symbolic variables, so its coefficients remain exact; floats are binary numbers. With
-            arrays of parameters it is called for each of their values.
+            symbolic variables, so its coefficients remain exact; floats are binary numbers.
         dimension : int
             The number of variables, D.
         **parameters : float or array_like(float, shape=(...))
-            Named parameters, passed to the function, with names that nothing else has. Arrays
-            broadcast, and make a batch of fields; single numbers remain exact.
+            Named parameters, with names that nothing else has. Numbers remain exact; arrays
+            broadcast, and make a batch of fields.
 
         Returns
         -------
@@ -178,15 +171,12 @@ class QuadraticField(Body):
         Parameters
         ----------
         H : callable
-            It maps a tuple x of D variables to a polynomial of degree 3 or less, as the function
-            of :meth:`from_function` does.
-        dimension : int
-            The number of variables, D.
+            It maps a tuple x of D variables to a polynomial of degree 3 or less.
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default, for even D, it is the
             canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
-        **parameters : float or array_like(float, shape=(...))
-            Named parameters, as in :meth:`from_function`.
+        dimension, **parameters
+            As in :meth:`from_function`.
 
         Returns
         -------
@@ -199,24 +189,32 @@ class QuadraticField(Body):
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
         D = checks.integer("dimension", dimension, 1)
+        values = named(parameters)
+        return cls._of_hamiltonian(traced("H", H, D, 3, values), K, **values)
+
+    @classmethod
+    def _of_hamiltonian(cls, tensor: Any, K: Any, /, **values: Any) -> QuadraticField:
+        """Return the field of a tensor and a matrix, which is checked."""
+        D = tensor.shape[-1] - 1
         if K is None:
             if D % 2:
                 raise wrong("dimension", "an even number without K", D)
             K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
-        matrix = antisymmetric(K, D)
-        values = named(parameters)
-        tensor = traced("H", H, D, 3, values)
+        matrix = coefficients("K", K, False)
+        if matrix.shape != (D, D) or (matrix != -matrix.T).any():
+            received = checks.short(matrix.astype(float).tolist())
+            raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
         table = checks.within("H", rates(tensor, matrix), checks.OTHERS)
         return cls._of_table(table, H=tensor, K=matrix, **values)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
-        """Return the equations of motion of a body, of a batch too: its ``field()``.
+        """Return the equations of motion of a body of any class: its ``field()``.
 
         Parameters
         ----------
         body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-            The parameters of a single one are taken exactly.
+            A single one, whose parameters are taken exactly, or a batch.
 
         Returns
         -------
@@ -230,18 +228,9 @@ class QuadraticField(Body):
         return self
 
     @property
-    def dimension(self) -> int:
-        """The number of variables."""
-        return int(self.constant.shape[-1])
-
-    @property
     def parameters(self) -> dict[str, Any]:
         """The named parameters."""
-        return {name: each for name, each in self._parts.items() if name not in _AXES}
-
-    @property
-    def _coordinates(self) -> Collection[str]:
-        return self.parameters
+        return {name: self._parts[name] for name in self._coordinates}
 
     @cached_property
     def table(self) -> Any:
@@ -290,10 +279,6 @@ class QuadraticField(Body):
     def _axes(cls, name: str) -> int:
         return _AXES.get(name, 0)
 
-    @property
-    def _labels(self) -> tuple[str, ...]:
-        return tuple(f"x{i}" for i in range(1, self.dimension + 1))
-
     def __repr__(self) -> str:
         if self.shape:
             names = "".join(f", {n}={np.shape(a) or a}" for n, a in self.parameters.items())
@@ -305,7 +290,7 @@ class QuadraticField(Body):
 
     def to_dict(self) -> dict[str, Any]:
         found = super().to_dict()
-        values = {name: found.pop(name) for name in self.parameters}
+        values = {name: found.pop(name) for name in self._coordinates}
         return found | ({"parameters": values} if values else {})
 
     @classmethod
@@ -315,32 +300,26 @@ class QuadraticField(Body):
         H, K, values = (given.pop(name, None) for name in ("H", "K", "parameters"))
         whole = super().from_dict(given)
         checks.instance("parameters", values or {}, Mapping)
-        values = {name: from_lists(name, each) for name, each in (values or {}).items()}
-        parts = {**whole._parts, **named(values)}
-        if H is not None:
-            tensor = coefficients("H", from_lists("H", H), bool(whole.shape))
-            matrix = antisymmetric(from_lists("K", K), whole.dimension)
-            if tensor.shape != (*whole.shape, *(len(matrix) + 1,) * 3):
-                raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
-            expected = rates(tensor, matrix.astype(tensor.dtype))  # those of a batch are rounded
-            if not (abs(expected - whole.table) <= 1e-9 * abs(expected).max(initial=0)).all():
-                raise wrong("H, K", "those of the coefficients", "others")
-            parts |= {"H": tensor, "K": matrix}
-        return cls._of(parts)
+        values = named({name: from_lists(name, each) for name, each in (values or {}).items()})
+        if H is None:
+            return cls._of({**whole._parts, **values})
+        tensor = coefficients("H", from_lists("H", H), bool(whole.shape))
+        if tensor.shape != (*whole.shape, *(whole.dimension + 1,) * 3):
+            raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
+        found = cls._of_hamiltonian(tensor, from_lists("K", K), **values)
+        size = abs(found.table).max(initial=0)
+        if not (abs(found.table - whole.table) <= 1e-9 * size).all():
+            raise wrong("H, K", "those of the coefficients", "others")
+        return cls._of({**found._parts, **whole._parts})  # in a batch H is rounded
 
 
-def antisymmetric(K: Any, D: int) -> Any:
-    """Return an exact antisymmetric matrix (D, D)."""
-    matrix = coefficients("K", K, False)
-    if matrix.shape != (D, D) or (matrix != -matrix.T).any():
-        received = checks.short(matrix.astype(float).tolist())
-        raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
-    return matrix
+def labels(D: int) -> tuple[str, ...]:
+    return tuple(f"x{i}" for i in range(1, D + 1))
 
 
 def rates(H: Any, K: Any) -> Any:
     """Return the table of K grad H; most entries of K are 0."""
-    table = np.full_like(H[..., :-1, :, :], Fraction(0))
+    table, K = np.full_like(H[..., :-1, :, :], Fraction(0)), K.astype(H.dtype)
     for i, j in np.argwhere(K != 0):
         table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
     return table
@@ -366,9 +345,9 @@ def at_points(tensor: Any, x: Any, degree: int) -> Any:
     is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
     are_exact = tensor.dtype == object and is_list and all(isinstance(a, Rational) for a in x)
     if are_exact and len(x) == D:
-        point = np.array([*(exact("x", a) for a in x), Fraction(1)], dtype=object)
+        point = np.array([*numbers("x", x, False), Fraction(1)])
     else:
-        x = checks.states("x", x, [f"x{i}" for i in range(1, D + 1)])
+        x = checks.states("x", x, labels(D))
         point = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
         tensor = np.asarray(tensor, np.float64)
     with np.errstate(all="ignore"):

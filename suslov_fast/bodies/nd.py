@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -65,12 +66,12 @@ class SuslovND(Body):
         if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
             raise wrong("J, I", "shapes (..., n - 1) with the same n > 1", f"{J} and {I}")
 
-    @property
+    @cached_property
     def dimension(self) -> int:
         """The number of components of a state, n - 1."""
         return int(self.J.shape[-1])
 
-    @property
+    @cached_property
     def _labels(self) -> tuple[str, ...]:
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
@@ -145,26 +146,27 @@ class NotIntegrableError(ValueError):
 
 def are_solved(body: SuslovND) -> NDArray[np.bool_]:
     """Return where J I = b I and J = a orthogonal to I, to rounding; everywhere for n = 3."""
-    J, size = np.broadcast_arrays(body.J, abs(body.I))
-    largest = size.max(axis=-1, keepdims=True)
-    coupled = size > _ROUNDING * largest
-    left_out = coupled & (coupled.sum(axis=-1, keepdims=True) == 1)
+    J, coupled = np.broadcast_arrays(body.J, _coupled(body))
+    count = coupled.sum(axis=-1, keepdims=True)
+    left_out = coupled & (count == 1)
     low = np.where(left_out, np.inf, J).min(axis=-1)
     high = np.where(left_out, 0.0, J).max(axis=-1)
-    solved = (high * (1.0 - _ROUNDING) <= low) | (largest[..., 0] == 0.0) | (J.shape[-1] == 2)
+    solved = (high * (1.0 - _ROUNDING) <= low) | (count[..., 0] == 0) | (J.shape[-1] == 2)
     return np.asarray(solved)
+
+
+def _coupled(body: SuslovND) -> Any:
+    size = abs(body.I)
+    return size > _ROUNDING * size.max(axis=-1, keepdims=True)
 
 
 def check_known(body: SuslovND, function: str) -> None:
     """Raise an error unless the formula of a function is known for all bodies."""
-    known, expected = (
-        are_solved(body),
-        "all J equal, or with I along one axis and all other J equal",
-    )
+    known = are_solved(body)
+    expected = "all J equal, or with I along one axis and all other J equal"
     if function == "invariant_density":
-        size = abs(body.I)
-        count = (size > _ROUNDING * size.max(axis=-1, keepdims=True)).sum(axis=-1)
-        known = ((count <= 1) & (body.dimension == 3)) | (body.dimension == 2)
+        few = _coupled(body).sum(axis=-1) <= 1
+        known = (few & (body.dimension == 3)) | (body.dimension == 2)
         expected = "n = 3, or with n = 4 and I along one axis"
     if not known.all():
         which = f"body {spell(first_index(~known))}" if known.ndim else "one"

@@ -6,6 +6,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from functools import partial
 from itertools import permutations, product
@@ -28,21 +29,18 @@ RESERVED = frozenset(
 _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 
 
-def is_number(value: Any) -> bool:
-    """Return True for integers, fractions, decimals and floats, of NumPy and SymPy too."""
-    known = isinstance(value, Rational) or hasattr(value, "as_integer_ratio")
-    return known and not isinstance(value, bool)
-
-
 def exact(name: str, value: Any) -> Fraction:
-    """Return a number as a fraction: a float as its binary value."""
-    if not is_number(value):
-        received = f"{short(value)} of type {type(value).__name__}"
-        raise wrong(name, "integers, fractions or floats", received, TypeError)
-    if isinstance(value, Rational):
-        return Fraction(int(value.numerator), int(value.denominator))
+    """Return a number, of NumPy or SymPy too, as a fraction: a float as its binary value."""
     try:
-        return Fraction(*map(int, value.as_integer_ratio()))
+        ratio = (
+            value if isinstance(value, Rational) else Fraction(*map(int, value.as_integer_ratio()))
+        )
+        if isinstance(value, bool):
+            raise TypeError
+        return Fraction(int(ratio.numerator), int(ratio.denominator))
+    except (AttributeError, TypeError):
+        received = f"{short(value)} of type {type(value).__name__}"
+        raise wrong(name, "integers, fractions or floats", received, TypeError) from None
     except (OverflowError, ValueError):
         raise wrong(name, "finite numbers", value) from None
 
@@ -114,7 +112,9 @@ class Polynomial:
         """Return a polynomial, or a number as a polynomial; None for anything else."""
         if isinstance(value, cls):
             return value
-        return cls([((), exact("f", value))]) if is_number(value) else None
+        with suppress(TypeError):
+            return cls([((), exact("f", value))])
+        return None
 
     def __add__(self, other: Any) -> Any:
         if (right := self.of(other)) is None:
@@ -142,7 +142,7 @@ class Polynomial:
         return -self + other
 
     def __truediv__(self, number: Any) -> Any:
-        return self * (1 / exact("divisor", number)) if is_number(number) else NotImplemented
+        return self * (1 / exact("divisor", number))
 
     def __pow__(self, power: Any) -> Any:
         if power not in range(100):
@@ -173,11 +173,9 @@ def traced(
 ) -> Any:
     """Return exact tensors: of the D polynomials f(x, **parameters), or of the one of degree 3."""
     batch = np.broadcast_shapes(*map(np.shape, parameters.values()))
-    columns = [np.broadcast_to(each, batch).ravel().tolist() for each in parameters.values()]
-    members = []
-    for i in range(math.prod(batch)):
-        row = zip(parameters, (column[i] for column in columns), strict=True)
-        members.append(_traced_once(name, f, D, degree, dict(row)))
+    columns = {n: np.broadcast_to(each, batch).ravel().tolist() for n, each in parameters.items()}
+    rows = ({n: column[i] for n, column in columns.items()} for i in range(math.prod(batch)))
+    members = [_traced_once(name, f, D, degree, row) for row in rows]
     shape = (D,) * (degree == 2) + (D + 1,) * degree
     return np.array(members, dtype=object).reshape(*batch, *shape)
 

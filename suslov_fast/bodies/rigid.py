@@ -23,8 +23,7 @@ _ROUNDING = 1e-14
 class _In3D(Body):
     """A rigid body in three dimensions, whose subclasses add I3."""
 
-    # What is given is array_like, what is kept a float or an array.
-    I1: Any
+    I1: Any  # array_like when given, then a float or an array
     I2: Any
     I13: Any
     I23: Any
@@ -49,15 +48,13 @@ class _In3D(Body):
         return _matrices((I1, 0.0, I13), (0.0, I2, I23), (I13, I23, I3))
 
     def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
-        I1, I2, *products = self.parameters if self.shape else map(number, self.parameters)
+        I1, I2, *form = self.parameters if self.shape else map(number, self.parameters)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
-        l = np.stack(np.broadcast_arrays(*products), axis=-1)
-        first, second = -l / np.asarray(I1)[..., None], l / np.asarray(I2)[..., None]
-        quadratic = np.zeros((*self.shape, 2, 2, 2), l.dtype)
-        linear = np.zeros((*self.shape, 2, 2), l.dtype)
-        quadratic[..., 0, :, 1], linear[..., 0, 1] = first[..., :2], first[..., 2]
-        quadratic[..., 1, :, 0], linear[..., 1, 0] = second[..., :2], second[..., 2]
-        return QuadraticField(quadratic, linear)
+        l = np.stack(np.broadcast_arrays(*form), axis=-1)
+        table = np.zeros((*self.shape, 2, 3, 3), l.dtype)
+        table[..., 0, :, 1] = -l / np.asarray(I1)[..., None]
+        table[..., 1, :, 0] = l / np.asarray(I2)[..., None]
+        return QuadraticField._of_table((table + table.swapaxes(-2, -1)) / 2)
 
 
 def _matrices(*rows: tuple[Any, ...]) -> FloatArray:
@@ -110,7 +107,7 @@ class Suslov3D(_In3D):
         Returns
         -------
         low, high : ndarray(float, shape=(...))
-            The ends of the open interval of I3; NaN if no body has these parameters.
+            The ends of the open interval; NaN if no body has these parameters.
 
         Examples
         --------
@@ -143,8 +140,8 @@ class Suslov3D(_In3D):
         Returns
         -------
         body : Suslov3D
-            The body in its adapted basis, where the axis is e3 and I12 = 0. Products of inertia
-            below 2**-50 of the largest moment are rounding errors, and 0.
+            The body in its adapted basis. Products of inertia below 2**-50 of the largest moment
+            are rounding errors, and 0.
         rotation : ndarray(float, shape=(..., 3, 3))
             The matrix, of determinant 1, that takes components to the adapted basis:
             ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.field import QuadraticField, rates
+from ..bodies.field import QuadraticField
 from ..checks import integer, real_number, wrong
 from . import exact
 from .functions import IDENTITY, MODULAR, RationalFunction
@@ -265,7 +265,7 @@ def _in_decimals(body: Any) -> QuadraticField:
     if body.H is None:
         return QuadraticField(*map(decimals, (body.quadratic, body.linear, body.constant)))
     H, K = map(decimals, (body.H.tensor, body.K))
-    return QuadraticField._of_table(rates(H, K), H=H, K=K)
+    return QuadraticField._of_hamiltonian(H, K)
 
 
 def _decimal(a: Any) -> Fraction:

@@ -1,7 +1,5 @@
-"""Quadratic fields: coefficients, Hamiltonians, named parameters, families, copies and text."""
+"""Quadratic fields: coefficients, Hamiltonians, named parameters, families and text."""
 
-import json
-import pickle
 import subprocess
 import sys
 from fractions import Fraction as F
@@ -41,7 +39,6 @@ ENERGIES = of_hamiltonian(
     b=[0.5, 1.0],
 )
 FIELDS = {name: each for name, each in globals().items() if isinstance(each, QuadraticField)}
-each_field = pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)
 
 
 def test_coefficients_of_a_function_are_exact():
@@ -121,25 +118,6 @@ def test_the_structure_of_a_hamiltonian_field():
     assert (one([2]), one.H([3])) == ((0,), 9)
 
 
-@each_field
-def test_copies_are_equal(field):
-    written = json.loads(json.dumps(field.to_dict()))
-    copies = [QuadraticField.from_dict(written), pickle.loads(pickle.dumps(field))]
-    for copy in copies:
-        assert copy == field
-        assert hash(copy) == hash(field)
-        assert copy.to_dict() == written
-        assert copy.parameters.keys() == field.parameters.keys()
-        for name, value in field.parameters.items():
-            assert np.array_equal(copy.parameters[name], value)
-    for array in (field.table, *field.parameters.values()):
-        if isinstance(array, np.ndarray):
-            with pytest.raises(ValueError, match="read-only"):
-                array[...] = 7
-    with pytest.raises(AttributeError):
-        field.K = None
-
-
 @pytest.mark.parametrize(
     ("family", "f", "make"),
     [
@@ -148,16 +126,14 @@ def test_copies_are_equal(field):
     ],
 )
 def test_a_family_has_the_coefficients_of_single_fields(family, f, make):
-    (name, values), D = dict(family.parameters).popitem(), family.dimension
+    (name, values), D = family.parameters.popitem(), family.dimension
     for value, member in zip(values, family, strict=True):
         single = make(f, D, **{name: value})
         assert member.parameters == {name: value}
         assert family.sel(**{name: value}) == member
         for own, expected in zip(member._arrays.values(), single._arrays.values(), strict=True):
             assert np.array_equal(own, expected)
-    part = family[2:5]
-    assert part.parameters[name].tolist() == values[2:5].tolist()
-    assert [each.H is None for each in part] == [family.H is None] * 3
+    assert family[2:5].parameters[name].tolist() == values[2:5].tolist()
     assert family.sel(method="nearest", **{name: 2.4}) == family[3]
 
 
@@ -206,10 +182,7 @@ def test_python_flint_is_needed_for_components_only():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout == "(Fraction(-2, 1),)\n"
     pytest.importorskip("flint")
-    assert [str(each) for each in LORENZ.components[:2]] == [
-        "-10*x1 + 10*x2",
-        "-x1*x3 + 28*x1 - x2",
-    ]
+    assert [*map(str, LORENZ.components[:2])] == ["-10*x1 + 10*x2", "-x1*x3 + 28*x1 - x2"]
 
 
 def test_the_field_of_a_single_body_is_exact():
@@ -218,10 +191,6 @@ def test_the_field_of_a_single_body_is_exact():
     assert QuadraticField.of(LORENZ) is LORENZ
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [({}, "f needs rho: pass rho=28"), ({"rho": 1, "sigma": 2}, "unexpected .*'sigma'")],
-)
-def test_parameters_that_are_missing_and_unknown_are_told_apart(given, words):
-    with pytest.raises(TypeError, match=words):
-        of_function(lambda x, rho: (rho * x[0],), 1, **given)
+def test_a_missing_parameter_is_told_with_how_to_pass_it():
+    with pytest.raises(TypeError, match="f needs rho: pass rho=28"):
+        of_function(lambda x, rho, sigma: (rho * x[0],), 1)

@@ -31,16 +31,14 @@ _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 
 def exact(name: str, value: Any) -> Fraction:
     """Return a number, of NumPy or SymPy too, as a fraction: a float as its binary value."""
-    try:
-        ratio = (
-            value if isinstance(value, Rational) else Fraction(*map(int, value.as_integer_ratio()))
-        )
-        if isinstance(value, bool):
-            raise TypeError
-        return Fraction(int(ratio.numerator), int(ratio.denominator))
-    except (AttributeError, TypeError):
+    is_known = isinstance(value, Rational) or hasattr(value, "as_integer_ratio")
+    if isinstance(value, bool) or not is_known:
         received = f"{short(value)} of type {type(value).__name__}"
-        raise wrong(name, "integers, fractions or floats", received, TypeError) from None
+        raise wrong(name, "integers, fractions or floats", received, TypeError)
+    if isinstance(value, Rational):
+        return Fraction(int(value.numerator), int(value.denominator))
+    try:
+        return Fraction(*map(int, value.as_integer_ratio()))
     except (OverflowError, ValueError):
         raise wrong(name, "finite numbers", value) from None
 

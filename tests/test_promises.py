@@ -187,12 +187,8 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
     alone = list(row.values(*problem, threads=1))
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     same(alone, row.values(*problem, threads=2))
-    for module, constant in (
-        (stretches, "_STRETCH"),
-        (stretches, "_TURNING"),
-        (stretches, "_SLICE"),
-    ):
-        monkeypatch.setattr(module, constant, 2**6)
+    for constant in ("_STRETCH", "_TURNING", "_SLICE"):
+        monkeypatch.setattr(stretches, constant, 2**6)
     monkeypatch.setattr(stretches, "_LENGTH", 1)
     same(alone, row.values(*problem))
 

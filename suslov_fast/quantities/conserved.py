@@ -62,8 +62,8 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
     Parameters
     ----------
     body : Suslov3D, SuslovND or SuslovGyrostat
-        One without a known F is a :class:`NotIntegrableError`; its :func:`modified_energy` is
-        nearly conserved.
+        A body without a known F raises :class:`NotIntegrableError`; its :func:`modified_energy`
+        is nearly conserved.
     omega, eps
         As in :func:`jacobian`.
 
@@ -190,8 +190,9 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     Parameters
     ----------
     body, omega, eps
-        As in :func:`jacobian`; fields are those made by `QuadraticField.from_hamiltonian`. A body
-        without a known measure is a :class:`NotIntegrableError`.
+        As in :func:`jacobian`; eps = 0 is the continuous motion. Fields are those made by
+        `QuadraticField.from_hamiltonian`; a body without a known measure raises
+        :class:`NotIntegrableError`.
 
     Returns
     -------
@@ -294,7 +295,8 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
     Parameters
     ----------
     body, omega0, eps
-        As in :func:`jacobian`; the body is a `Suslov3D`, and omega0 state 0 of an orbit.
+        As in :func:`jacobian`; the body is a `Suslov3D`, omega0 is state 0 of an orbit, and
+        eps = 0 is the continuous motion.
 
     Returns
     -------

@@ -122,7 +122,7 @@ def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     omega : array_like(float, shape=(..., D))
         States: angular velocities, or states x of a field. NaN gives NaN.
     eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega; 0 is the continuous motion.
+        Step size, in the unit of time of omega; a negative one is that of the inverse map.
 
     Returns
     -------

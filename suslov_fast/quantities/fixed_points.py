@@ -34,7 +34,8 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
     Parameters
     ----------
     field : QuadraticField or a body
-        With at most 3 variables: a single one, or a batch with one axis.
+        With at most 3 variables (for more than one: extra `algebra`); a single one, or a batch with
+        one axis.
 
     Returns
     -------
@@ -49,8 +50,6 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
         If there are more than 3 variables, or infinitely many fixed points, as of all Suslov
         bodies, or if a batch has several axes. For D = 3 complex fixed points that form an
         irreducible curve, such as that of two ellipsoids, count, even if none of them is real.
-    ImportError
-        For D > 1 without python-flint (extra `algebra`).
 
     Examples
     --------

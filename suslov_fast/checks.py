@@ -207,7 +207,8 @@ def instance(name: str, value: Any, expected: Any) -> None:
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         names = " or ".join(vars(each).get("_called", each.__name__) for each in classes)
-        raise wrong(name, names, kind_of(value), TypeError)
+        instead = getattr(value, "_instead", "")
+        raise wrong(name, names, kind_of(value) + instead, TypeError)
 
 
 def kind_of(value: Any) -> str:

@@ -277,7 +277,6 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     >>> float(scattering_angle(Suslov3D(I1=4, I2=1, I13=-1.5, I23=-0.3)).round(12))
     1.221073798141
     """
-    arguments.refuse_rotor(body, "scattering_angle", "iterate or flow")
     checks.instance("body", body, Suslov3D)
     I1, I2, I13, I23 = np.broadcast_arrays(body.I1, body.I2, body.I13, body.I23)
     # Sums of positive terms: with A, B, C and P + i Q = pi / 2 times alpha, beta, abs(gamma) and

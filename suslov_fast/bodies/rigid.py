@@ -200,6 +200,9 @@ class SuslovGyrostat(_In3D):
     k: Any
     I3: Any = None
 
+    # What errors of functions say that take a body without a rotor alone.
+    _instead: ClassVar[str] = ": with a rotor use exact, iterate or flow"
+
 
 class Picture(NamedTuple):
     """A body, a step size, and the extent of the axes, which the paper does not state."""

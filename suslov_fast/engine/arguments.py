@@ -200,13 +200,6 @@ def thread_count(threads: int | None) -> int | None:
     return count
 
 
-def refuse_rotor(body: object, function: str, instead: str) -> None:
-    """Raise TypeError for a body with a rotor, for which a function has no meaning."""
-    if isinstance(body, SuslovGyrostat):
-        expected, received = "one without a rotor", type(body).__name__
-        raise wrong("body", expected, f"{received}: instead of {function} use {instead}", TypeError)
-
-
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
     """Return arrays (..., D), or with `axes` axes each, as (B, D): one for each trajectory."""
     split = array.ndim - axes

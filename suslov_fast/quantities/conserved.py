@@ -11,7 +11,7 @@ from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, real_array, wrong
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
-from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check, refuse_rotor
+from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
 from ..maps import states_after
 from .evaluation import by_terms, evaluate, terms_of
 
@@ -242,7 +242,6 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
-    refuse_rotor(body, "to_xy", "iterate or flow")
     return evaluate(body, Suslov3D, {"omega": omega}, formulas.to_xy)
 
 
@@ -266,7 +265,6 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
     array([1. , 0.5])
     """
-    refuse_rotor(body, "from_xy", "iterate or flow")
     if isinstance(body, Suslov3D) and np.any((body.I13 == 0) & (body.I23 == 0)):
         raise wrong("body", "I13 or I23 other than 0", "both 0")
     # No variable of a dataset holds (x, y), as `evaluate` would take it.
@@ -313,6 +311,5 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
     >>> print(*(f"{value:.6f}" for value in constants))
     0.161860 -0.402536 -0.678170 0.040232
     """
-    refuse_rotor(body, "closed_form", "exact")
     states = check(body, Suslov3D, {"omega0": omega0, "eps": eps})
     return ClosedForm(*formulas.closed_form(*body.parameters, states.eps, states.omega))

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, instance, integer, one_of, wrong
 from ..core import quantities as formulas
-from ..engine.arguments import BodyOrField, RandomStarts, States, check, refuse_rotor
+from ..engine.arguments import BodyOrField, RandomStarts, States, check
 from ..engine.status import ON_SINGULAR, OnSingular, report_failures
 from ..engine.stretches import March, Progress, check_progress
 from ..maps import Map, map_of
@@ -221,7 +221,6 @@ def step_full(
     >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
     array([ 0.9897  ,  0.406546, -0.1     ])
     """
-    refuse_rotor(body, "the three-component scheme", "iterate or flow")
     instance("body", body, Suslov3D)
     if I3 is not None:
         body = replace(body, I3=I3)

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, wrong
+from ..checks import FloatArray, instance, integer, wrong
 from ..runs.iterate import iterate
-from .phase import BodyIn3D, Plane, plane_of, positive
+from .phase import BodyIn3D, Plane, positive
 
 # A realizable body: admissible_I3() contains 2.28 to 5.68.
 _EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
@@ -56,7 +56,7 @@ def animate_body(
     Raises
     ------
     ValueError
-        If the inertia tensor is not positive definite, or the body rests in every state.
+        If the inertia tensor is not positive definite.
     SingularStepError
         If the orbit meets a pole of the map.
 
@@ -66,12 +66,12 @@ def animate_body(
     >>> animation = animate_body()  # doctest: +SKIP
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
-    if np.ndim(eps):
-        raise wrong("eps", "a single number", eps)
-    every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
     body = _EXAMPLE if body is None else body
-    plane = plane_of(body, eps)
-    start = _passing(plane) if omega0 is None else omega0
+    instance("body", body, BodyIn3D)
+    if body.shape or np.ndim(eps):
+        raise wrong("body, eps", "a single body and step size", (body, eps))
+    every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
+    start = _passing(Plane(body, eps)) if omega0 is None else omega0
     attitude = True if R0 is None else R0
     run = iterate(body, start, eps, steps, attitude=attitude, on_singular="raise")
     if run.status.ndim:

@@ -94,14 +94,6 @@ class Plane(NamedTuple):
         return least + 0.0, direction / np.hypot(I13, I23)
 
 
-def plane_of(body: BodyIn3D, eps: float) -> Plane:
-    """The plane of a body, which must be a single one that does not rest in all states."""
-    instance("body", body, BodyIn3D)
-    if body.shape or not any(body.parameters[2:]):
-        raise wrong("body", "a single one with I13 or I23 other than 0", body)
-    return Plane(body, eps)
-
-
 def plot_phase(
     body: BodyIn3D,
     eps: float,
@@ -153,7 +145,10 @@ def plot_phase(
     from .orbits import COLOURS, axes_for, set_title
 
     eps, extent = positive("eps", eps), positive("extent", extent)
-    plane, levels = plane_of(body, eps), integer("levels", levels, 1)
+    instance("body", body, BodyIn3D)
+    if body.shape or not any(body.parameters[2:]):
+        raise wrong("body", "a single one with I13 or I23 other than 0", body)
+    plane, levels = Plane(body, eps), integer("levels", levels, 1)
     largest = plane.radius([extent, extent])
     t = plane.e * largest * abs(plane.g)
     if not t < 1:

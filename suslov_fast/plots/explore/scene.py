@@ -12,7 +12,7 @@ from ... import __version__
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
 from ...checks import real_number, states, wrong
 from ...engine.status import Status
-from ...quantities.conserved import criticality, energy, first_integral
+from ...quantities.conserved import rotation_number
 from ...quantities.derivatives import vector_field
 from ...runs.iterate import iterate
 from ...runs.solution import flow, limits
@@ -56,10 +56,9 @@ def parse_query(query: str) -> Parameters:
     """Return the parameters in a query, each once."""
     pairs = parse_qsl(query, keep_blank_values=True)
     values: dict[str, Any] = dict(pairs)
-    needed, known = {*Parameters._fields[:-2]}, {*Parameters._fields}
-    if len(values) < len(pairs) or not needed <= values.keys() <= known:
-        expected = f"each of {', '.join(Parameters._fields[:-2])} once"
-        raise wrong("parameters", expected, ", ".join(name for name, _ in pairs) or "none")
+    needed, got = Parameters._fields[:-2], [name for name, _ in pairs]
+    if len(values) < len(got) or not {*needed} <= values.keys() <= {*Parameters._fields}:
+        raise wrong("parameters", f"each of {', '.join(needed)} once", ", ".join(got) or "none")
     for name in values.keys() - {"show"}:
         try:
             values[name] = real_number(name, float(values[name]))
@@ -102,8 +101,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
     status = Status(int(run.status))
     failed_at = int(run.failed_at) if status < 0 else None
-    F = first_integral(body, run.omega, eps)
-    t = float(criticality(body, start, eps))
+    F, t = run.first_integral(), float(run.criticality()[0])
     before, after = limits(body, start, eps)
     R = 2.0 * float(np.sqrt(body.I1 * body.I2 * F[0]))
     return {
@@ -117,9 +115,9 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "F": plane.level(R, _REACH) if R > 0 else [],
             "energy": Plane(body, 0.0).level(plane.radius(start))[0],
         },
-        "portrait": _portrait(plane, parameters) if "portrait" in parameters.show else None,
+        "portrait": _portrait(plane, parameters),
         "ellipsoid": ellipsoid(body),
-        "regime": _regime(parameters, plane, t, status),
+        "regime": _regime(body, start, eps, t, status),
         "status": {"name": status.name, "message": status.message, "failed_at": failed_at},
         "numbers": {
             "criticality": t,
@@ -127,7 +125,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "ahead": math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else None,
             "F": F[0],
             "drift": np.fmax.reduce(abs(F / F[0] - 1.0)),
-            "energy": energy(body, start),
+            "energy": run.energy()[0],
             "scattering_angle": scattering_angle(body) if isinstance(body, Suslov3D) else None,
             "I3": Suslov3D(*parameters[:4]).admissible_I3(),
             "omega_minus": before,
@@ -141,26 +139,26 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     }
 
 
-def _regime(parameters: Parameters, plane: Plane, t: float, status: Status) -> str:
+def _regime(body: BodyIn3D, start: list[float], eps: float, t: float, status: Status) -> str:
     """The name of the regime, which agrees with the status."""
-    if plane.eps == 0:
+    if eps == 0:
         return "still"
     if not math.isfinite(t) or status == Status.NONFINITE:
         return "unknown"
-    if not vector_field(parameters.body, parameters[6:8]).any():
+    if not vector_field(body, start).any():
         return "steady"
     if status == Status.SINGULAR:
         return "pole"
-    if abs(plane.e * parameters.k) > abs(t):
+    if rotation_number(body, start, eps):
         return "rotor"
     if abs(t) >= 1:
-        return "at" if abs(t) == 1 and parameters.k == 0 else "above"
+        return "at" if abs(t) == 1 and isinstance(body, Suslov3D) else "above"
     return "ahead" if abs(t) > _FOLLOWS else "below"
 
 
 def _portrait(plane: Plane, parameters: Parameters) -> dict[str, Any] | None:
-    """Levels that fill the view, and orbits on them."""
-    if not (parameters.eps and (plane.g or parameters.k)):
+    """Levels that fill the view, and orbits on them, if they are shown and something moves."""
+    if "portrait" not in parameters.show or not (parameters.eps and (plane.g or parameters.k)):
         return None
     radii = plane.radius([parameters.extent] * 2) * np.arange(1, _LEVELS + 1) / _LEVELS
     return {

@@ -1,9 +1,8 @@
 """Base class of all bodies: immutable parameters, families, equality, text and plain data."""
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
@@ -23,6 +22,11 @@ class Body:
     _vector_axes: ClassVar[int] = 0  # of all parameters, besides those of the batch
     _positive: ClassVar[dict[str, int]] = {}  # parameters, with the exponents of their range
     _called: ClassVar[str] = "a body or a field"  # in messages
+    # The number of components of a state and their labels, and the parts that are coordinates of
+    # datasets, which equal bodies need not share.
+    dimension: ClassVar[Any] = 2
+    _labels: ClassVar[Any] = "Omega1", "Omega2"
+    _coordinates: ClassVar[Any] = ()
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -61,21 +65,12 @@ class Body:
     def _arrays(self) -> dict[str, FloatArray]:
         return {name: np.asarray(each, np.float64) for name, each in self._parts.items()}
 
-    @cached_property
-    def _coordinates(self) -> tuple[str, ...]:
-        """The parts that are coordinates of datasets, which equal bodies need not share."""
-        return ()
-
     def field(self) -> Any:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
         return self._field
 
     @cached_property
     def _field(self) -> Any:
-        return self._field_of(Fraction)
-
-    def _field_of(self, number: Callable[[float], Fraction]) -> Any:
-        """Return the field, with the parameters of a single body as these exact numbers."""
         raise NotImplementedError
 
     @property
@@ -87,16 +82,6 @@ class Body:
     def batch_of_one(self) -> tuple[Any, ...]:
         """The parameters of a single body with an axis for the batch."""
         return tuple(np.array(each, ndmin=1 + self._vector_axes) for each in self.parameters)
-
-    @cached_property
-    def dimension(self) -> int:
-        """The number of components of a state."""
-        return 2
-
-    @cached_property
-    def _labels(self) -> tuple[str, ...]:
-        """The labels of the components of a state."""
-        return "Omega1", "Omega2"
 
     @classmethod
     def _batch(cls, parts: Mapping[str, Any]) -> tuple[int, ...]:

@@ -93,8 +93,8 @@ class QuadraticField(Body):
     quadratic: Any
     linear: Any
     constant: Any
-    H: Hamiltonian | None
-    K: Any
+    H: Hamiltonian | None = None
+    K: Any = None
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
         parts = {"quadratic": as_given("quadratic", quadratic)}
@@ -117,12 +117,11 @@ class QuadraticField(Body):
         is_batch, kept = bool(self._batch(parts)), {}
         for name, each in parts.items():
             kept[name] = frozen(numbers(name, each, is_batch) if name in _AXES else each)
-        own = {name: kept[name] for name in ("quadratic", "linear", "constant")}
-        H, D = Hamiltonian(kept["H"]) if "H" in kept else None, kept["constant"].shape[-1]
-        vars(self).update(own, H=H, K=kept.get("K"), dimension=D, _parts=kept)
-        vars(self).update(
-            _labels=labels(D), _coordinates=tuple(name for name in kept if name not in _AXES)
-        )
+        own = {name: each for name, each in kept.items() if name in _AXES}
+        if "H" in own:
+            own["H"] = Hamiltonian(own["H"])
+        D, others = own["constant"].shape[-1], tuple(name for name in kept if name not in own)
+        vars(self).update(own, _parts=kept, dimension=D, _labels=labels(D), _coordinates=others)
 
     @classmethod
     def _of_table(cls, table: Any, /, **parts: Any) -> QuadraticField:
@@ -224,7 +223,8 @@ class QuadraticField(Body):
         field: QuadraticField = body.field()
         return field
 
-    def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
+    @property
+    def _field(self) -> QuadraticField:
         return self
 
     @property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -75,10 +74,11 @@ class SuslovND(Body):
     def _labels(self) -> tuple[str, ...]:
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
-    def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
+    @cached_property
+    def _field(self) -> QuadraticField:
         J, I = self.J, self.I
         if not self.shape:
-            J, I = (np.array([number(a) for a in each.tolist()]) for each in (J, I))
+            J, I = (np.array([*map(Fraction, each.tolist())]) for each in (J, I))
         # J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j.
         q = np.zeros((*self.shape, *(self.dimension,) * 3), J.dtype)
         j = np.arange(self.dimension)

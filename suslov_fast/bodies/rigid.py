@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -47,8 +47,9 @@ class _In3D(Body):
         I1, I2, I13, I23, _ = self.parameters
         return _matrices((I1, 0.0, I13), (0.0, I2, I23), (I13, I23, I3))
 
-    def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
-        I1, I2, *form = self.parameters if self.shape else map(number, self.parameters)
+    @cached_property
+    def _field(self) -> QuadraticField:
+        I1, I2, *form = self.parameters if self.shape else map(Fraction, self.parameters)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*form), axis=-1)
         table = np.zeros((*self.shape, 2, 3, 3), l.dtype)

@@ -258,14 +258,11 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
 
 def _in_decimals(body: Any) -> QuadraticField:
     """Return the field of a single body or field with its floats as decimals."""
-    if not isinstance(body, QuadraticField):
-        field: QuadraticField = body._field_of(_decimal)
-        return field
     decimals = np.vectorize(_decimal, "O")
-    if body.H is None:
-        return QuadraticField(*map(decimals, (body.quadratic, body.linear, body.constant)))
-    H, K = map(decimals, (body.H.tensor, body.K))
-    return QuadraticField._of_hamiltonian(H, K)
+    if isinstance(body, QuadraticField) and body.H is not None:
+        return QuadraticField._of_hamiltonian(decimals(body.H.tensor), decimals(body.K))
+    parts = {name: decimals(each) for name, each in body._parts.items()}
+    return QuadraticField.of(body._of(parts))
 
 
 def _decimal(a: Any) -> Fraction:

@@ -62,24 +62,20 @@ class QuadraticField(Body):
     Parameters
     ----------
     quadratic : array_like(shape=(..., D, D, D))
-        q, made symmetric in j and k, which does not change the field. The coefficients of a single
-        field may be integers, fractions or floats, and remain exact: 0.1 is the binary number, not
-        1/10, which is ``Fraction(1, 10)``. Those of a batch are floats. All are 0 or between 1e-60
-        and 1e60 in modulus.
-    linear : array_like(shape=(..., D, D)), optional
-        l, by default 0.
-    constant : array_like(shape=(..., D)), optional
-        c, by default 0.
+        q, made symmetric in j and k. All coefficients are 0 or between 1e-60 and 1e60 in modulus.
+        Those of a single field may be integers, fractions or floats, and remain exact: 0.1 is the
+        binary number, not 1/10, which is ``Fraction(1, 10)``. Those of a batch are floats.
+    linear, constant : array_like(shape=(..., D, D)), array_like(shape=(..., D)), optional
+        l and c, by default 0.
 
     Attributes
     ----------
     H, K
         The Hamiltonian of :meth:`from_hamiltonian`, which can be called with a state, and its
-        structure matrix (D, D), or None.
+        matrix (D, D), or None.
     parameters : dict
-        The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`: numbers as they
-        were given, and read-only arrays. They are coordinates of datasets and stores; ``==`` and
-        hash do not look at them.
+        The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`, which are
+        coordinates of datasets and stores. ``==`` and hash do not look at them.
 
     Examples
     --------

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import OTHERS, FloatArray, first_index, real_array, spell, wrong
 from .base import Body
 from .field import QuadraticField
-from .rigid import inertia_matrix, shortest_rotation_to_last, unit_axis, without_rounding
+from .rigid import inertia_and_rotation, without_rounding
 
 # Rounding error of J and I, which from_mass_tensor rotates.
 _ROUNDING = 1e-14
@@ -109,8 +109,7 @@ class SuslovND(Body):
             errors, and 0.
         rotation : ndarray(float, shape=(n, n))
             The matrix, of determinant 1, that takes components to the adapted basis:
-            ``I_adapted = rotation @ I @ rotation.T``. It is the identity where the given basis is
-            adapted already; where it turns the other axes, J ascends.
+            ``I_adapted = rotation @ I @ rotation.T``. Where it turns the other axes, J ascends.
 
         Examples
         --------
@@ -123,11 +122,9 @@ class SuslovND(Body):
         n = len(given) if given.ndim else 0
         if n < 2 or given.ndim != 2:
             raise wrong("I", "shape (n, n) with n > 1", given.shape)
-        matrix = inertia_matrix("I", given, n)
-        axis = np.eye(n)[-1] if a is None else unit_axis("a", a, n)
-        if axis.ndim != 1:
-            raise wrong("a", f"shape ({n},)", axis.shape)
-        rotation = shortest_rotation_to_last(axis)
+        matrix, rotation = inertia_and_rotation(given, np.eye(n)[-1] if a is None else a, n)
+        if rotation.ndim != 2:
+            raise wrong("a", f"shape ({n},)", rotation.shape[:-1])
         block = (rotation @ matrix @ rotation.T)[:-1, :-1]
         if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(matrix).max():
             turn = np.eye(n)

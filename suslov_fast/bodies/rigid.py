@@ -88,9 +88,9 @@ class Suslov3D(_In3D):
         Products of inertia, 0 or between 1e-60 and 1e60 in modulus. Where both are 0 every angular
         velocity is constant.
     I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, as I1 and I2. It does not enter the map; :func:`momentum`,
-        :func:`step_full` and :func:`animate_body` take it from the body. A warning is given if no
-        rigid body has it; see :meth:`admissible_I3`.
+        The third moment of inertia, which does not enter the map; :func:`momentum`,
+        :func:`step_full` and :func:`animate_body` take it from the body. One that no rigid body
+        has is a warning; see :meth:`admissible_I3`.
 
     Examples
     --------
@@ -134,9 +134,9 @@ class Suslov3D(_In3D):
         ----------
         I : array_like(float, shape=(..., 3, 3))
             Inertia tensor in any basis fixed in the body: symmetric to 1e-12 of its size, positive
-            definite, and each principal moment smaller than the sum of the others.
+            definite, and no principal moment larger than the sum of the others.
         a : array_like(float, shape=(..., 3))
-            The axis, fixed in the body, about which it may not turn; of any length but 0.
+            The axis in that basis about which it may not turn, of any length but 0.
 
         Returns
         -------
@@ -146,7 +146,6 @@ class Suslov3D(_In3D):
         rotation : ndarray(float, shape=(..., 3, 3))
             The matrix, of determinant 1, that takes components to the adapted basis:
             ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.
-            It is the identity where the given basis is adapted already.
 
         Examples
         --------
@@ -156,13 +155,11 @@ class Suslov3D(_In3D):
         >>> body
         Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, I3=3.0)
         """
-        tensor = inertia_matrix("I", I, 3)
+        tensor, to_e3 = inertia_and_rotation(I, a, 3)
         if not (fits := _excess(tensor) >= -_ROUNDING).all():
             expected = "no principal moment larger than the sum of the others"
             raise wrong("I", expected, checks.short(tensor[~fits][0].tolist()))
-        axis = unit_axis("a", a, 3)
-        checks.common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
-        to_e3 = shortest_rotation_to_last(axis)
+        checks.common_shape({"I": tensor.shape[:-2], "a": to_e3.shape[:-2]})
         turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
         # The smaller angle about e3 that makes I12 vanish (Jacobi); 0 if I12 is 0.
         I12 = turned[..., 0, 1]
@@ -178,14 +175,14 @@ class Suslov3D(_In3D):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SuslovGyrostat(_In3D):
-    """Suslov gyrostat, or a batch: a rigid body with a rotor along the constrained axis.
+    """A rigid body, or a batch, with a rotor along the constrained axis.
 
     With l = I13 Omega1 + I23 Omega2 + k the equations are I1 Omega1' = -l Omega2 and
     I2 Omega2' = l Omega1, so that Omega rotates also where I13 = I23 = 0.
 
     Parameters
     ----------
-    I1, I2, I13, I23, I3 : array_like(float, shape=(...))
+    I1, I2, I13, I23, I3
         As in :class:`Suslov3D`; I3 is optional.
     k : array_like(float, shape=(...))
         Momentum of the rotor, of either sign, in units of inertia times angular velocity; 0 or
@@ -221,43 +218,34 @@ PICTURES = {  # of the paper, end of Section 4
 }
 
 
-def inertia_matrix(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Return symmetric positive definite matrices (..., n, n)."""
-    matrix = checks.square_matrices(name, value, n)
+def inertia_and_rotation(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return inertia matrices (..., n, n), and rotations that take their axes (..., n) to e_n."""
+    matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
     if not (asymmetry <= 1e-12 * size).all():
-        raise wrong(name, "a symmetric inertia matrix", f"one with |I - I.T| = {asymmetry.max()}")
+        raise wrong("I", "a symmetric inertia matrix", f"one with |I - I.T| = {asymmetry.max()}")
     least = np.linalg.eigvalsh(matrix).min(axis=-1, initial=np.inf)
     if not (least > 1e-15 * size).all():
-        raise wrong(name, "a positive definite inertia matrix", f"the eigenvalue {least.min()}")
-    return matrix
-
-
-def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Return nonzero axes (..., n), normalized."""
-    axis = checks.real_array(name, value)
+        raise wrong("I", "a positive definite inertia matrix", f"the eigenvalue {least.min()}")
     if axis.shape[-1:] != (n,):
-        raise wrong(name, f"shape (..., {n})", axis.shape)
+        raise wrong("a", f"shape (..., {n})", axis.shape)
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
     if not (length > 0).all():
-        raise wrong(name, "an axis other than 0", "one of length 0")
-    return np.asarray(axis / length)
+        raise wrong("a", "an axis other than 0", "one of length 0")
+    return matrix, _rotation_to_last(axis / length)
 
 
-def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
-    """Return the rotations of smallest angle that take unit axes (..., n) to e_n."""
-    n = axis.shape[-1]
-    # An axis that points down is first rotated by pi in the plane of e_1 and e_n.
-    half_turn = np.eye(n)
-    half_turn[0, 0] = half_turn[-1, -1] = -1.0
-    down = axis[..., -1, np.newaxis, np.newaxis] < 0.0
-    first = np.where(down, half_turn, np.eye(n))
-    up = first @ axis[..., np.newaxis]
-    s = up + np.eye(n)[:, -1:]
-    rotation: FloatArray = np.eye(n) - s @ s.swapaxes(-2, -1) / s[..., -1:, :]
-    rotation[..., -1, :] += 2.0 * up[..., 0]
-    return rotation @ first
+def _rotation_to_last(axis: FloatArray) -> FloatArray:
+    """Return rotations that take unit axes (..., n) to e_n, the shortest of axes that point up."""
+    unit = np.eye(axis.shape[-1])
+    up = axis[..., -1:] >= 0.0
+    # The first reflection takes an axis to -e_n, or to e_n if it points down, without cancellation.
+    normal = axis + np.where(up, unit[-1], -unit[-1])
+    length = 1.0 + abs(axis[..., -1, np.newaxis, np.newaxis])  # half of its square
+    first = unit - normal[..., np.newaxis] * normal[..., np.newaxis, :] / length
+    second = 1.0 - 2.0 * np.where(up, unit[-1], unit[0])
+    return np.asarray(second[..., np.newaxis] * first)
 
 
 def without_rounding(products: FloatArray, largest: FloatArray) -> FloatArray:

@@ -14,7 +14,9 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.engine import stretches, threads
-from suslov_fast.runs.iterate import pieces
+from suslov_fast.engine.stretches import March
+from suslov_fast.runs import solution
+from suslov_fast.runs.iterate import begin
 
 # No body has the I3 of some samples.
 pytestmark = pytest.mark.filterwarnings("ignore:I3")
@@ -187,9 +189,8 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
     alone = list(row.values(*problem, threads=1))
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     same(alone, row.values(*problem, threads=2))
-    for constant in ("_STRETCH", "_TURNING", "_SLICE"):
-        monkeypatch.setattr(stretches, constant, 2**6)
-    monkeypatch.setattr(stretches, "_LENGTH", 1)
+    for module, name in ((stretches, "_STRETCH"), (stretches, "_TURNING"), (solution, "_SLICE")):
+        monkeypatch.setattr(module, name, 2**6)
     same(alone, row.values(*problem))
 
 
@@ -272,15 +273,14 @@ def test_runs_in_parts(rng, kind, options):
             for more in cuts[1:]:
                 extended = extended.extend(more, on_singular="ignore")
             assert extended == run
-        del options["on_singular"]
         for rows in (1, 3):
-            found = [*pieces(*problem, 40, rows=rows, save_every=save_every, **options)]
+            map, states = begin(*problem, run.method, options.get("attitude", False))
+            end = March(map.methods[run.method], states)
+            found = [*end.pieces(40, save_every or 0, rows)]
             same([np.concatenate([each[0] for each in found])], [run.states])
-            end = found[-1][2]
             same([end.final, end.status, end.failed_at], [run.final, run.status, run.failed_at])
             if run.attitude is not None:
                 same([np.concatenate([each[1] for each in found])], [run.attitude])
-        options["on_singular"] = "ignore"
 
 
 @pytest.mark.parametrize("kind", EVERY.split())

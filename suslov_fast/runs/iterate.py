@@ -1,6 +1,5 @@
 """One step and many steps of the map of a body or a field."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -11,11 +10,11 @@ from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, instance, integer, one_of, wrong
 from ..core import quantities as formulas
 from ..engine.arguments import BodyOrField, RandomStarts, States, check
-from ..engine.status import ON_SINGULAR, OnSingular, report_failures
-from ..engine.stretches import March, Progress, check_progress
+from ..engine.status import OnSingular, report_failures
+from ..engine.stretches import March, Progress
 from ..maps import Map, map_of
 from ..quantities.evaluation import reported
-from .trajectories import Trajectories
+from .trajectories import Trajectories, run_to_end
 
 Method = Literal["auto", "gauss", "rank2"]
 
@@ -134,43 +133,13 @@ def iterate(
     >>> orbit.final.round(6)
     array([ 0.873325, -1.093093])
     """
-    one_of("on_singular", on_singular, ON_SINGULAR)
-    check_progress(progress)
-    map, states = _begin(body, omega0, eps, method, attitude, threads)
-    steps, save_every = _counts(steps, save_every)
-    march = March(map.methods[method], states)
-    about = {"body": states.body, "eps": states.eps, "method": method, "_map": map}
-    run = Trajectories._at_end(about, march, steps, save_every, progress, out)
-    report_failures(run, on_singular)
-    return run
+    map, states = begin(body, omega0, eps, method, attitude, threads)
+    march, counts = March(map.methods[method], states), checked_counts(steps, save_every)
+    return run_to_end(march, method, *counts, on_singular, progress, out)
 
 
-def pieces(
-    body: BodyOrField,
-    omega0: ArrayLike | RandomStarts,
-    eps: ArrayLike,
-    steps: int,
-    *,
-    rows: int,
-    save_every: int | None = None,
-    method: str = "auto",
-    attitude: bool | ArrayLike = False,
-    threads: int | None = None,
-) -> Iterator[tuple[FloatArray, FloatArray | None, March]]:
-    """Yield at most `rows` saved states of a run at a time, orientations, and how far it came.
-
-    Failures are silent. The arrays of the march are written to by the next piece.
-    """
-    map, states = _begin(body, omega0, eps, method, attitude, threads)
-    march, every = March(map.methods[method], states), save_every or 0
-    last = steps // every if every else 0
-    for row in range(0, last + 1, rows):
-        end = row + rows
-        yield *march.to(steps if end > last else (end - 1) * every, every), march
-
-
-def _begin(
-    body: Any, omega0: Any, eps: Any, method: str, attitude: Any, threads: int | None
+def begin(
+    body: Any, omega0: Any, eps: Any, method: str, attitude: Any, threads: int | None = None
 ) -> tuple[Map, States]:
     """Return the map and the checked arguments of a run, of which it keeps copies."""
     map = map_of(body)
@@ -182,7 +151,7 @@ def _begin(
     return map, states if type(states.eps) is float else states._replace(eps=np.array(states.eps))
 
 
-def _counts(steps: int, save_every: int | None) -> tuple[int, int | None]:
+def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:
     """Return the checked numbers of steps, of the run and from one saved state to the next."""
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")

@@ -5,6 +5,7 @@ component of omega along I, and r the length of what is left, (s, r) is a state 
 I1 = b, I2 = a, I13 = 0 and I23 = abs(I), and the direction of what is left does not change.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -16,10 +17,13 @@ from ..bodies.nd import SuslovND, check_known
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, real_number, warn, wrong
 from ..core import closed_form
-from ..engine.arguments import AnyBody, States, check, flat_arrays, parameters_of
+from ..engine.arguments import AnyBody, States, check, flat_arrays, parameters_of, require
 from ..engine.status import SingularStepWarning
-from ..engine.stretches import states_at
+from ..engine.threads import call_kernel
 
+# States in a call of the kernel, between which Python handles Ctrl-C; and costs of entering an
+# orbit, and of a state, in steps of the three-dimensional map.
+_SLICE, _ENTERING, _STATE = 2**21, 64, 8
 # Why orbits lack states, in the order of the flags of the closed form.
 _REASONS = (
     ("non-integer n, or |n| > 2**53, where t >= 1", RuntimeWarning),
@@ -167,20 +171,27 @@ def _times(name: str, value: Any) -> FloatArray:
     return times
 
 
-def _states_at(name: str, given: States, times: FloatArray) -> FloatArray:
+def _states_at(name: str, whole: States, times: FloatArray) -> FloatArray:
     """Return states of the map or the flow at given times, and warn of those that are missing."""
-    plane, leave = _in_plane(name, given)
+    plane, leave = _in_plane(name, whole)
     body, omega, eps, batch, threads, *_ = plane
-    flat, moments = flat_arrays(omega, batch), times.reshape(-1)
-    parameters = parameters_of(body, eps, batch)
-    states, reasons = states_at(parameters, flat, name == "exact", moments, threads)
+    flat, all_times = flat_arrays(omega, batch), times.reshape(-1)
+    given = parameters_of(body, eps, batch), flat, float(name == "exact")
+    shape = times.size, *flat.shape
+    require(8 * math.prod(shape), "compute fewer states at a time")
+    states, reasons = np.empty(shape), np.zeros((3, len(flat)), bool)
+    rows = max(_SLICE // max(len(flat), 1), 1)
+    for row in range(0, times.size, rows):
+        some = all_times[row : row + rows]
+        work = len(flat) * (_ENTERING + _STATE * len(some))
+        call_kernel(closed_form.states, work, threads, *given, some, states[row:], reasons)
     if reasons.any():
         for flags, (what, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():
                 warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {what}", category)
     states = leave(states.reshape(*times.shape, *batch, 2))
-    if isinstance(given.body, SuslovND):
-        states[times == 0.0] = given.omega
+    if isinstance(whole.body, SuslovND):
+        states[times == 0.0] = whole.omega
     return states
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..checks import instance, wrong
 from ..engine.status import Status
-from ..maps import body_from_dict, map_named
+from ..maps import body_from_dict
 
 PathLike = str | os.PathLike[str]
 
@@ -66,7 +66,7 @@ def load(path: PathLike) -> dict[str, Any]:
             how = f"one of suslov_fast {written['version']}: compute the run again"
             raise wrong("format", f"{FORMAT}, that of this version", how)
         run: dict[str, Any] = {each: found.get(each) for each in _ARRAYS}
-        run |= {each: about[each] for each in _NUMBERS} | {"_map": map_named(about["map"])}
+        run |= {each: about[each] for each in _NUMBERS}
         body, eps = body_from_dict(json.loads(str(found["body"]))), found["eps"]
         rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
         shape = rows, *run["status"].shape, body.dimension

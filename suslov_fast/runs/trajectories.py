@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from importlib import import_module
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, integer, one_of
 from ..engine.arguments import BodyOrField, States, checked_out, thread_count
 from ..engine.status import ON_SINGULAR, OnSingular, report_failures
-from ..engine.stretches import March, Progress, check_progress, reporter
-from ..maps import Map
+from ..engine.stretches import March, Progress, reporter
+from ..maps import Map, map_of
 
 if TYPE_CHECKING:
     import xarray
@@ -106,7 +107,6 @@ class Trajectories:
     steps: int
     save_every: int | None
     attitude: FloatArray | Any = None  # with `Any`, callers need no test of None
-    _map: Map = field(kw_only=True)
     # What `extend` goes on from, beside the last state: numbers (B, C) and orientations (B, n, n).
     # `dataclasses.replace` makes a run without them.
     _carry: FloatArray | None = field(init=False, default=None, compare=False)
@@ -117,47 +117,6 @@ class Trajectories:
         run = cls.__new__(cls)
         object.__setattr__(run, "__dict__", attributes)  # faster than a call of the class
         return run
-
-    @classmethod
-    def _at_end(
-        cls,
-        about: dict[str, Any],
-        march: March,
-        steps: int,
-        save_every: int | None,
-        progress: Progress = None,
-        out: FloatArray | None = None,
-        earlier: Trajectories | None = None,
-    ) -> Trajectories:
-        """Let a march go on to state `steps`; return its run, with the states of `earlier`.
-
-        `about` are the attributes of the run that do not change on the way.
-        """
-        start, every = max(march.n, 0), save_every or 0
-        if out is not None:  # which may overlap state 0
-            rows = steps // every + 1 if every else 1
-            out = checked_out(out, (rows, *march.final.shape))
-            march.omega0 = march.omega0.copy()
-        if progress:
-            with reporter(progress, steps - start) as report:
-                saved, turns = march.to(steps, every, out, lambda n: report(n - start))
-        else:  # a context would take a tenth of a small call
-            saved, turns = march.to(steps, every, out)
-        if every and earlier is not None:
-            saved = np.concatenate([earlier.states, saved])
-            turns = None if turns is None else np.concatenate([earlier.attitude, turns])
-        found = {
-            "states": saved,
-            "status": march.status,
-            "failed_at": march.failed_at,
-            "final": march.final,
-            "steps": steps,
-            "save_every": save_every,
-            "attitude": turns,
-            "_carry": march.carry,
-            "_turned": march.turned,
-        }
-        return cls._of(about | found)
 
     def extend(
         self,
@@ -196,19 +155,18 @@ class Trajectories:
         """
         if self._carry is None:
             raise ValueError("extend: expected a run of iterate or Trajectories.load, got a copy")
-        one_of("on_singular", on_singular, ON_SINGULAR)
-        check_progress(progress)
-        whole, batch = self.steps + integer("steps", steps, 0), self.status.shape
+        total, batch = self.steps + integer("steps", steps, 0), self.status.shape
         states = States(self.body, self.final, self.eps, batch, thread_count(threads))
         march = March(self._map.methods[self.method], states)
-        march.n, march.carry, march.final = self.steps, self._carry.copy(), self.final.copy()
-        march.status, march.failed_at = self.status.copy(), self.failed_at.copy()
-        march.turned = None if self._turned is None else self._turned.copy()
-        about = {name: getattr(self, name) for name in ("body", "eps", "method", "_map")}
-        options = whole, self.save_every, progress
-        run = Trajectories._at_end(about, march, *options, earlier=self)
-        report_failures(run, on_singular, self.steps + 1)
-        return run
+        march.n, march.carry, march.turned = self.steps, self._carry.copy(), copy(self._turned)
+        march.final, march.status = self.final.copy(), self.status.copy()
+        march.failed_at = self.failed_at.copy()
+        about = self.method, total, self.save_every
+        return run_to_end(march, *about, on_singular, progress, earlier=self)
+
+    @property
+    def _map(self) -> Map:
+        return map_of(self.body)
 
     omega = _states("omega", "angular velocities")
     x = _states("x", "those of a field")
@@ -340,6 +298,47 @@ class Trajectories:
             f"Trajectories({self._map.variable}: {self.states.shape}, n: {steps}, eps: {eps}, "
             f"failed: {failed} of {self.status.size})"
         )
+
+
+def run_to_end(
+    march: March,
+    method: str,
+    steps: int,
+    save_every: int | None,
+    on_singular: OnSingular,
+    progress: Progress,
+    out: FloatArray | None = None,
+    earlier: Trajectories | None = None,
+) -> Trajectories:
+    """Let a march go on to state `steps`; return its run, with the states of an earlier one."""
+    one_of("on_singular", on_singular, ON_SINGULAR)
+    start, every = march.n, save_every or 0
+    report = reporter(progress, steps - start)
+    if out is not None:  # which may overlap state 0
+        rows = steps // every + 1 if every else 1
+        out = checked_out(out, (rows, *march.final.shape))
+        march.omega0 = march.omega0.copy()
+    saved, turns = march.to(steps, every, out, report)
+    if every and earlier is not None and start > 0:
+        saved = np.concatenate([earlier.states, saved])
+        turns = None if turns is None else np.concatenate([earlier.attitude, turns])
+    found = {
+        "states": saved,
+        "eps": march.states.eps,
+        "body": march.states.body,
+        "status": march.status,
+        "failed_at": march.failed_at,
+        "final": march.final,
+        "method": method,
+        "steps": steps,
+        "save_every": save_every,
+        "attitude": turns,
+        "_carry": march.carry,
+        "_turned": march.turned,
+    }
+    run = Trajectories._of(found)
+    report_failures(run, on_singular, start + 1 if earlier else 0)
+    return run
 
 
 def _equal(a: Any, b: Any) -> bool:

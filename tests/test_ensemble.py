@@ -270,7 +270,7 @@ def test_an_interrupted_run_goes_on(store, rng, monkeypatch):
     assert np.isnan(unfinished.final.values[missing]).all()
     computed, module = [], sys.modules["suslov_fast.runs.ensemble"]
     compute = module._compute
-    observed = lambda tile, *more: computed.append(tile.states.batch[0]) or compute(tile, *more)  # noqa: E731
+    observed = lambda tile, *more: computed.append(tile.batch[0]) or compute(tile, *more)  # noqa: E731
     monkeypatch.setattr(module, "_compute", observed)
     assert_same(ensemble(**run, **ours), iterate(**run, save_every=2))
     assert sum(computed) == missing.sum()

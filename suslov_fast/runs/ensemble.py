@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice, product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,16 +41,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 Where = tuple[slice, ...]  # a tile: a part of each axis of the batch
 Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
-
-
-class Run(NamedTuple):
-    """The arguments of a run, whose initial states may be random or read in parts, or of a tile."""
-
-    states: States
-    method: str
-    steps: int
-    save_every: int | None
-    functions: Functions
+Options = tuple[str, int, int | None, Functions]  # method, steps, save_every, functions
 
 
 def ensemble(
@@ -101,10 +92,8 @@ def ensemble(
 
     Raises
     ------
-    ValueError
-        If the store holds other data, or another run: the message says what differs.
-    OSError
-        If a new store exceeds the free space of its disk.
+    ValueError, OSError
+        If the store holds another run, or other data; if its disk has no space for it.
 
     Examples
     --------
@@ -129,12 +118,12 @@ def ensemble(
     batch = checks.common_shape({"omega0": shape, "the other arguments": whole.batch})
     functions = functions or {}
     checks.instance("functions", functions, Mapping)
-    whole = whole._replace(omega=omega0, batch=batch)
-    run = Run(whole, method, *checked_counts(steps, save_every), functions)
-    data, store = _template(run, dims, coords), _resolved(store)
-    sizes, report = _sizes(data, chunk), reporter(progress, math.prod(batch) * run.steps)
+    steps, save_every = checked_counts(steps, save_every)
+    run = whole._replace(omega=omega0, batch=batch), (method, steps, save_every, functions)
+    data, store = _template(*run, dims, coords), _resolved(store)
+    sizes, report = _sizes(data, chunk), reporter(progress, math.prod(batch) * steps)
     _prepare(store, data, sizes)
-    _compute_missing(run, store, client, report)
+    _compute_missing(*run, store, client, report)
     return open_ensemble(store)
 
 
@@ -186,9 +175,9 @@ def _resolved(store: Any) -> Any:
     return store if elsewhere else Path(store).absolute()
 
 
-def _template(run: Run, dims: Any, coords: Any) -> Any:
+def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
     """Return the dataset of a run, with its arguments as attributes and nothing computed."""
-    (body, _, eps, batch, *_, turns), method, steps, every, functions = run
+    (body, _, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
     rows, D = 1 if every is None else steps // every + 1, body.dimension
     require(8 * rows, "raise save_every")
     fills: dict[str, Any] = {
@@ -218,7 +207,7 @@ def _template(run: Run, dims: Any, coords: Any) -> Any:
     for name in {map_of(body).variable, *fills, *functions} & {*data}:
         data[name].encoding["fill_value"] = PENDING if data[name].dtype.kind == "i" else np.nan
     labels = {name: data[name].values.tolist() for name in coords or ()}
-    return data.assign_attrs(_about(run.states, {"functions": sources, "coords": labels}, data))
+    return data.assign_attrs(_about(whole, {"functions": sources, "coords": labels}, data))
 
 
 def _about(whole: States, texts: dict[str, Any], data: Any) -> dict[str, Any]:
@@ -360,7 +349,9 @@ def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
         zarr.consolidate_metadata(store)
 
 
-def _compute_missing(run: Run, store: Any, client: Any, report: Report | None) -> None:
+def _compute_missing(
+    whole: States, options: Options, store: Any, client: Any, report: Report | None
+) -> None:
     """Compute the tiles whose `status` is not in the store, here or on the workers of a client."""
     import zarr
 
@@ -374,7 +365,7 @@ def _compute_missing(run: Run, store: Any, client: Any, report: Report | None) -
         stored = [np.asarray(status[where]) for where in group]
         pairs = zip(group, stored, strict=True)
         missing = [where for where, found in pairs if (found == PENDING).any()]
-        jobs = [(_tile(run, where), where, arrays) for where in missing]
+        jobs = [(_tile(whole, where), options, where, arrays) for where in missing]
         if client is None:
             for job in jobs:
                 _compute(*job)
@@ -382,14 +373,13 @@ def _compute_missing(run: Run, store: Any, client: Any, report: Report | None) -
             client.gather([client.submit(_compute, *job, pure=False) for job in jobs])
         done += sum(found.size for found in stored)
         if report is not None:
-            report(done * run.steps)
+            report(done * options[1])
 
 
-def _compute(tile: Run, where: Where, arrays: Any) -> None:
+def _compute(tile: States, options: Options, where: Where, arrays: Any) -> None:
     """Compute and write a tile, in pieces that fill a chunk, its `status` last."""
-    states, method, steps, every, functions = tile
-    map, row = map_of(states.body), 0
-    march, rows = March(map.methods[method], states), arrays[map.variable].chunks[0]
+    (method, steps, every, functions), map, row = options, map_of(tile.body), 0
+    march, rows = March(map.methods[method], tile), arrays[map.variable].chunks[0]
     for saved, turns in march.pieces(steps, every or 0, rows):
         found = {map.variable: saved} if turns is None else {map.variable: saved, "attitude": turns}
         found |= {name: _values(name, f, saved) for name, f in functions.items()}
@@ -400,9 +390,9 @@ def _compute(tile: Run, where: Where, arrays: Any) -> None:
         arrays[name][where] = getattr(march, name)
 
 
-def _tile(run: Run, where: Where) -> Run:
-    """Return the run of a part of the batch, whose initial states are read."""
-    body, omega0, eps, *_, turns = run.states
+def _tile(whole: States, where: Where) -> States:
+    """Return a part of the batch, whose initial states are read."""
+    body, omega0, eps, *_, turns = whole
     for axis, part in enumerate(_along(body.shape, where)):
         body = body._part(axis, part)
     if isinstance(omega0, RandomStarts):
@@ -411,8 +401,7 @@ def _tile(run: Run, where: Where) -> Run:
         omega0 = checks.states("omega0", np.asarray(_cut(omega0, where, 1)), body._labels)
     turns = None if turns is None else _cut(turns, where, 2)
     batch, eps = tuple(part.stop - part.start for part in where), _cut(np.asarray(eps), where)
-    states = run.states._replace(body=body, omega=omega0, eps=eps, batch=batch, orientation=turns)
-    return run._replace(states=states)
+    return whole._replace(body=body, omega=omega0, eps=eps, batch=batch, orientation=turns)
 
 
 def _cut(array: Any, where: Where, own: int = 0) -> Any:

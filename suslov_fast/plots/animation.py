@@ -38,16 +38,12 @@ def animate_body(
         interval ``admissible_I3()`` is drawn or, if no rigid body has these parameters, another.
     omega0 : array_like(float, shape=(2,)), optional
         Initial angular velocity; by default one near the repelling steady rotation.
-    eps : float
-        Step size.
-    steps : int
-        Number of steps.
+    eps, steps : float, int
+        As in :func:`iterate`.
     R0 : array_like(float, shape=(3, 3)), optional
         The orientation at the start; by default the identity.
-    every : int
-        Steps from one frame to the next.
-    fps : int
-        Frames per second.
+    every, fps : int
+        Steps from one frame to the next, and frames per second.
 
     Returns
     -------

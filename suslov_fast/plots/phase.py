@@ -116,10 +116,8 @@ def plot_phase(
         Distance from 0 that the axes reach, in the unit of omega.
     levels : int
         Number of level curves, at least 1.
-    letter : str, optional
-        Letter of the panel, such as "a", above the axes on the left.
-    legend : bool
-        Draw a legend below the axes.
+    letter, legend : str, bool
+        Letter of the panel, above the axes on the left, and whether there is a legend below.
     ax : matplotlib.axes.Axes, optional
         Axes to draw on; by default those of a new figure.
 

@@ -41,7 +41,7 @@ class Server(ThreadingTCPServer):
         super().process_request(request, client_address)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer a request in its thread."""
+        """Answer a request in its thread, and let the next one have a thread."""
         try:
             super().process_request_thread(request, client_address)
         finally:
@@ -143,10 +143,8 @@ def explore(
         A single body.
     omega0 : array_like(float, shape=(2,))
         Initial angular velocity (Omega1, Omega2).
-    eps : float
-        Step size.
-    steps : int
-        Number of steps, from 1 to 5000.
+    eps, steps : float, int
+        As in :func:`iterate`, with at most 5000 steps.
 
     Returns
     -------

@@ -41,8 +41,8 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
     -------
     ndarray(float, shape=(k, D)), or a list of them
         Each point once, rounded once, in ascending order of the components. Of a batch a list, an
-        array for each member, whose points are in the order of those of the member before that
-        they continue, with the least sum of distances, and new ones last.
+        array for each member, whose points are in the order of those of the member before, if
+        there are as many, with the least sum of distances.
 
     Raises
     ------
@@ -65,10 +65,10 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
         raise wrong("field", "a single one, or a batch with one axis", f"the shape {whole.shape}")
     if not whole.shape:
         return _points_of(whole)
-    found: list[FloatArray] = []
-    for member in whole:
-        points = _points_of(member)
-        found.append(_continuing(found[-1], points) if found else points)
+    found = [_points_of(member) for member in whole]
+    for i in range(1, len(found)):
+        if len(found[i]) == len(found[i - 1]):
+            found[i] = _continuing(found[i - 1], found[i])
     return found
 
 
@@ -87,14 +87,12 @@ def _points_of(field: Any) -> FloatArray:
 
 
 def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:
-    """Return points in the order of those before that they continue, and then the others."""
+    """Return points in the order of those before that they continue."""
     from scipy.optimize import linear_sum_assignment  # imported here, since importing takes time
 
     scale = max(abs(before).max(initial=0.0), abs(points).max(initial=0.0)) or 1.0
     distances = np.linalg.norm((before[:, np.newaxis] - points) / scale, axis=-1)
-    _, continued = linear_sum_assignment(distances)
-    new = np.setdiff1d(np.arange(len(points)), continued)
-    return np.asarray(points[np.concatenate([continued, new]).astype(np.intp)])
+    return np.asarray(points[linear_sum_assignment(distances)[1]])
 
 
 def _roots(field: Any) -> Points | None:

@@ -25,6 +25,7 @@ Residues = list[list[int]]  # a matrix modulo a prime
 Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
 
+PRIME, EPS = 2**61 - 1, 2**40 + 7  # as good as random ones
 MORE = 10  # equations more than unknowns
 _DRAWS = 8  # of primes with points or lines, of which two must agree
 
@@ -189,12 +190,12 @@ def integer_rows(matrix: Any) -> Residues:
     return [[int(a) for a in row] for row in matrix.tolist()]
 
 
-def rank(polynomials: Sequence[Any], p: int = 2**61 - 1, eps: int = 1234567) -> int:
-    """Return the number of linearly independent polynomials, for a random eps."""
-    terms = [modulo(P, p, eps).to_dict() for P in polynomials]
+def rank(polynomials: Sequence[Any]) -> int:
+    """Return the number of linearly independent polynomials."""
+    terms = [modulo(P, PRIME, EPS).to_dict() for P in polynomials]
     monomials = {e for each in terms for e in each}
     rows = [[int(each.get(e, 0)) for e in monomials] for each in terms]
-    return int(flint.nmod_mat(rows, p).rank()) if monomials else 0
+    return int(flint.nmod_mat(rows, PRIME).rank()) if monomials else 0
 
 
 def random_prime(rng: random.Random) -> int:

@@ -13,6 +13,8 @@ from typing import Any
 import flint
 
 from .exact import (
+    EPS,
+    PRIME,
     Polynomials,
     degree_of,
     factors,
@@ -21,7 +23,6 @@ from .exact import (
     has_letter,
     modulo,
     over,
-    random_prime,
     rational,
     ring,
     size,
@@ -67,20 +68,22 @@ class RationalFunction:
         Examples
         --------
         >>> from suslov_fast import QuadraticField
-        >>> from suslov_fast.integrability import report
-        >>> top = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
-        >>> measure = report(top, degree=2).measures[0]
-        >>> measure.subs(eps="1/3")
-        1
+        >>> from suslov_fast.integrability import kahan
+        >>> (image,) = kahan(QuadraticField([[[1]]]))([2])
+        >>> image, image.subs(eps="1/3")
+        (-2/(2*eps - 1), 6)
         """
         value = step_size(eps)
-        found, cofactor = RationalFunction((), self.constant), self.cofactor
+        powers = (
+            (factored(over(flint.fmpq_mpoly_ctx, P, fmpq(value))), e) for P, e in self.factors
+        )
         try:
-            for P, e in self.factors:
-                found *= factored(over(flint.fmpq_mpoly_ctx, P, fmpq(value))) ** e
+            found = math.prod((f**e for f, e in powers), start=RationalFunction((), self.constant))
         except ZeroDivisionError:
             raise ZeroDivisionError(f"{self} has no value at eps = {value}") from None
-        return replace(found, basis=self.basis, cofactor=cofactor and cofactor.subs(value))
+        return replace(
+            found, basis=self.basis, cofactor=self.cofactor and self.cofactor.subs(value)
+        )
 
     @property
     def special(self) -> tuple[Fraction, ...]:
@@ -194,24 +197,18 @@ def product_of(
 
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:
     """Return functions of least degree on which the others depend."""
-    rng = random.Random(0)
-    p = random_prime(rng)
-    eps = rng.randrange(p)
-    x: list[Any] = []
     chosen: list[RationalFunction] = []
     rows: list[list[Any]] = []
     for f in sorted(candidates, key=lambda f: (f.degree, len(str(f)), str(f))):
-        powers = [(modulo(P, p, eps), e) for P, e in f.factors]
-        D = powers[0][0].context().nvars()
-        x = x or [flint.nmod(rng.randrange(p), p) for _ in range(D)]
-        row = [flint.nmod(0, p)] * D
-        for P, e in powers:  # the derivative of the logarithm
-            scale = e / value_at(P, x)
-            row = [a + scale * value_at(P.derivative(i), x) for i, a in enumerate(row)]
-        if flint.nmod_mat([*rows, row], p).rank() > len(rows):
+        powers, rng = [(modulo(P, PRIME, EPS), e) for P, e in f.factors], random.Random(0)
+        x = [flint.nmod(rng.randrange(PRIME), PRIME) for _ in powers[0][0].context().names()]
+        gradients = (
+            [e * value_at(P.derivative(i), x) / value_at(P, x) for i in range(len(x))]
+            for P, e in powers
+        )
+        row = [*map(sum, zip(*gradients, strict=True))]  # the gradient of log f
+        if flint.nmod_mat([*rows, row], PRIME).rank() > len(rows):
             chosen, rows = [*chosen, f], [*rows, row]
-        if len(rows) == D:
-            break
     return tuple(chosen)
 
 

@@ -13,6 +13,8 @@ import flint
 
 from ..checks import wrong
 from .exact import (
+    EPS,
+    PRIME,
     Point,
     Residues,
     degree_of,
@@ -22,7 +24,6 @@ from .exact import (
     matrix,
     modulo,
     point_modulo,
-    random_prime,
     rationals,
     ring,
     size,
@@ -176,10 +177,11 @@ class RationalMap:
     @cached_property
     def is_invertible(self) -> bool:
         """True if det DPhi is not 0 at a random point modulo a prime."""
+        return bool(self.at(EPS).derivative(self._random_point()).det() != 0)
+
+    def _random_point(self) -> list[Any]:
         rng = random.Random(0)
-        p, map = random_prime(rng), self.at(rng.getrandbits(60))
-        x = point_modulo(p, [rng.getrandbits(60) for _ in range(self.dimension)])
-        return bool(map.derivative(x).det() != 0)
+        return point_modulo(PRIME, [rng.randrange(PRIME) for _ in range(self.dimension)])
 
     @cached_property
     def jacobian_cofactor(self) -> RationalFunction | None:
@@ -285,9 +287,7 @@ def check_map(map: Any) -> None:
     if not isinstance(map, RationalMap):
         expected = "a map, as kahan(field, eps) or rational_map(f, dimension) returns it"
         raise wrong("map", expected, type(map).__name__, TypeError)
-    rng = random.Random(0)
-    x = point_modulo(2**61 - 1, [rng.randrange(2**60) for _ in range(map.dimension)])
     try:
-        map.at(2**40 + 7).image(x)
+        map.at(EPS).image(map._random_point())
     except ZeroDivisionError:
         raise ArithmeticError(f"{map} is no map: its equations have no solution") from None

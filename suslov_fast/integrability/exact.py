@@ -30,16 +30,12 @@ MORE = 10  # equations more than unknowns
 _DRAWS = 8  # of primes with points or lines, of which two must agree
 
 
-def _load(names: Any, terms: Any) -> Any:
-    return flint.fmpz_mpoly_ctx.get(names, ordering="deglex").from_dict(dict(terms))
+def _polynomial(names: Any, terms: Any) -> Any:
+    return flint.fmpz_mpoly_ctx.get(names, ordering="deglex").from_dict(terms)
 
 
-def _dump(P: Any) -> Any:
-    terms = [(tuple(map(int, e)), int(c)) for e, c in P.to_dict().items()]
-    return _load, (P.context().names(), terms)
-
-
-copyreg.pickle(flint.fmpz_mpoly, _dump)  # python-flint 0.9 does not pickle polynomials
+# python-flint 0.9 does not pickle polynomials.
+copyreg.pickle(flint.fmpz_mpoly, lambda P: (_polynomial, (P.context().names(), P.to_dict())))
 
 
 def rational(name: str, value: Any) -> Fraction:
@@ -170,6 +166,11 @@ def modulo(P: Any, p: int, eps: int) -> Any:
 def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
     """Return a point (x1, ..., xD, 1) modulo a prime."""
     return [flint.nmod(fmpq(a), p) for a in (*x, 1)]
+
+
+def random_point(n: int) -> list[Any]:
+    rng = random.Random(0)
+    return point_modulo(PRIME, [rng.randrange(PRIME) for _ in range(n)])
 
 
 def matrix(rows: Sequence[Sequence[Any]]) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -12,23 +11,8 @@ from typing import Any
 
 import flint
 
-from .exact import (
-    EPS,
-    PRIME,
-    Polynomials,
-    degree_of,
-    factors,
-    fmpq,
-    fraction,
-    has_letter,
-    modulo,
-    over,
-    rational,
-    ring,
-    size,
-    step_size,
-    value_at,
-)
+from . import exact
+from .exact import EPS, PRIME, Polynomials, degree_of, modulo, value_at
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 _LATEX = {r"\*": " ", r"x(\d+)": r"x_{\1}", r"\^(\d+)": r"^{\1}", "eps": r"\\varepsilon"}
@@ -53,14 +37,15 @@ class RationalFunction:
         """Return the value at a point; a function with the letter eps needs its value."""
         if self.has_letter and eps is None:
             raise TypeError("eps: expected a number, as in f(x, eps=Fraction(1, 3)), got None")
-        x = [*([step_size(eps)] if self.has_letter else []), *(rational("x", a) for a in x)]
-        values = (Fraction(value_at(P, x)) ** e for P, e in self.factors)
+        point = [exact.step_size(eps)] if self.has_letter else []
+        point += [exact.rational("x", a) for a in x]
+        values = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
         return math.prod(values, start=self.constant)
 
     @property
     def has_letter(self) -> bool:
         """True if eps is a letter."""
-        return any(has_letter(P) for P, _ in self.factors)
+        return any(exact.has_letter(P) for P, _ in self.factors)
 
     def subs(self, eps: Any) -> RationalFunction:
         """Return the function of x alone for a value of eps.
@@ -73,12 +58,13 @@ class RationalFunction:
         >>> image, image.subs(eps="1/3")
         (-2/(2*eps - 1), 6)
         """
-        value = step_size(eps)
+        value = exact.step_size(eps)
         powers = (
-            (factored(over(flint.fmpq_mpoly_ctx, P, fmpq(value))), e) for P, e in self.factors
+            factored(exact.over(flint.fmpq_mpoly_ctx, P, exact.fmpq(value))) ** e
+            for P, e in self.factors
         )
         try:
-            found = math.prod((f**e for f, e in powers), start=RationalFunction((), self.constant))
+            found = math.prod(powers, start=RationalFunction((), self.constant))
         except ZeroDivisionError:
             raise ZeroDivisionError(f"{self} has no value at eps = {value}") from None
         return replace(
@@ -118,7 +104,7 @@ class RationalFunction:
 
     def quotient_in(self, of: Any = None) -> tuple[Any, Any]:
         """Return numerator and denominator as polynomials, in a ring of as many variables."""
-        of = of or (self.factors[0][0].context() if self.factors else ring(0, False))
+        of = of or (self.factors[0][0].context() if self.factors else exact.ring(0, False))
         above, below = map(of.constant, (self.constant.numerator, self.constant.denominator))
         above *= math.prod(P**e for P, e in self._powers(1))
         return above, below * math.prod(P**e for P, e in self._powers(-1))
@@ -174,9 +160,9 @@ def factored(P: Any) -> RationalFunction:
     """Return a polynomial in irreducible factors."""
     if P == 0:
         return RationalFunction((), Fraction(0))
-    powers = factors(P)
+    powers = exact.factors(P)
     leading = math.prod(int(f.leading_coefficient()) ** e for f, e in powers)
-    return product_of(powers, fraction(flint.fmpq(P.leading_coefficient())) / leading)
+    return product_of(powers, exact.fraction(flint.fmpq(P.leading_coefficient())) / leading)
 
 
 def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
@@ -191,7 +177,8 @@ def product_of(
     total: dict[str, tuple[Any, int]] = {}
     for P, e in powers:
         total[str(P)] = P, total.get(str(P), (P, 0))[1] + e
-    chosen = sorted((power for power in total.values() if power[1]), key=lambda each: size(each[0]))
+    chosen = [(P, e) for P, e in total.values() if e]
+    chosen.sort(key=lambda power: exact.size(power[0]))
     return RationalFunction(tuple(chosen), constant, basis)
 
 
@@ -200,11 +187,11 @@ def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunctio
     chosen: list[RationalFunction] = []
     rows: list[list[Any]] = []
     for f in sorted(candidates, key=lambda f: (f.degree, len(str(f)), str(f))):
-        powers, rng = [(modulo(P, PRIME, EPS), e) for P, e in f.factors], random.Random(0)
-        x = [flint.nmod(rng.randrange(PRIME), PRIME) for _ in powers[0][0].context().names()]
+        powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
+        n = powers[0][0].context().nvars()
+        x = exact.random_point(n)
         gradients = (
-            [e * value_at(P.derivative(i), x) / value_at(P, x) for i in range(len(x))]
-            for P, e in powers
+            [e * value_at(P.derivative(i), x) / value_at(P, x) for i in range(n)] for P, e in powers
         )
         row = [*map(sum, zip(*gradients, strict=True))]  # the gradient of log f
         if flint.nmod_mat([*rows, row], PRIME).rank() > len(rows):

@@ -8,8 +8,9 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from ..bodies.field import QuadraticField, rates
-from ..bodies.polynomials import polynomial_of
 from ..checks import wrong
 from .exact import degree_of, matrix, step_size
 from .functions import RationalFunction, factored
@@ -58,26 +59,25 @@ class KahanMap(RationalMap):
 
         Entries are lists of (j, a, b), for the terms (a + b eps) x_j of forms in x1, ..., xD, 1.
         """
+        T, scale = _integers(self.field.table)
+        D = self.dimension
 
         def entry(i: int, k: int) -> list[tuple[int, int, int]]:
-            T, D = self.field.table[i], self.dimension
-            scale = math.lcm(*(c.denominator for c in T.flat))
             sign = 1 if k == D else -1  # at eps = 0, A is the unit matrix and b is x
-            terms = ((j, scale * ({j, k} == {i, D}), int(sign * scale * T[k, j])) for j in every)
+            terms = ((j, scale * ({j, k} == {i, D}), sign * T[i, k, j]) for j in range(D + 1))
             return [(j, a, b) for j, a, b in terms if a or b]
 
-        every = range(self.dimension + 1)
-        return [[entry(i, k) for k in every] for i in every[:-1]]
+        return [[entry(i, k) for k in range(D + 1)] for i in range(D)]
 
     def _system(self, x: Sequence[Any], sign: int = 1) -> list[list[Any]]:
         """Return the rows of (A | b), or with the sign -1 those of the inverse map, at a point."""
         if self.eps is None:
-            eps, denominator = sign * self.ring.gens()[0], 1
+            eps, unit = sign * self.ring.gens()[0], 1
         else:
-            eps, denominator = sign * self.eps.numerator, self.eps.denominator
+            eps, unit = sign * self.eps.numerator, self.eps.denominator
         zero = 0 * x[-1]
         return [
-            [sum(((a * denominator + b * eps) * x[j] for j, a, b in form), zero) for form in row]
+            [sum(((a * unit + b * eps) * x[j] for j, a, b in form), zero) for form in row]
             for row in self._rows
         ]
 
@@ -85,11 +85,10 @@ class KahanMap(RationalMap):
         return cramer(self._system(x))
 
     def derivative(self, x: Sequence[Any]) -> Any:
-        # DPhi is A(x; eps)^-1 A(Phi(x); -eps).
-        A, backward = (
-            [row[:-1] for row in self._system(y, s)] for y, s in ((x, 1), (self.image(x), -1))
-        )
-        return matrix(A).solve(matrix(backward))
+        # It is A(x; eps)^-1 A(Phi(x); -eps).
+        systems = self._system(x), self._system(self.image(x), -1)
+        A, backward = (matrix([row[:-1] for row in rows]) for rows in systems)
+        return A.solve(backward)
 
     @cached_property
     def _solution(self) -> list[Any]:
@@ -123,12 +122,14 @@ class KahanMap(RationalMap):
         # H and K of a field in a file of a batch are rounded.
         if field.H is None or (rates(field.H.tensor, field.K) != field.table).any():
             return None
-        terms, letter = polynomial_of(field.H.tensor).terms, (0,) * self.has_letter
-        scale = math.lcm(*(c.denominator for c in terms.values()))
-        places = range(self.dimension)
-        return self.ring.from_dict(
-            {(*letter, *map(e.count, places)): int(c * scale) for e, c in terms.items()}
-        )
+        (H, _), x = _integers(field.H.tensor), np.fromiter(self.variables, object)
+        return H @ x @ x @ x
+
+
+def _integers(table: Any) -> tuple[Any, int]:
+    """Return fractions as an array of integers, and their common denominator."""
+    denominator = math.lcm(*(c.denominator for c in table.flat))
+    return np.vectorize(int, "O")(denominator * table), denominator
 
 
 def kahan(field: QuadraticField, eps: Any = None) -> KahanMap:

@@ -12,23 +12,8 @@ from typing import Any
 import flint
 
 from ..checks import wrong
-from .exact import (
-    EPS,
-    PRIME,
-    Point,
-    Residues,
-    degree_of,
-    factors,
-    fmpq,
-    fraction,
-    matrix,
-    modulo,
-    point_modulo,
-    rationals,
-    ring,
-    size,
-    value_at,
-)
+from . import exact
+from .exact import Point, Residues, degree_of, modulo, value_at
 from .functions import RationalFunction, factored, product_of
 from .reconstruction import over_rationals, polynomials_with
 
@@ -93,19 +78,18 @@ class RationalMap:
 
     def derivative(self, x: Sequence[Any]) -> Any:
         """Return the matrix of derivatives at a point."""
-        y = self.image(x)[:-1]
-        *rows, last = ([value_at(f, x) for f in row] for row in self._gradients)
-        below = value_at(self.forms[-1], x)
-        return matrix(
-            [
-                [(f - a * g) / below for f, g in zip(row, last, strict=True)]
-                for row, a in zip(rows, y, strict=True)
-            ]
-        )
+        self.image(x)  # raises an error at a pole
+        rows = [[value_at(f, x) for f in row] for row in self._numerators]
+        return exact.matrix(rows) * (1 / value_at(self.forms[-1], x) ** 2)
 
     @cached_property
-    def _gradients(self) -> list[list[Any]]:
-        return [[F.derivative(i) for i in range(self.dimension)] for F in self.forms]
+    def _numerators(self) -> list[list[Any]]:
+        """The matrix F_0^2 DPhi."""
+        *above, below = self.forms
+        return [
+            [F.derivative(j) * below - F * below.derivative(j) for j in range(self.dimension)]
+            for F in above
+        ]
 
     @property
     def denominator(self) -> Any:
@@ -114,19 +98,15 @@ class RationalMap:
 
     def _determinant(self) -> RationalFunction | None:
         """Return det DPhi in factors; None if they are too long."""
-        *above, below = self.forms
-        n = self.dimension
-        rows = [
-            [*(F.derivative(j) * below - F * below.derivative(j) for j in range(n)), below]
-            for F in above
-        ]
-        return factored(cramer(rows)[-1] / below ** (n - 1)) / factored(below) ** (n + 1)
+        below, n = self.forms[-1], self.dimension
+        whole = cramer([[*row, below] for row in self._numerators])[-1]
+        return factored(whole / below ** (n - 1)) / factored(below) ** (n + 1)
 
     def __call__(self, point: Any) -> tuple[Any, ...]:
         """Return the image of a point, exactly; functions of eps if it is a letter."""
         if not self.has_letter:
-            return tuple(map(fraction, self.image(self._numbers(point))[:-1]))
-        x = rationals("point", point, self.dimension)
+            return tuple(map(exact.fraction, self.image(self._numbers(point))[:-1]))
+        x = exact.rationals("point", point, self.dimension)
         scale = math.lcm(*(a.denominator for a in x))
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
         *above, below = map(factored, self.homogeneous(constants))
@@ -135,21 +115,21 @@ class RationalMap:
     def jacobian(self, point: Any) -> tuple[Point, ...]:
         """Return the matrix of derivatives at a point, exactly, as a tuple of rows."""
         rows = self.derivative(self._numbers(point)).tolist()
-        return tuple(tuple(map(fraction, row)) for row in rows)
+        return tuple(tuple(map(exact.fraction, row)) for row in rows)
 
     def determinant(self, point: Any) -> Fraction:
         """Return the determinant of the matrix of derivatives at a point, exactly."""
-        return fraction(self.derivative(self._numbers(point)).det())
+        return exact.fraction(self.derivative(self._numbers(point)).det())
 
     def _numbers(self, point: Any) -> list[Any]:
         if self.has_letter:
             raise TypeError("eps: expected a number here, as in map.subs(eps=Fraction(1, 3))")
-        return [fmpq(a) for a in (*rationals("point", point, self.dimension), 1)]
+        return [exact.fmpq(a) for a in (*exact.rationals("point", point, self.dimension), 1)]
 
     @cached_property
     def ring(self) -> Any:
         """The ring of polynomials in x, and eps if it is a letter."""
-        return ring(self.dimension, self.has_letter)
+        return exact.ring(self.dimension, self.has_letter)
 
     @property
     def variables(self) -> list[Any]:
@@ -170,18 +150,14 @@ class RationalMap:
     def pullback(self, P: Any, degree: int) -> Any:
         """Return F_0^degree P(F / F_0)."""
         k = int(self.has_letter)
-        whole = ring(self.dimension + 1, self.has_letter)
+        whole = exact.ring(self.dimension + 1, self.has_letter)
         terms = {(*e, degree - sum(e[k:])): c for e, c in P.to_dict().items()}
         return whole.from_dict(terms).compose(*self.ring.gens()[:k], *self.forms, ctx=self.ring)
 
     @cached_property
     def is_invertible(self) -> bool:
         """True if det DPhi is not 0 at a random point modulo a prime."""
-        return bool(self.at(EPS).derivative(self._random_point()).det() != 0)
-
-    def _random_point(self) -> list[Any]:
-        rng = random.Random(0)
-        return point_modulo(PRIME, [rng.randrange(PRIME) for _ in range(self.dimension)])
+        return bool(self.at(exact.EPS).derivative(exact.random_point(self.dimension)).det() != 0)
 
     @cached_property
     def jacobian_cofactor(self) -> RationalFunction | None:
@@ -193,8 +169,8 @@ class RationalMap:
         """The irreducible factors of F_0 and of det DPhi; None if they are too long."""
         if self.jacobian_cofactor is None:
             return None
-        powers = (*self.jacobian_cofactor.factors, *factors(self.denominator))
-        return sorted({str(f): f for f, _ in powers if degree_of(f)}.values(), key=size)
+        powers = (*self.jacobian_cofactor.factors, *exact.factors(self.denominator))
+        return sorted({str(f): f for f, _ in powers if degree_of(f)}.values(), key=exact.size)
 
     def cofactor(self, P: Any) -> RationalFunction | None:
         """Return C with P(Phi) = C P, a product of powers of factors; None if there is none."""
@@ -237,7 +213,7 @@ def rational_roots(row: Any, letter: bool) -> list[RationalFunction]:
     """Return the rational roots of a polynomial, numbers or functions of eps."""
     (f,) = polynomials_with([row], tuple((k,) for k in range(len(row))), letter)
     *_, t = f.context().gens()
-    pairs = ((g, g.derivative(int(letter))) for g, _ in factors(f) if degree_of(g) == 1)
+    pairs = ((g, g.derivative(int(letter))) for g, _ in exact.factors(f) if degree_of(g) == 1)
     return [factored(slope * t - g) / factored(slope) for g, slope in pairs]
 
 
@@ -250,7 +226,7 @@ def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
 def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
     """Return a polynomial modulo a prime, homogeneous of a degree, on a line; t is the last."""
     p = int(line[-1].modulus())
-    of = ring(1, False, flint.nmod_mpoly_ctx, modulus=p)
+    of = exact.ring(1, False, flint.nmod_mpoly_ctx, modulus=p)
     by_inverse = [of.from_dict({(0,): int(x[1]), (1,): int(x[0])}) for x in line[:-1]]  # of x / t
     terms = P.compose(*by_inverse, ctx=of).to_dict()
     return flint.nmod_poly([int(terms.get((degree - k,), 0)) for k in range(degree + 1)], p)
@@ -288,6 +264,6 @@ def check_map(map: Any) -> None:
         expected = "a map, as kahan(field, eps) or rational_map(f, dimension) returns it"
         raise wrong("map", expected, type(map).__name__, TypeError)
     try:
-        map.at(EPS).image(map._random_point())
+        map.at(exact.EPS).image(exact.random_point(map.dimension))
     except ZeroDivisionError:
         raise ArithmeticError(f"{map} is no map: its equations have no solution") from None

@@ -114,7 +114,7 @@ def _degrees(map: RationalMap, seed: int) -> list[int]:
 
     def compute(p: int, eps: int) -> list[int]:
         found: list[int] = []
-        for each in degrees_on_a_line(map, p, eps, random.Random(p)):
+        for each in degrees_on_a_line(map, p, eps):
             found.append(each)
             following = each**2 / max(1, found[-2:][0])
             settled = (len(found) >= _ENOUGH and each > _SMALL) or following > _LARGE

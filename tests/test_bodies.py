@@ -92,7 +92,7 @@ def test_families(body):
         assert member.shape == body.shape[1:]
         for name, value in member._arrays.items():
             whole = body._arrays[name]
-            axes = (*body.shape, *whole.shape[whole.ndim - body._axes(name) :])
+            axes = (*body.shape, *whole.shape[whole.ndim - body._axes.get(name, 0) :])
             assert (np.broadcast_to(whole, axes)[i] == value).all()
     assert body[:] == body
     assert body[1:].shape == (max(len(body) - 1, 0), *body.shape[1:])

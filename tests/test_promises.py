@@ -145,7 +145,7 @@ def part(body, index, batch):
     """The members of a batch with an index."""
     parts = {}
     for name, value in body._arrays.items():
-        own = np.shape(value)[np.ndim(value) - body._axes(name) :]
+        own = np.shape(value)[np.ndim(value) - body._axes.get(name, 0) :]
         parts[name] = np.broadcast_to(value, (*batch, *own))[index]
     return type(body)(**parts)
 

@@ -19,7 +19,7 @@ Kind = TypeVar("Kind", bound="Body")
 class Body:
     """A body, or a batch of them; the fields of a subclass are its parameters."""
 
-    _vector_axes: ClassVar[int] = 0  # of all parameters, besides those of the batch
+    _axes: ClassVar[dict[str, int]] = {}  # of parameters with axes besides those of the batch
     _positive: ClassVar[dict[str, int]] = {}  # parameters, with the exponents of their range
     _called: ClassVar[str] = "a body or a field"  # in messages
     # The number of components of a state and their labels, and the parts that are coordinates of
@@ -56,11 +56,6 @@ class Body:
         self._take(parts)
         return self
 
-    @classmethod
-    def _axes(cls, name: str) -> int:
-        """Return the number of axes of a parameter that are not axes of the batch."""
-        return cls._vector_axes
-
     @property
     def _arrays(self) -> dict[str, FloatArray]:
         return {name: np.asarray(each, np.float64) for name, each in self._parts.items()}
@@ -81,11 +76,12 @@ class Body:
     @cached_property
     def batch_of_one(self) -> tuple[Any, ...]:
         """The parameters of a single body with an axis for the batch."""
-        return tuple(np.array(each, ndmin=1 + self._vector_axes) for each in self.parameters)
+        return tuple(np.array(each)[np.newaxis] for each in self.parameters)
 
     @classmethod
     def _batch(cls, parts: Mapping[str, Any]) -> tuple[int, ...]:
-        shapes = {n: np.shape(each)[: np.ndim(each) - cls._axes(n)] for n, each in parts.items()}
+        axes = cls._axes
+        shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
         return checks.common_shape(shapes)
 
     @cached_property
@@ -137,7 +133,7 @@ class Body:
         if method is not None:
             checks.one_of("method", method, ["nearest"])
         for name, value in values.items():
-            scalars = {n: array for n, array in self._arrays.items() if self._axes(n) == 0}
+            scalars = {n: array for n, array in self._arrays.items() if n not in self._axes}
             column = scalars.get(name, np.empty(0))
             if not 0 < column.size == max(column.shape, default=0):
                 names = ", ".join(scalars) or "none"
@@ -155,8 +151,16 @@ class Body:
 
     def _part(self: Kind, axis: int, index: int | slice) -> Kind:
         """Return the members with an index along one axis of the batch."""
-        parts = self._parts.items()
-        return self._of({n: cut(a, self.shape, axis, index, self._axes(n)) for n, a in parts})
+        common = slice(None) if isinstance(index, slice) else 0  # of what all members share
+        parts = {}
+        for name, each in self._parts.items():
+            array = np.asarray(each)
+            place = axis - len(self.shape) + array.ndim - self._axes.get(name, 0)
+            if place >= 0:
+                own = index if array.shape[place] == self.shape[axis] else common
+                array = array[(slice(None),) * place + (own,)]
+            parts[name] = array
+        return self._of(parts)
 
     @property
     def _key(self) -> tuple[Any, ...]:
@@ -222,17 +226,6 @@ class Body:
             received = f"others: {', '.join(sorted(map(str, others)))} missing or unknown"
             raise wrong("parameters", f"those of {cls.__name__}", received)
         return cls(**{name: from_lists(name, each) for name, each in given.items()})
-
-
-def cut(part: Any, shape: tuple[int, ...], axis: int, index: Any, own: int) -> Any:
-    """Return what a part with `own` axes besides those of the batch is along one of those."""
-    array = np.asarray(part)
-    place = axis - len(shape) + array.ndim - own
-    if place < 0:
-        return array
-    if array.shape[place] < shape[axis]:  # it is the same for all members
-        index = slice(None) if isinstance(index, slice) else 0
-    return array[(slice(None),) * place + (index,)]
 
 
 def frozen(part: Any) -> Any:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from numbers import Rational
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -24,9 +24,6 @@ from .. import checks
 from ..checks import FloatArray, wrong
 from .base import Body, frozen
 from .polynomials import as_given, coefficients, from_lists, named, numbers, polynomial_of, traced
-
-# Numbers of axes that are not axes of the batch.
-_AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
 
 
 class Hamiltonian:
@@ -86,6 +83,8 @@ class QuadraticField(Body):
     QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
     """
 
+    _axes: ClassVar[dict[str, int]] = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
+
     quadratic: Any
     linear: Any
     constant: Any
@@ -96,24 +95,24 @@ class QuadraticField(Body):
         parts = {"quadratic": as_given("quadratic", quadratic)}
         D = (0, *parts["quadratic"].shape)[-1]
         for name, each in (("linear", linear), ("constant", constant)):
-            zeros = np.zeros((D,) * _AXES[name])
+            zeros = np.zeros((D,) * self._axes[name])
             parts[name] = zeros if each is None else as_given(name, each)
         for name, array in parts.items():
-            axes = _AXES[name]
+            axes = self._axes[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
                 raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
         batch = self._batch(parts)
         for name, array in parts.items():
             found = coefficients(name, array, bool(batch))
-            parts[name] = np.broadcast_to(found, (*batch, *(D,) * _AXES[name]))
+            parts[name] = np.broadcast_to(found, (*batch, *(D,) * self._axes[name]))
         parts["quadratic"] = (parts["quadratic"] + parts["quadratic"].swapaxes(-2, -1)) / 2
         self._take(parts)
 
     def _take(self, parts: Mapping[str, Any]) -> None:
         is_batch, kept = bool(self._batch(parts)), {}
         for name, each in parts.items():
-            kept[name] = frozen(numbers(name, each, is_batch) if name in _AXES else each)
-        own = {name: each for name, each in kept.items() if name in _AXES}
+            kept[name] = frozen(numbers(name, each, is_batch) if name in self._axes else each)
+        own = {name: each for name, each in kept.items() if name in self._axes}
         if "H" in own:
             own["H"] = Hamiltonian(own["H"])
         D, others = own["constant"].shape[-1], tuple(name for name in kept if name not in own)
@@ -270,10 +269,6 @@ class QuadraticField(Body):
         """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
         found = at_points(self.table, x, 2)
         return tuple(found) if found.dtype == object else found
-
-    @classmethod
-    def _axes(cls, name: str) -> int:
-        return _AXES.get(name, 0)
 
     def __repr__(self) -> str:
         if self.shape:

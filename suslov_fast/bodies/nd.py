@@ -56,7 +56,7 @@ class SuslovND(Body):
     J: Any  # array_like when given, then an array
     I: Any
 
-    _vector_axes: ClassVar[int] = 1
+    _axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1}
     _positive: ClassVar[dict[str, int]] = {"J": OTHERS}
 
     def __post_init__(self) -> None:

@@ -231,7 +231,7 @@ def parameters_of(
     if isinstance(body, QuadraticField):
         indices, values = body.terms
         return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
-    axes = *(body._vector_axes,) * len(body.parameters), 0
+    axes = *(max(body._axes.values(), default=0),) * len(body.parameters), 0
     each = zip((*body.parameters, eps), axes, strict=True)
     return tuple(flat_parameter(value, batch, count) for value, count in each)
 

@@ -129,7 +129,7 @@ def _parameters(run: Any) -> dict[str, NDArray[Any]]:
     """Return eps and the parameters of the body, with an axis for each of the batch first."""
     body = run.body
     found = [("eps", np.asarray(run.eps), 0)]
-    found += [(name, array, body._axes(name)) for name, array in body._arrays.items()]
+    found += [(name, array, body._axes.get(name, 0)) for name, array in body._arrays.items()]
     count = run.status.ndim
     return {
         name: array.reshape((1,) * (count + own - array.ndim) + array.shape)

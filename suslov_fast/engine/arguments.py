@@ -1,7 +1,7 @@
 """Arguments common to most public functions: random, checked, and as flat arrays for kernels."""
 
 import math
-from contextlib import suppress
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,23 +26,16 @@ SMALL = 2**26
 
 def require(nbytes: int, what_to_do: str) -> None:
     """Raise MemoryError if `nbytes` are not available: Linux lends more, and kills the process."""
-    if nbytes <= SMALL:
+    known = Path("/proc/meminfo")
+    if nbytes <= SMALL or not known.exists():
         return
-    free = available()
-    if free is not None and nbytes > free - SMALL:
+    found = re.search(r"MemAvailable: *(\d+)", known.read_text("ascii", "replace"))
+    free = 1024 * int(found[1]) if found else math.inf
+    if nbytes > free - SMALL:
         raise MemoryError(
             f"expected arrays that fit in memory, of which {free:,} bytes are available, "
             f"got {nbytes:,} bytes; {what_to_do}"
         )
-
-
-def available() -> int | None:
-    """Return the number of bytes that the machine has available; None if unknown."""
-    with suppress(OSError, ValueError):
-        for line in Path("/proc/meminfo").read_text("ascii", "replace").splitlines():
-            if line.startswith("MemAvailable:"):
-                return int(line.split()[1]) * 1024
-    return None
 
 
 @dataclass(frozen=True)
@@ -91,19 +84,7 @@ class RandomStarts:
         return self.size if isinstance(self.size, tuple) else (self.size,)
 
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
-        """Return the states `start` to `start + count`.
-
-        Parameters
-        ----------
-        count, start : int
-            0 or more.
-        dimension : int
-            The number of components of a state, D.
-
-        Returns
-        -------
-        ndarray(float, shape=(count, D))
-        """
+        """Return the states `start` to `start + count`, shape (count, dimension)."""
         count, start = integer("count", count, 0), integer("start", start, 0)
         dimension = integer("dimension", dimension, 1)
         require(32 * count * dimension, "fewer initial states, or `ensemble`, need less")

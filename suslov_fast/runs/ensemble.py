@@ -133,7 +133,7 @@ def open_ensemble(store: Any) -> "xarray.Dataset":
     Parameters
     ----------
     store : str, path-like or Zarr store
-        As in :func:`ensemble`.
+        As in :func:`ensemble`; FileNotFoundError if there is none.
 
     Returns
     -------
@@ -141,11 +141,6 @@ def open_ensemble(store: Any) -> "xarray.Dataset":
         Lazy, with the names of :meth:`Trajectories.to_xarray` and the functions; the attributes
         are the arguments of the run. What is not computed yet is NaN, and its `status` -128.
         Reading a damaged chunk is an error.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If there is nothing, or something else.
 
     Examples
     --------
@@ -361,17 +356,15 @@ def _compute_missing(
     axes = zip(status.shape, status.chunks, strict=True)
     tiles = product(*([slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes))
     abreast = 1 if client is None else _WAITING * max(1, sum(client.nthreads().values()))
-    while group := [*islice(tiles, abreast)]:
-        stored = [np.asarray(status[where]) for where in group]
-        pairs = zip(group, stored, strict=True)
-        missing = [where for where, found in pairs if (found == PENDING).any()]
+    while group := [(where, np.asarray(status[where])) for where in islice(tiles, abreast)]:
+        missing = [where for where, found in group if (found == PENDING).any()]
         jobs = [(_tile(whole, where), options, where, arrays) for where in missing]
         if client is None:
             for job in jobs:
                 _compute(*job)
         else:
             client.gather([client.submit(_compute, *job, pure=False) for job in jobs])
-        done += sum(found.size for found in stored)
+        done += sum(found.size for _, found in group)
         if report is not None:
             report(done * options[1])
 

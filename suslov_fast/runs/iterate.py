@@ -109,13 +109,6 @@ def iterate(
     -------
     Trajectories
 
-    Raises
-    ------
-    MemoryError
-        If the result does not fit in memory.
-    SingularStepError
-        If `on_singular` is "raise" and a trajectory fails.
-
     Notes
     -----
     At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
@@ -168,12 +161,10 @@ def step_full(
 
     Parameters
     ----------
-    body : Suslov3D
-        A single one, or a batch.
+    body, eps
+        As in :func:`iterate`.
     omega : array_like(float, shape=(..., 3))
-        Angular velocities (Omega1, Omega2, Omega3); NaN where there is none.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of the angular velocities.
+        Angular velocities (Omega1, Omega2, Omega3).
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, positive; by default that of the body.
 

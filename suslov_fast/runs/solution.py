@@ -40,17 +40,12 @@ def exact(
     Parameters
     ----------
     body : Suslov3D, SuslovND or SuslovGyrostat
-        A single one, or a batch.
-    omega0 : array_like(float, shape=(..., D))
-        State 0. The result is NaN where it is NaN.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of the angular velocities; a negative one is that of the
-        inverse map.
+        In n dimensions an integrable one, else there is a :class:`NotIntegrableError`.
+    omega0, eps, threads
+        As in :func:`iterate`.
     n : array_like(float, shape=() or (N,))
         Indices of the states, positive or negative. For t < 1 (:func:`criticality`) n may be any
         real number, which gives a curve through the orbit; also for a gyrostat that is periodic.
-    threads : int, optional
-        Number of threads, by default Numba's. Results do not depend on it.
 
     Returns
     -------
@@ -59,20 +54,10 @@ def exact(
         with a `RuntimeWarning`, for non-integer n and for ``|n| > 2**53`` if t >= 1, and where
         the dimensionless X, Y or K is above 1e8 (then use :func:`iterate`).
 
-    Raises
-    ------
-    NotIntegrableError
-        If no closed form is known for the body; in three dimensions there always is one.
-
     Notes
     -----
     The formula is Theorem 1 in Section 4 of the paper, corrected, and extended to t >= 1 and to
-    the gyrostat.
-
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond the pole, as the birational map does:
-    :func:`exact` and :func:`limits` have the states after it, and only the state directly after
-    the pole is NaN.
+    the gyrostat. The notes of :func:`iterate` say what happens at a pole.
 
     Examples
     --------

@@ -26,9 +26,7 @@ if TYPE_CHECKING:
 _FUNCTIONS = "first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction"
 
 
-def _quantity(
-    name: str, shape: str = "(n_saved, ...)", with_eps: bool = True
-) -> Callable[[Trajectories], FloatArray]:
+def _quantity(name: str, with_eps: bool = True) -> Callable[[Trajectories], FloatArray]:
     """Return the method that evaluates a public function for the saved states."""
 
     def method(self: Trajectories) -> FloatArray:
@@ -37,8 +35,7 @@ def _quantity(
         return values
 
     method.__name__, method.__qualname__ = name, f"Trajectories.{name}"
-    arguments = "the saved states and eps" if with_eps else "the saved states"
-    method.__doc__ = f"Return :func:`suslov_fast.{name}` of {arguments}, shape {shape}."
+    method.__doc__ = f"Return :func:`suslov_fast.{name}` of the saved states, shape (n_saved, ...)."
     return method
 
 
@@ -62,22 +59,14 @@ class Trajectories:
     states : ndarray(float, shape=(n_saved, ..., D))
         The saved states; NaN from the first nonexistent state on. ``run.omega``, or ``run.x`` for
         a field, and ``np.asarray(run)`` are the same array.
-    eps : float or ndarray(float, shape=(...))
-        The step size, in the unit of time of the states.
-    body
-        The body or field.
+    body, eps, method, steps, save_every
+        The arguments of :func:`iterate`; `steps` with those of :meth:`extend`.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
         The index of the first state that does not exist, or -1.
     final : ndarray(float, shape=(..., D))
         The state after the last step, even if not saved.
-    method : str
-        The method that was asked for.
-    steps : int
-        The number of steps.
-    save_every : int or None
-        The states 0, k, 2k, ... were saved, or only the last.
     attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
         The orientations of the body at the saved states, if requested.
 
@@ -138,12 +127,8 @@ class Trajectories:
         Returns
         -------
         Trajectories
-            A new object, whose arrays also hold the states of this one.
-
-        Raises
-        ------
-        ValueError
-            If this is a copy with other attributes, which lacks what is needed to go on.
+            A new object, whose arrays also hold the states of this one. A copy made by
+            `dataclasses.replace` lacks what is needed to go on: a ValueError.
 
         Examples
         --------
@@ -219,8 +204,8 @@ class Trajectories:
     energy = _quantity("energy", with_eps=False)
     modified_energy = _quantity("modified_energy")
     criticality = _quantity("criticality")
-    to_xy = _quantity("to_xy", "(n_saved, ..., 2)", with_eps=False)
-    reaction = _quantity("reaction", "(n_saved, ...) or (n_saved, ..., n - 1, n - 1)")
+    to_xy = _quantity("to_xy", with_eps=False)
+    reaction = _quantity("reaction")
 
     def plot(
         self, *, components: tuple[int, int] = (0, 1), lines: bool | None = None, ax: Any = None

@@ -352,8 +352,9 @@ def _spelled(value: Any) -> str:
     if isinstance(value, dict):
         names = [name for name in value if name != "body"]
         return ", ".join(f"{name} = {_spelled(value[name])}" for name in names)
-    form = "," if isinstance(value, int) else ".4g" if isinstance(value, float) else ""
-    return format(value, form) if form else str(value).partition(", sha256")[0]
+    if isinstance(value, (int, float)):
+        return f"{value:,}" if isinstance(value, int) else f"{value:.4g}"
+    return str(value).partition(", sha256")[0]
 
 
 def report(options: argparse.Namespace) -> None:

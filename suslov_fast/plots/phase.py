@@ -7,9 +7,8 @@ import numpy as np
 
 from ..bodies.rigid import PICTURES, Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, instance, integer, real_number, wrong
-from ..quantities.conserved import energy, rotation_number
 from ..quantities.derivatives import vector_field
-from ..runs.solution import exact
+from ..runs.iterate import iterate
 
 BodyIn3D = Suslov3D | SuslovGyrostat
 # Relative distance from t = 1 of levels drawn in place of nearer ones.
@@ -42,7 +41,7 @@ class Plane(NamedTuple):
 
     def radius(self, omega: Any) -> float:
         """The modulus of z."""
-        return float(np.sqrt(2.0 * energy(self.body, omega)))
+        return float(np.hypot(np.sqrt(self.body.I1) * omega[0], np.sqrt(self.body.I2) * omega[1]))
 
     def on_level(self, R: float, psi: float | FloatArray) -> FloatArray:
         """States (..., 2) on the level R of the first integral, at phases psi (...)."""
@@ -77,11 +76,15 @@ class Plane(NamedTuple):
         Those end beside the line, or at most so many steps from their middle.
         """
         body, eps = self
-        _, _, I13, I23, k = body.parameters
+        A, (_, _, I13, I23, k) = R * abs(self.g), body.parameters
         middle = self.on_level(R, np.array([0.0, np.pi]))
-        if turns := abs(float(rotation_number(body, middle[0], eps))):
-            return [exact(body, middle[0], eps, np.arange(min(1.0 / turns + 1.0, 2 * most)))]
-        orbits = np.moveaxis(exact(body, middle, eps, np.arange(-most, most + 1)), 1, 0)
+        if abs(k) > A:
+            steps = np.pi / np.arctan(abs(self.e) * np.sqrt(k * k - A * A))
+            return [iterate(body, middle[0], eps, int(min(steps + 1.0, 2 * most))).omega]
+        before, after = (
+            iterate(body, middle, step, most, on_singular="ignore").omega for step in (-eps, eps)
+        )
+        orbits = np.moveaxis(np.concatenate([before[:0:-1], after]), 1, 0)
         l = abs(orbits @ [I13, I23] + k)
         shown = l > _AT_THE_LINE * l[:, most, np.newaxis]
         return [orbit[where] for orbit, where in zip(orbits, shown, strict=True)]

@@ -6,7 +6,10 @@ import sys
 import textwrap
 from pathlib import Path
 
+import pytest
+
 HERE = Path(__file__).parent
+LAYERS = ("omp", "tbb", "workqueue")
 
 SETUP = """
 import numpy as np, suslov_fast as sf
@@ -36,3 +39,17 @@ def run(code, *arguments, **options):
     text = f"{done.stdout[-2000:]}{done.stderr[-4000:]}"
     assert done.returncode == 0, f"ended with {done.returncode}: {text}"
     return done.stdout
+
+
+def layer(name):
+    """Return the environment for a threading layer of Numba; skip the test if it is missing."""
+    # pip installs the TBB library in a folder that the loader does not search.
+    places = [str(Path(sys.prefix) / "lib"), os.environ.get("LD_LIBRARY_PATH", "")]
+    environment = {
+        "NUMBA_THREADING_LAYER": name,
+        "NUMBA_NUM_THREADS": "2",
+        "LD_LIBRARY_PATH": os.pathsep.join(filter(None, places)),
+    }
+    if attempt("import numba; numba.get_num_threads()", **environment).returncode:
+        pytest.skip(f"Numba has no threading layer {name} here")
+    return environment

@@ -60,15 +60,18 @@ assert loops.__file__.startswith(sys.argv[1])
 x = np.arange(3.0)
 for name in sys.argv[2:]:
     out = np.zeros(3)
-    if name == "kernel":
-        for part in range(2):
-            loops.double(part, 2, (x, np.full(4, -1.0)), ((0.5,), 1), out)
+    if name in ("serial", "parallel"):
+        arguments = (x, np.full(4, -1.0)), ((0.5,), 1), out
+        if name == "serial":
+            loops.double.serial(*arguments)
+        else:
+            loops.double.parallel(2, *arguments)
     elif name == "beyond":
-        loops.double(0, 1, (x, np.full(3, -1.0)), ((0.5,), 7), out)
+        loops.double.serial((x, np.full(3, -1.0)), ((0.5,), 7), out)
     elif name == "line":
         memory, source = np.zeros(16), np.arange(16.0)
         out = memory[-(memory.ctypes.data // 8) % 8 :][:8]
-        loops.copy(0, 1, source, out)
+        loops.copy.serial(source, out)
     elif name == "ratio":
         out = loops.ratio([[1], [2]], np.arange(2.0)).ravel()
         assert loops.ratio(1.0, np.empty((0, 2))).shape == (0, 2)
@@ -80,12 +83,15 @@ for name in sys.argv[2:]:
     print("result", name, *out)
 """
 RESULTS = {
-    "kernel": "kernel -1.0 2.0 4.0",
+    "serial": "serial -1.0 2.0 4.0",
+    "parallel": "parallel -1.0 2.0 4.0",
     "line": "line 3.0 4.0 5.0 6.0 7.0 8.0 9.0 10.0",
     "ratio": "ratio inf 2.0 inf 4.0",
     "outer": "outer 1.0 0.5 0.0 0.5 0.25 0.0",
 }
-LOADED = r"data loaded from .*/(?:guf-)?loops\.(?:double|copy|ratio|outer)_"
+LOADED = (
+    r"data loaded from .*/(?:guf-)?(?:loops\.(?:double|copy|ratio|outer)|numba\.(?:_start|_loop))_"
+)
 
 
 @pytest.fixture
@@ -126,7 +132,7 @@ def test_settings_of_numba(folder, variable):
 
 def test_later_processes_compile_edited_and_damaged_functions_only(folder):
     assert call(folder, *RESULTS) == 0
-    assert call(folder, *RESULTS) == 6  # two for each universal function
+    assert call(folder, *RESULTS) == 8  # two for parallel calls, two for each universal function
     damages = {"double": b"", "copy": b"garbage", "outer": b"\x80"}
     for name, content in damages.items():
         files = cached(folder, name)
@@ -134,14 +140,20 @@ def test_later_processes_compile_edited_and_damaged_functions_only(folder):
         for path in files:
             path.write_bytes(content)
     before = cached(folder)
-    assert call(folder, *RESULTS) == 2
-    assert call(folder, *RESULTS) == 4  # a damaged universal function is compiled again
+    assert call(folder, *RESULTS) == 4
+    assert call(folder, *RESULTS) == 6  # a damaged universal function is compiled again
     small = folder / "package" / "core" / "small.py"
     small.write_text(small.read_text().replace("2.0", "2.0 * 1.0"))
     assert call(folder, *RESULTS) == 0
     after = cached(folder)
     assert len(after) == len(before)  # files of the earlier source are deleted
     assert not set(after) & set(before)
+
+
+def test_serial_and_parallel_calls_share_a_kernel(folder):
+    assert call(folder, "parallel") == 0
+    assert call(folder, "serial") == 1
+    assert call(folder, "serial", "parallel") == 3
 
 
 def test_without_a_writable_folder(folder):

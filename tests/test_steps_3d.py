@@ -8,7 +8,6 @@ from problems import PROBLEMS
 import suslov_fast as sf
 from suslov_fast.core import steps_3d
 from suslov_fast.core.codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
-from suslov_fast.engine.threads import CROSSOVER, call_kernel
 
 every_problem = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda each: each.name)
 each_solved = pytest.mark.parametrize(
@@ -80,7 +79,7 @@ def mixture(rng):
     return (I1, I2, I13, I23, k), omega, eps
 
 
-def run(parameters, omega, eps, steps, every=7, cuts=(), threads=1):
+def run(parameters, omega, eps, steps, every=7, cuts=(), threads=None):
     """Call the kernel: saved, final, status, failed_at."""
     B = len(omega)
     arrays = tuple(np.ascontiguousarray(np.atleast_1d(v), float) for v in (*parameters, eps))
@@ -90,7 +89,10 @@ def run(parameters, omega, eps, steps, every=7, cuts=(), threads=1):
     for start, stop in zip((0, *cuts), (*cuts, steps), strict=True):
         span = 0, B, start, stop, every, row
         arguments = arrays, omega, carry, span, saved, final, status, failed_at
-        call_kernel(steps_3d.steps, CROSSOVER * (threads > 1), threads, *arguments)
+        if threads is None:
+            steps_3d.steps.serial(*arguments)
+        else:
+            steps_3d.steps.parallel(threads, *arguments)
         row = stop // every + 1 if every else 0
     return saved, final, status, failed_at
 

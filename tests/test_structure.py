@@ -77,6 +77,8 @@ def test_numba_is_chosen_in_one_file():
     for path, text in TEXTS.items():
         if path not in COMPILING:
             assert not words.search(text), path
+    loops = [path for path, text in TEXTS.items() if "prange(" in text]
+    assert [path.name for path in loops] == ["numba.py"]
 
 
 def test_the_core_is_pure_numerics():

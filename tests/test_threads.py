@@ -1,22 +1,26 @@
 """Threads, forks, Ctrl-C and progress."""
 
 import os
+import random
 import signal
 import sys
 import textwrap
+import threading
+from types import SimpleNamespace
 
 import children
+import numba
 import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core.steps_3d import LANES
+from suslov_fast.core.steps_3d import LANES, steps
 from suslov_fast.engine import stretches, threads
 
 
 def test_little_work_stays_serial(body, monkeypatch):
     """A small batch is serial, and a single block of lanes for any number of steps."""
-    monkeypatch.setattr(threads, "threading", None)
+    monkeypatch.setattr(steps, "parallel", None)
     sf.iterate(body, np.ones((LANES + 1, 2)), 0.2, 10)
     sf.iterate(body, np.ones((LANES, 2)), 0.2, 20_000, save_every=None)
 
@@ -49,28 +53,61 @@ thread.join()
 
 
 @pytest.mark.compiled
+@pytest.mark.parametrize("layer", children.LAYERS)
 @pytest.mark.parametrize(("code", "count"), [(AT_ONCE, 64), (FORKS, 100)])
-def test_threads_and_forks(code, count):
+@pytest.mark.sampled(2)
+def test_threads_and_forks(code, count, layer):
     """Threads at once, and children forked while a thread computes, neither abort nor hang."""
     if code is FORKS and not hasattr(os, "fork"):
         pytest.skip("needs fork")
-    children.run(children.SETUP + code, count, timeout=1800, NUMBA_NUM_THREADS="2")
+    children.run(children.SETUP + code, count, timeout=1800, **children.layer(layer))
+
+
+class Alarm(Exception):
+    @classmethod
+    def sound(cls, signum, frame):
+        raise cls
 
 
 @pytest.mark.compiled
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads")
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs alarms")
-def test_a_call_in_the_handler_of_a_signal():
-    """It may interrupt a call on several threads."""
-    code = """
-        import signal
-        found = []
-        signal.signal(signal.SIGALRM, lambda *_: found.append(run(threads=2)))
-        while len(found) < 20:
-            signal.setitimer(signal.ITIMER_REAL, 1e-4 * len(found) + 1e-5)
-            assert (run(threads=2) == expected).all()
-        assert all((each == expected).all() for each in found)
-    """
-    children.run(children.SETUP + textwrap.dedent(code))
+def test_signals_at_random_moments():
+    """The lock and the number of threads are restored wherever the handler of a signal raises."""
+    chance, before = random.Random(1), signal.signal(signal.SIGALRM, Alarm.sound)
+    available = numba.get_num_threads()
+    idle = SimpleNamespace(parallel=lambda count: None, serial=lambda: None)
+    threads.call_kernel(idle, threads.CROSSOVER, 2)  # starts threads, once
+    try:
+        for _ in range(2_000):
+            try:
+                signal.setitimer(signal.ITIMER_REAL, chance.uniform(1e-6, 3e-5), 1.0)
+                while True:
+                    threads.call_kernel(idle, threads.CROSSOVER, 2)
+            except Alarm:
+                signal.setitimer(signal.ITIMER_REAL, 0)
+            assert not threads._one_at_a_time._is_owned()
+            assert numba.get_num_threads() == available
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_a_call_during_a_parallel_call_is_serial():
+    """Both in the handler of a signal, which runs in the same thread, and in another thread."""
+    calls = []
+    inner = SimpleNamespace(serial=lambda: calls.append("serial"))
+
+    def parallel(count):
+        threads.call_kernel(inner, threads.CROSSOVER, 2)
+        other = threading.Thread(target=threads.call_kernel, args=(inner, threads.CROSSOVER, None))
+        other.start()
+        other.join()
+        calls.append("parallel")
+
+    threads.call_kernel(SimpleNamespace(parallel=parallel), threads.CROSSOVER, 2)
+    assert calls == ["serial", "serial", "parallel"]
+    assert not threads._one_at_a_time._is_owned()
 
 
 @pytest.mark.compiled

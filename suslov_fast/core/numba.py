@@ -1,15 +1,15 @@
-"""Numba: its options, its cache, universal functions, rows of an output.
+"""Numba: its options, its cache, calls of kernels, universal functions, rows of an output.
 
 formula     a function of numbers, which LLVM inlines: loops over lanes that call it become SIMD
 function    a function that kernels call
 inlined     the same, compiled as a part of its callers
-kernel      what Python calls: `kernel(part, parts, *arguments)` does one of `parts` parts of the
-            work; the arguments are numbers, arrays and tuples of them
+kernel      what Python calls: `kernel.serial(*arguments)`, `kernel.parallel(threads, *arguments)`
+            for `function(part, parts, *arguments)`, which does one of `parts` parts of the work
 for_users   a formula that users call, from their own compiled loops and from Python
 universal   a universal function of NumPy, made of a function of one state
 
 All is compiled when it is first called. With NUMBA_DISABLE_JIT=1 it is Python; with
-NUMBA_BOUNDSCHECK=1 indices are checked. A loop becomes SIMD if
+NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other. A loop becomes SIMD if
 
 - its numbers are rows b[ROW, lane] of one array, so that LLVM has one pointer and nothing to
   compare, with constant numbers of rows and lanes; other indices than from 0 on are unsigned,
@@ -28,15 +28,15 @@ import llvmlite
 import numba
 import numpy as np
 from llvmlite import ir
-from numba import config, types
+from numba import config, prange, types
 from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
 LINE = 8  # numbers of a cache line
 
 # The default error model tests every divisor: that costs 30 % and prevents SIMD. Other threads of
-# Python run while a kernel does. Without fastmath no FMA is formed and no sum reordered: vectorised
-# and interpreted runs, on any number of threads, agree to the bit.
+# Python run while a kernel does. Without fastmath no FMA is formed and no sum reordered: serial,
+# parallel, vectorised and interpreted runs agree to the bit.
 _OPTIONS = {"error_model": "numpy", "nogil": True}
 # A wrapper, for calls from Python or from C, takes as long to compile as a short function.
 _FOR_USERS = _OPTIONS | {"forceinline": True, "no_cfunc_wrapper": True}
@@ -98,9 +98,125 @@ function = functools.partial(_cached, numba.njit(**_FUNCTION))
 formula = functools.partial(_cached, numba.njit(**_FORMULA))
 for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
 inlined = numba.njit(inline="always", **_FUNCTION)
-kernel = functools.partial(_cached, numba.njit(**_OPTIONS))
-if config.DISABLE_JIT:
-    kernel = np.errstate(all="ignore")  # as compiled code, which does not warn
+
+
+# ---------------------------------------------------------------------------------------- kernels
+class Kernel:
+    """A function called from Python: `function(part, parts, *arguments)` for numbers, arrays and
+    tuples of them, compiled when it is first called.
+    """
+
+    def __init__(self, py_function):
+        self.py_function, self._addresses = py_function, {}
+        functools.update_wrapper(self, py_function)
+
+    @functools.cached_property
+    def compiled(self):
+        if config.DISABLE_JIT:
+            return np.errstate(all="ignore")(self.py_function)  # compiled code does not warn
+        return _cached(numba.njit(**_OPTIONS), self.py_function)
+
+    def serial(self, *arguments):
+        """Do all the work in this thread."""
+        self.compiled(0, 1, *arguments)
+
+    def parallel(self, threads, *arguments):
+        """Do the work in several threads."""
+        if config.BOUNDSCHECK or config.DISABLE_JIT:  # exceptions do not leave a parallel loop
+            for part in range(threads):
+                self.compiled(part, threads, *arguments)
+            return
+        kinds = tuple(map(numba.typeof, (0, 0, *arguments)))
+        if kinds not in self._addresses:
+            self._addresses[kinds] = _address(self.compiled, *kinds)
+        loop, start = _parallel_loop()
+        start(loop, self._addresses[kinds], threads, arguments)
+
+
+kernel = Kernel  # the decorator
+
+
+# A parallel call is a loop over parts, which calls the kernel by its address: so a kernel is
+# compiled once, for serial and parallel calls, and this loop once for all kernels (each `prange`
+# takes seconds). It takes the address of the arguments too, since `prange` passes no nested tuples.
+def _loop(call_part, kernel, data, parts):
+    for part in prange(parts):
+        _call(call_part, (kernel, data, np.int64(part), parts))
+
+
+def _start(loop, kernel, parts, arguments):
+    call_part, data = _pack(arguments)
+    _call(loop, (call_part, kernel, data, parts))
+
+
+@functools.cache
+def _parallel_loop():
+    """Return the address of the loop over parts, and the function that starts it."""
+    loop = _cached(numba.njit(parallel=True, **_OPTIONS), _loop)
+    return _address(loop, *[types.int64] * 4), _cached(numba.njit(**_OPTIONS), _start)
+
+
+def _address(compiled, *kinds):
+    """Return the address of a function for arguments of these types."""
+    compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
+    return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
+
+
+def _emit_call(context, builder, address, values):
+    kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
+    builder.call(builder.inttoptr(address, kind.as_pointer()), values)
+
+
+@intrinsic
+def _call(typing, address, numbers):
+    """Call a compiled function by its address, with a tuple of integers; it returns None."""
+
+    def emit(context, builder, signature, arguments):
+        values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
+        _emit_call(context, builder, arguments[0], values)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, numbers), emit
+
+
+@intrinsic
+def _pack(typing, arguments):
+    """Return the addresses of a function and of its data, for use while the caller runs.
+
+    function(kernel, data, part, parts) calls the kernel at an address with all arguments.
+    """
+    result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
+
+    def emit(context, builder, signature, values):
+        packed = _uncounted(context, builder, arguments, values[0])
+        with builder.goto_entry_block():
+            memory = builder.alloca(packed.type)
+        builder.store(packed, memory)
+        kind = ir.FunctionType(context.get_value_type(types.none), [word] * 4)
+        call_part = ir.Function(builder.module, kind, f"{builder.function.name}.part")
+        call_part.linkage = "internal"
+        kernel, data, part, parts = call_part.args
+        inner = ir.IRBuilder(call_part.append_basic_block())
+        packed = inner.load(inner.inttoptr(data, packed.type.as_pointer()))
+        numbers = [inner.extract_value(packed, k) for k in range(len(arguments))]
+        _emit_call(context, inner, kernel, [part, parts, *numbers])
+        inner.ret(context.get_dummy_value())
+        addresses = [builder.ptrtoint(each, word) for each in (call_part, memory)]
+        return context.make_tuple(builder, result, addresses)
+
+    return result(arguments), emit
+
+
+def _uncounted(context, builder, kind, value):
+    """Return an argument whose arrays count no references, which threads would wait for."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = ir.Constant(array.meminfo.type, None)
+        return array._getvalue()
+    for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
+        element = _uncounted(context, builder, each, builder.extract_value(value, k))
+        value = builder.insert_value(value, element, k)
+    return value
 
 
 # ---------------------------------------------------------------------------- universal functions
@@ -199,18 +315,8 @@ else:
         would wait.
         """
 
-        def uncounted(context, builder, kind, value):
-            if isinstance(kind, types.Array):
-                array = context.make_array(kind)(context, builder, value)
-                array.meminfo = ir.Constant(array.meminfo.type, None)
-                return array._getvalue()
-            for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
-                element = uncounted(context, builder, each, builder.extract_value(value, k))
-                value = builder.insert_value(value, element, k)
-            return value
-
         def emit(context, builder, signature, arguments):
-            return uncounted(context, builder, signature.args[0], arguments[0])
+            return _uncounted(context, builder, signature.args[0], arguments[0])
 
         return arrays(arrays), emit
 

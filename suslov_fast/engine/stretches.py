@@ -12,8 +12,9 @@ import numpy as np
 from ..bodies.nd import SuslovND
 from ..checks import FloatArray, wrong
 from ..core import orientations, steps_field
+from ..core.numba import Kernel
 from .arguments import States, flat_arrays, parameters_of, require
-from .threads import Kernel, call_kernel
+from .threads import call_kernel
 
 # Work of a thread in a stretch, and cost of saving a state, in steps of the three-dimensional map.
 _STRETCH, _SAVING = 2**26, 8.0

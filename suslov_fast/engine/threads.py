@@ -1,40 +1,59 @@
-"""Calls of kernels, on one thread or on several."""
+"""Calls of kernels, serial or parallel."""
 
+import os
 import threading
-from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numba
 
-Kernel = Callable[..., object]  # see `core.numba`
+from ..core.numba import Kernel
 
-# Lane-steps below which one thread does all: starting others takes some 0.1 ms.
+# Lane-steps below which a call is serial. Measured on two cores: active threads gain from some
+# 10,000 on, but less than 0.1 ms up to here, and a sleeping thread may take 8 ms to wake.
 CROSSOVER = 1_000_000
+
+# One parallel call at a time: Numba's `workqueue` layer aborts under two. A second thread
+# makes a serial call, whose results are bit-identical.
+_one_at_a_time = threading.RLock()
+_threads_are_gone = False
 
 
 def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
-    """Call a kernel; `work` lane-steps decide whether other threads are started.
+    """Call a kernel; `work` lane-steps decide between a serial and a parallel call."""
+    is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
+    if is_serial or not _parallel(kernel, threads, arguments):
+        kernel.serial(*arguments)
 
-    They end with the call, so that neither forks nor other threads disturb them. An executor's lock
-    would stop a handler of signals that interrupts a call, and makes one.
+
+def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:
+    """Call a kernel in parallel and return True, or return False if that is impossible.
+
+    The handler of a signal may raise between any two lines, but not before the first call of
+    `finally`. What it calls itself is serial, as it may have interrupted a parallel call.
     """
-    parts = 1 if work < CROSSOVER else threads or numba.get_num_threads()
-    if parts == 1:
-        kernel(0, 1, *arguments)
-        return
-    done = []
-
-    def take(part: int) -> None:
-        kernel(part, parts, *arguments)
-        done.append(part)
-
-    others = [threading.Thread(target=take, args=(k,), daemon=True) for k in range(1, parts)]
-    for each in others:
-        each.start()
+    if _threads_are_gone or _one_at_a_time._is_owned():  # type: ignore[attr-defined]
+        return False
     try:
-        take(0)
+        if not _one_at_a_time.acquire(blocking=False):
+            return False
+        kernel.parallel(threads or numba.get_num_threads(), *arguments)
+        return True
     finally:
-        for each in others:
-            each.join()
-    if len(done) < parts:
-        raise RuntimeError("a thread failed")
+        try:  # noqa: SIM105  (`suppress` would be the first call)
+            _one_at_a_time.release()
+        except RuntimeError:  # another thread's
+            pass
+
+
+def _after_fork() -> None:
+    """In a child, make serial calls: with the threads of its parent OpenMP aborts, TBB may hang."""
+    global _threads_are_gone, _one_at_a_time
+    _one_at_a_time = threading.RLock()
+    with suppress(ValueError):  # no thread was ever started
+        numba.threading_layer()
+        _threads_are_gone = True
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)

@@ -190,10 +190,9 @@ def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunctio
         powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
         n = powers[0][0].context().nvars()
         x = exact.random_point(n)
-        gradients = (
-            [e * value_at(P.derivative(i), x) / value_at(P, x) for i in range(n)] for P, e in powers
-        )
-        row = [*map(sum, zip(*gradients, strict=True))]  # the gradient of log f
+        scales = [(P, e / value_at(P, x)) for P, e in powers]
+        # The gradient of log f.
+        row = [sum(c * value_at(P.derivative(i), x) for P, c in scales) for i in range(n)]
         if flint.nmod_mat([*rows, row], PRIME).rank() > len(rows):
             chosen, rows = [*chosen, f], [*rows, row]
     return tuple(chosen)

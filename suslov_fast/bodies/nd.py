@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import OTHERS, FloatArray, first_index, real_array, spell, wrong
 from .base import Body
 from .field import QuadraticField
-from .rigid import inertia_and_rotation, without_rounding
+from .rigid import turned_to_last, without_rounding
 
 # Rounding error of J and I, which from_mass_tensor rotates.
 _ROUNDING = 1e-14
@@ -122,19 +122,18 @@ class SuslovND(Body):
         n = len(given) if given.ndim else 0
         if n < 2 or given.ndim != 2:
             raise wrong("I", "shape (n, n) with n > 1", given.shape)
-        matrix, rotation = inertia_and_rotation(given, np.eye(n)[-1] if a is None else a, n)
+        turned, rotation = turned_to_last(given, np.eye(n)[-1] if a is None else a, n)
         if rotation.ndim != 2:
             raise wrong("a", f"shape ({n},)", rotation.shape[:-1])
-        block = (rotation @ matrix @ rotation.T)[:-1, :-1]
-        if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(matrix).max():
+        block = turned[:-1, :-1]
+        if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(given).max():
             turn = np.eye(n)
             turn[:-1, :-1] = np.linalg.eigh(block)[1].T
             turn[0] *= np.sign(np.linalg.det(turn))
-            rotation = turn @ rotation
-        adapted = rotation @ matrix @ rotation.T
-        diagonal = np.diag(adapted)
+            turned, rotation = turn @ turned @ turn.T, turn @ rotation
+        diagonal = np.diag(turned)
         J = diagonal[:-1] + diagonal[-1]
-        return cls(J, without_rounding(adapted[:-1, -1], J.max())), rotation
+        return cls(J, without_rounding(turned[:-1, -1], J.max())), rotation
 
 
 class NotIntegrableError(ValueError):

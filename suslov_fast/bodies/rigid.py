@@ -155,22 +155,20 @@ class Suslov3D(_In3D):
         >>> body
         Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, I3=3.0)
         """
-        tensor, to_e3 = inertia_and_rotation(I, a, 3)
-        if not (fits := _excess(tensor) >= -_ROUNDING).all():
+        turned, to_e3 = turned_to_last(I, a, 3)
+        if not (fits := _excess(turned) >= -_ROUNDING).all():
             expected = "no principal moment larger than the sum of the others"
-            raise wrong("I", expected, checks.short(tensor[~fits][0].tolist()))
-        checks.common_shape({"I": tensor.shape[:-2], "a": to_e3.shape[:-2]})
-        turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
+            raise wrong("I", expected, np.linalg.eigvalsh(turned[~fits][0]).tolist())
         # The smaller angle about e3 that makes I12 vanish (Jacobi); 0 if I12 is 0.
         I12 = turned[..., 0, 1]
         gap = turned[..., 0, 0] - turned[..., 1, 1]
         angle = 0.5 * np.arctan2(np.copysign(2.0, gap) * I12, abs(gap))
         c, s = np.cos(angle), np.sin(angle)
-        rotation = _matrices((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)) @ to_e3
-        I = rotation @ tensor @ rotation.swapaxes(-2, -1)
+        about_e3 = _matrices((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0))
+        I = about_e3 @ turned @ about_e3.swapaxes(-2, -1)
         I1, I2, I3 = moments = np.moveaxis(np.diagonal(I, axis1=-2, axis2=-1), -1, 0)
         I13, I23 = (without_rounding(I[..., i, 2], moments.max(axis=0)) for i in (0, 1))
-        return cls(I1, I2, I13, I23, I3), rotation
+        return cls(I1, I2, I13, I23, I3), about_e3 @ to_e3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -218,8 +216,8 @@ PICTURES = {  # of the paper, end of Section 4
 }
 
 
-def inertia_and_rotation(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
-    """Return inertia matrices (..., n, n), and rotations that take their axes (..., n) to e_n."""
+def turned_to_last(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return inertia matrices (..., n, n) in bases where the axis is e_n, and rotations to them."""
     matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
@@ -233,7 +231,9 @@ def inertia_and_rotation(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
     if not (length > 0).all():
         raise wrong("a", "an axis other than 0", "one of length 0")
-    return matrix, _rotation_to_last(axis / length)
+    checks.common_shape({"I": matrix.shape[:-2], "a": axis.shape[:-1]})
+    rotation = _rotation_to_last(axis / length)
+    return rotation @ matrix @ rotation.swapaxes(-2, -1), rotation
 
 
 def _rotation_to_last(axis: FloatArray) -> FloatArray:

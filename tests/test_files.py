@@ -5,6 +5,7 @@ import os
 
 import numpy as np
 import pytest
+import xarray
 from test_trajectories import RUNS, run_of
 
 import suslov_fast as sf
@@ -27,6 +28,9 @@ def test_a_file_holds_all_of_a_run(name, path):
     again.save(os.fspath(path), overwrite=True)
     assert sf.Trajectories.load(path) == run
     assert os.listdir(path.parent) == [path.name]
+    run.to_xarray().to_netcdf(path.with_suffix(".nc"))
+    with xarray.open_dataset(path.with_suffix(".nc")) as data:
+        np.testing.assert_array_equal(data[run._map.variable].values, run.states)
 
 
 def test_existing_files(path):

@@ -162,16 +162,6 @@ def test_contents_of_a_dataset():
     assert (sf.first_integral(BODY, data.omega, 0.2) == run.first_integral()).all()
 
 
-@pytest.mark.parametrize("name", RUNS)
-def test_datasets_can_be_written(name, tmp_path):
-    import xarray
-
-    run = run_of(name)
-    run.to_xarray().to_netcdf(tmp_path / "run.nc")
-    with xarray.open_dataset(tmp_path / "run.nc") as data:
-        np.testing.assert_array_equal(data[run._map.variable].values, run.states)
-
-
 def test_names_and_coordinates_of_the_user():
     sweep = sf.iterate(sf.Suslov3D([[1], [2], [3]], 1, 0.3, 0.2), [1, 0.5], [0.1, 0.2], 5)
     coords = {"mass": ["a", "b", "c"], "colour": ("step", [1, 2])}

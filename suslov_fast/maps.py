@@ -28,9 +28,6 @@ class Map:
     variable: str = "omega"  # the name of a state
     meaning: str = "angular velocity"
 
-    def __reduce__(self) -> Any:  # its functions cannot be pickled
-        return map_named, (self.name,)
-
     def conserved(self, body: Any) -> tuple[str, ...]:
         """Return the functions whose drift the summary of a run reports."""
         known = self.functions(body)
@@ -57,7 +54,7 @@ _IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction
 _IN_ND = Steps(steps_nd.steps, steps_nd.carried, lambda D, T: 16.0 * D + D**3 / 30.0, 32)
 _BY_FIELD = Steps(steps_field.steps, steps_field.carried, lambda D, T: 3.0 * (D**3 + T), 32)
 
-_RECORDS = (
+MAPS = (
     Map(  # equation (4) of the paper
         name="suslov3d",
         body=Suslov3D,
@@ -97,18 +94,12 @@ _RECORDS = (
         meaning="state",
     ),
 )
-MAPS = {record.name: record for record in _RECORDS}
-_KINDS: dict[str, Any] = {record.body.__name__: record.body for record in _RECORDS}
-
-
-def map_named(name: str) -> Map:
-    """Return the map of a name; ValueError if there is none."""
-    return MAPS[checks.one_of("map", name, MAPS)]
+_KINDS: dict[str, Any] = {record.body.__name__: record.body for record in MAPS}
 
 
 def map_of(body: Any) -> Map:
     """Return the map of a body, or of an object of a subclass."""
-    for record in _RECORDS:
+    for record in MAPS:
         if isinstance(body, record.body):
             return record
     raise checks.wrong("body", " or ".join(_KINDS), checks.kind_of(body), TypeError)

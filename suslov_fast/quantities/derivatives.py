@@ -1,5 +1,6 @@
 """Derivatives with respect to time, with the reaction, and those of the map by its state."""
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -285,10 +286,11 @@ def _growth(states: States, start: FloatArray, steps: int) -> tuple[FloatArray, 
     parameters = places, flat(values, batch, 1), flat(states.eps, batch)
     sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, D + D * D))
     after = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
-    cost = max(B, 1) * (4 * D**3 + len(places[0]))
-    length = max(_STRETCH // cost, 1)
-    for first in range(0, steps, length):
-        span = 0, B, first, min(first + length, steps)
+    cost = 4 * D**3 + len(places[0])
+    width = max(min(B, _STRETCH // cost), 1)
+    length = max(_STRETCH // (cost * width), 1)
+    for begin, first in product(range(0, B, width), range(0, steps, length)):
+        span = begin, min(begin + width, B), first, min(first + length, steps)
         before = parameters, start, carry, span
-        call_kernel(tangent.growth, cost * length, states.threads, *before, *after)
+        call_kernel(tangent.growth, cost * width * length, states.threads, *before, *after)
     return sums, of_det

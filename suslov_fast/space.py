@@ -228,21 +228,17 @@ def _check_that_states_follow(body: Any, states: FloatArray, eps: float | FloatA
     """Raise ValueError if states (N + 1, ..., D) are not consecutive states of the map."""
     before, after = states[:-1], states[1:]
     with np.errstate(all="ignore"):
-        strays = ~(_follows(body, before, after, eps) | _follows(body, after, before, -eps))
-    strays &= ~np.isnan(before + after).any(axis=-1)
+        step, size = (abs(each).max(axis=-1) for each in (after - before, abs(after) + abs(before)))
+        strays = ~np.isnan(step)
+        for first, last, h in ((before, after, eps), (after, before, -eps)):
+            found = states_after(States(body, first, h, first.shape[:-1]))
+            error = abs(found - last).max(axis=-1)
+            strays &= ~(error <= _OF_THE_STEP * step + _OF_THE_STATE * size)
     if strays.any():
         row, *place = first_index(strays)
         where = f" of trajectory {spell(tuple(place))}" if place else ""
         received = f"states {row} and {row + 1}{where} that are not: save every state"
         raise wrong("omega", "consecutive states of the map with this eps", received)
-
-
-def _follows(body: Any, before: FloatArray, after: FloatArray, eps: float | FloatArray) -> Any:
-    """Return where the map takes states to the others."""
-    found = states_after(States(body, before, eps, before.shape[:-1]))
-    error = abs(found - after).max(axis=-1)
-    step, size = (abs(each).max(axis=-1) for each in (after - before, abs(after) + abs(before)))
-    return error <= _OF_THE_STEP * step + _OF_THE_STATE * size
 
 
 def scattering_angle(body: Suslov3D) -> FloatArray:

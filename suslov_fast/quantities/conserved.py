@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from ..bodies.base import Body
 from ..bodies.nd import SuslovND, check_known
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, real_array, wrong
+from ..checks import FloatArray, refuse, wrong
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
 from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
@@ -267,9 +267,8 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     """
     if isinstance(body, Suslov3D) and np.any((body.I13 == 0) & (body.I23 == 0)):
         raise wrong("body", "I13 or I23 other than 0", "both 0")
-    # No variable of a dataset holds (x, y), as `evaluate` would take it.
-    given = {"xy": real_array("xy", xy, allow_nan=True)}
-    return evaluate(body, Suslov3D, given, formulas.from_xy)
+    refuse("xy", xy)  # variables of datasets, which are states
+    return evaluate(body, Suslov3D, {"xy": xy}, formulas.from_xy)
 
 
 class ClosedForm(NamedTuple):

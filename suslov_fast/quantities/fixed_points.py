@@ -101,13 +101,12 @@ def _roots(field: Any) -> Points | None:
     if not a:
         return ({(float(-c / (2 * half_b)),)} if half_b else set()) if half_b or c else None
     middle, square = -half_b / a, (half_b * half_b - a * c) / (a * a)
-    if square <= 0:
-        return {(float(middle),)} if square == 0 else set()
-    digits = Context(prec=60)
+    if square < 0:
+        return set()
+    digits = Context(prec=500)  # more than sums of numbers from 1e-60 to 1e60 can lose
     quotient = digits.divide(Decimal(square.numerator), Decimal(square.denominator))
     root = Fraction(digits.sqrt(quotient))
-    larger = middle + root if middle >= 0 else middle - root  # where nothing cancels
-    return {(float(larger),), (float(c / a / larger),)}
+    return {(float(middle + each) + 0.0,) for each in (root, -root)}  # no -0.0
 
 
 def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:

@@ -1,7 +1,7 @@
 """The phase plane of a body in three dimensions: orbits, level curves and steady states."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,40 +17,31 @@ _NEAR_1 = 1e-6
 _AT_THE_LINE = 0.07
 
 
-class Plane(NamedTuple):
+class Plane:
     """The plane of a single body and a step size.
 
-    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, l = k + Re(conj(g) z), e = eps / (2 sqrt(I1 I2)),
-    the levels of F are abs(z) / sqrt(1 + e**2 l**2) = R, and psi = arg(z / (1 - i e l)) - arg(g) is
-    the phase on a level.
+    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
+    l = k + Re(conj(g) z) and e = eps / (2 sqrt(I1 I2)) the levels of F are
+    abs(z) / sqrt(1 + e**2 l**2) = R, and psi = arg(z / (1 - i e l)) - arg(g) is the phase on one.
     """
 
-    body: BodyIn3D
-    eps: float
-
-    @property
-    def g(self) -> complex:
-        """The complex number I13 / sqrt(I1) + i I23 / sqrt(I2)."""
-        I1, I2, I13, I23, _ = self.body.parameters
-        return complex(I13 / np.sqrt(I1), I23 / np.sqrt(I2))
-
-    @property
-    def e(self) -> float:
-        """The number eps / (2 sqrt(I1 I2))."""
-        return float(0.5 * self.eps / np.sqrt(self.body.I1 * self.body.I2))
+    def __init__(self, body: BodyIn3D, eps: float) -> None:
+        self.body, self.eps = body, eps
+        I1, I2, I13, I23, self.k = body.parameters
+        self.roots, self.products = np.sqrt([I1, I2]), np.array([I13, I23])
+        self.g = complex(*self.products / self.roots)
+        self.e = 0.5 * eps / float(self.roots.prod())
 
     def radius(self, omega: Any) -> float:
         """The modulus of z."""
-        return float(np.hypot(np.sqrt(self.body.I1) * omega[0], np.sqrt(self.body.I2) * omega[1]))
+        return float(np.hypot(*self.roots * omega))
 
     def on_level(self, R: float, psi: float | FloatArray) -> FloatArray:
         """States (..., 2) on the level R of the first integral, at phases psi (...)."""
-        I1, I2, _, _, k = self.body.parameters
-        g, e = self.g, self.e
-        A, turn = R * abs(g), g / abs(g) if g else 1.0
-        turned = (1 - 1j * e * k) * np.exp(1j * psi) - 1j * e * A
-        z = R * turn * turned / (1 - e * A * np.sin(psi))
-        return np.stack([z.real / np.sqrt(I1), z.imag / np.sqrt(I2)], axis=-1)
+        g, e, A = self.g, self.e, R * abs(self.g)
+        turned = (1 - 1j * e * self.k) * np.exp(1j * psi) - 1j * e * A
+        z = R * (g / abs(g) if g else 1.0) * turned / (1 - e * A * np.sin(psi))
+        return np.stack([z.real, z.imag], axis=-1) / self.roots
 
     def level(self, R: float, reach: float = 3.0) -> list[FloatArray]:
         """Branches, as states (N, 2), of the level R, a conic; for eps = 0, of the energy.
@@ -75,8 +66,7 @@ class Plane(NamedTuple):
 
         Those end beside the line, or at most so many steps from their middle.
         """
-        body, eps = self
-        A, (_, _, I13, I23, k) = R * abs(self.g), body.parameters
+        body, eps, k, A = self.body, self.eps, self.k, R * abs(self.g)
         middle = self.on_level(R, np.array([0.0, np.pi]))
         if abs(k) > A:
             steps = np.pi / np.arctan(abs(self.e) * np.sqrt(k * k - A * A))
@@ -85,16 +75,15 @@ class Plane(NamedTuple):
             iterate(body, middle, step, most, on_singular="ignore").omega for step in (-eps, eps)
         )
         orbits = np.moveaxis(np.concatenate([before[:0:-1], after]), 1, 0)
-        l = abs(orbits @ [I13, I23] + k)
+        l = abs(orbits @ self.products + k)
         shown = l > _AT_THE_LINE * l[:, most, np.newaxis]
         return [orbit[where] for orbit, where in zip(orbits, shown, strict=True)]
 
     def steady_line(self) -> tuple[FloatArray, FloatArray]:
         """The steady state of least energy, and the direction of the half that repels."""
-        I1, I2, I13, I23, k = self.body.parameters
-        least = -k / abs(self.g) ** 2 * np.array([I13 / I1, I23 / I2])
-        direction = np.copysign(1.0, self.eps) * np.array([I23, -I13])
-        return least + 0.0, direction / np.hypot(I13, I23)
+        least = -self.k / abs(self.g) ** 2 * self.products / self.roots**2
+        direction = np.copysign(1.0, self.eps) * self.products[::-1] * [1.0, -1.0]
+        return least + 0.0, direction / np.hypot(*direction)
 
 
 def plot_phase(
@@ -198,7 +187,7 @@ def _title(plane: Plane, between: str) -> str:
 def _steady_states(axes: Any, plane: Plane, reach: float) -> None:
     """The attracting and the repelling half of the line l = 0, which meet where F is least."""
     middle, direction = plane.steady_line()
-    k = " + k" if plane.body.parameters[-1] else ""
+    k = " + k" if plane.k else ""
     line = rf"$I_{{13}}\,\Omega_1 + I_{{23}}\,\Omega_2{k} = 0$"
     for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
         ends = middle + np.outer([0.0, sign * (reach + np.hypot(*middle))], direction)

@@ -11,6 +11,7 @@ import math
 import random
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import partial
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -150,12 +151,11 @@ def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any
 
 def over(numbers: Any, P: Any, eps: Any, **modulus: Any) -> Any:
     """Return a polynomial in x over another ring of numbers, with this value of eps."""
-    context, letter = P.context(), has_letter(P)
-    same = numbers.get(context.names(), ordering="deglex", **modulus).from_dict(P.to_dict())
-    if not letter:
-        return same
-    in_x = ring(context.nvars() - 1, False, numbers, **modulus)
-    return same.subs({"eps": eps}).project_to_context(in_x)
+    names, context = P.context().names(), partial(numbers.get, ordering="deglex", **modulus)
+    found = context(names).from_dict(P.to_dict())
+    if not has_letter(P):
+        return found
+    return found.subs({"eps": eps}).project_to_context(context(names[1:]))
 
 
 def modulo(P: Any, p: int, eps: int) -> Any:

@@ -19,7 +19,7 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
     The degree is the largest of the numerators and the common denominator, without common factors,
-    on random lines modulo primes, of which two agree.
+    on random lines modulo primes; two of them agree.
 
     Parameters
     ----------

@@ -20,9 +20,7 @@ from .maps import TERMS, RationalMap, coprime, cramer
 class KahanMap(RationalMap):
     """The Kahan map of a quadratic field, exact; made by `kahan`.
 
-    Called with a point, D rational numbers, it returns the next one, a tuple of fractions. At a
-    pole, a point without an image, its methods raise `ZeroDivisionError`. If its `eps` is None, it
-    is a letter: `subs` puts a number in its place.
+    A `RationalMap`. If its `eps` is None, it is a letter: `subs` puts a number in its place.
     """
 
     def __init__(self, field: QuadraticField, eps: Fraction | None) -> None:
@@ -59,8 +57,7 @@ class KahanMap(RationalMap):
 
         Entries are lists of (j, a, b), for the terms (a + b eps) x_j of forms in x1, ..., xD, 1.
         """
-        T, scale = _integers(self.field.table)
-        D = self.dimension
+        (T, scale), D = _integers(self.field.table), self.dimension
 
         def entry(i: int, k: int) -> list[tuple[int, int, int]]:
             sign = 1 if k == D else -1  # at eps = 0, A is the unit matrix and b is x
@@ -152,7 +149,7 @@ def kahan(field: QuadraticField, eps: Any = None) -> KahanMap:
     Raises
     ------
     TypeError, ValueError
-        If an argument has a wrong type or value, or the field is a batch.
+        If the field is none, or a batch.
 
     Examples
     --------

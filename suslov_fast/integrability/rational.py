@@ -101,10 +101,9 @@ def rational_map(
     if inverse is None:
         return RationalMap(forms)
     back = _traced("inverse", inverse, n)
-    map, opposite = RationalMap(forms), RationalMap(back, RationalMap(forms))
-    map.inverse = opposite
+    map = RationalMap(forms, RationalMap(back, RationalMap(forms)))
     # The inverse takes images back, as an identity.
-    *above, below = opposite.homogeneous(forms)
+    *above, below = map.inverse.homogeneous(forms)
     if below == 0 or above != [x * below for x in map.variables[:-1]]:
         raise wrong("inverse", "the inverse of f", "another map")
     return map

@@ -48,11 +48,8 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
     """
     check_map(map)
     n, rng = integer("n", n, 0), random.Random(integer("seed", seed, 0))
-
-    def compute(p: int, eps: int) -> list[int]:
-        return [*islice(degrees_on_a_line(map, p, eps), n)]
-
-    return list(confirmed(rng, compute))
+    found: list[int] = confirmed(rng, lambda p, eps: [*islice(degrees_on_a_line(map, p, eps), n)])
+    return found
 
 
 def degrees_on_a_line(map: RationalMap, p: int, eps: int) -> Iterator[int]:

@@ -244,12 +244,6 @@ class QuadraticField(Body):
         """
         return sparse(self.table, 2)
 
-    @cached_property
-    def batch_of_one(self) -> tuple[Any, FloatArray]:
-        """The terms of a single field, their coefficients with an axis for the batch."""
-        indices, values = self.terms
-        return indices, values[None]
-
     @property
     def components(self) -> tuple[Any, ...]:
         """The components as ``flint.fmpq_mpoly`` in x1, ..., xD; needs python-flint."""

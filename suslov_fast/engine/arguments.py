@@ -207,11 +207,11 @@ def parameters_of(
     body: Any, eps: float | FloatArray, batch: tuple[int, ...]
 ) -> tuple[NDArray[Any], ...]:
     """Return the parameters of kernels: those of the body, and eps."""
-    if not body.shape:
-        return *body.batch_of_one, flat_parameter(eps, batch)
     if isinstance(body, QuadraticField):
         indices, values = body.terms
         return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
+    if not body.shape:
+        return *body.batch_of_one, flat_parameter(eps, batch)
     axes = *(max(body._axes.values(), default=0),) * len(body.parameters), 0
     each = zip((*body.parameters, eps), axes, strict=True)
     return tuple(flat_parameter(value, batch, count) for value, count in each)

@@ -1,6 +1,7 @@
 """README and pages run and print what their comments say; their pictures and links are there."""
 
 import contextlib
+import gc
 import io
 import json
 import linecache
@@ -181,6 +182,7 @@ def test_picture(name, tmp_path):
     """A script draws pictures of the sizes that are committed."""
     matplotlib.use("Agg")
     script_of("draw").draw(name, tmp_path)
+    gc.collect()  # an animation, while its warning is ignored
     assert sizes_of_pictures(name, tmp_path) == sizes_of_pictures(name) != []
 
 

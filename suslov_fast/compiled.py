@@ -86,9 +86,9 @@ def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFr
     Raises
     ------
     TypeError
-        If the body is of another class, or the step size is no real number.
+        If the body is of another class.
     ValueError
-        If there are several bodies or step sizes, or if the map is the identity.
+        If the map is the identity, for I13 = I23 = k = 0 or eps = 0.
 
     Examples
     --------
@@ -191,20 +191,13 @@ def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
     ----------
     body : SuslovND, QuadraticField, or a body in three dimensions
         A single body, or a field. For bodies in three dimensions a :func:`frame` is faster.
-    eps : float
-        Step size, in the unit of time of the body.
+    eps
+        As in :func:`frame`.
 
     Returns
     -------
     NamedTuple of arrays and float
         An argument of any compiled function.
-
-    Raises
-    ------
-    TypeError
-        If `body` is neither a body nor a field, or the step size is no real number.
-    ValueError
-        If there are several bodies or step sizes.
 
     Examples
     --------

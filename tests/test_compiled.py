@@ -2,7 +2,6 @@
 
 import pickle
 
-import children
 import naive
 import numpy as np
 import pytest
@@ -250,18 +249,3 @@ def test_frames_and_systems_are_plain_data():
     nd = system(ND, 0.4)
     assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
     assert repr(system(FIELD, 0.1)).startswith("FieldSystem(fixed=array(")
-
-
-@pytest.mark.compiled
-def test_a_second_process_finds_the_functions_compiled(tmp_path):
-    """And a changed package does not."""
-    code = """
-        import suslov_fast as s
-        from suslov_fast.compiled import advance, frame
-        advance(frame(s.Suslov3D(4, 3, -0.4, -0.2), 0.2), 0.1, 0.2)
-        print(sum(advance.stats.cache_hits.values()), advance.__qualname__)
-    """
-    settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_BOUNDSCHECK": "0"}  # with checks no cache
-    first, second = (children.run(code, **settings).split() for _ in range(2))
-    assert (first[0], second[0]) == ("0", "1")
-    assert first[1] == second[1]

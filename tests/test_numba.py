@@ -18,9 +18,9 @@ FILES = {
     "__init__.py": "",
     "core/__init__.py": "",
     "core/small.py": """
-from .numba import formula
+from .numba import for_users
 
-@formula
+@for_users
 def change(x):
     return 2.0 * x
 """,
@@ -72,6 +72,8 @@ for name in sys.argv[2:]:
         memory, source = np.zeros(16), np.arange(16.0)
         out = memory[-(memory.ctypes.data // 8) % 8 :][:8]
         loops.copy.serial(source, out)
+    elif name == "change":
+        out = [loops.change(2.0)]
     elif name == "ratio":
         out = loops.ratio([[1], [2]], np.arange(2.0)).ravel()
         assert loops.ratio(1.0, np.empty((0, 2))).shape == (0, 2)
@@ -85,13 +87,13 @@ for name in sys.argv[2:]:
 RESULTS = {
     "serial": "serial -1.0 2.0 4.0",
     "parallel": "parallel -1.0 2.0 4.0",
+    "change": "change 4.0",
     "line": "line 3.0 4.0 5.0 6.0 7.0 8.0 9.0 10.0",
     "ratio": "ratio inf 2.0 inf 4.0",
     "outer": "outer 1.0 0.5 0.0 0.5 0.25 0.0",
 }
-LOADED = (
-    r"data loaded from .*/(?:guf-)?(?:loops\.(?:double|copy|ratio|outer)|numba\.(?:_start|_loop))_"
-)
+NAMES = r"small\.change|loops\.(?:double|copy|ratio|outer)|numba\.(?:_start|_loop)"
+LOADED = rf"data loaded from .*/(?:guf-)?(?:{NAMES})_"
 
 
 @pytest.fixture
@@ -132,7 +134,7 @@ def test_settings_of_numba(folder, variable):
 
 def test_later_processes_compile_edited_and_damaged_functions_only(folder):
     assert call(folder, *RESULTS) == 0
-    assert call(folder, *RESULTS) == 8  # two for parallel calls, two for each universal function
+    assert call(folder, *RESULTS) == 9  # two for parallel calls, two for each universal function
     damages = {"double": b"", "copy": b"garbage", "outer": b"\x80"}
     for name, content in damages.items():
         files = cached(folder, name)
@@ -140,8 +142,8 @@ def test_later_processes_compile_edited_and_damaged_functions_only(folder):
         for path in files:
             path.write_bytes(content)
     before = cached(folder)
-    assert call(folder, *RESULTS) == 4
-    assert call(folder, *RESULTS) == 6  # a damaged universal function is compiled again
+    assert call(folder, *RESULTS) == 5
+    assert call(folder, *RESULTS) == 7  # a damaged universal function is compiled again
     small = folder / "package" / "core" / "small.py"
     small.write_text(small.read_text().replace("2.0", "2.0 * 1.0"))
     assert call(folder, *RESULTS) == 0

@@ -195,10 +195,9 @@ class RationalMap:
         if not rows:
             return None
         minus_c, one, *powers = rows[0]
-        (c,) = rational_roots([minus_c, one], self.has_letter)
-        own = [(P.project_to_context(self.ring), e) for P, e in c.factors]
+        (c,) = rational_roots([minus_c, one], self.ring)
         exponents = (int(sum(above)) for above, _ in powers)  # 0 is written without coefficients
-        return product_of([*zip(known, exponents, strict=True), *own], c.constant)
+        return c * product_of(zip(known, exponents, strict=True), Fraction(1))
 
 
 def _divided(P: Any, divisor: Any) -> tuple[Any, int]:
@@ -209,12 +208,17 @@ def _divided(P: Any, divisor: Any) -> tuple[Any, int]:
     return P, power
 
 
-def rational_roots(row: Any, letter: bool) -> list[RationalFunction]:
-    """Return the rational roots of a polynomial, numbers or functions of eps."""
+def rational_roots(row: Any, of: Any) -> list[RationalFunction]:
+    """Return the rational roots of a polynomial, numbers or functions of eps in this ring."""
+    letter = exact.has_letter(of.gens()[0])
     (f,) = polynomials_with([row], tuple((k,) for k in range(len(row))), letter)
     *_, t = f.context().gens()
-    pairs = ((g, g.derivative(int(letter))) for g, _ in exact.factors(f) if degree_of(g) == 1)
-    return [factored(slope * t - g) / factored(slope) for g, slope in pairs]
+    roots = []
+    for g in (g for g, _ in exact.factors(f) if degree_of(g) == 1):
+        slope = g.derivative(int(letter))
+        above, below = (factored(P.project_to_context(of)) for P in (slope * t - g, slope))
+        roots.append(above / below)
+    return roots
 
 
 def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from . import exact
-from .functions import factored, independent
+from .functions import RationalFunction, factored, independent
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
 from .maps import RationalMap
@@ -88,7 +88,8 @@ def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator
         yield [*done, f"relations between the {len(exponents)} monomials up to degree {k}"]
     done.append(f"relations between the {len(exponents)} monomials up to degree {d}")
     if not _is_complete(found):
-        invariants.of_simple_cofactors(d)
+        for cofactor in (RationalFunction(()), None):
+            invariants.of_cofactor(cofactor, d)
         done.append(f"polynomials up to degree {d} with the cofactors 1 and det DPhi")
         yield done
     if map.factors is None:

@@ -6,7 +6,6 @@ import math
 import random
 from collections.abc import Callable, Iterator
 from fractions import Fraction
-from functools import cache
 from typing import Any
 
 import flint
@@ -224,21 +223,25 @@ class _Divisors:
         factors = [infinity, *(map.factors or ())]
         self.degrees = [1, *(degree_of(f) for f in factors[1:])]
         self.factors = [modulo(P, self.p, eps) for P in factors]
-        self.line, self.equations = cache(self._line), cache(self._equations)
         self.total = degree * (map.degree - 1)  # of the degrees of factors
+        self.lines: list[tuple[list[Any], list[Any]]] = []
+        self.equations: dict[tuple[int, int], Any] = {}
 
-    def _line(self, k: int) -> tuple[list[Any], list[Any]]:
-        """Return the monomials at the image of the k-th random line, and the factors on it."""
+    def _add_line(self) -> None:
+        """Add the monomials at the image of a random line, and the factors on it."""
         line = random_line(self.map.dimension, self.p, self.rng)
         pairs = zip(self.factors, self.degrees, strict=True)
         factors = [on_line(P, line, degree) for P, degree in pairs]
-        return list(monomial_values(self.monomials, self.now.reduced(line))), factors
+        images = monomial_values(self.monomials, self.now.reduced(line))
+        self.lines.append((list(images), factors))
 
     def _equations(self, i: int, power: int) -> Any:
         """Return equations for the polynomials whose pullback has factor i to this power."""
         rows: Residues = []
         for k in itertools.count():
-            images, factors = self.line(k)
+            if k == len(self.lines):
+                self._add_line()
+            images, factors = self.lines[k]
             divisor = factors[i] ** power
             remainders = [f % divisor for f in images]
             rows += [[f[j] for f in remainders] for j in range(divisor.degree())]
@@ -248,7 +251,9 @@ class _Divisors:
 
     def _divisible(self, basis: Any, i: int, power: int) -> Any:
         """Return the combinations of columns that have factor i to this power; None if only 0."""
-        columns, dimension = (self.equations(i, power) * basis).nullspace()
+        if (i, power) not in self.equations:
+            self.equations[i, power] = self._equations(i, power)
+        columns, dimension = (self.equations[i, power] * basis).nullspace()
         return basis * _first(columns, dimension) if dimension else None
 
     def powers(self) -> Iterator[tuple[int, ...]]:
@@ -262,21 +267,23 @@ class _Divisors:
             while basis is not None and (most[i] + 1) * self.degrees[i] <= self.total:
                 basis = self._divisible(basis, i, most[i] + 1)
                 most[i] += basis is not None
+        return self._extended(everything, self.total, (), most)
 
-        def extended(basis: Any, left: int, powers: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
-            if (i := len(powers)) == len(most):
-                yield powers[1:]
-                return
-            later = sum(a * b for a, b in zip(most[i + 1 :], self.degrees[i + 1 :], strict=True))
-            for power in range(most[i] + 1):
-                rest = left - power * self.degrees[i]
-                if 0 <= rest <= later:
-                    reduced = self._divisible(basis, i, power) if power else basis
-                    if reduced is None:
-                        break
-                    yield from extended(reduced, rest, (*powers, power))
-
-        return extended(everything, self.total, ())
+    def _extended(
+        self, basis: Any, left: int, powers: tuple[int, ...], most: list[int]
+    ) -> Iterator[tuple[int, ...]]:
+        """Yield the powers that begin with these, where this degree is left for the others."""
+        if (i := len(powers)) == len(most):
+            yield powers[1:]
+            return
+        later = sum(a * b for a, b in zip(most[i + 1 :], self.degrees[i + 1 :], strict=True))
+        for power in range(most[i] + 1):
+            rest = left - power * self.degrees[i]
+            if 0 <= rest <= later:
+                reduced = self._divisible(basis, i, power) if power else basis
+                if reduced is None:
+                    break
+                yield from self._extended(reduced, rest, (*powers, power), most)
 
 
 def _first(matrix: Any, count: int) -> Any:

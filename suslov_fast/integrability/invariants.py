@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import Any
 
 import flint
@@ -195,3 +195,11 @@ def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[lis
     ]
     reduced = exact.integer_rows(flint.fmpz_mat(rows).lll())
     return [row[:n] for row in reduced if any(row[:n]) and not any(row[n:])]
+
+
+@lru_cache(maxsize=8)
+def invariants_up_to(map: RationalMap, degree: int) -> Invariants:
+    found = Invariants(map)
+    for k in range(1, degree + 1):
+        found.of_degree(k)
+    return found

@@ -15,7 +15,7 @@ from ..checks import integer, short, wrong
 from . import exact
 from .exact import MORE, Exponents, Point, Polynomials, Residues, monomial_values
 from .functions import rank_of_quotients
-from .invariants import Invariants, common_denominator
+from .invariants import common_denominator, invariants_up_to
 from .maps import RationalMap, check_map
 from .reconstruction import over_rationals, polynomials_with
 
@@ -125,9 +125,7 @@ def hk_bases(
         candidates.append(search.integrals(exponents))
     elif rank_of_quotients(max(candidates, key=rank_of_quotients)) < independent:
         with contextlib.suppress(ArithmeticError):  # too long
-            found = Invariants(map)
-            for d in range(1, _degree(exponents) + 1):
-                found.of_degree(d)
+            found = invariants_up_to(map, _degree(exponents))
             candidates.append(common_denominator(found.quotients))
     integrals = max(candidates, key=rank_of_quotients)
     complete = rank_of_quotients(integrals) == independent

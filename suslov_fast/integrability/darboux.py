@@ -1,7 +1,6 @@
 """Darboux polynomials of a cofactor, and the cofactors that have some."""
 
 import contextlib
-import itertools
 import math
 import random
 from collections.abc import Callable, Iterator
@@ -176,7 +175,9 @@ def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
         raise ArithmeticError(f"expected {expected}")
     rng = random.Random(degree)
     below = factored(map.forms[-1]) ** -degree
-    for powers in _Divisors(map, degree, rng).powers():
+    divisors = _Divisors(map, degree, rng)
+    everything = flint.nmod_mat(np.eye(len(divisors.monomials), dtype=int).tolist(), divisors.p)
+    for powers in divisors.powers(everything, degree * (map.degree - 1)):
         cofactor = product_of(zip(map.factors, powers, strict=True), Fraction(1)) * below
 
         def search(p: int, eps: int, cofactor: Any = cofactor) -> Residues:
@@ -223,7 +224,7 @@ class _Divisors:
         factors = [infinity, *(map.factors or ())]
         self.degrees = [1, *(degree_of(f) for f in factors[1:])]
         self.factors = [modulo(P, self.p, eps) for P in factors]
-        self.total = degree * (map.degree - 1)  # of the degrees of factors
+        self.exceptional = exceptional_factors(map)
         self.lines: list[tuple[list[Any], list[Any]]] = []
         self.equations: dict[tuple[int, int], Any] = {}
 
@@ -238,16 +239,16 @@ class _Divisors:
     def _equations(self, i: int, power: int) -> Any:
         """Return equations for the polynomials whose pullback has factor i to this power."""
         rows: Residues = []
-        for k in itertools.count():
+        k = 0
+        while len(rows) <= 2 * len(self.monomials):
             if k == len(self.lines):
                 self._add_line()
             images, factors = self.lines[k]
             divisor = factors[i] ** power
             remainders = [f % divisor for f in images]
             rows += [[f[j] for f in remainders] for j in range(divisor.degree())]
-            if len(rows) > 2 * len(self.monomials):
-                return flint.nmod_mat(rows, self.p)
-        raise AssertionError
+            k += 1
+        return flint.nmod_mat(rows, self.p)
 
     def _divisible(self, basis: Any, i: int, power: int) -> Any:
         """Return the combinations of columns that have factor i to this power; None if only 0."""
@@ -256,34 +257,21 @@ class _Divisors:
         columns, dimension = (self.equations[i, power] * basis).nullspace()
         return basis * _first(columns, dimension) if dimension else None
 
-    def powers(self) -> Iterator[tuple[int, ...]]:
-        """Yield the powers of the factors of the map in products of the total degree."""
-        n = len(self.monomials)
-        everything = flint.nmod_mat(np.eye(n, dtype=int).tolist(), self.p)
-        most = [0] * len(self.degrees)
-        # If others were allowed, any of them that goes to another one would have a cofactor.
-        for i, exceptional in enumerate(exceptional_factors(self.map)):
-            basis = everything if exceptional else None
-            while basis is not None and (most[i] + 1) * self.degrees[i] <= self.total:
-                basis = self._divisible(basis, i, most[i] + 1)
-                most[i] += basis is not None
-        return self._extended(everything, self.total, (), most)
-
-    def _extended(
-        self, basis: Any, left: int, powers: tuple[int, ...], most: list[int]
+    def powers(
+        self, basis: Any, left: int, known: tuple[int, ...] = ()
     ) -> Iterator[tuple[int, ...]]:
-        """Yield the powers that begin with these, where this degree is left for the others."""
-        if (i := len(powers)) == len(most):
-            yield powers[1:]
+        """Yield the powers of factors, after those known, in products whose degrees add up."""
+        if (i := len(known)) == len(self.degrees):
+            if left == 0:
+                yield known[1:]
             return
-        later = sum(a * b for a, b in zip(most[i + 1 :], self.degrees[i + 1 :], strict=True))
-        for power in range(most[i] + 1):
-            rest = left - power * self.degrees[i]
-            if 0 <= rest <= later:
-                reduced = self._divisible(basis, i, power) if power else basis
-                if reduced is None:
-                    break
-                yield from self._extended(reduced, rest, (*powers, power), most)
+        # If others were allowed, any of them that goes to another one would have a cofactor.
+        most = left // self.degrees[i] if self.exceptional[i] else 0
+        for power in range(most + 1):
+            reduced = self._divisible(basis, i, power) if power else basis
+            if reduced is None:
+                break
+            yield from self.powers(reduced, left - power * self.degrees[i], (*known, power))
 
 
 def _first(matrix: Any, count: int) -> Any:

@@ -115,19 +115,20 @@ def hk_bases(
     start = exact.rationals("point", rng.sample(range(2, 100), n) if point is None else point, n)
     search = Relations(map, rng)
     _, independent = search.counts(exponents)
-    candidates: list[Polynomials] = [()]
-    for d in range(1, _degree(exponents) + 1) if by_degree and independent else ():
-        exponents = exact.exponents_up_to(d, n)
+    tried = [exponents]
+    if by_degree and independent:
+        tried = [exact.exponents_up_to(d, n) for d in range(1, _degree(exponents) + 1)]
+    candidates = []
+    for exponents in tried:
         candidates.append(search.integrals(exponents))
         if search.counts(exponents)[1] == independent:
             break
-    if not by_degree:
-        candidates.append(search.integrals(exponents))
-    elif rank_of_quotients(max(candidates, key=rank_of_quotients)) < independent:
+    integrals = max(candidates, key=rank_of_quotients)
+    if by_degree and rank_of_quotients(integrals) < independent:
         with contextlib.suppress(ArithmeticError):  # too long
             found = invariants_up_to(map, _degree(exponents))
-            candidates.append(common_denominator(found.quotients))
-    integrals = max(candidates, key=rank_of_quotients)
+            others = common_denominator(found.quotients)
+            integrals = max(integrals, others, key=rank_of_quotients)
     complete = rank_of_quotients(integrals) == independent
     dimension, _ = search.counts(exponents)
     basis: Any = None if map.has_letter else ()

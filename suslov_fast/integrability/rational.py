@@ -19,6 +19,8 @@ _ARITHMETIC: dict[Any, Callable[..., tuple[Any, Any]]] = {  # of a / b and c / d
     np.subtract: lambda a, b, c, d: (a * d - c * b, b * d),
     np.multiply: lambda a, b, c, d: (a * c, b * d),
     np.true_divide: lambda a, b, c, d: (a * d, b * c),
+    np.negative: lambda a, b: (-a, b),
+    np.positive: lambda a, b: (a, b),
 }
 
 
@@ -41,15 +43,8 @@ class Quotient(NDArrayOperatorsMixin):
     def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
         if operation not in _ARITHMETIC:
             raise TypeError(operation.__name__)
-        left, right = map(self.of, operands)
-        combine = _ARITHMETIC[operation]
-        return Quotient(*combine(left.above, left.below, right.above, right.below))
-
-    def __neg__(self) -> Any:
-        return self * -1
-
-    def __pos__(self) -> Quotient:
-        return self
+        parts = [part for q in map(self.of, operands) for part in (q.above, q.below)]
+        return Quotient(*_ARITHMETIC[operation](*parts))
 
     def __pow__(self, power: Any) -> Quotient:
         if power not in range(-99, 100):

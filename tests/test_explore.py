@@ -220,7 +220,7 @@ def test_page_without_a_notebook_extra(monkeypatch):
     body = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.7)
     with contextlib.closing(sf.explore(body, [-0.9, 1.3], eps=0.2, steps=50)) as page:
         view = parse_query(urlsplit(page.url).query)
-        assert (view.body, view[5:9]) == (body, (0.2, -0.9, 1.3, 50))
+        assert (view.body, view[5:9], view.show) == (body, (0.2, -0.9, 1.3, 50), "F energy")
         assert f'src="{page.url.replace("&", "&amp;")}"' in page._repr_mimebundle_()["text/html"]
         with urllib.request.urlopen(page.url, timeout=60) as reply:
             assert b"suslov_fast" in reply.read()

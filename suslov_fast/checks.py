@@ -50,6 +50,8 @@ def real_number(name: str, value: ArrayLike) -> float | FloatArray:
     """Return a finite real number as a float, or an array; floats are much faster."""
     if type(value) is float and math.isfinite(value):
         return value
+    if type(value) is int and abs(value) <= 2**53:
+        return float(value)
     array = real_array(name, value)
     return array.item() if array.ndim == 0 else array
 

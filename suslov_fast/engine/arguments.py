@@ -1,6 +1,7 @@
 """Arguments common to most public functions: random, checked, and as flat arrays for kernels."""
 
 import math
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,10 +27,10 @@ SMALL = 2**26
 
 def require(nbytes: int, what_to_do: str) -> None:
     """Raise MemoryError if `nbytes` are not available: Linux lends more, and kills the process."""
-    known = Path("/proc/meminfo")
-    if nbytes <= SMALL or not known.exists():
+    if nbytes <= SMALL or not os.path.exists("/proc/meminfo"):
         return
-    found = re.search(r"MemAvailable: *(\d+)", known.read_text("ascii", "replace"))
+    text = Path("/proc/meminfo").read_text("ascii", "replace")
+    found = re.search(r"MemAvailable: *(\d+)", text)
     free = 1024 * int(found[1]) if found else math.inf
     if nbytes > free - SMALL:
         raise MemoryError(

@@ -5,7 +5,6 @@ component of omega along I, and r the length of what is left, (s, r) is a state 
 I1 = b, I2 = a, I13 = 0 and I23 = abs(I), and the direction of what is left does not change.
 """
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -162,9 +161,8 @@ def _states_at(name: str, whole: States, times: FloatArray) -> FloatArray:
     body, omega, eps, batch, threads, *_ = plane
     flat, all_times = flat_arrays(omega, batch), times.reshape(-1)
     given = parameters_of(body, eps, batch), flat, float(name == "exact")
-    shape = times.size, *flat.shape
-    require(8 * math.prod(shape), "compute fewer states at a time")
-    states, reasons = np.empty(shape), np.zeros((3, len(flat)), bool)
+    require(8 * times.size * flat.size, "compute fewer states at a time")
+    states, reasons = np.empty((times.size, *flat.shape)), np.zeros((3, len(flat)), bool)
     rows = max(_SLICE // max(len(flat), 1), 1)
     for row in range(0, times.size, rows):
         some = all_times[row : row + rows]

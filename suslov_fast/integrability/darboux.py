@@ -78,10 +78,8 @@ def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
 
     Parameters
     ----------
-    map : KahanMap or RationalMap
-        Made by `kahan` or `rational_map`.
-    degree : int
-        Largest degree of the polynomials.
+    map, degree
+        As in :func:`darboux_polynomials`.
 
     Returns
     -------

@@ -1,7 +1,6 @@
 """First integrals and invariant measures from the Darboux polynomials of all cofactors."""
 
 import contextlib
-import itertools
 import math
 import random
 from collections.abc import Iterable, Iterator, Sequence
@@ -71,10 +70,7 @@ class Invariants:
             self.add(space, cofactor or self.map.jacobian_cofactor, measures=cofactor is None)
 
     def add(
-        self,
-        space: Polynomials,
-        cofactor: RationalFunction | None = None,
-        measures: bool = False,
+        self, space: Polynomials, cofactor: RationalFunction | None = None, measures: bool = False
     ) -> None:
         """Add polynomials of one cofactor, by default unknown; `measures` if it is det DPhi."""
         if not space:
@@ -82,7 +78,8 @@ class Invariants:
         space = tuple(sorted(space, key=size))
         functions = [self._function(P) for P in space]
         if self.map.factors is not None:
-            self._add_factors(space)
+            for P in space:
+                self._add_factors(P)
             if cofactor := cofactor or self.map.cofactor(space[0]):
                 for P in space:
                     self._add_generator(P, cofactor)
@@ -92,16 +89,16 @@ class Invariants:
         # The denominator is of least degree, and not 0 at 0 if possible.
         lowest = [f for f in functions if f.degree == functions[0].degree]
         below = next((f for f in lowest if _constant_term(f.numerator)), functions[0])
-        self.quotients += [self._checked(f * below**-1) for f in functions if f is not below]
+        self.quotients += [self._checked(f / below) for f in functions if f is not below]
         if measures and not self.densities:
             self.densities = [f**-1 for f in functions]
 
     def _function(self, P: Any) -> RationalFunction:
         return quotient_of(P, self.map.ring.constant(1), MODULAR)
 
-    def _add_factors(self, space: Polynomials) -> None:
+    def _add_factors(self, P: Any) -> None:
         """Add the irreducible factors that are Darboux polynomials themselves."""
-        for f, _ in itertools.chain.from_iterable(map(factors, space)):
+        for f, _ in factors(P):
             if degree_of(f) and (cofactor := self.map.cofactor(f)) is not None:
                 self._add_generator(f, cofactor)
 

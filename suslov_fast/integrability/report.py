@@ -227,7 +227,7 @@ def report(
     with closing(parts):
         try:
             for k, part in enumerate(parts, start=1):
-                found = part or found
+                found = part
                 if progress is not None:
                     progress(min(k, most), most)
         except KeyboardInterrupt as error:

@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from . import exact
@@ -135,7 +136,7 @@ def results_until(deadline: float, function: Callable[..., Iterator[Any]], *argu
     """Yield what a generator of a module yields, until a time of `time.monotonic`.
 
     The generator runs in another process, since python-flint cannot be interrupted. The values are
-    pickled. Its last value is followed by None; at the deadline there is no None.
+    pickled; None follows the last one.
     """
     command = [sys.executable, "-c", _START.format(path=sys.path)]
     pipe = subprocess.PIPE
@@ -146,12 +147,10 @@ def results_until(deadline: float, function: Callable[..., Iterator[Any]], *argu
         timer = threading.Timer(left, process.kill)
         timer.daemon = True
         timer.start()
-        value: Any = 0
         try:
             with process.stdin:
                 pickle.dump((function, arguments), process.stdin)
-            while value is not None:
-                value = pickle.load(process.stdout)
+            for value in iter(partial(pickle.load, process.stdout), None):
                 if isinstance(value, BaseException):
                     raise value
                 yield value

@@ -206,17 +206,13 @@ def test_signs_and_order_of_n_change_no_bit(rng):
     assert_same([many], [np.tile(states, (1, 60, 1))])
 
 
-def test_limits_of_states_that_rest():
-    for body, omega, eps in (
-        (sf.Suslov3D(*UNIT), [0.0, 2.0], 0.5),
-        (sf.Suslov3D(3, 2, 0, 0), [1.0, 2.0], 0.5),
-        (sf.SuslovGyrostat(*UNIT, 0.5), [0.0, 0.0], 0.5),
-        (sf.SuslovGyrostat(*UNIT, 0.5), [1.0, 2.0], 0.0),
+def test_the_flow_of_states_that_rest():
+    for body, omega in (
+        (sf.Suslov3D(*UNIT), [0.0, 2.0]),
+        (sf.Suslov3D(3, 2, 0, 0), [1.0, 2.0]),
+        (sf.SuslovGyrostat(*UNIT, 0.5), [0.0, 0.0]),
     ):
-        assert (np.array(sf.limits(body, omega, eps)) == omega).all()
-        assert (sf.exact(body, omega, eps, [-3, 0.5, 1e15]) == omega).all()
-        if eps:
-            assert (sf.flow(body, omega, [-1e300, 0.5, 1e300]) == omega).all()
+        assert (sf.flow(body, omega, [-1e300, 0.5, 1e300]) == omega).all()
 
 
 def test_a_parabolic_orbit():

@@ -117,7 +117,10 @@ def with_cofactor(map: RationalMap, degree: int, cofactor: Any, rng: random.Rand
 
     def search(p: int, eps: int) -> Residues:
         here, images = _at_points(map, degree, cofactor, p, eps, rng)
-        return exact.null_space(images - here)
+        space = exact.null_space(images - here)
+        if map.has_letter and space:  # formulas without LLL: pivots are monomials of low degree
+            return exact.integer_rows(flint.nmod_mat(space, p).rref()[0])
+        return space
 
     rows = over_rationals(rng, search, map.has_letter)
     if rows is None:

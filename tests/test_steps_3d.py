@@ -1,60 +1,104 @@
 """Steps and closed form of bodies and gyrostats: one table, then what holds to the bit."""
 
+from typing import NamedTuple
+
 import naive
 import numpy as np
 import pytest
-from problems import PROBLEMS
 
 import suslov_fast as sf
 from suslov_fast.core import steps_3d
 from suslov_fast.core.codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
-from suslov_fast.engine import threads
 
-every_problem = pytest.mark.parametrize("problem", PROBLEMS, ids=lambda each: each.name)
-each_solved = pytest.mark.parametrize(
-    "problem", [each for each in PROBLEMS if each.solved], ids=lambda each: each.name
-)
+
+class Problem(NamedTuple):
+    """The tolerance is relative to the largest state of the orbit."""
+
+    parameters: tuple  # I1, I2, I13, I23, and k of a gyrostat
+    omega: tuple
+    eps: float
+    steps: int
+    tolerance: float = 1e-14
+
+    def body(self):
+        kind = sf.Suslov3D if len(self.parameters) == 4 else sf.SuslovGyrostat
+        return kind(*self.parameters)
+
+    def orbit(self, omega, steps):
+        """The next states, in 60 digits."""
+        *inertia, k = (*self.parameters, 0)[:5]
+        return np.array(naive.orbit(*inertia, self.eps, omega, steps, k), float)
+
+
+PICTURE, ROTOR = (4, 1, -0.5, -0.3), (2.3, 1.4, 0.5, -0.7)
+UNIT = 1.0, 1.0, 1.0, 0.0  # X = eps Omega1 / 2 and Y = -eps Omega2 / 2
+PROBLEMS = {
+    "picture 1": Problem(PICTURE, (1.0, 0.5), 0.2, 60),
+    "picture 1, backwards": Problem(PICTURE, (1.0, 0.5), -0.2, 60),
+    "picture 2": Problem((4, 3, -0.4, -0.2), (1.5, 0.25), 0.2, 60),
+    "picture 3": Problem((4, 2, 0, -0.2), (1.5, 0.25), 0.02, 60),
+    "picture 4, T > 1": Problem((3, 3, -0.2, -0.2), (-40.0, -250.0), 1.0, 12, 1e-13),
+    "long step, x < 0": Problem(PICTURE, (-1.0, -0.5), 4.0, 30),
+    "small step": Problem(PICTURE, (1.0, 0.5), 1e-9, 40),
+    "next to the line": Problem((2.0, 1.0, 0.0, 0.5), (1.5, 1e-9), 1.0, 60),
+    "next to the line on its other side": Problem((2.0, 1.0, 0.0, 0.5), (-1.5, 1e-9), 1.0, 40),
+    "at rest": Problem(UNIT, (0.0, 1.5), 0.5, 20, 0.0),
+    "next to the critical line": Problem(UNIT, (1e-3, -0.999999), 2.0, 60),
+    "T = 1": Problem(UNIT, (0.25, -1.0), 2.0, 2),
+    "T = 1, collapse": Problem(UNIT, (0.25, 1.0), 2.0, 3),
+    "large X": Problem(UNIT, (1e3, 0.5), 2.0, 8, 1e-13),
+    "large X and Y": Problem(UNIT, (300.0, -2000.0), 1.0, 8, 1e-13),
+    "next to a pole": Problem(UNIT, (1.0, -3.001), 1.0, 6, 1e-12),
+    "moments far apart": Problem((1e-8, 1e8, 0.3, 0.2), (1.0, 1.0), 1e-4, 30, 1e-13),
+    "no products of inertia": Problem((3, 2, 0, 0), (1.0, -2.0), 0.3, 10, 0.0),
+    "no step": Problem(PICTURE, (1.0, 0.5), 0.0, 10, 0.0),
+    "rotor, passes": Problem((*ROTOR, 0.05), (1.1, -0.4), 0.35, 60),
+    "rotor, k next to A": Problem((*ROTOR, 0.9), (1.1, -0.4), 0.35, 60),
+    "rotor, turns": Problem((*ROTOR, -3.0), (1.1, -0.4), -0.35, 60, 3e-14),
+    "rotor, tiny": Problem((*ROTOR, 1e-9), (1.1, -0.4), 0.35, 60),
+    "rotor, T > 1": Problem((*ROTOR, 0.3), (11.0, -4.0), 3.0, 12, 1e-12),
+    "rotor, turns fast": Problem((*ROTOR, 300.0), (1.1, -0.4), 2.0, 60, 1e-13),
+    "rotor alone, turns": Problem((2.0, 3.0, 0.0, 0.0, 1.5), (1.0, 1.0), 0.3, 60, 3e-14),
+    "rotor, at rest": Problem((1, 1, 1, 0, 0.5), (-0.5, 0.75), 0.5, 20, 0.0),
+}
 
 
 def assert_close(states, orbit, tolerance):
-    orbit = np.array(orbit, float)
     size = np.linalg.norm(orbit, axis=-1).max()
     assert np.linalg.norm(states - orbit, axis=-1).max() <= tolerance * size
 
 
-@every_problem
-def test_step_and_iterate(problem):
-    orbit, body = np.array(problem.orbit(), float), problem.body()
-    run = sf.iterate(body, problem.omega, problem.eps, problem.steps)
-    assert_close(run.states, orbit, problem.tolerance)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_steps_closed_form_and_limits(name):
+    problem = PROBLEMS[name]
+    body, (_, omega, eps, steps, tolerance) = problem.body(), problem
+    orbit = problem.orbit(omega, steps)
+    found = sf.iterate(body, omega, eps, steps)
+    assert_close(found.states, orbit, tolerance)
     for state in orbit[:3]:
-        exact = problem.next_state(problem.eps, state)
-        assert_close([state, sf.step(body, state, problem.eps)], [state, exact], problem.tolerance)
-    many = np.tile(problem.omega, (20, 1))
-    final = sf.iterate(body, many, problem.eps, problem.steps, save_every=None).final
-    assert (final == run.final).all()
-
-
-@each_solved
-def test_exact(problem):
-    n, body = np.arange(problem.steps + 1), problem.body()
-    orbit = np.array(problem.orbit(), float)
-    assert_close(sf.exact(body, problem.omega, problem.eps, n), orbit, problem.tolerance)
-    if problem.name.startswith("T = 1"):
-        return  # state 0 is lost in a collapse
-    back = sf.exact(body, problem.omega, -problem.eps, -n)
-    assert_close(back, orbit, problem.tolerance)
-
-
-@each_solved
-def test_limits(problem):
-    """The limits of the closed form; none for orbits that turn."""
-    body, omega, eps = problem.body(), problem.omega, problem.eps
+        assert_close([state, sf.step(body, state, eps)], problem.orbit(state, 1), tolerance)
+    final = sf.iterate(body, [omega] * 20, eps, steps, save_every=None).final
+    assert (final == found.final).all()
+    states = sf.exact(body, omega, eps, found.n)
+    assert_close(states, orbit, tolerance)
+    assert (states[0] == omega).all()
     limits = np.array(sf.limits(body, omega, eps))
-    assert np.isnan(limits).any() == ("turns" in problem.name)
-    if np.isfinite(limits).all() and "T = 1" not in problem.name:
-        far = np.array([sf.exact(body, omega, eps, n) for n in (-(10**12), 10**12)])
-        assert_close(far, limits, 1e-5 if problem.name == "small step" else 1e-14)
+    assert np.isnan(limits).any() == ("turns" in name)
+    if "T = 1" in name:
+        return  # state 0 is lost in a collapse
+    assert_close(sf.exact(body, omega, -eps, -found.n), orbit, tolerance)
+    if "turns" not in name:
+        far = sf.exact(body, omega, eps, [-(10**12), 10**12])
+        assert_close(far, limits, 1e-5 if name == "small step" else 1e-14)
+
+
+def test_three_components():
+    """Equations (3), whose third says that Omega3 changes sign."""
+    parameters, omega = (2.3, 1.4, 0.5, -0.7), [0.3, -0.8, 1.7]
+    for eps, I3 in ((0.3, 1.8), (-2.0, 2.3)):
+        exact = naive.step_full(*parameters, eps, I3, omega)
+        following = sf.step_full(sf.Suslov3D(*parameters), omega, eps, I3)
+        assert naive.relative_error(following, exact) < 1e-14
 
 
 # ------------------------------------------------------------------------------- to the bit
@@ -85,44 +129,17 @@ def assert_same(results, expected):
         np.testing.assert_array_equal(found, want)
 
 
-STEPS = 560  # beyond the first restored states
-
-
-def test_cuts_threads_and_what_is_saved_change_no_bit(mixture, monkeypatch):
-    whole = run(*mixture, STEPS)
-    expected = run(*mixture, STEPS, 7)
-    assert_same([whole.states[::7], whole.final], [expected.states, expected.final])
-    for cuts in ((1, 1, 11, 547), (512, 48), (100, 411, 2, 47)):
-        extended = run(*mixture, cuts[0], 7)
-        for more in cuts[1:]:
-            extended = extended.extend(more, on_singular="ignore")
-        assert extended == expected
-    monkeypatch.setattr(threads, "CROSSOVER", 0)
-    assert sf.iterate(*mixture, STEPS, threads=2, on_singular="ignore") == whole
-
-
 @pytest.mark.parametrize("size", [1, 3, steps_3d.FEW, steps_3d.FEW + 1, 140])
-def test_the_batch_changes_no_bit(mixture, size):
-    """A few trajectories are stepped one by one, others in blocks."""
-    whole = run(*mixture, STEPS, 7)
+def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
+    """A few trajectories are stepped one by one, others in blocks; all are restored at times."""
+    whole = run(*mixture, 560, 7)
     for first in range(0, 300 - size, 29):
         some = slice(first, first + size)
-        part = run(*(each[some] for each in mixture), STEPS, 7)
+        part = run(*(each[some] for each in mixture), 100, 7)
+        for more in (411, 2, 47):
+            part = part.extend(more, on_singular="ignore")
         expected = whole.states[:, some], *(each[some] for each in (whole.final, whole.status))
         assert_same([part.states, part.final, part.status], expected)
-
-
-def test_states_at_rest_keep_their_bits(mixture):
-    body, omega, eps = mixture
-    l = body.I13 * omega[:, 0] + body.I23 * omega[:, 1] + body.k
-    rests = ((l == 0.0) | (eps == 0.0)) & np.isfinite(omega).all(1)
-    end = run(*mixture, STEPS, None)
-    assert rests.sum() > 60
-    assert (end.final[rests] == omega[rests]).all()
-    assert (end.status[rests] >= 0).all()
-
-
-UNIT = 1.0, 1.0, 1.0, 0.0  # X = eps Omega1 / 2 and Y = -eps Omega2 / 2
 
 
 def test_statuses():
@@ -189,12 +206,6 @@ def test_huge_states_are_right_or_missing(omega):
 # ---------------------------------------------------------------------- of the closed form
 
 
-def test_n_0_is_the_state_to_the_bit(mixture):
-    body, omega, eps = (each[:50] for each in mixture)
-    expected = np.where(np.isnan(omega).any(axis=1, keepdims=True), np.nan, omega)
-    assert_same([sf.exact(body, omega, eps, 0)], [expected])
-
-
 def test_signs_and_order_of_n_change_no_bit(rng):
     body, omega = sf.Suslov3D(4, 1, -0.5, -0.3), rng.normal(size=(3, 2))
     n = rng.integers(-40, 40, 200)
@@ -204,15 +215,6 @@ def test_signs_and_order_of_n_change_no_bit(rng):
             assert_same([sf.exact(body, omega[i], 0.2, n[j])], [states[j, i]])
     many = sf.exact(body, np.tile(omega, (60, 1)), 0.2, n)
     assert_same([many], [np.tile(states, (1, 60, 1))])
-
-
-def test_the_flow_of_states_that_rest():
-    for body, omega in (
-        (sf.Suslov3D(*UNIT), [0.0, 2.0]),
-        (sf.Suslov3D(3, 2, 0, 0), [1.0, 2.0]),
-        (sf.SuslovGyrostat(*UNIT, 0.5), [0.0, 0.0]),
-    ):
-        assert (sf.flow(body, omega, [-1e300, 0.5, 1e300]) == omega).all()
 
 
 def test_a_parabolic_orbit():

@@ -109,9 +109,6 @@ def test_random_starts(body):
     run = sf.iterate(body, starts, 0.1, 2)
     assert (run.omega[0] == states.reshape(40, 50, 2)).all()
     assert run == sf.iterate(body, states.reshape(40, 50, 2), 0.1, 2)
-    for arguments, name in (((-1, 1.0), "size"), ((3, 0.0), "extent"), ((3, 1.0, -1), "seed")):
-        with pytest.raises(ValueError, match=f"^{name}: "):
-            sf.RandomStarts(*arguments)
 
 
 @pytest.mark.filterwarnings("ignore:I3")  # no body has that of the pole
@@ -127,10 +124,6 @@ def test_three_components(rng):
     with pytest.warns(sf.SingularStepWarning, match=r"^1 of 2 "):
         lost = sf.step_full(sf.Suslov3D(1, 1, 1, 0), [[1.0, -3.0, 0.0], [0.3, 0.1, 0]], 1, 2)
     assert np.isnan(lost).all(axis=1).tolist() == [True, False]
-    with pytest.raises(TypeError, match=r"^I3: "):
-        sf.step_full(sf.Suslov3D(1, 1, 1, 0), [1, 2, 3], 0.1)
-    with pytest.raises(TypeError, match=r"^body: .*iterate or flow"):
-        sf.step_full(sf.SuslovGyrostat(1, 1, 1, 0, 0.5), [1, 2, 3], 0.1)
 
 
 UNIT, WARNED = sf.Suslov3D(1, 1, 1, 0), {"I1": 4, "I2": 2, "I13": -0.5, "I23": -0.3, "I3": 20}

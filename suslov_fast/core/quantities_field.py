@@ -10,7 +10,7 @@ import numpy as np
 from . import steps_field as steps
 from .codes import OK
 from .elimination import determinant_of, eliminate, keeps_digits, substitute
-from .numba import formula, function, universal
+from .numba import function, inlined, universal
 from .tangent import derive
 
 FIELD = "(c,t),(t),(b),(b,d)->"
@@ -26,31 +26,55 @@ def read(x, first, y):
     return count
 
 
-@formula
-def component(x, j):
-    """The component x_j; 1 for x_D."""
-    return x[j] if j < len(x) else 1.0
-
-
 @universal(FIELD + "(b,d)")
 def vector_field(places, values, eps, x, out):
-    terms = places.astype(np.int64)
-    for l in range(len(x)):
-        out[l] = 0.0 * x[l]  # NaN where the state is
+    D, terms = x.shape[1], places.astype(np.int64)
+    y = np.ones((D + 1, steps.lanes_of(D, len(x))))  # x_D = 1
+    f = np.empty_like(y)
+    for first in range(0, len(x), y.shape[1]):
+        count = read(x, first, y)
+        f[:] = 0.0 * y  # NaN where the state is
         for t in range(len(values)):
-            i, j, k = terms[:, t]
-            out[l, i] += values[t] * component(x[l], j) * component(x[l], k)
+            (i, j, k), v = terms[:, t], values[t]
+            for l in range(count):
+                f[i, l] += v * y[j, l] * y[k, l]
+        for i in range(D):
+            for l in range(count):
+                out[first + l, i] = f[i, l]
+
+
+@universal(FIELD + "(b)")
+def energy(places, values, eps, x, out):
+    """H(x)."""
+    add_terms(places, values, x, None, out)
 
 
 @universal("(c,t),(t),(b),(b,d),(b,d)->(b)")
 def cubic_form(places, values, eps, x, z, out):
     """The sum of v x_i x_j z_k."""
-    terms = places.astype(np.int64)
-    for l in range(len(x)):
-        out[l] = 0.0 * (x[l].sum() + z[l].sum())  # NaN where a state is
+    add_terms(places, values, x, z, out)
+
+
+@inlined
+def add_terms(places, values, x, z, out):
+    """Fill the sum of v x_i x_j z_k, where z is x if it is None."""
+    D, terms = x.shape[1], places.astype(np.int64)
+    y = np.ones((D + 1, steps.lanes_of(D, len(x))))  # x_D = 1
+    after, h = y if z is None else np.ones_like(y), np.empty(y.shape[1])
+    for first in range(0, len(x), len(h)):
+        count = read(x, first, y)
+        if z is not None:
+            read(z, first, after)
+        h[:] = 0.0
+        for i in range(D):
+            for l in range(count):
+                h[l] += 0.0 * y[i, l]  # NaN where the state is
         for t in range(len(values)):
-            i, j, k = terms[:, t]
-            out[l] += values[t] * component(x[l], i) * component(x[l], j) * component(z[l], k)
+            (i, j, k), v = terms[:, t], values[t]
+            for l in range(count):
+                h[l] += v * y[i, l] * y[j, l] * after[k, l]
+        for l in range(count):
+            out[first + l] = h[l]
 
 
 @function

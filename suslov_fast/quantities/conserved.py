@@ -40,7 +40,7 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
 
 
 def _hamiltonian(states: States) -> FloatArray:
-    return by_terms(fields.cubic_form, states, _terms_of_hamiltonian(states.body), states.omega)
+    return by_terms(fields.energy, states, _terms_of_hamiltonian(states.body))
 
 
 def _terms_of_hamiltonian(body: Any) -> Any:

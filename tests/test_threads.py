@@ -179,3 +179,13 @@ def test_progress(body, capsys, monkeypatch):
     assert max(seen) == seen[-1] == (300, 300)
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="out"):
+        sf.iterate(body, omega, 0.2, 10, progress=True, out=np.empty(3))
+    assert capsys.readouterr().err == "", "a bar begins with the work"
+    call = stretches.call_kernel
+    calls = iter([call, call])
+    monkeypatch.setattr(stretches, "call_kernel", lambda *given: next(calls)(*given))
+    with pytest.raises(StopIteration) as held:  # as Ctrl-C, whose traceback a notebook holds
+        sf.iterate(body, omega, 0.2, 700, progress=True)
+    assert capsys.readouterr().err.endswith("\n"), "the bar is closed"
+    assert held

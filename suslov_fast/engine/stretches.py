@@ -4,7 +4,8 @@ Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -25,12 +26,15 @@ Progress = bool | None | Callable[[int, int], object]  # the argument of long co
 Report = Callable[[int], object]  # takes the number of steps done so far
 
 
-def reporter(progress: Progress, total: int) -> Report | None:
-    """Check the argument `progress`; return what shows the number of steps done, if asked for."""
+def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
+    """Check the argument `progress`; return a context, and with it what shows the steps done.
+
+    The context opens and closes a bar.
+    """
     if progress is None or progress is False:
-        return None
+        return nullcontext()
     if callable(progress):
-        return lambda done: progress(done, total)
+        return nullcontext(lambda done: progress(done, total))
     if progress is not True:
         expected = "True, False, None or a callable (done, total)"
         raise wrong("progress", expected, type(progress).__name__, TypeError)
@@ -39,14 +43,13 @@ def reporter(progress: Progress, total: int) -> Report | None:
     except ImportError as error:
         install = "pip install '.[progress]' in a copy of the repository"
         raise ImportError(f"progress: expected tqdm, got none: {install}") from error
-    bar = tqdm(total=total, unit="step", unit_scale=True)
+    return _bar(tqdm, total)
 
-    def show(done: int) -> None:
-        bar.update(done - bar.n)
-        if done == total:
-            bar.close()
 
-    return show
+@contextmanager
+def _bar(tqdm: Any, total: int) -> Iterator[Report]:
+    with tqdm(total=total, unit="step", unit_scale=True) as bar:
+        yield lambda done: bar.update(done - bar.n)
 
 
 class Steps(NamedTuple):

@@ -121,9 +121,10 @@ def ensemble(
     steps, save_every = checked_counts(steps, save_every)
     run = whole._replace(omega=omega0, batch=batch), (method, steps, save_every, functions)
     data, store = _template(*run, dims, coords), _resolved(store)
-    sizes, report = _sizes(data, chunk), reporter(progress, math.prod(batch) * steps)
+    sizes, reports = _sizes(data, chunk), reporter(progress, math.prod(batch) * steps)
     _prepare(store, data, sizes)
-    _compute_missing(*run, store, client, report)
+    with reports as report:
+        _compute_missing(*run, store, client, report)
     return open_ensemble(store)
 
 

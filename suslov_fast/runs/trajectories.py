@@ -298,12 +298,13 @@ def run_to_end(
     """Let a march go on to state `steps`; return its run, with the states of an earlier one."""
     one_of("on_singular", on_singular, ON_SINGULAR)
     start, every = march.n, save_every or 0
-    report = reporter(progress, steps - start)
+    reports = reporter(progress, steps - start)
     if out is not None:  # which may overlap state 0
         rows = steps // every + 1 if every else 1
         out = checked_out(out, (rows, *march.final.shape))
         march.omega0 = march.omega0.copy()
-    saved, turns = march.to(steps, every, out, report)
+    with reports as report:
+        saved, turns = march.to(steps, every, out, report)
     if every and earlier is not None and start > 0:
         saved = np.concatenate([earlier.states, saved])
         turns = None if turns is None else np.concatenate([earlier.attitude, turns])

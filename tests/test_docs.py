@@ -11,20 +11,17 @@ import runpy
 import shlex
 import subprocess
 import sys
-from itertools import pairwise
 from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
 
 import matplotlib
 import matplotlib.pyplot as plt
-import naive
 import numpy as np
 import pytest
 from PIL import Image
 
 import suslov_fast
-from suslov_fast import iterate
 from suslov_fast.command import main
 from suslov_fast.engine import threads
 from suslov_fast.integrability import zoo
@@ -119,17 +116,6 @@ def test_the_readme(tmp_path, monkeypatch):
     assert (tmp_path / "pictures" / "picture4.png").exists()
 
 
-def test_length_and_set_up_of_the_readme():
-    """The lines that set up a checkout are those that CI runs."""
-    text = README.read_text(encoding="utf-8")
-    assert text.count("\n") <= 150
-    assert {name for name, _ in BLOCK.findall(text)} == {"python", "sh", "sh setup", "text"}
-    first, second = "".join(blocks(README, "sh setup")).splitlines()
-    assert first.endswith(".venv/bin/suslov-fast run")
-    assert second.endswith(".venv/bin/pytest -n 2 --dist loadfile")
-    assert "sh setup" in (DOCS.parent / ".ci" / "run").read_text(encoding="utf-8")
-
-
 def test_the_summary_has_the_lines_that_the_command_prints(capsys):
     assert main(["run", "--trajectories", "5", "--steps", "5"]) == 0
     printed, (shown,) = capsys.readouterr().out, blocks(README, "text")
@@ -137,19 +123,22 @@ def test_the_summary_has_the_lines_that_the_command_prints(capsys):
     assert first == second
 
 
-def test_the_number_of_words():
+def test_lengths():
+    assert README.read_text(encoding="utf-8").count("\n") <= 150
     texts = [path.read_text(encoding="utf-8") for path in PAGES]
     assert sum(len(text.split()) for text in texts) <= 24_000
 
 
 @pytest.mark.parametrize("path", [*PAGES, README], ids=attrgetter("name"))
 def test_text(path):
-    """Blocks are of known kinds, links lead somewhere, and nothing needs Sphinx to be read."""
+    """Blocks are of known kinds, links and files exist, and nothing needs Sphinx to be read."""
     text = path.read_text(encoding="utf-8")
     kinds = {"python", "sh", "text", "bibtex", "{toctree}", "{include}"}
     kinds |= {"{eval-rst}"} if path.stem == "api" else set()
     assert {kind.split()[0] for kind, _ in BLOCK.findall(text)} <= kinds
     assert not re.search(r"\{\w+\}`|^:::", text, re.MULTILINE)
+    for file in re.findall(r"`(\w+/\w+\.py)`", text):
+        assert (PACKAGE / file).exists() or (DOCS.parent / file).exists(), file
     for target, place in re.findall(r"\]\(([^)#:\s]*)(?:#([^)]*))?\)", text):
         found = path.parent / target if target else path
         assert found.exists(), target
@@ -203,39 +192,6 @@ def test_the_commands_that_install_extras():
         assert "install 'suslov_fast" not in path.read_text(encoding="utf-8"), path
 
 
-@pytest.mark.parametrize("omega", [(-1.0, -0.5), (1.0, -0.5), (1.0, 0.5)])
-def test_the_errata_of_section_4(omega):
-    """In 60 digits, and without squares, which do not see the sign of x."""
-    problem = *naive.exactly(4, 1, -0.5, -0.3, 0.2), omega
-    I1, I2, _, _, eps, _ = problem
-    sqrt, cosh, sinh = naive.mpmath.sqrt, naive.mpmath.cosh, naive.mpmath.sinh
-    a, (h, k1, _) = I1 * I2, naive.closed_form(*problem)
-    q = sqrt(a - h * eps**2)
-    c = 2 * eps * sqrt(a * h) / q**2
-    x, y = zip(*(naive.xy(*problem[:4], state) for state in naive.orbit(*problem, 5)), strict=True)
-    u = [v / (w * q) for v, w in zip(y, x, strict=True)]
-    sign = naive.mpmath.sign(x[0])
-    for before, after in pairwise(u):
-        root = sqrt(before**2 + 1)
-        difference = before * sqrt(after**2 + 1) - after * root  # equation (11)
-        assert abs(difference - sign * c) < 1e-50 < 0.1 < abs(difference + sign * c)
-        branch = {
-            (s, v): v * before * sqrt(c**2 + 1) - s * c * root for s in (1, -1) for v in (1, -1)
-        }  # (1, 1) and (1, -1) are those of Remark 1
-        assert [key for key in branch if abs(branch[key] - after) < 1e-50] == [(sign, 1)]
-    for n, (x_n, y_n) in enumerate(zip(x, y, strict=True)):  # Theorem 1, in x and y
-        s = naive.mpmath.asinh(sign * u[0]) + k1 * eps * n
-        assert abs(sign * 2 * sqrt(a * h) / (q * cosh(s)) - x_n) < 1e-50
-        assert abs(2 * sqrt(a * h) * sinh(s) / cosh(s) - y_n) < 1e-50
-
-
-def test_files_named_by_the_page_of_the_paper_exist():
-    text = (DOCS / "theory" / "paper.md").read_text(encoding="utf-8")
-    named = re.findall(r"`(\w+/\w+\.py)`", text)
-    assert named
-    assert all((PACKAGE / file).exists() for file in named), named
-
-
 @pytest.mark.compiled
 def test_the_table_of_bodies():
     """The home page has what `python docs/features.py` writes."""
@@ -255,16 +211,6 @@ def test_rows_of_the_zoo(names):
     assert [line.split(" | ")[0] for line in table] == [f"| {name}" for name in zoo()]
     for name in names or zoo():
         assert script.row(name) in table
-
-
-@pytest.mark.compiled
-def test_a_cycle_of_three_states():
-    """The page says that orbits of this field at eps = 1 tend to one."""
-    field, _ = zoo()["Zhukovsky-Volterra, three betas"]
-    starts = np.random.default_rng(0).uniform(-2, 2, (10, 3))
-    states = iterate(field, starts, 1.0, 20_000).x
-    np.testing.assert_allclose(states[-1], states[-4], rtol=1e-9)
-    assert (abs(states[-1] - states[-2]).max(axis=-1) > 0.01).all()
 
 
 def test_the_reference_has_every_public_name():

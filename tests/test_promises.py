@@ -14,9 +14,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.engine import stretches, threads
-from suslov_fast.engine.stretches import March
 from suslov_fast.runs import solution
-from suslov_fast.runs.iterate import begin
 
 # No body has the I3 of some samples.
 pytestmark = pytest.mark.filterwarnings("ignore:I3")
@@ -273,14 +271,6 @@ def test_runs_in_parts(rng, kind, options):
             for more in cuts[1:]:
                 extended = extended.extend(more, on_singular="ignore")
             assert extended == run
-        for rows in (1, 3):
-            map, states = begin(*problem, run.method, options.get("attitude", False))
-            end = March(map.methods[run.method], states)
-            found = [*end.pieces(40, save_every or 0, rows)]
-            same([np.concatenate([each[0] for each in found])], [run.states])
-            same([end.final, end.status, end.failed_at], [run.final, run.status, run.failed_at])
-            if run.attitude is not None:
-                same([np.concatenate([each[1] for each in found])], [run.attitude])
 
 
 @pytest.mark.parametrize("kind", EVERY.split())

@@ -57,17 +57,6 @@ def test_every_map(body, states, status):
         assert np.isnan(sf.step(body, states, 1)).all(axis=1).tolist() == [True, False]
 
 
-def test_supercritical_orbits(unit):
-    """Orbits with |Y| >= 1 are supercritical; the identity (I13 = I23 = 0) never is."""
-    omega = np.array([[1e-3, each] for each in (-3.0, -2.5, -1.99, 0.0, 1.99, 2.0, 2.5, 300.0)])
-    assert sf.iterate(unit, omega, 1, 2).status.tolist() == [1, 1, 0, 0, 0, 1, 1, 1]
-    assert (sf.iterate(sf.Suslov3D(1, 1, 0, 0), omega * 1e9, 1, 2).status == 0).all()
-    gyrostat = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [0.05, 3.0])
-    orbits = sf.iterate(gyrostat, omega[:, np.newaxis], 0.7, 2)
-    large = abs(sf.criticality(gyrostat, omega[:, np.newaxis], 0.7)) >= 1
-    assert ((orbits.status == sf.Status.SUPERCRITICAL) == large).all()
-
-
 def test_states_that_do_not_exist(body, unit):
     """NaN states fail at state 0, and are reported by `iterate` alone; they follow NaN."""
     with pytest.warns(sf.SingularStepWarning, match="first: 1 at step 0"):

@@ -222,3 +222,5 @@ def test_a_body_with_a_record_steps_as_its_field(monkeypatch, tmp_path):
     assert abs(found.omega - sf.iterate(suslov, starts, 0.3, 50).omega).max() < 1e-14
     assert np.array_equal(sf.iterate(bodies[1], starts[1], 0.3, 50).omega, found.omega[:, 1])
     assert found.extend(5) == sf.iterate(bodies, starts, 0.3, 55)
+    for f in (sf.matrix, sf.jacobian):
+        np.testing.assert_array_equal(f(bodies, starts, 0.3), f(bodies.field(), starts, 0.3))

@@ -70,9 +70,7 @@ FIELD = {"body": FAMILY, "omega0": [1.0, 1.0, 1.0], "eps": 0.01, "steps": 9}
 @pytest.mark.parametrize(
     ("body", "shape", "eps", "ours", "settings"),
     [
-        (BODY, 20, 0.3, CHUNK, {"save_every": None}),
         (BODY, 20, 0.3, CHUNK, {"save_every": 4}),
-        (BODY, 20, 0.3, CHUNK, {"save_every": 1} | TURNING),
         (BODY, 20, 0.3, CHUNK, {"save_every": None} | TURNING),
         (BODY_4D, 20, 0.3, CHUNK, {"save_every": 1, "method": "gauss"} | TURNING),
         (GYROSTAT, 20, 0.3, CHUNK, {"save_every": 1} | TURNING),
@@ -81,7 +79,7 @@ FIELD = {"body": FAMILY, "omega0": [1.0, 1.0, 1.0], "eps": 0.01, "steps": 9}
         (BODY, 20, np.linspace(0.1, 0.3, 20), {"chunk": 7}, {"save_every": None}),
         (BODY, 20, 0.3, CHUNK, {"save_every": 4, "attitude": TURNS}),
         (BODY, 20, 0.3, {"chunk": {"n": 1}}, {"save_every": 1} | TURNING),
-        *[(BODY, shape, 0.2, {}, {"save_every": 5}) for shape in ((), (0,), (1,), (3, 0))],
+        *[(BODY, shape, 0.2, {}, {"save_every": 5}) for shape in ((), (1,), (3, 0))],
     ],
 )
 @pytest.mark.parametrize("steps", [0, 1, 41])
@@ -130,11 +128,8 @@ def radius(x):
     return np.hypot(x[..., 0], x[..., 1])
 
 
-def other_radius():
-    def radius(x):
-        return abs(x[..., 0])
-
-    return radius
+def one_component(x):
+    return x[..., 0]
 
 
 def test_functions_of_states(store, rng):
@@ -148,9 +143,6 @@ def test_functions_of_states(store, rng):
     for name, function in chosen.items():
         assert dataset[name].dims == ("n", "trajectory")
         assert np.array_equal(dataset[name], function(orbits.omega))
-    chosen["radius"] = other_radius()
-    with pytest.raises(ValueError, match="functions: radius, up, the store has others"):
-        ensemble(BODY, omega0, 0.3, 30, functions=chosen, **ours)
 
 
 def oscillator(constant):
@@ -167,6 +159,7 @@ def oscillator(constant):
         (ASKED, {"save_every": None}, "save_every: None, the store has 2"),
         (ASKED, {"attitude": True}, "attitude: 9 values from 0 to 1, the store has None"),
         (ASKED, {"functions": {"radius": radius}}, "functions: radius, the store has None"),
+        (ASKED | {"functions": {"r": radius}}, {"functions": {"r": one_component}}, "has others"),
         (ASKED, {"dims": "start"}, "dims: start, the store has trajectory"),
         (ASKED, {"coords": {"a": 3}}, "coords: a, the store has None"),
         (ASKED, {"steps": 19}, "steps: 19, the store has 20"),
@@ -186,8 +179,7 @@ def test_stores_of_other_runs_are_refused_in_words(store, asked, change, words):
 UNKNOWN = dask.array.ones((5, 2))
 UNKNOWN = UNKNOWN[UNKNOWN[:, 0] > 0]
 BAD = [
-    ({"omega0": "starts.txt"}, TypeError, "omega0"), ({"omega0": [1.0]}, ValueError, "omega0"),
-    ({"omega0": UNKNOWN}, ValueError, "omega0"), ({"omega0": [[1, np.inf]]}, ValueError, "omega0"),
+    ({"omega0": "starts.txt"}, TypeError, "omega0"), ({"omega0": UNKNOWN}, ValueError, "omega0"),
     ({"omega0": dask.array.full((9, 2), np.inf)}, ValueError, "omega0"),
     ({"omega0": dask.array.zeros((9, 3))}, ValueError, "omega0"),
     ({"save_every": 0}, ValueError, "save_every"), ({"steps": -1}, ValueError, "steps"),
@@ -207,9 +199,8 @@ BAD = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("change", range(len(BAD)))
-def test_bad_arguments_leave_nothing_behind(store, change):
-    change, error, message = BAD[change]
+@pytest.mark.parametrize(("change", "error", "message"), BAD)
+def test_bad_arguments_leave_nothing_behind(store, change, error, message):
     with pytest.raises(error, match=message):
         ensemble(**{"store": store, **ASKED, **change})
     assert list(store.parent.iterdir()) == []
@@ -232,18 +223,10 @@ def test_places_that_cannot_hold_a_store(store):
         open_ensemble(store.with_name("missing.zarr"))
 
 
-def test_a_run_larger_than_its_disk_is_refused(store, monkeypatch):
-    """A finished store needs no space."""
-    free = 0
-    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=free))
-    asked = {**ASKED, "omega0": RandomStarts(1000, 1.0), "store": store}
-    with pytest.raises(OSError, match=" 0 bytes, fewer than the 201,"):
-        ensemble(**asked)
-    assert list(store.parent.iterdir()) == []
-    free = 210_000
-    ensemble(**asked)
-    free = 0
-    ensemble(**asked)
+def test_a_finished_store_needs_no_space(store, monkeypatch):
+    ensemble(**ASKED, store=store)
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=0))
+    ensemble(**ASKED, store=store)
 
 
 def test_other_kinds_of_stores():
@@ -253,7 +236,7 @@ def test_other_kinds_of_stores():
             assert_same(ensemble(**ASKED, store=place), orbits)
 
 
-def test_an_interrupted_run_goes_on(store, rng, monkeypatch):
+def test_an_interrupted_run_goes_on(store, rng):
     """Tiles that are stored are not computed again."""
     run = {"body": BODY, "omega0": rng.uniform(-2.0, 2.0, (50, 2)), "eps": 0.2, "steps": 30}
     ours = {"store": store, "save_every": 2, "chunk": {"trajectory": 10, "n": 5}}
@@ -264,16 +247,13 @@ def test_an_interrupted_run_goes_on(store, rng, monkeypatch):
 
     with pytest.raises(KeyboardInterrupt):
         ensemble(**run, **ours, progress=stop)
-    unfinished = open_ensemble(store)
+    unfinished, tile = open_ensemble(store), store / "omega/c/0/0/0"
     missing = unfinished.status.values == PENDING
     assert missing.sum() in (20, 30)
     assert np.isnan(unfinished.final.values[missing]).all()
-    computed, module = [], sys.modules["suslov_fast.runs.ensemble"]
-    compute = module._compute
-    observed = lambda tile, *more: computed.append(tile.batch[0]) or compute(tile, *more)  # noqa: E731
-    monkeypatch.setattr(module, "_compute", observed)
+    written = tile.stat().st_mtime_ns
     assert_same(ensemble(**run, **ours), iterate(**run, save_every=2))
-    assert sum(computed) == missing.sum()
+    assert tile.stat().st_mtime_ns == written
 
 
 RUN = """

@@ -142,6 +142,17 @@ def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
         assert_same([part.states, part.final, part.status], expected)
 
 
+@pytest.mark.compiled
+@pytest.mark.filterwarnings("ignore")  # of missing states
+@pytest.mark.parametrize("size", [299, 300])
+def test_large_outputs(mixture, size):
+    """They leave past the caches, in whole cache lines, which begin within a trajectory."""
+    whole, few = ([each[:n] for each in mixture] for n in (size, 100))
+    assert_same([run(*whole, 1800).states[:, :100]], [run(*few, 1800).states])
+    n = np.arange(1800)
+    assert_same([sf.exact(*whole, n)[:, :100]], [sf.exact(*few, n)])
+
+
 def test_statuses():
     """For eps = 2, the denominator is 1 + Omega2 + 2 Omega1**2. The first failure counts."""
     before = np.array(naive.step(1, 1, 1, 0, -2.0, (1.0, -3.0)), float)

@@ -208,7 +208,7 @@ def attitude(
     path, D = checks.states("omega", omega, body._labels), body.dimension
     if path.ndim < 2 or len(path) == 0:
         raise wrong("omega", f"shape (N + 1, ..., {D})", path.shape)
-    of_first = {"omega": path[0], "eps": eps, "R0": True if R0 is None else R0}
+    of_first = {"omega": path[0], "eps": eps, "R0": np.eye(D + 1) if R0 is None else R0}
     first = check(body, AnyBody, of_first, threads)
     batch = first.batch
     path = np.expand_dims(path, tuple(range(1, len(batch) + 3 - path.ndim)))

@@ -165,3 +165,5 @@ def test_python_flint_is_needed_for_components_only():
 def test_a_missing_parameter_is_told_with_how_to_pass_it():
     with pytest.raises(TypeError, match="f needs rho: pass rho=28"):
         of_function(lambda x, rho, sigma: (rho * x[0],), 1)
+    with pytest.raises(TypeError, match=r"<lambda>\(\) missing"):  # not of f itself
+        of_function(lambda x: ((lambda x, y: x * y)(x[0]),), 1)

@@ -177,6 +177,7 @@ STATES = [
     (lambda: sf.attitude(BODY, ONES, 0.2, np.eye(2)), ValueError, "R0"),
     (lambda: sf.attitude(BODY, ONES, 0.2, 2 * ID), ValueError, "R0"),
     (lambda: sf.attitude(BODY, ONES, 0.2, -ID), ValueError, "R0"),
+    (lambda: sf.attitude(BODY, ONES, 0.2, True), TypeError, "R0"),
     (lambda: sf.to_matrix(BODY, [1, 2], rotation=np.eye(2)), ValueError, "rotation"),
     (lambda: sf.to_matrix(BODY, [1, 2], attitude=np.ones(3)), ValueError, "attitude"),
     (lambda: sf.momentum(BODY, [1, 2], rotation=ID, attitude=ID), (TypeError, ValueError), "attitude"),

@@ -115,7 +115,8 @@ class Body:
         method : {None, "nearest"}
             "nearest" takes the nearest value that the batch has, None only an equal one.
         **values : float
-            Each parameter has to vary along one axis of the batch alone, which the result lacks.
+            Values of parameters, each of which varies along a single axis of the batch. The result
+            lacks these axes.
 
         Returns
         -------

@@ -109,7 +109,8 @@ class SuslovND(Body):
             errors, and 0.
         rotation : ndarray(float, shape=(n, n))
             The matrix, of determinant 1, that takes components to the adapted basis:
-            ``I_adapted = rotation @ I @ rotation.T``. Where it turns the other axes, J ascends.
+            ``I_adapted = rotation @ I @ rotation.T``. It is the identity if the given
+            basis is adapted already; where it turns the other axes, J ascends.
 
         Examples
         --------

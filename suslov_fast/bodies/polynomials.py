@@ -190,7 +190,8 @@ def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str
         return np.stack([_tensor(each, D, degree) for each in found])
     except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
-        missing = re.search(r"missing .* argument.*?'(\w+)'", str(error))
+        in_call = getattr(error.__traceback__, "tb_next", None) is None  # not in what f calls
+        missing = in_call and re.search(r"missing .* argument.*?'(\w+)'", str(error))
         need = missing and f"none, as {name} needs {missing[1]}: pass {missing[1]}=28, say"
         raise wrong(name, expected, need or error, kind) from error
 

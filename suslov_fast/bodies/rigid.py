@@ -89,8 +89,8 @@ class Suslov3D(_In3D):
         velocity is constant.
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, which does not enter the map; :func:`momentum`,
-        :func:`step_full` and :func:`animate_body` take it from the body. One that no rigid body
-        has is a warning; see :meth:`admissible_I3`.
+        :func:`step_full` and :func:`animate_body` take it from the body. There is a warning if
+        no rigid body has it; see :meth:`admissible_I3`.
 
     Examples
     --------
@@ -142,10 +142,11 @@ class Suslov3D(_In3D):
         -------
         body : Suslov3D
             The body in its adapted basis. Products of inertia below 2**-50 of the largest moment
-            are rounding errors, and 0.
+            are rounding errors, and set to 0.
         rotation : ndarray(float, shape=(..., 3, 3))
             The matrix, of determinant 1, that takes components to the adapted basis:
             ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.
+            It is the identity if the given basis is adapted already.
 
         Examples
         --------
@@ -245,7 +246,7 @@ def _rotation_to_last(axis: FloatArray) -> FloatArray:
     length = 1.0 + abs(axis[..., -1, np.newaxis, np.newaxis])  # half of its square
     first = unit - normal[..., np.newaxis] * normal[..., np.newaxis, :] / length
     second = 1.0 - 2.0 * np.where(up, unit[-1], unit[0])
-    return np.asarray(second[..., np.newaxis] * first)
+    return np.asarray(second[..., np.newaxis] * first) + 0.0  # no -0.0
 
 
 def without_rounding(products: FloatArray, largest: FloatArray) -> FloatArray:

@@ -155,7 +155,8 @@ def check(
                 expected = "False, as states of a field have no orientation"
                 raise wrong(name, expected, checks.short(value), TypeError)
             n = body.dimension + 1
-            orientation = np.eye(n) if value is True else checks.rotations(name, value, n)
+            is_identity = value is True and name == "attitude"
+            orientation = np.eye(n) if is_identity else checks.rotations(name, value, n)
             shapes[name] = orientation.shape[:-2]
         else:
             of_states = "x" if isinstance(body, QuadraticField) else name

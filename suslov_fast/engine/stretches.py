@@ -121,7 +121,7 @@ class March:
         last = steps // every if every else 0
         for end in range(rows, last + rows + 1, rows):
             saved, turns = self.to(steps if end > last else (end - 1) * every, every)
-            # A piece that is state 0 alone is followed by one that begins with it, too.
+            # After a piece that is state 0 alone, the next one begins with state 0 again.
             yield saved[-rows:], None if turns is None else turns[-rows:]
 
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:

@@ -22,7 +22,7 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     Parameters
     ----------
     body, omega
-        As in :func:`jacobian`; fields are those made by `QuadraticField.from_hamiltonian`.
+        As in :func:`jacobian`; a field has to be made by `QuadraticField.from_hamiltonian`.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
     Parameters
     ----------
     body, omega, eps
-        As in :func:`jacobian`; fields are those made by `QuadraticField.from_hamiltonian`.
+        As in :func:`jacobian`; a field has to be made by `QuadraticField.from_hamiltonian`.
 
     Returns
     -------
@@ -131,7 +131,7 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     Parameters
     ----------
     body, omega, eps
-        As in :func:`jacobian`; bodies are those of :func:`first_integral`.
+        As in :func:`first_integral`.
 
     Returns
     -------
@@ -190,7 +190,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     Parameters
     ----------
     body, omega, eps
-        As in :func:`jacobian`; eps = 0 is the continuous motion. Fields are those made by
+        As in :func:`jacobian`; eps = 0 is the continuous motion. A field has to be made by
         `QuadraticField.from_hamiltonian`; a body without a known measure raises
         :class:`NotIntegrableError`.
 
@@ -267,7 +267,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     """
     if isinstance(body, Suslov3D) and np.any((body.I13 == 0) & (body.I23 == 0)):
         raise wrong("body", "I13 or I23 other than 0", "both 0")
-    refuse("xy", xy)  # variables of datasets, which are states
+    refuse("xy", xy)  # variables of datasets too: they hold states
     return evaluate(body, Suslov3D, {"xy": xy}, formulas.from_xy)
 
 

@@ -34,15 +34,15 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
     Parameters
     ----------
     field : QuadraticField or a body
-        With at most 3 variables (for more than one: extra `algebra`); a single one, or a batch with
-        one axis.
+        With at most 3 variables; for more than one it needs the extra `algebra`. A single one, or
+        a batch with one axis.
 
     Returns
     -------
     ndarray(float, shape=(k, D)), or a list of them
         Each point once, rounded once, in ascending order of the components. Of a batch a list, an
-        array for each member, whose points are in the order of those of the member before, if
-        there are as many, with the least sum of distances.
+        array for each member. Where a member has as many points as the one before, they are in the
+        order that makes the sum of the distances to its points least.
 
     Raises
     ------

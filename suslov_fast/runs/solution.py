@@ -39,7 +39,7 @@ def exact(
     Parameters
     ----------
     body : Suslov3D, SuslovND or SuslovGyrostat
-        In n dimensions an integrable one, else there is a :class:`NotIntegrableError`.
+        In n dimensions an integrable one; others raise :class:`NotIntegrableError`.
     omega0, eps, threads
         As in :func:`iterate`.
     n : array_like(float, shape=() or (N,))
@@ -56,7 +56,12 @@ def exact(
     Notes
     -----
     The formula is Theorem 1 in Section 4 of the paper, corrected, and extended to t >= 1 and to
-    the gyrostat. The notes of :func:`iterate` say what happens at a pole.
+    the gyrostat.
+
+    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
+    status SINGULAR. The closed form goes on beyond the pole, as the birational map does:
+    :func:`exact` and :func:`limits` have the states after it, and only the state directly after
+    the pole is NaN.
 
     Examples
     --------

@@ -191,11 +191,6 @@ def one_step(system, x, out, memory):
     return step_system(system, x, out, memory)
 
 
-@njit
-def one_advance(frame, u, v):
-    return advance(frame, u, v)
-
-
 @pytest.mark.compiled
 @pytest.mark.parametrize("body", [ND, FIELD], ids=["nd", "field"])
 def test_what_does_not_fit_is_refused_when_a_loop_is_compiled(body):
@@ -215,7 +210,7 @@ def test_what_does_not_fit_is_refused_when_a_loop_is_compiled(body):
             with pytest.raises(TypingError):
                 call(constants, three, three, others)
     quantities = compiled.energy, compiled.first_integral, compiled.vector_field
-    for each in (one_advance, advance, enter, leave, compiled.step, *quantities):
+    for each in (advance, enter, leave, compiled.step, *quantities):
         with pytest.raises(TypingError):
             each(constants, 1.0, 2.0)
         with pytest.raises(TypeError, match=r"expected frame\(body, eps\)"):

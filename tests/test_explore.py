@@ -117,8 +117,6 @@ def test_curves_and_portrait(name):
     points = np.array(drawn["axes"]) * drawn["radii"]
     squares = np.einsum("ik,ij,jk->k", points, body._inertia(drawn["I3"]), points)
     np.testing.assert_allclose(squares, squares[0], rtol=1e-13)
-    low, high = sf.Suslov3D(*parameters[:4]).admissible_I3()
-    assert drawn["matter"] == (low < drawn["I3"] < high)
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +149,6 @@ def test_the_page_is_served_and_refers_to_nothing_else(server):
         addresses = set(re.findall(r"https?://[\w.]+", text))
         assert addresses <= {"http://www.w3.org", "http://127.0.0.1"}
         assert "url(" not in text.replace("url(#frame)", "")
-        assert len(text.splitlines()) <= 250, path
     files = {f"/{file.name}" for file in PAGE.iterdir()}
     assert files - {"/index.html", "/widget.js"} == found - {"/"}
 

@@ -20,7 +20,6 @@ from suslov_fast.command import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
 COMMAND = [sys.executable, "-m", "suslov_fast"]
-load = sf.Trajectories.load
 
 
 @pytest.fixture(autouse=True)
@@ -48,11 +47,6 @@ def succeed(line):
 
 def facts_of(line):
     return json.loads(succeed(f"{line} --json"))
-
-
-def summary(text):
-    """Return the rows of a summary, the text of each by its name."""
-    return {line[:16].strip(): line[16:].strip() for line in text.splitlines()}
 
 
 def start(line, **pipes):
@@ -89,7 +83,7 @@ def test_failures_are_counted():
     assert 0 < facts["drift"]["F"] < 1e-12
     done = run(f"{UNIT} --omega0 1,-3")
     assert (done.code, done.err) == (1, "suslov-fast: run: all trajectories failed\n")
-    assert summary(done.out)["status"].startswith("1 SINGULAR")
+    assert "1 SINGULAR" in done.out
     assert "drift" not in done.out
 
 
@@ -153,9 +147,9 @@ def test_run_is_iterate(options):
     np.save("s.npy", STARTS)
     expected = sf.iterate(**DEFAULTS | RUNS[options], on_singular="ignore")
     facts = facts_of(f"run {options} --steps 4 -o o.npz")
-    assert load("o.npz") == expected
+    assert sf.Trajectories.load("o.npz") == expected
     assert (facts["body"], facts["eps"]) == (expected.body.to_dict(), expected.eps)
-    assert "status" in summary(succeed("info o.npz"))
+    assert "status" in succeed("info o.npz")
     succeed(f"run {options} --steps 4 -o o.zarr")
     stored = sf.open_ensemble("o.zarr")
     for name in (expected._map.variable, "final"):
@@ -166,7 +160,7 @@ def test_a_store_is_finished_or_refused():
     line = "run --trajectories 100 --steps 40 --save-every 4 -o run.zarr"
     succeed(line)
     Path("run.zarr/status/c/0").unlink()
-    assert summary(succeed("info run.zarr"))["status"] == "100 PENDING: not computed yet"
+    assert "100 PENDING: not computed yet" in succeed("info run.zarr")
     assert facts_of(line)["status"] == {"OK": 100}
     refused = run(f"{line} --eps 0.3")
     assert (refused.code, refused.err.count("\n")) == (1, 1)
@@ -205,10 +199,8 @@ MISTAKES = """
 1 | run --body missing.json --eps 1 | missing.json: No such file
 1 | run --body cut.json --eps 1 | cut.json: .* line 1 column 10
 1 | run --body wrong.json --eps 1 | wrong.json: .* I1 .* -4
-1 | run --body binary.json --eps 1 | binary.json: .* utf-8
 1 | run --initial cut.npy | cut.npy:
 1 | run --initial nan.npy | nan.npy: expected finite .* nan .* (2, 1)
-1 | run --initial names.npy | names.npy: expected real numbers
 1 | run -o good.npz | good.npz: expected a new name, or --force
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
 1 | run -o folder.zarr --force | folder.zarr
@@ -226,10 +218,8 @@ def bad_files(tmp_path_factory):
     (folder / "folder.zarr" / "thesis.tex").touch()
     np.save(folder / "good.npy", np.ones((4, 2)))
     np.save(folder / "nan.npy", [[1, 2], [3, 4], [5, np.nan]])
-    np.save(folder / "names.npy", [["a", "b"]])
     np.savez(folder / "foreign.npz", x=np.ones(3))
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
-    (folder / "binary.json").write_bytes(bytes(range(128, 200)))
     body = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": 0, "I23": 1}
     texts = {"good.json": json.dumps(body), "wrong.json": json.dumps(body | {"I1": -4})}
     texts |= {"cut.json": '{"body": ', "good.npz": "precious", "picture1.png": "precious"}

@@ -167,6 +167,8 @@ def test_progress(body, capsys, monkeypatch):
     sf.iterate(body, omega, 0.2, 500).extend(300, progress=lambda *n: seen.append(n))
     assert len(seen) > 1
     assert max(seen) == seen[-1] == (300, 300)
+    sf.iterate(body, omega[:0], 0.2, 10, progress=lambda *n: seen.append(n))
+    assert seen[-1] == (10, 10)
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
     with pytest.raises(ValueError, match="out"):

@@ -144,7 +144,7 @@ class March:
             length = max(int(at_once / width), 1)
         before, final = (self.parameters, self.omega0, self.carry), self.final.reshape(size, D)
         after = saved, final, self.status.reshape(size), self.failed_at.reshape(size)
-        for begin in range(0, size, width):
+        for begin in range(0, max(size, 1), width):
             end = min(begin + width, size)
             for start in range(n, max(stop, n + 1), length):
                 until = min(start + length, stop)
@@ -153,7 +153,7 @@ class March:
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
                 call_kernel(kernel, work, threads, *before, span, *after)
                 if report is not None:
-                    report((begin * (stop - n) + (end - begin) * (until - n)) // size)
+                    report((begin * (stop - n) + (end - begin) * (until - n)) // max(size, 1))
         self.n = stop
 
     def _turn_to(

@@ -153,7 +153,8 @@ class March:
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
                 call_kernel(kernel, work, threads, *before, span, *after)
                 if report is not None:
-                    report((begin * (stop - n) + (end - begin) * (until - n)) // max(size, 1))
+                    done = begin * (stop - n) + (end - begin) * (until - n)
+                    report(done // size if size else until - n)
         self.n = stop
 
     def _turn_to(

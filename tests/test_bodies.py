@@ -95,8 +95,6 @@ def test_selection_by_value():
     assert bodies.sel(I2=2, I1=4) == bodies[0][1]
     assert bodies.sel(I2=2.4, method="nearest").I2 == 2.0
     assert Suslov3D([4.0], 1, 0, 0).sel(I1=4) == Suslov3D(4, 1, 0, 0)
-    mixed = SuslovGyrostat(2, 3, 0.5, [0.1, 0.2, 0.3], [[0.0], [1.0]])
-    assert mixed.sel(I23=0.2) == SuslovGyrostat(2, 3, 0.5, 0.2, [0.0, 1.0])
 
 
 def test_an_I3_that_no_body_has():

@@ -185,7 +185,6 @@ MISTAKES = """
 2 | run --I1 4.5 | required: --I2, --I13, --I23, --eps
 2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k
 2 | run --I1 4 --picture 1 | --I1: not allowed with --picture
-2 | run --body good.json --picture 1 | --picture: not allowed with argument --body
 2 | run --omega0 1,2 --seed 0 | --seed: expected random
 2 | run --save-every 3 | --save-every .* expected -o FILE
 2 | run -o o.csv | -o/--output: expected FILE.npz or FILE.zarr, got 'o.csv'

@@ -183,7 +183,6 @@ BAD = [
     ({"chunk": "many"}, TypeError, "chunk"), ({"dims": ("a", "b")}, ValueError, "dims"),
     *[({"coords": {name: 3}}, ValueError, "coords") for name in ("a/b", "omega")],
     *[({"functions": {name: radius}}, ValueError, "functions") for name in ("omega", "time")],
-    ({"functions": {"a/b": radius}}, ValueError, "functions"),
     ({"functions": {"r": np.sin}}, TypeError, "functions.*r"),
     ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
     ({"functions": {"r": lambda x: x[..., 0] * 1j}}, ValueError, "functions.*r"),

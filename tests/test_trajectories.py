@@ -40,7 +40,6 @@ def run_of(name):
 QUANTITIES = {"first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction"}
 HAS = {
     "batch": QUANTITIES,
-    "empty": QUANTITIES,
     "gyrostat": QUANTITIES - {"to_xy"},
     "four": {"energy", "modified_energy", "reaction"},
     "field": set(),
@@ -138,8 +137,7 @@ def test_contents_of_a_dataset():
     data = run.to_xarray()
     names = "omega n time eps status failed_at final attitude component I1 I2 I13 I23"
     assert set(data.variables) == set(names.split())
-    about = {"method": "auto", "steps": 7, "save_every": 5, "version": sf.__version__}
-    assert about.items() <= data.attrs.items()
+    assert (data.attrs["method"], data.attrs["save_every"]) == ("auto", 5)
     assert data.omega.dims == ("n", "trajectory", "component")
     assert (data.omega.sel(n=5, component="Omega2") == run.omega[1, :, 1]).all()
     assert (data.time.values == run.time).all()

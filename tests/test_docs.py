@@ -101,17 +101,13 @@ def test_the_readme(tmp_path, monkeypatch):
     """
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)
     monkeypatch.chdir(tmp_path)
-    kinds = []
     for kind, code in BLOCK.findall(README.read_text(encoding="utf-8")):
-        kinds.append(kind)
         if kind == "python":
             run(code, "README.md", {})
         elif kind == "sh":
             for line in code.splitlines():
                 command, *arguments = shlex.split(line)
                 assert (command, main(arguments)) == ("suslov-fast", 0), line
-    assert kinds.count("python") >= 3
-    assert "sh" in kinds
     assert np.load(tmp_path / "run.npz")["states"].shape == (6, 1000, 2)
     assert (tmp_path / "pictures" / "picture4.png").exists()
 

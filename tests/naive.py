@@ -173,22 +173,6 @@ def vector_field(I1, I2, I13, I23, omega, k=0):
     return -l * w2 / I1, l * w1 / I2
 
 
-@mp.workdps(30)
-def flow(I1, I2, I13, I23, omega, time, steps=40, k=0):
-    """Solution of equations (2) at a time, in 30 digits, by Taylor series of order 30."""
-    I1, I2, I13, I23, time = exactly(I1, I2, I13, I23, time)
-    state = exactly(*omega)
-    for _ in range(steps):
-        w1, w2, l = series = [[state[0]], [state[1]], []]
-        for n in range(1, 31):
-            l.append(I13 * w1[-1] + I23 * w2[-1] + (k if n == 1 else 0))
-            products = [mpmath.fdot(l, reversed(w)) for w in (w1, w2)]
-            w1.append(-products[1] / I1 / n)
-            w2.append(products[0] / I2 / n)
-        state = [mpmath.polyval(row[::-1], time / steps) for row in series[:2]]
-    return state
-
-
 def derivative(function, state, digits=20):
     """Derivative of a function of vectors, by central differences."""
     h, columns, state = mpf(10) ** -digits, [], exactly(*state)

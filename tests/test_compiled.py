@@ -8,31 +8,20 @@ import pytest
 from numba import njit, prange
 from numba.core.errors import TypingError
 
-from suslov_fast import (
-    QuadraticField,
-    Status,
-    Suslov3D,
-    SuslovGyrostat,
-    SuslovND,
-    compiled,
-    energy,
-    first_integral,
-    jacobian,
-    step,
-    vector_field,
-)
+import suslov_fast as sf
+from suslov_fast import compiled
 from suslov_fast.compiled import advance, enter, frame, leave, step_system, system, work
 
-BODY, EPS = Suslov3D(4, 3, -0.4, -0.2), 0.2
-GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
-ND = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+BODY, EPS = sf.Suslov3D(4, 3, -0.4, -0.2), 0.2
+GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 
 
 def lorenz(x):
     return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
 
 
-FIELD = QuadraticField.from_function(lorenz, 3)
+FIELD = sf.QuadraticField.from_function(lorenz, 3)
 
 
 @njit(parallel=True)
@@ -59,7 +48,7 @@ def system_after(system, x, steps):
 
 
 def condition(body, state, eps, following):
-    found = np.linalg.norm(jacobian(body, state, eps)) * np.linalg.norm(state)
+    found = np.linalg.norm(sf.jacobian(body, state, eps)) * np.linalg.norm(state)
     return max(1.0, found / np.linalg.norm(following))
 
 
@@ -68,12 +57,12 @@ def condition(body, state, eps, following):
     "body",
     [
         BODY,
-        Suslov3D(1, 1, 1, 0),
-        Suslov3D(0.3, 7, 1e-3, 2),
+        sf.Suslov3D(1, 1, 1, 0),
+        sf.Suslov3D(0.3, 7, 1e-3, 2),
         GYROSTAT,
-        SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 1e6),
-        SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 1e-9),
-        SuslovGyrostat(2.3, 1.4, 0, 0, 3),
+        sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 1e6),
+        sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 1e-9),
+        sf.SuslovGyrostat(2.3, 1.4, 0, 0, 3),
     ],
     ids=repr,
 )
@@ -96,22 +85,22 @@ def test_a_step_is_accurate(body, rng):
     [
         (ND, 1.0, 0.4),
         (ND, 10.0, -3.0),  # by elimination
-        (SuslovND([1.0], [2.0]), 1.0, 0.25),
+        (sf.SuslovND([1.0], [2.0]), 1.0, 0.25),
         (FIELD, 10.0, 1 / 64),
         (FIELD, 1.0, 0.5),  # with other pivots
-        (QuadraticField.of(GYROSTAT), 1.0, 0.35),
+        (sf.QuadraticField.of(GYROSTAT), 1.0, 0.35),
     ],
     ids=["nd", "nd-elimination", "n=2", "lorenz", "lorenz-pivots", "gyrostat"],
 )
 def test_steps_in_any_dimension_are_those_of_the_package(body, size, eps, rng):
     """Their accuracy is tested there. Views are taken, and out may be x."""
     constants, x = system(body, eps), rng.normal(size=(body.dimension, 8)) * size
-    expected, out, memory = step(body, x.T, eps).T, np.zeros_like(x), work(constants)
+    expected, out, memory = sf.step(body, x.T, eps).T, np.zeros_like(x), work(constants)
     given = x.copy()
     given.setflags(write=False)
     for k in range(8):
-        assert step_system(constants, given[:, k], out[:, k], memory) == Status.OK
-    assert (system_after(constants, x.T, 1) == Status.OK).all()
+        assert step_system(constants, given[:, k], out[:, k], memory) == sf.Status.OK
+    assert (system_after(constants, x.T, 1) == sf.Status.OK).all()
     np.testing.assert_array_equal(out, expected)
     np.testing.assert_array_equal(x, expected)
 
@@ -121,19 +110,19 @@ def test_loops_of_users_follow_orbits(body, rng):
     omega = rng.uniform(-2, 2, (65, 2))
     *inertia, k = (*body.parameters, 0.0)[:5]
     constants = frame(body, EPS)
-    found, F = after(constants, omega, 50), first_integral(body, omega, EPS)
+    found, F = after(constants, omega, 50), sf.first_integral(body, omega, EPS)
     exact = naive.orbit(*inertia, EPS, omega[7], 50, k=k)[-1]
     assert naive.relative_error(found[7, :2], exact) < 1e-14
     np.testing.assert_allclose(found[:, 2], F, rtol=1e-13)
     for w, integral in zip(omega[:3], F, strict=False):
-        assert compiled.vector_field(constants, *w) == tuple(vector_field(body, w))
-        assert compiled.energy(constants, *w) == energy(body, w)
+        assert compiled.vector_field(constants, *w) == tuple(sf.vector_field(body, w))
+        assert compiled.energy(constants, *w) == sf.energy(body, w)
         assert compiled.first_integral(constants, *w) == pytest.approx(integral, rel=1e-15)
 
 
 def test_steps_of_long_vectors_keep_their_digits():
     for X, Y in ((1e3, 1e6), (-30.0, 1e8), (1e5, -1e4)):  # next states are near (0, -1)
-        constants = frame(Suslov3D(1, 1, 1, 0), 2.0)
+        constants = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)
         u, v = advance(constants, X, Y)
         exact = naive.step(1, 1, 1, 0, 2.0, (X, -Y))
         assert naive.relative_error((u, -v), exact) < 1e-15
@@ -150,20 +139,21 @@ def test_a_long_orbit_comes_to_rest_without_subnormal_numbers():
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
 def test_what_does_not_exist_is_nan():
-    unit = frame(Suslov3D(1, 1, 1, 0), 2.0)  # X = Omega1, Y = -Omega2: poles are Y = 1 + 2 X**2
+    unit = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)  # X = Omega1, Y = -Omega2: poles are Y = 1 + 2 X**2
     for X in np.array([0.0, 0.25, 1 / 3, 3.0, 1e8]):
         u, v = enter(unit, X, -(1 + 2 * X * X))
         assert np.isnan(advance(unit, u, v)).all()
         assert np.isnan(compiled.step(unit, X, -(1 + 2 * X * X))).all()
     assert np.isnan(advance(unit, *advance(unit, np.nan, 1.0))).all()
-    assert np.isnan(compiled.step(frame(SuslovGyrostat(1, 1, 1, 0, 0.5), 1.0), 1.0, -3.875)).all()
-    square = system(QuadraticField([[[1]]]), 0.5)  # x' = x**2
-    nd = system(SuslovND([1.0, 1.0, 1.0], [0.5, -0.75, 0.5]), 1.0)
+    rotor = frame(sf.SuslovGyrostat(1, 1, 1, 0, 0.5), 1.0)
+    assert np.isnan(compiled.step(rotor, 1.0, -3.875)).all()
+    square = system(sf.QuadraticField([[[1]]]), 0.5)  # x' = x**2
+    nd = system(sf.SuslovND([1.0, 1.0, 1.0], [0.5, -0.75, 0.5]), 1.0)
     for constants, x, status in (
-        (square, [2.0], Status.SINGULAR),
-        (square, [np.nan], Status.NONFINITE),
-        (nd, [1.0, -1.0, 1.5], Status.SINGULAR),
-        (nd, [1.0, np.nan, 1.5], Status.NONFINITE),
+        (square, [2.0], sf.Status.SINGULAR),
+        (square, [np.nan], sf.Status.NONFINITE),
+        (nd, [1.0, -1.0, 1.5], sf.Status.SINGULAR),
+        (nd, [1.0, np.nan, 1.5], sf.Status.NONFINITE),
     ):
         out = np.array(x)
         assert step_system(constants, out, out, work(constants)) == status
@@ -172,15 +162,15 @@ def test_what_does_not_exist_is_nan():
 
 def test_bodies_and_step_sizes_are_checked():
     for call, error, words in (
-        (lambda: frame(SuslovND([1, 2], [1, 1]), 0.1), TypeError, r"system\(body, eps\)"),
+        (lambda: frame(sf.SuslovND([1, 2], [1, 1]), 0.1), TypeError, r"system\(body, eps\)"),
         (lambda: frame(4, 0.1), TypeError, "^body: "),
         (lambda: system(4, 0.1), TypeError, "^body: "),
         (lambda: frame(BODY, np.inf), ValueError, "^eps: "),
         (lambda: frame(BODY, "0.1"), TypeError, "^eps: "),
         (lambda: frame(BODY, 0.0), ValueError, "identity"),
-        (lambda: frame(Suslov3D(1, 2, 0, 0), 0.1), ValueError, "identity"),
+        (lambda: frame(sf.Suslov3D(1, 2, 0, 0), 0.1), ValueError, "identity"),
         (lambda: frame(BODY, [[0.1], [0.2]]), ValueError, r"\(2, 1\)"),
-        (lambda: system(SuslovND([[1, 2]] * 3, [1, 1]), 0.1), ValueError, r"\(3,\)"),
+        (lambda: system(sf.SuslovND([[1, 2]] * 3, [1, 1]), 0.1), ValueError, r"\(3,\)"),
     ):
         with pytest.raises(error, match=words):
             call()
@@ -221,13 +211,13 @@ def test_what_does_not_fit_is_refused_when_a_loop_is_compiled(body):
 def test_arrays_of_another_length_are_refused(body):
     """Nothing else would notice: compiled code checks no index."""
     constants, three, four = system(body, 0.1), np.ones(3), np.ones(4)
-    larger = SuslovND([1, 2, 3, 4], [1, 1, 1, 1])
+    larger = sf.SuslovND([1, 2, 3, 4], [1, 1, 1, 1])
     larger = work(system(larger if body is ND else larger.field(), 0.1))
     memory = work(constants)
     for arguments in ((four, three, memory), (three, four, memory), (three, three, larger)):
         with pytest.raises(ValueError, match="dimension of the system"):
             step_system(constants, *arguments)
-    fewer = work(system(QuadraticField(np.zeros((3, 3, 3)), np.ones((3, 3))), 0.1))
+    fewer = work(system(sf.QuadraticField(np.zeros((3, 3, 3)), np.ones((3, 3))), 0.1))
     with pytest.raises(ValueError, match=r"^work: .* terms"):
         step_system(system(FIELD, 0.1), three, three, fewer)
 

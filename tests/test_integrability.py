@@ -47,6 +47,7 @@ CUBIC = field_of(
     ),
     2,
 )
+LINEAR = field_of(lambda x: (8 * x[0] + 16 * x[1], 8 * x[0] + 8 * x[1]), 2)
 PREY = field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
 FORCED = field_of(lambda x: (x[0] * x[1], -(x[0] ** 2) - 1), 2)
 SIR = field_of(lambda x: (-2 * x[0] * x[1], 2 * x[0] * x[1] - x[1], x[1]), 3)
@@ -350,14 +351,7 @@ def test_exceptional_primes_and_lines_are_drawn_again():
         (from_hamiltonian(lambda x: 0 * x[0] + 1, 2), 3, "bounded", [1, 1], None, None),
         (field_of(lambda x: (x[1] ** 2, 1), 2), 3, "bounded", [3], None, None),
         # det DPhi = -1, and several constants for the same factors.
-        (
-            field_of(lambda x: (8 * x[0] + 16 * x[1], 8 * x[0] + 8 * x[1]), 2),
-            3,
-            "bounded",
-            [4],
-            None,
-            None,
-        ),
+        (LINEAR, 3, "bounded", [4], None, None),
         # Fibres that move are no integral.
         (field_of(lambda x: (x[0], x[0] * x[1]), 2), 3, "linear", [], None, None),
         (ZOO["McMillan"][0].inverse, 4, "quadratic", [4], [0], None),

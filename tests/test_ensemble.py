@@ -152,7 +152,6 @@ def oscillator(constant):
     ("asked", "change", "words"),
     [
         (ASKED, {"body": Suslov3D(4, 1, -0.5, -0.31)}, "I23: -0.31, the store has -0.3"),
-        (ASKED, {"eps": -0.2}, "eps: -0.2, the store has 0.2"),
         (ASKED, {"omega0": [[1.0, 0.5 + 1e-12]]}, "omega0: .*, the store has others"),
         (ASKED, {"save_every": None}, "save_every: None, the store has 2"),
         (ASKED, {"attitude": True}, "attitude: 9 values from 0 to 1, the store has None"),

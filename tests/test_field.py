@@ -124,7 +124,6 @@ def test_a_family_with_two_axes():
         assert member.parameters == {"a": a, "b": b}
         assert float(member.H([F(1), F(0)])) == pytest.approx(a - a * b / 7, rel=1e-15)
     assert ENERGIES.sel(a=2.0).parameters["b"].tolist() == [0.5, 1.0]
-    assert ENERGIES.parameters["a"].shape == (11, 1)
     mixed = of_function(lambda x, a, mu: (a * x[0] - mu,), 1, a=[1, 2], mu=F(1, 3))
     assert mixed[1].parameters == {"a": 2.0, "mu": F(1, 3)}
 

@@ -165,6 +165,7 @@ def test_the_hamiltonian_of_components_in_other_units():
     other = of_hamiltonian(lambda x: henon_heiles((x[0] * unit, x[1] * unit, *x[2:])) / unit, 4)
     x, eps = np.array([0.3, -0.2, 0.5, 0.7]), 0.8
     far = x / [unit, unit, 1, 1]
+    assert sf.modified_energy(HENON, x, 0.0) == pytest.approx(henon_heiles(x), rel=1e-14)
     assert sf.energy(other, far) * unit == pytest.approx(sf.energy(HENON, x), rel=1e-14)
     for function, factor in ((sf.modified_energy, unit), (sf.invariant_density, 1.0)):
         found, expected = function(other, far, eps) * factor, function(HENON, x, eps)

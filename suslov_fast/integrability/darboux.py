@@ -1,10 +1,10 @@
 """Darboux polynomials of a cofactor, and the cofactors that have some."""
 
-import contextlib
 import math
 import random
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any
 
 import flint
@@ -47,7 +47,7 @@ def darboux_polynomials(
     Raises
     ------
     ArithmeticError
-        If there is no map, or the map or the cofactor is undefined at most points.
+        If there is no map, or the cofactor is undefined at random points.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def with_cofactor(map: RationalMap, degree: int, cofactor: Any, rng: random.Rand
     """Return a basis of the polynomials up to a degree that have a cofactor, None for det DPhi."""
 
     def search(p: int, eps: int) -> Residues:
-        here, images = _at_points(map, degree, cofactor, p, eps, rng)
+        here, images = _at_points(map, degree, cofactor, p, eps)
         space = exact.null_space(images - here)
         if map.has_letter and space:  # formulas without LLL: pivots are monomials of low degree
             return exact.integer_rows(flint.nmod_mat(space, p).rref()[0])
@@ -128,22 +128,27 @@ def with_cofactor(map: RationalMap, degree: int, cofactor: Any, rng: random.Rand
     return polynomials_with(rows, exact.exponents_up_to(degree, map.dimension), map.has_letter)
 
 
-def _at_points(
-    map: RationalMap, degree: int, cofactor: Any, p: int, eps: int, rng: random.Random
-) -> tuple[Any, Any]:
+def _at_points(map: RationalMap, degree: int, cofactor: Any, p: int, eps: int) -> tuple[Any, Any]:
     """Return monomials at random points, times the cofactor, and at their images, in rows."""
-    now, exponents = map.at(eps), exact.exponents_up_to(degree, map.dimension)
-    value = _modulo(cofactor, now, p, eps)
-    here, images, count = [], [], len(exponents) + MORE
-    for _ in range(2 * count):
-        x = exact.point_modulo(p, [rng.randrange(-(2**12), 2**12) for _ in range(map.dimension)])
-        with contextlib.suppress(ZeroDivisionError):  # at a pole
-            image, c = now.image(x), value(x)
-            here.append([c * a for a in monomial_values(exponents, x)])
-            images.append(monomial_values(exponents, image).tolist())
-        if len(here) == count:
-            return flint.nmod_mat(here, p), flint.nmod_mat(images, p)
-    raise ArithmeticError("the map or the cofactor is undefined at most points")
+    points, monomials, images = _random_points(map, degree, p, eps)
+    value = _modulo(cofactor, map.at(eps), p, eps)
+    try:
+        values = [value(x) for x in points]
+    except ZeroDivisionError:
+        raise ArithmeticError("the cofactor is undefined at random points") from None
+    here = [[c * a for a in row] for c, row in zip(values, monomials, strict=True)]
+    return flint.nmod_mat(here, p), flint.nmod_mat(images, p)
+
+
+@lru_cache(maxsize=32)
+def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> tuple[Any, Any, Any]:
+    """Return random points, and the monomials at them and at their images, for all cofactors."""
+    n, rng, now = map.dimension, random.Random(p), map.at(eps)
+    exponents = exact.exponents_up_to(degree, n)
+    points = [exact.random_point(n, p, rng) for _ in range(len(exponents) + MORE)]
+    monomials = [monomial_values(exponents, x).tolist() for x in points]
+    images = [monomial_values(exponents, now.image(x)).tolist() for x in points]
+    return points, monomials, images
 
 
 def _modulo(cofactor: Any, map: RationalMap, p: int, eps: int) -> Callable[[list[Any]], Any]:
@@ -158,7 +163,7 @@ def _modulo(cofactor: Any, map: RationalMap, p: int, eps: int) -> Callable[[list
         )
 
     def value(x: list[Any]) -> Any:
-        found = cofactor(tuple(Fraction((int(a) + p // 2) % p - p // 2) for a in x[:-1]))
+        found = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
         if isinstance(found, float):
             raise wrong("cofactor", "exact numbers", "float", TypeError)
         return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), p)
@@ -174,18 +179,17 @@ def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     if map.factors is None:
         expected = f"a map with an inverse and factors of det DPhi of at most {TERMS} terms"
         raise ArithmeticError(f"expected {expected}")
-    rng = random.Random(degree)
     below = factored(map.forms[-1]) ** -degree
-    divisors = _Divisors(map, degree, rng)
+    divisors = _Divisors(map, degree, random.Random(degree))
     everything = flint.nmod_mat(np.eye(len(divisors.monomials), dtype=int).tolist(), divisors.p)
     for powers in divisors.powers(everything, degree * (map.degree - 1)):
         cofactor = product_of(zip(map.factors, powers, strict=True), Fraction(1)) * below
 
         def search(p: int, eps: int, cofactor: Any = cofactor) -> Residues:
-            pullback = _pullback(*_at_points(map, degree, cofactor, p, eps, rng))
+            pullback = _pullback(*_at_points(map, degree, cofactor, p, eps))
             return [[int(c) for c in pullback.minpoly().coeffs()]] if pullback else []
 
-        rows = over_rationals(rng, search, map.has_letter)
+        rows = over_rationals(random.Random(degree), search, map.has_letter)
         for c in rational_roots(rows[0], map.ring) if rows else ():
             yield c * cofactor
 
@@ -201,10 +205,9 @@ def _pullback(here: Any, images: Any) -> Any:
         pulled = [row[n:] for row in reduced.tolist()[:rank]]
         if rank == n:
             return flint.nmod_mat(pulled, p)
-        columns, dimension = flint.nmod_mat(pulled[n:], p).nullspace()
-        if dimension == 0:
+        if not (columns := exact.null_space(flint.nmod_mat(pulled[n:], p))):
             return None
-        chosen = _first(columns, dimension)
+        chosen = flint.nmod_mat(columns, p).transpose()
         here, images = here * chosen, images * chosen
 
 
@@ -232,8 +235,7 @@ class _Divisors:
     def _add_line(self) -> None:
         """Add the monomials at the image of a random line, and the factors on it."""
         line = random_line(self.map.dimension, self.p, self.rng)
-        pairs = zip(self.factors, self.degrees, strict=True)
-        factors = [on_line(P, line, degree) for P, degree in pairs]
+        factors = [on_line(P, line, k) for P, k in zip(self.factors, self.degrees, strict=True)]
         images = monomial_values(self.monomials, self.now.reduced(line))
         self.lines.append((list(images), factors))
 
@@ -255,8 +257,8 @@ class _Divisors:
         """Return the combinations of columns that have factor i to this power; None if only 0."""
         if (i, power) not in self.equations:
             self.equations[i, power] = self._equations(i, power)
-        columns, dimension = (self.equations[i, power] * basis).nullspace()
-        return basis * _first(columns, dimension) if dimension else None
+        columns = exact.null_space(self.equations[i, power] * basis)
+        return basis * flint.nmod_mat(columns, self.p).transpose() if columns else None
 
     def powers(
         self, basis: Any, left: int, known: tuple[int, ...] = ()
@@ -273,12 +275,6 @@ class _Divisors:
             if reduced is None:
                 break
             yield from self.powers(reduced, left - power * self.degrees[i], (*known, power))
-
-
-def _first(matrix: Any, count: int) -> Any:
-    """Return the first columns of a matrix."""
-    rows = matrix.tolist()
-    return flint.nmod_mat([row[:count] for row in rows], matrix.modulus())
 
 
 def exceptional_factors(map: RationalMap) -> list[bool]:

@@ -168,9 +168,9 @@ def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
     return [flint.nmod(fmpq(a), p) for a in (*x, 1)]
 
 
-def random_point(n: int) -> list[Any]:
-    rng = random.Random(0)
-    return point_modulo(PRIME, [rng.randrange(PRIME) for _ in range(n)])
+def random_point(n: int, p: int = PRIME, rng: random.Random | None = None) -> list[Any]:
+    rng = rng or random.Random(0)
+    return point_modulo(p, [rng.randrange(p) for _ in range(n)])
 
 
 def matrix(rows: Sequence[Sequence[Any]]) -> Any:

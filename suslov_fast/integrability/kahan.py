@@ -8,6 +8,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
+import flint
 import numpy as np
 
 from ..bodies.field import QuadraticField, rates
@@ -79,7 +80,11 @@ class KahanMap(RationalMap):
         ]
 
     def homogeneous(self, x: Sequence[Any]) -> list[Any]:
-        return cramer(self._system(x))
+        rows = self._system(x)
+        if not isinstance(x[-1], flint.nmod | flint.fmpq):
+            return cramer(rows)
+        A, b = (matrix([row[part] for row in rows]) for part in (slice(-1), slice(-1, None)))
+        return [*A.solve(b).entries(), x[-1]]
 
     def derivative(self, x: Sequence[Any]) -> Any:
         # It is A(x; eps)^-1 A(Phi(x); -eps).

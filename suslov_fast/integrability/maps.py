@@ -44,7 +44,7 @@ class RationalMap:
         return isinstance(other, RationalMap) and self.__reduce__() == other.__reduce__()
 
     def __hash__(self) -> int:
-        return hash(repr(self))
+        return hash(self.dimension)  # cheap: points are cached by map
 
     def __reduce__(self) -> Any:
         return RationalMap, (self.forms, self.inverse)
@@ -100,7 +100,7 @@ class RationalMap:
         """Return det DPhi in factors; None if they are too long."""
         below, n = self.forms[-1], self.dimension
         whole = cramer([[*row, below] for row in self._numerators])[-1]
-        return factored(whole / below ** (n - 1)) / factored(below) ** (n + 1)
+        return factored(whole // below ** (n - 1)) / factored(below) ** (n + 1)
 
     def __call__(self, point: Any) -> tuple[Any, ...]:
         """Return the image of a point, exactly; functions of eps if it is a letter."""
@@ -239,13 +239,13 @@ def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
 def coprime(polynomials: Sequence[Any]) -> list[Any]:
     """Return polynomials without their common factor."""
     common = reduce(lambda a, b: a.gcd(b), polynomials)
-    return [each / common for each in polynomials]
+    return [each // common for each in polynomials]
 
 
 def cramer(system: list[list[Any]]) -> list[Any]:
     """Return the numerators of the solution of a linear system (A | b), and det A.
 
-    Elimination with exact divisions (Bareiss), of numbers or polynomials.
+    Elimination of polynomials with exact divisions (Bareiss).
     """
     n, previous = len(system), 1
     for k in range(n):
@@ -257,7 +257,7 @@ def cramer(system: list[list[Any]]) -> list[Any]:
         top = system[k]
         for row in system[:k] + system[k + 1 :]:
             for j in range(k + 1, n + 1):
-                row[j] = (top[k] * row[j] - row[k] * top[j]) / previous
+                row[j] = (top[k] * row[j] - row[k] * top[j]) // previous
         previous = top[k]
     return [*(row[n] for row in system), previous]
 

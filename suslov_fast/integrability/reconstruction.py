@@ -38,7 +38,7 @@ def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> 
                     return candidate.rows
             quotients: Rows = [[([c], [1]) for c in row] for row in found]
             if letter:
-                interpolated = _interpolated(rng, search, p, e, found)
+                interpolated = _interpolated(search, p, e, found)
                 if interpolated is None:
                     return None
                 quotients = interpolated
@@ -94,13 +94,12 @@ def simplest_fraction(residue: int, modulus: int) -> Fraction:
     return Fraction(int(shortest[0, 0]), int(shortest[0, 1]))
 
 
-def _interpolated(
-    rng: random.Random, search: Search, p: int, e: int, first: Residues
-) -> Rows | None:
+def _interpolated(search: Search, p: int, e: int, first: Residues) -> Rows | None:
     """Return the rational functions of eps modulo p; None if they are too long."""
     if not first:
         return []
     points: list[int] = []
+    rng = random.Random(p)
     values: list[list[int]] = []
     found, following = first, 2
     candidate: list[tuple[Any, Any]] = []

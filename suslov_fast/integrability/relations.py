@@ -133,7 +133,9 @@ def hk_bases(
     dimension, _ = search.counts(exponents)
     basis: Any = None if map.has_letter else ()
     if not map.has_letter and (dimension > 0 or point is not None):
-        rows = over_rationals(rng, lambda p, eps: search.relations(p, eps, exponents, start))
+        rows = over_rationals(
+            rng, lambda p, eps: search.relations(p, eps, exponents, exact.point_modulo(p, start))
+        )
         basis = rows and tuple(tuple(a[0] for a, _ in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
@@ -148,29 +150,26 @@ class Relations:
         self.map, self.rng = map, rng
         self.counts = cache(self._counts)
 
-    def relations(self, p: int, eps: int, exponents: Exponents, point: Any = None) -> Residues:
+    def relations(self, p: int, eps: int, exponents: Exponents, x: list[Any]) -> Residues:
         """Return the relations along an orbit, in the form of `HKBasis.basis`."""
-        x = exact.point_modulo(p, self._random_point() if point is None else point)
         orbit = self.map.at(eps).orbit(x, len(exponents) + MORE)
         rows = [list(monomial_values(exponents, y)) for y in orbit]
         return exact.null_space(flint.nmod_mat(rows, p))
-
-    def _random_point(self) -> list[int]:
-        return [self.rng.randrange(2**61) for _ in range(self.map.dimension)]
 
     def _counts(self, exponents: Exponents) -> tuple[int, int]:
         """Return the number of relations, and of independent first integrals that they show."""
 
         def count(p: int, eps: int) -> tuple[int, int]:
-            relations = self.relations(p, eps, exponents, start := self._random_point())
+            x = exact.random_point(self.map.dimension, p, self.rng)
+            relations = self.relations(p, eps, exponents, x)
             if not relations:
                 return 0, 0
-            return len(relations), self._rank_of_derivatives(p, eps, exponents, start, relations)
+            return len(relations), self._rank_of_derivatives(p, eps, exponents, x, relations)
 
         return exact.confirmed(self.rng, count)  # type: ignore[no-any-return]
 
     def _rank_of_derivatives(
-        self, p: int, eps: int, exponents: Exponents, start: list[int], relations: Residues
+        self, p: int, eps: int, exponents: Exponents, x: list[Any], relations: Residues
     ) -> int:
         """Return the rank of the derivatives of the coefficients of relations by the orbit's start.
 
@@ -182,7 +181,7 @@ class Relations:
         gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
         derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), p)  # of x_k
         rows = []
-        for y in map.orbit(exact.point_modulo(p, start), len(exponents) + MORE):
+        for y in map.orbit(x, len(exponents) + MORE):
             values = [[each(*y[:-1]) for each in row] for row in gradients]
             changes = flint.nmod_mat(values, p) * derivative
             rows.append([*monomial_values(exponents, y), *changes.entries()])
@@ -197,7 +196,8 @@ class Relations:
             return ()
 
         def span(p: int, eps: int) -> Residues:
-            rows = [row for _ in range(3) for row in self.relations(p, eps, exponents)]
+            points = [exact.random_point(self.map.dimension, p, self.rng) for _ in range(3)]
+            rows = [row for x in points for row in self.relations(p, eps, exponents, x)]
             reduced, rank = flint.nmod_mat(rows, p).rref()
             return exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
 

@@ -364,7 +364,8 @@ def _compute_missing(
             for job in jobs:
                 _compute(*job)
         else:
-            client.gather([client.submit(_compute, *job, pure=False) for job in jobs])
+            for future in [client.submit(_compute, *job, pure=False) for job in jobs]:
+                future.result()  # `gather` would log the tiles that an error cancels
         done += sum(found.size for _, found in group)
         if report is not None:
             report(done * options[1])

@@ -51,8 +51,8 @@ def _of_field(body: QuadraticField) -> tuple[str, ...]:
 
 _IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction"
 # Costs lie between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
-_IN_ND = Steps(steps_nd.steps, steps_nd.carried, lambda D, T: 16.0 * D + D**3 / 30.0, 32)
-_BY_FIELD = Steps(steps_field.steps, steps_field.carried, lambda D, T: 3.0 * (D**3 + T), 32)
+_IN_ND = Steps(steps_nd.steps, 0, lambda D, T: 16.0 * D + D**3 / 30.0, 32)
+_BY_FIELD = Steps(steps_field.steps, 0, lambda D, T: 3.0 * (D**3 + T), 32)
 
 MAPS = (
     Map(  # equation (4) of the paper
@@ -60,7 +60,7 @@ MAPS = (
         body=Suslov3D,
         title="Discrete Suslov problem",
         sample=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
-        methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED)},
+        methods={"auto": Steps(steps_3d.steps, steps_3d.CARRIED)},
         functions=lambda body: (*_IN_3D, "to_xy"),
     ),
     Map(  # equation (15)
@@ -70,7 +70,7 @@ MAPS = (
         sample=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
         methods={
             "auto": _IN_ND,
-            "gauss": Steps(steps_nd.gauss_steps, steps_nd.carried, lambda D, T: D**3 / 3.0, 32),
+            "gauss": Steps(steps_nd.gauss_steps, 0, lambda D, T: D**3 / 3.0, 32),
             "rank2": _IN_ND,
         },
         functions=_in_nd,
@@ -80,7 +80,7 @@ MAPS = (
         body=SuslovGyrostat,
         title="Discrete Suslov gyrostat",
         sample=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
-        methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED, lambda D, T: 2.0)},
+        methods={"auto": Steps(steps_3d.steps, steps_3d.CARRIED, lambda D, T: 2.0)},
         functions=lambda body: _IN_3D,
     ),
     Map(

@@ -212,7 +212,7 @@ class Sleigh(Body):
 
 
 def test_a_body_with_a_record_steps_as_its_field(monkeypatch, tmp_path):
-    methods = {"auto": maps.Steps(steps_field.steps, steps_field.carried)}
+    methods = {"auto": maps.Steps(steps_field.steps, 0)}
     sample = Sleigh(1, 1, 1), (1.0, 1.0)
     record = maps.Map("sleigh", Sleigh, "Sleigh", methods, lambda body: (), sample)
     monkeypatch.setattr(maps, "MAPS", (*maps.MAPS, record))

@@ -6,7 +6,7 @@ build serves all fields. Where the increment cancels the state, or elimination l
 solves A(x) x_next = x + (eps/2) l x + eps c, where l and c are the linear and constant parts.
 
 parameters   indices (3, T), the i, j and k of terms; values (1 or B, T); eps (1 or B,)
-carry        (B, D), the states
+final        (B, D), the states that a run goes on from; there is no carry
 
 A block of lanes is four arrays:
 
@@ -29,11 +29,6 @@ ROWS = 4
 # A state has lost digits if one component falls below this part of its increment, or if all fall
 # below the larger part.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
-
-
-def carried(D):
-    """Return how many numbers of a trajectory a run goes on from."""
-    return D
 
 
 @formula
@@ -215,7 +210,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
         end = min(begin + lanes, last)
-        states = omega0 if start == 0 else carry
+        states = omega0 if start == 0 else final
         enter(parameters, states, x, fixed, half, b, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
             if n > start:
@@ -231,9 +226,6 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 write(x, b, begin, end, saved[row])
                 row += 1
         write(x, b, begin, end, final)
-        for l in range(end - begin):
-            for i in range(D):
-                carry[begin + l, i] = x[0, i, l]
 
 
 @inlined

@@ -19,7 +19,7 @@ That loses digits where a d_i is small, where the determinant of the two equatio
 where w + delta cancels: such lanes take the step by elimination.
 
 parameters   J, I (1 or B, m); eps (1 or B,)
-carry        (B, m), the states
+final        (B, m), the states that a run goes on from; there is no carry
 
 A block is c[J, I, W or INVERSE, component, lane], with an even number of components: if m is odd
 there is one more, with J = inf and I = w = 0; and b[row, lane], numbers of lanes.
@@ -42,11 +42,6 @@ LANES = 64  # so many that sums do not wait for memory just written
 # A step in O(n) keeps its digits if |d_i| / J_i is above the first, the determinant of the two
 # equations above the second, in units of its terms, and w.w_next above the third, times |w|**2.
 FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
-
-
-def carried(m):
-    """Return how many numbers of a trajectory a run goes on from."""
-    return m
 
 
 @formula
@@ -229,21 +224,21 @@ def step_of_one(system, given, out, memory):
 @kernel
 def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part, as `steps_3d.steps`, in O(n) where that keeps digits."""
-    arrays = omega0, carry, saved, final, status, failed_at
+    arrays = omega0, saved, final, status, failed_at
     iterate(part, parts, parameters, span, arrays, None)
 
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part by elimination."""
-    arrays = omega0, carry, saved, final, status, failed_at
+    arrays = omega0, saved, final, status, failed_at
     iterate(part, parts, parameters, span, arrays, True)
 
 
 @inlined
 def iterate(part, parts, parameters, span, arrays, by_elimination):
     """Iterate the trajectories of a part. (Numba compiles one branch of what is None or not.)"""
-    omega0, carry, saved, final, status, failed_at = arrays
+    omega0, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
     lanes = lanes_of(m, last - first)
@@ -253,7 +248,7 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
         end = min(begin + lanes, last)
-        states = omega0 if start == 0 else carry
+        states = omega0 if start == 0 else final
         enter(c, b, parameters, states, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
             if n > start:
@@ -274,9 +269,6 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
                 write(c, b, begin, end, saved[row])
                 row += 1
         write(c, b, begin, end, final)
-        for l in range(end - begin):
-            for i in range(m):
-                carry[begin + l, i] = c[W, i, l]
 
 
 @function

@@ -56,7 +56,7 @@ class Steps(NamedTuple):
     """The steps of a method, for states of D components."""
 
     kernel: Kernel
-    carried: Callable[[int], int]  # the numbers of a trajectory from which steps go on
+    carried: int  # numbers of a trajectory that steps go on from, beside the last state
     # Of a step, in those of the 3D map; T is the number of terms of a field.
     cost: Callable[[int, int], float] = lambda D, T: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
@@ -72,7 +72,7 @@ class March:
         self.parameters = parameters_of(source, eps, batch)
         self.omega0 = flat_arrays(omega, batch)
         size, D = self.omega0.shape
-        self.carry = np.empty((size, steps.carried(D)))
+        self.carry = np.empty((size, steps.carried))
         self.turned = None if orientation is None else flat_arrays(orientation, batch, 2).copy()
         if self.turned is not None:
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan

@@ -184,7 +184,7 @@ def matrix(rows: Sequence[Sequence[Any]]) -> Any:
 def null_space(matrix: Any) -> Residues:
     """Basis of the null space: the last nonzero entry, 1 modulo a prime, is 0 in the others."""
     columns, dimension = matrix.nullspace()
-    return integer_rows(columns.transpose())[:dimension]
+    return [[int(a) for a in row] for row in columns.transpose().tolist()[:dimension]]
 
 
 def integer_rows(matrix: Any) -> Residues:

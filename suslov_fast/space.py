@@ -274,7 +274,7 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     1.221073798141
     """
     checks.instance("body", body, Suslov3D)
-    I1, I2, I13, I23 = np.broadcast_arrays(body.I1, body.I2, body.I13, body.I23)
+    I1, I2, I13, I23 = np.broadcast_arrays(*body.parameters[:4])
     # Sums of positive terms: with A, B, C and P + i Q = pi / 2 times alpha, beta, abs(gamma) and
     # the conjugate of kappa, A - P is the real part of B**2 / (A + i C + P + i Q), and
     # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,

@@ -214,3 +214,4 @@ def test_bodies_as_fields(rng):
         assert (field.shape, field.dimension) == (body.shape, body.dimension)
         assert QuadraticField.of(field) is field
         np.testing.assert_allclose(field(x), vector_field(body, x), rtol=1e-13)
+        assert vector_field(body, np.ones(body.dimension)).shape == x.shape

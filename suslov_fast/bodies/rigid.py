@@ -40,8 +40,9 @@ class _In3D(Body):
 
     @property
     def parameters(self) -> tuple[Any, ...]:
-        """I1, I2, I13, I23 and k, which is 0 without a rotor."""
-        return self.I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
+        """I1, I2, I13, I23 and k, 0 without a rotor; I1 has the batch shape, which I3 may extend."""
+        I1 = np.broadcast_to(self.I1, self.shape) if self.shape else self.I1
+        return I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
 
     def _inertia(self, I3: Any) -> FloatArray:
         I1, I2, I13, I23, _ = self.parameters

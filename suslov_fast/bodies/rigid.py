@@ -40,7 +40,7 @@ class _In3D(Body):
 
     @property
     def parameters(self) -> tuple[Any, ...]:
-        """I1, I2, I13, I23 and k, 0 without a rotor; I1 has the batch shape, which I3 may extend."""
+        """I1, I2, I13, I23 and k, 0 without a rotor. I1 has the batch shape, which I3 may give."""
         I1 = np.broadcast_to(self.I1, self.shape) if self.shape else self.I1
         return I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
 

@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 from collections.abc import Collection, Sequence
+from fractions import Fraction
 from typing import Any, get_args
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray = NDArray[np.float64]
 
 _FLOAT64 = np.dtype(np.float64)
-_NUMBERS = {float, int, np.float64}
+_NUMBERS = {float, int, np.float64, Fraction}
 # Up to this size the sum in Python is faster than one call of NumPy.
 _FEW = 64
 # Larger arrays take as long to check as to compute with.
@@ -91,8 +92,6 @@ def _floats(name: str, value: Any, labels: Sequence[str] = ()) -> FloatArray:
     refuse(name, value)
     try:
         array = np.asarray(value)
-        if array.dtype is _FLOAT64:
-            return array
         if array.dtype.kind == "O" and all(isinstance(each, numbers.Real) for each in array.flat):
             array = array.astype(np.float64)
     except (ValueError, OverflowError) as error:
@@ -100,23 +99,19 @@ def _floats(name: str, value: Any, labels: Sequence[str] = ()) -> FloatArray:
         raise wrong(name, expected, short(value)) from error
     if array.dtype.kind not in "iuf":
         raise wrong(name, "real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
-    with np.errstate(over="ignore"):  # a long double beyond float64 is reported as infinite
-        return array.astype(np.float64, copy=False)
+    return array.astype(np.float64, copy=False)
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
     """Return True if all numbers are finite, False if some are NaN; raise for those not allowed."""
     if array.size <= _FEW and math.isfinite(sum(array.ravel().tolist())):
         return True
-    finite = np.isfinite(array)
-    if finite.all():
-        return True
-    bad = np.isinf(array) if allow_nan else ~finite
+    bad = np.isinf(array) if allow_nan else ~np.isfinite(array)
     if bad.any():
         index = first_index(bad)
         where = f" at index {index}" if index else ""
         raise wrong(name, "finite real numbers", f"{array[index]}{where}")
-    return False
+    return not (allow_nan and np.isnan(array).any())
 
 
 def _of_dataset(value: Any, labels: Sequence[str]) -> Any:
@@ -214,7 +209,8 @@ def instance(name: str, value: Any, expected: Any) -> None:
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         names = " or ".join(vars(each).get("_called", each.__name__) for each in classes)
-        raise wrong(name, names, kind_of(value), TypeError)
+        instead = getattr(value, "_instead", "")
+        raise wrong(name, names, kind_of(value) + instead, TypeError)
 
 
 def kind_of(value: Any) -> str:

@@ -76,9 +76,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _parsed(words: Sequence[str]) -> argparse.Namespace:
     parser = _Parser("suslov-fast", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument(
-        "-V", "--version", action="version", version=f"suslov-fast {sf.__version__}"
-    )
+    parser.add_argument("-V", "--version", action="version", version=f"%(prog)s {sf.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
 
     def command(function: Callable[..., int | None]) -> Any:
@@ -138,12 +136,11 @@ def _add_options_of_run(parser: Any) -> None:
     one.add_argument("--body", type=Path, metavar="FILE.json", help="as to_dict() was written")
     for name in _PARAMETERS:
         kind, form = (numbers, "X,...") if name in "JI" else (float, "X")
-        group.add_argument(f"--{name}", type=kind, metavar=form)
+        group.add_argument(f"--{name}", type=kind, metavar=form, default=argparse.SUPPRESS)
     group = parser.add_argument_group("initial states")
     one = group.add_mutually_exclusive_group()
-    one.add_argument(
-        "--trajectories", type=integer, metavar="N", default=65_536, help="random ones (65536)"
-    )
+    many = "random ones (65536)"
+    one.add_argument("--trajectories", type=integer, metavar="N", default=65_536, help=many)
     one.add_argument("--omega0", type=numbers, action="append", metavar="X,...", help="given ones")
     one.add_argument("--initial", type=Path, metavar="FILE.npy", help="one in each row")
     group.add_argument("--extent", type=float, metavar="X", help="random ones in [-X, X) (2)")
@@ -196,25 +193,22 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
     """Return the body of a picture, of a file or with parameters, and the step size."""
     from .bodies.rigid import PICTURES
 
-    values = vars(options).items()
-    given = {name: each for name, each in values if name in _PARAMETERS and each is not None}
+    given = {name: value for name, value in vars(options).items() if name in _PARAMETERS}
     if given and (options.picture or options.body):
         options.usage_error(f"argument --{min(given)}: not allowed with --picture or --body")
     if not (given or options.body):
         body, eps, _ = PICTURES[options.picture or 2]
         return body, eps if options.eps is None else options.eps
-    if options.eps is None:
-        options.usage_error("the following arguments are required: --eps, with a body of your own")
-    if options.body:
-        return _body_in(options.body), options.eps
     in_3d = sf.SuslovGyrostat if "k" in given else sf.Suslov3D
     kind: Any = sf.SuslovND if {"J", "I"} & given.keys() else in_3d
-    known = inspect.signature(kind).parameters.items()
-    if needed := [f"--{n}" for n, each in known if each.default is each.empty and n not in given]:
-        options.usage_error(f"the following arguments are required: {', '.join(needed)}")
-    if foreign := given.keys() - dict(known):
+    known = {} if options.body else inspect.signature(kind).parameters
+    needed = [name for name, each in known.items() if each.default is each.empty]
+    lacking = [f"--{name}" for name in (*needed, "eps") if getattr(options, name, None) is None]
+    if lacking:
+        options.usage_error(f"the following arguments are required: {', '.join(lacking)}")
+    if foreign := given.keys() - known.keys():
         options.usage_error(f"argument --{min(foreign)}: not allowed with --J and --I")
-    return kind(**given), options.eps
+    return _body_in(options.body) if options.body else kind(**given), options.eps
 
 
 def _body_in(path: Path) -> Any:
@@ -358,8 +352,9 @@ def _spelled(value: Any) -> str:
     if isinstance(value, dict):
         names = [name for name in value if name != "body"]
         return ", ".join(f"{name} = {_spelled(value[name])}" for name in names)
-    form = "," if isinstance(value, int) else ".4g" if isinstance(value, float) else ""
-    return format(value, form) if form else str(value).partition(", sha256")[0]
+    if isinstance(value, (int, float)):
+        return f"{value:,}" if isinstance(value, int) else f"{value:.4g}"
+    return str(value).partition(", sha256")[0]
 
 
 def report(options: argparse.Namespace) -> None:

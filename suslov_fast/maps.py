@@ -1,6 +1,5 @@
 """The maps of the package: a record of each, which its clients read, and lookup by name or body."""
 
-import copyreg
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -32,9 +31,8 @@ class Map:
     def conserved(self, body: Any) -> tuple[str, ...]:
         """Return the functions whose drift the summary of a run reports."""
         known = self.functions(body)
-        if "first_integral" in known:
-            return ("first_integral",)
-        return tuple(name for name in ("energy", "modified_energy") if name in known)
+        of_energy = tuple(name for name in ("energy", "modified_energy") if name in known)
+        return ("first_integral",) if "first_integral" in known else of_energy
 
     def symbols(self, body: Any) -> list[str]:
         r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
@@ -53,16 +51,16 @@ def _of_field(body: QuadraticField) -> tuple[str, ...]:
 
 _IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction"
 # Costs lie between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
-_IN_ND = Steps(steps_nd.steps, steps_nd.carried, lambda D, T: 16.0 * D + D**3 / 30.0, 32)
-_BY_FIELD = Steps(steps_field.steps, steps_field.carried, lambda D, T: 3.0 * (D**3 + T), 32)
+_IN_ND = Steps(steps_nd.steps, 0, lambda D, T: 16.0 * D + D**3 / 30.0, 32)
+_BY_FIELD = Steps(steps_field.steps, 0, lambda D, T: 3.0 * (D**3 + T), 32)
 
-_RECORDS = (
+MAPS = (
     Map(  # equation (4) of the paper
         name="suslov3d",
         body=Suslov3D,
         title="Discrete Suslov problem",
         sample=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
-        methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED)},
+        methods={"auto": Steps(steps_3d.steps, steps_3d.CARRIED)},
         functions=lambda body: (*_IN_3D, "to_xy"),
     ),
     Map(  # equation (15)
@@ -72,7 +70,7 @@ _RECORDS = (
         sample=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
         methods={
             "auto": _IN_ND,
-            "gauss": Steps(steps_nd.gauss_steps, steps_nd.carried, lambda D, T: D**3 / 3.0, 32),
+            "gauss": Steps(steps_nd.gauss_steps, 0, lambda D, T: D**3 / 3.0, 32),
             "rank2": _IN_ND,
         },
         functions=_in_nd,
@@ -82,7 +80,7 @@ _RECORDS = (
         body=SuslovGyrostat,
         title="Discrete Suslov gyrostat",
         sample=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
-        methods={"auto": Steps(steps_3d.steps, lambda D: steps_3d.CARRIED, lambda D, T: 2.0)},
+        methods={"auto": Steps(steps_3d.steps, steps_3d.CARRIED, lambda D, T: 2.0)},
         functions=lambda body: _IN_3D,
     ),
     Map(
@@ -96,22 +94,12 @@ _RECORDS = (
         meaning="state",
     ),
 )
-MAPS = {record.name: record for record in _RECORDS}
-_KINDS: dict[str, Any] = {record.body.__name__: record.body for record in _RECORDS}
-
-
-def map_named(name: str) -> Map:
-    """Return the map of a name; ValueError if there is none."""
-    return MAPS[checks.one_of("map", name, MAPS)]
-
-
-# A record is pickled by its name, since it holds functions that cannot be pickled.
-copyreg.pickle(Map, lambda record: (map_named, (record.name,)))
+_KINDS: dict[str, Any] = {record.body.__name__: record.body for record in MAPS}
 
 
 def map_of(body: Any) -> Map:
     """Return the map of a body, or of an object of a subclass."""
-    for record in _RECORDS:
+    for record in MAPS:
         if isinstance(body, record.body):
             return record
     raise checks.wrong("body", " or ".join(_KINDS), checks.kind_of(body), TypeError)

@@ -32,10 +32,8 @@ def to_matrix(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        A single one, or a batch.
-    omega : array_like(float, shape=(..., D))
-        States.
+    body, omega
+        As in :func:`jacobian`, without fields.
     rotation : array_like(float, shape=(..., n, n)), optional
         What `from_inertia` or `from_mass_tensor` returned: the result is in the basis of their
         tensor, not in the adapted basis.
@@ -57,11 +55,10 @@ def to_matrix(
            [ 0.,  0., -2.],
            [-5.,  2.,  0.]])
     """
-    column = _states(body, AnyBody, omega)
+    vector = _vector(body, AnyBody, omega)
     if isinstance(body, BodyIn3D):
-        column = column[..., ::-1] * [1.0, -1.0]
-    block = 0.0 * column[..., np.newaxis, :1]
-    return _shown(body, _antisymmetric(column, block), 2, rotation, attitude)
+        vector = vector[..., [1, 0, 2]] * [1.0, -1.0, 1.0]
+    return _shown(body, _wedge(vector, np.eye(body.dimension + 1)[-1]), 2, rotation, attitude)
 
 
 def to_vector(
@@ -75,12 +72,8 @@ def to_vector(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovGyrostat
-        A single one, or a batch.
-    omega : array_like(float, shape=(..., 2))
-        States.
-    rotation, attitude : array_like(float, shape=(..., 3, 3)), optional
-        Those of :func:`to_matrix`.
+    body, omega, rotation, attitude
+        As in :func:`to_matrix`; the body is one in three dimensions.
 
     Returns
     -------
@@ -93,11 +86,7 @@ def to_vector(
     >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([2., 5., 0.])
     """
-    if isinstance(body, SuslovND):
-        raise wrong("body", "one in three dimensions", "SuslovND: use to_matrix", TypeError)
-    state = _states(body, BodyIn3D, omega)
-    vector = np.concatenate([state, abs(0.0 * state[..., :1])], axis=-1)
-    return _shown(body, vector, 1, rotation, attitude)
+    return _shown(body, _vector(body, BodyIn3D, omega), 1, rotation, attitude)
 
 
 def momentum(
@@ -114,12 +103,8 @@ def momentum(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        A single one, or a batch.
-    omega : array_like(float, shape=(..., D))
-        States.
-    rotation, attitude : array_like(float, shape=(..., n, n)), optional
-        Those of :func:`to_matrix`.
+    body, omega, rotation, attitude
+        As in :func:`to_matrix`.
 
     Returns
     -------
@@ -133,31 +118,29 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    state = _states(body, AnyBody, omega)
+    vector = _vector(body, AnyBody, omega)
     with np.errstate(all="ignore"):
         if isinstance(body, BodyIn3D):
             I1, I2, I13, I23, k = body.parameters
-            w1, w2 = state[..., 0], state[..., 1]
-            vector = np.stack([I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k], axis=-1)
-            return _shown(body, vector, 1, rotation, attitude)
-        product = state[..., :, np.newaxis] * body.I[..., np.newaxis, :]
-        matrix = _antisymmetric(body.J * state, product - product.swapaxes(-2, -1))
-        return _shown(body, matrix, 2, rotation, attitude)
+            w1, w2 = vector[..., 0], vector[..., 1]
+            found = np.stack([I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k], axis=-1)
+            return _shown(body, found, 1, rotation, attitude)
+        last = np.eye(body.dimension + 1)[-1]
+        J, I = (np.concatenate([each, 0.0 * each[..., :1]], axis=-1) for each in (body.J, body.I))
+        return _shown(body, _wedge(vector, I) + _wedge(J * vector, last), 2, rotation, attitude)
 
 
-def _states(body: Any, kinds: Any, omega: ArrayLike) -> FloatArray:
-    """Return states (..., D) of the whole batch."""
+def _vector(body: Any, kinds: Any, omega: ArrayLike) -> FloatArray:
+    """Return the states of the whole batch, with 0 for the constrained component."""
     states = check(body, kinds, {"omega": omega})
-    return np.broadcast_to(states.omega, (*states.batch, body.dimension))
+    free = np.broadcast_to(states.omega, (*states.batch, body.dimension))
+    return np.concatenate([free, abs(0.0 * free[..., :1])], axis=-1)
 
 
-def _antisymmetric(column: FloatArray, block: FloatArray) -> FloatArray:
-    """Return antisymmetric matrices from their last column and the remaining block."""
-    n = column.shape[-1] + 1
-    matrix = np.empty((*column.shape[:-1], n, n))
-    matrix[..., :-1, :-1], matrix[..., -1, -1] = block, 0.0 * column[..., 0]
-    matrix[..., :-1, -1], matrix[..., -1, :-1] = column, -column
-    return matrix + 0.0  # no -0.0
+def _wedge(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a b^T - b a^T."""
+    product = a[..., :, np.newaxis] * b[..., np.newaxis, :]
+    return np.asarray(product - product.swapaxes(-2, -1)) + 0.0  # no -0.0
 
 
 def _shown(
@@ -194,17 +177,13 @@ def attitude(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        A single one, or a batch.
+    body, eps, threads
+        As in :func:`iterate`, without fields.
     omega : array_like(float, shape=(N + 1, ..., D))
         Consecutive states of trajectories, as :func:`iterate` returns them, including NaN after a
         failure.
-    eps : array_like(float, shape=(...))
-        Their step size, in the unit of time of omega.
     R0 : array_like(float, shape=(..., n, n)), optional
         Rotation matrix, the orientation at the first state; by default the identity.
-    threads : int, optional
-        Number of threads, by default Numba's. Results do not depend on it.
 
     Returns
     -------
@@ -226,49 +205,40 @@ def attitude(
     (101, 3, 3)
     """
     checks.instance("body", body, AnyBody)
-    n, D = body.dimension + 1, body.dimension
-    states = checks.states("omega", omega, body._labels)
-    if states.ndim < 2 or len(states) == 0:
-        raise wrong("omega", f"shape (N + 1, ..., {D})", states.shape)
-    step_size = checks.within("eps", checks.real_array("eps", eps), checks.MOMENTS)
-    start = np.eye(n) if R0 is None else checks.rotations("R0", R0, n)
-    threads = arguments.thread_count(threads)
-    shapes = {"omega": states.shape[1:-1], "eps": step_size.shape, "R0": start.shape[:-2]}
-    batch = common_shape({"body": body.shape, **shapes})
-    states = np.expand_dims(states, tuple(range(1, len(batch) + 3 - states.ndim)))
-    states = np.broadcast_to(states, (len(states), *batch, D))
-    _check_that_states_follow(body, states, step_size)
-    flat = arguments.flat_arrays(
-        states.reshape(len(states), math.prod(batch), D), (len(states),), 2
-    )
-    turns = np.empty((*flat.shape[:2], n, n))
-    turns[0] = arguments.flat_arrays(start, batch, 2)
+    path, D = checks.states("omega", omega, body._labels), body.dimension
+    if path.ndim < 2 or len(path) == 0:
+        raise wrong("omega", f"shape (N + 1, ..., {D})", path.shape)
+    of_first = {"omega": path[0], "eps": eps, "R0": np.eye(D + 1) if R0 is None else R0}
+    first = check(body, AnyBody, of_first, threads)
+    batch = first.batch
+    path = np.expand_dims(path, tuple(range(1, len(batch) + 3 - path.ndim)))
+    path = np.broadcast_to(path, (len(path), *batch, D))
+    _check_that_states_follow(body, path, first.eps)
+    flat = arguments.flat_arrays(path.reshape(len(path), math.prod(batch), D), (len(path),), 2)
+    turns = np.empty((*flat.shape[:2], D + 1, D + 1))
+    turns[0] = arguments.flat_arrays(np.asarray(first.orientation), batch, 2)
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
-    given = flat, arguments.flat_parameter(step_size, batch), not isinstance(body, SuslovND)
+    given = flat, arguments.flat_parameter(first.eps, batch), not isinstance(body, SuslovND)
     after = turns[0].copy(), 0, 1, 1, turns
-    call_kernel(orientations.turn, turns.size, threads, *given, *after)
-    return turns.reshape((len(states), *batch, n, n))
+    call_kernel(orientations.turn, turns.size, first.threads, *given, *after)
+    return turns.reshape((len(path), *batch, D + 1, D + 1))
 
 
-def _check_that_states_follow(body: Any, states: FloatArray, eps: FloatArray) -> None:
+def _check_that_states_follow(body: Any, states: FloatArray, eps: float | FloatArray) -> None:
     """Raise ValueError if states (N + 1, ..., D) are not consecutive states of the map."""
     before, after = states[:-1], states[1:]
     with np.errstate(all="ignore"):
-        strays = ~(_follows(body, before, after, eps) | _follows(body, after, before, -eps))
-    strays &= ~np.isnan(before + after).any(axis=-1)
+        step, size = (abs(each).max(axis=-1) for each in (after - before, abs(after) + abs(before)))
+        strays = ~np.isnan(step)
+        for first, last, h in ((before, after, eps), (after, before, -eps)):
+            found = states_after(States(body, first, h, first.shape[:-1]))
+            error = abs(found - last).max(axis=-1)
+            strays &= ~(error <= _OF_THE_STEP * step + _OF_THE_STATE * size)
     if strays.any():
         row, *place = first_index(strays)
         where = f" of trajectory {spell(tuple(place))}" if place else ""
         received = f"states {row} and {row + 1}{where} that are not: save every state"
         raise wrong("omega", "consecutive states of the map with this eps", received)
-
-
-def _follows(body: Any, before: FloatArray, after: FloatArray, eps: FloatArray) -> Any:
-    """Return where the map takes states to the others."""
-    found = states_after(States(body, before, eps, before.shape[:-1]))
-    error = abs(found - after).max(axis=-1)
-    step, size = (abs(each).max(axis=-1) for each in (after - before, abs(after) + abs(before)))
-    return error <= _OF_THE_STEP * step + _OF_THE_STATE * size
 
 
 def scattering_angle(body: Suslov3D) -> FloatArray:
@@ -303,31 +273,21 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     >>> float(scattering_angle(Suslov3D(I1=4, I2=1, I13=-1.5, I23=-0.3)).round(12))
     1.221073798141
     """
-    arguments.refuse_rotor(body, "scattering_angle", "iterate or flow")
     checks.instance("body", body, Suslov3D)
+    I1, I2, I13, I23 = np.broadcast_arrays(*body.parameters[:4])
+    # Sums of positive terms: with A, B, C and P + i Q = pi / 2 times alpha, beta, abs(gamma) and
+    # the conjugate of kappa, A - P is the real part of B**2 / (A + i C + P + i Q), and
+    # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,
+    # 1 - |S|**2 = sinh(A - P) sinh(A + P) ((cos(Q) / cosh(A))**2 + (sin(Q) / sinh(A))**2).
     with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; what underflows is 0
-        angle = _angle(*np.broadcast_arrays(body.I1, body.I2, body.I13, body.I23))
-    return angle[()]
-
-
-def _angle(I1: FloatArray, I2: FloatArray, I13: FloatArray, I23: FloatArray) -> FloatArray:
-    """Angle 2 arcsin |S|, by sums of positive terms.
-
-    With A, B, C and P + i Q = pi / 2 times alpha, beta, abs(gamma) and the conjugate of kappa,
-    A - P is the real part of B**2 / (A + i C + P + i Q), where nothing cancels, and
-
-    |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,
-    1 - |S|**2 = sinh(A - P) sinh(A + P) ((cos(Q) / cosh(A))**2 + (sin(Q) / sinh(A))**2).
-    """
-    m, D = np.hypot(I13, I23), I13 * I13 * I2 + I23 * I23 * I1
-    A, B = 0.5 * np.pi * (I1 * I2 * (m / D)), 0.5 * np.pi * np.sqrt(I1 * I2) / m
-    C = abs(B * (I13 * (I2 - I1) / D * I23))
-    kappa = np.sqrt((A - B) * (A + B) - C * C + 2j * (A * C))
-    P, Q = kappa.real, kappa.imag
-    gap = B * (B / np.hypot(A + P, C + Q)) * ((A + P) / np.hypot(A + P, C + Q))  # A - P
-    # All terms divided by exp(A).
-    cosine, sine = np.cos(Q) / (1.0 + np.exp(-2.0 * A)), np.sin(Q) / -np.expm1(-2.0 * A)
-    S = np.exp(-gap) * np.hypot((1.0 + np.exp(-2.0 * P)) * cosine, -np.expm1(-2.0 * P) * sine)
-    one = np.expm1(-2.0 * gap) * np.expm1(-2.0 * (A + P))
-    angle: FloatArray = 2.0 * np.arctan2(S, np.sqrt(one) * np.hypot(cosine, sine))
-    return angle
+        m, D = np.hypot(I13, I23), I13 * I13 * I2 + I23 * I23 * I1
+        A, B = 0.5 * np.pi * (I1 * I2 * (m / D)), 0.5 * np.pi * np.sqrt(I1 * I2) / m
+        C = abs(B * (I13 * (I2 - I1) / D * I23))
+        kappa = np.sqrt((A - B) * (A + B) - C * C + 2j * (A * C))
+        P, Q = kappa.real, kappa.imag
+        gap = B * (B / np.hypot(A + P, C + Q)) * ((A + P) / np.hypot(A + P, C + Q))  # A - P
+        # All terms divided by exp(A).
+        cosine, sine = np.cos(Q) / (1.0 + np.exp(-2.0 * A)), np.sin(Q) / -np.expm1(-2.0 * A)
+        S = np.exp(-gap) * np.hypot((1.0 + np.exp(-2.0 * P)) * cosine, -np.expm1(-2.0 * P) * sine)
+        one = np.expm1(-2.0 * gap) * np.expm1(-2.0 * (A + P))
+        return np.asarray(2.0 * np.arctan2(S, np.sqrt(one) * np.hypot(cosine, sine)))[()]

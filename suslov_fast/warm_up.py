@@ -31,7 +31,7 @@ def calls() -> Iterator[tuple[Callable[..., Any], dict[str, Any]]]:
     """Yield public functions with their arguments; half of the states are at a pole."""
     names = [name for name in dir(suslov_fast) if name not in _WITHOUT]
     public = [getattr(suslov_fast, name) for name in names]
-    for record, count in product(MAPS.values(), COUNTS):
+    for record, count in product(MAPS, COUNTS):
         variants: list[dict[str, Any]] = [{"method": name} for name in record.methods]
         variants += [{}, {"save_every": None}, {"attitude": True}, {"n": [0, 40]}]
         body, pole = record.sample

@@ -68,7 +68,7 @@ class Browser:
 
     def close(self):
         self._socket.close()
-        while self._loop.run_sync(self._socket.read_message, TIMEOUT) is not None:
+        while self._loop.run_sync(self._socket.read_message, TIMEOUT):
             pass
         self._loop.close(all_fds=True)
         self._process.kill()
@@ -78,15 +78,13 @@ class Browser:
         number = next(self._numbers)
         message = {"id": number, "method": method, "params": parameters, **self._session}
         self._loop.run_sync(lambda: self._socket.write_message(json.dumps(message)))
-        while (answer := self._receive()).get("id") != number:
+        while message := self._loop.run_sync(self._socket.read_message, TIMEOUT):
+            answer = json.loads(message)
+            if answer.get("id") == number:
+                assert "error" not in answer, (method, answer)
+                return answer["result"]
             self.events.append(answer)
-        assert "error" not in answer, (method, answer)
-        return answer["result"]
-
-    def _receive(self):
-        message = self._loop.run_sync(self._socket.read_message, TIMEOUT)
-        assert message is not None, "the browser has ended"
-        return json.loads(message)
+        raise AssertionError("the browser has ended")
 
     def value(self, script, **context):
         options = {"returnByValue": True, "awaitPromise": True, **context}
@@ -100,15 +98,12 @@ class Browser:
     def frame(self):
         """The context of scripts in the frame of the page, once its page is there."""
         self.wait("document.querySelector('iframe') !== null")
-        return wait(self._newest_frame)
+        return {"contextId": wait(self._newest_frame)}
 
     def _newest_frame(self):
         self.value("1")  # receives events
-        made = "Runtime.executionContextCreated"
-        events = [each for each in self.events if each.get("method") == made]
-        found = [each["params"]["context"] for each in events]
-        numbers = [each["id"] for each in found if each["origin"] == "://"]
-        return numbers and {"contextId": numbers[-1]}
+        made = [each["params"].get("context", {}) for each in self.events]
+        return max((each["id"] for each in made if each.get("origin") == "://"), default=0)
 
     def look(self, width, height):
         """Set the size of the window, without animations."""

@@ -173,22 +173,6 @@ def vector_field(I1, I2, I13, I23, omega, k=0):
     return -l * w2 / I1, l * w1 / I2
 
 
-@mp.workdps(30)
-def flow(I1, I2, I13, I23, omega, time, steps=40, k=0):
-    """Solution of equations (2) at a time, in 30 digits, by Taylor series of order 30."""
-    I1, I2, I13, I23, time = exactly(I1, I2, I13, I23, time)
-    state = exactly(*omega)
-    for _ in range(steps):
-        w1, w2, l = series = [[state[0]], [state[1]], []]
-        for n in range(1, 31):
-            l.append(I13 * w1[-1] + I23 * w2[-1] + (k if n == 1 else 0))
-            products = [mpmath.fdot(l, reversed(w)) for w in (w1, w2)]
-            w1.append(-products[1] / I1 / n)
-            w2.append(products[0] / I2 / n)
-        state = [mpmath.polyval(row[::-1], time / steps) for row in series[:2]]
-    return state
-
-
 def derivative(function, state, digits=20):
     """Derivative of a function of vectors, by central differences."""
     h, columns, state = mpf(10) ** -digits, [], exactly(*state)
@@ -300,30 +284,15 @@ def solution_with_rotor(I1, I2, I13, I23, k, eps, w1, w2, n, flows=False):
     A, direction = R * size, g / size if size else mpf(1)
     half = mpmath.sqrt(zeta / direction / R) if R else mpf(1)  # exp(i psi / 2)
     q, p = half.real, half.imag
-    square = A**2 - k**2
+    G = mpmath.matrix([[0, A + k], [A - k, 0]])
     if flows:
-        L, t = mpmath.sqrt(square), n / (2 * root1 * root2)
-        c = mpmath.cosh(L * t).real
-        s = (mpmath.sinh(L * t) / L).real if L else t
-    else:
-        c, s = power_of_step(square, e, n)
-    p, q = c * p + s * (A + k) * q, c * q + s * (A - k) * p
+        power = mpmath.expm(n / (2 * root1 * root2) * G)
+    else:  # (1 + e G)**-1 is a multiple of 1 - e G, and factors do not matter
+        power = (mpmath.eye(2) + mpmath.sign(n) * e * G) ** abs(n)
+    p, q = power * mpmath.matrix([p, q])
     turned = mpmath.mpc(1, -e * k) * mpmath.mpc(q, p) ** 2 - mpmath.mpc(0, e * A * (p**2 + q**2))
     z = R * direction * turned / (p**2 + q**2 - 2 * e * A * p * q)
     return z.real / root1, z.imag / root2
-
-
-def power_of_step(square, e, n):
-    """c and s of (1 + e G)**n = c + s G, up to a factor, where G**2 = `square`."""
-    if n < 0:
-        e, n = -e, -n
-    c, s, power_c, power_s = mpf(1), mpf(0), mpf(1), e
-    while n:
-        if n & 1:
-            c, s = c * power_c + square * s * power_s, c * power_s + s * power_c
-        power_c, power_s = power_c**2 + square * power_s**2, 2 * power_c * power_s
-        n >>= 1
-    return c, s
 
 
 def condition(solution, problem, distance):

@@ -47,11 +47,8 @@ def test_the_best_time_counts_and_floors_are_ratios():
     first = content | {"benchmarks": [result("step", 0.5), result("solve", 0.25)]}
     second = content | {"benchmarks": [result("step", 1.0), result("solve", 0.125)]}
     merged = results.Results(results.merge([first, second]))
-    assert {name: row.rate for name, row in merged.rows.items()} == {
-        "calls-step": 200,
-        "calls-solve": 800,
-    }
     pair = "calls-step", "calls-solve"
+    assert [merged.rows[name].rate for name in pair] == [200, 800]
     assert tables.floor(merged, *pair, "≤", "3") == "4 | ≤ 3 | **no** |"
     assert tables.floor(merged, *pair, "≥", "0.2") == "0.25 | ≥ 0.2 | yes |"
     assert tables.floor(merged, "absent", pair[1], "≥", "1") == " | ≥ 1 | |"
@@ -76,8 +73,7 @@ def test_benchmarks_are_timed_if_an_option_asks_for_it(tmp_path):
     env = {name: each for name, each in os.environ.items() if not name.startswith("PYTEST_")}
     command = [sys.executable, *words.split(), f"--benchmark-storage={tmp_path}"]
     run = subprocess.run(command, capture_output=True, text=True, cwd=results.BENCH.parent, env=env)
-    assert run.returncode == 0, run.stdout + run.stderr
-    assert "1 passed" in run.stdout
+    assert "1 passed" in run.stdout, run.stdout + run.stderr
     (path,) = tmp_path.glob("*/*.json")
     stored = results.load(path)
     assert stored["machine_info"].keys() == {"processor", "threads", "versions"}  # no names

@@ -1,15 +1,16 @@
-"""Rigid bodies: parameters, families, copies, adapted bases, and the range of I3."""
+"""Bodies: parameters, families, copies, adapted bases, and the range of I3."""
 
 import copy
 import json
 import pickle
-from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
+from test_field import FIELDS
 
-from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
-from suslov_fast.bodies.nd import NotIntegrableError, are_solved, check_known
+from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, vector_field
+from suslov_fast.bodies.nd import are_solved
 
 GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
 SINGLE = [Suslov3D(4, 1, -0.5, -0.3), SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), GYROSTAT]
@@ -21,7 +22,8 @@ BATCHES = {
     (0,): SuslovGyrostat(2.3, 1.4, 0.5, -0.7, []),
 }
 BODIES = [*SINGLE, *BATCHES.values()]
-each_body = pytest.mark.parametrize("body", BODIES, ids=lambda body: type(body).__name__)
+EVERY = [*BODIES, *FIELDS.values()]
+each_body = pytest.mark.parametrize("body", EVERY, ids=lambda body: type(body).__name__)
 
 
 def random_inertia(rng, shape=()):
@@ -39,61 +41,49 @@ def test_parameters_are_kept():
     body = Suslov3D(I1, np.int32(1), -0.5, np.float32(0.25))
     I1[0] = 7
     assert body.I1.tolist() == [1, 2, 3]
-    assert body.parameters[1:] == (1.0, -0.5, 0.25, 0.0)
+    assert (body.I2, body.I13, body.I23, body.I3) == (1.0, -0.5, 0.25, None)
     assert type(body.I2) is float
-    assert body.I3 is None
-    assert GYROSTAT.parameters == (2.3, 1.4, 0.5, -0.7, 0.9)
-    assert [each.tolist() for each in GYROSTAT.batch_of_one] == [[2.3], [1.4], [0.5], [-0.7], [0.9]]
     assert [body.shape for body in SINGLE] == [()] * 3
     assert [body.shape for body in BATCHES.values()] == [*BATCHES]
 
 
 @each_body
-def test_equality_copies_and_immutability(body):
+def test_copies_are_equal_and_immutable(body):
     plain = json.loads(json.dumps(body.to_dict()))
-    copies = [pickle.loads(pickle.dumps(body)), copy.copy(body), copy.deepcopy(body)]
-    for twin in [*copies, type(body).from_dict(plain), replace(body)]:
+    copies = [pickle.loads(pickle.dumps(body)), copy.deepcopy(body), type(body).from_dict(plain)]
+    for twin in copies:
         assert twin == body
         assert hash(twin) == hash(body)
         assert twin.shape == body.shape
         assert twin.to_dict() == plain
-    kind, name = list(plain)[:2]
-    assert plain[kind] == type(body).__name__
-    assert replace(body, **{name: np.multiply(plain[name], 1.01)}) != body
-    assert body != 4
-    assert len(repr(body)) < 120
     with pytest.raises(AttributeError):
-        setattr(body, name, 3)
-    for array in (each for each in body._arrays.values() if np.ndim(each)):
+        setattr(body, list(plain)[1], 3)
+    for array in (each for each in body._parts.values() if isinstance(each, np.ndarray)):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 7
-        with pytest.raises(ValueError, match="WRITEABLE"):
-            array.flags.writeable = True
 
 
 def test_what_counts_as_equal():
     assert Suslov3D(1, 1, 0.0, 1) == Suslov3D(1, 1, -0.0, 1)
     assert hash(Suslov3D(1, 1, 0.0, 1)) == hash(Suslov3D(1, 1, -0.0, 1))
-    with_it, without = (Suslov3D(4, 2, -0.5, -0.3, I3) for I3 in (3, None))
-    assert with_it != without
-    assert with_it.to_dict() == without.to_dict() | {"I3": 3}
+    assert Suslov3D(4, 2, -0.5, -0.3, 3) != Suslov3D(4, 2, -0.5, -0.3)
     assert Suslov3D(4, 1, -0.5, -0.3) != SuslovGyrostat(4, 1, -0.5, -0.3, 0)
-    assert repr(GYROSTAT) == "SuslovGyrostat(I1=2.3, I2=1.4, I13=0.5, I23=-0.7, k=0.9)"
+    assert SuslovND([1, 2], [3, 4]) != SuslovND([1, 2], [3, 5])
     large = Suslov3D(np.linspace(1, 2, 1000), 1, 0.1, 0.2)
     assert repr(large) == "<Suslov3D of shape (1000,): I1=(1000,), I2=1.0, I13=0.1, I23=0.2>"
 
 
-@pytest.mark.parametrize("body", [each for each in BODIES if each.shape])
+@pytest.mark.parametrize("body", [each for each in EVERY if each.shape])
 def test_families(body):
     """Members, slices and iteration along the first axis."""
     members = list(body)
     assert len(members) == len(body) == body.shape[0]
     for i, member in enumerate(members):
         assert member == body[i] == body[i - len(body)]
-        assert type(member) is type(body)
         assert member.shape == body.shape[1:]
-        for whole, value in zip(body.parameters, member.parameters, strict=True):
-            axes = (*body.shape, *np.shape(whole)[np.ndim(whole) - body._vector_axes :])
+        for name, value in member._arrays.items():
+            whole = body._arrays[name]
+            axes = (*body.shape, *whole.shape[whole.ndim - body._axes.get(name, 0) :])
             assert (np.broadcast_to(whole, axes)[i] == value).all()
     assert body[:] == body
     assert body[1:].shape == (max(len(body) - 1, 0), *body.shape[1:])
@@ -105,25 +95,22 @@ def test_selection_by_value():
     assert bodies.sel(I2=2, I1=4) == bodies[0][1]
     assert bodies.sel(I2=2.4, method="nearest").I2 == 2.0
     assert Suslov3D([4.0], 1, 0, 0).sel(I1=4) == Suslov3D(4, 1, 0, 0)
-    mixed = SuslovGyrostat(2, 3, 0.5, [0.1, 0.2, 0.3], [[0.0], [1.0]])
-    assert mixed.sel(I23=0.2) == SuslovGyrostat(2, 3, 0.5, 0.2, [0.0, 1.0])
 
 
 def test_an_I3_that_no_body_has():
     """One warning for a batch, none for copies, flat bodies, or the inside of the interval."""
     for kind, k in ((Suslov3D, ()), (SuslovGyrostat, (0.1,))):
-        for I3 in (20, [[3, 20], [20, 4]]):
-            with pytest.warns(UserWarning, match="I3: .* 20") as caught:
-                body = kind(4, 2, -0.5, -0.3, *k, I3=I3)
-            assert [each.filename for each in caught] == [__file__]
-            assert pickle.loads(pickle.dumps(body)) == body
+        with pytest.warns(UserWarning, match="I3: .* 20") as caught:
+            body = kind(4, 2, -0.5, -0.3, *k, I3=[[3, 20], [20, 4]])
+        assert len(caught) == 1
+        assert pickle.loads(pickle.dumps(body)) == body
     for unit in (1.0, 1e-45, 1e45):
         parameters = np.multiply([4, 2, -0.5, -0.3], unit)
         low, high = Suslov3D(*parameters).admissible_I3()
-        for end, inside in ((low, 1 + 1e-9), (high, 1 - 1e-9)):
-            Suslov3D(*parameters, I3=end * inside)
+        Suslov3D(*parameters, I3=[low * (1 + 1e-9), high * (1 - 1e-9)])
+        for outside in (low * (1 - 1e-9), high * (1 + 1e-9)):
             with pytest.warns(UserWarning, match="I3"):
-                Suslov3D(*parameters, I3=end / inside)
+                Suslov3D(*parameters, I3=outside)
     plate, rotation = np.diag([1.0, 2.0, 3.0]), np.linalg.qr(np.vander([0.3, 1.0, 2.0]))[0]
     Suslov3D.from_inertia(rotation @ plate @ rotation.T, [1, 2, 3])
 
@@ -143,11 +130,10 @@ def test_admissible_I3(rng):
 
     exists = ~np.isnan(low)
     assert 20 < exists.sum() < 380
-    assert (np.isnan(high) == ~exists).all()
     width = 1e-6 * (high - low)
-    for inside, outside in ((low + width, low - width), (high - width, high + width)):
-        assert (least(np.where(exists, inside, 1))[exists] > 0).all()
-        assert (least(np.where(exists, outside, 1))[exists] < 0).all()
+    for end, inwards in ((low, width), (high, -width)):
+        assert (least(np.where(exists, end + inwards, 1))[exists] > 0).all()
+        assert (least(np.where(exists, end - inwards, 1))[exists] < 0).all()
     for I3 in np.linspace(0, 25, 101):
         assert (least(I3)[~exists] < 1e-12).all()
     assert Suslov3D(3, 2, 0, 0).admissible_I3() == (1.0, 5.0)
@@ -217,27 +203,15 @@ def test_which_bodies_are_solved():
         assert are_solved(SuslovND(J, I)).tolist() == expected
     assert are_solved(SuslovND([1, 2], [3, 4]))
     assert are_solved(SuslovND(J, np.zeros(3))).all()
-    check_known(SuslovND(J[0], [1, 2, 3]), "exact")
-    check_known(SuslovND(J[4], [0, 2, 0]), "invariant_density")
-    not_all = SuslovND(J[[0, 0, 4]], [[0, 1, 0], [0, 1, 0], [1, 2, 3]])
-    for function in ("exact", "invariant_density"):
-        with pytest.raises(NotIntegrableError, match=f"{function}: .*body 2"):
-            check_known(not_all, function)
 
 
 def test_bodies_as_fields(rng):
-    """The equations of sections 2 and 5 of the paper, and those with a rotor."""
-    for I1, I2, I13, I23, k in ((4.1, 1.0, -0.5, 0.3, 0.0), (2.0, 3.0, 0.5, -0.25, -2.0)):
-        w1, w2 = rng.normal(size=2)
-        l = I13 * w1 + I23 * w2 + k
-        body = SuslovGyrostat(I1, I2, I13, I23, k) if k else Suslov3D(I1, I2, I13, I23)
-        assert body.field()([w1, w2]) == pytest.approx([-l * w2 / I1, l * w1 / I2], rel=1e-14)
-    J, I, x = rng.uniform(1, 2, 4), rng.normal(size=4), rng.normal(size=4)
-    expected = ((I @ x) * x - I * (x @ x)) / J
-    assert SuslovND(J, I).field()(x) == pytest.approx(expected, rel=1e-13)
+    single = QuadraticField.of(SINGLE[1])
+    assert single.quadratic[0, 0, 1] == Fraction(-0.7) / Fraction(1.3) / 2
     for body in BODIES:
         field = QuadraticField.of(body)
+        x = rng.normal(size=(*body.shape, body.dimension))
         assert (field.shape, field.dimension) == (body.shape, body.dimension)
-        assert field.field() is field
-        for member, own in zip(body, field, strict=True) if body.shape else ():
-            assert np.allclose(member.field().terms[1], own.terms[1], rtol=1e-15, atol=0)
+        assert QuadraticField.of(field) is field
+        np.testing.assert_allclose(field(x), vector_field(body, x), rtol=1e-13)
+        assert vector_field(body, np.ones(body.dimension)).shape == x.shape

@@ -2,38 +2,26 @@
 
 import pickle
 
-import children
 import naive
 import numpy as np
 import pytest
 from numba import njit, prange
 from numba.core.errors import TypingError
 
-from suslov_fast import (
-    QuadraticField,
-    Status,
-    Suslov3D,
-    SuslovGyrostat,
-    SuslovND,
-    compiled,
-    energy,
-    first_integral,
-    jacobian,
-    step,
-    vector_field,
-)
+import suslov_fast as sf
+from suslov_fast import compiled
 from suslov_fast.compiled import advance, enter, frame, leave, step_system, system, work
 
-BODY, EPS = Suslov3D(4, 3, -0.4, -0.2), 0.2
-GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
-ND = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+BODY, EPS = sf.Suslov3D(4, 3, -0.4, -0.2), 0.2
+GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
+ND = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
 
 
 def lorenz(x):
     return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]
 
 
-FIELD = QuadraticField.from_function(lorenz, 3)
+FIELD = sf.QuadraticField.from_function(lorenz, 3)
 
 
 @njit(parallel=True)
@@ -60,24 +48,17 @@ def system_after(system, x, steps):
 
 
 def condition(body, state, eps, following):
-    found = np.linalg.norm(jacobian(body, state, eps)) * np.linalg.norm(state)
+    found = np.linalg.norm(sf.jacobian(body, state, eps)) * np.linalg.norm(state)
     return max(1.0, found / np.linalg.norm(following))
 
 
+OTHERS = [sf.Suslov3D(1, 1, 1, 0), sf.Suslov3D(0.3, 7, 1e-3, 2)]
+OTHERS += [sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, k) for k in (1e6, 1e-9)]
+OTHERS += [sf.SuslovGyrostat(2.3, 1.4, 0, 0, 3)]
+
+
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
-@pytest.mark.parametrize(
-    "body",
-    [
-        BODY,
-        Suslov3D(1, 1, 1, 0),
-        Suslov3D(0.3, 7, 1e-3, 2),
-        GYROSTAT,
-        SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 1e6),
-        SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 1e-9),
-        SuslovGyrostat(2.3, 1.4, 0, 0, 3),
-    ],
-    ids=repr,
-)
+@pytest.mark.parametrize("body", [BODY, GYROSTAT, *OTHERS], ids=repr)
 def test_a_step_is_accurate(body, rng):
     """Also far from the line, where the increment cancels the state, and for negative eps."""
     *inertia, k = (*body.parameters, 0.0)[:5]
@@ -97,22 +78,22 @@ def test_a_step_is_accurate(body, rng):
     [
         (ND, 1.0, 0.4),
         (ND, 10.0, -3.0),  # by elimination
-        (SuslovND([1.0], [2.0]), 1.0, 0.25),
+        (sf.SuslovND([1.0], [2.0]), 1.0, 0.25),
         (FIELD, 10.0, 1 / 64),
         (FIELD, 1.0, 0.5),  # with other pivots
-        (QuadraticField.of(GYROSTAT), 1.0, 0.35),
+        (sf.QuadraticField.of(GYROSTAT), 1.0, 0.35),
     ],
     ids=["nd", "nd-elimination", "n=2", "lorenz", "lorenz-pivots", "gyrostat"],
 )
 def test_steps_in_any_dimension_are_those_of_the_package(body, size, eps, rng):
     """Their accuracy is tested there. Views are taken, and out may be x."""
     constants, x = system(body, eps), rng.normal(size=(body.dimension, 8)) * size
-    expected, out, memory = step(body, x.T, eps).T, np.zeros_like(x), work(constants)
+    expected, out, memory = sf.step(body, x.T, eps).T, np.zeros_like(x), work(constants)
     given = x.copy()
     given.setflags(write=False)
     for k in range(8):
-        assert step_system(constants, given[:, k], out[:, k], memory) == Status.OK
-    assert (system_after(constants, x.T, 1) == Status.OK).all()
+        assert step_system(constants, given[:, k], out[:, k], memory) == sf.Status.OK
+    assert (system_after(constants, x.T, 1) == sf.Status.OK).all()
     np.testing.assert_array_equal(out, expected)
     np.testing.assert_array_equal(x, expected)
 
@@ -122,19 +103,19 @@ def test_loops_of_users_follow_orbits(body, rng):
     omega = rng.uniform(-2, 2, (65, 2))
     *inertia, k = (*body.parameters, 0.0)[:5]
     constants = frame(body, EPS)
-    found, F = after(constants, omega, 50), first_integral(body, omega, EPS)
+    found, F = after(constants, omega, 50), sf.first_integral(body, omega, EPS)
     exact = naive.orbit(*inertia, EPS, omega[7], 50, k=k)[-1]
     assert naive.relative_error(found[7, :2], exact) < 1e-14
     np.testing.assert_allclose(found[:, 2], F, rtol=1e-13)
     for w, integral in zip(omega[:3], F, strict=False):
-        assert compiled.vector_field(constants, *w) == tuple(vector_field(body, w))
-        assert compiled.energy(constants, *w) == energy(body, w)
+        assert compiled.vector_field(constants, *w) == tuple(sf.vector_field(body, w))
+        assert compiled.energy(constants, *w) == sf.energy(body, w)
         assert compiled.first_integral(constants, *w) == pytest.approx(integral, rel=1e-15)
 
 
 def test_steps_of_long_vectors_keep_their_digits():
     for X, Y in ((1e3, 1e6), (-30.0, 1e8), (1e5, -1e4)):  # next states are near (0, -1)
-        constants = frame(Suslov3D(1, 1, 1, 0), 2.0)
+        constants = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)
         u, v = advance(constants, X, Y)
         exact = naive.step(1, 1, 1, 0, 2.0, (X, -Y))
         assert naive.relative_error((u, -v), exact) < 1e-15
@@ -147,28 +128,25 @@ def test_a_long_orbit_comes_to_rest_without_subnormal_numbers():
         u, v = advance(constants, u, v)
         assert u == 0.0 or abs(u) > 1e-300
     assert u == 0.0
-    F = first_integral(BODY, [1.0, 0.5], EPS)
-    assert compiled.first_integral(constants, *leave(constants, u, v)) == pytest.approx(
-        F, rel=1e-13
-    )
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
 def test_what_does_not_exist_is_nan():
-    unit = frame(Suslov3D(1, 1, 1, 0), 2.0)  # X = Omega1, Y = -Omega2: poles are Y = 1 + 2 X**2
+    unit = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)  # X = Omega1, Y = -Omega2: poles are Y = 1 + 2 X**2
     for X in np.array([0.0, 0.25, 1 / 3, 3.0, 1e8]):
         u, v = enter(unit, X, -(1 + 2 * X * X))
         assert np.isnan(advance(unit, u, v)).all()
         assert np.isnan(compiled.step(unit, X, -(1 + 2 * X * X))).all()
     assert np.isnan(advance(unit, *advance(unit, np.nan, 1.0))).all()
-    assert np.isnan(compiled.step(frame(SuslovGyrostat(1, 1, 1, 0, 0.5), 1.0), 1.0, -3.875)).all()
-    square = system(QuadraticField([[[1]]]), 0.5)  # x' = x**2
-    nd = system(SuslovND([1.0, 1.0, 1.0], [0.5, -0.75, 0.5]), 1.0)
+    rotor = frame(sf.SuslovGyrostat(1, 1, 1, 0, 0.5), 1.0)
+    assert np.isnan(compiled.step(rotor, 1.0, -3.875)).all()
+    square = system(sf.QuadraticField([[[1]]]), 0.5)  # x' = x**2
+    nd = system(sf.SuslovND([1.0, 1.0, 1.0], [0.5, -0.75, 0.5]), 1.0)
     for constants, x, status in (
-        (square, [2.0], Status.SINGULAR),
-        (square, [np.nan], Status.NONFINITE),
-        (nd, [1.0, -1.0, 1.5], Status.SINGULAR),
-        (nd, [1.0, np.nan, 1.5], Status.NONFINITE),
+        (square, [2.0], sf.Status.SINGULAR),
+        (square, [np.nan], sf.Status.NONFINITE),
+        (nd, [1.0, -1.0, 1.5], sf.Status.SINGULAR),
+        (nd, [1.0, np.nan, 1.5], sf.Status.NONFINITE),
     ):
         out = np.array(x)
         assert step_system(constants, out, out, work(constants)) == status
@@ -177,15 +155,15 @@ def test_what_does_not_exist_is_nan():
 
 def test_bodies_and_step_sizes_are_checked():
     for call, error, words in (
-        (lambda: frame(SuslovND([1, 2], [1, 1]), 0.1), TypeError, r"system\(body, eps\)"),
+        (lambda: frame(sf.SuslovND([1, 2], [1, 1]), 0.1), TypeError, r"system\(body, eps\)"),
         (lambda: frame(4, 0.1), TypeError, "^body: "),
         (lambda: system(4, 0.1), TypeError, "^body: "),
         (lambda: frame(BODY, np.inf), ValueError, "^eps: "),
         (lambda: frame(BODY, "0.1"), TypeError, "^eps: "),
         (lambda: frame(BODY, 0.0), ValueError, "identity"),
-        (lambda: frame(Suslov3D(1, 2, 0, 0), 0.1), ValueError, "identity"),
+        (lambda: frame(sf.Suslov3D(1, 2, 0, 0), 0.1), ValueError, "identity"),
         (lambda: frame(BODY, [[0.1], [0.2]]), ValueError, r"\(2, 1\)"),
-        (lambda: system(SuslovND([[1, 2]] * 3, [1, 1]), 0.1), ValueError, r"\(3,\)"),
+        (lambda: system(sf.SuslovND([[1, 2]] * 3, [1, 1]), 0.1), ValueError, r"\(3,\)"),
     ):
         with pytest.raises(error, match=words):
             call()
@@ -194,11 +172,6 @@ def test_bodies_and_step_sizes_are_checked():
 @njit
 def one_step(system, x, out, memory):
     return step_system(system, x, out, memory)
-
-
-@njit
-def one_advance(frame, u, v):
-    return advance(frame, u, v)
 
 
 @pytest.mark.compiled
@@ -216,11 +189,10 @@ def test_what_does_not_fit_is_refused_when_a_loop_is_compiled(body):
         ):
             with pytest.raises(TypeError, match=words):
                 call(constants, *arguments, memory)
-        for others in (work(system(ND if body is FIELD else FIELD, 0.1)), 4):
-            with pytest.raises(TypingError):
-                call(constants, three, three, others)
+        with pytest.raises(TypingError):
+            call(constants, three, three, 4)
     quantities = compiled.energy, compiled.first_integral, compiled.vector_field
-    for each in (one_advance, advance, enter, leave, compiled.step, *quantities):
+    for each in (advance, enter, leave, compiled.step, *quantities):
         with pytest.raises(TypingError):
             each(constants, 1.0, 2.0)
         with pytest.raises(TypeError, match=r"expected frame\(body, eps\)"):
@@ -231,15 +203,12 @@ def test_what_does_not_fit_is_refused_when_a_loop_is_compiled(body):
 def test_arrays_of_another_length_are_refused(body):
     """Nothing else would notice: compiled code checks no index."""
     constants, three, four = system(body, 0.1), np.ones(3), np.ones(4)
-    larger = SuslovND([1, 2, 3, 4], [1, 1, 1, 1])
+    larger = sf.SuslovND([1, 2, 3, 4], [1, 1, 1, 1])
     larger = work(system(larger if body is ND else larger.field(), 0.1))
     memory = work(constants)
     for arguments in ((four, three, memory), (three, four, memory), (three, three, larger)):
         with pytest.raises(ValueError, match="dimension of the system"):
             step_system(constants, *arguments)
-    fewer = work(system(QuadraticField(np.zeros((3, 3, 3)), np.ones((3, 3))), 0.1))
-    with pytest.raises(ValueError, match=r"^work: .* terms"):
-        step_system(system(FIELD, 0.1), three, three, fewer)
 
 
 def test_frames_and_systems_are_plain_data():
@@ -250,18 +219,3 @@ def test_frames_and_systems_are_plain_data():
     nd = system(ND, 0.4)
     assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
     assert repr(system(FIELD, 0.1)).startswith("FieldSystem(fixed=array(")
-
-
-@pytest.mark.compiled
-def test_a_second_process_finds_the_functions_compiled(tmp_path):
-    """And a changed package does not."""
-    code = """
-        import suslov_fast as s
-        from suslov_fast.compiled import advance, frame
-        advance(frame(s.Suslov3D(4, 3, -0.4, -0.2), 0.2), 0.1, 0.2)
-        print(sum(advance.stats.cache_hits.values()), advance.__qualname__)
-    """
-    settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_BOUNDSCHECK": "0"}  # with checks no cache
-    first, second = (children.run(code, **settings).split() for _ in range(2))
-    assert (first[0], second[0]) == ("0", "1")
-    assert first[1] == second[1]

@@ -1,7 +1,5 @@
-"""Quadratic fields: coefficients, Hamiltonians, named parameters, families, copies and text."""
+"""Quadratic fields: coefficients, Hamiltonians, named parameters, families and text."""
 
-import json
-import pickle
 import subprocess
 import sys
 from fractions import Fraction as F
@@ -10,7 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from suslov_fast import QuadraticField, SuslovND
+from suslov_fast import QuadraticField, energy, vector_field
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
 
@@ -41,7 +39,6 @@ ENERGIES = of_hamiltonian(
     b=[0.5, 1.0],
 )
 FIELDS = {name: each for name, each in globals().items() if isinstance(each, QuadraticField)}
-each_field = pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)
 
 
 def test_coefficients_of_a_function_are_exact():
@@ -63,45 +60,24 @@ def test_coefficients_of_a_function_are_exact():
     assert not plain.quadratic[1].any()
 
 
-def test_values_are_fractions_or_floats():
+def test_values_are_fractions_or_floats(rng):
     state = [1.5, -2.0, 20.0]
     assert LORENZ(state) == pytest.approx(lorenz(state), rel=1e-15)
     assert BATCH(np.ones((4, 1, 3))).shape == (4, 2, 3)
-    second = QuadraticField(BATCH.quadratic[1], LORENZ.linear)
-    np.testing.assert_allclose(BATCH(state)[1], second(state), rtol=1e-14)
     assert np.isnan(LORENZ([[1, np.nan, 2], [0.0, 0, 0]])).all(axis=-1).tolist() == [True, False]
-
-
-@pytest.mark.parametrize("field", [LORENZ, HENON, RIGID, BATCH, ENERGIES])
-def test_terms(field, rng):
-    """They are the field, in ascending order, those linear in x after the quadratic ones."""
-    (i, j, k), values = field.terms
-    assert i.flags.c_contiguous
-    assert values.flags.c_contiguous
-    assert (j <= k).all()
-    assert (np.diff(k == field.dimension) >= 0).all()
-    x = np.append(rng.normal(size=field.dimension), 1.0)
-    each = values * x[j] * x[k]
-    found = np.stack([each[..., i == row].sum(axis=-1) for row in range(field.dimension)], -1)
-    np.testing.assert_allclose(found, field(x[:-1]), rtol=1e-13, atol=1e-13)
-    if field.H is not None:
-        (i, j, k), values = field.H.terms
-        assert ((i <= j) & (j <= k)).all()
-        found = (values * x[i] * x[j] * x[k]).sum(axis=-1)
-        np.testing.assert_allclose(found, field.H(x[:-1]), rtol=1e-13)
+    for field in FIELDS.values():
+        x = rng.normal(size=field.dimension)
+        np.testing.assert_allclose(vector_field(field, x), field(x), rtol=1e-13, atol=1e-13)
+        if field.H is not None:
+            np.testing.assert_allclose(energy(field, x), field.H(x), rtol=1e-13)
 
 
 @pytest.mark.parametrize("field", [HENON, RIGID])
 def test_gradient_of_a_hamiltonian(field):
-    x, h = [F(k, 7) for k in (3, -8, 5, 2)[: field.dimension]], F(1, 10**9)
-
-    def difference(j):
-        ahead, behind = ([a + s * h * (i == j) for i, a in enumerate(x)] for s in (1, -1))
-        return (field.H(ahead) - field.H(behind)) / (2 * h)
-
-    gradient = [difference(j) for j in range(field.dimension)]
-    for slope, row in zip(field(x), field.K, strict=True):
-        assert abs(slope - sum(row * gradient)) < F(1, 10**15)
+    D, h = field.dimension, F(1, 10**9)
+    x, steps = np.array([F(k, 7) for k in (3, -8, 5, 2)[:D]]), h * np.eye(D, dtype=int)
+    gradient = [(field.H([*(x + step)]) - field.H([*(x - step)])) / (2 * h) for step in steps]
+    assert abs(field([*x]) - field.K @ gradient).max() < F(1, 10**15)
 
 
 def test_the_structure_of_a_hamiltonian_field():
@@ -121,27 +97,6 @@ def test_the_structure_of_a_hamiltonian_field():
     assert (one([2]), one.H([3])) == ((0,), 9)
 
 
-@each_field
-def test_copies_are_equal(field):
-    written = json.loads(json.dumps(field.to_dict()))
-    copies = [QuadraticField.from_dict(written), pickle.loads(pickle.dumps(field))]
-    for copy in copies:
-        assert copy == field
-        assert hash(copy) == hash(field)
-        assert copy.to_dict() == written
-        assert copy.parameters.keys() == field.parameters.keys()
-        for name, value in field.parameters.items():
-            assert np.array_equal(copy.parameters[name], value)
-    if field.shape:
-        assert QuadraticField._of(field._arrays) == field
-    for array in (field.table, *field.parameters.values()):
-        if isinstance(array, np.ndarray):
-            with pytest.raises(ValueError, match="read-only"):
-                array[...] = 7
-    with pytest.raises(AttributeError):
-        field.K = None
-
-
 @pytest.mark.parametrize(
     ("family", "f", "make"),
     [
@@ -150,16 +105,14 @@ def test_copies_are_equal(field):
     ],
 )
 def test_a_family_has_the_coefficients_of_single_fields(family, f, make):
-    (name, values), D = dict(family.parameters).popitem(), family.dimension
+    (name, values), D = family.parameters.popitem(), family.dimension
     for value, member in zip(values, family, strict=True):
         single = make(f, D, **{name: value})
         assert member.parameters == {name: value}
         assert family.sel(**{name: value}) == member
         for own, expected in zip(member._arrays.values(), single._arrays.values(), strict=True):
             assert np.array_equal(own, expected)
-    part = family[2:5]
-    assert part.parameters[name].tolist() == values[2:5].tolist()
-    assert [each.H is None for each in part] == [family.H is None] * 3
+    assert family[2:5].parameters[name].tolist() == values[2:5].tolist()
     assert family.sel(method="nearest", **{name: 2.4}) == family[3]
 
 
@@ -171,8 +124,6 @@ def test_a_family_with_two_axes():
         assert member.parameters == {"a": a, "b": b}
         assert float(member.H([F(1), F(0)])) == pytest.approx(a - a * b / 7, rel=1e-15)
     assert ENERGIES.sel(a=2.0).parameters["b"].tolist() == [0.5, 1.0]
-    assert ENERGIES._coordinates["a"].shape == (11, 1)
-    assert of_function(lorenz, 3, rho=[]).shape == (0,)
     mixed = of_function(lambda x, a, mu: (a * x[0] - mu,), 1, a=[1, 2], mu=F(1, 3))
     assert mixed[1].parameters == {"a": 2.0, "mu": F(1, 3)}
 
@@ -182,17 +133,11 @@ def test_single_parameters_remain_exact():
     assert NAMED.parameters == {"a": F(2, 7)}
     assert of_function(lorenz, 3, rho=28) == LORENZ
     assert of_function(lambda x, a: (np.sin(a) * x[0],), 1, a=1.5).linear == F(np.sin(1.5))
-    any_names = of_function(lambda x, **named: (named["a"] * x[0],), 1, a=2)
-    assert any_names([3]) == (6,)
     branch = of_function(lambda x, a: ((1 if a > 1 else 2) * x[0],), 1, a=[1, 2])
     assert branch.linear.ravel().tolist() == [2, 1]
 
 
 def test_what_is_printed():
-    assert repr(LORENZ) == (
-        "QuadraticField(x1' = -10*x1 + 10*x2, x2' = -x1*x3 + 28*x1 - x2, "
-        "x3' = x1*x2 - 2.6666666666666665*x3)"
-    )
     H = "x1^2*x2 - 1/3*x2^3 + 1/2*x1^2 + 1/2*x2^2 + 1/2*x3^2 + 1/2*x4^2"
     assert repr(HENON).endswith(f"H = {H})")
     assert repr(QuadraticField([[[0]]], constant=[0])) == "QuadraticField(x1' = 0)"
@@ -208,22 +153,11 @@ def test_python_flint_is_needed_for_components_only():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout == "(Fraction(-2, 1),)\n"
     pytest.importorskip("flint")
-    assert [str(each) for each in LORENZ.components[:2]] == [
-        "-10*x1 + 10*x2",
-        "-x1*x3 + 28*x1 - x2",
-    ]
+    assert str(LORENZ.components[1]) == "-x1*x3 + 28*x1 - x2"
 
 
-def test_the_field_of_a_single_body_is_exact():
-    single = QuadraticField.of(SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]))
-    assert single.quadratic[0, 0, 1] == F(-0.7) / F(1.3) / 2
-    assert QuadraticField.of(LORENZ) is LORENZ
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [({}, "f needs rho: pass rho=28"), ({"rho": 1, "sigma": 2}, "unexpected .*'sigma'")],
-)
-def test_parameters_that_are_missing_and_unknown_are_told_apart(given, words):
-    with pytest.raises(TypeError, match=words):
-        of_function(lambda x, rho: (rho * x[0],), 1, **given)
+def test_a_missing_parameter_is_told_with_how_to_pass_it():
+    with pytest.raises(TypeError, match="f needs rho: pass rho=28"):
+        of_function(lambda x, rho, sigma: (rho * x[0],), 1)
+    with pytest.raises(TypeError, match=r"<lambda>\(\) missing"):  # not of f itself
+        of_function(lambda x: ((lambda x, y: x * y)(x[0]),), 1)

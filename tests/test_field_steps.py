@@ -212,13 +212,15 @@ class Sleigh(Body):
 
 
 def test_a_body_with_a_record_steps_as_its_field(monkeypatch, tmp_path):
-    methods = {"auto": maps.Steps(steps_field.steps, steps_field.carried)}
+    methods = {"auto": maps.Steps(steps_field.steps, 0)}
     sample = Sleigh(1, 1, 1), (1.0, 1.0)
     record = maps.Map("sleigh", Sleigh, "Sleigh", methods, lambda body: (), sample)
-    monkeypatch.setattr(maps, "_RECORDS", (*maps._RECORDS, record))
+    monkeypatch.setattr(maps, "MAPS", (*maps.MAPS, record))
     bodies, starts = Sleigh([1, 2, 3], 1.5, 0.4), [[1.0, 0.5]] * 3
     suslov = sf.Suslov3D(bodies.mass, 1.5 + 0.16 * bodies.mass, 0, -0.4 * bodies.mass)
     found = sf.iterate(bodies, starts, 0.3, 50)
     assert abs(found.omega - sf.iterate(suslov, starts, 0.3, 50).omega).max() < 1e-14
     assert np.array_equal(sf.iterate(bodies[1], starts[1], 0.3, 50).omega, found.omega[:, 1])
     assert found.extend(5) == sf.iterate(bodies, starts, 0.3, 55)
+    for f in (sf.matrix, sf.jacobian):
+        np.testing.assert_array_equal(f(bodies, starts, 0.3), f(bodies.field(), starts, 0.3))

@@ -5,6 +5,7 @@ import os
 
 import numpy as np
 import pytest
+import xarray
 from test_trajectories import RUNS, run_of
 
 import suslov_fast as sf
@@ -21,12 +22,12 @@ def test_a_file_holds_all_of_a_run(name, path):
     run.save(path)
     again = sf.Trajectories.load(path)
     assert again == run
-    assert (type(again.eps), again._map) == (type(run.eps), run._map)
     assert again.body.to_dict() == run.body.to_dict()
     assert again.extend(3, on_singular="ignore") == run.extend(3, on_singular="ignore")
-    again.save(os.fspath(path), overwrite=True)
-    assert sf.Trajectories.load(path) == run
     assert os.listdir(path.parent) == [path.name]
+    run.to_xarray().to_netcdf(path.with_suffix(".nc"))
+    with xarray.open_dataset(path.with_suffix(".nc")) as data:
+        np.testing.assert_array_equal(data[run._map.variable].values, run.states)
 
 
 def test_existing_files(path):
@@ -35,14 +36,12 @@ def test_existing_files(path):
     with pytest.raises(FileExistsError, match=r"run\.npz"):
         run.save(path)
     assert path.read_bytes() == b"kept"
-    run.save(path, overwrite=True)
+    run.save(os.fspath(path), overwrite=True)
     assert sf.Trajectories.load(path) == run
     for name in ("run.nc", "run", "run.zarr"):
         with pytest.raises(ValueError, match=r"^path: .*\.npz.*ensemble"):
             run.save(path.with_name(name))
-    with pytest.raises(TypeError, match=r"^path: "):
-        run.save(3)
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match="absent"):
         run.save(path.parent / "absent" / "run.npz")
     with pytest.raises(FileNotFoundError):
         sf.Trajectories.load(path.with_name("absent.npz"))
@@ -70,7 +69,7 @@ def test_files_of_others(path):
     found = entries(path)
     about, needed = str(found["about"]), ("states", "about", "body", "status", "eps")
     others = [{name: found[name] for name in found if name != lost} for lost in needed]
-    others.append(found | {"about": about.replace('"format": 6', '"format": 7')})
+    others.append(found | {"about": about.replace('"format": 7', '"format": 6')})
     others.append({"format": 5, "version": "0.5.0", "omega": np.zeros(3)})
     for each in others:
         np.savez(path, **each)

@@ -54,7 +54,7 @@ def test_known_fixed_points(f, expected):
 
 
 def test_families_continue_their_points():
-    """Points are in the order of those before that they continue, and new ones are last."""
+    """Points are in the order of as many before, which they continue."""
     a = np.array([-1.0, -0.5, 0.5, 0.75, 2.0])
     family = QuadraticField.from_function(
         lambda x, a: (2 * x[0] - a * (x[1] + 1), x[1] ** 2 - 1), 2, a=a

@@ -16,7 +16,6 @@ from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
 pytest.importorskip("flint")
 
 from suslov_fast.integrability import (
-    KahanMap,
     RationalFunction,
     RationalMap,
     cofactors,
@@ -40,21 +39,16 @@ field_of, of = QuadraticField.from_function, QuadraticField.of
 from_hamiltonian = QuadraticField.from_hamiltonian
 MAP = kahan(of(BODY), EPS)
 EULER = field_of(lambda x: (2 * x[1] * x[2], -3 * x[2] * x[0], x[0] * x[1]), 3)
-# H = x^3 + 2 x y^2 - y^3 + x y + x^2 - 3 y
-CUBIC = field_of(
-    lambda x: (
-        4 * x[0] * x[1] - 3 * x[1] ** 2 + x[0] - 3,
-        -(3 * x[0] ** 2 + 2 * x[1] ** 2 + x[1] + 2 * x[0]),
-    ),
-    2,
+CUBIC = from_hamiltonian(
+    lambda x: x[0] ** 3 + 2 * x[0] * x[1] ** 2 - x[1] ** 3 + x[0] * x[1] + x[0] ** 2 - 3 * x[1], 2
 )
+LINEAR = field_of(lambda x: (8 * x[0] + 16 * x[1], 8 * x[0] + 8 * x[1]), 2)
 PREY = field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
 FORCED = field_of(lambda x: (x[0] * x[1], -(x[0] ** 2) - 1), 2)
 SIR = field_of(lambda x: (-2 * x[0] * x[1], 2 * x[0] * x[1] - x[1], x[1]), 3)
-FOOD_CHAIN = field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - x[2]), x[2] * (x[1] - 1)), 3)
+CHAIN = field_of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - x[2]), x[2] * (x[1] - 1)), 3)
 CYCLE = field_of(lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], 3)
 ISHII = field_of(lambda x: (x[1], x[2], 12 * x[0] * x[1]), 3)
-TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)
 ENERGY = from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
 SOLVED = of(SuslovND([2, 2, 2], I[:3]))
 ZOO = zoo()
@@ -98,14 +92,6 @@ def by_sympy(f, x, **parameters):
     values = {f"x{i}": a for i, a in enumerate(x, start=1)} | parameters
     found = sympy.sympify(str(f)).subs({name: sympy.Rational(str(a)) for name, a in values.items()})
     return F(int(found.p), int(found.q))
-
-
-def assert_same_span(found, expected):
-    x = sympy.symbols("x1 x2")
-    terms = [sympy.Poly(str(each), *x).as_dict() for each in (*found, *expected)]
-    monomials = {e for each in terms for e in each}
-    matrix = sympy.Matrix([[each.get(e, 0) for e in monomials] for each in terms])
-    assert matrix.rank() == len(found) == len(expected)
 
 
 def assert_derivative(map, x):
@@ -184,12 +170,6 @@ def test_growth_of_degrees(field, n, law, kind, entropy):
     assert growth_of(found)[:2] == (kind, pytest.approx(entropy, abs=1e-14))
 
 
-def test_degrees_of_other_maps():
-    assert degrees(LYNESS, 10) == [2, 2, 3, 4, 5, 7, 9, 11, 14, 16]
-    henon = rational_map(lambda x: (1 - F(7, 5) * x[0] ** 2 + x[1], F(3, 10) * x[0]), 2)
-    assert degrees(henon, 6) == [2**k for k in range(1, 7)]
-
-
 HENON_HEILES = [3, 7, 17, 39, 93, 215, 495, 1137, 2615, 6007, 13797]  # eps = 1/2
 
 
@@ -198,10 +178,8 @@ HENON_HEILES = [3, 7, 17, 39, 93, 215, 495, 1137, 2615, 6007, 13797]  # eps = 1/
     [
         ([2, 3] * 4, "bounded", 0, 0),
         ([2, 3, 4, 5, 6, 6, 6, 6, 6, 6], "bounded", 0, 0),
-        ([2, 4, 6, 8, 10, 12, 14], "linear", 0, 0),
         ([2, 4, 6, 8, 10, 12], "linear", 0, 0.2),
         ([2, 4, 8, 13, 15, 17, 19, 21, 23, 25], "linear", 0, 0),
-        ([6, 19, 42, 73, 114, 163, 222, 289, 366, 451, 546], "quadratic", 0, 0),
         ([k**3 for k in range(1, 13)], "cubic", 0, 0),
         ([7, 3, *(3**k + 1 for k in range(1, 60))], "exponential", math.log(3), 0),
         ([1, 2, 3, 5, 8, 13, 21], "exponential", math.log((1 + math.sqrt(5)) / 2), 0),
@@ -213,91 +191,54 @@ HENON_HEILES = [3, 7, 17, 39, 93, 215, 495, 1137, 2615, 6007, 13797]  # eps = 1/
         ([10000, 10500, 11001, 11500, 12003, 12501], "linear", 0, 0.08),
         # Nothing fits. One more term of the first would give a recurrence.
         ([9, 5, 7, 7, 7, 7, 7], "bounded", 0, 0),
-        ([9, 5, 7, 7, 7, 7], "unclear", None, None),
-        ([1, 1, 1, 1, 1, 1, 2], "unclear", None, None),
-        ([], "unclear", None, None),
+        ([9, 5, 7, 7, 7, 7], "unclear", math.nan, math.nan),
+        ([], "unclear", math.nan, math.nan),
     ],
 )
 def test_growth_of_sequences(sequence, kind, entropy, error):
     found = growth_of(sequence)
     assert found.kind == kind
-    if entropy is None:
-        assert math.isnan(found.entropy)
-        assert math.isnan(found.entropy_error)
-    elif error:
+    if error > 0:
         assert abs(found.entropy - entropy) <= found.entropy_error <= error
     else:
-        assert found[1:3] == (pytest.approx(entropy, abs=1e-14), 0)
+        assert found[1:3] == pytest.approx((entropy, error), abs=1e-14, nan_ok=True)
 
 
-def test_growth_states_its_basis():
-    assert growth_of(HENON_HEILES).based_on.startswith("a fit to the last 5 of 11 degrees")
-    # The least transient plus order, then the least order: not d(k+3) = d(k+2) without a transient.
+def test_the_shortest_recurrence_counts():
+    """The least transient plus order, then the least order: not d(k+3) = d(k+2) for all degrees."""
     assert growth_of([5, 7, 4, 4, 4, 4, 4, 4]).based_on.endswith("all 8 degrees but the first 2")
 
 
 # Relations along orbits, and polynomials of one cofactor.
 
 
-@pytest.mark.parametrize(
-    ("body", "k"), [(BODY, 0), (ROTOR, F(3, 4)), (Suslov3D(4.1, 1, -0.7, 0.3), 0)]
-)
-def test_integral_and_measure_of_lemma_1(body, k):
-    a, b, c, d, eps, k = (
-        sympy.Rational(str(F(each))) for each in (body.I1, body.I2, body.I13, body.I23, EPS, k)
-    )
-    x1, x2 = sympy.symbols("x1 x2")
-    x = c * x1 + d * x2 + k
-    lemma = [a * x1**2 + b * x2**2, 4 * a * b + eps**2 * x**2]
-    map = kahan(of(body), EPS)
-    assert hk_bases(map, 1).dimension == 0
-    found = hk_bases(map, 2)
-    assert (found.dimension, found.independent) == (1, 1)
-    assert_same_span(found.integrals, lemma)
-    assert darboux_polynomials(map, 2) == ()
-    assert_same_span(darboux_polynomials(map, 3), [x * each for each in lemma])
-
-
-@pytest.mark.parametrize(
-    ("map", "monomials", "dimension", "independent"),
-    [
-        (kahan(EULER, 1), 2, 2, 2),
-        (kahan(CUBIC, EPS), 3, 1, 1),
-        (CLEBSCH, [*(2 * np.eye(6, dtype=int))[3:], [0] * 6], 1, 1),
-    ],
-)
-def test_hirota_kimura_bases(map, monomials, dimension, independent):
-    found = hk_bases(map, monomials)
-    assert (found.dimension, found.independent) == (dimension, independent)
-    assert found == hk_bases(map, monomials)
+def assert_basis(found, map):
+    """Polynomials vanish along the orbit of the point; quotients of integrals are conserved."""
     x = found.point
-    start = [F(k, 7) for k in range(2, 2 + map.dimension)]
-    before, after = ([value(P, z) for P in found.integrals] for z in (start, map(start)))
-    assert all(a * before[0] == b * after[0] for a, b in zip(after, before, strict=True))
-    assert len(found.integrals) > 1
     for _ in range(4):
         x = map(x)
         assert all(value(P, x) == 0 for P in found.polynomials)
+    start = [F(k, 7) for k in range(2, 2 + map.dimension)]
+    before, after = ([value(P, x) for P in found.integrals] for x in (start, map(start)))
+    assert len(found.integrals) == found.independent + 1
+    assert all(a * before[0] == b * after[0] for a, b in zip(after, before, strict=True))
 
 
 @pytest.mark.parametrize(
     ("field", "lowest", "independent"),
-    [(EULER, 2, 2), (of(BODY), 2, 1), (SIR, 1, 1), (FOOD_CHAIN, 2, 1), (CYCLE, 3, 2)],
+    [(EULER, 2, 2), (of(BODY), 2, 1), (SIR, 1, 1), (CHAIN, 2, 1), (CYCLE, 3, 2), (CUBIC, 3, 1)],
 )
 def test_a_higher_degree_loses_no_integral(field, lowest, independent):
     map = kahan(field, EPS)
-    start = [F(k, 7) for k in range(2, 2 + map.dimension)]
     for degree in range(lowest, 5):
         found = hk_bases(map, degree)
         assert (found.degree, found.independent, found.complete) == (lowest, independent, True)
         assert "try" not in repr(found)
-        assert len(found.integrals) == independent + 1
-        before, after = ([value(P, z) for P in found.integrals] for z in (start, map(start)))
-        assert all(a * before[0] == b * after[0] for a, b in zip(after, before, strict=True))
+        assert_basis(found, map)
     assert lowest == 1 or hk_bases(map, lowest - 1).independent < independent
 
 
-def test_relations_without_a_quotient():
+def test_lists_of_monomials():
     units = np.eye(6, dtype=int)
     squares, mixed = 2 * units, units[:3] + units[3:]
     found = hk_bases(CLEBSCH, [*squares, *mixed, [0] * 6])
@@ -305,6 +246,7 @@ def test_relations_without_a_quotient():
     assert not found.complete
     assert repr(found).endswith("; 4 more independent: try a higher degree, or `report`")
     assert hk_bases(CLEBSCH, squares).dimension == 0
+    assert_basis(hk_bases(CLEBSCH, [*squares[3:], [0] * 6]), CLEBSCH)
     assert hk_bases(kahan(SOLVED, EPS), 2).independent == 2
     # One relation, and two orbits always span one dimension more: a third one tells.
     found = hk_bases(SHEAR, [(0, 0, 0), (1, 0, 0), (0, 1, 0)])
@@ -356,13 +298,6 @@ def test_cofactors():
     assert {F(1), prey.determinant(x), prey(x)[0] / x[0]} < {*values}
     C = found[1]
     assert C(x) == F(value(C.numerator, x)) / value(C.denominator, x) == by_sympy(C, x)
-    # The same with the letter eps.
-    letter = cofactors(kahan(PREY), 2)
-    assert {C.subs(EPS)(x) for C in letter} == {*values}
-    (P,) = darboux_polynomials(
-        kahan(PREY), 1, next(C for C in letter if C.subs(EPS)(x) == prey(x)[1] / x[1])
-    )
-    assert str(P) == "x2"
     # x2 goes to -x1 and x1 to x2: x1^2 + x2^2 has the cofactor 1, x1^2 - x2^2 and x1 x2 have -1.
     quarter = kahan(field_of(lambda x: (2 * x[1], -2 * x[0]), 2), 1)
     assert {str(C) for C in cofactors(quarter, 2)} == {"1", "-1"}
@@ -392,13 +327,10 @@ def test_exceptional_primes_and_lines_are_drawn_again():
         (CYCLE, 3, "quadratic", [1, 3], [2], ["x1", "x2", "x3", "x1 + x2 + x3"]),
         # The map sends the line det A = 0 to infinity.
         (ENERGY, 1, "quadratic", [3], [1], ["3*x1 + 32"]),
-        (TETRAHEDRAL, 3, "quadratic", [3], [2], ["x2"]),
-        (ISHII, 3, "quadratic", [2, 3], [0], []),
         # More Darboux polynomials of one cofactor than products of lower degree; a norm.
         (SOLVED, 4, "linear", [1, 2], [4], None),
         (volterra(5), 3, "linear", [1, 2, 2, 2], [4], None),
         (PLANAR, 3, "exponential", [], [], []),
-        (PREY, 3, "exponential", [], [2], ["x1", "x2"]),
         # The density is a product of powers of polynomials of several cofactors.
         (SIR, 1, "exponential", [1], [2], ["x1", "x2", "x1 + x2 + x3"]),
         # The modified energy and 1/det A, of degrees 4 and 2.
@@ -407,22 +339,13 @@ def test_exceptional_primes_and_lines_are_drawn_again():
         (from_hamiltonian(lambda x: 0 * x[0] + 1, 2), 3, "bounded", [1, 1], None, None),
         (field_of(lambda x: (x[1] ** 2, 1), 2), 3, "bounded", [3], None, None),
         # det DPhi = -1, and several constants for the same factors.
-        (
-            field_of(lambda x: (8 * x[0] + 16 * x[1], 8 * x[0] + 8 * x[1]), 2),
-            3,
-            "bounded",
-            [4],
-            None,
-            None,
-        ),
+        (LINEAR, 3, "bounded", [4], None, None),
         # Fibres that move are no integral.
         (field_of(lambda x: (x[0], x[0] * x[1]), 2), 3, "linear", [], None, None),
-        (ZOO["Lyness"][0], 4, "quadratic", [3], [2], None),
         (ZOO["McMillan"][0].inverse, 4, "quadratic", [4], [0], None),
         (ZOO["Hone-Quispel"][0], 4, "quadratic", [4], [2], None),
         (rational_map(lambda x: (x[1], x[0], x[2] + 1), 3), 4, "bounded", [1, 2], None, None),
         (TODD, 4, "bounded", [4, 4, 4], None, None),
-        (rational_map(lambda x: (1 - x[0] ** 2 - x[1], x[0]), 2), 4, "exponential", [], None, None),
         (SHEAR, 4, "bounded", [1, 2], None, None),
     ],
 )
@@ -527,7 +450,12 @@ PAPERS = {
         ["(4*x1**2 + x2**2)/(16 + eps**2*(x1/2 + x2/4)**2)"],
         "1/((2*x1 + x2)*(16 + eps**2*(x1/2 + x2/4)**2))",
     ),
-    "gyrostat": (of(ROTOR), 3, ["(2*x1**2 + 3*x2**2)/(24 + eps**2*(x1/2 - x2/4 + 3/4)**2)"], None),
+    "gyrostat": (
+        of(ROTOR),
+        3,
+        ["(2*x1**2 + 3*x2**2)/(24 + eps**2*(x1/2 - x2/4 + 3/4)**2)"],
+        "1/((2*x1 - x2 + 3)*(24 + eps**2*(x1/2 - x2/4 + 3/4)**2))",
+    ),
     # Celledoni, McLachlan, McLaren, Owren, Quispel (2014): x''' = 12 x x'.
     "Ishii": (ISHII, 3, ["x3 - 6*x1**2 + 3*eps**2/2*x2**2"], "1"),
     "Lotka-Volterra": (PREY, 2, [], "1/(x1*x2)"),
@@ -585,12 +513,6 @@ def test_letters_in_relations_and_polynomials():
     assert [str(P) for P in darboux_polynomials(letter, 1, cofactors(letter, 1)[2])] == [
         "2*x1 + x2"
     ]
-    with pytest.raises(TypeError, match="cofactor"):
-        darboux_polynomials(letter, 1, lambda x: 1)
-    with pytest.raises(TypeError, match="eps"):
-        letter.jacobian([1, 2])
-    with pytest.raises(TypeError, match="eps"):
-        report(BODY).integrals[0]([1, 2])
 
 
 # Texts.
@@ -669,25 +591,14 @@ def test_a_report_that_is_cut_short():
     assert calls[0][0] == 1
 
 
-def test_cheap_parts_come_first_and_the_search_ends():
-    """The density of degree 2 is known before all products of factors are tried."""
-
-    def stop(done, parts):
-        if done == 4:  # after the degrees, two degrees of relations, and the cofactor det DPhi
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt) as stopped:
-        report(PREY, EPS, 2, progress=stop)
-    assert [str(f) for f in stopped.value.report.measures] == ["1/(x1*x2)"]
-    assert report(EULER, EPS, 4).searched[-1].startswith("no more")
-    assert "up to degree 2 with products" in report(PREY, EPS, 2).searched[-1]
-
-
 def test_what_reports_print_of_several_possibilities():
     """Denominators are not 0 at 0 if possible; products of polynomials are left out."""
     assert str(report(BODY, EPS).integrals[0]) == "(4*x1^2 + x2^2)/(x1*x2 + 1024)"
     assert str(report(LYNESS).integrals[0]).endswith("/(x1*x2)")
     assert [P.degree for P in report(volterra(3), EPS).polynomials] == [1, 1, 1, 1, 1, 1]
+    # The search ends when all integrals that the relations show are written.
+    assert report(EULER, EPS, 4).searched[-1].startswith("no more")
+    assert "up to degree 2 with products" in report(PREY, EPS, 2).searched[-1]
     assert [P.degree for P in report(SOLVED, EPS, 4).polynomials].count(1) == 2
     # Bounded, but only from the 17th iterate on.
     assert report(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2), 1).growth.kind == "bounded"
@@ -728,15 +639,6 @@ def test_linear_and_trivial_fields():
     assert hk_bases(MAP, 0).dimension == 0
 
 
-def test_zoo():
-    """The first twelve have maps with an integral, the last three are no Kahan maps."""
-    assert len(ZOO) == 23
-    assert [name for name, (_, eps) in ZOO.items() if eps is None] == [*ZOO][-3:]
-    for name in [*ZOO][:3]:
-        assert report(*ZOO[name]).integrals
-    assert all(isinstance(kahan(*each), KahanMap) for each in [*ZOO.values()][:-3])
-
-
 class Quantity(float):
     unit = "ms"
 
@@ -744,12 +646,15 @@ class Quantity(float):
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1), ValueError, r"field: .*shape \(2,\)"),
+        (lambda: kahan(of(Suslov3D([1, 2], 1, 0, 1)), 1), ValueError, "field: "),
         (lambda: kahan(CUBIC, [1]), TypeError, "eps: .*of type list"),
         (lambda: kahan(CUBIC, Quantity(1)), TypeError, "eps: .*without a unit, got Quantity"),
         (lambda: kahan(QuadraticField([[[1]]]), 1)([1]), ZeroDivisionError, r"\(1\) has no image"),
         (lambda: kahan(CUBIC, "1/0"), ValueError, "eps: expected a number such as 1/3 .*'1/0'"),
         (lambda: kahan(CUBIC).inverse, TypeError, "eps: .*subs"),
+        (lambda: kahan(CUBIC).jacobian([1, 2]), TypeError, "eps"),
+        (lambda: report(BODY).integrals[0]([1, 2]), TypeError, "eps"),
+        (lambda: darboux_polynomials(kahan(CUBIC), 1, lambda x: 1), TypeError, "cofactor"),
         (lambda: degrees(CUBIC, 3), TypeError, r"map: .*kahan\(field, eps\).*QuadraticField"),
         (lambda: growth_of(CUBIC), TypeError, r"degrees\(map, n\).*QuadraticField"),
         (lambda: hk_bases(MAP, 999), ValueError, "at most 30 for 2 variables .*999 .500500 coef"),
@@ -764,15 +669,12 @@ class Quantity(float):
         (lambda: report(MAP, EPS), ValueError, "eps: "),
         (lambda: report(BODY, EPS, time_limit=-1), ValueError, "seconds of at least 0, got -1"),
         (lambda: report(BODY, EPS, progress=3), TypeError, "progress: .*got int"),
-        (lambda: report(1, EPS), TypeError, "body: .*got int"),
-        (lambda: cofactors(CLEBSCH, -1), ValueError, "degree: .*got -1"),
         (lambda: darboux_polynomials(MAP, 1, "x"), TypeError, "cofactor: .*of type str"),
         (lambda: darboux_polynomials(MAP, 1, lambda x: 0.5), TypeError, "cofactor: .*got float"),
         (lambda: darboux_polynomials(MAP, 1, lambda x: 1 / F(0)), ArithmeticError, "undefined"),
         (lambda: rational_map(3, 2), TypeError, "f: .*got int"),
         (lambda: rational_map(lambda x: (x[0],), 2), ValueError, "f: .*1 components"),
         (lambda: rational_map(lambda x: (np.sin(x[0]), 1), 2), TypeError, "f: .*operation"),
-        (lambda: rational_map(lambda x: (x[0] == 1, 1), 2), TypeError, "f: .*compared"),
         (lambda: rational_map(lambda x: (1 / (x[0] - x[0]), 1), 2), ValueError, "f: .*is 0"),
         (lambda: rational_map(lambda x: (x[0] ** 0.5, 1), 2), ValueError, "power"),
         (lambda: rational_map(lambda x: (x[1], x[0]), 2, lambda x: x), ValueError, "inverse: "),

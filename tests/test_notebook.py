@@ -10,8 +10,8 @@ import suslov_fast as sf
 
 # A page that mounts the widget as a notebook does, with the Python handler behind its model.
 NOTEBOOK = """<!doctype html><link rel="icon" href="data:,"><script type="module">
-import widget from "/widget.js";
 const state = await (await fetch("/state")).json(), listeners = new Set();
+const { default: widget } = await import(`data:text/javascript,${encodeURIComponent(state._esm)}`);
 window.model = {
   get: (name) => state[name],
   set: (name, value) => { state[name] = value; },
@@ -32,23 +32,18 @@ class Notebook(http.server.BaseHTTPRequestHandler):
 
     def do_GET(self):
         state = {**self.server.widget.get_state(), "_patience": self.server.patience}
-        text, kind = {
-            "/": (NOTEBOOK, "text/html"),
-            "/widget.js": (state["_esm"], "text/javascript"),
-            "/state": (json.dumps(state), "application/json"),
-        }[self.path]
-        self.answer(text, kind)
+        self.answer(json.dumps(state) if self.path == "/state" else NOTEBOOK)
 
     def do_POST(self):
         message = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
         self.server.sent.clear()
         if self.server.alive:
             self.server.widget._handle_custom_msg(message, [])
-        self.answer(json.dumps(self.server.sent), "application/json")
+        self.answer(json.dumps(self.server.sent))
 
-    def answer(self, text, kind):
+    def answer(self, text):
         self.send_response(200)
-        self.send_header("Content-Type", kind)
+        self.send_header("Content-Type", "text/html")
         self.end_headers()
         self.wfile.write(text.encode())
 
@@ -100,9 +95,8 @@ def test_notebook_without_a_kernel(browser, notebook):
     frame = browser.frame()
     settle(browser, **frame)
     notebook.alive = False
-    browser.value("document.getElementById('I1-slider').stepUp()", **frame)
-    put_value = "document.getElementById('I1-slider').dispatchEvent(new Event('input'))"
-    browser.value(put_value, **frame)
+    slider = "document.getElementById('I1-slider')"
+    browser.value(f"{slider}.stepUp(); {slider}.dispatchEvent(new Event('input'))", **frame)
     words = "document.getElementById('message').textContent.includes('run this cell again')"
     browser.wait(words, **frame)
     assert "any more" in text(browser, "message", **frame)

@@ -5,7 +5,7 @@ import re
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 import suslov_fast as sf
@@ -28,12 +28,9 @@ LORENZ = sf.QuadraticField.from_function(
 
 
 def test_the_parameters_of_the_paper(tmp_path):
-    found = re.findall(r"picture (\d): \$(.*?)\$", PAPER, re.DOTALL)
-    assert [int(number) for number, _ in found] == list(PICTURES) == [1, 2, 3, 4]
-    for number, text in found:
-        eps, *parameters = (float(each) for each in re.findall(r"=(-?[\d.]+)", text))
-        assert PICTURES[int(number)].eps == eps
-        assert PICTURES[int(number)].body == sf.Suslov3D(*parameters)
+    values = np.array(re.findall(r"=(-?[\d.]+)", PAPER), float).reshape(4, 5)
+    for picture, (eps, *parameters) in zip(PICTURES.values(), values, strict=True):
+        assert (picture.body, picture.eps) == (sf.Suslov3D(*parameters), eps)
     drawn = draw_pictures(tmp_path / "new")
     assert drawn == [tmp_path / "new" / f"picture{number}.png" for number in PICTURES]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in drawn)
@@ -89,15 +86,6 @@ def test_axes_are_taken_and_returned():
             run.plot(ax=wrong)
 
 
-def drawn(axes):
-    """The lines (orbits, states, 2), if there are any, and the dots (N, 2) on axes."""
-    lines = [each for each in axes.collections if isinstance(each, LineCollection)]
-    dots = [each for each in axes.collections if isinstance(each, PathCollection)]
-    assert not axes.lines
-    found = [np.array(each.get_segments()) for each in lines], [each.get_offsets() for each in dots]
-    return tuple(np.concatenate(each) if each else None for each in found)
-
-
 @pytest.mark.parametrize(
     ("body", "states", "arguments", "lines", "joined"),
     [
@@ -117,22 +105,21 @@ def test_what_is_drawn_of_a_run(body, states, arguments, lines, joined):
     run = sf.iterate(body, omega0, **({"eps": 0.2} | arguments))
     components = (0, body.dimension - 1)
     axes = run.plot(components=components, lines=lines)
-    found, dots = drawn(axes)
-    assert (found is not None) == joined
-    plane = run.states[..., components]
+    found, plane = axes.collections, run.states[..., components]
+    assert isinstance(found[0], LineCollection) == joined
     if joined:
-        np.testing.assert_array_equal(found, np.moveaxis(plane, 1, 0))
+        np.testing.assert_array_equal(found[0].get_segments(), np.moveaxis(plane, 1, 0))
     else:
-        every = plane.reshape(-1, 2)
+        every, dots = plane.reshape(-1, 2), found[0].get_offsets()
         assert len(dots) == min(len(every), 20_000)
         assert {*map(tuple, dots)} <= {*map(tuple, every)}
         all_of_them = len(dots) == states * (run.n[-1] + 1)
         assert (f"{len(dots):,} of their states" in axes.get_title()) != all_of_them
     assert f"{run.n[-1]:,}" in axes.get_title()
-    bars = [each for each in axes.figure.axes if each is not axes]
+    _, *bars = axes.figure.axes
     assert len(bars) == (states > 1 and body is not LORENZ)
-    F = sf.first_integral(body, omega0, run.eps) if bars else None
     for bar in bars:
+        F = run.first_integral()[0]
         np.testing.assert_allclose(bar.get_ylim(), [F.min(), F.max()])
 
 
@@ -167,5 +154,5 @@ def test_animation():
     with pytest.raises(sf.SingularStepError):
         sf.animate_body(sf.Suslov3D(2, 2, 0.5, 0), [2, -9], 1.0)
     # No rigid body has the parameters of the first picture, but there is an ellipsoid.
-    for body in (BODY, GYROSTAT):
+    for body in (BODY, GYROSTAT, sf.Suslov3D(4, 2, 0, 0)):
         sf.animate_body(body, steps=1)._draw_was_started = True

@@ -62,10 +62,10 @@ def test_from_small_to_large_products_of_inertia():
 
 
 def test_batches(rng):
-    I1, I2, I13, I23 = (*rng.uniform(0.5, 4, (2, 3, 1)), *rng.normal(size=(2, 700)))
-    angles = sf.scattering_angle(sf.Suslov3D(I1, I2, I13, I23))
+    body = sf.Suslov3D(*rng.uniform(0.5, 4, (2, 3, 1)), *rng.normal(size=(2, 700)))
+    angles = sf.scattering_angle(body)
     assert angles.shape == (3, 700)
-    alone = sf.scattering_angle(sf.Suslov3D(I1[2, 0], I2[2, 0], I13[5], I23[5]))
-    assert angles[2, 5] == alone
+    alone = sf.scattering_angle(sf.Suslov3D(body.I1[2, 0], body.I2[2, 0], body.I13[5], body.I23[5]))
     assert isinstance(alone, float)
+    assert angles[2, 5] == alone
     assert sf.scattering_angle(sf.Suslov3D(4, 1, np.empty((0, 2)), 1)).shape == (0, 2)

@@ -14,16 +14,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core.steps_3d import LANES, steps
 from suslov_fast.engine import stretches, threads
-
-
-def test_little_work_stays_serial(body, monkeypatch):
-    """A small batch is serial, and a single block of lanes for any number of steps."""
-    monkeypatch.setattr(steps, "parallel", None)
-    sf.iterate(body, np.ones((LANES + 1, 2)), 0.2, 10)
-    sf.iterate(body, np.ones((LANES, 2)), 0.2, 20_000, save_every=None)
-
 
 AT_ONCE = """
 import sys
@@ -163,19 +154,30 @@ def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
 
 
 def test_progress(body, capsys, monkeypatch):
-    for name in ("_STRETCH", "_LENGTH", "_TURNING"):
+    for name in ("_STRETCH", "_TURNING"):
         monkeypatch.setattr(stretches, name, 2**8)
     seen, omega = [], np.ones((70, 2))
     for kind, options in ((body, {}), (sf.QuadraticField.of(body), {}), (body, {"attitude": True})):
         seen.clear()
-        run = sf.iterate(kind, omega, 0.2, 700, progress=lambda *n: seen.append(n), **options)
+        sf.iterate(kind, omega, 0.2, 700, progress=lambda *n: seen.append(n), **options)
         assert len(seen) > 2
         assert seen == sorted(seen)
         assert seen[-1] == (700, 700)
-        assert run == sf.iterate(kind, omega, 0.2, 700, threads=1, **options)
     seen.clear()
     sf.iterate(body, omega, 0.2, 500).extend(300, progress=lambda *n: seen.append(n))
     assert len(seen) > 1
     assert max(seen) == seen[-1] == (300, 300)
+    sf.iterate(body, omega[:0], 0.2, 10, progress=lambda *n: seen.append(n))
+    assert seen[-1] == (10, 10)
     sf.iterate(body, [1, 0.5], 0.2, 10, progress=True)
     assert "10.0/10.0" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="out"):
+        sf.iterate(body, omega, 0.2, 10, progress=True, out=np.empty(3))
+    assert capsys.readouterr().err == "", "a bar begins with the work"
+    call = stretches.call_kernel
+    calls = iter([call, call])
+    monkeypatch.setattr(stretches, "call_kernel", lambda *given: next(calls)(*given))
+    with pytest.raises(StopIteration) as held:  # as Ctrl-C, whose traceback a notebook holds
+        sf.iterate(body, omega, 0.2, 700, progress=True)
+    assert capsys.readouterr().err.endswith("\n"), "the bar is closed"
+    assert held

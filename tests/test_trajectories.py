@@ -1,7 +1,7 @@
 """`Trajectories`: attributes, methods, orientations, and conversion to labelled arrays."""
 
 import re
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,7 +40,6 @@ def run_of(name):
 QUANTITIES = {"first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction"}
 HAS = {
     "batch": QUANTITIES,
-    "empty": QUANTITIES,
     "gyrostat": QUANTITIES - {"to_xy"},
     "four": {"energy", "modified_energy", "reaction"},
     "field": set(),
@@ -96,51 +95,39 @@ def test_a_run_as_an_array():
     np.testing.assert_array_equal([*run], run.states)
 
 
-@pytest.mark.parametrize("name", RUNS)
-def test_an_extended_run_stays_as_it_is(name):
-    """It can be extended again, and differently; a failure is reported once."""
-    run = run_of(name)
-    once = run.extend(5)
-    assert once == run.extend(2).extend(3)
-    assert run == run_of(name)
+def test_an_extended_run_stays_as_it_is():
+    """It can be extended again, and differently; copies cannot."""
+    run = run_of("failed")
+    assert run.extend(5) == run.extend(2).extend(3)
+    assert run == run_of("failed")
     for other in (replace(run, eps=0.5), replace(run)):
         with pytest.raises(ValueError, match=r"^extend: "):
             other.extend(1)
-    assert asdict(run)["steps"] == run.steps
-    for steps in (-1, 0.5, True):
-        with pytest.raises((TypeError, ValueError), match=r"^steps: "):
-            run.extend(steps)
+    with pytest.raises(ValueError, match=r"^steps: "):
+        run.extend(-1)
 
 
-def test_orientations(rng, body):
-    for each, D in ((body, 2), (FOUR, 3)):
-        first = np.linalg.qr(rng.normal(size=(D + 1, D + 1)))[0]
-        first[0] *= np.sign(np.linalg.det(first))
-        omega = rng.normal(size=(6, D))
-        run = sf.iterate(each, omega, 0.2, 40, attitude=first, save_every=5)
-        along = sf.iterate(each, omega, 0.2, 40).states
-        expected = sf.attitude(each, along, 0.2, first)
-        np.testing.assert_array_equal(run.attitude, expected[::5])
-        assert (run.attitude[0] == first).all()
-        plain = sf.iterate(each, omega, 0.2, 40, save_every=5)
-        assert (plain.states == run.states).all()
-    with pytest.warns(sf.SingularStepWarning):
-        lost = sf.iterate(sf.Suslov3D(1, 1, 1, 0), [1.0, -3.0], 1, 3, attitude=True)
-    assert np.isnan(lost.attitude[1:]).all()
+def test_orientations_change_no_state():
+    run = run_of("turning")
+    assert (run.states == sf.iterate(BODY, STARTS, 0.2, 7, save_every=5).states).all()
 
 
-def test_a_parameter_as_a_coordinate():
+def test_parameters_and_names_of_the_user_as_coordinates():
     sizes = np.array([0.1, 0.2, 0.3])[:, None, None]
     body = sf.Suslov3D(4, 1, np.array([[-0.5], [-0.4]]), -0.3)
     run = sf.iterate(body, [[1.0, 0.5], [0.2, -0.7]], sizes, 5)
-    data = run.to_xarray(dims=("eps", "I13", "start"))
+    data = run.to_xarray(dims=("eps", "I13", "start"), coords={"colour": ("start", ["a", "b"])})
     assert (data.omega.sel(eps=0.2, I13=-0.4).values == run.omega[:, 1, 1]).all()
     assert (data.time.sel(eps=0.3).values == 0.3 * np.arange(6)).all()
+    assert data.colour.dims == ("start",)
     one = sf.iterate(BODY, [[1.0, 0.5]], [0.2], 5).to_xarray(dims="eps")
     assert one.omega.sel(eps=0.2).shape == (6, 2)
-    for dims in (("I13", "eps", "start"), ("eps", "I13", "I1"), ("a", "b", "eps")):
+    for last in ("a", "n", "omega", 3, "eps", "I1"):  # eps varies along another axis, I1 along none
         with pytest.raises(ValueError, match=r"^dims: "):
-            run.to_xarray(dims=dims)
+            run.to_xarray(dims=("a", "b", last))
+    for coords in ({"omega": 3}, {"I1": [1, 2]}, [1, 2]):
+        with pytest.raises((TypeError, ValueError), match=r"^coords: "):
+            run.to_xarray(coords=coords)
     family = run_of("field").to_xarray()
     assert (family.x.sel(a=2).values == run_of("field").x[:, 1]).all()
 
@@ -150,8 +137,7 @@ def test_contents_of_a_dataset():
     data = run.to_xarray()
     names = "omega n time eps status failed_at final attitude component I1 I2 I13 I23"
     assert set(data.variables) == set(names.split())
-    about = {"method": "auto", "steps": 7, "save_every": 5, "version": sf.__version__}
-    assert about.items() <= data.attrs.items()
+    assert (data.attrs["method"], data.attrs["save_every"]) == ("auto", 5)
     assert data.omega.dims == ("n", "trajectory", "component")
     assert (data.omega.sel(n=5, component="Omega2") == run.omega[1, :, 1]).all()
     assert (data.time.values == run.time).all()
@@ -160,28 +146,3 @@ def test_contents_of_a_dataset():
         assert sf.Status[name] == value
     assert run_of("four").to_xarray().component.values.tolist() == ["Omega1n", "Omega2n", "Omega3n"]
     assert (sf.first_integral(BODY, data.omega, 0.2) == run.first_integral()).all()
-
-
-@pytest.mark.parametrize("name", RUNS)
-def test_datasets_can_be_written(name, tmp_path):
-    import xarray
-
-    run = run_of(name)
-    run.to_xarray().to_netcdf(tmp_path / "run.nc")
-    with xarray.open_dataset(tmp_path / "run.nc") as data:
-        np.testing.assert_array_equal(data[run._map.variable].values, run.states)
-
-
-def test_names_and_coordinates_of_the_user():
-    sweep = sf.iterate(sf.Suslov3D([[1], [2], [3]], 1, 0.3, 0.2), [1, 0.5], [0.1, 0.2], 5)
-    coords = {"mass": ["a", "b", "c"], "colour": ("step", [1, 2])}
-    data = sweep.to_xarray(dims=("mass", "step"), coords=coords)
-    assert data.omega.dims == ("n", "mass", "step", "component")
-    assert (data.omega.sel(mass="c").isel(step=1).values == sweep.omega[:, 2, 1]).all()
-    assert data.colour.dims == ("step",)
-    for dims in ("a", ("a", "a"), ("a", "n"), ("a", "omega"), ("a", 3)):
-        with pytest.raises(ValueError, match=r"^dims: "):
-            sweep.to_xarray(dims=dims)
-    for coords in ({"omega": 3}, {"I1": [1, 2]}, [1, 2]):
-        with pytest.raises((TypeError, ValueError), match=r"^coords: "):
-            sweep.to_xarray(coords=coords)

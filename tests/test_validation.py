@@ -62,16 +62,13 @@ BODIES = [
     (body(I1=[1, 2], I2=[1, 2, 3]), ValueError, "I2"), (body(I1=1e51), ValueError, "I1"),
     (body(I3=9e-51), ValueError, "I3"), (rotor(k=[1, 1e-70]), ValueError, "k"),
     (lambda: SuslovND([1, 2], [1, 2, 3]), ValueError, "J, I"),
-    (lambda: SuslovND(1, 2), ValueError, "J, I"), (lambda: SuslovND([], []), ValueError, "J, I"),
     (lambda: SuslovND([1, 0], [1, 2]), ValueError, "J"),
     (lambda: SuslovND([1, 1e61], [1, 2]), ValueError, "J"),
     (lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2.0, -0.1]), [1, 2, 3]), ValueError, "I"),
     (lambda: SuslovND.from_mass_tensor(ID, ID), ValueError, "a"),
-    (lambda: SuslovND.from_mass_tensor(1.0), ValueError, "I"),
     (inertia(np.eye(2)), ValueError, "I"), (inertia(ID, [0, 1]), ValueError, "a"),
     (inertia(ID, [0, 0, 0]), ValueError, "a"), (inertia(np.triu(np.ones((3, 3)))), ValueError, "I"),
     (inertia(np.diag([1, 1, 1e-17]), [1, 2, 3]), ValueError, "I"),
-    (inertia(np.tile(ID, (2, 1, 1)), np.ones((3, 3))), ValueError, "a"),
     (inertia(np.diag([1, 2, 4])), ValueError, "I"),
     (lambda: len(BODY), TypeError, "body"), (lambda: BODY[0], TypeError, "body"),
     (lambda: BATCH["a"], TypeError, "index"), (lambda: BATCH[2], IndexError, "index"),
@@ -79,7 +76,6 @@ BODIES = [
     (lambda: BATCH.sel(I2=2.5), ValueError, "I2"), (lambda: BATCH.sel(I2=[1, 2]), ValueError, "I2"),
     (lambda: BATCH.sel(I2=2, method="pad"), ValueError, "method"),
     (lambda: FAMILY.sel(rho=21), ValueError, "rho"),
-    (lambda: Suslov3D.from_dict("{}"), TypeError, "parameters"),
     (lambda: Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1}), ValueError, "I23"),
     (lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3}), ValueError, "mass"),
     (lambda: Suslov3D.from_dict(ROTOR.to_dict()), ValueError, "body"),
@@ -90,17 +86,14 @@ BODIES = [
 FIELDS = [
     (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, "quadratic"),
     (lambda: QuadraticField([[["1"]]]), TypeError, "quadratic"),
-    (lambda: QuadraticField([[[True]]]), TypeError, "quadratic"),
     (lambda: QuadraticField([[[NAN]]]), ValueError, "quadratic"),
     (lambda: QuadraticField(np.full((2, 1, 1, 1), NAN)), ValueError, "quadratic"),
     (lambda: QuadraticField([[[10**400]]]), ValueError, "quadratic"),
     (lambda: QuadraticField([[[1]]], [[Fraction(1, 10**61)]]), ValueError, "linear"),
     (lambda: QuadraticField([[[1]]], [1, 2]), ValueError, "linear"),
-    (lambda: QuadraticField([[[1]]], constant=1), ValueError, "constant"),
     (lambda: QuadraticField(np.ones((2, 1, 1, 1)), np.ones((3, 1, 1))), ValueError, "linear"),
     (lambda: QuadraticField.of(3), TypeError, "body"), (lambda: FIELD([1, 2, 3]), ValueError, "x"),
-    (lambda: FIELD([[1, 2], [4]]), ValueError, "x"), (lambda: FIELD([True, 1]), TypeError, "x"),
-    (lambda: HENON.H([1, 2, 3]), ValueError, "x"),
+    (lambda: FIELD([True, 1]), TypeError, "x"), (lambda: HENON.H([1, 2, 3]), ValueError, "x"),
     (changed(linear=[["a"]]), ValueError, "linear"), (changed(q=1), ValueError, "q"),
     (changed(quadratic=[[["1/0"]]]), ValueError, "quadratic"),
     (changed(HENON, H=[1.0]), ValueError, "H"), (changed(HENON, body="Suslov3D"), ValueError, "body"),
@@ -124,7 +117,6 @@ FIELDS = [
     (field(lambda x, rho: (rho, x[0])), TypeError, "f: .*rho"),
     (field(lambda x, rho=1: (x[0], x[1]), roh=1), TypeError, "f: .*roh"),
     (field(lambda x, a: (a * x[0], 1), a="1"), TypeError, "a"),
-    (field(lambda x, a: (a * x[0], 1), a=INF), ValueError, "a"),
     (field(lambda x, a: (a * x[0], 1), a=[NAN]), ValueError, "a"),
     (field(lambda x, a, b: (a * x[0], b), a=[1, 2], b=[1, 2, 3]), ValueError, "b"),
     (field(lambda x, a: (10**70 * x[0] * a, 1), a=[1, 2]), ValueError, "f"),
@@ -138,23 +130,16 @@ FIELDS = [
 ]  # fmt: skip
 
 RUNS = [
-    (run(omega0=1.0), ValueError, "omega0"),
     (run(omega0=[[1, 2], [3]]), ValueError, "omega0"), (run(omega0=[None, 1]), TypeError, "omega0"),
-    (run(omega0={"x": 1}), TypeError, "omega0"), (run(omega0=[10**400, 1]), ValueError, "omega0"),
-    (run(omega0=np.array(["2020-01-01"] * 2, "M8[D]")), TypeError, "omega0"),
+    (run(omega0=[10**400, 1]), ValueError, "omega0"), (run(eps=[0.2, True]), TypeError, "eps"),
     (run(omega0=np.ma.masked_less([1.0, -1.0], 0)), ValueError, "omega0"),
     (run(omega0=[np.ma.masked_less([1.0, -1.0], 0)] * 2), ValueError, "omega0"),
-    (run(omega0=[True, 0.5]), TypeError, "omega0"),
-    (run(eps=NAN), ValueError, "eps"), (run(eps=[0.1, 9e-51]), ValueError, "eps"),
-    (run(eps=[0.1, 0.2, 0.3]), ValueError, "eps"), (run(eps=[0.2, True]), TypeError, "eps"),
     (run(steps=-1), ValueError, "steps"), (run(steps=10.0), TypeError, "steps"),
     (run(steps=True), TypeError, "steps"), (run(steps=2**64), ValueError, "steps"),
     (run(save_every=0), ValueError, "save_every"), (run(save_every=1.5), TypeError, "save_every"),
-    (run(method="rk4"), ValueError, "method"), (run(method="ds2"), ValueError, "method"),
+    (run(method="rk4"), ValueError, "method"),
     (run(body=ND, omega0=[1, 2, 3], method="qr"), ValueError, "method"),
     (run(attitude=1), ValueError, "attitude"),
-    (run(attitude=np.ones((3, 3))), ValueError, "attitude"),
-    (run(attitude=np.full((3, 3), NAN)), ValueError, "attitude"),
     (run(attitude=np.stack([np.eye(3)] * 5)), ValueError, "attitude"),
     (run(body=FIELD, attitude=True), TypeError, "attitude"),
     (run(on_singular="stop"), ValueError, "on_singular"), (run(progress=0), TypeError, "progress"),
@@ -163,23 +148,12 @@ RUNS = [
     (run(out=np.frombuffer(bytes(128)).reshape(4, 2, 2)), ValueError, "out"),
     (run(out=np.zeros((4, 2, 4))[..., ::2]), ValueError, "out"),
     (run(body=Suslov3D), TypeError, "body"), (run(body=3), TypeError, "body"),
-    (lambda: sf.step(BODY, np.ones((4, 3, 2)), [1, 2, 3, 4, 5]), ValueError, "eps"),
-    (lambda: sf.exact(BODY, [1, 2], 0.2, [[1, 2]]), ValueError, "n"),
-    (lambda: sf.exact(BODY, [1, 2], 0.2, "3"), TypeError, "n"),
-    (lambda: sf.exact(BODY, [1, 2], 0.2, NAN), ValueError, "n"),
-    (lambda: sf.exact(BODY, [1, 2], 0.2, [1, True]), TypeError, "n"),
-    (lambda: sf.exact(FIELD, [1, 2], 0.1, 3), TypeError, "body"),
-    (lambda: sf.exact(ND, [1, 2, 3], 0.1, 3), sf.NotIntegrableError, "iterate"),
-    (lambda: sf.flow(ND, [1, 2, 3], 3.0), sf.NotIntegrableError, "solve_ivp"),
-    (lambda: sf.limits(ND, [1, 2, 3], 0.1), sf.NotIntegrableError, "iterate"),
-    (lambda: sf.flow(BODY, [1, 2], [[1]]), ValueError, "time"),
-    (lambda: sf.flow(BODY, [1, 2], INF), ValueError, "time"),
-    (lambda: sf.step_full(BODY, [1, 2, 3], 0.1), (TypeError, ValueError), "I3"),
+    (lambda: sf.step_full(BODY, [1, 2, 3], 0.1), TypeError, "I3"),
     (lambda: sf.step_full(BODY, [1, 2, 3], 0.1, 0), ValueError, "I3"),
-    (lambda: sf.step_full(ROTOR, [1, 2, 0], 0.1), (TypeError, ValueError), "body"),
-    (lambda: sf.iterate(FIELD, [1, 2], 0.1, 3).omega, AttributeError, "omega"),
-    (lambda: sf.iterate(BODY, [1, 2], 0.1, 3).x, AttributeError, "x"),
+    (lambda: sf.step_full(ROTOR, [1, 2, 0], 0.1), TypeError, "body: .*iterate or flow"),
     (lambda: sf.RandomStarts(-1, 1.0), ValueError, "size"),
+    (lambda: sf.RandomStarts(3, 0.0), ValueError, "extent"),
+    (lambda: sf.RandomStarts(3, 1.0, -1), ValueError, "seed"),
 ]  # fmt: skip
 
 STATES = [
@@ -189,55 +163,41 @@ STATES = [
     (lambda: sf.energy(FIELD, [1, 2]), TypeError, "body"),
     (lambda: sf.modified_energy(FIELD, [1, 2], 0.1), TypeError, "body"),
     (lambda: sf.first_integral(HENON, [1, 2], 0.1), TypeError, "body"),
-    (lambda: sf.energy(Suslov3D([4, 3], 1, 0, 0), np.ones((3, 2))), ValueError, "omega"),
-    (lambda: sf.from_xy(Suslov3D(1, 2, [0, 1], 0), [1, 2]), ValueError, "body"),
     (lambda: sf.closed_form(ROTOR, [1, 2], 0.1), TypeError, "body"),
     (lambda: sf.to_xy(ROTOR, [1, 2]), TypeError, "body"),
     (lambda: sf.scattering_angle(ROTOR), TypeError, "body"),
-    (lambda: sf.scattering_angle(ND), TypeError, "body"),
-    (lambda: sf.energy(BODY, [True, 0.5]), TypeError, "omega"),
-    (lambda: sf.multipliers(BODY, [1, 2], 0.1), ValueError, "jacobian"),
     (lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0), ValueError, "steps"),
     (lambda: sf.attitude(BODY, [1.0, 0.5], 0.2), ValueError, "omega"),
     (lambda: sf.attitude(BODY, np.ones((0, 2)), 0.2), ValueError, "omega"),
     (lambda: sf.attitude(BODY, np.ones((4, 5, 2)), [1, 2]), ValueError, "eps"),
-    (lambda: sf.attitude(BODY, ONES, 0.2, np.eye(2)), ValueError, "R0"),
     (lambda: sf.attitude(BODY, ONES, 0.2, 2 * ID), ValueError, "R0"),
     (lambda: sf.attitude(BODY, ONES, 0.2, -ID), ValueError, "R0"),
+    (lambda: sf.attitude(BODY, ONES, 0.2, True), TypeError, "R0"),
     (lambda: sf.to_matrix(BODY, [1, 2], rotation=np.eye(2)), ValueError, "rotation"),
     (lambda: sf.to_matrix(BODY, [1, 2], attitude=np.ones(3)), ValueError, "attitude"),
     (lambda: sf.momentum(BODY, [1, 2], rotation=ID, attitude=ID), (TypeError, ValueError), "attitude"),
     (lambda: sf.to_vector(ND, [1, 2, 3]), (TypeError, ValueError), "body"),
-    (lambda: sf.fixed_points(SuslovND(np.ones(4), np.ones(4)).field()), ValueError, "scipy.optimize.root"),
-]  # fmt: skip
-
-STORES = [
-    (lambda: sf.ensemble(BODY, OMEGA, 0.2, 3, store=3), TypeError, "store"),
     (lambda: sf.open_ensemble(3), TypeError, "store"),
 ]  # fmt: skip
 
 PLOTS = [
     (lambda: sf.iterate(FAMILY, [0.1], 0.1, 9).plot(), ValueError, "plot"),
     (lambda: run()().plot(components=(0, 2)), ValueError, "components"),
-    (lambda: run()().plot(components=(0, 1, 1)), ValueError, "components"),
-    (lambda: run()().plot(ax=OMEGA), TypeError, "ax"),
     (lambda: sf.plot_phase(BODY, 10, 4), ValueError, "extent"),
-    (lambda: sf.plot_phase(BODY, 0.2, -4), ValueError, "extent"),
     (lambda: sf.plot_phase(BODY, 0, 4), ValueError, "eps"),
     (lambda: sf.plot_phase(BODY, 0.2, 4, levels=0), ValueError, "levels"),
     (lambda: sf.plot_phase(Suslov3D(1, 2, 0, 0), 0.1, 4), ValueError, "body"),
     (lambda: sf.plot_phase(ND, 0.1, 4), TypeError, "body"),
     (lambda: sf.animate_body(BODY, fps=0), ValueError, "fps"),
-    (lambda: sf.animate_body(BODY, every=0), ValueError, "every"),
-    (lambda: sf.animate_body(BODY, eps=[0.1, 0.2]), ValueError, "eps"),
+    (lambda: sf.animate_body(BODY, eps=[0.1, 0.2]), ValueError, "body, eps"),
     (lambda: sf.animate_body(BODY, R0=[ID]), ValueError, "omega0, R0"),
-    (lambda: sf.animate_body(BODY, [[1, 2]]), ValueError, "omega0, R0"),
+    (lambda: sf.animate_body(ND), TypeError, "body"),
     (lambda: sf.explore(ND), TypeError, "body"), (lambda: sf.explore(BATCH), ValueError, "body"),
     (lambda: sf.explore(BODY, [1, 2, 3]), ValueError, "omega0"),
     (lambda: sf.explore(BODY, [1, 2], 0.1, 6000), ValueError, "steps"),
 ]  # fmt: skip
 
-TABLE = [*BODIES, *FIELDS, *RUNS, *STATES, *STORES, *PLOTS]
+TABLE = [*BODIES, *FIELDS, *RUNS, *STATES, *PLOTS]
 
 
 @pytest.mark.parametrize(("call", "exception", "name"), TABLE)
@@ -247,13 +207,13 @@ def test_bad_calls(call, exception, name):
     message = str(caught.value)
     assert re.search(rf"(?<!\w){name}(?!\w)", message)
     assert "expected " in message
-    assert ", got " in message or exception is AttributeError
+    assert ", got " in message
     assert "\n" not in message
 
 
 def test_a_bad_call_changes_nothing():
     out = np.full((4, 2, 2), 7.0)
-    for bad in ({"eps": NAN}, {"omega0": [1, INF]}, {"steps": True}, {"method": "rk4"}):
+    for bad in ({"eps": NAN}, {"omega0": [1, INF]}, {"steps": True}):
         with pytest.raises((TypeError, ValueError)):
             run(**{"out": out, **bad})()
         assert (out == 7).all()
@@ -284,20 +244,10 @@ class WithUnit(np.ndarray):
     unit = "ms"
 
 
-class Magnitude:
-    """Quantity like those of pint."""
-
-    units = "ms"
-
-    def __init__(self, magnitude):
-        self.magnitude = magnitude
-
-    def __array__(self, dtype=None, copy=None):
-        return np.asarray(self.magnitude, dtype)
-
-
 class Quantity(float):
-    units = "ms"
+    """Number like those of pint."""
+
+    units, magnitude = "ms", 20.0
 
 
 def labelled(value, dims=("start", "component")):
@@ -306,15 +256,13 @@ def labelled(value, dims=("start", "component")):
 
 NOT_ARRAYS = [
     (lambda value: np.array(value).view(WithUnit), r"in ms: .*\.to\(\.\.\.\)\.value"),
-    (Magnitude, r"in ms: .*\.to\(\.\.\.\)\.magnitude"),
-    (lambda value: [Magnitude(each) for each in np.atleast_1d(value)], "in ms"),
+    (Quantity, r"in ms: .*\.to\(\.\.\.\)\.magnitude"),
+    (lambda value: [Quantity(each) for each in np.atleast_1d(value)], "in ms"),
     (np.vectorize(Quantity, otypes=[object]), "in ms"),
     (lambda value: labelled(value, ("component", "start")), r"\.to_numpy\(\)"),
-    (lambda value: [labelled(each) for each in np.atleast_1d(value)], r"\.to_numpy\(\)"),
     (lambda value: Series(np.atleast_1d(value)), r"\.to_numpy\(\)"),
     (lambda value: (Series(np.atleast_1d(value)),), r"\.to_numpy\(\)"),
     (lambda value: DataFrame({"a": np.atleast_1d(value)}), r"\.to_numpy\(\)"),
-    (lambda value: labelled(np.atleast_2d(value)).to_dataset(name="a"), r"\.to_numpy\(\)"),
 ]
 CALLS = {
     "I1": lambda value: Suslov3D(value, 1, -0.5, -0.3),

@@ -1,9 +1,8 @@
 """Base class of all bodies: immutable parameters, families, equality, text and plain data."""
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
-from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
+from .polynomials import from_lists, to_lists
 
 Kind = TypeVar("Kind", bound="Body")
 
@@ -19,13 +19,14 @@ Kind = TypeVar("Kind", bound="Body")
 class Body:
     """A body, or a batch of them; the fields of a subclass are its parameters."""
 
-    # The number of axes of all parameters that are not axes of the batch.
-    _vector_axes: ClassVar[int] = 0
-    # The parameters that are positive, with the exponents of their range.
-    _positive: ClassVar[dict[str, int]] = {}
-    # What `to_dict` may have besides the parameters; and the name of the class in messages.
-    _extras: ClassVar[tuple[str, ...]] = ()
-    _called: ClassVar[str] = "a body or a field"
+    _axes: ClassVar[dict[str, int]] = {}  # of parameters with axes besides those of the batch
+    _positive: ClassVar[dict[str, int]] = {}  # parameters, with the exponents of their range
+    _called: ClassVar[str] = "a body or a field"  # in messages
+    # The number of components of a state and their labels, and the parts that are coordinates of
+    # datasets, which equal bodies need not share.
+    dimension: ClassVar[Any] = 2
+    _labels: ClassVar[Any] = "Omega1", "Omega2"
+    _coordinates: ClassVar[Any] = ()
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -36,31 +37,28 @@ class Body:
             checks.within(name, array, self._positive.get(name, checks.OTHERS))
             if name in self._positive and not (array > 0).all():
                 raise wrong(name, "positive numbers", array.min())
-            vars(self)[name] = _frozen(array)
+            vars(self)[name] = frozen(array)
         _ = self.shape  # an error unless there is one
 
+    @cached_property
+    def _parts(self) -> dict[str, Any]:
+        """What describes the body, by name: numbers and arrays, of a field exact ones."""
+        named = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in named.items() if value is not None}
+
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        """Keep the parts of another body, or cut from them, which are not checked."""
+        vars(self).update({name: frozen(each) for name, each in parts.items()})
+
     @classmethod
-    def _axes(cls, name: str) -> int:
-        """Return the number of axes of a parameter that are not axes of the batch."""
-        return cls._vector_axes
+    def _of(cls: type[Kind], parts: Mapping[str, Any]) -> Kind:
+        self = object.__new__(cls)
+        self._take(parts)
+        return self
 
     @property
     def _arrays(self) -> dict[str, FloatArray]:
-        """The parameters that are set, as arrays of floats."""
-        named = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: np.asarray(value) for name, value in named.items() if value is not None}
-
-    @property
-    def _coordinates(self) -> dict[str, FloatArray]:
-        """Named parameters other than the fields of the class: coordinates of datasets."""
-        return {}
-
-    @classmethod
-    def _of(cls: type[Kind], values: Mapping[str, Any]) -> Kind:
-        """Return a body with parameters of another, or parts of them, which are not checked."""
-        self = object.__new__(cls)
-        vars(self).update({name: _frozen(np.asarray(each)) for name, each in values.items()})
-        return self
+        return {name: np.asarray(each, np.float64) for name, each in self._parts.items()}
 
     def field(self) -> Any:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
@@ -68,10 +66,6 @@ class Body:
 
     @cached_property
     def _field(self) -> Any:
-        return self._field_of(Fraction)
-
-    def _field_of(self, number: Callable[[float], Fraction]) -> Any:
-        """Return the field, with the parameters of a single body as these exact numbers."""
         raise NotImplementedError
 
     @property
@@ -82,23 +76,18 @@ class Body:
     @cached_property
     def batch_of_one(self) -> tuple[Any, ...]:
         """The parameters of a single body with an axis for the batch."""
-        return tuple(np.array(each, ndmin=1 + self._vector_axes) for each in self.parameters)
+        return tuple(np.array(each)[np.newaxis] for each in self.parameters)
 
-    @property
-    def dimension(self) -> int:
-        """The number of components of a state."""
-        return 2
-
-    @property
-    def _labels(self) -> tuple[str, ...]:
-        """The labels of the components of a state."""
-        return "Omega1", "Omega2"
+    @classmethod
+    def _batch(cls, parts: Mapping[str, Any]) -> tuple[int, ...]:
+        axes = cls._axes
+        shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
+        return checks.common_shape(shapes)
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
-        arrays = self._arrays.items()
-        return checks.common_shape({n: a.shape[: a.ndim - self._axes(n)] for n, a in arrays})
+        return self._batch(self._parts)
 
     def __len__(self) -> int:
         if not self.shape:
@@ -124,15 +113,14 @@ class Body:
         Parameters
         ----------
         method : {None, "nearest"}
-            "nearest" takes the nearest value that the batch has; by default only equal values.
+            "nearest" takes the nearest value that the batch has, None only an equal one.
         **values : float
-            For each name the value. The parameter has to vary along one axis of the batch, which
-            the result lacks.
+            Values of parameters, each of which varies along a single axis of the batch. The result
+            lacks these axes.
 
         Returns
         -------
         body
-            A single one, or a batch with fewer axes.
 
         Examples
         --------
@@ -146,10 +134,10 @@ class Body:
         if method is not None:
             checks.one_of("method", method, ["nearest"])
         for name, value in values.items():
-            scalars = {each: a for each, a in self._arrays.items() if self._axes(each) == 0}
-            column = (scalars | self._coordinates).get(name, np.empty(0))
+            scalars = {n: array for n, array in self._arrays.items() if n not in self._axes}
+            column = scalars.get(name, np.empty(0))
             if not 0 < column.size == max(column.shape, default=0):
-                names = ", ".join(scalars | self._coordinates) or "none"
+                names = ", ".join(scalars) or "none"
                 raise wrong("sel", f"a parameter that varies along one axis, of {names}", name)
             wanted = checks.real_number(name, value)
             if type(wanted) is not float:
@@ -164,14 +152,22 @@ class Body:
 
     def _part(self: Kind, axis: int, index: int | slice) -> Kind:
         """Return the members with an index along one axis of the batch."""
-        values, shape = self._arrays.items(), self.shape
-        return self._of({n: cut(a, shape, axis, index, self._axes(n)) for n, a in values})
+        common = slice(None) if isinstance(index, slice) else 0  # of what all members share
+        parts = {}
+        for name, each in self._parts.items():
+            array = np.asarray(each)
+            place = axis - len(self.shape) + array.ndim - self._axes.get(name, 0)
+            if place >= 0:
+                own = index if array.shape[place] == self.shape[axis] else common
+                array = array[(slice(None),) * place + (own,)]
+            parts[name] = array
+        return self._of(parts)
 
     @property
     def _key(self) -> tuple[Any, ...]:
-        """The values that equal bodies share; -0.0 becomes 0.0."""
-        values = self._arrays.items()
-        return tuple((name, each.shape, (each + 0.0).tobytes()) for name, each in values)
+        """The values that equal bodies share."""
+        own = {name: each for name, each in self._parts.items() if name not in self._coordinates}
+        return tuple((name, np.shape(a), *np.ravel(a).tolist()) for name, a in own.items())
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if type(other) is type(self) else NotImplemented
@@ -180,7 +176,7 @@ class Body:
         return hash(self._key)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, (self._arrays,)
+        return self._of, (self._parts,)
 
     def __repr__(self) -> str:
         name, arrays = type(self).__name__, self._arrays.items()
@@ -197,9 +193,8 @@ class Body:
         Returns
         -------
         dict
-            Numbers and nested lists by name, and under "body" the name of the class. Exact numbers
-            of a field that are no floats are strings "p/q", and H is a symmetric tensor in
-            (x1, ..., xD, 1).
+            Numbers and nested lists by name. Exact numbers of a field that are no floats are
+            strings "p/q", and H is a symmetric tensor in (x1, ..., xD, 1).
 
         Examples
         --------
@@ -207,7 +202,7 @@ class Body:
         >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
         {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
         """
-        plain = {name: array.tolist() for name, array in self._arrays.items()}
+        plain = {name: to_lists(each) for name, each in self._parts.items()}
         return {"body": type(self).__name__, **plain}
 
     @classmethod
@@ -217,8 +212,7 @@ class Body:
         Parameters
         ----------
         parameters : mapping
-            What `to_dict` returned: a dictionary of another class, or one that lacks parameters or
-            has others, is a ValueError.
+            What `to_dict` returned; that of another class is a ValueError.
 
         Returns
         -------
@@ -229,28 +223,14 @@ class Body:
         checks.one_of("body", given.pop("body", None), [cls.__name__])
         known = inspect.signature(cls).parameters
         needed = {name for name, each in known.items() if each.default is each.empty}
-        if others := ({*given} - {*known, *cls._extras}) | (needed - {*given}):
+        if others := (given.keys() - known) | (needed - given.keys()):
             received = f"others: {', '.join(sorted(map(str, others)))} missing or unknown"
             raise wrong("parameters", f"those of {cls.__name__}", received)
-        return cls._read(**given)
-
-    @classmethod
-    def _read(cls: type[Kind], **given: Any) -> Kind:
-        return cls(**given)
+        return cls(**{name: from_lists(name, each) for name, each in given.items()})
 
 
-def cut(array: Any, shape: tuple[int, ...], axis: int, index: Any, own: int) -> Any:
-    """Return a part, along one axis of a batch, of a parameter with `own` axes besides."""
-    place = axis - len(shape) + array.ndim - own
-    if place < 0:
-        return array
-    if array.shape[place] < shape[axis]:  # it is the same for all members
-        index = slice(None) if isinstance(index, slice) else 0
-    return array[(slice(None),) * place + (index,)]
-
-
-def _frozen(array: FloatArray) -> float | FloatArray:
-    """Return a read-only copy of a parameter, or its number."""
-    # Memory of a bytes object can never be made writeable.
-    frozen = np.frombuffer(array.tobytes(), np.float64).reshape(array.shape)
-    return frozen if array.ndim else float(array)
+def frozen(part: Any) -> Any:
+    """Return a read-only copy of an array, or the number that it is."""
+    array = np.array(part, order="C")
+    array.flags.writeable = False
+    return array if array.ndim else array.item()

@@ -22,12 +22,8 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from . import polynomials
-from .base import Body, cut
-from .polynomials import from_lists, terms_of, text_of, to_lists, traced
-
-# Numbers of axes that are not axes of the batch.
-_AXES = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
+from .base import Body, frozen
+from .polynomials import as_given, coefficients, from_lists, named, numbers, polynomial_of, traced
 
 
 class Hamiltonian:
@@ -42,7 +38,7 @@ class Hamiltonian:
     @cached_property
     def terms(self) -> tuple[Any, FloatArray]:
         """The nonzero terms v x_i x_j x_k: i <= j <= k (3, T), where D is the 1, and v (..., T)."""
-        return sparse(self.tensor, ordered=3)
+        return sparse(self.tensor, 3)
 
     def __call__(self, x: Any) -> Any:
         return at_points(self.tensor, x, 3)
@@ -50,7 +46,7 @@ class Hamiltonian:
     def __repr__(self) -> str:
         if self.tensor.ndim > 3:
             return f"<polynomials of shape {self.tensor.shape[:-3]}>"
-        return text_of(terms_of(self.tensor))
+        return repr(polynomial_of(self.tensor))
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -63,24 +59,20 @@ class QuadraticField(Body):
     Parameters
     ----------
     quadratic : array_like(shape=(..., D, D, D))
-        q, made symmetric in j and k, which does not change the field. The coefficients of a single
-        field may be integers, fractions or floats, and remain exact: 0.1 is the binary number, not
-        1/10, which is ``Fraction(1, 10)``. Those of a batch are floats. All are 0 or between 1e-60
-        and 1e60 in modulus.
-    linear : array_like(shape=(..., D, D)), optional
-        l, by default 0.
-    constant : array_like(shape=(..., D)), optional
-        c, by default 0.
+        q, made symmetric in j and k. All coefficients are 0 or between 1e-60 and 1e60 in modulus.
+        Those of a single field may be integers, fractions or floats, and remain exact: 0.1 is the
+        binary number, not 1/10, which is ``Fraction(1, 10)``. Those of a batch are floats.
+    linear, constant : array_like(shape=(..., D, D)), array_like(shape=(..., D)), optional
+        l and c, by default 0.
 
     Attributes
     ----------
     H, K
         The Hamiltonian of :meth:`from_hamiltonian`, which can be called with a state, and its
-        structure matrix (D, D), or None.
+        matrix (D, D), or None.
     parameters : dict
-        The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`: numbers as they
-        were given, and read-only arrays. They are coordinates of datasets and stores; ``==`` and
-        hash do not look at them.
+        The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`, which are
+        coordinates of datasets and stores. ``==`` and hash do not look at them.
 
     Examples
     --------
@@ -91,53 +83,46 @@ class QuadraticField(Body):
     QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
     """
 
-    _extras: ClassVar[tuple[str, ...]] = ("H", "K", "parameters")
+    _axes: ClassVar[dict[str, int]] = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
 
     quadratic: Any
     linear: Any
     constant: Any
-    table: Any
-    H: Hamiltonian | None
-    K: Any
-    _parameters: dict[str, Any]
+    H: Hamiltonian | None = None
+    K: Any = None
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        arrays = {"quadratic": polynomials.as_given("quadratic", quadratic)}
+        parts = {"quadratic": as_given("quadratic", quadratic)}
+        D = (0, *parts["quadratic"].shape)[-1]
         for name, each in (("linear", linear), ("constant", constant)):
-            if each is not None:
-                arrays[name] = polynomials.as_given(name, each)
-        D = (0, *arrays["quadratic"].shape)[-1]
-        for name, array in arrays.items():
-            axes = _AXES[name]
+            zeros = np.zeros((D,) * self._axes[name])
+            parts[name] = zeros if each is None else as_given(name, each)
+        for name, array in parts.items():
+            axes = self._axes[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
                 raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
-        shapes = {name: array.shape[: array.ndim - _AXES[name]] for name, array in arrays.items()}
-        batch = checks.common_shape(shapes)
-        read = polynomials.coefficients
-        found = {name: read(name, array, bool(batch)) for name, array in arrays.items()}
-        table = np.full((*batch, D, D + 1, D + 1), Fraction(0), found["quadratic"].dtype)
-        table[..., :-1, :-1] = found["quadratic"]
-        table[..., :-1, -1] += found.get("linear", 0)
-        table[..., -1, -1] += found.get("constant", 0)
-        self._become((table + table.swapaxes(-2, -1)) / 2)
+        batch = self._batch(parts)
+        for name, array in parts.items():
+            found = coefficients(name, array, bool(batch))
+            parts[name] = np.broadcast_to(found, (*batch, *(D,) * self._axes[name]))
+        parts["quadratic"] = (parts["quadratic"] + parts["quadratic"].swapaxes(-2, -1)) / 2
+        self._take(parts)
 
-    def _become(self, table: Any, H: Any = None, K: Any = None, parameters: Any = ()) -> None:
-        """Take a table, H, K and named parameters, which are not checked."""
-        if table.ndim > 3:
-            table, H, K = (None if a is None else a.astype(np.float64) for a in (table, H, K))
-        found = {"quadratic": table[..., :-1, :-1], "constant": table[..., -1, -1], "table": table}
-        found |= {"linear": 2 * table[..., :-1, -1], "K": K}
-        for array in (H, *found.values()):
-            if array is not None:
-                array.flags.writeable = False
-        found |= {"H": None if H is None else Hamiltonian(H), "_parameters": dict(parameters)}
-        vars(self).update(found, shape=table.shape[:-3])
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        is_batch, kept = bool(self._batch(parts)), {}
+        for name, each in parts.items():
+            kept[name] = frozen(numbers(name, each, is_batch) if name in self._axes else each)
+        own = {name: each for name, each in kept.items() if name in self._axes}
+        if "H" in own:
+            own["H"] = Hamiltonian(own["H"])
+        D, others = own["constant"].shape[-1], tuple(name for name in kept if name not in own)
+        vars(self).update(own, _parts=kept, dimension=D, _labels=labels(D), _coordinates=others)
 
     @classmethod
-    def _made(cls, *parts: Any) -> QuadraticField:
-        self = object.__new__(cls)
-        self._become(*parts)
-        return self
+    def _of_table(cls, table: Any, /, **parts: Any) -> QuadraticField:
+        """Return the field of a table, besides which H, K and named parameters may be given."""
+        q, l, c = table[..., :-1, :-1], 2 * table[..., :-1, -1], table[..., -1, -1]
+        return cls._of({"quadratic": q, "linear": l, "constant": c, **parts})
 
     @classmethod
     def from_function(
@@ -149,13 +134,12 @@ class QuadraticField(Body):
         ----------
         f : callable
             It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
-            symbolic variables, so its coefficients remain exact; floats are binary numbers. With
-            arrays of parameters it is called for each of their values.
+            symbolic variables, so its coefficients remain exact; floats are binary numbers.
         dimension : int
             The number of variables, D.
         **parameters : float or array_like(float, shape=(...))
-            Named parameters, passed to the function, with names that nothing else has. Arrays
-            broadcast, and make a batch of fields; single numbers remain exact.
+            Named parameters, with names that nothing else has. Numbers remain exact; arrays
+            broadcast, and make a batch of fields.
 
         Returns
         -------
@@ -169,8 +153,8 @@ class QuadraticField(Body):
         ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
         """
         D = checks.integer("dimension", dimension, 1)
-        values = polynomials.check_parameters(parameters)
-        return cls._made(traced("f", f, D, 2, values), None, None, values)
+        values = named(parameters)
+        return cls._of_table(traced("f", f, D, 2, values), **values)
 
     @classmethod
     def from_hamiltonian(
@@ -181,15 +165,12 @@ class QuadraticField(Body):
         Parameters
         ----------
         H : callable
-            It maps a tuple x of D variables to a polynomial of degree 3 or less, as the function
-            of :meth:`from_function` does.
-        dimension : int
-            The number of variables, D.
+            It maps a tuple x of D variables to a polynomial of degree 3 or less.
         K : array_like(shape=(D, D)), optional
             A constant antisymmetric matrix, of any rank. By default, for even D, it is the
             canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
-        **parameters : float or array_like(float, shape=(...))
-            Named parameters, as in :meth:`from_function`.
+        dimension, **parameters
+            As in :meth:`from_function`.
 
         Returns
         -------
@@ -202,20 +183,32 @@ class QuadraticField(Body):
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
         D = checks.integer("dimension", dimension, 1)
-        matrix = polynomials.antisymmetric(K, D)
-        values = polynomials.check_parameters(parameters)
-        tensor = traced("H", H, D, 3, values)
+        values = named(parameters)
+        return cls._of_hamiltonian(traced("H", H, D, 3, values), K, **values)
+
+    @classmethod
+    def _of_hamiltonian(cls, tensor: Any, K: Any, /, **values: Any) -> QuadraticField:
+        """Return the field of a tensor and a matrix, which is checked."""
+        D = tensor.shape[-1] - 1
+        if K is None:
+            if D % 2:
+                raise wrong("dimension", "an even number without K", D)
+            K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
+        matrix = coefficients("K", K, False)
+        if matrix.shape != (D, D) or (matrix != -matrix.T).any():
+            received = checks.short(matrix.astype(float).tolist())
+            raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
         table = checks.within("H", rates(tensor, matrix), checks.OTHERS)
-        return cls._made(table, tensor, matrix, values)
+        return cls._of_table(table, H=tensor, K=matrix, **values)
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
-        """Return the equations of motion of a body, of a batch too: its ``field()``.
+        """Return the equations of motion of a body of any class: its ``field()``.
 
         Parameters
         ----------
         body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-            The parameters of a single one are taken exactly.
+            A single one, whose parameters are taken exactly, or a batch.
 
         Returns
         -------
@@ -230,14 +223,18 @@ class QuadraticField(Body):
         return self
 
     @property
-    def dimension(self) -> int:
-        """The number of variables."""
-        return int(self.table.shape[-3])
-
-    @property
     def parameters(self) -> dict[str, Any]:
         """The named parameters."""
-        return dict(self._parameters)
+        return {name: self._parts[name] for name in self._coordinates}
+
+    @cached_property
+    def table(self) -> Any:
+        """The coefficients in homogeneous coordinates (..., D, D + 1, D + 1)."""
+        D = self.dimension
+        table = np.full((*self.shape, D, D + 1, D + 1), Fraction(0), self.quadratic.dtype)
+        table[..., :-1, :-1], table[..., -1, -1] = self.quadratic, self.constant
+        table[..., :-1, -1] = table[..., -1, :-1] = self.linear / 2
+        return frozen(table)
 
     @cached_property
     def terms(self) -> tuple[Any, FloatArray]:
@@ -245,27 +242,20 @@ class QuadraticField(Body):
 
         The index D stands for the 1; the terms with k = D are last. Values are rounded once.
         """
-        return sparse(self.table, ordered=2)
-
-    @cached_property
-    def batch_of_one(self) -> tuple[Any, FloatArray]:
-        """The terms of a single field, their coefficients with an axis for the batch."""
-        indices, values = self.terms
-        return indices, values[None]
+        return sparse(self.table, 2)
 
     @property
     def components(self) -> tuple[Any, ...]:
         """The components as ``flint.fmpq_mpoly`` in x1, ..., xD; needs python-flint."""
         import flint
 
-        D = self.dimension
+        every = range(self.dimension)
         context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
 
         def polynomial(row: Any) -> Any:
-            terms = terms_of(row).items()
-            exponents = (tuple(map(powers.count, range(D))) for powers, _ in terms)
-            numbers = (flint.fmpq(*c.as_integer_ratio()) for _, c in terms)
-            return context.from_dict(dict(zip(exponents, numbers, strict=True)))
+            terms = polynomial_of(row).terms.items()
+            ratios = {indices: flint.fmpq(*c.as_integer_ratio()) for indices, c in terms}
+            return context.from_dict({tuple(map(i.count, every)): c for i, c in ratios.items()})
 
         return tuple(map(polynomial, self.table))
 
@@ -274,102 +264,61 @@ class QuadraticField(Body):
         found = at_points(self.table, x, 2)
         return tuple(found) if found.dtype == object else found
 
-    @classmethod
-    def _axes(cls, name: str) -> int:
-        return _AXES[name]
-
-    @property
-    def _labels(self) -> tuple[str, ...]:
-        return tuple(f"x{i}" for i in range(1, self.dimension + 1))
-
-    @property
-    def _tables(self) -> dict[str, Any]:
-        """The coefficients as they are, and H and K if there are any."""
-        found = {name: getattr(self, name) for name in ("quadratic", "linear", "constant")}
-        return found if self.H is None else found | {"H": self.H.tensor, "K": self.K}
-
-    @property
-    def _arrays(self) -> dict[str, FloatArray]:
-        return {name: np.asarray(each, np.float64) for name, each in self._tables.items()}
-
-    @property
-    def _coordinates(self) -> dict[str, FloatArray]:
-        return {name: np.asarray(each, np.float64) for name, each in self._parameters.items()}
-
-    @classmethod
-    def _of(cls, values: Mapping[str, Any]) -> QuadraticField:
-        return cls._read(**values)
-
-    @classmethod
-    def _read(
-        cls, *, H: Any = None, K: Any = None, parameters: Any = None, **given: Any
-    ) -> QuadraticField:
-        """Return a field of arrays or nested lists, in which strings "p/q" are fractions."""
-        whole = cls(**{name: from_lists(name, each) for name, each in given.items()})
-        checks.instance("parameters", parameters or {}, Mapping)
-        found = {name: from_lists(name, each) for name, each in (parameters or {}).items()}
-        named = {name: each if each is None else each[()] for name, each in found.items()}
-        tensor = matrix = None
-        if H is not None:
-            given_H = polynomials.as_given("H", from_lists("H", H))
-            tensor = polynomials.coefficients("H", given_H, bool(whole.shape))
-            matrix = polynomials.antisymmetric(from_lists("K", K), whole.dimension)
-            if tensor.shape != (*whole.shape, *(len(matrix) + 1,) * 3):
-                raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
-            expected = rates(tensor, matrix.astype(tensor.dtype))  # those of a batch are rounded
-            if not (abs(expected - whole.table) <= 1e-9 * abs(expected).max(initial=0)).all():
-                raise wrong("H, K", "those of the coefficients", "others")
-        return cls._made(whole.table, tensor, matrix, polynomials.check_parameters(named))
-
-    def _part(self, axis: int, index: int | slice) -> QuadraticField:
-        part = super()._part(axis, index)
-        for name, value in self._parameters.items():
-            each = cut(np.asarray(value), self.shape, axis, index, 0)
-            part._parameters[name] = each if each.ndim else each.item()
-        return part
-
-    @cached_property
-    def _key(self) -> tuple[Any, ...]:
-        """The nonzero coefficients, and their places, that equal fields share."""
-        arrays = [self.table] if self.H is None else [self.table, self.H.tensor, self.K]
-        return tuple((a.shape, np.flatnonzero(a).tobytes(), *a[a != 0]) for a in arrays)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        H = None if self.H is None else self.H.tensor
-        return self._made, (self.table, H, self.K, self._parameters)
-
     def __repr__(self) -> str:
         if self.shape:
-            names = "".join(f", {n}={np.shape(a) or a}" for n, a in self._parameters.items())
+            names = "".join(f", {n}={np.shape(a) or a}" for n, a in self.parameters.items())
             return f"<QuadraticField of shape {self.shape}: D={self.dimension}{names}>"
-        equations = [f"x{i}' = {text_of(terms_of(row))}" for i, row in enumerate(self.table, 1)]
+        equations = [f"x{i}' = {polynomial_of(row)}" for i, row in enumerate(self.table, 1)]
         equations += [] if self.H is None else [f"H = {self.H}"]
         short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
         return f"QuadraticField({short})"
 
     def to_dict(self) -> dict[str, Any]:
-        named = {name: to_lists(value) for name, value in self._parameters.items()}
-        found = {name: to_lists(each) for name, each in self._tables.items()}
-        return {"body": "QuadraticField", **found, **({"parameters": named} if named else {})}
+        found = super().to_dict()
+        values = {name: found.pop(name) for name in self._coordinates}
+        return found | ({"parameters": values} if values else {})
+
+    @classmethod
+    def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
+        checks.instance("parameters", parameters, Mapping)
+        given = dict(parameters)
+        H, K, values = (given.pop(name, None) for name in ("H", "K", "parameters"))
+        whole = super().from_dict(given)
+        checks.instance("parameters", values or {}, Mapping)
+        values = named({name: from_lists(name, each) for name, each in (values or {}).items()})
+        if H is None:
+            return cls._of({**whole._parts, **values})
+        tensor = coefficients("H", from_lists("H", H), bool(whole.shape))
+        if tensor.shape != (*whole.shape, *(whole.dimension + 1,) * 3):
+            raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
+        found = cls._of_hamiltonian(tensor, from_lists("K", K), **values)
+        size = abs(found.table).max(initial=0)
+        if not (abs(found.table - whole.table) <= 1e-9 * size).all():
+            raise wrong("H, K", "those of the coefficients", "others")
+        return cls._of({**found._parts, **whole._parts})  # in a batch H is rounded
+
+
+def labels(D: int) -> tuple[str, ...]:
+    return tuple(f"x{i}" for i in range(1, D + 1))
 
 
 def rates(H: Any, K: Any) -> Any:
     """Return the table of K grad H; most entries of K are 0."""
-    table = np.full_like(H[..., :-1, :, :], Fraction(0))
+    table, K = np.full_like(H[..., :-1, :, :], Fraction(0)), K.astype(H.dtype)
     for i, j in np.argwhere(K != 0):
         table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
     return table
 
 
-def sparse(table: Any, ordered: int) -> tuple[Any, FloatArray]:
-    """Return indices and values of the nonzero terms of a table symmetric in its last axes."""
-    places = np.argwhere(np.any(table != 0, axis=tuple(range(table.ndim - 3)))).T
-    places = places[:, (np.diff(places[3 - ordered :], axis=0) >= 0).all(axis=0)]
-    places = places[:, np.argsort(places[-1] == table.shape[-1] - 1, kind="stable")]
-    kinds = 1 + (np.diff(places[3 - ordered :], axis=0) > 0).sum(axis=0)  # of variables in a term
-    count = kinds if ordered == 2 else np.array([0, 1, 3, 6])[kinds]
-    values = (table[(..., *places)] * count).astype(np.float64)
-    return np.ascontiguousarray(places), np.ascontiguousarray(values)
+def sparse(tensor: Any, degree: int) -> tuple[Any, FloatArray]:
+    """Return indices (3, T) and values (..., T) of the terms of a tensor symmetric in its axes."""
+    places = np.argwhere(np.any(tensor != 0, axis=tuple(range(tensor.ndim - 3))))
+    places[:, 3 - degree :].sort(axis=1)
+    places, counts = np.unique(places, axis=0, return_counts=True)
+    order = np.argsort(places[:, -1] == tensor.shape[-1] - 1, kind="stable")
+    indices = np.ascontiguousarray(places[order].T)
+    values = (tensor[(..., *indices)] * counts[order]).astype(np.float64)
+    return indices, np.ascontiguousarray(values)
 
 
 def at_points(tensor: Any, x: Any, degree: int) -> Any:
@@ -381,10 +330,9 @@ def at_points(tensor: Any, x: Any, degree: int) -> Any:
     is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
     are_exact = tensor.dtype == object and is_list and all(isinstance(a, Rational) for a in x)
     if are_exact and len(x) == D:
-        checks.refuse("x", x)
-        point = np.array([*(polynomials.exact("x", a) for a in x), Fraction(1)], dtype=object)
+        point = np.array([*numbers("x", x, False), Fraction(1)])
     else:
-        x = checks.states("x", x, [f"x{i}" for i in range(1, D + 1)])
+        x = checks.states("x", x, labels(D))
         point = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
         tensor = np.asarray(tensor, np.float64)
     with np.errstate(all="ignore"):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import OTHERS, FloatArray, first_index, real_array, spell, wrong
 from .base import Body
 from .field import QuadraticField
-from .rigid import inertia_matrix, shortest_rotation_to_last, unit_axis, without_rounding
+from .rigid import turned_to_last, without_rounding
 
 # Rounding error of J and I, which from_mass_tensor rotates.
 _ROUNDING = 1e-14
@@ -56,7 +56,7 @@ class SuslovND(Body):
     J: Any  # array_like when given, then an array
     I: Any
 
-    _vector_axes: ClassVar[int] = 1
+    _axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1}
     _positive: ClassVar[dict[str, int]] = {"J": OTHERS}
 
     def __post_init__(self) -> None:
@@ -65,19 +65,20 @@ class SuslovND(Body):
         if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
             raise wrong("J, I", "shapes (..., n - 1) with the same n > 1", f"{J} and {I}")
 
-    @property
+    @cached_property
     def dimension(self) -> int:
         """The number of components of a state, n - 1."""
         return int(self.J.shape[-1])
 
-    @property
+    @cached_property
     def _labels(self) -> tuple[str, ...]:
         return tuple(f"Omega{i + 1}n" for i in range(self.dimension))
 
-    def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
+    @cached_property
+    def _field(self) -> QuadraticField:
         J, I = self.J, self.I
         if not self.shape:
-            J, I = (np.array([number(a) for a in each.tolist()]) for each in (J, I))
+            J, I = (np.array([*map(Fraction, each.tolist())]) for each in (J, I))
         # J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j.
         q = np.zeros((*self.shape, *(self.dimension,) * 3), J.dtype)
         j = np.arange(self.dimension)
@@ -108,8 +109,8 @@ class SuslovND(Body):
             errors, and 0.
         rotation : ndarray(float, shape=(n, n))
             The matrix, of determinant 1, that takes components to the adapted basis:
-            ``I_adapted = rotation @ I @ rotation.T``. It is the identity where the given basis is
-            adapted already; where it turns the other axes, J ascends.
+            ``I_adapted = rotation @ I @ rotation.T``. It is the identity if the given
+            basis is adapted already; where it turns the other axes, J ascends.
 
         Examples
         --------
@@ -122,21 +123,18 @@ class SuslovND(Body):
         n = len(given) if given.ndim else 0
         if n < 2 or given.ndim != 2:
             raise wrong("I", "shape (n, n) with n > 1", given.shape)
-        matrix = inertia_matrix("I", given, n)
-        axis = np.eye(n)[-1] if a is None else unit_axis("a", a, n)
-        if axis.ndim != 1:
-            raise wrong("a", f"shape ({n},)", axis.shape)
-        rotation = shortest_rotation_to_last(axis)
-        block = (rotation @ matrix @ rotation.T)[:-1, :-1]
-        if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(matrix).max():
+        turned, rotation = turned_to_last(given, np.eye(n)[-1] if a is None else a, n)
+        if rotation.ndim != 2:
+            raise wrong("a", f"shape ({n},)", rotation.shape[:-1])
+        block = turned[:-1, :-1]
+        if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(given).max():
             turn = np.eye(n)
             turn[:-1, :-1] = np.linalg.eigh(block)[1].T
             turn[0] *= np.sign(np.linalg.det(turn))
-            rotation = turn @ rotation
-        adapted = rotation @ matrix @ rotation.T
-        diagonal = np.diag(adapted)
+            turned, rotation = turn @ turned @ turn.T, turn @ rotation
+        diagonal = np.diag(turned)
         J = diagonal[:-1] + diagonal[-1]
-        return cls(J, without_rounding(adapted[:-1, -1], J.max())), rotation
+        return cls(J, without_rounding(turned[:-1, -1], J.max())), rotation
 
 
 class NotIntegrableError(ValueError):
@@ -145,26 +143,27 @@ class NotIntegrableError(ValueError):
 
 def are_solved(body: SuslovND) -> NDArray[np.bool_]:
     """Return where J I = b I and J = a orthogonal to I, to rounding; everywhere for n = 3."""
-    J, size = np.broadcast_arrays(body.J, abs(body.I))
-    largest = size.max(axis=-1, keepdims=True)
-    coupled = size > _ROUNDING * largest
-    left_out = coupled & (coupled.sum(axis=-1, keepdims=True) == 1)
+    J, coupled = np.broadcast_arrays(body.J, _coupled(body))
+    count = coupled.sum(axis=-1, keepdims=True)
+    left_out = coupled & (count == 1)
     low = np.where(left_out, np.inf, J).min(axis=-1)
     high = np.where(left_out, 0.0, J).max(axis=-1)
-    solved = (high * (1.0 - _ROUNDING) <= low) | (largest[..., 0] == 0.0) | (J.shape[-1] == 2)
+    solved = (high * (1.0 - _ROUNDING) <= low) | (count[..., 0] == 0) | (J.shape[-1] == 2)
     return np.asarray(solved)
+
+
+def _coupled(body: SuslovND) -> Any:
+    size = abs(body.I)
+    return size > _ROUNDING * size.max(axis=-1, keepdims=True)
 
 
 def check_known(body: SuslovND, function: str) -> None:
     """Raise an error unless the formula of a function is known for all bodies."""
-    known, expected = (
-        are_solved(body),
-        "all J equal, or with I along one axis and all other J equal",
-    )
+    known = are_solved(body)
+    expected = "all J equal, or with I along one axis and all other J equal"
     if function == "invariant_density":
-        size = abs(body.I)
-        count = (size > _ROUNDING * size.max(axis=-1, keepdims=True)).sum(axis=-1)
-        known = ((count <= 1) & (body.dimension == 3)) | (body.dimension == 2)
+        few = _coupled(body).sum(axis=-1) <= 1
+        known = (few & (body.dimension == 3)) | (body.dimension == 2)
         expected = "n = 3, or with n = 4 and I along one axis"
     if not known.all():
         which = f"body {spell(first_index(~known))}" if known.ndim else "one"

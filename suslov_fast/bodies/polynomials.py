@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
-from itertools import permutations
+from functools import partial
+from itertools import permutations, product
 from numbers import Rational
 from typing import Any
 
@@ -26,19 +27,12 @@ RESERVED = frozenset(
     "functions dims coords chunk client progress self cls".split()
 )
 _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
-# The indices of the variables of a monomial, ascending, and its coefficient.
-Terms = Mapping[tuple[int, ...], Fraction]
-
-
-def is_number(value: Any) -> bool:
-    """Return True for integers, fractions, decimals and floats, of NumPy and SymPy too."""
-    known = isinstance(value, Rational) or hasattr(value, "as_integer_ratio")
-    return known and not isinstance(value, bool)
 
 
 def exact(name: str, value: Any) -> Fraction:
-    """Return a number as a fraction: a float as its binary value."""
-    if not is_number(value):
+    """Return a number, of NumPy or SymPy too, as a fraction: a float as its binary value."""
+    is_known = isinstance(value, Rational) or hasattr(value, "as_integer_ratio")
+    if isinstance(value, bool) or not is_known:
         received = f"{short(value)} of type {type(value).__name__}"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     if isinstance(value, Rational):
@@ -49,49 +43,32 @@ def exact(name: str, value: Any) -> Fraction:
         raise wrong(name, "finite numbers", value) from None
 
 
-def exact_array(name: str, array: Any) -> Any:
-    """Return an array of fractions."""
-    found, some = np.full(array.shape, Fraction(0)), array != 0
-    found[some] = [exact(name, each) for each in array[some].tolist()]
-    return found
-
-
 def as_given(name: str, value: Any) -> Any:
     """Return an array of the numbers as they are: one of integers and floats is one of objects."""
     refuse(name, value)
     return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
 
 
-def coefficients(name: str, array: Any, is_batch: bool) -> Any:
-    """Return floats of a batch, or fractions of a single field, that are in range."""
-    return within(name, real_array(name, array) if is_batch else exact_array(name, array), OTHERS)
+def numbers(name: str, value: Any, is_batch: bool) -> Any:
+    """Return floats of a batch, or fractions of a single field."""
+    if is_batch:
+        return real_array(name, value)
+    return np.vectorize(partial(exact, name), "O")(as_given(name, value))
 
 
-def antisymmetric(K: Any, D: int) -> Any:
-    """Return the exact antisymmetric matrix (D, D), the canonical one for None."""
-    if K is None:
-        if D % 2:
-            raise wrong("dimension", "an even number without K", D)
-        K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
-    matrix = coefficients("K", as_given("K", K), False)
-    if matrix.shape != (D, D) or (matrix != -matrix.T).any():
-        received = short(matrix.astype(float).tolist())
-        raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
-    return matrix
+def coefficients(name: str, value: Any, is_batch: bool) -> Any:
+    return within(name, numbers(name, value, is_batch), OTHERS)
 
 
-def check_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters by name: numbers as they are, and read-only arrays of floats."""
+def named(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters by name: numbers as they are, and arrays of floats."""
     found: dict[str, Any] = {}
     for name, value in parameters.items():
         if name in RESERVED or _NUMBERED.fullmatch(name) or not name.isidentifier():
             raise wrong("parameters", "names that are not in use, as a or rho", repr(name))
-        refuse(name, value)
-        if isinstance(value, (list, tuple)) or np.ndim(value):
-            found[name] = real_array(name, value).copy()
-            found[name].flags.writeable = False
-        else:
-            found[name] = value.item() if hasattr(value, "item") else value
+        array = as_given(name, value)
+        found[name] = real_array(name, value) if array.ndim else array.item()
+        if not array.ndim:
             exact(name, found[name])
     common_shape({name: np.shape(value) for name, value in found.items()})
     return found
@@ -110,49 +87,43 @@ def to_lists(value: Any) -> Any:
 
 
 def from_lists(name: str, value: Any) -> Any:
-    """Return an array of numbers, of which strings "p/q" are fractions; None for None."""
-    if value is None or isinstance(value, np.ndarray):
-        return value
-
-    def number(each: Any) -> Any:
-        return Fraction(each) if isinstance(each, str) else each
-
+    """Return nested lists of numbers, of which strings "p/q" become fractions."""
+    if isinstance(value, list):
+        return [from_lists(name, each) for each in value]
     try:
-        return np.vectorize(number, "O")(np.array(value, dtype=object))
+        return Fraction(value) if isinstance(value, str) else value
     except (ValueError, ZeroDivisionError):
         raise wrong(name, 'numbers or strings "p/q"', short(value)) from None
 
 
 class Polynomial:
-    """A polynomial with exact coefficients, with which functions of the user calculate."""
+    """A sum of terms, with exact coefficients: what functions of the user calculate with."""
 
-    def __init__(self, terms: Terms) -> None:
-        self.terms = {powers: c for powers, c in terms.items() if c}
+    def __init__(self, terms: Iterable[tuple[Sequence[int], Fraction]]) -> None:
+        found = defaultdict[tuple[int, ...], Fraction](Fraction)
+        for indices, c in terms:  # indices of the variables of a monomial
+            found[tuple(sorted(indices))] += c
+        self.terms = {indices: c for indices, c in found.items() if c}
 
     @classmethod
     def of(cls, value: Any) -> Polynomial | None:
         """Return a polynomial, or a number as a polynomial; None for anything else."""
         if isinstance(value, cls):
             return value
-        return cls({(): exact("f", value)}) if is_number(value) else None
+        with suppress(TypeError):
+            return cls([((), exact("f", value))])
+        return None
 
     def __add__(self, other: Any) -> Any:
         if (right := self.of(other)) is None:
             return NotImplemented
-        terms = dict(self.terms)
-        for powers, c in right.terms.items():
-            terms[powers] = terms.get(powers, 0) + c
-        return Polynomial(terms)
+        return Polynomial([*self.terms.items(), *right.terms.items()])
 
     def __mul__(self, other: Any) -> Any:
         if (right := self.of(other)) is None:
             return NotImplemented
-        terms: dict[tuple[int, ...], Fraction] = {}
-        for first, a in self.terms.items():
-            for second, b in right.terms.items():
-                powers = tuple(sorted(first + second))
-                terms[powers] = terms.get(powers, Fraction(0)) + a * b
-        return Polynomial(terms)
+        pairs = product(self.terms.items(), right.terms.items())
+        return Polynomial((first + second, a * b) for (first, a), (second, b) in pairs)
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -169,12 +140,12 @@ class Polynomial:
         return -self + other
 
     def __truediv__(self, number: Any) -> Any:
-        return self * (1 / exact("divisor", number)) if is_number(number) else NotImplemented
+        return self * (1 / exact("divisor", number))
 
-    def __pow__(self, power: Any) -> Polynomial:
+    def __pow__(self, power: Any) -> Any:
         if power not in range(100):
             raise wrong("power", "a small integer", power)
-        return math.prod([self] * int(power), start=Polynomial({(): Fraction(1)}))
+        return math.prod([self] * int(power))
 
     def __eq__(self, other: object) -> bool:
         raise TypeError("polynomials in x cannot be compared")
@@ -183,41 +154,35 @@ class Polynomial:
         raise TypeError("polynomials in x are neither true nor false")
 
     def __repr__(self) -> str:
-        return text_of(self.terms)
+        text = ""
+        for indices, c in sorted(self.terms.items(), key=lambda term: (-len(term[0]), term[0])):
+            size = abs(c)
+            number = str(plain(size) if size.denominator > 2**20 else size)
+            factors = [] if indices and size == 1 else [number]
+            for i in dict.fromkeys(indices):
+                power = indices.count(i)
+                factors.append(f"x{i + 1}^{power}" if power > 1 else f"x{i + 1}")
+            text += (" - " if c < 0 else " + ") + "*".join(factors)
+        return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
 
 
 def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
     """Return exact tensors: of the D polynomials f(x, **parameters), or of the one of degree 3."""
-    _check_call(name, f, parameters)
     batch = np.broadcast_shapes(*map(np.shape, parameters.values()))
-    columns = [np.broadcast_to(each, batch).ravel().tolist() for each in parameters.values()]
-    members = []
-    for i in range(math.prod(batch)):
-        row = zip(parameters, (column[i] for column in columns), strict=True)
-        members.append(_traced_once(name, f, D, degree, dict(row)))
+    columns = {n: np.broadcast_to(each, batch).ravel().tolist() for n, each in parameters.items()}
+    rows = ({n: column[i] for n, column in columns.items()} for i in range(math.prod(batch)))
+    members = [_traced_once(name, f, D, degree, row) for row in rows]
     shape = (D,) * (degree == 2) + (D + 1,) * degree
     return np.array(members, dtype=object).reshape(*batch, *shape)
-
-
-def _check_call(name: str, f: Any, parameters: Mapping[str, Any]) -> None:
-    """Raise TypeError unless f can be called as f(x, **parameters)."""
-    with suppress(ValueError):  # a function of another language has no signature
-        try:
-            inspect.signature(f).bind("x", **parameters)
-        except TypeError as error:
-            found = re.search(r"missing .*'(\w+)'", str(error))
-            missing = found and f"none for {found[1]}: {name} needs {found[1]}: pass {found[1]}=28"
-            received = f"{missing}, say" if missing else str(error).removeprefix("got ")
-            raise wrong(name, "values for all its parameters", received, TypeError) from error
 
 
 def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str, Any]) -> Any:
     count = f"{D} polynomials" if degree == 2 else "a polynomial"
     expected = f"{count} of degree at most {degree} in x[0] to x[{D - 1}], by +, -, * and /"
     try:
-        found = f(tuple(Polynomial({(i,): Fraction(1)}) for i in range(D)), **parameters)
+        found = f(tuple(Polynomial([((i,), Fraction(1))]) for i in range(D)), **parameters)
         if degree == 3:
             return _tensor(found, D, degree)
         if not isinstance(found, (tuple, list, np.ndarray)) or len(found) != D:
@@ -225,7 +190,10 @@ def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str
         return np.stack([_tensor(each, D, degree) for each in found])
     except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
-        raise wrong(name, expected, error, kind) from error
+        in_call = getattr(error.__traceback__, "tb_next", None) is None  # not in what f calls
+        missing = in_call and re.search(r"missing .* argument.*?'(\w+)'", str(error))
+        need = missing and f"none, as {name} needs {missing[1]}: pass {missing[1]}=28, say"
+        raise wrong(name, expected, need or error, kind) from error
 
 
 def _tensor(value: Any, D: int, degree: int) -> Any:
@@ -235,33 +203,16 @@ def _tensor(value: Any, D: int, degree: int) -> Any:
         raise TypeError(f"{short(value)} of type {type(value).__name__}")
     within("coefficients", np.array([*polynomial.terms.values()], dtype=object), OTHERS)
     table = np.full((D + 1,) * degree, Fraction(0))
-    for powers, c in polynomial.terms.items():
-        if len(powers) > degree:
-            raise ValueError(f"degree {len(powers)}")
-        places = {*permutations((*powers, *[D] * (degree - len(powers))))}
+    for indices, c in polynomial.terms.items():
+        if len(indices) > degree:
+            raise ValueError(f"degree {len(indices)}")
+        places = {*permutations((*indices, *[D] * (degree - len(indices))))}
         for each in places:
             table[each] = c / len(places)
     return table
 
 
-def terms_of(table: Any) -> Terms:
-    """Return the terms of a symmetric tensor in homogeneous coordinates."""
-    D, terms = len(table) - 1, dict[tuple[int, ...], Any]()
-    for place in map(tuple, np.argwhere(table != 0).tolist()):
-        powers = tuple(sorted(i for i in place if i < D))
-        terms[powers] = terms.get(powers, 0) + table[place]
-    return terms
-
-
-def text_of(terms: Terms) -> str:
-    """Return a polynomial as text, the terms of highest degree first."""
-    text = ""
-    for powers, c in sorted(terms.items(), key=lambda term: (-len(term[0]), term[0])):
-        size = abs(c)
-        number = str(plain(size) if size.denominator > 2**20 else size)
-        factors = [] if powers and size == 1 else [number]
-        for i in dict.fromkeys(powers):
-            power = powers.count(i)
-            factors.append(f"x{i + 1}^{power}" if power > 1 else f"x{i + 1}")
-        text += (" - " if c < 0 else " + ") + "*".join(factors)
-    return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
+def polynomial_of(tensor: Any) -> Polynomial:
+    """Return the polynomial of a symmetric tensor in homogeneous coordinates."""
+    D, places = len(tensor) - 1, np.argwhere(tensor != 0).tolist()
+    return Polynomial(([i for i in place if i < D], tensor[tuple(place)]) for place in places)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -23,8 +23,7 @@ _ROUNDING = 1e-14
 class _In3D(Body):
     """A rigid body in three dimensions, whose subclasses add I3."""
 
-    # What is given is array_like, what is kept a float or an array.
-    I1: Any
+    I1: Any  # array_like when given, then a float or an array
     I2: Any
     I13: Any
     I23: Any
@@ -41,23 +40,23 @@ class _In3D(Body):
 
     @property
     def parameters(self) -> tuple[Any, ...]:
-        """I1, I2, I13, I23 and k, which is 0 without a rotor."""
-        return self.I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
+        """I1, I2, I13, I23 and k, 0 without a rotor. I1 has the batch shape, which I3 may give."""
+        I1 = np.broadcast_to(self.I1, self.shape) if self.shape else self.I1
+        return I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
 
     def _inertia(self, I3: Any) -> FloatArray:
         I1, I2, I13, I23, _ = self.parameters
         return _matrices((I1, 0.0, I13), (0.0, I2, I23), (I13, I23, I3))
 
-    def _field_of(self, number: Callable[[float], Fraction]) -> QuadraticField:
-        I1, I2, *products = self.parameters if self.shape else map(number, self.parameters)
+    @cached_property
+    def _field(self) -> QuadraticField:
+        I1, I2, *form = self.parameters if self.shape else map(Fraction, self.parameters)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
-        l = np.stack(np.broadcast_arrays(*products), axis=-1)
-        first, second = -l / np.asarray(I1)[..., None], l / np.asarray(I2)[..., None]
-        quadratic = np.zeros((*self.shape, 2, 2, 2), l.dtype)
-        linear = np.zeros((*self.shape, 2, 2), l.dtype)
-        quadratic[..., 0, :, 1], linear[..., 0, 1] = first[..., :2], first[..., 2]
-        quadratic[..., 1, :, 0], linear[..., 1, 0] = second[..., :2], second[..., 2]
-        return QuadraticField(quadratic, linear)
+        l = np.stack(np.broadcast_arrays(*form), axis=-1)
+        table = np.zeros((*self.shape, 2, 3, 3), l.dtype)
+        table[..., 0, :, 1] = -l / np.asarray(I1)[..., None]
+        table[..., 1, :, 0] = l / np.asarray(I2)[..., None]
+        return QuadraticField._of_table((table + table.swapaxes(-2, -1)) / 2)
 
 
 def _matrices(*rows: tuple[Any, ...]) -> FloatArray:
@@ -90,9 +89,9 @@ class Suslov3D(_In3D):
         Products of inertia, 0 or between 1e-60 and 1e60 in modulus. Where both are 0 every angular
         velocity is constant.
     I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, as I1 and I2. It does not enter the map; :func:`momentum`,
-        :func:`step_full` and :func:`animate_body` take it from the body. A warning is given if no
-        rigid body has it; see :meth:`admissible_I3`.
+        The third moment of inertia, which does not enter the map; :func:`momentum`,
+        :func:`step_full` and :func:`animate_body` take it from the body. There is a warning if
+        no rigid body has it; see :meth:`admissible_I3`.
 
     Examples
     --------
@@ -110,7 +109,7 @@ class Suslov3D(_In3D):
         Returns
         -------
         low, high : ndarray(float, shape=(...))
-            The ends of the open interval of I3; NaN if no body has these parameters.
+            The ends of the open interval; NaN if no body has these parameters.
 
         Examples
         --------
@@ -136,19 +135,19 @@ class Suslov3D(_In3D):
         ----------
         I : array_like(float, shape=(..., 3, 3))
             Inertia tensor in any basis fixed in the body: symmetric to 1e-12 of its size, positive
-            definite, and each principal moment smaller than the sum of the others.
+            definite, and no principal moment larger than the sum of the others.
         a : array_like(float, shape=(..., 3))
-            The axis, fixed in the body, about which it may not turn; of any length but 0.
+            The axis in that basis about which it may not turn, of any length but 0.
 
         Returns
         -------
         body : Suslov3D
-            The body in its adapted basis, where the axis is e3 and I12 = 0. Products of inertia
-            below 2**-50 of the largest moment are rounding errors, and 0.
+            The body in its adapted basis. Products of inertia below 2**-50 of the largest moment
+            are rounding errors, and set to 0.
         rotation : ndarray(float, shape=(..., 3, 3))
             The matrix, of determinant 1, that takes components to the adapted basis:
             ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.
-            It is the identity where the given basis is adapted already.
+            It is the identity if the given basis is adapted already.
 
         Examples
         --------
@@ -158,36 +157,32 @@ class Suslov3D(_In3D):
         >>> body
         Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, I3=3.0)
         """
-        tensor = inertia_matrix("I", I, 3)
-        if not (fits := _excess(tensor) >= -_ROUNDING).all():
+        turned, to_e3 = turned_to_last(I, a, 3)
+        if not (fits := _excess(turned) >= -_ROUNDING).all():
             expected = "no principal moment larger than the sum of the others"
-            raise wrong("I", expected, checks.short(tensor[~fits][0].tolist()))
-        axis = unit_axis("a", a, 3)
-        checks.common_shape({"I": tensor.shape[:-2], "a": axis.shape[:-1]})
-        to_e3 = shortest_rotation_to_last(axis)
-        turned = to_e3 @ tensor @ to_e3.swapaxes(-2, -1)
+            raise wrong("I", expected, np.linalg.eigvalsh(turned[~fits][0]).tolist())
         # The smaller angle about e3 that makes I12 vanish (Jacobi); 0 if I12 is 0.
         I12 = turned[..., 0, 1]
         gap = turned[..., 0, 0] - turned[..., 1, 1]
         angle = 0.5 * np.arctan2(np.copysign(2.0, gap) * I12, abs(gap))
         c, s = np.cos(angle), np.sin(angle)
-        rotation = _matrices((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)) @ to_e3
-        I = rotation @ tensor @ rotation.swapaxes(-2, -1)
+        about_e3 = _matrices((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0))
+        I = about_e3 @ turned @ about_e3.swapaxes(-2, -1)
         I1, I2, I3 = moments = np.moveaxis(np.diagonal(I, axis1=-2, axis2=-1), -1, 0)
         I13, I23 = (without_rounding(I[..., i, 2], moments.max(axis=0)) for i in (0, 1))
-        return cls(I1, I2, I13, I23, I3), rotation
+        return cls(I1, I2, I13, I23, I3), about_e3 @ to_e3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SuslovGyrostat(_In3D):
-    """Suslov gyrostat, or a batch: a rigid body with a rotor along the constrained axis.
+    """A rigid body, or a batch, with a rotor along the constrained axis.
 
     With l = I13 Omega1 + I23 Omega2 + k the equations are I1 Omega1' = -l Omega2 and
     I2 Omega2' = l Omega1, so that Omega rotates also where I13 = I23 = 0.
 
     Parameters
     ----------
-    I1, I2, I13, I23, I3 : array_like(float, shape=(...))
+    I1, I2, I13, I23, I3
         As in :class:`Suslov3D`; I3 is optional.
     k : array_like(float, shape=(...))
         Momentum of the rotor, of either sign, in units of inertia times angular velocity; 0 or
@@ -202,6 +197,9 @@ class SuslovGyrostat(_In3D):
 
     k: Any
     I3: Any = None
+
+    # What errors of functions say that take a body without a rotor alone.
+    _instead: ClassVar[str] = ": with a rotor use exact, iterate or flow"
 
 
 class Picture(NamedTuple):
@@ -220,43 +218,36 @@ PICTURES = {  # of the paper, end of Section 4
 }
 
 
-def inertia_matrix(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Return symmetric positive definite matrices (..., n, n)."""
-    matrix = checks.square_matrices(name, value, n)
+def turned_to_last(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return inertia matrices (..., n, n) in bases where the axis is e_n, and rotations to them."""
+    matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
     if not (asymmetry <= 1e-12 * size).all():
-        raise wrong(name, "a symmetric inertia matrix", f"one with |I - I.T| = {asymmetry.max()}")
+        raise wrong("I", "a symmetric inertia matrix", f"one with |I - I.T| = {asymmetry.max()}")
     least = np.linalg.eigvalsh(matrix).min(axis=-1, initial=np.inf)
     if not (least > 1e-15 * size).all():
-        raise wrong(name, "a positive definite inertia matrix", f"the eigenvalue {least.min()}")
-    return matrix
-
-
-def unit_axis(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Return nonzero axes (..., n), normalized."""
-    axis = checks.real_array(name, value)
+        raise wrong("I", "a positive definite inertia matrix", f"the eigenvalue {least.min()}")
     if axis.shape[-1:] != (n,):
-        raise wrong(name, f"shape (..., {n})", axis.shape)
+        raise wrong("a", f"shape (..., {n})", axis.shape)
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
     if not (length > 0).all():
-        raise wrong(name, "an axis other than 0", "one of length 0")
-    return np.asarray(axis / length)
+        raise wrong("a", "an axis other than 0", "one of length 0")
+    checks.common_shape({"I": matrix.shape[:-2], "a": axis.shape[:-1]})
+    rotation = _rotation_to_last(axis / length)
+    return rotation @ matrix @ rotation.swapaxes(-2, -1), rotation
 
 
-def shortest_rotation_to_last(axis: FloatArray) -> FloatArray:
-    """Return the rotations of smallest angle that take unit axes (..., n) to e_n."""
-    n = axis.shape[-1]
-    # An axis that points down is first rotated by pi in the plane of e_1 and e_n.
-    half_turn = np.eye(n)
-    half_turn[0, 0] = half_turn[-1, -1] = -1.0
-    down = axis[..., -1, np.newaxis, np.newaxis] < 0.0
-    first = np.where(down, half_turn, np.eye(n))
-    up = first @ axis[..., np.newaxis]
-    s = up + np.eye(n)[:, -1:]
-    rotation: FloatArray = np.eye(n) - s @ s.swapaxes(-2, -1) / s[..., -1:, :]
-    rotation[..., -1, :] += 2.0 * up[..., 0]
-    return rotation @ first
+def _rotation_to_last(axis: FloatArray) -> FloatArray:
+    """Return rotations that take unit axes (..., n) to e_n, the shortest of axes that point up."""
+    unit = np.eye(axis.shape[-1])
+    up = axis[..., -1:] >= 0.0
+    # The first reflection takes an axis to -e_n, or to e_n if it points down, without cancellation.
+    normal = axis + np.where(up, unit[-1], -unit[-1])
+    length = 1.0 + abs(axis[..., -1, np.newaxis, np.newaxis])  # half of its square
+    first = unit - normal[..., np.newaxis] * normal[..., np.newaxis, :] / length
+    second = 1.0 - 2.0 * np.where(up, unit[-1], unit[0])
+    return np.asarray(second[..., np.newaxis] * first) + 0.0  # no -0.0
 
 
 def without_rounding(products: FloatArray, largest: FloatArray) -> FloatArray:

@@ -102,6 +102,12 @@ def substitute(a, right):
                 right[i, r, l] *= a[i, i, l]
 
 
+@inlined
+def memory_of_one(m):
+    """Return `a` and `units` for `solve`, with one right side."""
+    return np.empty((m, m + 1, 1)), np.empty((2, m))
+
+
 @function
 def solve(a, units):
     """Solve one system a (m, columns, 1), scaled, with partial pivoting; return its status.

@@ -57,53 +57,41 @@ def _digest():
     return hashlib.sha256(versions.encode() + sources).hexdigest()[:12]
 
 
-def _renamed(py_function):
-    """Give a function the name of its files; return its own."""
-    name = py_function.__qualname__
-    py_function.__qualname__ = f"{name}_{_digest()}"
-    return name
-
-
-def _delete_files(folder, name, stale=True):
-    """Delete the files of a function that belong to other sources, or all of them."""
-    for path in list(folder.glob(f"*.{name}_{'?' * len(_digest())}-*")):
-        if not (stale and f"_{_digest()}-" in path.name):
+@functools.cache
+def _delete_stale_files(folder):
+    for path in Path(folder).glob(f"*_{'?' * len(_digest())}-*.nb?"):
+        if _digest() not in path.name:
             path.unlink(missing_ok=True)
+
+
+class _Cache(FunctionCache):
+    """Files of a function. If one cannot be read or written, the process compiles for itself."""
+
+    def load_overload(self, signature, target_context):
+        found = None
+        try:
+            found = super().load_overload(signature, target_context)
+        except Exception:
+            with suppress(Exception):
+                self.flush()  # the index: `save_overload` would read it
+        # Two processes that write at once may exchange the code of two signatures.
+        return found if found and tuple(found.signature.args) == tuple(signature) else None
+
+    def save_overload(self, signature, data):
+        with suppress(Exception):
+            super().save_overload(signature, data)
+            _delete_stale_files(self.cache_path)
 
 
 def _cached(compile_with, py_function):
     """Compile a function on its first call, with a cache if there is a folder for it."""
-    name = _renamed(py_function)
+    py_function.__qualname__ += f"_{_digest()}"
     compiled = compile_with(py_function)
     # Numba would cache code with and without checks of bounds under one name.
-    if config.BOUNDSCHECK or config.DISABLE_JIT:
-        return compiled
-    with suppress(RuntimeError):  # no writable folder: each process compiles
-        compiled.enable_caching()
-        _tolerate_unusable_files(compiled._cache, name)
+    if not (config.BOUNDSCHECK or config.DISABLE_JIT):
+        with suppress(RuntimeError):  # no writable folder: each process compiles
+            compiled._cache = _Cache(py_function)
     return compiled
-
-
-def _tolerate_unusable_files(cache, name):
-    """Compile again if a file of the cache cannot be read; go on if none can be written."""
-    load, save = cache.load_overload, cache.save_overload
-
-    def load_overload(signature, target_context):
-        found = None
-        try:
-            found = load(signature, target_context)
-        except Exception:
-            with suppress(Exception):
-                cache.flush()  # of the index: `save_overload` would read it
-        # Two processes that write at once may exchange the code of two signatures.
-        return found if found and tuple(found.signature.args) == tuple(signature) else None
-
-    def save_overload(signature, data):
-        with suppress(Exception):
-            save(signature, data)
-            _delete_files(Path(cache.cache_path), name)
-
-    cache.load_overload, cache.save_overload = load_overload, save_overload
 
 
 function = functools.partial(_cached, numba.njit(**_FUNCTION))
@@ -259,10 +247,9 @@ class Universal:
         if config.DISABLE_JIT:
             kinds = [float] * len(self.outputs)
             return np.vectorize(self._interpreted, otypes=kinds, signature=self.layout)
-        name = _renamed(self.py_function)
-        for stale in () if config.BOUNDSCHECK else (True, False):
-            with suppress(Exception):  # a file that cannot be read; or no folder
-                _delete_files(Path(FunctionCache(self.py_function).cache_path), name, stale)
+        if not config.BOUNDSCHECK:
+            self.py_function.__qualname__ += f"_{_digest()}"
+            with suppress(Exception):  # no writable folder, or a file that cannot be read
                 return self._compile(cache=True)
         return self._compile(cache=False)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from .closed_form import coordinates, difference_of_squares
 from .numba import formula, select, universal
-from .steps_3d import ZERO_TO_ROUNDING, enter, frame_of, is_supercritical
+from .steps_3d import ZERO_TO_ROUNDING, enter, is_supercritical
 
 IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
 
@@ -76,8 +76,7 @@ def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
     size = 2.0 * eps * eps * energy_at(I1, I2, w1, w2)
     T = np.sqrt(in_range(size) / (4.0 * a + step * step) * of_g)
     if k != 0.0 or abs(T - 1.0) < 1e-6:
-        frame = frame_of(I1, I2, I13, I23, k, eps)
-        X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)  # as steps do, to the bit
+        frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)  # as steps do, to the bit
         beyond = is_supercritical(frame, X, Y)
         T = select(beyond & (T < 1.0), 1.0, select((T >= 1.0) & ~beyond, 1.0 - 2.0**-53, T))
     return select(eps < 0.0, -T, T)
@@ -117,8 +116,7 @@ def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
 
     k1 = -(2 / eps) artanh t and sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
     """
-    frame = frame_of(I1, I2, I13, I23, 0.0, eps)
-    X, Y = enter(frame, I1, I2, I13, I23, 0.0, eps, w[0], w[1])
+    _, X, Y = enter(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
     x, _, y, _ = coordinates(I1, I2, I13, I23, 0.0, w[0], w[1])
     t[0] = criticality_at(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
     h[0], k1[0], k2[0] = 0.25 * (x * x + y * y) / (1.0 + X * X), np.nan, np.nan

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import steps_field as steps
 from .codes import OK
-from .elimination import determinant_of, eliminate, keeps_digits, substitute
+from .elimination import determinant_of, eliminate, keeps_digits, memory_of_one, substitute
 from .numba import function, inlined, universal
 from .tangent import derive
 
@@ -99,7 +99,7 @@ def fill_block(block, values, eps, x, first):
             half[t, l] = 0.5 * eps[first + l] * v
         if k == D:
             fixed[i, j] -= half[t]
-    steps.fill(terms, half, fixed, states[0], a, a.shape[2])
+    steps.fill(terms, half, fixed, states[0], a, 0, a.shape[2])
     return count
 
 
@@ -121,7 +121,7 @@ def density(places, values, eps, x, out):
     """1 / det A, infinite where the determinant is 0 to rounding."""
     block, D = memory_of(places, x), x.shape[1]
     terms, states, fixed, half, a = block
-    lanes, one = a.shape[2], steps.memory_of_one(D, len(values))
+    lanes, one = a.shape[2], memory_of_one(D)
     b = np.empty((steps.ROWS, lanes))
     for first in range(0, len(x), lanes):
         count = fill_block(block, values, eps, x, first)
@@ -132,7 +132,7 @@ def density(places, values, eps, x, out):
                 found *= a[i, i, l]
             if not keeps_digits(b[steps.LEAST, l], b[steps.LARGEST, l]):
                 steps.advance_one(terms, states, fixed, half, l, one)
-                found = 1.0 / determinant_of(one[3], one[4])
+                found = 1.0 / determinant_of(*one)
             for i in range(D):
                 found += 0.0 * x[first + l, i]
             out[first + l] = found
@@ -143,13 +143,13 @@ def jacobian(places, values, eps, x, out):
     """A(x)**-1 (2 - A(x_next))."""
     block, D = memory_of(places, x), x.shape[1]
     terms, states, fixed, half, a = block
-    lanes, one, system = a.shape[2], steps.memory_of_one(D, len(values)), np.empty((D, 2 * D, 1))
+    lanes, one, system = a.shape[2], memory_of_one(D), np.empty((D, 2 * D, 1))
     b, right = np.empty((steps.ROWS, lanes)), np.empty((D, D, lanes))
     after, one_after = np.empty_like(a), np.empty((D, D + 1, 1))
     for first in range(0, len(x), lanes):
         count = fill_block(block, values, eps, x, first)
         steps.advance(states, a, b, lanes)
-        steps.fill(terms, half, fixed, states[1], after, lanes)
+        steps.fill(terms, half, fixed, states[1], after, 0, lanes)
         for i in range(D):
             for j in range(D):
                 unit = 2.0 if i == j else 0.0
@@ -158,7 +158,7 @@ def jacobian(places, values, eps, x, out):
         substitute(a, right)
         for l in range(count):
             exists = 1.0
-            if not steps.is_accurate(b, l, D):
+            if b[steps.TO_SOLVE, l] > 0.0 or np.isnan(states[0, 0, l]):
                 for i in range(D):
                     for j in range(D):
                         system[i, D + j, 0] = 1.0 if i == j else 0.0

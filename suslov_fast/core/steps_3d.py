@@ -19,8 +19,7 @@ general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X is a number o
           l = I13 w1 + I23 w2 + k loses its digits next to a steady state, and so are u and v,
           because K may outweigh X - K and Y
 
-For other files: `frame_of`, `enter`, `plain_step`, `leave_plain`, `turn`, `general_step` and
-`one_step` are formulas of floats and of a Frame.
+For other files: `enter`, `is_supercritical`, `turn` and `one_step` are formulas of floats.
 """
 
 from typing import NamedTuple
@@ -55,21 +54,17 @@ class Frame(NamedTuple):
 
 
 @formula
-def frame_of(I1, I2, I13, I23, k, eps):
-    """The frame of a body. For g = 0 or eps = 0 the last two numbers are not finite."""
+def enter(I1, I2, I13, I23, k, eps, w1, w2):
+    """The frame of a body, and X and Y of a state; X = 0 where l, as floats give it, is 0.
+
+    For g = 0 or eps = 0 the last two numbers of the frame are not finite.
+    """
     s = np.sqrt(I1 * I2)
     e, back = 0.5 * eps / s, s / I2
     per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
-    return Frame(
-        e * k, e * I13, e * (I23 * back), back, (I13 / I1) * per_g, (I23 / s) * per_g
-    )  # fmt: skip
-
-
-@formula
-def enter(frame, I1, I2, I13, I23, k, eps, w1, w2):
-    """X and Y of a state; X = 0 where l, as floats give it, is 0."""
-    X = (0.5 * eps / np.sqrt(I1 * I2)) * ((I13 * w1 + I23 * w2) + k)
-    return X, frame.a2 * w1 - frame.a1 * (w2 / frame.back)
+    a1, a2, m1, m2 = e * I13, e * (I23 * back), (I13 / I1) * per_g, (I23 / s) * per_g
+    X, Y = e * ((I13 * w1 + I23 * w2) + k), a2 * w1 - a1 * (w2 / back)
+    return Frame(e * k, a1, a2, back, m1, m2), X, Y
 
 
 @formula
@@ -132,8 +127,7 @@ def restore(frame, R2, X, u, v):
 @formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
     """The next state; NaN where there is none."""
-    frame = frame_of(I1, I2, I13, I23, k, eps)
-    X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
+    frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)
     along, across, _, _ = turn(X, Y, frame.K)
     next1, next2 = along * w1 - (across / frame.back) * w2, along * w2 + (across * frame.back) * w1
     exists = abs(next1) + abs(next2) < np.inf
@@ -181,10 +175,9 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
             b[X_, l], b[Y_, l], b[XG, l], b[U, l], b[V, l] = X, Y, X, Y, v
     for l in range(LANES):
         I1, I2, I13, I23, k, eps = frame_at(b, l)  # until it is replaced by the frame, below
-        frame = frame_of(I1, I2, I13, I23, k, eps)
+        w1, w2 = b[U, l], b[V, l]
+        frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)
         if start == 0:
-            w1, w2 = b[U, l], b[V, l]
-            X, Y = enter(frame, I1, I2, I13, I23, k, eps, w1, w2)
             known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGE) & (X != 0.0)
             plain = known & (frame.K == 0.0) & (abs(Y) < 1.0)
             rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
@@ -213,43 +206,25 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
 
 
 @formula
-def steps_of_all(b, plains, n, pause):
-    """Take all lanes from state n to state `pause`."""
+def take_steps(b, lanes, plains, n, pause):
+    """Take lanes from state n to state `pause`: a constant number of lanes, for SIMD."""
     if plains > 0.0:
         for _ in range(n, pause):
-            for l in range(LANES):
+            for l in range(lanes):
                 b[X_, l], b[Y_, l] = plain_step(b[X_, l], b[Y_, l])
-    if plains == LANES:
+    if plains == lanes:
         return
     for _ in range(n, pause):
-        for l in range(LANES):
+        for l in range(lanes):
             b[XG, l], b[U, l], b[V, l], pole = general_step(
                 frame_at(b, l), b[XG, l], b[U, l], b[V, l]
             )
             b[ALIVE, l] += select(abs(b[U, l]) + abs(b[V, l]) < np.inf, 1.0, pole)
     if pause % RESTORED == 0:
-        for l in range(LANES):
+        for l in range(lanes):
             b[XG, l], b[U, l], b[V, l] = restore(
                 frame_at(b, l), b[R2, l], b[XG, l], b[U, l], b[V, l]
             )
-
-
-@formula
-def steps_of_one(b, l, n, pause):
-    """Take one lane from state n to state `pause`."""
-    if b[KIND, l] == PLAIN:
-        X, Y = b[X_, l], b[Y_, l]
-        for _ in range(n, pause):
-            X, Y = plain_step(X, Y)
-        b[X_, l], b[Y_, l] = X, Y
-        return
-    frame, X, u, v, alive = frame_at(b, l), b[XG, l], b[U, l], b[V, l], b[ALIVE, l]
-    for _ in range(n, pause):
-        X, u, v, pole = general_step(frame, X, u, v)
-        alive += select(abs(u) + abs(v) < np.inf, 1.0, pole)
-    if pause % RESTORED == 0:
-        X, u, v = restore(frame, b[R2, l], X, u, v)
-    b[XG, l], b[U, l], b[V, l], b[ALIVE, l] = X, u, v, alive
 
 
 @kernel
@@ -297,9 +272,9 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 break
             pause = min(stop, due, (n // RESTORED + 1) * RESTORED)
             if few:
-                steps_of_one(b, width - 1, n, pause)
+                take_steps(b, 1, plains, n, pause)
             else:
-                steps_of_all(b, plains, n, pause)
+                take_steps(b, LANES, plains, n, pause)
             n = pause
         for l in range(width):
             i, plain, alive = first + l, b[KIND, l] == PLAIN, int(b[ALIVE, l])

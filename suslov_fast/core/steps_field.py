@@ -6,11 +6,11 @@ build serves all fields. Where the increment cancels the state, or elimination l
 solves A(x) x_next = x + (eps/2) l x + eps c, where l and c are the linear and constant parts.
 
 parameters   indices (3, T), the i, j and k of terms; values (1 or B, T); eps (1 or B,)
-carry        (B, D), the states
+final        (B, D), the states that a run goes on from; there is no carry
 
 A block of lanes is four arrays:
 
-x       (2, D, lanes)   the states, and the next ones
+x       (2, D, lanes)   the states, and the next ones; NaN after the end of a trajectory
 a       (D, D + 1, lanes)   A, and minus half the step size times f as the right side
 fixed   (D, D + 1, lanes)   what of `a` does not depend on the state
 half    (T, lanes)   half the step size times v
@@ -19,21 +19,14 @@ half    (T, lanes)   half the step size times v
 import numpy as np
 
 from .codes import NONFINITE, OK
-from .elimination import eliminate, keeps_digits, solve
+from .elimination import eliminate, keeps_digits, memory_of_one, solve
 from .numba import formula, function, inlined, kernel, select, share
 
-# Rows of numbers of lanes: of `eliminate`; the sum of what `next_component` says of losses; and 1,
-# or NaN after the end.
-LEAST, LARGEST, LOST, EXISTS = range(4)
-ROWS = 4
+LEAST, LARGEST, TO_SOLVE = range(3)  # rows of numbers of lanes: of `eliminate`; 1 for `solve`
+ROWS = 3
 # A state has lost digits if one component falls below this part of its increment, or if all fall
 # below the larger part.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
-
-
-def carried(D):
-    """Return how many numbers of a trajectory a run goes on from."""
-    return D
 
 
 @formula
@@ -58,23 +51,23 @@ def enter_field(indices, values, eps, fixed, half, l):
 
 
 @formula
-def fill(indices, half, fixed, x, a, lanes):
-    """Fill A(x), and in column D minus half the step size times f(x)."""
+def fill(indices, half, fixed, x, a, begin, lanes):
+    """Fill A(x), and in column D minus half the step size times f(x), for lanes from `begin` on."""
     D = len(fixed)
     for i in range(D):
         for j in range(D + 1):
-            for l in range(lanes):
-                a[i, j, l] = fixed[i, j, l]
+            for l in range(begin, begin + lanes):
+                a[i, j, l - begin] = fixed[i, j, l]
     for t in range(indices.shape[1]):
         i, j, k = indices[0, t], indices[1, t], indices[2, t]
         if j < D:  # for k = D a term of f
-            for l in range(lanes):
-                a[i, k, l] -= half[t, l] * x[j, l]
+            for l in range(begin, begin + lanes):
+                a[i, k, l - begin] -= half[t, l] * x[j, l]
         if k < D:
-            for l in range(lanes):
-                a[i, j, l] -= half[t, l] * x[k, l]
-            for l in range(lanes):
-                a[i, D, l] -= half[t, l] * x[k, l] * x[j, l]
+            for l in range(begin, begin + lanes):
+                a[i, j, l - begin] -= half[t, l] * x[k, l]
+            for l in range(begin, begin + lanes):
+                a[i, D, l - begin] -= half[t, l] * x[k, l] * x[j, l]
 
 
 @formula
@@ -88,73 +81,52 @@ def next_component(x, half):
     return following, select(size < np.inf, loss, np.inf)
 
 
-@formula
-def is_accurate(b, l, D):
-    """True if a next state is finite and has its digits."""
-    return (b[LOST, l] < D) & keeps_digits(b[LEAST, l], b[LARGEST, l])
-
-
 @inlined
 def advance(x, a, b, lanes):
     """Fill the next states x[1] from `a`; return how many are not finite or not accurate."""
-    D = len(a)
+    D, to_solve = len(a), 0
     eliminate(a, b[LEAST], b[LARGEST], lanes)
     for l in range(lanes):
-        b[LOST, l] = 0.0
+        b[TO_SOLVE, l] = 0.0
     for i in range(D):
         for l in range(lanes):
             x[1, i, l], loss = next_component(x[0, i, l], a[i, D, l])
-            b[LOST, l] += loss
-    failed = 0
+            b[TO_SOLVE, l] += loss
     for l in range(lanes):
-        failed += 0 if is_accurate(b, l, D) else 1
-    return failed
-
-
-@inlined
-def memory_of_one(D, T):
-    """Return x, fixed and half of one lane, and `a` and `units` of `solve`."""
-    x, fixed, a = np.empty((2, D, 1)), np.empty((D, D + 1, 1)), np.empty((D, D + 1, 1))
-    return x, fixed, np.empty((T, 1)), a, np.empty((2, D))
+        good = (b[TO_SOLVE, l] < D) & keeps_digits(b[LEAST, l], b[LARGEST, l])
+        good |= np.isnan(x[0, 0, l])
+        b[TO_SOLVE, l] = select(good, 0.0, 1.0)
+        to_solve += select(good, 0, 1)
+    return to_solve
 
 
 @inlined
 def advance_one(indices, x, fixed, half, l, one):
-    """Fill the next state of lane l, by `solve` of A x_next = x + (eps/2) l x + eps c, in memory of
-    one lane; return its status.
+    """Fill the next state of lane l, by `solve` of A x_next = x + (eps/2) l x + eps c; return its
+    status.
     """
-    x1, fixed1, half1, a, units = one
-    D = x.shape[1]
-    for t in range(len(half)):
-        half1[t, 0] = half[t, l]
+    a, units = one
+    D = len(a)
+    fill(indices, half, fixed, x[0], a, l, 1)
     for i in range(D):
-        x1[0, i, 0] = x[0, i, l]
-        for j in range(D + 1):
-            fixed1[i, j, 0] = fixed[i, j, l]
-    fill(indices, half1, fixed1, x1[0], a, 1)
-    for i in range(D):
-        right = x1[0, i, 0] - 2.0 * fixed1[i, D, 0]
+        right = x[0, i, l] - 2.0 * fixed[i, D, l]
         for j in range(D):
-            right -= (fixed1[i, j, 0] - (1.0 if i == j else 0.0)) * x1[0, j, 0]
+            right -= (fixed[i, j, l] - (1.0 if i == j else 0.0)) * x[0, j, l]
         a[i, D, 0] = right
     status = solve(a, units)
     for i in range(D):
-        x1[1, i, 0] = a[i, D, 0] if status == OK else np.nan
-        x[1, i, l] = x1[1, i, 0]
+        x[1, i, l] = a[i, D, 0] if status == OK else np.nan
     return status
 
 
 @function
 def advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at):
     """Fill the next states, with index n, that `advance` did not; trajectories without one end."""
-    _, D, lanes = x.shape
-    for l in range(lanes):
-        if not is_accurate(b, l, D):
+    for l in range(x.shape[2]):
+        if b[TO_SOLVE, l] > 0.0:
             code = advance_one(indices, x, fixed, half, l, one)
-            if code != OK:
-                if begin + l < end:
-                    status[begin + l], failed_at[begin + l] = code, n
-                rest(x, fixed, half, b, l)
+            if code != OK and begin + l < end:
+                status[begin + l], failed_at[begin + l] = code, n
 
 
 @function
@@ -163,9 +135,9 @@ def step_of_one(system, given, out, memory):
     (fixed, half, indices), (x, b, one) = system, memory
     for i in range(len(fixed)):
         x[0, i, 0] = given[i]
-    fill(indices, half, fixed, x[0], one[3], 1)
+    fill(indices, half, fixed, x[0], one[0], 0, 1)
     status = OK
-    if advance(x, one[3], b, 1) > 0:
+    if advance(x, one[0], b, 1) > 0 or np.isnan(given[0]):
         status = advance_one(indices, x, fixed, half, 0, one)
     for i in range(len(fixed)):
         out[i] = x[1, i, 0]
@@ -173,7 +145,7 @@ def step_of_one(system, given, out, memory):
 
 
 @function
-def enter(parameters, x0, x, fixed, half, b, begin, end, start, status, failed_at):
+def enter(parameters, x0, x, fixed, half, begin, end, start, status, failed_at):
     """Enter trajectories, in states x0; lanes beyond the last repeat it."""
     indices, values, eps = parameters
     for l in range(x.shape[2]):
@@ -184,21 +156,8 @@ def enter(parameters, x0, x, fixed, half, b, begin, end, start, status, failed_a
             undefined += 0.0 * x[0, i, l]
         if start == 0 and np.isnan(undefined):
             status[k], failed_at[k] = NONFINITE, 0
-        b[EXISTS, l] = 1.0
-        if status[k] < 0:
-            rest(x, fixed, half, b, l)
-
-
-@function
-def rest(x, fixed, half, b, l):
-    """End a trajectory: from now on its lane rests at 0, which is written as NaN."""
-    b[EXISTS, l] = np.nan
-    for i in range(x.shape[1]):
-        x[0, i, l], x[1, i, l] = 0.0, 0.0
-        for j in range(x.shape[1] + 1):
-            fixed[i, j, l] = 1.0 if i == j else 0.0
-    for t in range(len(half)):
-        half[t, l] = 0.0
+        for i in range(x.shape[1] if status[k] < 0 else 0):
+            x[0, i, l] = np.nan
 
 
 @kernel
@@ -210,16 +169,16 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     lanes = lanes_of(D, last - first)
     x, b = np.empty((2, D, lanes)), np.empty((ROWS, lanes))
     a, fixed, half = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes)), np.empty((T, lanes))
-    one = memory_of_one(D, T)
+    one = memory_of_one(D)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
         end = min(begin + lanes, last)
-        states = omega0 if start == 0 else carry
-        enter(parameters, states, x, fixed, half, b, begin, end, start, status, failed_at)
+        states = omega0 if start == 0 else final
+        enter(parameters, states, x, fixed, half, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
             if n > start:
-                fill(indices, half, fixed, x[0], a, lanes)
+                fill(indices, half, fixed, x[0], a, 0, lanes)
                 if advance(x, a, b, lanes) > 0:
                     advance_failed(
                         indices, x, fixed, half, b, one, begin, end, n, status, failed_at
@@ -228,17 +187,14 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                     for l in range(lanes):
                         x[0, i, l] = x[1, i, l]
             if every > 0 and n % every == 0 and (n > start or start == 0):
-                write(x, b, begin, end, saved[row])
+                write(x[0], begin, end, saved[row])
                 row += 1
-        write(x, b, begin, end, final)
-        for l in range(end - begin):
-            for i in range(D):
-                carry[begin + l, i] = x[0, i, l]
+        write(x[0], begin, end, final)
 
 
 @inlined
-def write(x, b, begin, end, target):
-    """Write the states of a block to target (B, D)."""
+def write(x, begin, end, target):
+    """Write the states x (D, lanes) of a block to target (B, D)."""
     for l in range(end - begin):
-        for i in range(x.shape[1]):
-            target[begin + l, i] = x[0, i, l] * b[EXISTS, l]
+        for i in range(len(x)):
+            target[begin + l, i] = x[i, l]

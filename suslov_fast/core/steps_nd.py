@@ -19,34 +19,30 @@ That loses digits where a d_i is small, where the determinant of the two equatio
 where w + delta cancels: such lanes take the step by elimination.
 
 parameters   J, I (1 or B, m); eps (1 or B,)
-carry        (B, m), the states
+final        (B, m), the states that a run goes on from; there is no carry
 
 A block is c[J, I, W or INVERSE, component, lane], with an even number of components: if m is odd
-there is one more, with J = inf and I = w = 0; and b[row, lane], numbers of lanes.
+there is one more, with J = inf and I = w = 0; and b[row, lane], numbers of lanes. After its end a
+trajectory has NaN as states and step size, and is never eliminated.
 """
 
 import numpy as np
 
 from .codes import NONFINITE, OK
-from .elimination import eliminate, keeps_digits, solve
+from .elimination import eliminate, keeps_digits, memory_of_one, solve
 from .numba import formula, function, inlined, kernel, select, share
 
-J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d, or next states
+J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
 # p, |w|**2 and h p; the sums; the factors of w / d and I / d in delta; 1 if a lane eliminates; the
-# step size; a bound of h p below which no d is small; 1, or NaN after the end; of a row of A the
-# factors 2 h I_i / J_i and h w_i / J_i, and a sum; and those of `eliminate`.
-(P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I, TO_SOLVE, EPS, NEAR, EXISTS) = range(12)
-ROW_W, ROW_I, OTHERS, LEAST, LARGEST = range(12, 17)
-ROWS = 17
+# step size; a bound of h p below which no d is small; of a row of A the factors 2 h I_i / J_i and
+# h w_i / J_i, and a sum; and those of `eliminate`.
+(P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I, TO_SOLVE, EPS, NEAR) = range(11)
+ROW_W, ROW_I, OTHERS, LEAST, LARGEST = range(11, 16)
+ROWS = 16
 LANES = 64  # so many that sums do not wait for memory just written
 # A step in O(n) keeps its digits if |d_i| / J_i is above the first, the determinant of the two
 # equations above the second, in units of its terms, and w.w_next above the third, times |w|**2.
 FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
-
-
-def carried(m):
-    """Return how many numbers of a trajectory a run goes on from."""
-    return m
 
 
 @formula
@@ -77,7 +73,7 @@ def solve_two(eps, p, square, alpha, beta, gamma):
     inverse = 1.0 / det
     I_delta, w_delta = (a22 * b1 - a12 * b2) * inverse, (a11 * b2 - a21 * b1) * inverse
     accurate = (abs(det) > LEAST_DET * size) & (square + w_delta >= LEAST_COSINE * square)
-    return h * (2.0 * p + I_delta), -eps * (square + w_delta), accurate
+    return h * (2.0 * p + I_delta), -eps * (square + w_delta), accurate | np.isnan(eps)
 
 
 @formula
@@ -87,22 +83,22 @@ def next_component(I, w, inverse, of_w, of_I):
 
 
 @formula
-def fill(c, b, a, lanes):
-    """Fill A(w), and w as the right side."""
+def fill(c, b, a, begin, lanes):
+    """Fill A(w), and w as the right side, for lanes from `begin` on."""
     m = len(a)
     for i in range(m):
-        for l in range(lanes):
+        for l in range(begin, begin + lanes):
             b[ROW_W, l] = b[EPS, l] * c[I_, i, l] / c[J_, i, l]
             b[ROW_I, l] = 0.5 * b[EPS, l] * c[W, i, l] / c[J_, i, l]
-            b[OTHERS, l], a[i, m, l] = 0.0, c[W, i, l]
+            b[OTHERS, l], a[i, m, l - begin] = 0.0, c[W, i, l]
         for j in range(m):
             if j != i:
-                for l in range(lanes):
-                    a[i, j, l] = b[ROW_W, l] * c[W, j, l] - b[ROW_I, l] * c[I_, j, l]
-                for l in range(lanes):
+                for l in range(begin, begin + lanes):
+                    a[i, j, l - begin] = b[ROW_W, l] * c[W, j, l] - b[ROW_I, l] * c[I_, j, l]
+                for l in range(begin, begin + lanes):
                     b[OTHERS, l] += c[I_, j, l] * c[W, j, l]
-        for l in range(lanes):  # the terms of component i in p cancel here
-            a[i, i, l] = 1.0 - 0.5 * b[EPS, l] * b[OTHERS, l] / c[J_, i, l]
+        for l in range(begin, begin + lanes):  # the terms of component i in p cancel here
+            a[i, i, l - begin] = 1.0 - 0.5 * b[EPS, l] * b[OTHERS, l] / c[J_, i, l]
 
 
 @formula
@@ -131,7 +127,7 @@ def find_factors(c, b, lanes):
             b[EPS, l], b[P, l], b[SQUARE, l], b[ALPHA, l], b[BETA, l], b[GAMMA, l]
         )
         b[TO_SOLVE, l] = select(accurate, 0.0, 1.0)
-        near += select(b[HALF, l] < b[NEAR, l], 0, 1)
+        near += select(b[HALF, l] >= b[NEAR, l], 1, 0)
         to_solve += select(accurate, 0, 1)
     if near > 0:
         for l in range(lanes):
@@ -163,26 +159,18 @@ def add_increments(c, b, lanes):
 
 
 @inlined
-def memory_of_one(m):
-    """Return c, b, `a` and `units` of one lane."""
-    c, b = np.empty((4, m, 1)), np.empty((ROWS, 1))
-    return c, b, np.empty((m, m + 1, 1)), np.empty((2, m))
-
-
-@inlined
 def eliminate_one(c, b, l, one):
     """Replace the state of lane l by the next, by `solve`, and make its increment 0; return its
     status.
     """
-    c1, b1, a, units = one
-    m = len(a)
-    b1[EPS, 0], b[OF_W, l], b[OF_I, l] = b[EPS, l], 0.0, 0.0
-    for i in range(m):
-        c1[J_, i, 0], c1[I_, i, 0], c1[W, i, 0] = c[J_, i, l], c[I_, i, l], c[W, i, l]
-    fill(c1, b1, a, 1)
+    a, units = one
+    fill(c, b, a, l, 1)
     status = solve(a, units)
-    for i in range(m):
-        c[W, i, l], c[INVERSE, i, l] = a[i, m, 0], 0.0
+    b[OF_W, l], b[OF_I, l] = 0.0, 0.0
+    for i in range(len(a)):
+        c[W, i, l], c[INVERSE, i, l] = a[i, len(a), 0], 0.0
+    if status != OK:
+        end_lane(c, b, l)
     return status
 
 
@@ -190,7 +178,7 @@ def eliminate_one(c, b, l, one):
 def eliminate_all(c, b, a, lanes):
     """Go on to the next states by elimination; return how many lanes must use pivots."""
     m, to_solve = len(a), 0
-    fill(c, b, a, lanes)
+    fill(c, b, a, 0, lanes)
     eliminate(a, b[LEAST], b[LARGEST], lanes)
     for l in range(lanes):
         b[OTHERS, l] = 0.0
@@ -199,6 +187,7 @@ def eliminate_all(c, b, a, lanes):
             b[OTHERS, l] += abs(a[i, m, l])
     for l in range(lanes):
         good = (b[OTHERS, l] < np.inf) & keeps_digits(b[LEAST, l], b[LARGEST, l])
+        good |= np.isnan(b[EPS, l])
         b[TO_SOLVE, l] = select(good, 0.0, 1.0)
         to_solve += select(good, 0, 1)
     for i in range(m):
@@ -222,28 +211,28 @@ def step_of_one(system, given, out, memory):
         status = eliminate_one(c, b, 0, one)
     add_increments(c, b, 1)
     for i in range(len(J)):
-        out[i] = c[W, i, 0] if status == OK else np.nan
+        out[i] = c[W, i, 0]
     return status
 
 
 @kernel
 def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part, as `steps_3d.steps`, in O(n) where that keeps digits."""
-    arrays = omega0, carry, saved, final, status, failed_at
+    arrays = omega0, saved, final, status, failed_at
     iterate(part, parts, parameters, span, arrays, None)
 
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part by elimination."""
-    arrays = omega0, carry, saved, final, status, failed_at
+    arrays = omega0, saved, final, status, failed_at
     iterate(part, parts, parameters, span, arrays, True)
 
 
 @inlined
 def iterate(part, parts, parameters, span, arrays, by_elimination):
     """Iterate the trajectories of a part. (Numba compiles one branch of what is None or not.)"""
-    omega0, carry, saved, final, status, failed_at = arrays
+    omega0, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
     lanes = lanes_of(m, last - first)
@@ -253,7 +242,7 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
         end = min(begin + lanes, last)
-        states = omega0 if start == 0 else carry
+        states = omega0 if start == 0 else final
         enter(c, b, parameters, states, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
             if n > start:
@@ -264,19 +253,14 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
                 for l in range(lanes if to_solve > 0 else 0):
                     if b[TO_SOLVE, l] > 0.0:
                         code = eliminate_one(c, b, l, one)
-                        if code != OK:
-                            rest(c, b, l)
-                            if begin + l < end:
-                                status[begin + l], failed_at[begin + l] = code, n
+                        if code != OK and begin + l < end:
+                            status[begin + l], failed_at[begin + l] = code, n
                 if a is None:
                     add_increments(c, b, lanes)
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write(c, b, begin, end, saved[row])
                 row += 1
         write(c, b, begin, end, final)
-        for l in range(end - begin):
-            for i in range(m):
-                carry[begin + l, i] = c[W, i, l]
 
 
 @function
@@ -285,8 +269,7 @@ def enter(c, b, parameters, states, begin, end, start, status, failed_at):
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
         k, undefined, smallest = min(begin + l, end - 1), 0.0, np.inf
-        b[EPS, l], b[EXISTS, l], b[P, l], b[SQUARE, l] = eps[k % len(eps)], 1.0, 0.0, 0.0
-        b[OF_W, l], b[OF_I, l] = 0.0, 0.0
+        b[EPS, l], b[OF_W, l], b[OF_I, l] = eps[k % len(eps)], 0.0, 0.0
         for i in range(c.shape[1]):
             c[J_, i, l], c[I_, i, l], c[W, i, l], c[INVERSE, i, l] = np.inf, 0.0, 0.0, 0.0
             if i < m:
@@ -298,16 +281,16 @@ def enter(c, b, parameters, states, begin, end, start, status, failed_at):
         if start == 0 and np.isnan(undefined):
             status[k], failed_at[k] = NONFINITE, 0
         if status[k] < 0:
-            rest(c, b, l)
+            end_lane(c, b, l)
     add_increments(c, b, c.shape[2])  # none: finds p and |w|**2
 
 
-@function
-def rest(c, b, l):
-    """End a trajectory: from now on its lane rests at 0, which is written as NaN."""
-    b[EPS, l], b[EXISTS, l] = 0.0, np.nan
+@inlined
+def end_lane(c, b, l):
+    """End a trajectory, with NaN."""
+    b[EPS, l] = np.nan
     for i in range(c.shape[1]):
-        c[W, i, l] = 0.0
+        c[W, i, l] = np.nan
 
 
 @inlined
@@ -315,4 +298,4 @@ def write(c, b, begin, end, target):
     """Write the states of a block to target (B, m)."""
     for l in range(end - begin):
         for i in range(target.shape[1]):
-            target[begin + l, i] = c[W, i, l] * b[EXISTS, l]
+            target[begin + l, i] = c[W, i, l]

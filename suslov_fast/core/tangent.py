@@ -16,9 +16,16 @@ import numpy as np
 
 from . import steps_field as steps
 from .codes import OK
-from .elimination import determinant_of, eliminate, keeps_digits, solve, substitute
+from .elimination import (
+    determinant_of,
+    eliminate,
+    keeps_digits,
+    memory_of_one,
+    solve,
+    substitute,
+)
 from .numba import function, kernel, select, share
-from .steps_field import EXISTS, ROWS, enter, fill, lanes_of
+from .steps_field import ROWS, TO_SOLVE, enter, fill, lanes_of
 
 # Rows of numbers of lanes, after those of `steps_field`: of `eliminate` for 2 - A(x_next); 1 if
 # both eliminations keep their digits, else 0; products of the factors of |det DPhi| near 1, less 1,
@@ -34,11 +41,11 @@ def derive(indices, x, fixed, half, l, one, after, system):
 
     x[1] becomes the next state, and `after` A there; other columns are those of `solve`.
     """
-    x1, fixed1, half1, a, units = one
+    a, units = one
     D, columns, _ = system.shape
     code = steps.advance_one(indices, x, fixed, half, l, one)
-    fill(indices, half1, fixed1, x1[1], after, 1)
-    fill(indices, half1, fixed1, x1[0], a, 1)
+    fill(indices, half, fixed, x[1], after, l, 1)
+    fill(indices, half, fixed, x[0], a, l, 1)
     for r in range(D, columns):
         for i in range(D):
             units[0, i] = 2.0 * system[i, r, 0]
@@ -72,17 +79,13 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
     x, fixed, half = np.empty((2, D, lanes)), np.empty((D, D + 1, lanes)), np.empty((T, lanes))
     a, after, b = np.empty_like(fixed), np.empty_like(fixed), np.empty((LENGTHS + D, lanes))
     q, v, back = np.empty((D, D, lanes)), np.empty((D, D, lanes)), np.empty((D, D, lanes))
-    more, one, system = (
-        np.empty((2, D, lanes)),
-        steps.memory_of_one(D, T),
-        np.empty((D, 2 * D, 1)),
-    )
+    more, one, system = np.empty((2, D, lanes)), memory_of_one(D), np.empty((D, 2 * D, 1))
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin = first + block * lanes
         end = min(begin + lanes, last)
         states = x0 if start == 0 else carry
-        enter(parameters, states, x, fixed, half, b, begin, end, start, status, failed_at)
+        enter(parameters, states, x, fixed, half, begin, end, start, status, failed_at)
         for l in range(lanes):
             k = min(begin + l, end - 1)
             b[NEAR_1, l], b[FAR, l] = 0.0, 1.0
@@ -91,29 +94,28 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
                 for j in range(D):
                     unit = 1.0 if i == j else 0.0
                     q[i, j, l] = unit if start == 0 else carry[k, D + D * i + j]
-        fill(indices, half, fixed, x[0], a, lanes)
+        fill(indices, half, fixed, x[0], a, 0, lanes)
         for n in range(start + 1, stop + 1):
             fill_diagonals(indices, half, x[0], more[0], -1.0)
             if steps.advance(x, a, b, lanes) > 0:
                 steps.advance_failed(
                     indices, x, fixed, half, b, one, begin, end, n, status, failed_at
                 )
-            fill(indices, half, fixed, x[1], after, lanes)
+            fill(indices, half, fixed, x[1], after, 0, lanes)
             fill_diagonals(indices, half, x[1], more[1], 1.0)
             fill_right_sides(after, q, v, back)
             substitute(a, v)
             eliminate(back, b[LEAST_BACK], b[LARGEST_BACK], lanes)
             inaccurate = 0
             for l in range(lanes):
-                good = steps.is_accurate(b, l, D) & keeps_digits(
-                    b[LEAST_BACK, l], b[LARGEST_BACK, l]
-                )
+                good = keeps_digits(b[LEAST_BACK, l], b[LARGEST_BACK, l])
+                good = good & (b[TO_SOLVE, l] == 0.0) | np.isnan(x[1, 0, l])
                 b[GOOD, l] = 1.0 if good else 0.0
                 inaccurate += 0 if good else 1
             multiply_determinants(a, back, more, b)
             if inaccurate > 0:
                 for l in range(lanes):
-                    if b[GOOD, l] == 0.0 and b[EXISTS, l] == 1.0:
+                    if b[GOOD, l] == 0.0:
                         derive_lane(indices, x, fixed, half, l, one, system, q, v, b)
             orthonormalise(v, b)
             take_logarithms(b, sums, of_det, begin, end, False)
@@ -124,10 +126,10 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
         take_logarithms(b, sums, of_det, begin, end, True)
         for l in range(end - begin):
             k = begin + l
-            of_det[k] *= b[EXISTS, l]
+            of_det[k] += 0.0 * x[0, 0, l]
             for i in range(D):
                 carry[k, i] = x[0, i, l]
-                sums[k, i] *= b[EXISTS, l]
+                sums[k, i] += 0.0 * x[0, i, l]
                 for j in range(D):
                     carry[k, D + D * i + j] = q[i, j, l]
 
@@ -194,13 +196,13 @@ def derive_lane(indices, x, fixed, half, l, one, system, q, v, b):
         for j in range(D):
             system[i, D + j, 0] = q[i, j, l]
     derive(indices, x, fixed, half, l, one, after, system)
-    of_step = determinant_of(system, one[4])
+    of_step = determinant_of(system, one[1])
     for i in range(D):
         for j in range(D):
             v[i, j, l] = system[i, D + j, 0]
             after[i, j, 0] = (2.0 if i == j else 0.0) - after[i, j, 0]
-    solve(after, one[4])
-    b[FAR, l] *= abs(determinant_of(after, one[4]) / of_step)
+    solve(after, one[1])
+    b[FAR, l] *= abs(determinant_of(after, one[1]) / of_step)
 
 
 @function
@@ -239,9 +241,9 @@ def take_logarithms(b, sums, of_det, begin, end, always):
         near, outside = row == NEAR_1, 0
         low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST, LARGEST)
         for l in range(b.shape[1]):
-            outside += 0 if (b[row, l] > low) & (b[row, l] < high) else 1
+            outside += 1 if (b[row, l] <= low) | (b[row, l] >= high) else 0
         for l in range(end - begin if always or outside > 0 else 0):
-            if always or not low < b[row, l] < high:
+            if always or b[row, l] <= low or b[row, l] >= high:
                 logarithm = np.log1p(b[row, l]) if near else np.log(b[row, l])
                 b[row, l] = 0.0 if near else 1.0
                 if row < LENGTHS:

@@ -1,7 +1,8 @@
 """Arguments common to most public functions: random, checked, and as flat arrays for kernels."""
 
 import math
-from contextlib import suppress
+import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,23 +27,16 @@ SMALL = 2**26
 
 def require(nbytes: int, what_to_do: str) -> None:
     """Raise MemoryError if `nbytes` are not available: Linux lends more, and kills the process."""
-    if nbytes <= SMALL:
+    if nbytes <= SMALL or not os.path.exists("/proc/meminfo"):
         return
-    free = available()
-    if free is not None and nbytes > free - SMALL:
+    text = Path("/proc/meminfo").read_text("ascii", "replace")
+    found = re.search(r"MemAvailable: *(\d+)", text)
+    free = 1024 * int(found[1]) if found else math.inf
+    if nbytes > free - SMALL:
         raise MemoryError(
             f"expected arrays that fit in memory, of which {free:,} bytes are available, "
             f"got {nbytes:,} bytes; {what_to_do}"
         )
-
-
-def available() -> int | None:
-    """Return the number of bytes that the machine has available; None if unknown."""
-    with suppress(OSError, ValueError):
-        for line in Path("/proc/meminfo").read_text("ascii", "replace").splitlines():
-            if line.startswith("MemAvailable:"):
-                return int(line.split()[1]) * 1024
-    return None
 
 
 @dataclass(frozen=True)
@@ -91,19 +85,7 @@ class RandomStarts:
         return self.size if isinstance(self.size, tuple) else (self.size,)
 
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
-        """Return the states `start` to `start + count`.
-
-        Parameters
-        ----------
-        count, start : int
-            0 or more.
-        dimension : int
-            The number of components of a state, D.
-
-        Returns
-        -------
-        ndarray(float, shape=(count, D))
-        """
+        """Return the states `start` to `start + count`, shape (count, dimension)."""
         count, start = integer("count", count, 0), integer("start", start, 0)
         dimension = integer("dimension", dimension, 1)
         require(32 * count * dimension, "fewer initial states, or `ensemble`, need less")
@@ -154,8 +136,8 @@ def check(
     """Check the arguments of a public function.
 
     The body is one of `kinds`, if any are given. Arguments are states, by any name, which may be
-    NaN and have the components of the body or those given; `eps`; and rotations `attitude`, or
-    True. Messages call the state of a field x; `later` is that of `checks.states`.
+    NaN and have the components of the body or those given; `eps`; and `attitude` or `R0`, rotations
+    or True. Messages call the state of a field x; `later` is that of `checks.states`.
     """
     if kinds:
         checks.instance("body", body, kinds)
@@ -168,12 +150,13 @@ def check(
         if name == "eps":
             eps = checks.within(name, real_number(name, value), checks.MOMENTS)
             shapes[name] = () if type(eps) is float else eps.shape  # type: ignore[union-attr]
-        elif name == "attitude":
+        elif name in ("attitude", "R0"):
             if isinstance(body, QuadraticField):
                 expected = "False, as states of a field have no orientation"
                 raise wrong(name, expected, checks.short(value), TypeError)
             n = body.dimension + 1
-            orientation = np.eye(n) if value is True else checks.rotations(name, value, n)
+            is_identity = value is True and name == "attitude"
+            orientation = np.eye(n) if is_identity else checks.rotations(name, value, n)
             shapes[name] = orientation.shape[:-2]
         else:
             of_states = "x" if isinstance(body, QuadraticField) else name
@@ -198,13 +181,6 @@ def thread_count(threads: int | None) -> int | None:
     if count > limit:
         raise wrong("threads", expected, count)
     return count
-
-
-def refuse_rotor(body: object, function: str, instead: str) -> None:
-    """Raise TypeError for a body with a rotor, for which a function has no meaning."""
-    if isinstance(body, SuslovGyrostat):
-        expected, received = "one without a rotor", type(body).__name__
-        raise wrong("body", expected, f"{received}: instead of {function} use {instead}", TypeError)
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
@@ -233,12 +209,12 @@ def parameters_of(
     body: Any, eps: float | FloatArray, batch: tuple[int, ...]
 ) -> tuple[NDArray[Any], ...]:
     """Return the parameters of kernels: those of the body, and eps."""
-    if not body.shape:
-        return *body.batch_of_one, flat_parameter(eps, batch)
     if isinstance(body, QuadraticField):
         indices, values = body.terms
         return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
-    axes = *(body._vector_axes,) * len(body.parameters), 0
+    if not body.shape:
+        return *body.batch_of_one, flat_parameter(eps, batch)
+    axes = *(max(body._axes.values(), default=0),) * len(body.parameters), 0
     each = zip((*body.parameters, eps), axes, strict=True)
     return tuple(flat_parameter(value, batch, count) for value, count in each)
 

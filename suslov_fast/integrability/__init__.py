@@ -17,10 +17,9 @@ except ImportError as error:
     ) from error
 
 from ..bodies.field import QuadraticField
-from .darboux import darboux_polynomials
+from .darboux import cofactors, darboux_polynomials
 from .functions import RationalFunction
 from .growth import Growth, degrees, growth
-from .invariants import cofactors
 from .kahan import KahanMap, kahan
 from .maps import RationalMap
 from .rational import rational_map

@@ -1,11 +1,10 @@
-"""Darboux polynomials: of one cofactor, at random points, or of all, on random lines."""
+"""Darboux polynomials of a cofactor, and the cofactors that have some."""
 
-import itertools
 import math
 import random
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
-from functools import cache, partial
+from functools import lru_cache
 from typing import Any
 
 import flint
@@ -13,12 +12,10 @@ import numpy as np
 
 from ..checks import integer, wrong
 from . import exact
-from .exact import MORE, Polynomials, Residues, degree_of, modulo, monomial_values, value_at
-from .functions import RationalFunction, quotient_of
-from .maps import RationalMap, check_map, on_line, random_line, rational_roots
+from .exact import MORE, Polynomials, Residues, degree_of, modulo, monomial_values
+from .functions import RationalFunction, factored, product_of
+from .maps import TERMS, RationalMap, check_map, on_line, random_line, rational_roots
 from .reconstruction import over_rationals, polynomials_with
-
-Powers = tuple[int, ...]  # of the hyperplane at infinity and the factors of the map
 
 
 def darboux_polynomials(
@@ -50,7 +47,7 @@ def darboux_polynomials(
     Raises
     ------
     ArithmeticError
-        If there is no map, or the map or the cofactor is undefined at most points.
+        If there is no map, or the cofactor is undefined at random points.
 
     Examples
     --------
@@ -73,195 +70,211 @@ def darboux_polynomials(
     return with_cofactor(map, degree, cofactor, rng)
 
 
+def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
+    """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
+
+    They are constants times products of powers of the factors of det DPhi and of the map's
+    denominator: those that have a polynomial, and 1 and det DPhi.
+
+    Parameters
+    ----------
+    map, degree
+        As in :func:`darboux_polynomials`.
+
+    Returns
+    -------
+    tuple of RationalFunction
+        They can be called with a point, and are arguments of `darboux_polynomials`.
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no map or inverse, or the factors are too long to write out.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField
+    >>> from suslov_fast.integrability import cofactors, darboux_polynomials, kahan
+    >>> prey = QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
+    >>> map = kahan(prey, eps=1)
+    >>> for C in cofactors(map, 1):
+    ...     print(C, darboux_polynomials(map, 1, C))
+    1 (1,)
+    -(3*x1 + x2 + 1)*(3*x1 + x2 - 9)/(x1 - 3*x2 - 3)^2 ()
+    (3*x1 + x2 - 9)/(x1 - 3*x2 - 3) (x1,)
+    -(3*x1 + x2 + 1)/(x1 - 3*x2 - 3) (x2,)
+    """
+    check_map(map)
+    degree = integer("degree", degree, 0)
+    exact.check_unknowns("degree", degree, map.dimension)
+    one = RationalFunction(())
+    found = [C for k in range(1, degree + 1) for C in cofactors_of(map, k)]
+    return tuple(dict.fromkeys([one, map.jacobian_cofactor or one, *found]))
+
+
 def with_cofactor(map: RationalMap, degree: int, cofactor: Any, rng: random.Random) -> Polynomials:
     """Return a basis of the polynomials up to a degree that have a cofactor, None for det DPhi."""
-    exponents = exact.exponents_up_to(degree, map.dimension)
 
     def search(p: int, eps: int) -> Residues:
-        steps, rows = map.steps(p, eps), []
-        for _ in range(2 * (len(exponents) + MORE)):
-            x = steps.point([rng.randrange(-(2**12), 2**12) for _ in range(map.dimension)])
-            try:
-                image, c = steps.image(x), value_of(cofactor, steps, eps, x)
-            except ZeroDivisionError:  # at a pole
-                continue
-            before, after = (monomial_values(exponents, y) for y in (x, image))
-            rows.append([b - c * a for a, b in zip(before, after, strict=True)])
-            if len(rows) == len(exponents) + MORE:
-                return exact.null_space(steps.matrix(rows))
-        raise ArithmeticError("the map or the cofactor is undefined at most points")
+        here, images = _at_points(map, degree, cofactor, p, eps)
+        space = exact.null_space(images - here)
+        if map.has_letter and space:  # formulas without LLL: pivots are monomials of low degree
+            return exact.integer_rows(flint.nmod_mat(space, p).rref()[0])
+        return space
 
     rows = over_rationals(rng, search, map.has_letter)
     if rows is None:
         raise ArithmeticError("the coefficients are too long")
-    return polynomials_with(rows, exponents, map.has_letter)
+    return polynomials_with(rows, exact.exponents_up_to(degree, map.dimension), map.has_letter)
 
 
-def value_of(cofactor: Any, steps: Any, eps: int, x: list[Any]) -> Any:
-    """Return the value of a cofactor at a point modulo a prime."""
+def _at_points(map: RationalMap, degree: int, cofactor: Any, p: int, eps: int) -> tuple[Any, Any]:
+    """Return monomials at random points, times the cofactor, and at their images, in rows."""
+    points, monomials, images = _random_points(map, degree, p, eps)
+    value = _modulo(cofactor, map.at(eps), p, eps)
+    try:
+        values = [value(x) for x in points]
+    except ZeroDivisionError:
+        raise ArithmeticError("the cofactor is undefined at random points") from None
+    here = [[c * a for a in row] for c, row in zip(values, monomials, strict=True)]
+    return flint.nmod_mat(here, p), flint.nmod_mat(images, p)
+
+
+@lru_cache(maxsize=32)
+def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> tuple[Any, Any, Any]:
+    """Return random points, and the monomials at them and at their images, for all cofactors."""
+    n, rng, now = map.dimension, random.Random(p), map.at(eps)
+    exponents = exact.exponents_up_to(degree, n)
+    points = [exact.random_point(n, p, rng) for _ in range(len(exponents) + MORE)]
+    monomials = [monomial_values(exponents, x).tolist() for x in points]
+    images = [monomial_values(exponents, now.image(x)).tolist() for x in points]
+    return points, monomials, images
+
+
+def _modulo(cofactor: Any, map: RationalMap, p: int, eps: int) -> Callable[[list[Any]], Any]:
+    """Return a cofactor, None for det DPhi, as a function of points modulo a prime."""
     if cofactor is None:
-        return steps.derivative(x).det()
+        return lambda x: map.derivative(x).det()
     if isinstance(cofactor, RationalFunction):
-        value = flint.nmod(exact.fmpq(cofactor.constant), steps.p)
-        for P, e in cofactor.factors:
-            letter = [flint.nmod(eps, steps.p)] if exact.has_letter(P) else []
-            value *= value_at(P, [*letter, *x]) ** e
-        return value
-    half = steps.p // 2
-    found = cofactor(tuple(Fraction((int(a) + half) % steps.p - half) for a in x[:-1]))
-    if isinstance(found, float):
-        raise wrong("cofactor", "exact numbers", "float", TypeError)
-    return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), steps.p)
+        powers = [(modulo(P, p, eps), e) for P, e in cofactor.factors]
+        constant = flint.nmod(exact.fmpq(cofactor.constant), p)
+        return lambda x: math.prod(
+            (flint.nmod(P(*x[:-1]), p) ** e for P, e in powers), start=constant
+        )
+
+    def value(x: list[Any]) -> Any:
+        found = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
+        if isinstance(found, float):
+            raise wrong("cofactor", "exact numbers", "float", TypeError)
+        return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), p)
+
+    return value
 
 
-def invariant_spaces(map: RationalMap, degree: int) -> Iterator[Polynomials]:
-    """Yield the polynomials whose pullback is a constant times them and powers of the factors.
+def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
+    """Yield the cofactors of polynomials up to a degree; the factors of the map must be known.
 
-    The factors of the map must be known. All have the degree, or have the hyperplane at infinity as
-    a factor.
+    Such a polynomial is an eigenvector of its pullback divided by powers of the factors.
     """
-    pullbacks = cache(lambda p, eps: Pullbacks(map, degree, p, eps))
-    rng = random.Random(degree)
-    p = exact.random_prime(rng)
-    first, letter = pullbacks(p, rng.randrange(2, p)), map.has_letter
+    if map.factors is None:
+        expected = f"a map with an inverse and factors of det DPhi of at most {TERMS} terms"
+        raise ArithmeticError(f"expected {expected}")
+    below = factored(map.forms[-1]) ** -degree
+    divisors = _Divisors(map, degree, random.Random(degree))
+    everything = flint.nmod_mat(np.eye(len(divisors.monomials), dtype=int).tolist(), divisors.p)
+    for powers in divisors.powers(everything, degree * (map.degree - 1)):
+        cofactor = product_of(zip(map.factors, powers, strict=True), Fraction(1)) * below
 
-    def charpoly(powers: Powers, p: int, eps: int) -> Residues:
-        return pullbacks(p, eps).charpoly(powers)
+        def search(p: int, eps: int, cofactor: Any = cofactor) -> Residues:
+            pullback = _pullback(*_at_points(map, degree, cofactor, p, eps))
+            return [[int(c) for c in pullback.minpoly().coeffs()]] if pullback else []
 
-    def space(powers: Powers, c: Any, p: int, eps: int) -> Residues:
-        return pullbacks(p, eps).space(powers, c)
-
-    for powers, several in [*first.search()]:
-        constants: list[Any] = [None]
-        if several:
-            rows = over_rationals(rng, partial(charpoly, powers), letter)
-            constants = rational_roots(rows[0], letter) if rows else []
-        for c in constants:
-            if rows := over_rationals(rng, partial(space, powers, c), letter):
-                yield polynomials_with(rows, first.exponents, letter)
+        rows = over_rationals(random.Random(degree), search, map.has_letter)
+        for c in rational_roots(rows[0], map.ring) if rows else ():
+            yield c * cofactor
 
 
-class Pullbacks:
-    """Pullbacks of the polynomials of a degree, modulo a prime and for one eps.
+def _pullback(here: Any, images: Any) -> Any:
+    """Return the matrix of the pullback on the largest space it takes to itself; None for 0.
+
+    Rows are points, columns are polynomials, at the points and at their images.
+    """
+    while True:
+        n, p, both = here.ncols(), here.modulus(), zip(here.tolist(), images.tolist(), strict=True)
+        reduced, rank = flint.nmod_mat([a + b for a, b in both], p).rref()
+        pulled = [row[n:] for row in reduced.tolist()[:rank]]
+        if rank == n:
+            return flint.nmod_mat(pulled, p)
+        if not (columns := exact.null_space(flint.nmod_mat(pulled[n:], p))):
+            return None
+        chosen = flint.nmod_mat(columns, p).transpose()
+        here, images = here * chosen, images * chosen
+
+
+class _Divisors:
+    """Products of factors that divide pullbacks of polynomials of a degree, modulo a prime.
 
     Columns are monomials. The equations are those of polynomials in the parameter t of random
     lines, whose points at infinity have t = 0.
     """
 
-    def __init__(self, map: RationalMap, degree: int, p: int, eps: int) -> None:
-        self.map, self.degree, self.p, self.eps = map, degree, p, eps
-        self.rng, self.steps = random.Random(p), map.steps(p, eps)
-        self.exponents = exact.exponents_up_to(degree, map.dimension)
-        self.everything = self._matrix(np.eye(len(self.exponents), dtype=int).tolist())
+    def __init__(self, map: RationalMap, degree: int, rng: random.Random) -> None:
+        self.map, self.p, self.rng = map, exact.random_prime(rng), rng
+        eps = rng.randrange(2, self.p)
+        self.now = map.at(eps)
+        exponents = exact.exponents_up_to(degree, map.dimension)
+        self.monomials = [(*e, degree - sum(e)) for e in exponents]
         infinity = map.ring.constant(1)  # its value on a line is t
-        factors = [infinity, *(map.factors or ()), map.forms[-1]]
-        self.degrees = [1, *(degree_of(f) for f in map.factors or ()), map.degree]
-        self.polynomials = [modulo(P, p, eps) for P in factors]
-        self._line, self._equations = cache(self._new_line), cache(self._divisible_by)
+        factors = [infinity, *(map.factors or ())]
+        self.degrees = [1, *(degree_of(f) for f in factors[1:])]
+        self.factors = [modulo(P, self.p, eps) for P in factors]
+        self.exceptional = exceptional_factors(map)
+        self.lines: list[tuple[list[Any], list[Any]]] = []
+        self.equations: dict[tuple[int, int], Any] = {}
 
-    def _matrix(self, rows: Any) -> Any:
-        return flint.nmod_mat(rows, self.p)
-
-    def _new_line(self, k: int) -> tuple[list[Any], list[Any], list[Any]]:
-        """Return the monomials on the k-th random line, those of its image, and the factors."""
+    def _add_line(self) -> None:
+        """Add the monomials at the image of a random line, and the factors on it."""
         line = random_line(self.map.dimension, self.p, self.rng)
-        polynomials = zip(self.polynomials, self.degrees, strict=True)
-        *factors, below = (on_line(P, line, degree) for P, degree in polynomials)
-        image = self.steps.reduced(line)
-        scale = below.leading_coefficient() / image[-1].leading_coefficient()
-        image = [scale * F for F in image]
-        monomials = [(*e, self.degree - sum(e)) for e in self.exponents]
-        here, there = (list(monomial_values(monomials, x)) for x in (line, image))
-        return here, there, factors
+        factors = [on_line(P, line, k) for P, k in zip(self.factors, self.degrees, strict=True)]
+        images = monomial_values(self.monomials, self.now.reduced(line))
+        self.lines.append((list(images), factors))
 
-    def _divisible_by(self, i: int, power: int) -> Any:
+    def _equations(self, i: int, power: int) -> Any:
         """Return equations for the polynomials whose pullback has factor i to this power."""
         rows: Residues = []
-        for k in itertools.count():
-            _, images, factors = self._line(k)
+        k = 0
+        while len(rows) <= 2 * len(self.monomials):
+            if k == len(self.lines):
+                self._add_line()
+            images, factors = self.lines[k]
             divisor = factors[i] ** power
             remainders = [f % divisor for f in images]
             rows += [[f[j] for f in remainders] for j in range(divisor.degree())]
-            if len(rows) > 2 * len(self.exponents):
-                return self._matrix(rows)
-        raise AssertionError
-
-    def _solutions(self, equations: Any, basis: Any) -> Any:
-        """Return the combinations of rows of a basis that solve equations; None if only 0 does."""
-        columns, dimension = equations.nullspace()
-        chosen = columns.transpose().tolist()[:dimension]
-        return self._matrix(chosen) * basis if chosen else None
+            k += 1
+        return flint.nmod_mat(rows, self.p)
 
     def _divisible(self, basis: Any, i: int, power: int) -> Any:
-        return self._solutions(self._equations(i, power) * basis.transpose(), basis)
+        """Return the combinations of columns that have factor i to this power; None if only 0."""
+        if (i, power) not in self.equations:
+            self.equations[i, power] = self._equations(i, power)
+        columns = exact.null_space(self.equations[i, power] * basis)
+        return basis * flint.nmod_mat(columns, self.p).transpose() if columns else None
 
-    def search(self) -> Iterator[tuple[Powers, bool]]:
-        """Yield the powers of invariant spaces, and whether there are several for them."""
-        total, degrees = self.degree * (self.map.degree - 1), self.degrees[:-1]
-        most = [0] * len(degrees)
+    def powers(
+        self, basis: Any, left: int, known: tuple[int, ...] = ()
+    ) -> Iterator[tuple[int, ...]]:
+        """Yield the powers of factors, after those known, in products whose degrees add up."""
+        if (i := len(known)) == len(self.degrees):
+            if left == 0:
+                yield known[1:]
+            return
         # If others were allowed, any of them that goes to another one would have a cofactor.
-        for i, exceptional in enumerate(exceptional_factors(self.map)):
-            basis = self.everything if exceptional else None
-            while basis is not None and (most[i] + 1) * degrees[i] <= total:
-                basis = self._divisible(basis, i, most[i] + 1)
-                most[i] += basis is not None
-        products = [a * b for a, b in zip(most, degrees, strict=True)]
-        spaces: list[Any] = [(self.everything, total, ())]
-        for i, degree in enumerate(degrees):
-            before, spaces = spaces, []
-            rest = sum(products[i + 1 :])
-            for basis, left, powers in before:
-                least = max(0, -((rest - left) // degree))
-                for power in range(least, min(most[i], left // degree) + 1):
-                    reduced = self._divisible(basis, i, power) if power else basis
-                    if reduced is None:
-                        break
-                    spaces.append((reduced, left - power * degree, (*powers, power)))
-        for basis, _, powers in spaces:
-            _, pulled = self._invariant(basis, powers)
-            if pulled is not None:
-                yield powers, pulled != self._scalar(pulled[0, 0], pulled.nrows())
-
-    def charpoly(self, powers: Powers) -> Residues:
-        """Return the coefficients of the characteristic polynomial of the pullback."""
-        _, pulled = self._invariant(self.everything, powers)
-        return [] if pulled is None else [[int(c) for c in pulled.charpoly().coeffs()]]
-
-    def space(self, powers: Powers, c: Any) -> Residues:
-        """Return a basis, in echelon form, of the polynomials with these powers and constant."""
-        basis, pulled = self._invariant(self.everything, powers)
-        if basis is not None and c is not None:
-            c = value_of(c, self.steps, self.eps, [])
-            basis = self._solutions(pulled - self._scalar(c, pulled.nrows()), basis)
-        return [] if basis is None else exact.integer_rows(basis.rref()[0])
-
-    def _scalar(self, c: Any, n: int) -> Any:
-        return self._matrix([[int(c) * (i == j) for j in range(n)] for i in range(n)])
-
-    def _invariant(self, basis: Any, powers: Powers) -> tuple[Any, Any]:
-        """Return the polynomials with pullbacks ``factors**powers`` times one of them.
-
-        They are the rows of the first matrix. The second one is the pullback in their coordinates.
-        """
-        before: Residues = []
-        after: Residues = []
-        rows = range(1 + self.degree * self.map.degree)
-        for k in range(1 + 4 * basis.nrows() // len(rows)):
-            here, there, factors = self._line(k)
-            weight = math.prod(f**power for f, power in zip(factors, powers, strict=True))
-            here = [weight * f for f in here]
-            before += [[f[j] for f in here] for j in rows]
-            after += [[f[j] for f in there] for j in rows]
-        left, right = self._matrix(before), self._matrix(after)
-        while basis is not None:
-            r = basis.nrows()
-            both = ((each * basis.transpose()).tolist() for each in (left, right))
-            reduced, rank = self._matrix([a + b for a, b in zip(*both, strict=True)]).rref()
-            pulled = [row[r:] for row in reduced.tolist()[:rank]]
-            if rank == r:
-                return basis, self._matrix(pulled)
-            basis = self._solutions(self._matrix(pulled[r:]), basis)
-        return None, None
+        most = left // self.degrees[i] if self.exceptional[i] else 0
+        for power in range(most + 1):
+            reduced = self._divisible(basis, i, power) if power else basis
+            if reduced is None:
+                break
+            yield from self.powers(reduced, left - power * self.degrees[i], (*known, power))
 
 
 def exceptional_factors(map: RationalMap) -> list[bool]:
@@ -269,7 +282,7 @@ def exceptional_factors(map: RationalMap) -> list[bool]:
 
     They divide the Jacobian determinant of F in homogeneous coordinates, F_0^(D + 1) det DPhi.
     """
-    below: Any = quotient_of(map.forms[-1], map.ring.constant(1), "")
+    below: Any = factored(map.forms[-1])
     found = (below ** (map.dimension + 1) * map.jacobian_cofactor).factors
     left = (map.dimension + 1) * (map.degree - 1) - sum(e * degree_of(f) for f, e in found)
     return [left > 0, *(f in [g for g, _ in found] for f in map.factors or ())]

@@ -11,6 +11,7 @@ import math
 import random
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import partial
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -25,20 +26,17 @@ Residues = list[list[int]]  # a matrix modulo a prime
 Exponents = tuple[tuple[int, ...], ...]
 Polynomials = tuple[Any, ...]
 
+PRIME, EPS = 2**61 - 1, 2**40 + 7  # as good as random ones
 MORE = 10  # equations more than unknowns
 _DRAWS = 8  # of primes with points or lines, of which two must agree
 
 
-def _load(names: Any, terms: Any) -> Any:
-    return flint.fmpz_mpoly_ctx.get(names, ordering="deglex").from_dict(dict(terms))
+def _polynomial(names: Any, terms: Any) -> Any:
+    return flint.fmpz_mpoly_ctx.get(names, ordering="deglex").from_dict(terms)
 
 
-def _dump(P: Any) -> Any:
-    terms = [(tuple(map(int, e)), int(c)) for e, c in P.to_dict().items()]
-    return _load, (P.context().names(), terms)
-
-
-copyreg.pickle(flint.fmpz_mpoly, _dump)  # python-flint 0.9 does not pickle polynomials
+# python-flint 0.9 does not pickle polynomials.
+copyreg.pickle(flint.fmpz_mpoly, lambda P: (_polynomial, (P.context().names(), P.to_dict())))
 
 
 def rational(name: str, value: Any) -> Fraction:
@@ -122,14 +120,13 @@ def factors(P: Any) -> list[tuple[Any, int]]:
 
     python-flint 0.9 sorts factors over the integers, and fails if a coefficient is large.
     """
-    names = P.context().names()
-    rational_ring = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
-    over_rationals = rational_ring.from_dict({e: flint.fmpq(c) for e, c in P.to_dict().items()})
-    found = []
-    for factor, power in over_rationals.factor()[1]:
+    names, found = P.context().names(), []
+    integers = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
+    rationals = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
+    for factor, power in rationals.from_dict(P.to_dict()).factor()[1]:
         scale = math.lcm(*(int(c.q) for c in factor.coeffs()))
         terms = {e: (c * scale).p for e, c in factor.to_dict().items()}
-        found.append((primitive(P.context().from_dict(terms)), int(power)))
+        found.append((primitive(integers.from_dict(terms)), int(power)))
     return found
 
 
@@ -152,39 +149,54 @@ def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any
     return values
 
 
-def at_eps(P: Any, eps: Any) -> dict[Any, Any]:
-    """Return the coefficients of monomials in x, for a value of eps of any type of numbers."""
+def over(numbers: Any, P: Any, eps: Any, **modulus: Any) -> Any:
+    """Return a polynomial in x over another ring of numbers, with this value of eps."""
+    names, context = P.context().names(), partial(numbers.get, ordering="deglex", **modulus)
+    found = context(names).from_dict(P.to_dict())
     if not has_letter(P):
-        return dict(P.to_dict())
-    terms: dict[Any, Any] = {}
-    for (k, *e), c in P.to_dict().items():
-        terms[tuple(e)] = terms.get(tuple(e), 0) + int(c) * eps ** int(k)
-    return terms
+        return found
+    return found.subs({"eps": eps}).project_to_context(context(names[1:]))
 
 
 def modulo(P: Any, p: int, eps: int) -> Any:
     """Return a polynomial in x modulo a prime, with this value of eps."""
-    n = P.context().nvars() - has_letter(P)
-    modular = ring(n, False, flint.nmod_mpoly_ctx, modulus=p)
-    return modular.from_dict(at_eps(P, flint.nmod(eps, p)))
+    return over(flint.nmod_mpoly_ctx, P, eps, modulus=p)
+
+
+def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:
+    """Return a point (x1, ..., xD, 1) modulo a prime."""
+    return [flint.nmod(fmpq(a), p) for a in (*x, 1)]
+
+
+def random_point(n: int, p: int = PRIME, rng: random.Random | None = None) -> list[Any]:
+    rng = rng or random.Random(0)
+    return point_modulo(p, [rng.randrange(p) for _ in range(n)])
+
+
+def matrix(rows: Sequence[Sequence[Any]]) -> Any:
+    """Return a matrix of rational numbers, or of numbers modulo a prime."""
+    first = rows[0][0]
+    if isinstance(first, flint.nmod):
+        return flint.nmod_mat(rows, int(first.modulus()))
+    return flint.fmpq_mat(rows)
 
 
 def null_space(matrix: Any) -> Residues:
     """Basis of the null space: the last nonzero entry, 1 modulo a prime, is 0 in the others."""
     columns, dimension = matrix.nullspace()
-    return integer_rows(columns.transpose())[:dimension]
+    return [[int(a) for a in row] for row in columns.transpose().tolist()[:dimension]]
 
 
 def integer_rows(matrix: Any) -> Residues:
     return [[int(a) for a in row] for row in matrix.tolist()]
 
 
-def rank(polynomials: Sequence[Any], p: int = 2**61 - 1, eps: int = 1234567) -> int:
-    """Return the number of linearly independent polynomials, for a random eps."""
-    terms = [modulo(P, p, eps).to_dict() for P in polynomials]
+def rank(polynomials: Sequence[Any]) -> int:
+    """Return the number of linearly independent polynomials."""
+    terms = [modulo(P, PRIME, EPS).to_dict() for P in polynomials]
     monomials = {e for each in terms for e in each}
     rows = [[int(each.get(e, 0)) for e in monomials] for each in terms]
-    return int(flint.nmod_mat(rows, p).rank()) if monomials else 0
+    return int(flint.nmod_mat(rows, PRIME).rank()) if monomials else 0
 
 
 def random_prime(rng: random.Random) -> int:

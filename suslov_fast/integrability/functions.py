@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -12,20 +11,8 @@ from typing import Any
 
 import flint
 
-from .exact import (
-    Polynomials,
-    at_eps,
-    degree_of,
-    factors,
-    has_letter,
-    modulo,
-    random_prime,
-    rational,
-    ring,
-    size,
-    step_size,
-    value_at,
-)
+from . import exact
+from .exact import EPS, PRIME, Polynomials, degree_of, modulo, value_at
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 _LATEX = {r"\*": " ", r"x(\d+)": r"x_{\1}", r"\^(\d+)": r"^{\1}", "eps": r"\\varepsilon"}
@@ -50,14 +37,15 @@ class RationalFunction:
         """Return the value at a point; a function with the letter eps needs its value."""
         if self.has_letter and eps is None:
             raise TypeError("eps: expected a number, as in f(x, eps=Fraction(1, 3)), got None")
-        x = [*([step_size(eps)] if self.has_letter else []), *(rational("x", a) for a in x)]
-        values = (Fraction(value_at(P, x)) ** e for P, e in self.factors)
+        point = [exact.step_size(eps)] if self.has_letter else []
+        point += [exact.rational("x", a) for a in x]
+        values = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
         return math.prod(values, start=self.constant)
 
     @property
     def has_letter(self) -> bool:
         """True if eps is a letter."""
-        return any(has_letter(P) for P, _ in self.factors)
+        return any(exact.has_letter(P) for P, _ in self.factors)
 
     def subs(self, eps: Any) -> RationalFunction:
         """Return the function of x alone for a value of eps.
@@ -65,20 +53,23 @@ class RationalFunction:
         Examples
         --------
         >>> from suslov_fast import QuadraticField
-        >>> from suslov_fast.integrability import report
-        >>> top = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
-        >>> measure = report(top, degree=2).measures[0]
-        >>> measure.subs(eps="1/3")
-        1
+        >>> from suslov_fast.integrability import kahan
+        >>> (image,) = kahan(QuadraticField([[[1]]]))([2])
+        >>> image, image.subs(eps="1/3")
+        (-2/(2*eps - 1), 6)
         """
-        value = step_size(eps)
-        found, cofactor = RationalFunction((), self.constant), self.cofactor
+        value = exact.step_size(eps)
+        powers = (
+            factored(exact.over(flint.fmpq_mpoly_ctx, P, exact.fmpq(value))) ** e
+            for P, e in self.factors
+        )
         try:
-            for P, e in self.factors:
-                found *= _at_eps(P, value) ** e
+            found = math.prod(powers, start=RationalFunction((), self.constant))
         except ZeroDivisionError:
             raise ZeroDivisionError(f"{self} has no value at eps = {value}") from None
-        return replace(found, basis=self.basis, cofactor=cofactor and cofactor.subs(value))
+        return replace(
+            found, basis=self.basis, cofactor=self.cofactor and self.cofactor.subs(value)
+        )
 
     @property
     def special(self) -> tuple[Fraction, ...]:
@@ -92,8 +83,10 @@ class RationalFunction:
 
     def __mul__(self, other: RationalFunction) -> RationalFunction:
         basis = MODULAR if MODULAR in (self.basis, other.basis) else self.basis
-        product = product_of(self.factors + other.factors, basis)
-        return replace(product, constant=self.constant * other.constant)
+        return product_of(self.factors + other.factors, self.constant * other.constant, basis)
+
+    def __truediv__(self, other: RationalFunction) -> RationalFunction:
+        return self * other**-1
 
     def __pow__(self, power: int) -> RationalFunction:
         powers = tuple((P, power * e) for P, e in self.factors if power)
@@ -111,7 +104,7 @@ class RationalFunction:
 
     def quotient_in(self, of: Any = None) -> tuple[Any, Any]:
         """Return numerator and denominator as polynomials, in a ring of as many variables."""
-        of = of or (self.factors[0][0].context() if self.factors else ring(0, False))
+        of = of or (self.factors[0][0].context() if self.factors else exact.ring(0, False))
         above, below = map(of.constant, (self.constant.numerator, self.constant.denominator))
         above *= math.prod(P**e for P, e in self._powers(1))
         return above, below * math.prod(P**e for P, e in self._powers(-1))
@@ -163,62 +156,45 @@ def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:
     return f"{text}^{e}" if e > 1 else text
 
 
-def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
-    """Return a quotient of polynomials in irreducible factors, without a constant."""
-    return product_of(factors(P) + [(f, -e) for f, e in factors(Q)], basis)
-
-
-def exact_quotient(P: Any, Q: Any = None) -> RationalFunction:
-    """Return a polynomial, or a quotient, in irreducible factors."""
-    Q = P.context().constant(1) if Q is None else Q
+def factored(P: Any) -> RationalFunction:
+    """Return a polynomial in irreducible factors."""
     if P == 0:
         return RationalFunction((), Fraction(0))
-    found = quotient_of(P, Q, "")
-    powers = [(P, 1), (Q, -1), *((f, -e) for f, e in found.factors)]
-    leading = (Fraction(int(f.leading_coefficient())) ** e for f, e in powers)
-    return replace(found, constant=math.prod(leading, start=Fraction(1)))
+    powers = exact.factors(P)
+    leading = math.prod(int(f.leading_coefficient()) ** e for f, e in powers)
+    return product_of(powers, exact.fraction(flint.fmpq(P.leading_coefficient())) / leading)
 
 
-def product_of(powers: Iterable[tuple[Any, int]], basis: str) -> RationalFunction:
+def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
+    """Return a quotient of polynomials in irreducible factors, without a constant."""
+    return replace(factored(P) / factored(Q), constant=Fraction(1), basis=basis)
+
+
+def product_of(
+    powers: Iterable[tuple[Any, int]], constant: Fraction, basis: str = ""
+) -> RationalFunction:
     """Return a product of powers of primitive polynomials, in the order of their size."""
     total: dict[str, tuple[Any, int]] = {}
     for P, e in powers:
         total[str(P)] = P, total.get(str(P), (P, 0))[1] + e
-    chosen = sorted(
-        (power for power in total.values() if power[1]), key=lambda power: size(power[0])
-    )
-    return RationalFunction(tuple(chosen), basis=basis)
-
-
-def _at_eps(P: Any, eps: Fraction) -> RationalFunction:
-    """Return a polynomial in x at this eps."""
-    if not has_letter(P):
-        return RationalFunction(((P, 1),))
-    of, scale = ring(P.context().nvars() - 1, False), eps.denominator ** int(P.degrees()[0])
-    terms = {e: int(c * scale) for e, c in at_eps(P, eps).items()}
-    return exact_quotient(of.from_dict(terms), of.constant(scale))
+    chosen = [(P, e) for P, e in total.values() if e]
+    chosen.sort(key=lambda power: exact.size(power[0]))
+    return RationalFunction(tuple(chosen), constant, basis)
 
 
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:
     """Return functions of least degree on which the others depend."""
-    rng = random.Random(0)
-    p = random_prime(rng)
-    eps = rng.randrange(p)
-    x: list[Any] = []
     chosen: list[RationalFunction] = []
     rows: list[list[Any]] = []
     for f in sorted(candidates, key=lambda f: (f.degree, len(str(f)), str(f))):
-        powers = [(modulo(P, p, eps), e) for P, e in f.factors]
-        D = powers[0][0].context().nvars()
-        x = x or [flint.nmod(rng.randrange(p), p) for _ in range(D)]
-        row = [flint.nmod(0, p)] * D
-        for P, e in powers:  # the derivative of the logarithm
-            scale = e / value_at(P, x)
-            row = [a + scale * value_at(P.derivative(i), x) for i, a in enumerate(row)]
-        if flint.nmod_mat([*rows, row], p).rank() > len(rows):
+        powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
+        n = powers[0][0].context().nvars()
+        x = exact.random_point(n)
+        scales = [(P, e / value_at(P, x)) for P, e in powers]
+        # The gradient of log f.
+        row = [sum(c * value_at(P.derivative(i), x) for P, c in scales) for i in range(n)]
+        if flint.nmod_mat([*rows, row], PRIME).rank() > len(rows):
             chosen, rows = [*chosen, f], [*rows, row]
-        if len(rows) == D:
-            break
     return tuple(chosen)
 
 

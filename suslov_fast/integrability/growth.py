@@ -4,7 +4,6 @@ import math
 import operator
 import random
 from collections.abc import Iterator, Sequence
-from functools import reduce
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -19,8 +18,8 @@ from .maps import RationalMap, check_map, random_line
 def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
-    The degree is the largest of the numerators and the common denominator, without common factors.
-    It is that on random lines, modulo primes, of which two agree.
+    The degree is the largest of the numerators and the common denominator, without common factors,
+    on random lines modulo primes; two of them agree.
 
     Parameters
     ----------
@@ -34,7 +33,6 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
     Returns
     -------
     list of int
-        Degrees of the iterates 1, ..., n.
 
     Raises
     ------
@@ -50,20 +48,15 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
     """
     check_map(map)
     n, rng = integer("n", n, 0), random.Random(integer("seed", seed, 0))
-
-    def compute(p: int, eps: int) -> list[int]:
-        return [*islice(degrees_on_a_line(map, p, eps, random.Random(p)), n)]
-
-    return list(confirmed(rng, compute))
+    found: list[int] = confirmed(rng, lambda p, eps: [*islice(degrees_on_a_line(map, p, eps), n)])
+    return found
 
 
-def degrees_on_a_line(map: RationalMap, p: int, eps: int, rng: random.Random) -> Iterator[int]:
+def degrees_on_a_line(map: RationalMap, p: int, eps: int) -> Iterator[int]:
     """Yield the degrees of the iterates of a random line modulo a prime."""
-    line, steps = random_line(map.dimension, p, rng), map.steps(p, eps)
+    line, map = random_line(map.dimension, p, random.Random(p)), map.at(eps)
     while True:
-        image = steps.forms(line)
-        common = reduce(lambda a, b: a.gcd(b), image)
-        line = [each // common for each in image]
+        line = map.reduced(line)
         yield max(each.degree() for each in line)
 
 
@@ -127,16 +120,16 @@ def _recurrence(d: list[int]) -> tuple[int, Any] | None:
     """Return the length of the transient and the characteristic polynomial after it."""
     for total in range(len(d) - _SPARE + 1):
         for order in range(total + 1):
-            transient = total - order
-            if len(d) - transient - 2 * order >= _SPARE:
-                c = _characteristic(d[transient:], order)
-                if c is not None:
-                    return transient, c
+            c = _characteristic(d[total - order :], order)
+            if c is not None:
+                return total - order, c
     return None
 
 
 def _characteristic(d: list[int], order: int) -> Any:
     """Return the monic polynomial of a recurrence of this order that all degrees satisfy."""
+    if len(d) < 2 * order + _SPARE:
+        return None
     hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
     reduced, _ = flint.fmpq_mat(hankel).rref()
     # Every infinite sequence of integers with a recurrence has one of integers.
@@ -150,32 +143,31 @@ def _by_recurrence(transient: int, recurrence: Any, count: int) -> Growth:
     what = f"d(k+{len(c)}) = {' + '.join(terms) or 0}, all {count} degrees"
     what = what.replace("+ -", "- ").replace("k+0", "k")
     what += f" but the first {transient}" if transient else ""
-    power, rate = 0, 0.0
+    power, size = 0, 1.0
     for factor, multiplicity in recurrence.factor()[1]:
         if factor.is_cyclotomic():
             power = max(power, multiplicity - 1)
         else:
-            sizes = [abs(complex(root)) for root, _ in factor.complex_roots()]
-            rate = max(rate, math.log(max(1.0, *sizes)))
-    return Growth("exponential" if rate > 0 else _kind(power), rate, 0.0, what)
+            size = max(size, *(abs(complex(root)) for root, _ in factor.complex_roots()))
+    return Growth("exponential" if size > 1 else _kind(power), math.log(size), 0.0, what)
 
 
 def _by_fit(d: list[int]) -> Growth:
-    n, what = len(d), f"{len(d)} degrees without a short recurrence"
-    unclear = Growth("unclear", math.nan, math.nan, what)
+    n, without = len(d), "without a short recurrence"
+    unclear = Growth("unclear", math.nan, math.nan, f"{n} degrees {without}")
     if n < 6 or min(d) == 0:
         return unclear
     last = max(4, n // 2)
-    what = f"a fit to the last {last} of {n} degrees, without a short recurrence"
     rates = np.diff(np.log(d[-last:]))
     rate, spread = float(rates.mean()), float(np.ptp(rates))
     # The slope of a long line looks the same, but does not double.
     if spread < 0.1 * rate and d[-1] >= 2 * d[-last]:
+        what = f"a fit to the last {last} of {n} degrees, {without}"
         return Growth("exponential", rate, spread, what)
-    what = f"a fit to all {n} degrees, without a short recurrence"
     k, extent = np.arange(n), max(d) - min(d)
     for power in range(1, min(4, n - _SPARE)):
         residuals = np.polyval(np.polyfit(k, d, power), k) - d
         if abs(residuals).max() < max(0.5, 0.01 * extent) < 0.1 * extent:
+            what = f"a fit to all {n} degrees, {without}"
             return Growth(_kind(power), 0.0, float(rates[-1]), what)
     return unclear

@@ -10,12 +10,11 @@ from typing import Any
 
 import flint
 
-from ..checks import integer
 from . import exact
-from .darboux import invariant_spaces, with_cofactor
+from .darboux import cofactors_of, with_cofactor
 from .exact import Polynomials, degree_of, factors, rank, size
 from .functions import IDENTITY, MODULAR, RationalFunction, independent, quotient_of
-from .maps import TERMS, RationalMap, check_map
+from .maps import RationalMap
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice
@@ -28,7 +27,6 @@ class Invariants:
         self.map = map
         # Darboux polynomials that are no combinations of products of others.
         self.generators: list[Any] = []
-        self.cofactors: list[RationalFunction] = []
         self.quotients: list[RationalFunction] = []  # of equal cofactor, not independent
         self.densities: list[RationalFunction] = []  # of polynomials with the cofactor det DPhi
         self.known: list[RationalFunction] = []  # densities of a theorem
@@ -60,49 +58,43 @@ class Invariants:
         """The Darboux polynomials, without products of others."""
         return sorted(self.generators, key=lambda g: size(g.numerator))
 
-    def of_simple_cofactors(self, degree: int) -> None:
-        """Find the polynomials up to a degree with the cofactors 1 and det DPhi."""
-        for cofactor in (RationalFunction(()), None):
-            with contextlib.suppress(ArithmeticError):  # too long
-                space = with_cofactor(self.map, degree, cofactor, random.Random(degree))
-                self.add(space, measures=cofactor is None)
-
     def of_degree(self, degree: int) -> None:
-        """Find the polynomials of a degree with products of powers of factors as cofactors."""
-        for space in invariant_spaces(self.map, degree):
-            self.add(space)
+        """Find the polynomials up to a degree with products of powers of factors as cofactors."""
+        for cofactor in cofactors_of(self.map, degree):
+            self.of_cofactor(cofactor, degree)
 
-    def add(self, space: Polynomials, measures: bool = False) -> None:
-        """Add polynomials of one cofactor; `measures` if it is det DPhi."""
+    def of_cofactor(self, cofactor: RationalFunction | None, degree: int) -> None:
+        """Find the polynomials up to a degree that have a cofactor, None for det DPhi."""
+        with contextlib.suppress(ArithmeticError):  # too long
+            space = with_cofactor(self.map, degree, cofactor, random.Random(degree))
+            self.add(space, cofactor or self.map.jacobian_cofactor, measures=cofactor is None)
+
+    def add(
+        self, space: Polynomials, cofactor: RationalFunction | None = None, measures: bool = False
+    ) -> None:
+        """Add polynomials of one cofactor, by default unknown; `measures` if it is det DPhi."""
         if not space:
             return
-        space, cofactor = tuple(sorted(space, key=size)), None
+        space = tuple(sorted(space, key=size))
+        functions = [self._function(P) for P in space]
         if self.map.factors is not None:
             for P in space:
                 self._add_factors(P)
-            cofactor = self.map.cofactor(space[0])
-        if cofactor is None:
-            functions = [self._function(P) for P in space]
-        else:
-            for P in space:
-                self._add_generator(P, cofactor)
-            if cofactor not in self.cofactors:
-                self.cofactors.append(cofactor)
-            functions = self._products_with(cofactor, degree_of(space[-1]))
-            functions.sort(key=lambda f: size(self._polynomial(f)))
-            measures = measures or cofactor == self.map.jacobian_cofactor
+            if cofactor := cofactor or self.map.cofactor(space[0]):
+                for P in space:
+                    self._add_generator(P, cofactor)
+                products = self._products_with(cofactor, degree_of(space[-1]))
+                functions = [f for f, P in sorted(products, key=lambda each: size(each[1]))]
+                measures = measures or cofactor == self.map.jacobian_cofactor
         # The denominator is of least degree, and not 0 at 0 if possible.
         lowest = [f for f in functions if f.degree == functions[0].degree]
         below = next((f for f in lowest if _constant_term(f.numerator)), functions[0])
-        self.quotients += [self._checked(f * below**-1) for f in functions if f is not below]
+        self.quotients += [self._checked(f / below) for f in functions if f is not below]
         if measures and not self.densities:
             self.densities = [f**-1 for f in functions]
 
     def _function(self, P: Any) -> RationalFunction:
         return quotient_of(P, self.map.ring.constant(1), MODULAR)
-
-    def _polynomial(self, f: RationalFunction) -> Any:
-        return f.quotient_in(self.map.ring)[0]
 
     def _add_factors(self, P: Any) -> None:
         """Add the irreducible factors that are Darboux polynomials themselves."""
@@ -112,7 +104,7 @@ class Invariants:
 
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> None:
         """Add a Darboux polynomial, unless it is a combination of products of others."""
-        span = [self._polynomial(f) for f in self._products_with(cofactor, degree_of(P))]
+        span = [Q for _, Q in self._products_with(cofactor, degree_of(P))]
         if rank([*span, P]) > len(span):
             found = replace(self._function(P), cofactor=cofactor)
             self.generators.append(self._checked(found))
@@ -128,13 +120,16 @@ class Invariants:
             raise ArithmeticError(f"{f}: expected the cofactor {f.cofactor or 1}")
         return replace(f, basis=IDENTITY)
 
-    def _products_with(self, cofactor: RationalFunction, degree: int) -> list[RationalFunction]:
-        """Return independent products of generators up to a degree that have a cofactor."""
-        found: list[RationalFunction] = []
-        span: list[Any] = []
+    def _products_with(
+        self, cofactor: RationalFunction, degree: int
+    ) -> list[tuple[RationalFunction, Any]]:
+        """Return independent products up to a degree that have a cofactor, and as polynomials."""
+        found: list[tuple[RationalFunction, Any]] = []
         for f, c in self._products(degree, 0):
-            if c == cofactor and rank([*span, P := self._polynomial(f)]) > len(span):
-                found, span = [*found, f], [*span, P]
+            if c == cofactor:
+                P, _ = f.quotient_in(self.map.ring)
+                if rank([P, *(Q for _, Q in found)]) > len(found):
+                    found.append((f, P))
         return found
 
     def _products(self, degree: int, first: int) -> Iterator[tuple[Any, RationalFunction]]:
@@ -150,8 +145,7 @@ class Invariants:
         map = self.map
         *x, one = map.variables
         *above, F = map.forms
-        determinant = map.steps(None).forms([*x, one])[-1]
-        self.known.append(quotient_of(one, determinant, IDENTITY))
+        self.known.append(quotient_of(one, map.denominator, IDENTITY))
         numerator = 3 * H * F
         for i, (f, y) in enumerate(zip(above, x, strict=True), map.has_letter):
             numerator += H.derivative(i) * (f - y * F)
@@ -200,57 +194,8 @@ def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[lis
     return [row[:n] for row in reduced if any(row[:n]) and not any(row[n:])]
 
 
-def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
-    """Find the cofactors that polynomials up to a degree can have (arXiv:1902.04715).
-
-    They are constants times products of powers of the factors of det DPhi and of the map's
-    denominator: those that have a polynomial, and 1 and det DPhi.
-
-    Parameters
-    ----------
-    map : KahanMap or RationalMap
-        Made by `kahan` or `rational_map`.
-    degree : int
-        Largest degree of the polynomials.
-
-    Returns
-    -------
-    tuple of RationalFunction
-        They can be called with a point, and are arguments of `darboux_polynomials`.
-
-    Raises
-    ------
-    ArithmeticError
-        If there is no map or inverse, or the factors are too long to write out.
-
-    Examples
-    --------
-    >>> from suslov_fast import QuadraticField
-    >>> from suslov_fast.integrability import cofactors, darboux_polynomials, kahan
-    >>> prey = QuadraticField.from_function(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1)), 2)
-    >>> map = kahan(prey, eps=1)
-    >>> for C in cofactors(map, 1):
-    ...     print(C, darboux_polynomials(map, 1, C))
-    1 (1,)
-    -(3*x1 + x2 + 1)*(3*x1 + x2 - 9)/(x1 - 3*x2 - 3)^2 ()
-    (3*x1 + x2 - 9)/(x1 - 3*x2 - 3) (x1,)
-    -(3*x1 + x2 + 1)/(x1 - 3*x2 - 3) (x2,)
-    """
-    check_map(map)
-    degree = integer("degree", degree, 0)
-    exact.check_unknowns("degree", degree, map.dimension)
-    found = invariants_up_to(map, degree)
-    simple = [RationalFunction(()), map.jacobian_cofactor or RationalFunction(())]
-    return tuple(dict.fromkeys([*simple, *found.cofactors]))
-
-
 @lru_cache(maxsize=8)
 def invariants_up_to(map: RationalMap, degree: int) -> Invariants:
-    """Return the Darboux polynomials; ArithmeticError if the factors of the map are not known."""
-    if map.factors is None:
-        raise ArithmeticError(
-            f"expected a map with an inverse and factors of det DPhi of at most {TERMS} terms"
-        )
     found = Invariants(map)
     for k in range(1, degree + 1):
         found.of_degree(k)

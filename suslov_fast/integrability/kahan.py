@@ -8,20 +8,20 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
+import flint
+import numpy as np
+
 from ..bodies.field import QuadraticField, rates
-from ..bodies.polynomials import terms_of
 from ..checks import wrong
-from .exact import degree_of, step_size
-from .functions import RationalFunction, exact_quotient
-from .maps import TERMS, RationalMap, Steps, coprime, cramer
+from .exact import degree_of, matrix, step_size
+from .functions import RationalFunction, factored
+from .maps import TERMS, RationalMap, coprime, cramer
 
 
 class KahanMap(RationalMap):
     """The Kahan map of a quadratic field, exact; made by `kahan`.
 
-    Called with a point, D rational numbers, it returns the next one, a tuple of fractions. At a
-    pole, a point without an image, its methods raise `ZeroDivisionError`. If its `eps` is None, it
-    is a letter: `subs` puts a number in its place.
+    A `RationalMap`. If its `eps` is None, it is a letter: `subs` puts a number in its place.
     """
 
     def __init__(self, field: QuadraticField, eps: Fraction | None) -> None:
@@ -39,6 +39,13 @@ class KahanMap(RationalMap):
         """Return the map for a value of eps."""
         return kahan(self.field, eps)
 
+    def at(self, eps: int) -> KahanMap:
+        if not self.has_letter:
+            return self
+        map = KahanMap(self.field, Fraction(eps))
+        map._rows = self._rows  # these take long, and do not depend on eps
+        return map
+
     def __repr__(self) -> str:
         return f"kahan({self.field}{'' if self.eps is None else f', eps={self.eps}'})"
 
@@ -51,40 +58,43 @@ class KahanMap(RationalMap):
 
         Entries are lists of (j, a, b), for the terms (a + b eps) x_j of forms in x1, ..., xD, 1.
         """
+        (T, scale), D = _integers(self.field.table), self.dimension
 
         def entry(i: int, k: int) -> list[tuple[int, int, int]]:
-            T, D = self.field.table[i], self.dimension
-            scale = math.lcm(*(c.denominator for c in T.flat))
             sign = 1 if k == D else -1  # at eps = 0, A is the unit matrix and b is x
-            return [(j, scale * ({j, k} == {i, D}), int(sign * scale * T[k, j])) for j in every]
+            terms = ((j, scale * ({j, k} == {i, D}), sign * T[i, k, j]) for j in range(D + 1))
+            return [(j, a, b) for j, a, b in terms if a or b]
 
-        every = range(self.dimension + 1)
-        return [[entry(i, k) for k in every] for i in every[:-1]]
+        return [[entry(i, k) for k in range(D + 1)] for i in range(D)]
 
-    def _equations(self, eps: Any, denominator: int = 1) -> Any:
-        """Return the rows with terms (j, c), multiplied by the denominator of eps."""
+    def _system(self, x: Sequence[Any], sign: int = 1) -> list[list[Any]]:
+        """Return the rows of (A | b), or with the sign -1 those of the inverse map, at a point."""
+        if self.eps is None:
+            eps, unit = sign * self.ring.gens()[0], 1
+        else:
+            eps, unit = sign * self.eps.numerator, self.eps.denominator
+        zero = 0 * x[-1]
         return [
-            [[(j, a * denominator + b * eps) for j, a, b in form if a or b] for form in row]
+            [sum(((a * unit + b * eps) * x[j] for j, a, b in form), zero) for form in row]
             for row in self._rows
         ]
 
-    @cached_property
-    def _both(self) -> tuple[Any, Any]:
-        """The equations of the map and of its inverse."""
-        if self.eps is None:
-            eps, denominator = self.ring.gens()[0], 1
-        else:
-            eps, denominator = self.eps.numerator, self.eps.denominator
-        return self._equations(eps, denominator), self._equations(-eps, denominator)
+    def homogeneous(self, x: Sequence[Any]) -> list[Any]:
+        rows = self._system(x)
+        if not isinstance(x[-1], flint.nmod | flint.fmpq):
+            return cramer(rows)
+        A, b = (matrix([row[part] for row in rows]) for part in (slice(-1), slice(-1, None)))
+        return [*A.solve(b).entries(), x[-1]]
 
-    def steps(self, p: int | None, eps: int = 0) -> _KahanSteps:
-        if self.has_letter and p is not None:
-            return _KahanSteps(p, self._equations(eps), self._equations(-eps))
-        return _KahanSteps(p, *self._both)
+    def derivative(self, x: Sequence[Any]) -> Any:
+        # It is A(x; eps)^-1 A(Phi(x); -eps).
+        systems = self._system(x), self._system(self.image(x), -1)
+        A, backward = (matrix([row[:-1] for row in rows]) for rows in systems)
+        return A.solve(backward)
 
     @cached_property
     def _solution(self) -> list[Any]:
-        return self.steps(None).forms(self.variables)
+        return self.homogeneous(self.variables)
 
     @cached_property
     def forms(self) -> list[Any]:
@@ -97,14 +107,14 @@ class KahanMap(RationalMap):
 
     def _determinant(self) -> RationalFunction | None:
         # With det A homogeneous of degree D: det A(F; -eps) / (F_0^D det A(x; eps)).
-        whole = exact_quotient(cramer(_values(self._both[1], self.variables))[-1])
-        found = exact_quotient(self.ring.constant(int(whole.constant)), self.denominator)
-        found *= exact_quotient(self.forms[-1]) ** -whole.degree
+        whole = factored(cramer(self._system(self.variables, -1))[-1])
+        found = RationalFunction((), whole.constant) / factored(self.denominator)
+        found /= factored(self.forms[-1]) ** whole.degree
         for f, e in whole.factors:
             P = self.pullback(f, degree_of(f)) if self.writes_out(degree_of(f)) else None
             if P is None or len(P) > 3 * TERMS:
                 return None
-            found *= exact_quotient(P) ** e
+            found *= factored(P) ** e
         return found
 
     @cached_property
@@ -114,41 +124,14 @@ class KahanMap(RationalMap):
         # H and K of a field in a file of a batch are rounded.
         if field.H is None or (rates(field.H.tensor, field.K) != field.table).any():
             return None
-        terms, letter = terms_of(field.H.tensor), (0,) * self.has_letter
-        scale = math.lcm(*(c.denominator for c in terms.values()))
-        places = range(self.dimension)
-        return self.ring.from_dict(
-            {(*letter, *map(e.count, places)): int(c * scale) for e, c in terms.items()}
-        )
+        (H, _), x = _integers(field.H.tensor), np.fromiter(self.variables, object)
+        return H @ x @ x @ x
 
 
-class _KahanSteps(Steps):
-    """Steps with the equations of the map and of its inverse."""
-
-    def __init__(self, p: int | None, forward: Any, backward: Any) -> None:
-        self.p, self.forward, self.backward = p, forward, backward
-
-    def _system(self, equations: Any, x: Sequence[Any]) -> tuple[Any, Any]:
-        """Return the matrices A and b at a point."""
-        rows = _values(equations, x)
-        return self.matrix([row[:-1] for row in rows]), self.matrix([row[-1:] for row in rows])
-
-    def image(self, x: Sequence[Any]) -> list[Any]:
-        A, b = self._system(self.forward, x)
-        return [*A.solve(b).entries(), x[-1] ** 0]
-
-    def derivative(self, x: Sequence[Any]) -> Any:
-        # DPhi is A(x; eps)^-1 A(Phi(x); -eps).
-        backward, _ = self._system(self.backward, self.image(x))
-        return self._system(self.forward, x)[0].solve(backward)
-
-    def forms(self, x: Sequence[Any]) -> list[Any]:
-        return cramer(_values(self.forward, x))
-
-
-def _values(equations: Any, x: Sequence[Any]) -> list[list[Any]]:
-    zero = 0 * x[-1]
-    return [[sum((a * x[k] for k, a in form), zero) for form in row] for row in equations]
+def _integers(table: Any) -> tuple[Any, int]:
+    """Return fractions as an array of integers, and their common denominator."""
+    denominator = math.lcm(*(c.denominator for c in table.flat))
+    return np.vectorize(int, "O")(denominator * table), denominator
 
 
 def kahan(field: QuadraticField, eps: Any = None) -> KahanMap:
@@ -171,7 +154,7 @@ def kahan(field: QuadraticField, eps: Any = None) -> KahanMap:
     Raises
     ------
     TypeError, ValueError
-        If an argument has a wrong type or value, or the field is a batch.
+        If the field is none, or a batch.
 
     Examples
     --------

@@ -38,7 +38,7 @@ def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> 
                     return candidate.rows
             quotients: Rows = [[([c], [1]) for c in row] for row in found]
             if letter:
-                interpolated = _interpolated(rng, search, p, e, found)
+                interpolated = _interpolated(search, p, e, found)
                 if interpolated is None:
                     return None
                 quotients = interpolated
@@ -94,29 +94,27 @@ def simplest_fraction(residue: int, modulus: int) -> Fraction:
     return Fraction(int(shortest[0, 0]), int(shortest[0, 1]))
 
 
-def _interpolated(
-    rng: random.Random, search: Search, p: int, e: int, first: Residues
-) -> Rows | None:
+def _interpolated(search: Search, p: int, e: int, first: Residues) -> Rows | None:
     """Return the rational functions of eps modulo p; None if they are too long."""
     if not first:
         return []
-    functions = [flint.nmod_poly([0], p)] * (len(first) * len(first[0]))
-    modulus, found = flint.nmod_poly([1], p), first
+    points: list[int] = []
+    rng = random.Random(p)
+    values: list[list[int]] = []
+    found, following = first, 2
     candidate: list[tuple[Any, Any]] = []
-    following = 2
     for count in range(1, _POINTS):
-        values, at = [c for row in found for c in row], flint.nmod(e, p)
-        pairs = zip(candidate, values, strict=False)
-        if candidate and all(a(at) == c * b(at) for (a, b), c in pairs):
+        points.append(e)
+        values.append([c for row in found for c in row])
+        pairs = zip(candidate, values[-1], strict=False)
+        if candidate and all(a(e) == c * b(e) for (a, b), c in pairs):
             quotients = iter([tuple([*map(int, f.coeffs())] for f in each) for each in candidate])
             return [[next(quotients) for _ in row] for row in first]  # type: ignore[misc]
-        scale = 1 / modulus(at)
-        functions = [
-            f + modulus * ((c - f(at)) * scale) for f, c in zip(functions, values, strict=True)
-        ]
-        modulus *= flint.nmod_poly([-e, 1], p)
         if count == following:
-            candidate = [_quotient(f, modulus) for f in functions]
+            powers = flint.nmod_mat([[pow(e, k, p) for k in range(count)] for e in points], p)
+            functions = powers.solve(flint.nmod_mat(values, p)).transpose().tolist()
+            modulus = math.prod(flint.nmod_poly([-e, 1], p) for e in points)
+            candidate = [_quotient(flint.nmod_poly(f, p), modulus) for f in functions]
             following += 1 + following // 2
         e = rng.randrange(2, p)
         found = search(p, e)

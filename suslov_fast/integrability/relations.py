@@ -115,24 +115,27 @@ def hk_bases(
     start = exact.rationals("point", rng.sample(range(2, 100), n) if point is None else point, n)
     search = Relations(map, rng)
     _, independent = search.counts(exponents)
-    candidates: list[Polynomials] = [()]
-    for d in range(1, _degree(exponents) + 1) if by_degree and independent else ():
-        exponents = exact.exponents_up_to(d, n)
+    tried = [exponents]
+    if by_degree and independent:
+        tried = [exact.exponents_up_to(d, n) for d in range(1, _degree(exponents) + 1)]
+    candidates = []
+    for exponents in tried:
         candidates.append(search.integrals(exponents))
         if search.counts(exponents)[1] == independent:
             break
-    if not by_degree:
-        candidates.append(search.integrals(exponents))
-    elif rank_of_quotients(max(candidates, key=rank_of_quotients)) < independent:
+    integrals = max(candidates, key=rank_of_quotients)
+    if by_degree and rank_of_quotients(integrals) < independent:
         with contextlib.suppress(ArithmeticError):  # too long
             found = invariants_up_to(map, _degree(exponents))
-            candidates.append(common_denominator(found.quotients))
-    integrals = max(candidates, key=rank_of_quotients)
+            others = common_denominator(found.quotients)
+            integrals = max(integrals, others, key=rank_of_quotients)
     complete = rank_of_quotients(integrals) == independent
     dimension, _ = search.counts(exponents)
     basis: Any = None if map.has_letter else ()
     if not map.has_letter and (dimension > 0 or point is not None):
-        rows = over_rationals(rng, lambda p, eps: search.relations(p, eps, exponents, start))
+        rows = over_rationals(
+            rng, lambda p, eps: search.relations(p, eps, exponents, exact.point_modulo(p, start))
+        )
         basis = rows and tuple(tuple(a[0] for a, _ in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
@@ -147,48 +150,45 @@ class Relations:
         self.map, self.rng = map, rng
         self.counts = cache(self._counts)
 
-    def relations(self, p: int, eps: int, exponents: Exponents, point: Any = None) -> Residues:
+    def relations(self, p: int, eps: int, exponents: Exponents, x: list[Any]) -> Residues:
         """Return the relations along an orbit, in the form of `HKBasis.basis`."""
-        steps = self.map.steps(p, eps)
-        x = steps.point(self._random_point() if point is None else point)
-        orbit = steps.orbit(x, len(exponents) + MORE)
-        return exact.null_space(steps.matrix([list(monomial_values(exponents, y)) for y in orbit]))
-
-    def _random_point(self) -> list[int]:
-        return [self.rng.randrange(2**61) for _ in range(self.map.dimension)]
+        orbit = self.map.at(eps).orbit(x, len(exponents) + MORE)
+        rows = [list(monomial_values(exponents, y)) for y in orbit]
+        return exact.null_space(flint.nmod_mat(rows, p))
 
     def _counts(self, exponents: Exponents) -> tuple[int, int]:
         """Return the number of relations, and of independent first integrals that they show."""
 
         def count(p: int, eps: int) -> tuple[int, int]:
-            relations = self.relations(p, eps, exponents, start := self._random_point())
+            x = exact.random_point(self.map.dimension, p, self.rng)
+            relations = self.relations(p, eps, exponents, x)
             if not relations:
                 return 0, 0
-            return len(relations), self._rank_of_derivatives(p, eps, exponents, start, relations)
+            return len(relations), self._rank_of_derivatives(p, eps, exponents, x, relations)
 
         return exact.confirmed(self.rng, count)  # type: ignore[no-any-return]
 
     def _rank_of_derivatives(
-        self, p: int, eps: int, exponents: Exponents, start: list[int], relations: Residues
+        self, p: int, eps: int, exponents: Exponents, x: list[Any], relations: Residues
     ) -> int:
         """Return the rank of the derivatives of the coefficients of relations by the orbit's start.
 
         For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0.
         """
-        steps, n = self.map.steps(p, eps), self.map.dimension
+        map, n = self.map.at(eps), self.map.dimension
         ring = exact.ring(n, False, flint.nmod_mpoly_ctx, modulus=p)
         polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
         gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
-        derivative = steps.matrix(np.eye(n, dtype=int).tolist())  # of x_k
+        derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), p)  # of x_k
         rows = []
-        for y in steps.orbit(steps.point(start), len(exponents) + MORE):
+        for y in map.orbit(x, len(exponents) + MORE):
             values = [[each(*y[:-1]) for each in row] for row in gradients]
-            changes = steps.matrix(values) * derivative
+            changes = flint.nmod_mat(values, p) * derivative
             rows.append([*monomial_values(exponents, y), *changes.entries()])
-            derivative = steps.derivative(y) * derivative
-        reduced = steps.matrix(rows).rref()[0].tolist()[: len(exponents) - len(relations)]
+            derivative = map.derivative(y) * derivative
+        reduced = flint.nmod_mat(rows, p).rref()[0].tolist()[: len(exponents) - len(relations)]
         starts = range(len(exponents), len(rows[0]), n)
-        return int(steps.matrix([row[k : k + n] for row in reduced for k in starts]).rank())
+        return int(flint.nmod_mat([row[k : k + n] for row in reduced for k in starts], p).rank())
 
     def integrals(self, exponents: Exponents) -> Polynomials:
         """Return the polynomials of all relations if their quotients are first integrals."""
@@ -196,7 +196,8 @@ class Relations:
             return ()
 
         def span(p: int, eps: int) -> Residues:
-            rows = [row for _ in range(3) for row in self.relations(p, eps, exponents)]
+            points = [exact.random_point(self.map.dimension, p, self.rng) for _ in range(3)]
+            rows = [row for x in points for row in self.relations(p, eps, exponents, x)]
             reduced, rank = flint.nmod_mat(rows, p).rref()
             return exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
 

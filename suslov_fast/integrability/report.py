@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.field import QuadraticField, rates
+from ..bodies.field import QuadraticField
 from ..checks import integer, real_number, wrong
 from . import exact
 from .functions import IDENTITY, MODULAR, RationalFunction
@@ -22,7 +22,6 @@ from .maps import RationalMap, check_map
 from .search import results_until, search
 
 _WIDTH = 150  # characters of a polynomial in the text
-_SHOWN = {"First integrals": 6, "Densities of measures": 1, "Darboux polynomials": 6}
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 
 _LONG = 2**20  # denominators of floats such as 0.1
@@ -80,17 +79,14 @@ class Report:
         none = f"none found up to degree {d}" if self.finished else "none found so far"
         if self.finished and self.relations is None:
             none = "not sought"
-        found = {
-            "First integrals": self.integrals,
-            "Densities of measures": self.measures,
-            "Darboux polynomials": self.polynomials,
-        }
         more = ", ..." if len(self.degrees) > 8 else ""
         lines = [
             self._title(),
             f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
             self._growth_line(),
-            *(_listed(title, each, none, _SHOWN[title]) for title, each in found.items()),
+            _listed("First integrals", self.integrals, 6, none),
+            _listed("Densities of measures", self.measures, 1, none),
+            _listed("Darboux polynomials", self.polynomials, 6, none),
         ]
         if (self.relations or 0) > len(self.integrals):
             text = f"{self.relations} independent integrals, {MODULAR}"
@@ -148,7 +144,7 @@ def _for_json(value: Any) -> Any:
     return str(value)
 
 
-def _listed(title: str, found: Functions, none: str, most: int) -> str:
+def _listed(title: str, found: Functions, most: int, none: str) -> str:
     if not found:
         return f"{title}: {none}"
     formulas = "; ".join(f.text(_WIDTH) for f in found[:most])
@@ -231,7 +227,7 @@ def report(
     with closing(parts):
         try:
             for k, part in enumerate(parts, start=1):
-                found = part or found
+                found = part
                 if progress is not None:
                     progress(min(k, most), most)
         except KeyboardInterrupt as error:
@@ -245,7 +241,7 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
     if isinstance(field, RationalMap):
         if eps is not None:
             raise wrong("eps", "none for a map", eps)
-        missing = field.inverse is None if not isinstance(field, KahanMap) else False
+        missing = not isinstance(field, KahanMap) and field.inverse is None
         text = "No inverse was given: it is not checked that the map is birational."
         return field, [text] if missing else []
     found = QuadraticField.of(field)
@@ -258,14 +254,11 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
 
 def _in_decimals(body: Any) -> QuadraticField:
     """Return the field of a single body or field with its floats as decimals."""
-    if not isinstance(body, QuadraticField):
-        field: QuadraticField = body._field_of(_decimal)
-        return field
     decimals = np.vectorize(_decimal, "O")
-    if body.H is None:
-        return QuadraticField(*map(decimals, (body.quadratic, body.linear, body.constant)))
-    H, K = map(decimals, (body.H.tensor, body.K))
-    return QuadraticField._made(rates(H, K), H, K, {})
+    if isinstance(body, QuadraticField) and body.H is not None:
+        return QuadraticField._of_hamiltonian(decimals(body.H.tensor), decimals(body.K))
+    parts = {name: decimals(each) for name, each in body._parts.items()}
+    return QuadraticField.of(body._of(parts))
 
 
 def _decimal(a: Any) -> Fraction:

@@ -15,10 +15,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from . import exact
-from .functions import exact_quotient, independent
+from .functions import RationalFunction, factored, independent
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
 from .maps import RationalMap
@@ -47,10 +48,10 @@ def search(found: Any, seed: int) -> Iterator[Any]:
         found.finished = True
         yield found
         return
-    invariants = Invariants(map)
-    before = found.searched
-    for what in _parts(found, invariants, Relations(map, random.Random(seed))):
-        found.searched = before + what
+    invariants, done = Invariants(map), found.searched
+    parts: dict[str, str] = {}
+    for _ in _parts(found, invariants, Relations(map, random.Random(seed)), parts):
+        found.searched = [*done, *parts.values()]
         _update(found, invariants)
         yield found
     found.finished = True
@@ -67,47 +68,50 @@ def _update(found: Any, invariants: Invariants) -> None:
     found.measures = tuple(invariants.measures)
     found.polynomials = tuple(invariants.polynomials)
     if found.map.has_letter:
-        below = found.map.forms[-1]
         formulas = [*found.integrals, *found.measures, *found.polynomials]
-        formulas.append(exact_quotient(below, 0 * below + 1))
+        formulas.append(factored(found.map.forms[-1]))
         found.special_eps = tuple(sorted({eps for f in formulas for eps in f.special}))
 
 
-def _parts(found: Any, invariants: Invariants, relations: Relations) -> Iterator[list[str]]:
-    """Search part by part, and yield what was searched so far."""
-    map, d = found.map, found.degree
-    D, done = map.dimension, []
+def _parts(
+    found: Any, invariants: Invariants, relations: Relations, done: dict[str, str]
+) -> Iterator[None]:
+    """Search part by part, and describe each kind of part that was done."""
+    map, d, D = found.map, found.degree, found.map.dimension
     if (H := getattr(map, "hamiltonian", None)) is not None:
         invariants.add_hamiltonian(H)
-        done.append("the modified energy and 1/det A of the Hamiltonian")
-        yield done
+        done["hamiltonian"] = "the modified energy and 1/det A of the Hamiltonian"
+        yield
     for k in range(1, d + 1):
         exponents = exact.exponents_up_to(k, D)
         found.relations = relations.counts(exponents)[1]
         if len(found.integrals) < found.relations:
             invariants.add(relations.integrals(exponents))
-        yield [*done, f"relations between the {len(exponents)} monomials up to degree {k}"]
-    done.append(f"relations between the {len(exponents)} monomials up to degree {d}")
+        monomials = f"the {len(exponents)} monomials up to degree {k}"
+        done["relations"] = f"relations between {monomials}"
+        yield
     if not _is_complete(found):
-        invariants.of_simple_cofactors(d)
-        done.append(f"polynomials up to degree {d} with the cofactors 1 and det DPhi")
-        yield done
+        for cofactor in (RationalFunction(()), None):
+            invariants.of_cofactor(cofactor, d)
+        done["simple"] = f"polynomials up to degree {d} with the cofactors 1 and det DPhi"
+        yield
     if map.factors is None:
-        yield [*done, "no other Darboux polynomials, since det DPhi is too long"]
+        done["end"] = "no other Darboux polynomials, since det DPhi is too long"
+        yield
         return
     for k in range(1, 2 * d + 1):
         unknowns, highest = math.comb(D + k, D), max((f.degree for f in found.integrals), default=0)
         if _is_complete(found) and (k >= highest or unknowns > _FEW):
-            yield [*done, "no more, since as many integrals as relations show are known"]
+            done["end"] = "no more, since as many integrals as relations show are known"
+            yield
             return
         # Integrals with irrational coefficients have rational norms, of a higher degree.
         if k > d and (unknowns > _FEW or len(found.integrals) >= found.relations):
             return
         invariants.of_degree(k)
-        done = [each for each in done if not each.endswith("as cofactors")]
         cofactors = "products of powers of the factors of det DPhi as cofactors"
-        done.append(f"Darboux polynomials up to degree {k} with {cofactors}")
-        yield done
+        done["all"] = f"Darboux polynomials up to degree {k} with {cofactors}"
+        yield
 
 
 def _degrees(map: RationalMap, seed: int) -> list[int]:
@@ -115,7 +119,7 @@ def _degrees(map: RationalMap, seed: int) -> list[int]:
 
     def compute(p: int, eps: int) -> list[int]:
         found: list[int] = []
-        for each in degrees_on_a_line(map, p, eps, random.Random(p)):
+        for each in degrees_on_a_line(map, p, eps):
             found.append(each)
             following = each**2 / max(1, found[-2:][0])
             settled = (len(found) >= _ENOUGH and each > _SMALL) or following > _LARGE
@@ -132,7 +136,7 @@ def results_until(deadline: float, function: Callable[..., Iterator[Any]], *argu
     """Yield what a generator of a module yields, until a time of `time.monotonic`.
 
     The generator runs in another process, since python-flint cannot be interrupted. The values are
-    pickled. Its last value is followed by None; at the deadline there is no None.
+    pickled; None follows the last one.
     """
     command = [sys.executable, "-c", _START.format(path=sys.path)]
     pipe = subprocess.PIPE
@@ -143,12 +147,10 @@ def results_until(deadline: float, function: Callable[..., Iterator[Any]], *argu
         timer = threading.Timer(left, process.kill)
         timer.daemon = True
         timer.start()
-        value: Any = 0
         try:
             with process.stdin:
                 pickle.dump((function, arguments), process.stdin)
-            while value is not None:
-                value = pickle.load(process.stdout)
+            for value in iter(partial(pickle.load, process.stdout), None):
                 if isinstance(value, BaseException):
                     raise value
                 yield value

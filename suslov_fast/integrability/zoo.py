@@ -14,15 +14,19 @@ from .maps import RationalMap
 from .rational import rational_map
 
 
-def _of(f: Callable[..., Any]) -> QuadraticField:
-    """Return the field of a function of D numbers."""
-    return QuadraticField.from_function(lambda x: f(*x), f.__code__.co_argcount)
+def _of(f: Callable[..., Any], make: Any = QuadraticField.from_function) -> QuadraticField:
+    """Return the field of a function, or Hamiltonian, of D numbers."""
+    field: QuadraticField = make(lambda x: f(*x), f.__code__.co_argcount)
+    return field
 
 
 def _chain(N: int) -> QuadraticField:
     """Each species eats the next and is eaten by the one before, periodically."""
-    of = QuadraticField.from_function
-    return of(lambda x: [x[k] * (x[(k + 1) % N] - x[k - 1]) for k in range(N)], N)
+
+    def field(x: Any) -> Any:
+        return [x[k] * (x[(k + 1) % N] - x[k - 1]) for k in range(N)]
+
+    return QuadraticField.from_function(field, N)
 
 
 def _rotors(*beta: int) -> QuadraticField:
@@ -35,7 +39,10 @@ def _rotors(*beta: int) -> QuadraticField:
 
 
 def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> QuadraticField:
-    """A body with m' = m x (w m) + p x v(p), p' = p x (w m)."""
+    """A body with m' = m x (w m) + p x v(p), p' = p x (w m).
+
+    With v(p) = b p these are Kirchhoff's equations for 2 H = sum w_i m_i^2 + b_i p_i^2.
+    """
 
     def field(x: Any) -> Any:
         m, p = np.array(x[:3]), np.array(x[3:])
@@ -44,24 +51,18 @@ def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> QuadraticField:
     return QuadraticField.from_function(field, 6)
 
 
-def _in_fluid(a: Sequence[int], b: Sequence[int]) -> QuadraticField:
-    """Kirchhoff's equations for 2 H = sum a_i m_i^2 + b_i p_i^2."""
-    return _top(a, lambda p: b * p)
-
-
 def _nambu(x: Any, y: Any, z: Any) -> Any:
     """Cross product of the gradients of 2 x^2 + y^2 + z^2 + x y and z^2 + x y + x z."""
     return np.cross((4 * x + y, x + 2 * y, 2 * z), (y + z, x, x + 2 * z))
 
 
-def _henon_heiles(x: Any) -> Any:
-    q1, q2, p1, p2 = x
+def _henon_heiles(q1: Any, q2: Any, p1: Any, p2: Any) -> Any:
     return (p1**2 + p2**2 + q1**2 + q2**2) / 2 + q1**2 * q2 - q2**3 / 3
 
 
-def _reversed(f: Callable[[Any], Any]) -> RationalMap:
+def _recurrence(z: Callable[[Any, Any], Any]) -> tuple[RationalMap, None]:
     """Return the map (x, y) to (y, z) of a recurrence that is the same backwards."""
-    return rational_map(f, 2, inverse=lambda x: f(x[::-1])[::-1])
+    return rational_map(lambda x: (x[1], z(*x)), 2, inverse=lambda x: (z(*x[::-1]), x[0])), None
 
 
 def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
@@ -86,10 +87,7 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     fields = {
         "Suslov body": ("1/4", QuadraticField.of(Suslov3D(*I))),
         "Suslov gyrostat": ("1/4", QuadraticField.of(SuslovGyrostat(*I, k=0.5))),
-        "cubic Hamiltonian": (
-            "1/2",
-            hamiltonian(lambda x: (x[1] ** 2 - x[0] ** 2) / 2 + x[0] ** 3 / 3, 2),
-        ),
+        "cubic Hamiltonian": ("1/2", _of(lambda x, y: (y**2 - x**2) / 2 + x**3 / 3, hamiltonian)),
         "Nahm, octahedral": (
             "1/4",
             _of(lambda x, y: (2 * x**2 - 12 * y**2, -6 * x * y - 4 * y**2)),
@@ -100,30 +98,27 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
         "Volterra chain, N = 3": ("1/4", _chain(3)),
         "Volterra chain, N = 4": ("1/4", _chain(4)),
         "Lagrange top": ("1/4", _top((1, 1, Fraction(1, 2)), lambda p: (0, 0, 1))),
-        "Kirchhoff": ("1/4", _in_fluid((1, 1, 2), (1, 1, 3))),
-        "Clebsch": ("1/4", _in_fluid((1, 1, 1), (1, 2, 5))),
+        "Kirchhoff": ("1/4", _top((1, 1, 2), lambda p: (1, 1, 3) * p)),
+        "Clebsch": ("1/4", _top((1, 1, 1), lambda p: (1, 2, 5) * p)),
         "Lotka-Volterra": ("1/2", _of(lambda x, y: (x * (1 - y), y * (x - 1)))),
         "Zhukovsky-Volterra, two betas": ("5/4", _rotors(1, 2, 0)),
         "Zhukovsky-Volterra, three betas": ("1", _rotors(1, 2, 3)),
         "Volterra chain, N = 5": ("3/4", _chain(5)),
-        "body in a fluid": ("1/4", _in_fluid((1, 2, 4), (1, 3, 2))),
-        "Henon-Heiles": ("1/4", hamiltonian(_henon_heiles, 4)),
+        "body in a fluid": ("1/4", _top((1, 2, 4), lambda p: (1, 3, 2) * p)),
+        "Henon-Heiles": ("1/4", _of(_henon_heiles, hamiltonian)),
         "Lorenz": (
             "1/64",
             _of(lambda x, y, z: (10 * (y - x), x * (28 - z) - y, x * y - 8 * z / 3)),
         ),
         "generic planar field": (
             "1/4",
-            _of(lambda x, y: (-x / 8 - y + x**2, x - y / 8 + x * y / 2 + y**2 / 2)),
+            _of(lambda x, y: (x**2 - y - x / 8, (x * y + y**2) / 2 + x - y / 8)),
         ),
-    }
-    # The last one is the polarization of x'' = -x^3: z - 2 y + x = -x y z / 4.
-    maps: dict[str, Callable[[Any], Any]] = {
-        "Lyness": lambda x: (x[1], (x[1] + 3) / x[0]),
-        "McMillan": lambda x: (x[1], 6 * x[1] / (1 + x[1] ** 2) - x[0]),
-        "Hone-Quispel": lambda x: (x[1], (2 * x[1] - x[0]) / (1 + x[0] * x[1] / 4)),
     }
     return {
         **{name: (field, Fraction(eps)) for name, (eps, field) in fields.items()},
-        **{name: (_reversed(f), None) for name, f in maps.items()},
+        "Lyness": _recurrence(lambda x, y: (y + 3) / x),
+        "McMillan": _recurrence(lambda x, y: 6 * y / (1 + y**2) - x),
+        # The polarization of x'' = -x^3: z - 2 y + x = -x y z / 4.
+        "Hone-Quispel": _recurrence(lambda x, y: (2 * y - x) / (1 + x * y / 4)),
     }

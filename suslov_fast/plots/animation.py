@@ -6,15 +6,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, wrong
+from ..checks import FloatArray, instance, integer, wrong
 from ..runs.iterate import iterate
-from .phase import BodyIn3D, Plane, plane_of, positive
+from .phase import BodyIn3D, Plane, positive
 
 # A realizable body: admissible_I3() contains 2.28 to 5.68.
 _EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
 _BODY_AXES = (("black", "$e_1$"), ("black", "$e_2$"), ("crimson", "$a$"))
-# Lengths, relative to an ellipsoid in a sphere of radius 0.85.
-_RADIUS, _TIP, _NAME, _PATH = 0.85, 1.15, 1.28, 1.15
+# Lengths: the largest semi-axis, the axes (the path of the tip of a is drawn) and their names.
+_RADIUS, _TIP, _NAME = 0.85, 1.15, 1.28
+# Angle of the surface from its poles: patches with two equal corners have no normal for shading.
+_POLE = 1e-3
 
 
 def animate_body(
@@ -36,16 +38,12 @@ def animate_body(
         interval ``admissible_I3()`` is drawn or, if no rigid body has these parameters, another.
     omega0 : array_like(float, shape=(2,)), optional
         Initial angular velocity; by default one near the repelling steady rotation.
-    eps : float
-        Step size.
-    steps : int
-        Number of steps.
+    eps, steps : float, int
+        As in :func:`iterate`.
     R0 : array_like(float, shape=(3, 3)), optional
         The orientation at the start; by default the identity.
-    every : int
-        Steps from one frame to the next.
-    fps : int
-        Frames per second.
+    every, fps : int
+        Steps from one frame to the next, and frames per second.
 
     Returns
     -------
@@ -54,7 +52,7 @@ def animate_body(
     Raises
     ------
     ValueError
-        If the inertia tensor is not positive definite, or the body rests in every state.
+        If the inertia tensor is not positive definite.
     SingularStepError
         If the orbit meets a pole of the map.
 
@@ -64,12 +62,12 @@ def animate_body(
     >>> animation = animate_body()  # doctest: +SKIP
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
-    if np.ndim(eps):
-        raise wrong("eps", "a single number", eps)
-    every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
     body = _EXAMPLE if body is None else body
-    plane = plane_of(body, eps)
-    start = _passing(plane) if omega0 is None else omega0
+    instance("body", body, BodyIn3D)
+    if body.shape or np.ndim(eps):
+        raise wrong("body, eps", "a single body and step size", (body, eps))
+    every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
+    start = _passing(Plane(body, eps)) if omega0 is None else omega0
     attitude = True if R0 is None else R0
     run = iterate(body, start, eps, steps, attitude=attitude, on_singular="raise")
     if run.status.ndim:
@@ -83,8 +81,10 @@ def animate_body(
 
 def _passing(plane: Plane) -> FloatArray:
     """A state near the repelling steady rotation, where there is one."""
-    R = 2.0 * plane.radius(plane.steady_line()[1] if plane.g else [1.0, 0.0])
-    return plane.on_level(R, 0.15 - plane.meeting_phase(R))
+    if not plane.g:
+        return np.array([2.0, 0.3])
+    middle, (x, y) = plane.steady_line()
+    return middle + 2.0 * np.array([x, y]) + 0.3 * np.array([-y, x])
 
 
 def _turning_body(body: BodyIn3D, rotations: FloatArray, eps: float) -> tuple[Any, Any]:
@@ -95,14 +95,18 @@ def _turning_body(body: BodyIn3D, rotations: FloatArray, eps: float) -> tuple[An
     if drawn is None:
         raise wrong("I3", "one with a positive definite inertia tensor", body.I3)
     radii, principal = _RADIUS * drawn["radii"], drawn["axes"]
-    surface = np.einsum("ij,j,jkl->ikl", principal, radii, _sphere())
+    v = np.linspace(np.pi - _POLE, _POLE, 33)  # normals point outwards
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 65), v)
+    sphere = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
+    surface = np.einsum("ij,j,jkl->ikl", principal, radii, sphere)
     look = {"color": "#8fbce6", "linewidth": 0, "antialiased": False, "rcount": 65, "ccount": 65}
-    path = _PATH * rotations[:, :, 2]
     axes = plt.Figure(figsize=(4.8, 4.8), layout="constrained").add_subplot(projection="3d")
     axes.computed_zorder = False
     axes.set_proj_type("ortho")
     axes.view_init(elev=30, azim=-60)
     eye = np.array([np.sqrt(3), -3, 2]) / 4
+    path = _TIP * rotations[:, :, 2]
+    in_front = np.where(path @ eye >= 0, path.T, np.nan).T
     head = f"ellipsoid of inertia, $I_3$ = {drawn['I3']:.3g}; path of axis $a$"
 
     def draw(number: int) -> None:
@@ -117,32 +121,16 @@ def _turning_body(body: BodyIn3D, rotations: FloatArray, eps: float) -> tuple[An
             axes.plot(*ends.T, color=colour, linewidth=2.2, zorder=order)
             place = {"ha": "center", "va": "center", "zorder": order}
             axes.text(*(_NAME * R[:, k]), name, color=colour, **place)
-        _plot_around(axes, path[: number + 1], eye)
+        # The path lies outside the body, which hides what is behind: that part is lighter.
+        for order, points, alpha in ((1, path, 0.45), (3, in_front, 1.0)):
+            line = {"color": "crimson", "linewidth": 1.2, "alpha": alpha, "zorder": order}
+            axes.plot(*points[: number + 1].T, **line)
         axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
         axes.set_box_aspect((1, 1, 1), zoom=1.25)
         axes.set_axis_off()
         axes.set_title(f"time {number * eps:.2f}: {head}", y=0.0, fontsize="small")
 
     return axes.figure, draw
-
-
-def _sphere() -> FloatArray:
-    """Return the points (3, 33, 65) of a grid on the unit sphere."""
-    pole = 1e-3  # patches with two equal corners have no normal for shading
-    v = np.linspace(np.pi - pole, pole, 33)  # normals point outwards
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 65), v)
-    return np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
-
-
-def _plot_around(axes: Any, points: FloatArray, eye: FloatArray) -> None:
-    """Draw a curve (N, 3) outside the body's sphere, the part behind it in a lighter colour."""
-    in_front = points @ eye >= 0
-    behind = ~in_front  # and the points beside it, so that there is no gap
-    behind[1:] |= ~in_front[:-1]
-    behind[:-1] |= ~in_front[1:]
-    for order, shown, alpha in ((1, behind, 0.45), (3, in_front, 1.0)):
-        part = np.where(shown[:, np.newaxis], points, np.nan)
-        axes.plot(*part.T, zorder=order, alpha=alpha, color="crimson", linewidth=1.2)
 
 
 def ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
@@ -159,7 +147,7 @@ def ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
         I3 = float(0.5 * (low + high))
     else:
         I3 = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
-    moments, axes = np.linalg.eigh(np.array([[I1, 0, I13], [0, I2, I23], [I13, I23, I3]]))
+    moments, axes = np.linalg.eigh(body._inertia(I3))
     if not moments[0] > 0:
         return None
     radii, matter = np.sqrt(moments[0] / moments), bool(low < I3 < high)

@@ -1,7 +1,7 @@
 """The phase plane of a body in three dimensions: orbits, level curves and steady states."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,46 +13,35 @@ from ..runs.iterate import iterate
 BodyIn3D = Suslov3D | SuslovGyrostat
 # Relative distance from t = 1 of levels drawn in place of nearer ones.
 _NEAR_1 = 1e-6
-# Phase between the ends of orbits and the line, where the arc is a half turn; longest orbits.
-_FROM_LINE, _LONGEST_TURN = 0.03, 1000
+# Orbits are beside the line of steady states where abs(l) is this part of what it is in the middle.
+_AT_THE_LINE = 0.07
 
 
-class Plane(NamedTuple):
+class Plane:
     """The plane of a single body and a step size.
 
-    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, l = k + Re(conj(g) z), e = eps / (2 sqrt(I1 I2)),
-    the levels of F are abs(z) / sqrt(1 + e**2 l**2) = R, and psi = arg(z / (1 - i e l)) - arg(g) is
-    the phase on a level.
+    With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
+    l = k + Re(conj(g) z) and e = eps / (2 sqrt(I1 I2)) the levels of F are
+    abs(z) / sqrt(1 + e**2 l**2) = R, and psi = arg(z / (1 - i e l)) - arg(g) is the phase on one.
     """
 
-    I1: float
-    I2: float
-    I13: float
-    I23: float
-    k: float
-    eps: float
-
-    @property
-    def g(self) -> complex:
-        """The complex number I13 / sqrt(I1) + i I23 / sqrt(I2)."""
-        return complex(self.I13 / np.sqrt(self.I1), self.I23 / np.sqrt(self.I2))
-
-    @property
-    def e(self) -> float:
-        """The number eps / (2 sqrt(I1 I2))."""
-        return float(0.5 * self.eps / np.sqrt(self.I1 * self.I2))
+    def __init__(self, body: BodyIn3D, eps: float) -> None:
+        self.body, self.eps = body, eps
+        I1, I2, I13, I23, self.k = body.parameters
+        self.roots, self.products = np.sqrt([I1, I2]), np.array([I13, I23])
+        self.g = complex(*self.products / self.roots)
+        self.e = 0.5 * eps / float(self.roots.prod())
 
     def radius(self, omega: Any) -> float:
         """The modulus of z."""
-        return float(np.hypot(np.sqrt(self.I1) * omega[0], np.sqrt(self.I2) * omega[1]))
+        return float(np.hypot(*self.roots * omega))
 
     def on_level(self, R: float, psi: float | FloatArray) -> FloatArray:
         """States (..., 2) on the level R of the first integral, at phases psi (...)."""
-        g, e = self.g, self.e
-        A, turn = R * abs(g), g / abs(g) if g else 1.0
+        g, e, A = self.g, self.e, R * abs(self.g)
         turned = (1 - 1j * e * self.k) * np.exp(1j * psi) - 1j * e * A
-        z = R * turn * turned / (1 - e * A * np.sin(psi))
-        return np.stack([z.real / np.sqrt(self.I1), z.imag / np.sqrt(self.I2)], axis=-1)
+        z = R * (g / abs(g) if g else 1.0) * turned / (1 - e * A * np.sin(psi))
+        return np.stack([z.real, z.imag], axis=-1) / self.roots
 
     def level(self, R: float, reach: float = 3.0) -> list[FloatArray]:
         """Branches, as states (N, 2), of the level R, a conic; for eps = 0, of the energy.
@@ -64,33 +53,37 @@ class Plane(NamedTuple):
             R, t = R * (1.0 + _NEAR_1) / t, 1.0 + _NEAR_1
         # With u = tan(phase / 2 - pi / 4) the curve is a quotient of quadratic polynomials, of
         # which the denominator is proportional to u**2 - v**2 or, where t < 1, u**2 + v**2.
-        v = float(np.sqrt(abs((1.0 - t) / (1.0 + t))))
+        v, s = np.sqrt(abs((1.0 - t) / (1.0 + t))), np.linspace(-0.5, 0.5, 300)
         if t < 1.0:
-            branches = [v * np.tan(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 300))]
+            branches = [v * np.tan(np.pi * s)]
         else:
-            s = np.tanh(np.linspace(-0.5 * reach, 0.5 * reach, 300))
-            branches = [v * s, v / s]
+            branches = [v * np.tanh(reach * s), v / np.tanh(reach * s)]
         middle = np.copysign(0.5 * np.pi, self.eps)
         return [self.on_level(R, middle + 2.0 * np.arctan(u)) for u in branches]
 
-    def meeting_phase(self, R: float) -> float:
-        """The phase, up to its sign, where abs(l) is least on a level."""
-        A = R * abs(self.g)
-        return float(np.arccos(np.clip(-self.k / A, -1.0, 1.0))) if A else 0.0
+    def orbits(self, R: float, most: int = 500) -> list[FloatArray]:
+        """States (N, 2) of the orbits on the level R: one turn, or on either side of the line.
+
+        Those end beside the line, or at most so many steps from their middle.
+        """
+        body, eps, k, A = self.body, self.eps, self.k, R * abs(self.g)
+        middle = self.on_level(R, np.array([0.0, np.pi]))
+        if abs(k) > A:
+            steps = np.pi / np.arctan(abs(self.e) * np.sqrt(k * k - A * A))
+            return [iterate(body, middle[0], eps, int(min(steps + 1.0, 2 * most))).omega]
+        before, after = (
+            iterate(body, middle, step, most, on_singular="ignore").omega for step in (-eps, eps)
+        )
+        orbits = np.moveaxis(np.concatenate([before[:0:-1], after]), 1, 0)
+        l = abs(orbits @ self.products + k)
+        shown = l > _AT_THE_LINE * l[:, most, np.newaxis]
+        return [orbit[where] for orbit, where in zip(orbits, shown, strict=True)]
 
     def steady_line(self) -> tuple[FloatArray, FloatArray]:
         """The steady state of least energy, and the direction of the half that repels."""
-        least = -self.k / abs(self.g) ** 2 * np.array([self.I13 / self.I1, self.I23 / self.I2])
-        direction = np.copysign(1.0, self.eps) * np.array([self.I23, -self.I13])
-        return least + 0.0, direction / np.hypot(self.I13, self.I23)
-
-
-def plane_of(body: BodyIn3D, eps: float) -> Plane:
-    """The plane of a body, which must be a single one that does not rest in all states."""
-    instance("body", body, BodyIn3D)
-    if body.shape or not any(body.parameters[2:]):
-        raise wrong("body", "a single one with I13 or I23 other than 0", body)
-    return Plane(*(*body.parameters, eps))
+        least = -self.k / abs(self.g) ** 2 * self.products / self.roots**2
+        direction = np.copysign(1.0, self.eps) * self.products[::-1] * [1.0, -1.0]
+        return least + 0.0, direction / np.hypot(*direction)
 
 
 def plot_phase(
@@ -115,10 +108,8 @@ def plot_phase(
         Distance from 0 that the axes reach, in the unit of omega.
     levels : int
         Number of level curves, at least 1.
-    letter : str, optional
-        Letter of the panel, such as "a", above the axes on the left.
-    legend : bool
-        Draw a legend below the axes.
+    letter, legend : str, bool
+        Letter of the panel, above the axes on the left, and whether there is a legend below.
     ax : matplotlib.axes.Axes, optional
         Axes to draw on; by default those of a new figure.
 
@@ -144,7 +135,10 @@ def plot_phase(
     from .orbits import COLOURS, axes_for, set_title
 
     eps, extent = positive("eps", eps), positive("extent", extent)
-    plane, levels = plane_of(body, eps), integer("levels", levels, 1)
+    instance("body", body, BodyIn3D)
+    if body.shape or not any(body.parameters[2:]):
+        raise wrong("body", "a single one with I13 or I23 other than 0", body)
+    plane, levels = Plane(body, eps), integer("levels", levels, 1)
     largest = plane.radius([extent, extent])
     t = plane.e * largest * abs(plane.g)
     if not t < 1:
@@ -154,8 +148,7 @@ def plot_phase(
     for R, colour in zip(largest * np.arange(1, levels + 1) / (levels + 1), colours, strict=True):
         (curve,) = plane.level(R)
         axes.plot(*curve.T, "-", color=colour, linewidth=0.8, alpha=0.7)
-        for psi, steps in _orbits(plane, R):
-            orbit = iterate(body, plane.on_level(R, psi), eps, steps).omega
+        for orbit in plane.orbits(R):
             axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
             _arrow(axes, body, orbit, extent, colour)
     if plane.g:
@@ -185,27 +178,10 @@ def positive(name: str, value: Any) -> float:
 
 def _title(plane: Plane, between: str) -> str:
     """The parameters, in two groups."""
-    I1, I2, I13, I23, k, eps = plane
-    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={eps:g}$"
+    I1, I2, I13, I23, k = plane.body.parameters
+    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={plane.eps:g}$"
     products = rf"$I_{{13}}={I13:g}$, $I_{{23}}={I23:g}$"
     return moments + between + products + (f", $k={k:g}$" if k else "")
-
-
-def _orbits(plane: Plane, R: float) -> list[tuple[float, int]]:
-    """Phase of the initial state, and steps, of the orbits on a level; theory: the gyrostat."""
-    A, k, e = R * abs(plane.g), plane.k, plane.e
-    if abs(k) > A:  # one turn
-        steps = np.pi / np.arctan(e * np.sqrt(k * k - A * A))
-        return [(0.0, int(min(np.ceil(steps), _LONGEST_TURN)))]
-    # From the steady state at -end to that at end, on either side.
-    end, rate = plane.meeting_phase(R), e * np.sqrt(A * A - k * k)
-    orbits = []
-    for side, half in ((1.0, end), (-1.0, np.pi - end)):
-        psi = -end + side * 2.0 / np.pi * half * _FROM_LINE
-        p, q = np.sin(0.5 * psi) / np.sqrt(A + k), np.cos(0.5 * psi) / np.sqrt(A - k)
-        steps = np.log(abs((p - q) / (p + q))) / np.arctanh(rate)
-        orbits.append((psi, int(min(np.ceil(steps), _LONGEST_TURN))))
-    return orbits
 
 
 def _steady_states(axes: Any, plane: Plane, reach: float) -> None:

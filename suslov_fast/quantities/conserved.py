@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 from ..bodies.base import Body
 from ..bodies.nd import SuslovND, check_known
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, wrong
+from ..checks import FloatArray, refuse, wrong
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
-from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check, refuse_rotor
+from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
 from ..maps import states_after
 from .evaluation import by_terms, evaluate, terms_of
 
@@ -21,15 +21,13 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A field has to be made by `QuadraticField.from_hamiltonian`.
-    omega : array_like(float, shape=(..., D))
-        States.
+    body, omega
+        As in :func:`jacobian`; a field has to be made by `QuadraticField.from_hamiltonian`.
 
     Returns
     -------
     ndarray(float, shape=(...))
-        In the unit of inertia times that of omega squared; of a field, in the unit of H.
+        In the unit of inertia times that of omega squared; of a field, in that of H.
 
     Examples
     --------
@@ -56,29 +54,23 @@ def _terms_of_hamiltonian(body: Any) -> Any:
 def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     """First integral F of the map, Lemma 1 of the paper, equation (6).
 
-    In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2) with
-    x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat). In n dimensions F is known if J I = b I and
-    J = a on the vectors orthogonal to I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times
-    the length of the component of omega orthogonal to I.
+    F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2), x = I13 Omega1 + I23 Omega2 (+ k
+    for a gyrostat). In n dimensions F is known if J I = b I and J = a on the vectors orthogonal to
+    I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times the length of the component of
+    omega orthogonal to I.
 
     Parameters
     ----------
     body : Suslov3D, SuslovND or SuslovGyrostat
-        A single one, or a batch.
-    omega : array_like(float, shape=(..., D))
-        States.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
+        A body without a known F raises :class:`NotIntegrableError`; its :func:`modified_energy`
+        is nearly conserved.
+    omega, eps
+        As in :func:`jacobian`.
 
     Returns
     -------
     ndarray(float, shape=(...))
         In the unit of omega squared over that of inertia.
-
-    Raises
-    ------
-    NotIntegrableError
-        If no first integral is known for the body; :func:`modified_energy` is nearly conserved.
 
     Examples
     --------
@@ -103,12 +95,8 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A field has to be made by `QuadraticField.from_hamiltonian`.
-    omega : array_like(float, shape=(..., D))
-        States.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
+    body, omega, eps
+        As in :func:`jacobian`; a field has to be made by `QuadraticField.from_hamiltonian`.
 
     Returns
     -------
@@ -142,22 +130,13 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        A single one, or a batch.
-    omega : array_like(float, shape=(..., D))
-        States.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
+    body, omega, eps
+        As in :func:`first_integral`.
 
     Returns
     -------
     ndarray(float, shape=(...))
         t, dimensionless, with the sign of eps.
-
-    Raises
-    ------
-    NotIntegrableError
-        If no first integral is known for the body.
 
     Examples
     --------
@@ -182,12 +161,8 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatAr
 
     Parameters
     ----------
-    body : Suslov3D or SuslovGyrostat
-        A single one, or a batch.
-    omega : array_like(float, shape=(..., 2))
-        States.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
+    body, omega, eps
+        As in :func:`jacobian`; the body is one in three dimensions.
 
     Returns
     -------
@@ -214,12 +189,10 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A field has to be made by `QuadraticField.from_hamiltonian`.
-    omega : array_like(float, shape=(..., D))
-        States.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega; 0 is the continuous motion.
+    body, omega, eps
+        As in :func:`jacobian`; eps = 0 is the continuous motion. A field has to be made by
+        `QuadraticField.from_hamiltonian`; a body without a known measure raises
+        :class:`NotIntegrableError`.
 
     Returns
     -------
@@ -227,11 +200,6 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
         In three dimensions in the unit of 1 / omega over that of inertia to the third power, with
         the sign of x, and infinite where x = 0. For n = 4 in the unit of 1 / omega squared.
         Dimensionless for a field, and infinite at poles.
-
-    Raises
-    ------
-    NotIntegrableError
-        If no invariant measure is known for the body.
 
     Examples
     --------
@@ -259,10 +227,8 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    body : Suslov3D
-        A single one, or a batch.
-    omega : array_like(float, shape=(..., 2))
-        States.
+    body, omega
+        As in :func:`jacobian`; the body is a `Suslov3D`.
 
     Returns
     -------
@@ -276,29 +242,22 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
-    refuse_rotor(body, "to_xy", "iterate or flow")
-    return evaluate(body, Suslov3D, {"omega": omega}, formulas.to_xy, axes=1)
+    return evaluate(body, Suslov3D, {"omega": omega}, formulas.to_xy)
 
 
 def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
-    """Angular velocities from coordinates (x, y), the inverse of :func:`to_xy`.
+    """Angular velocities (Omega1, Omega2) from coordinates (x, y), the inverse of :func:`to_xy`.
 
     Parameters
     ----------
     body : Suslov3D
-        A single one, or a batch.
+        With I13 or I23 other than 0; otherwise (x, y) is 0 for every omega.
     xy : array_like(float, shape=(..., 2))
-        Coordinates (x, y). Where one is NaN, so is the result.
+        Those of :func:`to_xy`. Where one is NaN, so is the result.
 
     Returns
     -------
     ndarray(float, shape=(..., 2))
-        (Omega1, Omega2).
-
-    Raises
-    ------
-    ValueError
-        If I13 and I23 are both 0, where (x, y) is 0 for every omega.
 
     Examples
     --------
@@ -306,11 +265,10 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
     array([1. , 0.5])
     """
-    refuse_rotor(body, "from_xy", "iterate or flow")
     if isinstance(body, Suslov3D) and np.any((body.I13 == 0) & (body.I23 == 0)):
         raise wrong("body", "I13 or I23 other than 0", "both 0")
-    given, names = {"xy": xy}, ("x", "y")
-    return evaluate(body, Suslov3D, given, formulas.from_xy, axes=1, components=names)
+    refuse("xy", xy)  # variables of datasets too: they hold states
+    return evaluate(body, Suslov3D, {"xy": xy}, formulas.from_xy)
 
 
 class ClosedForm(NamedTuple):
@@ -333,12 +291,9 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
 
     Parameters
     ----------
-    body : Suslov3D
-        A single one, or a batch.
-    omega0 : array_like(float, shape=(..., 2))
-        States, each any one of its orbit.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega; 0 is the continuous motion.
+    body, omega0, eps
+        As in :func:`jacobian`; the body is a `Suslov3D`, omega0 is state 0 of an orbit, and
+        eps = 0 is the continuous motion.
 
     Returns
     -------
@@ -355,6 +310,5 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
     >>> print(*(f"{value:.6f}" for value in constants))
     0.161860 -0.402536 -0.678170 0.040232
     """
-    refuse_rotor(body, "closed_form", "exact")
     states = check(body, Suslov3D, {"omega0": omega0, "eps": eps})
     return ClosedForm(*formulas.closed_form(*body.parameters, states.eps, states.omega))

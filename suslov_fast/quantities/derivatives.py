@@ -1,5 +1,6 @@
 """Derivatives with respect to time, with the reaction, and those of the map by its state."""
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -31,10 +32,8 @@ def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch.
-    omega : array_like(float, shape=(..., D))
-        States.
+    body, omega
+        As in :func:`jacobian`.
 
     Returns
     -------
@@ -48,7 +47,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     array([ 0.08125, -0.65   ])
     """
     in_3d, in_nd = formulas.vector_field, formulas.vector_field_nd
-    return evaluate(body, Body, {"omega": omega}, in_3d, in_nd, fields.vector_field, axes=1)
+    return evaluate(body, Body, {"omega": omega}, in_3d, in_nd, fields.vector_field)
 
 
 def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> FloatArray:
@@ -59,20 +58,16 @@ def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> F
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        A single one, or a batch.
-    omega : array_like(float, shape=(..., D))
-        States.
-    eps : array_like(float, shape=(...)), optional
-        Step size, in the unit of time of omega. With it the multiplier is that of the discrete
+    body, omega, eps
+        As in :func:`jacobian`, without fields. With eps the multiplier is that of the discrete
         equations between each state and its next one, without it that of the continuous equations.
 
     Returns
     -------
     ndarray(float, shape=(...) or (..., n - 1, n - 1))
         In the unit of inertia times that of omega squared. In n dimensions, the antisymmetric
-        matrix lambda_ij of equation (13). NaN, with one :class:`SingularStepWarning`, where eps is
-        given and a state has no next state.
+        matrix lambda_ij of equation (13). With eps, NaN and one :class:`SingularStepWarning` where
+        a state has no next state.
 
     Examples
     --------
@@ -81,8 +76,7 @@ def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> F
     -1.336328
     """
     given = {"omega": omega} if eps is None else {"omega": omega, "eps": eps}
-    axes = 2 * isinstance(body, SuslovND)
-    return evaluate(body, AnyBody, given, formulas.reaction, None, _reaction_nd, axes=axes)
+    return evaluate(body, AnyBody, given, formulas.reaction, otherwise=_reaction_nd)
 
 
 def _reaction_nd(states: States) -> FloatArray:
@@ -100,12 +94,8 @@ def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch.
-    omega : array_like(float, shape=(..., D))
-        States.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
+    body, omega, eps
+        As in :func:`jacobian`.
 
     Returns
     -------
@@ -120,7 +110,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     array([1. , 0.5])
     """
     given = {"omega": omega, "eps": eps}
-    return evaluate(body, Body, given, formulas.matrix, None, fields.matrix, axes=2)
+    return evaluate(body, Body, given, formulas.matrix, otherwise=fields.matrix)
 
 
 def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -131,9 +121,9 @@ def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
         A single one, or a batch.
     omega : array_like(float, shape=(..., D))
-        States.
+        States: angular velocities, or states x of a field. NaN gives NaN.
     eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega.
+        Step size, in the unit of time of omega; a negative one is that of the inverse map.
 
     Returns
     -------
@@ -149,7 +139,7 @@ def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
            [-0.221645,  0.937189]])
     """
     given = {"omega": omega, "eps": eps}
-    return evaluate(body, Body, given, formulas.jacobian, None, fields.jacobian, axes=2)
+    return evaluate(body, Body, given, formulas.jacobian, otherwise=fields.jacobian)
 
 
 def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]:
@@ -160,20 +150,17 @@ def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch.
+    body, eps
+        As in :func:`jacobian`.
     x : array_like(float, shape=(..., D))
         Fixed points of the map: steady states of a body, zeros of a field.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of x.
 
     Returns
     -------
     ndarray(float or complex, shape=(..., D))
         Dimensionless, in descending order of their moduli, of a conjugate pair the one with the
         positive imaginary part first; floats for a Suslov body, complex for a gyrostat or a field.
-        That along a line of steady states of a body is 1. Infinite at a pole; NaN for states that
-        are NaN.
+        That along a line of steady states of a body is 1. Infinite at a pole.
 
     Raises
     ------
@@ -225,10 +212,14 @@ def _rates(states: States, slopes: FloatArray) -> NDArray[Any]:
     """Return the eigenvalues of f' (..., D), of which that along a line of steady states is 0."""
     body, x = states.body, states.omega
     if isinstance(body, SuslovND):
-        along = (body.I * body.I).sum(axis=-1, keepdims=True)
-        c = (body.I * x).sum(axis=-1, keepdims=True) / along
-        across = np.where(along > 0.0, c * _spectrum(body.J, body.I), 0.0)
-        return np.concatenate([across, np.zeros((*across.shape[:-1], 1))], axis=-1)
+        # f' = (I.x) J**-1 P has the eigenvalues of (I.x) B^T B, where B = P J**-1/2 and P projects
+        # on the vectors orthogonal to I: singular values of B keep their digits, beside large ones.
+        length = np.linalg.norm(body.I, axis=-1, keepdims=True)
+        unit = body.I / np.where(length > 0.0, length, 1.0)
+        P = np.eye(body.dimension) - unit[..., :, np.newaxis] * unit[..., np.newaxis, :]
+        roots = np.linalg.svd(P / np.sqrt(body.J)[..., np.newaxis, :], compute_uv=False)
+        roots[..., -1] = 0.0
+        return np.asarray((body.I * x).sum(axis=-1, keepdims=True) * roots * roots)
     if not isinstance(body, BodyIn3D):
         return np.linalg.eigvals(slopes).astype(complex)
     I1, I2, _, _, k = body.parameters
@@ -236,23 +227,6 @@ def _rates(states: States, slopes: FloatArray) -> NDArray[Any]:
     root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
     rates = 0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0])
     return np.asarray(rates if isinstance(body, SuslovGyrostat) else rates.real)
-
-
-def _spectrum(J: FloatArray, I: FloatArray) -> FloatArray:
-    """Return the spectrum of J**-1 (|I|**2 Id - I I^T) without the 0 of I, each to rounding.
-
-    The sum of I_i**2 / (pole_i - s), with pole_i = |I|**2 / J_i, is 0 for one s between two poles.
-    """
-    square = I * I
-    poles = square.sum(axis=-1, keepdims=True) / J
-    bounds = np.sort(poles, axis=-1)
-    low, high = bounds[..., :-1], bounds[..., 1:]
-    for _ in range(64):
-        middle = np.sqrt(low) * np.sqrt(high)
-        distances = poles[..., np.newaxis, :] - middle[..., np.newaxis]
-        above = (square[..., np.newaxis, :] / distances).sum(axis=-1) < 0.0
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return high
 
 
 def lyapunov_exponents(
@@ -272,18 +246,12 @@ def lyapunov_exponents(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch.
-    omega0 : array_like(float, shape=(..., D))
-        States 0.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega0.
+    body, omega0, eps, threads
+        As in :func:`iterate`.
     steps : int
         Number of steps of the mean, 1 or more.
     transient : int
         Number of steps before the mean begins.
-    threads : int, optional
-        Number of threads, by default Numba's. Results do not depend on it.
 
     Returns
     -------
@@ -308,7 +276,7 @@ def lyapunov_exponents(
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
     found = -np.sort(-sums / steps, axis=1).reshape((*states.batch, body.dimension))
-    return reported(states, found, axes=1, poles=True)
+    return reported(states, found, poles=True)
 
 
 def _growth(states: States, start: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
@@ -321,9 +289,8 @@ def _growth(states: States, start: FloatArray, steps: int) -> tuple[FloatArray, 
     cost = 4 * D**3 + len(places[0])
     width = max(min(B, _STRETCH // cost), 1)
     length = max(_STRETCH // (cost * width), 1)
-    for begin in range(0, B, width):
-        for first in range(0, steps, length):
-            span = begin, min(begin + width, B), first, min(first + length, steps)
-            work, before = cost * width * length, (parameters, start, carry, span)
-            call_kernel(tangent.growth, work, states.threads, *before, *after)
+    for begin, first in product(range(0, B, width), range(0, steps, length)):
+        span = begin, min(begin + width, B), first, min(first + length, steps)
+        before = parameters, start, carry, span
+        call_kernel(tangent.growth, cost * width * length, states.threads, *before, *after)
     return sums, of_det

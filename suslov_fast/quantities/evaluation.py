@@ -25,17 +25,15 @@ def evaluate(
     in_nd: Universal | None = None,
     otherwise: Universal | Callable[[States], FloatArray] | None = None,
     *,
-    axes: int = 0,
     poles: bool = False,
-    components: tuple[str, ...] | None = None,
 ) -> FloatArray:
-    """Check the arguments of a public function, and return the quantity, which has `axes` axes.
+    """Check the arguments of a public function, and return the quantity.
 
     Bodies of all `kinds` but those that have a formula of their own take `otherwise`: a formula of
     the terms of their equations, or a function of `States`. With `poles`, infinite values have a
     meaning.
     """
-    states = check(body, kinds, arguments, components=components, later=True)
+    states = check(body, kinds, arguments, later=True)
     own = in_nd if isinstance(body, SuslovND) else None
     formula = in_3d if isinstance(body, BodyIn3D) else own
     if formula:
@@ -44,7 +42,7 @@ def evaluate(
         found = by_terms(otherwise, states, terms_of(body))
     else:
         found = otherwise(states)  # type: ignore[misc]
-    return reported(states, found, axes, poles)
+    return reported(states, found, poles)
 
 
 def terms_of(body: Any) -> tuple[Any, FloatArray]:
@@ -74,7 +72,7 @@ def by_terms(formula: Universal, states: States, terms: Any, *after: FloatArray)
     return found if in_rows else found.squeeze(axis=len(batch))
 
 
-def reported(states: States, found: FloatArray, axes: int, poles: bool = False) -> FloatArray:
+def reported(states: States, found: FloatArray, poles: bool = False) -> FloatArray:
     """Return a quantity, NaN where the state is NaN; a warning counts the other missing values.
 
     Formulas are not finite at states that are not, so that most results need no other test.
@@ -84,10 +82,10 @@ def reported(states: States, found: FloatArray, axes: int, poles: bool = False) 
             return found
     unknown = np.isnan(real_array(states.name, states.omega, allow_nan=True)).any(axis=-1)
     unknown = np.broadcast_to(unknown, states.batch)
+    axes = tuple(range(len(states.batch), found.ndim))
     lost = np.isnan(found) if poles else ~np.isfinite(found)
-    lost = lost.any(axis=tuple(range(-axes, 0))) & ~unknown
+    lost = lost.any(axis=axes) & ~unknown
     if lost.any():
         message = f"{np.count_nonzero(lost)} of {lost.size} states: singular step or out of range"
         warn(f"{message}, first: {spell(first_index(lost))}", SingularStepWarning)
-    missing = np.reshape(unknown | lost, (*states.batch, *(1,) * axes))
-    return np.where(missing, np.nan, found)[()]
+    return np.where(np.expand_dims(unknown | lost, axes), np.nan, found)[()]

@@ -34,14 +34,15 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
     Parameters
     ----------
     field : QuadraticField or a body
-        With at most 3 variables: a single one, or a batch with one axis.
+        With at most 3 variables; for more than one it needs the extra `algebra`. A single one, or
+        a batch with one axis.
 
     Returns
     -------
     ndarray(float, shape=(k, D)), or a list of them
         Each point once, rounded once, in ascending order of the components. Of a batch a list, an
-        array for each member, whose points are in the order of those of the member before that
-        they continue, with the least sum of distances, and new ones last.
+        array for each member. Where a member has as many points as the one before, they are in the
+        order that makes the sum of the distances to its points least.
 
     Raises
     ------
@@ -49,8 +50,6 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
         If there are more than 3 variables, or infinitely many fixed points, as of all Suslov
         bodies, or if a batch has several axes. For D = 3 complex fixed points that form an
         irreducible curve, such as that of two ellipsoids, count, even if none of them is real.
-    ImportError
-        For D > 1 without python-flint (extra `algebra`).
 
     Examples
     --------
@@ -66,10 +65,10 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
         raise wrong("field", "a single one, or a batch with one axis", f"the shape {whole.shape}")
     if not whole.shape:
         return _points_of(whole)
-    found: list[FloatArray] = []
-    for member in whole:
-        points = _points_of(member)
-        found.append(_continuing(found[-1], points) if found else points)
+    found = [_points_of(member) for member in whole]
+    for i in range(1, len(found)):
+        if len(found[i]) == len(found[i - 1]):
+            found[i] = _continuing(found[i - 1], found[i])
     return found
 
 
@@ -88,14 +87,12 @@ def _points_of(field: Any) -> FloatArray:
 
 
 def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:
-    """Return points in the order of those before that they continue, and then the others."""
+    """Return points in the order of those before that they continue."""
     from scipy.optimize import linear_sum_assignment  # imported here, since importing takes time
 
     scale = max(abs(before).max(initial=0.0), abs(points).max(initial=0.0)) or 1.0
     distances = np.linalg.norm((before[:, np.newaxis] - points) / scale, axis=-1)
-    _, continued = linear_sum_assignment(distances)
-    new = np.setdiff1d(np.arange(len(points)), continued)
-    return np.asarray(points[np.concatenate([continued, new]).astype(np.intp)])
+    return np.asarray(points[linear_sum_assignment(distances)[1]])
 
 
 def _roots(field: Any) -> Points | None:
@@ -104,13 +101,12 @@ def _roots(field: Any) -> Points | None:
     if not a:
         return ({(float(-c / (2 * half_b)),)} if half_b else set()) if half_b or c else None
     middle, square = -half_b / a, (half_b * half_b - a * c) / (a * a)
-    if square <= 0:
-        return {(float(middle),)} if square == 0 else set()
-    digits = Context(prec=60)
+    if square < 0:
+        return set()
+    digits = Context(prec=500)  # more than sums of numbers from 1e-60 to 1e60 can lose
     quotient = digits.divide(Decimal(square.numerator), Decimal(square.denominator))
     root = Fraction(digits.sqrt(quotient))
-    larger = middle + root if middle >= 0 else middle - root  # where nothing cancels
-    return {(float(larger),), (float(c / a / larger),)}
+    return {(float(middle + each) + 0.0,) for each in (root, -root)}  # no -0.0
 
 
 def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:

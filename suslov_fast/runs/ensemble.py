@@ -22,10 +22,10 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..engine.arguments import RandomStarts, require
-from ..engine.stretches import Progress, check_progress, reporter
+from ..engine.arguments import RandomStarts, States, require
+from ..engine.stretches import March, Progress, Report, reporter
 from ..maps import map_of
-from .iterate import _begin, _counts, pieces
+from .iterate import begin, checked_counts
 from .trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -39,8 +39,9 @@ FORMAT, PENDING = 6, -128
 _CHUNK, _WORK, _FEWEST, _WAITING = 2**23, 2**31, 2**12, 4
 _ONE_AT_A_TIME = threading.Lock()
 
-Where = tuple[slice, ...]
-Run = dict[str, Any]  # the arguments of a run, or of a tile of it
+Where = tuple[slice, ...]  # a tile: a part of each axis of the batch
+Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
+Options = tuple[str, int, int | None, Functions]  # method, steps, save_every, functions
 
 
 def ensemble(
@@ -56,7 +57,7 @@ def ensemble(
     dims: str | Sequence[str] | None = None,
     coords: Mapping[Any, Any] | None = None,
     chunk: int | Mapping[str, int] | None = None,
-    functions: Mapping[str, Callable[[FloatArray], ArrayLike]] | None = None,
+    functions: Functions | None = None,
     client: "distributed.Client | None" = None,
     progress: Progress = None,
 ) -> "xarray.Dataset":
@@ -68,7 +69,7 @@ def ensemble(
     Parameters
     ----------
     body, eps, steps, save_every, method, attitude, progress
-        As in :func:`iterate`.
+        As in :func:`iterate`; progress counts the steps of all trajectories.
     omega0 : array_like(float, shape=(..., D)) or RandomStarts
         Initial states; memory maps and Dask arrays are read in parts, twice.
     store : str, path-like or Zarr store
@@ -91,10 +92,8 @@ def ensemble(
 
     Raises
     ------
-    ValueError
-        If the store holds other data, or another run: the message says what differs.
-    OSError
-        If the store cannot be written to, or exceeds the free space of its disk.
+    ValueError, OSError
+        If the store holds another run, or other data; if its disk has no space for it.
 
     Examples
     --------
@@ -106,25 +105,26 @@ def ensemble(
     ...     print(dict(runs.final.sizes), int((runs.status < 0).sum()))
     {'trajectory': 9, 'component': 2} 0
     """
-    check_progress(progress)
     if client is not None and not hasattr(client, "nthreads"):
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
-    given = _begin(body, RandomStarts((), 1.0), eps, method, attitude, None)[1]
+    threads = None if client is None else 1
+    _, whole = begin(body, RandomStarts((), 1.0), eps, method, attitude, threads)
     is_random = isinstance(omega0, RandomStarts)
     if not (is_random or isinstance(omega0, np.memmap) or hasattr(omega0, "dask")):
         omega0 = checks.states("omega0", omega0, body._labels)
     shape = omega0.shape if is_random else omega0.shape[:-1]
     if not is_random and (omega0.shape[-1:] != (body.dimension,) or np.isnan(shape).any()):
         raise wrong("omega0", f"known shape (..., {body.dimension})", omega0.shape)
-    batch = checks.common_shape({"omega0": shape, "the other arguments": given.batch})
-    steps, save_every = _counts(steps, save_every)
-    run = {"body": body, "omega0": omega0, "eps": given.eps, "steps": steps, "method": method}
-    run |= {"save_every": save_every, "attitude": given.orientation}
+    batch = checks.common_shape({"omega0": shape, "the other arguments": whole.batch})
     functions = functions or {}
     checks.instance("functions", functions, Mapping)
-    store, data = _resolved(store), _template(run, batch, functions, dims, coords)
-    _prepare(store, data, _sizes(data, chunk))
-    _compute_missing(run, functions, store, client, progress)
+    steps, save_every = checked_counts(steps, save_every)
+    run = whole._replace(omega=omega0, batch=batch), (method, steps, save_every, functions)
+    data, store = _template(*run, dims, coords), _resolved(store)
+    sizes, reports = _sizes(data, chunk), reporter(progress, math.prod(batch) * steps)
+    _prepare(store, data, sizes)
+    with reports as report:
+        _compute_missing(*run, store, client, report)
     return open_ensemble(store)
 
 
@@ -134,7 +134,7 @@ def open_ensemble(store: Any) -> "xarray.Dataset":
     Parameters
     ----------
     store : str, path-like or Zarr store
-        As in :func:`ensemble`.
+        As in :func:`ensemble`; FileNotFoundError if there is none.
 
     Returns
     -------
@@ -142,11 +142,6 @@ def open_ensemble(store: Any) -> "xarray.Dataset":
         Lazy, with the names of :meth:`Trajectories.to_xarray` and the functions; the attributes
         are the arguments of the run. What is not computed yet is NaN, and its `status` -128.
         Reading a damaged chunk is an error.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If there is nothing, or something else.
 
     Examples
     --------
@@ -173,24 +168,25 @@ def _resolved(store: Any) -> Any:
 
     checks.instance("store", store, (str, os.PathLike, Store))
     elsewhere = isinstance(store, Store) or "://" in os.fspath(store)
-    return store if elsewhere else os.path.abspath(store)
+    return store if elsewhere else Path(store).absolute()
 
 
-def _template(run: Run, batch: tuple[int, ...], functions: Any, dims: Any, coords: Any) -> Any:
+def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
     """Return the dataset of a run, with its arguments as attributes and nothing computed."""
-    body, every, D = run["body"], run["save_every"], run["body"].dimension
-    rows = 1 if every is None else run["steps"] // every + 1
+    (body, _, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
+    rows, D = 1 if every is None else steps // every + 1, body.dimension
     require(8 * rows, "raise save_every")
     fills: dict[str, Any] = {
         "states": np.broadcast_to(np.nan, (rows, *batch, D)),
         "final": np.broadcast_to(np.nan, (*batch, D)),
         "failed_at": np.broadcast_to(np.int64(PENDING), batch),
         "status": np.broadcast_to(np.int8(PENDING), batch),
+        "attitude": None,
     }
-    if run["attitude"] is not None:
+    if turns is not None:
         fills["attitude"] = np.broadcast_to(np.nan, (rows, *batch, D + 1, D + 1))
-    whole = {**run, "attitude": None, **fills, "_map": map_of(body)}
-    data = Trajectories._of(whole).to_xarray(dims, coords).drop_vars("time")
+    about = {"body": body, "eps": eps, "method": method, "steps": steps, "save_every": every}
+    data = Trajectories._of(fills | about).to_xarray(dims, coords).drop_vars("time")
     sources = {}
     for name, function in functions.items():
         if name in (*data.variables, "time"):
@@ -204,25 +200,25 @@ def _template(run: Run, batch: tuple[int, ...], functions: Any, dims: Any, coord
         data[name] = (("n", *data.status.dims), np.broadcast_to(np.nan, (rows, *batch)))
     if any("/" in str(name) for name in data.variables):
         raise wrong("dims, coords and functions", "names without /", ", ".join(map(str, data)))
-    for name in {map_of(body).variable, *fills, *functions} - {"states"}:
+    for name in {map_of(body).variable, *fills, *functions} & {*data}:
         data[name].encoding["fill_value"] = PENDING if data[name].dtype.kind == "i" else np.nan
-    return data.assign_attrs(_about(run, data, sources, coords))
-
-
-def _about(run: Run, data: Any, sources: dict[str, str], coords: Any) -> dict[str, Any]:
-    """Return the arguments of a run, which identify it, as attributes of its store."""
-    body = run["body"]
-    arrays = {**body._arrays, **body._coordinates, "eps": np.asarray(run["eps"])}
-    if run["attitude"] is not None:
-        arrays["attitude"] = run["attitude"]
-    about = {name: _described(name, each) for name, each in arrays.items()}
-    about["omega0"] = _described("omega0", run["omega0"], few=0)
     labels = {name: data[name].values.tolist() for name in coords or ()}
-    for name, entries in (("functions", sources), ("coords", labels)):
+    return data.assign_attrs(_about(whole, {"functions": sources, "coords": labels}, data))
+
+
+def _about(whole: States, texts: dict[str, Any], data: Any) -> dict[str, Any]:
+    """Return the arguments of a run, which identify it, as attributes of its store."""
+    body = whole.body
+    arrays = {**body._arrays, "eps": np.asarray(whole.eps)}
+    if whole.orientation is not None:
+        arrays["attitude"] = whole.orientation
+    about = {name: _described(name, each) for name, each in arrays.items()}
+    about["omega0"] = _described("omega0", whole.omega, few=0)
+    for name, entries in texts.items():
         digest = hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()
         about |= {name: f"{', '.join(entries)}, sha256 {digest}"} if entries else {}
-    about |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims), "format": FORMAT}
-    return about
+    dims = ", ".join(data.status.dims)
+    return about | {"body": type(body).__name__, "dims": dims, "format": FORMAT}
 
 
 def _described(name: str, array: Any, few: int = 1000) -> Any:
@@ -285,7 +281,7 @@ def _opened(store: Any) -> tuple[dict[str, Any], bool]:
         root = zarr.open_group(store, mode="r")
     except FileNotFoundError:
         return {}, False
-    if root.attrs and root.attrs.get("format") != FORMAT:
+    if root.attrs.get("format") != FORMAT:
         version = root.attrs.get("version") or root.attrs.get("source")
         of = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
         raise wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {of}")
@@ -302,22 +298,20 @@ def _prepare(store: Any, data: Any, sizes: dict[str, int]) -> None:
     if texts:
         received = f"{store} of another run: {'; '.join(texts)}"
         raise wrong("store", "a new name, or the store of this run", received)
-    if isinstance(store, str) and "://" not in store:
-        _require_space(Path(store), data)
+    if not stored and isinstance(store, Path):
+        _require_space(store, data)
     if not is_made:
         _create(store, data, sizes)
 
 
 def _require_space(folder: Path, data: Any) -> None:
-    """Raise an error if a folder holds other data, or its disk has no space for what it lacks."""
-    there = [path for path in folder.rglob("*") if path.suffix != ".partial"]
-    known = {"zarr.json", *map(str, data.variables)}
-    if others := {path.relative_to(folder).parts[0] for path in there} - known:
+    """Raise an error if a folder holds other data, or its disk has no space for a new store."""
+    there = {path.name for path in folder.glob("*") if path.suffix != ".partial"}
+    if others := there - {"zarr.json", *map(str, data.variables)}:  # which another process made
         raise wrong("store", "a new name or a store", f"{folder} with {min(others)} in it")
-    needed = data.nbytes - sum(path.stat().st_size for path in there if path.is_file())
     free = shutil.disk_usage(next(each for each in folder.parents if each.exists())).free
-    if needed > free:
-        received = f"{free:,} bytes, fewer than the {needed:,} of the run: raise save_every"
+    if data.nbytes > free:
+        received = f"{free:,} bytes, fewer than the {data.nbytes:,} of the run: raise save_every"
         raise OSError(errno.ENOSPC, f"expected space for the run, got {received}", str(folder))
 
 
@@ -351,42 +345,38 @@ def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
         zarr.consolidate_metadata(store)
 
 
-def _compute_missing(run: Run, functions: Any, store: Any, client: Any, progress: Progress) -> None:
+def _compute_missing(
+    whole: States, options: Options, store: Any, client: Any, report: Report | None
+) -> None:
     """Compute the tiles whose `status` is not in the store, here or on the workers of a client."""
     import zarr
 
     with zarr.config.set({"array.write_empty_chunks": True}):  # to look for them takes time
         arrays = dict(zarr.open_group(store, mode="r+").arrays())
-    status, steps = arrays["status"], run["steps"]
+    status, done = arrays["status"], 0
     axes = zip(status.shape, status.chunks, strict=True)
-    tiles = [*product(*([slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes))]
-    missing = (where for where in tiles if (np.asarray(status[where]) == PENDING).any())
-
-    def submit(where: Where) -> Any:
-        return client.submit(_compute, _tile(run, where), where, functions, arrays, pure=False)
-
-    with reporter(progress, len(tiles) * steps) as show:
+    tiles = product(*([slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes))
+    abreast = 1 if client is None else _WAITING * max(1, sum(client.nthreads().values()))
+    while group := [(where, np.asarray(status[where])) for where in islice(tiles, abreast)]:
+        missing = [where for where, found in group if (found == PENDING).any()]
+        jobs = [(_tile(whole, where), options, where, arrays) for where in missing]
         if client is None:
-            for done, where in enumerate(missing, start=1):
-                _compute(_tile(run, where), where, functions, arrays, None)
-                show(done * steps)
-            return
-        from distributed import as_completed
-
-        abreast = _WAITING * max(1, sum(client.nthreads().values()))
-        futures = as_completed(map(submit, islice(missing, abreast)))
-        for done, future in enumerate(futures, start=1):
-            future.result()
-            show(done * steps)
-            futures.update(map(submit, islice(missing, 1)))
+            for job in jobs:
+                _compute(*job)
+        else:
+            for future in [client.submit(_compute, *job, pure=False) for job in jobs]:
+                future.result()  # `gather` would log the tiles that an error cancels
+        done += sum(found.size for _, found in group)
+        if report is not None:
+            report(done * options[1])
 
 
-def _compute(tile: Run, where: Where, functions: Any, arrays: Any, threads: int | None = 1) -> None:
+def _compute(tile: States, options: Options, where: Where, arrays: Any) -> None:
     """Compute and write a tile, in pieces that fill a chunk, its `status` last."""
-    variable, row = map_of(tile["body"]).variable, 0
-    for piece in pieces(**tile, rows=arrays[variable].chunks[0], threads=threads):
-        saved, turns, march = piece
-        found = {variable: saved} if turns is None else {variable: saved, "attitude": turns}
+    (method, steps, every, functions), map, row = options, map_of(tile.body), 0
+    march, rows = March(map.methods[method], tile), arrays[map.variable].chunks[0]
+    for saved, turns in march.pieces(steps, every or 0, rows):
+        found = {map.variable: saved} if turns is None else {map.variable: saved, "attitude": turns}
         found |= {name: _values(name, f, saved) for name, f in functions.items()}
         for name, values in found.items():
             arrays[name][(slice(row, row + len(saved)), *where)] = values
@@ -395,18 +385,18 @@ def _compute(tile: Run, where: Where, functions: Any, arrays: Any, threads: int 
         arrays[name][where] = getattr(march, name)
 
 
-def _tile(run: Run, where: Where) -> Run:
-    """Return the run of a part of the batch, whose initial states are read."""
-    body, omega0, turns = run["body"], run["omega0"], run["attitude"]
+def _tile(whole: States, where: Where) -> States:
+    """Return a part of the batch, whose initial states are read."""
+    body, omega0, eps, *_, turns = whole
     for axis, part in enumerate(_along(body.shape, where)):
         body = body._part(axis, part)
     if isinstance(omega0, RandomStarts):
-        omega0 = omega0._part(_along(omega0.shape, where), run["body"].dimension)
+        omega0 = omega0._part(_along(omega0.shape, where), body.dimension)
     else:
-        omega0 = np.asarray(_cut(omega0, where, 1))
-    turns = False if turns is None else _cut(turns, where, 2)
-    eps = _cut(np.asarray(run["eps"]), where)
-    return {**run, "body": body, "omega0": omega0, "eps": eps, "attitude": turns}
+        omega0 = checks.states("omega0", np.asarray(_cut(omega0, where, 1)), body._labels)
+    turns = None if turns is None else _cut(turns, where, 2)
+    batch, eps = tuple(part.stop - part.start for part in where), _cut(np.asarray(eps), where)
+    return whole._replace(body=body, omega=omega0, eps=eps, batch=batch, orientation=turns)
 
 
 def _cut(array: Any, where: Where, own: int = 0) -> Any:

@@ -1,6 +1,5 @@
 """One step and many steps of the map of a body or a field."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -10,12 +9,12 @@ from numpy.typing import ArrayLike
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, instance, integer, one_of, wrong
 from ..core import quantities as formulas
-from ..engine.arguments import BodyOrField, RandomStarts, States, check, refuse_rotor
-from ..engine.status import ON_SINGULAR, OnSingular, report_failures
-from ..engine.stretches import March, Progress, check_progress
+from ..engine.arguments import BodyOrField, RandomStarts, States, check
+from ..engine.status import OnSingular, report_failures
+from ..engine.stretches import March, Progress
 from ..maps import Map, map_of
 from ..quantities.evaluation import reported
-from .trajectories import Trajectories
+from .trajectories import Trajectories, run_to_end
 
 Method = Literal["auto", "gauss", "rank2"]
 
@@ -110,13 +109,6 @@ def iterate(
     -------
     Trajectories
 
-    Raises
-    ------
-    MemoryError
-        If the result does not fit in memory.
-    SingularStepError
-        If `on_singular` is "raise" and a trajectory fails.
-
     Notes
     -----
     At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
@@ -134,43 +126,13 @@ def iterate(
     >>> orbit.final.round(6)
     array([ 0.873325, -1.093093])
     """
-    one_of("on_singular", on_singular, ON_SINGULAR)
-    check_progress(progress)
-    map, states = _begin(body, omega0, eps, method, attitude, threads)
-    steps, save_every = _counts(steps, save_every)
-    march = March(map.methods[method], states)
-    about = {"body": states.body, "eps": states.eps, "method": method, "_map": map}
-    run = Trajectories._at_end(about, march, steps, save_every, progress, out)
-    report_failures(run, on_singular)
-    return run
+    map, states = begin(body, omega0, eps, method, attitude, threads)
+    march, counts = March(map.methods[method], states), checked_counts(steps, save_every)
+    return run_to_end(march, method, *counts, on_singular, progress, out)
 
 
-def pieces(
-    body: BodyOrField,
-    omega0: ArrayLike | RandomStarts,
-    eps: ArrayLike,
-    steps: int,
-    *,
-    rows: int,
-    save_every: int | None = None,
-    method: str = "auto",
-    attitude: bool | ArrayLike = False,
-    threads: int | None = None,
-) -> Iterator[tuple[FloatArray, FloatArray | None, March]]:
-    """Yield at most `rows` saved states of a run at a time, orientations, and how far it came.
-
-    Failures are silent. The arrays of the march are written to by the next piece.
-    """
-    map, states = _begin(body, omega0, eps, method, attitude, threads)
-    march, every = March(map.methods[method], states), save_every or 0
-    last = steps // every if every else 0
-    for row in range(0, last + 1, rows):
-        end = row + rows
-        yield *march.to(steps if end > last else (end - 1) * every, every), march
-
-
-def _begin(
-    body: Any, omega0: Any, eps: Any, method: str, attitude: Any, threads: int | None
+def begin(
+    body: Any, omega0: Any, eps: Any, method: str, attitude: Any, threads: int | None = None
 ) -> tuple[Map, States]:
     """Return the map and the checked arguments of a run, of which it keeps copies."""
     map = map_of(body)
@@ -182,7 +144,7 @@ def _begin(
     return map, states if type(states.eps) is float else states._replace(eps=np.array(states.eps))
 
 
-def _counts(steps: int, save_every: int | None) -> tuple[int, int | None]:
+def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:
     """Return the checked numbers of steps, of the run and from one saved state to the next."""
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
@@ -199,12 +161,10 @@ def step_full(
 
     Parameters
     ----------
-    body : Suslov3D
-        A single one, or a batch.
+    body, eps
+        As in :func:`iterate`.
     omega : array_like(float, shape=(..., 3))
-        Angular velocities (Omega1, Omega2, Omega3); NaN where there is none.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of the angular velocities.
+        Angular velocities (Omega1, Omega2, Omega3).
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, positive; by default that of the body.
 
@@ -221,7 +181,6 @@ def step_full(
     >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
     array([ 0.9897  ,  0.406546, -0.1     ])
     """
-    refuse_rotor(body, "the three-component scheme", "iterate or flow")
     instance("body", body, Suslov3D)
     if I3 is not None:
         body = replace(body, I3=I3)
@@ -230,4 +189,4 @@ def step_full(
     labels = "Omega1", "Omega2", "Omega3"
     states = check(body, Suslov3D, {"omega": omega, "eps": eps}, components=labels)
     found = formulas.step_full(*body.parameters[:4], body.I3, states.eps, states.omega)
-    return reported(states, found, axes=1)
+    return reported(states, found)

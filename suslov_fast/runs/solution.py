@@ -16,10 +16,13 @@ from ..bodies.nd import SuslovND, check_known
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, real_number, warn, wrong
 from ..core import closed_form
-from ..engine.arguments import AnyBody, States, check, flat_arrays, parameters_of
+from ..engine.arguments import AnyBody, States, check, flat_arrays, parameters_of, require
 from ..engine.status import SingularStepWarning
-from ..engine.stretches import states_at
+from ..engine.threads import call_kernel
 
+# States in a call of the kernel, between which Python handles Ctrl-C; and costs of entering an
+# orbit, and of a state, in steps of the three-dimensional map.
+_SLICE, _ENTERING, _STATE = 2**21, 64, 8
 # Why orbits lack states, in the order of the flags of the closed form.
 _REASONS = (
     ("non-integer n, or |n| > 2**53, where t >= 1", RuntimeWarning),
@@ -36,17 +39,12 @@ def exact(
     Parameters
     ----------
     body : Suslov3D, SuslovND or SuslovGyrostat
-        A single one, or a batch.
-    omega0 : array_like(float, shape=(..., D))
-        State 0. The result is NaN where it is NaN.
-    eps : array_like(float, shape=(...))
-        Step size, in the unit of time of the angular velocities; a negative one is that of the
-        inverse map.
+        In n dimensions an integrable one; others raise :class:`NotIntegrableError`.
+    omega0, eps, threads
+        As in :func:`iterate`.
     n : array_like(float, shape=() or (N,))
         Indices of the states, positive or negative. For t < 1 (:func:`criticality`) n may be any
         real number, which gives a curve through the orbit; also for a gyrostat that is periodic.
-    threads : int, optional
-        Number of threads, by default Numba's. Results do not depend on it.
 
     Returns
     -------
@@ -54,11 +52,6 @@ def exact(
         The states. They are NaN directly after a pole, with a :class:`SingularStepWarning`; and,
         with a `RuntimeWarning`, for non-integer n and for ``|n| > 2**53`` if t >= 1, and where
         the dimensionless X, Y or K is above 1e8 (then use :func:`iterate`).
-
-    Raises
-    ------
-    NotIntegrableError
-        If no closed form is known for the body; in three dimensions there always is one.
 
     Notes
     -----
@@ -167,20 +160,26 @@ def _times(name: str, value: Any) -> FloatArray:
     return times
 
 
-def _states_at(name: str, given: States, times: FloatArray) -> FloatArray:
+def _states_at(name: str, whole: States, times: FloatArray) -> FloatArray:
     """Return states of the map or the flow at given times, and warn of those that are missing."""
-    plane, leave = _in_plane(name, given)
+    plane, leave = _in_plane(name, whole)
     body, omega, eps, batch, threads, *_ = plane
-    flat, moments = flat_arrays(omega, batch), times.reshape(-1)
-    parameters = parameters_of(body, eps, batch)
-    states, reasons = states_at(parameters, flat, name == "exact", moments, threads)
+    flat, all_times = flat_arrays(omega, batch), times.reshape(-1)
+    given = parameters_of(body, eps, batch), flat, float(name == "exact")
+    require(8 * times.size * flat.size, "compute fewer states at a time")
+    states, reasons = np.empty((times.size, *flat.shape)), np.zeros((3, len(flat)), bool)
+    rows = max(_SLICE // max(len(flat), 1), 1)
+    for row in range(0, times.size, rows):
+        some = all_times[row : row + rows]
+        work = len(flat) * (_ENTERING + _STATE * len(some))
+        call_kernel(closed_form.states, work, threads, *given, some, states[row:], reasons)
     if reasons.any():
         for flags, (what, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():
                 warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {what}", category)
     states = leave(states.reshape(*times.shape, *batch, 2))
-    if isinstance(given.body, SuslovND):
-        states[times == 0.0] = given.omega
+    if isinstance(whole.body, SuslovND):
+        states[times == 0.0] = whole.omega
     return states
 
 

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from ..checks import instance, wrong
 from ..engine.status import Status
-from ..maps import body_from_dict, map_named
+from ..maps import body_from_dict
 
 PathLike = str | os.PathLike[str]
 
-FORMAT = 6
+FORMAT = 7
 # What NumPy, zipfile and json raise for files that are something else.
 _DAMAGE = KeyError, AttributeError, TypeError, ValueError, EOFError, zipfile.BadZipFile, zlib.error
 _ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"
@@ -66,7 +66,7 @@ def load(path: PathLike) -> dict[str, Any]:
             how = f"one of suslov_fast {written['version']}: compute the run again"
             raise wrong("format", f"{FORMAT}, that of this version", how)
         run: dict[str, Any] = {each: found.get(each) for each in _ARRAYS}
-        run |= {each: about[each] for each in _NUMBERS} | {"_map": map_named(about["map"])}
+        run |= {each: about[each] for each in _NUMBERS}
         body, eps = body_from_dict(json.loads(str(found["body"]))), found["eps"]
         rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
         shape = rows, *run["status"].shape, body.dimension
@@ -129,8 +129,7 @@ def _parameters(run: Any) -> dict[str, NDArray[Any]]:
     """Return eps and the parameters of the body, with an axis for each of the batch first."""
     body = run.body
     found = [("eps", np.asarray(run.eps), 0)]
-    found += [(name, array, body._axes(name)) for name, array in body._arrays.items()]
-    found += [(name, array, 0) for name, array in body._coordinates.items()]
+    found += [(name, array, body._axes.get(name, 0)) for name, array in body._arrays.items()]
     count = run.status.ndim
     return {
         name: array.reshape((1,) * (count + own - array.ndim) + array.shape)

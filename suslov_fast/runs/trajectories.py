@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from importlib import import_module
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, integer, one_of
 from ..engine.arguments import BodyOrField, States, checked_out, thread_count
 from ..engine.status import ON_SINGULAR, OnSingular, report_failures
-from ..engine.stretches import March, Progress, check_progress, reporter
-from ..maps import Map
+from ..engine.stretches import March, Progress, reporter
+from ..maps import Map, map_of
 
 if TYPE_CHECKING:
     import xarray
@@ -25,9 +26,7 @@ if TYPE_CHECKING:
 _FUNCTIONS = "first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction"
 
 
-def _quantity(
-    name: str, shape: str = "(n_saved, ...)", with_eps: bool = True
-) -> Callable[[Trajectories], FloatArray]:
+def _quantity(name: str, with_eps: bool = True) -> Callable[[Trajectories], FloatArray]:
     """Return the method that evaluates a public function for the saved states."""
 
     def method(self: Trajectories) -> FloatArray:
@@ -36,8 +35,7 @@ def _quantity(
         return values
 
     method.__name__, method.__qualname__ = name, f"Trajectories.{name}"
-    arguments = "the saved states and eps" if with_eps else "the saved states"
-    method.__doc__ = f"Return :func:`suslov_fast.{name}` of {arguments}, shape {shape}."
+    method.__doc__ = f"Return :func:`suslov_fast.{name}` of the saved states, shape (n_saved, ...)."
     return method
 
 
@@ -61,22 +59,14 @@ class Trajectories:
     states : ndarray(float, shape=(n_saved, ..., D))
         The saved states; NaN from the first nonexistent state on. ``run.omega``, or ``run.x`` for
         a field, and ``np.asarray(run)`` are the same array.
-    eps : float or ndarray(float, shape=(...))
-        The step size, in the unit of time of the states.
-    body
-        The body or field.
+    body, eps, method, steps, save_every
+        The arguments of :func:`iterate`; `steps` with those of :meth:`extend`.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
         The index of the first state that does not exist, or -1.
     final : ndarray(float, shape=(..., D))
         The state after the last step, even if not saved.
-    method : str
-        The method that was asked for.
-    steps : int
-        The number of steps.
-    save_every : int or None
-        The states 0, k, 2k, ... were saved, or only the last.
     attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
         The orientations of the body at the saved states, if requested.
 
@@ -106,7 +96,6 @@ class Trajectories:
     steps: int
     save_every: int | None
     attitude: FloatArray | Any = None  # with `Any`, callers need no test of None
-    _map: Map = field(kw_only=True)
     # What `extend` goes on from, beside the last state: numbers (B, C) and orientations (B, n, n).
     # `dataclasses.replace` makes a run without them.
     _carry: FloatArray | None = field(init=False, default=None, compare=False)
@@ -117,47 +106,6 @@ class Trajectories:
         run = cls.__new__(cls)
         object.__setattr__(run, "__dict__", attributes)  # faster than a call of the class
         return run
-
-    @classmethod
-    def _at_end(
-        cls,
-        about: dict[str, Any],
-        march: March,
-        steps: int,
-        save_every: int | None,
-        progress: Progress = None,
-        out: FloatArray | None = None,
-        earlier: Trajectories | None = None,
-    ) -> Trajectories:
-        """Let a march go on to state `steps`; return its run, with the states of `earlier`.
-
-        `about` are the attributes of the run that do not change on the way.
-        """
-        start, every = max(march.n, 0), save_every or 0
-        if out is not None:  # which may overlap state 0
-            rows = steps // every + 1 if every else 1
-            out = checked_out(out, (rows, *march.final.shape))
-            march.omega0 = march.omega0.copy()
-        if progress:
-            with reporter(progress, steps - start) as report:
-                saved, turns = march.to(steps, every, out, lambda n: report(n - start))
-        else:  # a context would take a tenth of a small call
-            saved, turns = march.to(steps, every, out)
-        if every and earlier is not None:
-            saved = np.concatenate([earlier.states, saved])
-            turns = None if turns is None else np.concatenate([earlier.attitude, turns])
-        found = {
-            "states": saved,
-            "status": march.status,
-            "failed_at": march.failed_at,
-            "final": march.final,
-            "steps": steps,
-            "save_every": save_every,
-            "attitude": turns,
-            "_carry": march.carry,
-            "_turned": march.turned,
-        }
-        return cls._of(about | found)
 
     def extend(
         self,
@@ -179,12 +127,8 @@ class Trajectories:
         Returns
         -------
         Trajectories
-            A new object, whose arrays also hold the states of this one.
-
-        Raises
-        ------
-        ValueError
-            If this is a copy with other attributes, which lacks what is needed to go on.
+            A new object, whose arrays also hold the states of this one. A copy made by
+            `dataclasses.replace` lacks what is needed to go on: a ValueError.
 
         Examples
         --------
@@ -196,19 +140,18 @@ class Trajectories:
         """
         if self._carry is None:
             raise ValueError("extend: expected a run of iterate or Trajectories.load, got a copy")
-        one_of("on_singular", on_singular, ON_SINGULAR)
-        check_progress(progress)
-        whole, batch = self.steps + integer("steps", steps, 0), self.status.shape
+        total, batch = self.steps + integer("steps", steps, 0), self.status.shape
         states = States(self.body, self.final, self.eps, batch, thread_count(threads))
         march = March(self._map.methods[self.method], states)
-        march.n, march.carry, march.final = self.steps, self._carry.copy(), self.final.copy()
-        march.status, march.failed_at = self.status.copy(), self.failed_at.copy()
-        march.turned = None if self._turned is None else self._turned.copy()
-        about = {name: getattr(self, name) for name in ("body", "eps", "method", "_map")}
-        options = whole, self.save_every, progress
-        run = Trajectories._at_end(about, march, *options, earlier=self)
-        report_failures(run, on_singular, self.steps + 1)
-        return run
+        march.n, march.carry, march.turned = self.steps, self._carry.copy(), copy(self._turned)
+        march.final, march.status = self.final.copy(), self.status.copy()
+        march.failed_at = self.failed_at.copy()
+        about = self.method, total, self.save_every
+        return run_to_end(march, *about, on_singular, progress, earlier=self)
+
+    @property
+    def _map(self) -> Map:
+        return map_of(self.body)
 
     omega = _states("omega", "angular velocities")
     x = _states("x", "those of a field")
@@ -261,8 +204,8 @@ class Trajectories:
     energy = _quantity("energy", with_eps=False)
     modified_energy = _quantity("modified_energy")
     criticality = _quantity("criticality")
-    to_xy = _quantity("to_xy", "(n_saved, ..., 2)", with_eps=False)
-    reaction = _quantity("reaction", "(n_saved, ...) or (n_saved, ..., n - 1, n - 1)")
+    to_xy = _quantity("to_xy", with_eps=False)
+    reaction = _quantity("reaction")
 
     def plot(
         self, *, components: tuple[int, int] = (0, 1), lines: bool | None = None, ax: Any = None
@@ -340,6 +283,48 @@ class Trajectories:
             f"Trajectories({self._map.variable}: {self.states.shape}, n: {steps}, eps: {eps}, "
             f"failed: {failed} of {self.status.size})"
         )
+
+
+def run_to_end(
+    march: March,
+    method: str,
+    steps: int,
+    save_every: int | None,
+    on_singular: OnSingular,
+    progress: Progress,
+    out: FloatArray | None = None,
+    earlier: Trajectories | None = None,
+) -> Trajectories:
+    """Let a march go on to state `steps`; return its run, with the states of an earlier one."""
+    one_of("on_singular", on_singular, ON_SINGULAR)
+    start, every = march.n, save_every or 0
+    reports = reporter(progress, steps - start)
+    if out is not None:  # which may overlap state 0
+        rows = steps // every + 1 if every else 1
+        out = checked_out(out, (rows, *march.final.shape))
+        march.omega0 = march.omega0.copy()
+    with reports as report:
+        saved, turns = march.to(steps, every, out, report)
+    if every and earlier is not None and start > 0:
+        saved = np.concatenate([earlier.states, saved])
+        turns = None if turns is None else np.concatenate([earlier.attitude, turns])
+    found = {
+        "states": saved,
+        "eps": march.states.eps,
+        "body": march.states.body,
+        "status": march.status,
+        "failed_at": march.failed_at,
+        "final": march.final,
+        "method": method,
+        "steps": steps,
+        "save_every": save_every,
+        "attitude": turns,
+        "_carry": march.carry,
+        "_turned": march.turned,
+    }
+    run = Trajectories._of(found)
+    report_failures(run, on_singular, start + 1 if earlier else 0)
+    return run
 
 
 def _equal(a: Any, b: Any) -> bool:

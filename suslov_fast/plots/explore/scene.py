@@ -1,4 +1,4 @@
-"""What the page shows: parameters in its address, and all numbers, by public functions, as JSON."""
+"""What the page shows: parameters in its address, and all numbers, by public functions."""
 
 import math
 import warnings
@@ -12,11 +12,11 @@ from ... import __version__
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
 from ...checks import real_number, states, wrong
 from ...engine.status import Status
-from ...quantities.conserved import criticality, energy, first_integral
+from ...quantities.conserved import rotation_number
 from ...quantities.derivatives import vector_field
 from ...runs.iterate import iterate
 from ...runs.solution import flow, limits
-from ...space import scattering_angle, to_vector
+from ...space import scattering_angle
 from ..animation import ellipsoid
 from ..phase import BodyIn3D, Plane
 
@@ -25,14 +25,14 @@ PAGE = Path(__file__).with_name("page")
 _MOST_STEPS = 5000
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
-# Orbits of a portrait: levels, steps, phase from the line of steady states.
-_LEVELS, _LONGEST_ORBIT, _OFFSET = 10, 300, 0.07
+# A portrait has so many levels, and orbits of so many steps from their middle.
+_LEVELS, _STEPS = 10, 150
 # Below this criticality the rates of map and flow differ by less than a third of a percent.
 _FOLLOWS = 0.1
 
 
 class Parameters(NamedTuple):
-    """Numbers, by their names in the address of the page."""
+    """What is in the address of the page: numbers by name, and what it shows."""
 
     I1: float
     I2: float
@@ -44,7 +44,7 @@ class Parameters(NamedTuple):
     Omega2: float
     steps: int
     extent: float = 4.0
-    portrait: float = 0.0
+    show: str = "F energy"
 
     @property
     def body(self) -> BodyIn3D:
@@ -53,18 +53,17 @@ class Parameters(NamedTuple):
 
 
 def parse_query(query: str) -> Parameters:
-    """Return the parameters in a query, each once, beside what it `show`s."""
-    needed = Parameters._fields[:-2]
-    pairs = [each for each in parse_qsl(query, keep_blank_values=True) if each[0] != "show"]
-    values: dict[str, Any] = {}
-    for name, text in pairs:
+    """Return the parameters in a query, each once."""
+    pairs = parse_qsl(query, keep_blank_values=True)
+    values: dict[str, Any] = dict(pairs)
+    needed, got = Parameters._fields[:-2], [name for name, _ in pairs]
+    if len(values) < len(got) or not {*needed} <= values.keys() <= {*Parameters._fields}:
+        raise wrong("parameters", f"each of {', '.join(needed)} once", ", ".join(got) or "none")
+    for name in values.keys() - {"show"}:
         try:
-            values[name] = real_number(name, float(text))
+            values[name] = real_number(name, float(values[name]))
         except ValueError as error:
-            raise wrong(name, "a number", repr(text)) from error
-    if len(values) < len(pairs) or not {*needed} <= values.keys() <= {*Parameters._fields}:
-        got = ", ".join(name for name, _ in pairs) or "none"
-        raise wrong("parameters", f"each of {', '.join(needed)} once", got)
+            raise wrong(name, "a number", repr(values[name])) from error
     steps = values["steps"]
     if steps not in range(1, _MOST_STEPS + 1):
         raise wrong("steps", f"an integer from 1 to {_MOST_STEPS}", f"{steps:g}")
@@ -86,7 +85,9 @@ def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
 def answer(query: str) -> Any:
     """Return the numbers for a query, or a message that the page shows."""
     try:
-        return scene(parse_query(query))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return _json_values(_scene(parse_query(query)))
     except (ValueError, ArithmeticError) as error:
         # A message begins with the names of the fields that it is about.
         named = str(error).partition(":")[0].split(", ")
@@ -94,51 +95,37 @@ def answer(query: str) -> Any:
         return {"error": str(error), "fields": fields}
 
 
-def scene(parameters: Parameters) -> Any:
-    """Return all numbers of the page; ValueError for an invalid body."""
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return _json_values(_scene(parameters))
-
-
 def _scene(parameters: Parameters) -> dict[str, Any]:
     body, eps, steps = parameters.body, parameters.eps, parameters.steps
-    plane, start = Plane(*parameters[:6]), [parameters.Omega1, parameters.Omega2]
+    plane, start = Plane(body, eps), [parameters.Omega1, parameters.Omega2]
     run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
     status = Status(int(run.status))
-    F = first_integral(body, run.omega, eps)
-    E = energy(body, start)
-    t = float(criticality(body, start, eps))
+    failed_at = int(run.failed_at) if status < 0 else None
+    F, t = run.first_integral(), float(run.criticality()[0])
     before, after = limits(body, start, eps)
-    R = 2.0 * float(np.sqrt(plane.I1 * plane.I2 * F[0]))
+    R = 2.0 * float(np.sqrt(body.I1 * body.I2 * F[0]))
     return {
         "version": __version__,
         "parameters": parameters._asdict(),
-        "time": list(run.time),
         "omega": run.omega,
         "flow": flow(body, start, run.time),
         "attitude": run.attitude.reshape(-1, 9),
-        "spatial": to_vector(body, run.omega, attitude=run.attitude),
-        "line": _line(plane),
+        "line": plane.steady_line() if plane.g else None,
         "levels": {
             "F": plane.level(R, _REACH) if R > 0 else [],
-            "energy": plane._replace(eps=0.0).level(math.sqrt(2.0 * E))[0],
+            "energy": Plane(body, 0.0).level(plane.radius(start))[0],
         },
-        "portrait": _portrait(parameters, plane) if parameters.portrait else None,
+        "portrait": _portrait(plane, parameters),
         "ellipsoid": ellipsoid(body),
-        "regime": _regime(parameters, plane, t, status),
-        "status": {
-            "name": status.name,
-            "message": status.message,
-            "failed_at": int(run.failed_at) if status < 0 else None,
-        },
+        "regime": _regime(body, start, eps, t, status),
+        "status": {"name": status.name, "message": status.message, "failed_at": failed_at},
         "numbers": {
             "criticality": t,
             # How many times faster than the flow the map tends to the last steady state.
             "ahead": math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else None,
             "F": F[0],
             "drift": np.fmax.reduce(abs(F / F[0] - 1.0)),
-            "energy": E,
+            "energy": run.energy()[0],
             "scattering_angle": scattering_angle(body) if isinstance(body, Suslov3D) else None,
             "I3": Suslov3D(*parameters[:4]).admissible_I3(),
             "omega_minus": before,
@@ -152,46 +139,32 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     }
 
 
-def _line(plane: Plane) -> dict[str, Any] | None:
-    """The line of steady states, if there is one: its middle and the directions of its halves."""
-    if not plane.g:
-        return None
-    middle, repelling = plane.steady_line()
-    return {"middle": middle, "repelling": repelling, "attracting": -repelling}
-
-
-def _regime(parameters: Parameters, plane: Plane, t: float, status: Status) -> str:
+def _regime(body: BodyIn3D, start: list[float], eps: float, t: float, status: Status) -> str:
     """The name of the regime, which agrees with the status."""
-    if plane.eps == 0:
+    if eps == 0:
         return "still"
     if not math.isfinite(t) or status == Status.NONFINITE:
         return "unknown"
-    if not vector_field(parameters.body, parameters[6:8]).any():
+    if not vector_field(body, start).any():
         return "steady"
     if status == Status.SINGULAR:
         return "pole"
-    if abs(plane.e * plane.k) > abs(t):
+    if rotation_number(body, start, eps):
         return "rotor"
     if abs(t) >= 1:
-        return "at" if abs(t) == 1 and plane.k == 0 else "above"
+        return "at" if abs(t) == 1 and isinstance(body, Suslov3D) else "above"
     return "ahead" if abs(t) > _FOLLOWS else "below"
 
 
-def _portrait(parameters: Parameters, plane: Plane) -> dict[str, Any] | None:
-    """Orbits on levels that fill the view, from both sides of a repelling steady state."""
-    eps = plane.eps
-    if eps == 0 or not (plane.g or plane.k):
+def _portrait(plane: Plane, parameters: Parameters) -> dict[str, Any] | None:
+    """Levels that fill the view, and orbits on them, if they are shown and something moves."""
+    if "portrait" not in parameters.show or not (parameters.eps and (plane.g or parameters.k)):
         return None
-    largest = plane.radius([parameters.extent] * 2)
-    starts, levels = [], []
-    for R in largest * np.arange(1, _LEVELS + 1) / _LEVELS:
-        start = -math.copysign(plane.meeting_phase(R), eps)
-        starts.append(plane.on_level(R, np.array([start + _OFFSET, start - _OFFSET])))
-        levels += plane.level(R, _REACH)
-    steps = min(parameters.steps, _LONGEST_ORBIT)
-    options: Any = {"on_singular": "ignore", "threads": 1}
-    orbits = iterate(parameters.body, np.concatenate(starts), eps, steps, **options)
-    return {"levels": levels, "orbits": list(np.moveaxis(orbits.omega, 1, 0))}
+    radii = plane.radius([parameters.extent] * 2) * np.arange(1, _LEVELS + 1) / _LEVELS
+    return {
+        "levels": [branch for R in radii for branch in plane.level(R, _REACH)],
+        "orbits": [orbit for R in radii for orbit in plane.orbits(R, _STEPS)],
+    }
 
 
 def _json_values(value: Any) -> Any:

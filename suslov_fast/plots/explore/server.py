@@ -41,7 +41,7 @@ class Server(ThreadingTCPServer):
         super().process_request(request, client_address)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer a request in its thread."""
+        """Answer a request in its thread, and let the next one have a thread."""
         try:
             super().process_request_thread(request, client_address)
         finally:
@@ -70,19 +70,16 @@ class _Handler(SimpleHTTPRequestHandler):
             self.send_error(400)
         elif foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
             self.send_error(403)
-        elif path == "/scene":
-            return self._numbers(query)
-        else:
+        elif path != "/scene":
             return super().send_head()
+        else:
+            text = json.dumps(answer(query), allow_nan=False, separators=(",", ":")).encode()
+            self.send_response(200)
+            self.send_header("Content-Type", "application/json")
+            self.send_header("Content-Length", str(len(text)))
+            self.end_headers()
+            return io.BytesIO(text)
         return None
-
-    def _numbers(self, query: str) -> io.BytesIO:
-        text = json.dumps(answer(query), allow_nan=False, separators=(",", ":")).encode()
-        self.send_response(200)
-        self.send_header("Content-Type", "application/json")
-        self.send_header("Content-Length", str(len(text)))
-        self.end_headers()
-        return io.BytesIO(text)
 
     def end_headers(self) -> None:
         """Let the browser keep nothing, and refuse whatever the page would load from elsewhere."""
@@ -146,10 +143,8 @@ def explore(
         A single body.
     omega0 : array_like(float, shape=(2,))
         Initial angular velocity (Omega1, Omega2).
-    eps : float
-        Step size.
-    steps : int
-        Number of steps, from 1 to 5000.
+    eps, steps : float, int
+        As in :func:`iterate`, with at most 5000 steps.
 
     Returns
     -------

@@ -120,7 +120,7 @@ export function fromQuery(text) {
   for (const box of document.querySelectorAll("#show input"))
     box.checked = state.shown.has(box.value);
   const extent = Number(given.get("extent")) || first.extent;
-  for (const name of ["show", "extent", "portrait"]) given.delete(name);
+  for (const name of ["show", "extent"]) given.delete(name);
   const found = [...given].map(([name, value]) => [name, tidy(value)]);
   // An address that has some parameters and not others is refused by Python, in its words.
   choose({ ...(found.length ? { k: 0, ...Object.fromEntries(found) } : first), extent });

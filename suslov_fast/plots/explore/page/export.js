@@ -143,8 +143,8 @@ function savePng() {
 
 // Numbers in the digits that give them back exactly; states that do not exist are left out.
 function csv() {
-  const { omega, time } = state.scene, lines = ["n,time,Omega1,Omega2"];
-  omega.forEach((row, n) => row && lines.push([n, time[n], ...row].join(",")));
+  const { omega, parameters } = state.scene, lines = ["n,time,Omega1,Omega2"];
+  omega.forEach((row, n) => row && lines.push([n, n * parameters.eps, ...row].join(",")));
   return `${lines.join("\n")}\n`;
 }
 

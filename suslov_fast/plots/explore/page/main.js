@@ -27,14 +27,14 @@ function asking(transport) {
     if (busy) return;
     busy = true;
     document.documentElement.dataset.busy = "";
-    const begun = Date.now(), wanted = query(), portrait = Number(state.shown.has("portrait"));
+    const begun = Date.now();
     const clock = setInterval(() => {
       const { words, lost } = transport.waiting(Math.round((Date.now() - begun) / 1000));
       if (lost) complain(words);
       else say(words, true);
     }, 1000);
     try {
-      const found = await transport.scene(`${wanted}&portrait=${portrait}`);
+      const found = await transport.scene(query());
       if (found.error) complain(found.error, found.fields);
       else receive(found);
     } catch (error) {

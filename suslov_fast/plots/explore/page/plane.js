@@ -56,12 +56,10 @@ function paintLevels(pen, at) {
 }
 
 function paintLine(pen, at, far) {
-  const { line } = state.scene;
-  if (!line) return;
-  for (const [half, dash] of [["repelling", [8, 6]], ["attracting", []]]) {
-    const end = line.middle.map((each, k) => each + far * line[half][k]);
-    stroke(pen, [at(line.middle), at(end)], colours.line, 2.6, dash);
-  }
+  if (!state.scene.line) return;
+  const [[u, v], [du, dv]] = state.scene.line; // its middle, and where the half leads that repels
+  for (const [way, dash] of [[far, [8, 6]], [-far, []]])
+    stroke(pen, [at([u, v]), at([u + way * du, v + way * dv])], colours.line, 2.6, dash);
 }
 
 function paintOrbit(pen, at, moving) {

@@ -31,7 +31,7 @@ function seen([x, y, z]) {
 export function drawSpace() {
   const { pen, width, height } = surface(byId("space"));
   const R = state.scene && orientation(state.moment, state.share);
-  byId("legend-omega").hidden = !(R && velocity());
+  byId("legend-omega").hidden = !(R && velocity(R));
   if (!R) return;
   const scale = Math.min(width, height) / 3.25;
   const at = ([right, up]) => [width / 2 + right * scale, height / 2 - up * scale];
@@ -57,16 +57,16 @@ function tips(R) {
   const names = ["e₁", "e₂", "a"], inks = [colours.text, colours.text, colours.line];
   const arrows = AXES.map((axis, k) =>
     ({ tip: seen(scaled(times(R, axis), TIP)), name: names[k], colour: inks[k] }));
-  const omega = velocity();
+  const omega = velocity(R);
   if (omega) arrows.push({ tip: seen(scaled(omega, TIP)), name: "Ω", colour: colours.omega });
   return arrows;
 }
 
 // The angular velocity as a part of the largest one; null if there is none.
-function velocity() {
-  const { spatial } = state.scene, now = spatial[Math.min(state.moment, last())];
-  const most = Math.max(...spatial.map((each) => (each ? Math.hypot(...each) : 0)));
-  return now && most > 0 ? scaled(now, 1 / most) : null;
+function velocity(R) {
+  const { omega } = state.scene, now = omega[Math.min(state.moment, last())];
+  const most = Math.max(...omega.map((each) => (each ? Math.hypot(...each) : 0)));
+  return now && most > 0 ? scaled(times(R, [...now, 0]), 1 / most) : null;
 }
 
 function drawArrow(pen, at, { tip, name, colour }, front, R) {

@@ -33,7 +33,7 @@ SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 def lanes_of(D, count):
     """Return how many trajectories go side by side: the matrices stay in the caches."""
     lanes = 128 if D <= 8 else 64 if D <= 24 else 32
-    return min(lanes, (count + 7) // 8 * 8)
+    return min(lanes, (max(count, 1) + 7) // 8 * 8)
 
 
 @inlined

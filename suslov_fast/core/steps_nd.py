@@ -48,7 +48,7 @@ FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 @formula
 def lanes_of(m, count):
     """Return how many trajectories go side by side."""
-    return min(LANES if m <= 24 else LANES // 2, (count + 7) // 8 * 8)
+    return min(LANES if m <= 24 else LANES // 2, (max(count, 1) + 7) // 8 * 8)
 
 
 @formula

@@ -42,7 +42,7 @@ class Body:
 
     @cached_property
     def _parts(self) -> dict[str, Any]:
-        """What describes the body, by name: numbers and arrays, of a field exact ones."""
+        """The parameters by name: numbers and arrays, which are exact for a single field."""
         named = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in named.items() if value is not None}
 

@@ -1,4 +1,4 @@
-"""What the page shows: parameters in its address, and all numbers, by public functions."""
+"""Contents of the page: parameters from its address, and all numbers, by public functions."""
 
 import math
 import warnings
@@ -32,7 +32,7 @@ _FOLLOWS = 0.1
 
 
 class Parameters(NamedTuple):
-    """What is in the address of the page: numbers by name, and what it shows."""
+    """Parameters in the address of the page: numbers by name, and the names of what it shows."""
 
     I1: float
     I2: float

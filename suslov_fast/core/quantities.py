@@ -320,7 +320,7 @@ def vector_field_nd(J, I, eps, w, out):
 
 
 @universal("(d),(d),(d),(d)->(d,d)")
-def reaction_nd(J, I, w, after, out):
+def reaction_between(J, I, w, after, out):
     """I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2.
 
     s, the field with polarised products, is (after - w) / eps; `after` is w in continuous motion.

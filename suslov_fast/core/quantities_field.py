@@ -117,7 +117,7 @@ def matrix(places, values, eps, x, out):
 
 
 @universal(FIELD + "(b)")
-def density(places, values, eps, x, out):
+def invariant_density(places, values, eps, x, out):
     """1 / det A, infinite where the determinant is 0 to rounding."""
     block, D = memory_of(places, x), x.shape[1]
     terms, states, fixed, half, a = block

@@ -1,19 +1,18 @@
 """Conserved quantities, the invariant measure, and the coordinates and constants of Section 4."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.base import Body
-from ..bodies.nd import SuslovND, check_known
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, refuse, wrong
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
 from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
 from ..maps import states_after
-from .evaluation import by_terms, evaluate, terms_of
+from .evaluation import by_terms, evaluate
 
 
 def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
@@ -35,20 +34,11 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    in_3d, in_nd = formulas.energy, formulas.energy_nd
-    return evaluate(body, Body, {"omega": omega}, in_3d, in_nd, _hamiltonian)
+    return evaluate("energy", body, Body, _hamiltonian, omega=omega)
 
 
 def _hamiltonian(states: States) -> FloatArray:
-    return by_terms(fields.energy, states, _terms_of_hamiltonian(states.body))
-
-
-def _terms_of_hamiltonian(body: Any) -> Any:
-    H = body.field().H
-    if H is None:
-        expected = "a field with a Hamiltonian, made by QuadraticField.from_hamiltonian"
-        raise wrong("body", expected, "one without", TypeError)
-    return H.terms
+    return by_terms(fields.energy, states, states.body.field().H.terms)
 
 
 def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -79,10 +69,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
     >>> first_integral(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(9)
     array([0.26534473, 0.26534473])
     """
-    if isinstance(body, SuslovND):
-        check_known(body, "first_integral")
-    given, in_nd = {"omega": omega, "eps": eps}, formulas.first_integral_nd
-    return evaluate(body, AnyBody, given, formulas.first_integral, in_nd)
+    return evaluate("first_integral", body, AnyBody, omega=omega, eps=eps)
 
 
 def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -111,12 +98,11 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
     >>> modified_energy(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(6)
     array([2.122758, 2.122758])
     """
-    given, in_nd = {"omega": omega, "eps": eps}, formulas.modified_energy_nd
-    return evaluate(body, Body, given, formulas.modified_energy, in_nd, _modified_hamiltonian)
+    return evaluate("modified_energy", body, Body, _modified_hamiltonian, omega=omega, eps=eps)
 
 
 def _modified_hamiltonian(states: States) -> FloatArray:
-    places, values = _terms_of_hamiltonian(states.body)  # symmetric: x_next in each of the places
+    places, values = states.body.field().H.terms  # symmetric: x_next in each of the places
     terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)
     return by_terms(fields.cubic_form, states, terms, states_after(states))
 
@@ -145,10 +131,7 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    if isinstance(body, SuslovND):
-        check_known(body, "criticality")
-    given, in_nd = {"omega": omega, "eps": eps}, formulas.criticality_nd
-    return evaluate(body, AnyBody, given, formulas.criticality, in_nd)
+    return evaluate("criticality", body, AnyBody, omega=omega, eps=eps)
 
 
 def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -176,7 +159,7 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatAr
     >>> rotation_number(body, [1.1, -0.4], eps=0.35).round(6)
     array([0.      , 0.      , 0.043038])
     """
-    return evaluate(body, BodyIn3D, {"omega": omega, "eps": eps}, formulas.rotation_number)
+    return evaluate("rotation_number", body, BodyIn3D, omega=omega, eps=eps)
 
 
 def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -208,16 +191,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     >>> float(invariant_density(body, [1.0, 0.5], eps=0.2).round(9))
     -0.096052391
     """
-    if isinstance(body, SuslovND):
-        check_known(body, "invariant_density")
-    given, in_nd = {"omega": omega, "eps": eps}, formulas.invariant_density_nd
-    in_3d = formulas.invariant_density
-    return evaluate(body, Body, given, in_3d, in_nd, _density_of_field, poles=True)
-
-
-def _density_of_field(states: States) -> FloatArray:
-    _terms_of_hamiltonian(states.body)  # there has to be one
-    return by_terms(fields.density, states, terms_of(states.body))
+    return evaluate("invariant_density", body, Body, poles=True, omega=omega, eps=eps)
 
 
 def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
@@ -242,7 +216,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
-    return evaluate(body, Suslov3D, {"omega": omega}, formulas.to_xy)
+    return evaluate("to_xy", body, Suslov3D, omega=omega)
 
 
 def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
@@ -268,7 +242,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     if isinstance(body, Suslov3D) and np.any((body.I13 == 0) & (body.I23 == 0)):
         raise wrong("body", "I13 or I23 other than 0", "both 0")
     refuse("xy", xy)  # variables of datasets too: they hold states
-    return evaluate(body, Suslov3D, {"xy": xy}, formulas.from_xy)
+    return evaluate("from_xy", body, Suslov3D, xy=xy)
 
 
 class ClosedForm(NamedTuple):

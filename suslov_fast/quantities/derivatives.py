@@ -11,7 +11,6 @@ from ..bodies.nd import SuslovND
 from ..bodies.rigid import SuslovGyrostat
 from ..checks import FloatArray, first_index, integer, spell
 from ..core import quantities as formulas
-from ..core import quantities_field as fields
 from ..core import tangent
 from ..engine import arguments
 from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
@@ -46,8 +45,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     >>> vector_field(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    in_3d, in_nd = formulas.vector_field, formulas.vector_field_nd
-    return evaluate(body, Body, {"omega": omega}, in_3d, in_nd, fields.vector_field)
+    return evaluate("vector_field", body, Body, omega=omega)
 
 
 def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> FloatArray:
@@ -75,14 +73,14 @@ def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> F
     >>> float(reaction(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    given = {"omega": omega} if eps is None else {"omega": omega, "eps": eps}
-    return evaluate(body, AnyBody, given, formulas.reaction, otherwise=_reaction_nd)
+    eps = 0.0 if eps is None else eps
+    return evaluate("reaction", body, AnyBody, _reaction_nd, omega=omega, eps=eps)
 
 
 def _reaction_nd(states: States) -> FloatArray:
     body, omega, eps, *_ = states
     after = states_after(states) if np.any(eps) else omega
-    found: FloatArray = formulas.reaction_nd(body.J, body.I, omega, after)
+    found: FloatArray = formulas.reaction_between(body.J, body.I, omega, after)
     return found
 
 
@@ -109,8 +107,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> (matrix(body, [1.0, 0.5], eps=0.2) @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    given = {"omega": omega, "eps": eps}
-    return evaluate(body, Body, given, formulas.matrix, otherwise=fields.matrix)
+    return evaluate("matrix", body, Body, omega=omega, eps=eps)
 
 
 def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -138,8 +135,7 @@ def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    given = {"omega": omega, "eps": eps}
-    return evaluate(body, Body, given, formulas.jacobian, otherwise=fields.jacobian)
+    return evaluate("jacobian", body, Body, omega=omega, eps=eps)
 
 
 def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]:

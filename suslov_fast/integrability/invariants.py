@@ -2,7 +2,6 @@
 
 import contextlib
 import math
-import random
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, reduce
@@ -11,7 +10,7 @@ from typing import Any
 import flint
 
 from . import exact
-from .darboux import cofactors_of, with_cofactor
+from .darboux import cofactors_of, darboux_polynomials
 from .exact import Polynomials, degree_of, factors, rank, size
 from .functions import IDENTITY, MODULAR, RationalFunction, independent, quotient_of
 from .maps import RationalMap
@@ -66,7 +65,7 @@ class Invariants:
     def of_cofactor(self, cofactor: RationalFunction | None, degree: int) -> None:
         """Find the polynomials up to a degree that have a cofactor, None for det DPhi."""
         with contextlib.suppress(ArithmeticError):  # too long
-            space = with_cofactor(self.map, degree, cofactor, random.Random(degree))
+            space = darboux_polynomials(self.map, degree, cofactor, seed=degree)
             self.add(space, cofactor or self.map.jacobian_cofactor, measures=cofactor is None)
 
     def add(

@@ -676,7 +676,7 @@ class Quantity(float):
         (lambda: rational_map(lambda x: (x[0],), 2), ValueError, "f: .*1 components"),
         (lambda: rational_map(lambda x: (np.sin(x[0]), 1), 2), TypeError, "f: .*operation"),
         (lambda: rational_map(lambda x: (1 / (x[0] - x[0]), 1), 2), ValueError, "f: .*is 0"),
-        (lambda: rational_map(lambda x: (x[0] ** 0.5, 1), 2), ValueError, "power"),
+        (lambda: rational_map(lambda x: (x[0] ** 0.5, 1), 2), TypeError, "f: .*integer"),
         (lambda: rational_map(lambda x: (x[1], x[0]), 2, lambda x: x), ValueError, "inverse: "),
     ],
 )

@@ -2,9 +2,9 @@
 
 import contextlib
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache, reduce
+from functools import lru_cache
 from typing import Any
 
 import flint
@@ -12,7 +12,7 @@ import flint
 from . import exact
 from .darboux import cofactors_of, darboux_polynomials
 from .exact import Polynomials, degree_of, factors, rank, size
-from .functions import IDENTITY, MODULAR, RationalFunction, independent, quotient_of
+from .functions import IDENTITY, MODULAR, RationalFunction, quotient_of
 from .maps import RationalMap
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
@@ -162,15 +162,6 @@ class Invariants:
 def _constant_term(P: Any) -> bool:
     first = int(exact.has_letter(P))
     return any(not any(e[first:]) for e in P.monoms())
-
-
-def common_denominator(functions: Iterable[RationalFunction]) -> Polynomials:
-    """Return polynomials whose quotients are the independent ones of the functions."""
-    chosen = [(f.numerator, f.denominator) for f in independent(functions)]
-    if not chosen:
-        return ()
-    common = reduce(lambda a, b: a * b // a.gcd(b), (Q for _, Q in chosen))
-    return (common, *(P * (common // Q) for P, Q in chosen))
 
 
 def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[list[int]]:

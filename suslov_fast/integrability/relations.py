@@ -12,10 +12,10 @@ import flint
 import numpy as np
 
 from ..checks import integer, short, wrong
-from . import exact
+from . import exact, functions
 from .exact import MORE, Exponents, Point, Polynomials, Residues, monomial_values
-from .functions import rank_of_quotients
-from .invariants import common_denominator, invariants_up_to
+from .functions import over_common_denominator, rank_of_quotients
+from .invariants import invariants_up_to
 from .maps import RationalMap, check_map
 from .reconstruction import over_rationals, polynomials_with
 
@@ -127,8 +127,10 @@ def hk_bases(
     if by_degree and rank_of_quotients(integrals) < independent:
         with contextlib.suppress(ArithmeticError):  # too long
             found = invariants_up_to(map, _degree(exponents))
-            others = common_denominator(found.quotients)
-            integrals = max(integrals, others, key=rank_of_quotients)
+            *others, below = over_common_denominator(
+                functions.independent(found.quotients), map.ring
+            )
+            integrals = max(integrals, (below, *others), key=rank_of_quotients)
     complete = rank_of_quotients(integrals) == independent
     dimension, _ = search.counts(exponents)
     basis: Any = None if map.has_letter else ()

@@ -467,7 +467,7 @@ PAPERS = {
 def test_formulas_in_eps(name):
     field, degree, integrals, density = PAPERS[name]
     found = report(field, degree=degree)
-    assert found.eps is None
+    assert found.map.eps is None
     assert found.finished
     n, eps = field.dimension, F(3, 7)
     x = [F(2 * k + 1, 5) for k in range(n)]
@@ -559,12 +559,12 @@ def test_decimals():
     found = report(body, 0.2, decimals=True)
     assert "5*x1 + 3*x2" in {str(P) for P in found.polynomials}
     assert str(found.integrals[0]).startswith("(4*x1^2 + x2^2)/(")
-    assert found.eps == F(1, 5)
+    assert found.map.eps == F(1, 5)
     assert not found.notes
     assert "decimals=True" in report(body, 0.2, 1).notes[0]
     cubic = from_hamiltonian(lambda x: 0.1 * x[0] ** 3 / 3 + x[1] ** 2 / 2 + 0.7 * x[0], 2)
     found = report(cubic, 0.1, 1, decimals=True)
-    assert str(found.field.H) == "1/30*x1^3 + 1/2*x2^2 + 7/10*x1"
+    assert str(found.map.field.H) == "1/30*x1^3 + 1/2*x2^2 + 7/10*x1"
     assert_holds(found)
 
 

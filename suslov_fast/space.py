@@ -132,7 +132,7 @@ def momentum(
 
 def _vector(body: Any, kinds: Any, omega: ArrayLike) -> FloatArray:
     """Return the states of the whole batch, with 0 for the constrained component."""
-    states = check(body, kinds, {"omega": omega})
+    states = check(body, kinds, omega)
     free = np.broadcast_to(states.omega, (*states.batch, body.dimension))
     return np.concatenate([free, abs(0.0 * free[..., :1])], axis=-1)
 
@@ -208,15 +208,15 @@ def attitude(
     path, D = checks.states("omega", omega, body._labels), body.dimension
     if path.ndim < 2 or len(path) == 0:
         raise wrong("omega", f"shape (N + 1, ..., {D})", path.shape)
-    of_first = {"omega": path[0], "eps": eps, "R0": np.eye(D + 1) if R0 is None else R0}
-    first = check(body, AnyBody, of_first, threads)
-    batch = first.batch
+    first = check(body, AnyBody, path[0], eps, threads)
+    R0 = np.eye(D + 1) if R0 is None else checks.rotations("R0", R0, D + 1)
+    batch = common_shape({"omega and eps": first.batch, "R0": R0.shape[:-2]})
     path = np.expand_dims(path, tuple(range(1, len(batch) + 3 - path.ndim)))
     path = np.broadcast_to(path, (len(path), *batch, D))
     _check_that_states_follow(body, path, first.eps)
     flat = arguments.flat_arrays(path.reshape(len(path), math.prod(batch), D), (len(path),), 2)
     turns = np.empty((*flat.shape[:2], D + 1, D + 1))
-    turns[0] = arguments.flat_arrays(np.asarray(first.orientation), batch, 2)
+    turns[0] = arguments.flat_arrays(R0, batch, 2)
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
     given = flat, arguments.flat_parameter(first.eps, batch), not isinstance(body, SuslovND)
     after = turns[0].copy(), 0, 1, 1, turns

@@ -4,6 +4,7 @@ import math
 import os
 import re
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -99,18 +100,13 @@ class RandomStarts:
 
     def _part(self, where: tuple[slice, ...], dimension: int) -> FloatArray:
         """Return the states (..., D) of a part of the batch, given by a slice for each axis."""
-        if not where:
-            return self.states(1, 0, dimension).reshape(dimension)
-        shape = (*(part.stop - part.start for part in where), dimension)
-        require(16 * math.prod(shape), "fewer initial states, or `ensemble`, need less")
-        states = np.empty(shape)
-        if not states.size:
-            return states
-        first = [part.start for part in where]
-        for index in np.ndindex(states.shape[:-2]):
-            start = int(np.ravel_multi_index(np.add(first, (*index, 0)), self.shape))
-            states[index] = self.states(states.shape[-2], start, dimension)
-        return states
+        *outer, inner = [range(part.start, part.stop) for part in where] or [range(1)]
+        begins, shape = product(*outer, inner[:1]), self.shape or (1,)
+        rows = [
+            self.states(len(inner), int(np.ravel_multi_index(begin, shape)), dimension)
+            for begin in begins
+        ]
+        return np.reshape(rows, (*(part.stop - part.start for part in where), dimension))
 
 
 class States(NamedTuple):
@@ -128,45 +124,41 @@ class States(NamedTuple):
 def check(
     body: Any,
     kinds: Any,
-    arguments: dict[str, Any],
+    omega: Any,
+    eps: Any = 0.0,
     threads: int | None = None,
+    *,
+    name: str = "omega",
     components: tuple[str, ...] | None = None,
+    attitude: Any = False,
     later: bool = False,
 ) -> States:
     """Check the arguments of a public function.
 
-    The body is one of `kinds`, if any are given. Arguments are states, by any name, which may be
-    NaN and have the components of the body or those given; `eps`; and `attitude` or `R0`, rotations
-    or True. Messages call the state of a field x; `later` is that of `checks.states`.
+    The body is one of `kinds`, if any are given. States, the argument `name`, may be NaN, and have
+    the components of the body or those given; `attitude` is rotations or a bool; `later` is that of
+    `checks.states`. Messages call the state of a field x.
     """
     if kinds:
         checks.instance("body", body, kinds)
-    labels = components or body._labels
-    omega: Any = None
-    eps: float | FloatArray = 0.0
-    orientation, of_states = None, ""
-    shapes = {"body": body.shape}
-    for name, value in arguments.items():
-        if name == "eps":
-            eps = checks.within(name, real_number(name, value), checks.MOMENTS)
-            shapes[name] = () if type(eps) is float else eps.shape  # type: ignore[union-attr]
-        elif name in ("attitude", "R0"):
-            if isinstance(body, QuadraticField):
-                expected = "False, as states of a field have no orientation"
-                raise wrong(name, expected, checks.short(value), TypeError)
-            n = body.dimension + 1
-            is_identity = value is True and name == "attitude"
-            orientation = np.eye(n) if is_identity else checks.rotations(name, value, n)
-            shapes[name] = orientation.shape[:-2]
-        else:
-            of_states = "x" if isinstance(body, QuadraticField) else name
-            if isinstance(value, RandomStarts):
-                whole = tuple(slice(0, length) for length in value.shape)
-                value = value._part(whole, len(labels))
-            omega = checks.states(of_states, value, labels, later)
-            shapes[of_states] = omega.shape[:-1]
-    batch, threads = common_shape(shapes), thread_count(threads)
-    return States(body, omega, eps, batch, threads, of_states, orientation)
+    labels, turns = components or body._labels, None
+    if isinstance(body, QuadraticField):
+        name = "x"
+    if isinstance(omega, RandomStarts):
+        states = omega.states(math.prod(omega.shape), 0, len(labels))
+        omega = states.reshape(*omega.shape, len(labels))
+    omega = checks.states(name, omega, labels, later)
+    eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)
+    shapes = {"body": body.shape, name: omega.shape[:-1]}
+    shapes["eps"] = () if type(eps) is float else eps.shape
+    if attitude is not False:
+        if name == "x":
+            expected = "False, as states of a field have no orientation"
+            raise wrong("attitude", expected, checks.short(attitude), TypeError)
+        n = body.dimension + 1
+        turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
+        shapes["attitude"] = turns.shape[:-2]
+    return States(body, omega, eps, common_shape(shapes), thread_count(threads), name, turns)
 
 
 def thread_count(threads: int | None) -> int | None:

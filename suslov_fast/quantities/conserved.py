@@ -7,12 +7,12 @@ from numpy.typing import ArrayLike
 
 from ..bodies.base import Body
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, refuse, wrong
+from ..checks import FloatArray, wrong
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
 from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
 from ..maps import states_after
-from .evaluation import by_terms, evaluate
+from .evaluation import by_terms, evaluate, reported
 
 
 def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
@@ -34,7 +34,7 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    return evaluate("energy", body, Body, _hamiltonian, omega=omega)
+    return evaluate("energy", body, Body, omega, otherwise=_hamiltonian)
 
 
 def _hamiltonian(states: States) -> FloatArray:
@@ -69,7 +69,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
     >>> first_integral(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(9)
     array([0.26534473, 0.26534473])
     """
-    return evaluate("first_integral", body, AnyBody, omega=omega, eps=eps)
+    return evaluate("first_integral", body, AnyBody, omega, eps)
 
 
 def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -98,7 +98,7 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
     >>> modified_energy(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(6)
     array([2.122758, 2.122758])
     """
-    return evaluate("modified_energy", body, Body, _modified_hamiltonian, omega=omega, eps=eps)
+    return evaluate("modified_energy", body, Body, omega, eps, otherwise=_modified_hamiltonian)
 
 
 def _modified_hamiltonian(states: States) -> FloatArray:
@@ -131,7 +131,7 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    return evaluate("criticality", body, AnyBody, omega=omega, eps=eps)
+    return evaluate("criticality", body, AnyBody, omega, eps)
 
 
 def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -159,7 +159,7 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatAr
     >>> rotation_number(body, [1.1, -0.4], eps=0.35).round(6)
     array([0.      , 0.      , 0.043038])
     """
-    return evaluate("rotation_number", body, BodyIn3D, omega=omega, eps=eps)
+    return evaluate("rotation_number", body, BodyIn3D, omega, eps)
 
 
 def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -191,7 +191,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     >>> float(invariant_density(body, [1.0, 0.5], eps=0.2).round(9))
     -0.096052391
     """
-    return evaluate("invariant_density", body, Body, poles=True, omega=omega, eps=eps)
+    return evaluate("invariant_density", body, Body, omega, eps, poles=True)
 
 
 def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
@@ -216,7 +216,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
-    return evaluate("to_xy", body, Suslov3D, omega=omega)
+    return evaluate("to_xy", body, Suslov3D, omega)
 
 
 def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
@@ -241,8 +241,8 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     """
     if isinstance(body, Suslov3D) and np.any((body.I13 == 0) & (body.I23 == 0)):
         raise wrong("body", "I13 or I23 other than 0", "both 0")
-    refuse("xy", xy)  # variables of datasets too: they hold states
-    return evaluate("from_xy", body, Suslov3D, xy=xy)
+    states = check(body, Suslov3D, xy, name="xy", components=("x", "y"), later=True)
+    return reported(states, formulas.from_xy(*body.parameters, 0.0, states.omega))
 
 
 class ClosedForm(NamedTuple):
@@ -284,5 +284,5 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
     >>> print(*(f"{value:.6f}" for value in constants))
     0.161860 -0.402536 -0.678170 0.040232
     """
-    states = check(body, Suslov3D, {"omega0": omega0, "eps": eps})
+    states = check(body, Suslov3D, omega0, eps, name="omega0")
     return ClosedForm(*formulas.closed_form(*body.parameters, states.eps, states.omega))

@@ -45,7 +45,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     >>> vector_field(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    return evaluate("vector_field", body, Body, omega=omega)
+    return evaluate("vector_field", body, Body, omega)
 
 
 def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> FloatArray:
@@ -73,8 +73,8 @@ def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> F
     >>> float(reaction(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    eps = 0.0 if eps is None else eps
-    return evaluate("reaction", body, AnyBody, _reaction_nd, omega=omega, eps=eps)
+    h = 0.0 if eps is None else eps
+    return evaluate("reaction", body, AnyBody, omega, h, otherwise=_reaction_nd)
 
 
 def _reaction_nd(states: States) -> FloatArray:
@@ -107,7 +107,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> (matrix(body, [1.0, 0.5], eps=0.2) @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    return evaluate("matrix", body, Body, omega=omega, eps=eps)
+    return evaluate("matrix", body, Body, omega, eps)
 
 
 def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -135,7 +135,7 @@ def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    return evaluate("jacobian", body, Body, omega=omega, eps=eps)
+    return evaluate("jacobian", body, Body, omega, eps)
 
 
 def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]:
@@ -170,7 +170,7 @@ def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]
     >>> multipliers(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [-0.6, 1.0], eps=0.2).round(6)
     array([1.062919, 1.      ])
     """
-    states = check(body, Body, {"x": x, "eps": eps})
+    states = check(body, Body, x, eps, name="x")
     half_step = 0.5 * np.asarray(states.eps)[..., np.newaxis]
     with np.errstate(all="ignore"):
         slopes = _slopes_at_fixed_points(states)
@@ -262,7 +262,7 @@ def lyapunov_exponents(
     >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
     array([ 0.    , -0.0805])
     """
-    states = check(body, Body, {"omega0": omega0, "eps": eps}, threads)
+    states = check(body, Body, omega0, eps, threads, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     start = states_after(states, transient) if transient else states.omega
     with np.errstate(all="ignore"):

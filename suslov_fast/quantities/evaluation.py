@@ -26,10 +26,11 @@ def evaluate(
     name: str,
     body: Any,
     kinds: Any,
-    otherwise: Callable[[States], FloatArray] | None = None,
+    omega: Any,
+    eps: Any = 0.0,
     *,
+    otherwise: Callable[[States], FloatArray] | None = None,
     poles: bool = False,
-    **arguments: Any,
 ) -> FloatArray:
     """Check the arguments of a public function, and return the quantity of its name.
 
@@ -37,7 +38,7 @@ def evaluate(
     take `otherwise`, or the formula of this name in `core.quantities_field` for the terms of their
     equations. With `poles`, infinite values have a meaning.
     """
-    states, formula = check(body, kinds, arguments, later=True), None
+    states, formula = check(body, kinds, omega, eps, later=True), None
     if isinstance(body, BodyIn3D):
         formula = getattr(formulas, name)
     elif isinstance(body, SuslovND):

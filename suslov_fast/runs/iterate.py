@@ -47,7 +47,7 @@ def step(
     array([1.013781, 0.372248])
     """
     map = map_of(body)
-    states = check(body, (), {"omega": omega, "eps": eps}, threads)
+    states = check(body, (), omega, eps, threads)
     march = March(map.methods["auto"], states)
     march.to(1)
     report_failures(march, "warn", since=1)  # those at step 0 are NaN as given
@@ -137,10 +137,7 @@ def begin(
     """Return the map and the checked arguments of a run, of which it keeps copies."""
     map = map_of(body)
     one_of("method", method, map.methods)
-    arguments = {"omega0": omega0, "eps": eps}
-    if attitude is not False:
-        arguments["attitude"] = attitude
-    states = check(body, (), arguments, threads)
+    states = check(body, (), omega0, eps, threads, name="omega0", attitude=attitude)
     return map, states if type(states.eps) is float else states._replace(eps=np.array(states.eps))
 
 
@@ -187,6 +184,6 @@ def step_full(
     elif body.I3 is None:
         raise wrong("I3", "a number, or a body whose I3 is set", "neither", TypeError)
     labels = "Omega1", "Omega2", "Omega3"
-    states = check(body, Suslov3D, {"omega": omega, "eps": eps}, components=labels)
+    states = check(body, Suslov3D, omega, eps, components=labels)
     found = formulas.step_full(*body.parameters[:4], body.I3, states.eps, states.omega)
     return reported(states, found)

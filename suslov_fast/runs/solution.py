@@ -75,7 +75,7 @@ def exact(
            [ 0.791446, -1.319077]])
     """
     times = _times("n", n)
-    return _states_at("exact", _checked(body, {"omega0": omega0, "eps": eps}, threads), times)
+    return _states_at("exact", _checked(body, omega0, eps, threads), times)
 
 
 def flow(
@@ -108,7 +108,7 @@ def flow(
     array([2.125, 2.125, 2.125])
     """
     times = _times("time", time)
-    return _states_at("flow", _checked(body, {"omega0": omega0}, threads), times)
+    return _states_at("flow", _checked(body, omega0, 0.0, threads), times)
 
 
 def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -139,18 +139,18 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
     >>> omega_minus.round(6), omega_plus.round(6)
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
-    given = _checked(body, {"omega0": omega0, "eps": eps})
+    given = _checked(body, omega0, eps)
     plane, leave = _in_plane("limits", given)
     minus, plus = closed_form.limits(*plane.body.parameters, plane.eps, plane.omega)
     return leave(minus), leave(plus)
 
 
-def _checked(body: Any, arguments: dict[str, Any], threads: int | None = None) -> States:
+def _checked(body: Any, omega0: Any, eps: Any, threads: int | None = None) -> States:
     """Return the checked arguments of a function that has no meaning for fields."""
     if isinstance(body, QuadraticField):
         received = "QuadraticField, for which no closed form is known: use iterate"
         raise wrong("body", "Suslov3D, SuslovND or SuslovGyrostat", received, TypeError)
-    return check(body, AnyBody, arguments, threads)
+    return check(body, AnyBody, omega0, eps, threads, name="omega0")
 
 
 def _times(name: str, value: Any) -> FloatArray:

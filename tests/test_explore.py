@@ -2,7 +2,6 @@
 
 import contextlib
 import http.client
-import itertools
 import json
 import re
 import threading
@@ -184,10 +183,10 @@ def test_what_is_refused(server):
         *((403, [scene], {"Sec-Fetch-Site": site}) for site in ("cross-site", "same-site")),
         (200, ["/"], {"Sec-Fetch-Site": "cross-site"}),  # a link, or a frame
         (404, ["/../server.py", "/%2e%2e/server.py", "//etc/hostname", "/page/main.js"], {}),
-        (400, ["/%00", "/a%0Ab"], {}),
+        (404, ["/%00", "/a%0Ab"], {}),
     ):
-        for path, method in itertools.product(paths, ("GET", "HEAD")):
-            assert ask(server, path, method, headers)[0].status == status, (path, headers)
+        for path in paths:
+            assert ask(server, path, headers=headers)[0].status == status, (path, headers)
     assert ask(server, "/", "POST")[0].status == 501
     assert server.socket.getsockname()[0] == "127.0.0.1"
 

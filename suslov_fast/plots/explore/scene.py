@@ -21,7 +21,7 @@ from ..animation import ellipsoid
 from ..phase import BodyIn3D, Plane
 
 # The files of the page, which draws these numbers.
-PAGE = Path(__file__).with_name("page")
+PAGE: Path = Path(__file__).with_name("page")
 _MOST_STEPS = 5000
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
@@ -110,7 +110,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         "omega": run.omega,
         "flow": flow(body, start, run.time),
         "attitude": run.attitude.reshape(-1, 9),
-        "line": plane.steady_line() if plane.g else None,
+        "line": plane.steady_line(),
         "levels": {
             "F": plane.level(R, _REACH) if R > 0 else [],
             "energy": Plane(body, 0.0).level(plane.radius(start))[0],
@@ -171,12 +171,10 @@ def _json_values(value: Any) -> Any:
     """Return arrays as lists; None for numbers and rows out of the range of float64."""
     if isinstance(value, dict):
         return {name: _json_values(each) for name, each in value.items()}
-    if isinstance(value, list):
-        return [_json_values(each) for each in value]
-    if value is None or isinstance(value, (str, int)):
-        return value
-    array = np.asarray(value)
-    if array.ndim < 2:
-        return array.tolist() if np.isfinite(array).all() else None
-    finite = np.isfinite(array).all(axis=-1).tolist()
-    return [row if each else None for row, each in zip(array.tolist(), finite, strict=True)]
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        if not (value and isinstance(value[0], float)):
+            return [_json_values(each) for each in value]
+        return value if all(map(math.isfinite, value)) else None
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -28,11 +28,10 @@ class Map:
     variable: str = "omega"  # the name of a state
     meaning: str = "angular velocity"
 
-    def conserved(self, body: Any) -> tuple[str, ...]:
-        """Return the functions whose drift the summary of a run reports."""
+    def conserved(self, body: Any) -> str | None:
+        """Return the name of the function of states that orbits keep, or nearly keep."""
         known = self.functions(body)
-        of_energy = tuple(name for name in ("energy", "modified_energy") if name in known)
-        return ("first_integral",) if "first_integral" in known else of_energy
+        return next((name for name in ("first_integral", "modified_energy") if name in known), None)
 
     def symbols(self, body: Any) -> list[str]:
         r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""

@@ -18,16 +18,12 @@ except ImportError as error:
     install = "pip install '.[plots]' in a copy of the repository"
     raise ImportError(f"plots need matplotlib: {install}") from error
 
-__all__ = ["COLOURS", "axes_for", "plot_run", "plt", "set_title"]
+__all__ = ["COLOURS", "axes_for", "plot_run", "plt"]
 # Without the lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
 
 # More dots make a picture large and no clearer; on lines, more than a few hide them.
 _MOST, _FEW = 20_000, 2000
-_LEVELS = {
-    "first_integral": "level of the first integral $F$",
-    "modified_energy": "level of the modified energy",
-}
 
 
 def axes_for(ax: Any, size: tuple[float, float]) -> Any:
@@ -37,12 +33,6 @@ def axes_for(ax: Any, size: tuple[float, float]) -> Any:
     if not isinstance(ax, Axes) or ax.name == "3d":
         raise wrong("ax", "plane axes of Matplotlib", repr(ax), TypeError)
     return ax
-
-
-def set_title(axes: Any, title: str) -> None:
-    """Set a title in small letters, unless the axes have one."""
-    if not axes.get_title():
-        axes.set_title(title, fontsize="small")
 
 
 def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
@@ -60,14 +50,12 @@ def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any)
         axes.figure.colorbar(drawn, ax=axes, label=label, shrink=0.8)
     symbols = run._map.symbols(run.body)
     axes.set(xlabel=symbols[first], ylabel=symbols[second])
-    set_title(axes, _title(run, count))
+    axes.set_title(_title(run, count), fontsize="small")
     return axes
 
 
 def _checked(components: tuple[int, int], D: int) -> tuple[int, int]:
-    if D == 1:
-        raise wrong("plot", "states with at least 2 components", 1)
-    expected = f"two integers from 0 to {D - 1}"
+    expected = f"two integers below {D}, the number of components"
     found = [integer("components", k, 0, expected) for k in components]
     if len(found) != 2 or max(found) >= D:
         raise wrong("components", expected, components)
@@ -84,12 +72,11 @@ def _are_near(plane: FloatArray) -> bool:
 
 def _levels(run: Any) -> tuple[FloatArray | None, str]:
     """The levels (B,) of the orbits, and what they are levels of; None if they have one colour."""
-    for name, label in _LEVELS.items():
-        if name in run._map.functions(run.body):
-            values = getattr(conserved, name)(run.body, run.states[0], run.eps).ravel()
-            finite = values[np.isfinite(values)]
-            if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
-                return values, label
+    if name := run._map.conserved(run.body):
+        values = getattr(conserved, name)(run.body, run.states[0], run.eps).ravel()
+        finite = values[np.isfinite(values)]
+        if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
+            return values, f"level of the {name.replace('_', ' ')}"
     return None, ""
 
 

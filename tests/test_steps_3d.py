@@ -142,6 +142,11 @@ def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
         assert_same([part.states, part.final, part.status], expected)
 
 
+@pytest.mark.filterwarnings("ignore")  # of missing states
+def test_a_step_is_the_first_of_a_run(mixture):
+    assert_same([sf.step(*mixture)], [run(*mixture, 1).final])
+
+
 @pytest.mark.compiled
 @pytest.mark.filterwarnings("ignore")  # of missing states
 @pytest.mark.parametrize("size", [299, 300])

@@ -12,7 +12,7 @@ import numpy as np
 
 from .closed_form import coordinates, difference_of_squares
 from .numba import formula, select, universal
-from .steps_3d import ZERO_TO_ROUNDING, enter, is_supercritical
+from .steps_3d import ZERO_TO_ROUNDING, enter, is_supercritical, one_step
 
 IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
 
@@ -172,6 +172,11 @@ def jacobian(I1, I2, I13, I23, k, eps, w, out):
     b11, b12, b21, b22 = matrix_at(I1, I2, I13, I23, k, -h, next1, next2)
     out[0, 0], out[0, 1] = (a22 * b11 - a12 * b21) * inverse, (a22 * b12 - a12 * b22) * inverse
     out[1, 0], out[1, 1] = (a11 * b21 - a21 * b11) * inverse, (a11 * b22 - a21 * b12) * inverse
+
+
+@universal(IN_3D + "(d)")
+def step(I1, I2, I13, I23, k, eps, w, out):
+    out[0], out[1] = one_step(I1, I2, I13, I23, k, eps, w[0], w[1])
 
 
 @universal("(),(),(),(),(),(),(d)->(d)")

@@ -74,6 +74,13 @@ def is_supercritical(frame, X, Y):
 
 
 @formula
+def is_lost(frame, X, Y):
+    """True for a state of a gyrostat, not at rest, whose next state has too few digits."""
+    far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
+    return far & (frame.K != 0.0) & (X != 0.0)
+
+
+@formula
 def plain_step(X, Y):
     """X and Y of the next state, without a rotor and for T < 1."""
     square = X * (2.0 * X)
@@ -125,11 +132,28 @@ def restore(frame, R2, X, u, v):
 
 
 @formula
+def form_of(frame, X, Y):
+    """GENERAL, PLAIN, or RESTS, with l = 0: such a state keeps all its bits."""
+    known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGE) & (X != 0.0)
+    plain = known & (frame.K == 0.0) & (abs(Y) < 1.0)
+    rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
+    return select(plain, PLAIN, select(rests, RESTS, GENERAL))
+
+
+@formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
-    """The next state; NaN where there is none."""
+    """The next state, to the bit that of `steps`; NaN where there is none."""
     frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)
-    along, across, _, _ = turn(X, Y, frame.K)
-    next1, next2 = along * w1 - (across / frame.back) * w2, along * w2 + (across * frame.back) * w1
+    form = form_of(frame, X, Y)
+    if form == RESTS:
+        return w1, w2
+    if form == PLAIN:
+        X, Y = plain_step(X, Y)
+        next1, next2 = leave_plain(frame, X, Y)
+    else:
+        X = select(is_lost(frame, X, Y), np.nan, X)
+        _, next1, v, _ = general_step(frame, X, w1, w2 / frame.back)
+        next2 = v * frame.back
     exists = abs(next1) + abs(next2) < np.inf
     return select(exists, next1, np.nan), select(exists, next2, np.nan)
 
@@ -178,14 +202,10 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
         w1, w2 = b[U, l], b[V, l]
         frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)
         if start == 0:
-            known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGE) & (X != 0.0)
-            plain = known & (frame.K == 0.0) & (abs(Y) < 1.0)
-            rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
-            b[KIND, l] = select(plain, PLAIN, select(rests, RESTS, GENERAL))
-            v = select(rests, w2, w2 / frame.back)  # at rest it keeps all bits
-            far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
-            lost = far & (frame.K != 0.0) & ~rests  # there is no next state
-            b[X_, l], b[Y_, l], b[XG, l], b[V, l] = X, Y, select(lost, np.nan, X), v
+            b[KIND, l] = form_of(frame, X, Y)
+            v = select(b[KIND, l] == RESTS, w2, w2 / frame.back)
+            b[X_, l], b[Y_, l], b[V, l] = X, Y, v
+            b[XG, l] = select(is_lost(frame, X, Y), np.nan, X)  # there is no next state
             b[R2, l] = (w1 * w1 + v * v) / (1.0 + X * X)
             b[ALIVE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
         rests = b[KIND, l] == RESTS

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, instance, integer, one_of, wrong
 from ..core import quantities as formulas
-from ..engine.arguments import BodyOrField, RandomStarts, States, check
+from ..engine.arguments import BodyIn3D, BodyOrField, RandomStarts, States, check
 from ..engine.status import OnSingular, report_failures
 from ..engine.stretches import March, Progress
 from ..maps import Map, map_of
@@ -29,7 +29,7 @@ def step(
     Parameters
     ----------
     body, eps, threads
-        As in :func:`iterate`.
+        As in :func:`iterate`; a step in three dimensions takes one thread.
     omega : array_like(float, shape=(..., D))
         Angular velocities, or states x of a field.
 
@@ -48,6 +48,8 @@ def step(
     """
     map = map_of(body)
     states = check(body, (), omega, eps, threads)
+    if isinstance(body, BodyIn3D):
+        return reported(states, formulas.step(*body.parameters, states.eps, states.omega))
     march = March(map.methods["auto"], states)
     march.to(1)
     report_failures(march, "warn", since=1)  # those at step 0 are NaN as given

@@ -119,22 +119,14 @@ def _kind(power: int) -> str:
 def _recurrence(d: list[int]) -> tuple[int, Any] | None:
     """Return the length of the transient and the characteristic polynomial after it."""
     for total in range(len(d) - _SPARE + 1):
-        for order in range(total + 1):
-            c = _characteristic(d[total - order :], order)
-            if c is not None:
-                return total - order, c
+        for order in range(min(total, len(d) - total - _SPARE) + 1):
+            rows = [d[i : i + order + 1] for i in range(total - order, len(d) - order)]
+            reduced, _ = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
+            # Every infinite sequence of integers with a recurrence has one of integers.
+            c = [*(int(-reduced[i, order].p) for i in range(order)), 1]
+            if not any(np.array(rows, object) @ c):
+                return total - order, flint.fmpz_poly(c)
     return None
-
-
-def _characteristic(d: list[int], order: int) -> Any:
-    """Return the monic polynomial of a recurrence of this order that all degrees satisfy."""
-    if len(d) < 2 * order + _SPARE:
-        return None
-    hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
-    reduced, _ = flint.fmpq_mat(hankel).rref()
-    # Every infinite sequence of integers with a recurrence has one of integers.
-    c = flint.fmpz_poly([*(-reduced[i, order].p for i in range(order)), 1])
-    return None if any((hankel * flint.fmpz_mat(order + 1, 1, c.coeffs())).entries()) else c
 
 
 def _by_recurrence(transient: int, recurrence: Any, count: int) -> Growth:

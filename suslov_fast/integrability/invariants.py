@@ -4,7 +4,6 @@ import contextlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import flint
@@ -77,8 +76,9 @@ class Invariants:
         space = tuple(sorted(space, key=size))
         functions = [self._function(P) for P in space]
         if self.map.factors is not None:
-            for P in space:
-                self._add_factors(P)
+            for f in (f for P in space for f, _ in factors(P) if degree_of(f)):
+                if (own := self.map.cofactor(f)) is not None:
+                    self._add_generator(f, own)
             if cofactor := cofactor or self.map.cofactor(space[0]):
                 for P in space:
                     self._add_generator(P, cofactor)
@@ -94,12 +94,6 @@ class Invariants:
 
     def _function(self, P: Any) -> RationalFunction:
         return quotient_of(P, self.map.ring.constant(1), MODULAR)
-
-    def _add_factors(self, P: Any) -> None:
-        """Add the irreducible factors that are Darboux polynomials themselves."""
-        for f, _ in factors(P):
-            if degree_of(f) and (cofactor := self.map.cofactor(f)) is not None:
-                self._add_generator(f, cofactor)
 
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> None:
         """Add a Darboux polynomial, unless it is a combination of products of others."""
@@ -182,11 +176,3 @@ def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[lis
     ]
     reduced = exact.integer_rows(flint.fmpz_mat(rows).lll())
     return [row[:n] for row in reduced if any(row[:n]) and not any(row[n:])]
-
-
-@lru_cache(maxsize=8)
-def invariants_up_to(map: RationalMap, degree: int) -> Invariants:
-    found = Invariants(map)
-    for k in range(1, degree + 1):
-        found.of_degree(k)
-    return found

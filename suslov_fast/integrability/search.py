@@ -22,7 +22,7 @@ from .functions import RationalFunction, factored, independent
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
 from .maps import RationalMap
-from .relations import Relations
+from .relations import counts, integrals_of
 
 _FEW = 80  # coefficients of a polynomial of more than the degree
 _ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
@@ -70,12 +70,11 @@ def _parts(found: Any, invariants: Invariants, seed: int) -> Iterator[tuple[str,
     if (H := getattr(map, "hamiltonian", None)) is not None:
         invariants.add_hamiltonian(H)
         yield "hamiltonian", "the modified energy and 1/det A of the Hamiltonian"
-    relations = Relations(map, random.Random(seed))
     for k in range(1, d + 1):
         exponents = exact.exponents_up_to(k, D)
-        found.relations = relations.counts(exponents)[1]
+        found.relations = counts(map, exponents, seed)[1]
         if len(found.integrals) < found.relations:
-            invariants.add(relations.integrals(exponents))
+            invariants.add(integrals_of(map, exponents, seed))
         yield "relations", f"relations between the {len(exponents)} monomials up to degree {k}"
     if not _is_complete(found):
         for cofactor in (RationalFunction(()), None):

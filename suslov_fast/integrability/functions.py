@@ -100,16 +100,16 @@ class RationalFunction:
     def __neg__(self) -> RationalFunction:
         return self * -1
 
-    def __sub__(self, other: Any) -> RationalFunction:
+    def __sub__(self, other: Any) -> Any:
         return self + -other
 
-    def __rsub__(self, other: Any) -> RationalFunction:
+    def __rsub__(self, other: Any) -> Any:
         return -self + other
 
     def __truediv__(self, other: Any) -> RationalFunction:
         return self * as_function(other) ** -1
 
-    def __rtruediv__(self, other: Any) -> RationalFunction:
+    def __rtruediv__(self, other: Any) -> Any:
         return self**-1 * other
 
     def __pow__(self, power: int) -> RationalFunction:

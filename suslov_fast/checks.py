@@ -54,6 +54,14 @@ def real_number(name: str, value: Any) -> float | FloatArray:
     return array.item() if array.ndim == 0 else array
 
 
+def positive(name: str, value: Any) -> float:
+    """Return a single positive number as a float."""
+    number = real_number(name, value)
+    if not isinstance(number, float) or number <= 0.0:
+        raise wrong(name, "a positive number", value)
+    return number
+
+
 def within(name: str, value: Any, exponent: int) -> Any:
     """Return numbers that are 0, or between 10**-exponent and 10**exponent in modulus."""
     if type(value) is float and (value == 0.0 or 1e-50 <= abs(value) <= 1e50):  # all ranges

@@ -15,7 +15,7 @@ from .. import checks
 from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from ..checks import FloatArray, common_shape, integer, real_number, wrong
+from ..checks import FloatArray, common_shape, integer, positive, real_number, wrong
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
@@ -73,11 +73,8 @@ class RandomStarts:
             size = tuple(integer("size", length, 0) for length in size)
         else:
             size = integer("size", size, 0)
-        extent = real_number("extent", self.extent)
-        if not isinstance(extent, float) or extent <= 0.0:
-            raise wrong("extent", "a positive number", self.extent)
         object.__setattr__(self, "size", size)
-        object.__setattr__(self, "extent", extent)
+        object.__setattr__(self, "extent", positive("extent", self.extent))
         object.__setattr__(self, "seed", integer("seed", self.seed, 0))
 
     @property

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, instance, integer, wrong
+from ..checks import FloatArray, instance, integer, positive, wrong
+from ..engine.arguments import BodyIn3D
 from ..runs.iterate import iterate
-from .phase import BodyIn3D, Plane, positive
+from .phase import Plane
 
 # A realizable body: admissible_I3() contains 2.28 to 5.68.
 _EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
@@ -20,7 +21,7 @@ _POLE = 1e-3
 
 
 def animate_body(
-    body: BodyIn3D | None = None,
+    body: BodyIn3D = _EXAMPLE,
     omega0: ArrayLike | None = None,
     eps: float = 0.05,
     steps: int = 440,
@@ -62,7 +63,6 @@ def animate_body(
     >>> animation = animate_body()  # doctest: +SKIP
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
-    body = _EXAMPLE if body is None else body
     instance("body", body, BodyIn3D)
     if body.shape or np.ndim(eps):
         raise wrong("body, eps", "a single body and step size", (body, eps))

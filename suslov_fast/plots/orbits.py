@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import FloatArray, integer, short, wrong
+from ..checks import FloatArray, integer, wrong
 from ..quantities import conserved
 
 try:
@@ -39,8 +39,6 @@ def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any)
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
     first, second = _checked(components, run.states.shape[-1])
     plane = run.states[..., (first, second)].reshape(len(run), -1, 2)
-    if lines not in (None, True, False):
-        raise wrong("lines", "True, False or None", short(lines))
     if lines is None:
         lines = plane[..., 0].size <= _MOST and run.n[-1] == len(run) - 1 and _are_near(plane)
     axes = axes_for(ax, (5.4, 5.0))

@@ -4,12 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from ..checks import FloatArray, instance, integer, real_number, wrong
+from ..checks import FloatArray, instance, integer, positive, wrong
+from ..engine.arguments import BodyIn3D
 from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
 
-BodyIn3D = Suslov3D | SuslovGyrostat
 # Relative distance from t = 1 of levels drawn in place of nearer ones.
 _NEAR_1 = 1e-6
 # Orbits are beside the line of steady states where abs(l) is this part of what it is in the middle.
@@ -169,14 +168,6 @@ def plot_phase(
         place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.2}
         axes.legend(**place, ncols=2, frameon=False, fontsize="small")
     return axes
-
-
-def positive(name: str, value: Any) -> float:
-    """Check that a value is a single positive number."""
-    number = real_number(name, value)
-    if not isinstance(number, float) or number <= 0:
-        raise wrong(name, "a positive number", value)
-    return number
 
 
 def _steady_states(axes: Any, k: float, middle: Any, direction: Any, reach: float) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from ... import __version__
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
 from ...checks import real_number, states, wrong
+from ...engine.arguments import BodyIn3D
 from ...engine.status import Status
 from ...quantities.conserved import rotation_number
 from ...quantities.derivatives import vector_field
@@ -18,7 +19,7 @@ from ...runs.iterate import iterate
 from ...runs.solution import flow, limits
 from ...space import scattering_angle
 from ..animation import ellipsoid
-from ..phase import BodyIn3D, Plane
+from ..phase import Plane
 
 # The files of the page, which draws these numbers.
 PAGE: Path = Path(__file__).with_name("page")

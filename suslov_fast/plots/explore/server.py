@@ -12,7 +12,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ...checks import instance
-from ..phase import BodyIn3D
+from ...engine.arguments import BodyIn3D
 from .scene import PAGE, answer, query_of
 
 _ADDRESS = "127.0.0.1"

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from decimal import Context, Decimal
 from fractions import Fraction
 from itertools import count, product
 from typing import Any
@@ -77,13 +76,13 @@ def _points_of(field: Any) -> FloatArray:
     if flint is None and field.dimension > 1:
         install = "pip install '.[algebra]' in a copy of the repository"
         raise ImportError(f"expected python-flint, got none: {install}")
-    try:
-        points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
-    except OverflowError:
-        raise wrong("field", "fixed points in the range of float64", "others") from None
+    points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
     if points is None:
         raise wrong("field", "finitely many fixed points", f"infinitely many: {_BEYOND}")
-    return np.array(sorted(points), np.float64).reshape(-1, field.dimension)
+    found = np.array(sorted(points), np.float64).reshape(-1, field.dimension)
+    if np.isinf(found).any():
+        raise wrong("field", "fixed points in the range of float64", "others")
+    return found
 
 
 def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:
@@ -103,9 +102,8 @@ def _roots(field: Any) -> Points | None:
     middle, square = -half_b / a, (half_b * half_b - a * c) / (a * a)
     if square < 0:
         return set()
-    digits = Context(prec=500)  # more than sums of numbers from 1e-60 to 1e60 can lose
-    quotient = digits.divide(Decimal(square.numerator), Decimal(square.denominator))
-    root = Fraction(digits.sqrt(quotient))
+    p, q = square.as_integer_ratio()  # 2,000 bits are more than sums from 1e-60 to 1e60 can lose
+    root = Fraction(math.isqrt(p * q << 4000), q << 2000)
     return {(float(middle + each) + 0.0,) for each in (root, -root)}  # no -0.0
 
 
@@ -197,13 +195,7 @@ def _points_at(coordinates: Sequence[Any], minimal: Any) -> Points:
             points = [[flint.arb_poly(each)(zero) for each in coordinates] for zero in zeros]
         if all(v.is_zero() or v.rel_accuracy_bits() > _LEAST_BITS for p in points for v in p):
             break
-    return {tuple(map(_rounded, point)) for point in points}
-
-
-def _rounded(value: Any) -> float:
-    """Return a float; OverflowError if it is out of range."""
-    middle = value.mid().fmpq()
-    return int(middle.p) / int(middle.q)
+    return {tuple(map(float, point)) for point in points}
 
 
 def _is_semidefinite(polynomial: Any) -> bool:

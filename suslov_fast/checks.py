@@ -179,9 +179,9 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
         raise ValueError(f"{expected}, got {received}") from error
 
 
-def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
-    """Return an integer of at least `minimum` that fits in 64 bits."""
-    if type(value) is int and minimum <= value < 2**62:
+def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: int = 2**62) -> int:
+    """Return an integer from `minimum` to `maximum`, with which `expected` is given."""
+    if type(value) is int and minimum <= value <= maximum:
         return value
     expected = expected or f"an integer from {minimum} to 2**62"
     try:
@@ -191,7 +191,7 @@ def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
     except TypeError as error:
         received = f"{short(value)} of type {type(value).__name__}"
         raise wrong(name, expected, received, TypeError) from error
-    if not minimum <= number < 2**62:
+    if not minimum <= number <= maximum:
         raise wrong(name, expected, short(number))
     return number
 

@@ -244,10 +244,9 @@ def _check_that_states_follow(body: Any, states: FloatArray, eps: float | FloatA
 def scattering_angle(body: Suslov3D) -> FloatArray:
     """Angle between the angular velocities in space at time -infinity and at +infinity.
 
-    In the continuous problem every motion leaves one steady rotation and tends to another. The
-    angle between them in space depends on the body alone; that of the discrete problem converges to
-    it with order 2. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2, alpha = I1 I2 m / D,
-    beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
+    In the continuous problem it depends on the body alone; in the discrete problem it converges to
+    this one with order 2. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2,
+    alpha = I1 I2 m / D, beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
     kappa**2 = (alpha - i gamma)**2 - beta**2, and for gamma = 0 by Fedorov, Maciejewski and
     Przybylska, Nonlinearity 22 (2009), arXiv:0902.0079,
 
@@ -262,10 +261,8 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(...))
-        Angle in radians, from 0, if the body turns over, to pi, if its final orientation is
-        the initial one; NaN if I13 = I23 = 0, because then every state is steady. Its error is
-        about 1e-15 (alpha + beta + abs(gamma)), below 1e-10 if I1 and I2 are within a factor of
-        1e8.
+        Angle in radians, from 0, if the body turns over, to pi, if its final orientation is the
+        initial one; NaN if I13 = I23 = 0. Its error is about 1e-15 (alpha + beta + abs(gamma)).
 
     Examples
     --------

@@ -68,19 +68,15 @@ class RandomStarts:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        size = self.size
-        if isinstance(size, (tuple, list)):
-            size = tuple(integer("size", length, 0) for length in size)
-        else:
-            size = integer("size", size, 0)
-        object.__setattr__(self, "size", size)
-        object.__setattr__(self, "extent", positive("extent", self.extent))
-        object.__setattr__(self, "seed", integer("seed", self.seed, 0))
+        lengths = self.size if isinstance(self.size, (tuple, list)) else [self.size]
+        size = tuple(integer("size", length, 0) for length in lengths)
+        extent, seed = positive("extent", self.extent), integer("seed", self.seed, 0)
+        vars(self).update(size=size, extent=extent, seed=seed)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """The batch shape."""
-        return self.size if isinstance(self.size, tuple) else (self.size,)
+        return self.size  # type: ignore[return-value]
 
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
         """Return the states `start` to `start + count`, shape (count, dimension)."""
@@ -166,10 +162,7 @@ def thread_count(threads: int | None) -> int | None:
 
     limit = int(numba.config.NUMBA_NUM_THREADS)
     expected = f"None or an integer from 1 to {limit} (NUMBA_NUM_THREADS)"
-    count = integer("threads", threads, 1, expected)
-    if count > limit:
-        raise wrong("threads", expected, count)
-    return count
+    return integer("threads", threads, 1, expected, limit)
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:

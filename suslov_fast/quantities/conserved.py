@@ -51,11 +51,9 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        A body without a known F raises :class:`NotIntegrableError`; its :func:`modified_energy`
-        is nearly conserved.
-    omega, eps
-        As in :func:`jacobian`.
+    body, omega, eps
+        As in :func:`jacobian`, without fields. A body without a known F raises
+        :class:`NotIntegrableError`; its :func:`modified_energy` is nearly conserved.
 
     Returns
     -------
@@ -266,16 +264,14 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
     Parameters
     ----------
     body, omega0, eps
-        As in :func:`jacobian`; the body is a `Suslov3D`, omega0 is state 0 of an orbit, and
-        eps = 0 is the continuous motion.
+        As in :func:`jacobian`; the body is a `Suslov3D`, and eps = 0 is the continuous motion.
 
     Returns
     -------
     ClosedForm
-        Named tuple of arrays (...): h, in the unit of (I13 omega)**2; k1, in the unit of 1 / eps;
-        k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
-        -1 and 1, because the solution has another form there. k2 is infinite on the line x = 0, and
-        0 at rest.
+        Named tuple of arrays (...): h, in the unit of (I13 omega)**2; k1, in that of 1 / eps; k2,
+        dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between -1
+        and 1. k2 is infinite on the line x = 0, and 0 at rest.
 
     Examples
     --------

@@ -25,9 +25,7 @@ _STRETCH = 2**26
 
 
 def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
-    """Time derivative of omega in the continuous motion, or of the state x of a field.
-
-    It is equation (2) of the paper, in n dimensions equation (14).
+    """Time derivative of the state, equation (2) of the paper, or (14) in n dimensions.
 
     Parameters
     ----------
@@ -171,14 +169,13 @@ def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]
     array([1.062919, 1.      ])
     """
     states = check(body, Body, x, eps, name="x")
-    half_step = 0.5 * np.asarray(states.eps)[..., np.newaxis]
     with np.errstate(all="ignore"):
         slopes = _slopes_at_fixed_points(states)
-        known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1), keepdims=True))
-        Y = half_step * _rates(states, np.where(known, slopes, 0.0))
+        known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
+        rates = _rates(states, np.where(known[..., np.newaxis], slopes, 0.0))
+        Y = 0.5 * np.asarray(states.eps)[..., np.newaxis] * rates
         found = np.where(Y == 1.0, np.inf, (1.0 + Y) / (1.0 - Y))
-        found = np.where(known[..., 0], found, np.nan)
-        found = np.broadcast_to(found, (*states.batch, body.dimension))
+        found = np.where(np.broadcast_to(known, (*states.batch, 1)), found, np.nan)
         order = np.lexsort((-found.imag, -abs(found)), axis=-1)
     return np.take_along_axis(found, order, axis=-1)
 

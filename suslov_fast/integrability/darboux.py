@@ -5,11 +5,10 @@ import random
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import lru_cache, partial
-from itertools import takewhile
+from itertools import product, takewhile
 from typing import Any
 
 import flint
-import numpy as np
 
 from ..checks import integer, wrong
 from . import exact
@@ -220,35 +219,22 @@ def _divisors(
     lines = [random_line(map.dimension, p, rng) for _ in range(most)]
     images = [list(monomial_values(monomials, map.at(eps).reduced(line))) for line in lines]
 
-    def equations(f: Any, k: int, power: int) -> Any:
+    def equations(f: Any, k: int, power: int) -> Residues:
         """Return the equations of the polynomials whose pullback has a factor to a power."""
         rows: Residues = []
         for line, values in zip(lines[: 1 + 2 * count // (k * power)], images, strict=False):
             divisor = on_line(f, line, k) ** power
             remainders = [each % divisor for each in values]
             rows += [[each[j] for each in remainders] for j in range(k * power)]
-        return flint.nmod_mat(rows, p)
+        reduced, rank = flint.nmod_mat(rows, p).rref()
+        return exact.integer_rows(reduced)[:rank]
 
     systems = []
     for f, k in divisors:
         each = (equations(f, k, power) for power in range(1, total // k + 1))
-        systems.append([*takewhile(exact.null_space, each)])
-    reach = [k * len(each) for (_, k), each in zip(divisors, systems, strict=True)]
-
-    def products(i: int, left: int, basis: Any) -> Iterator[tuple[int, ...]]:
-        if not 0 <= left <= sum(reach[i:]):
-            return
-        if i == len(systems):
-            yield ()
-            return
-        yield from ((0, *more) for more in products(i + 1, left, basis))
-        for power, system in enumerate(systems[i], start=1):
-            if not (columns := exact.null_space(system * basis)):
-                return
-            reduced = basis * flint.nmod_mat(columns, p).transpose()
-            left -= divisors[i][1]
-            yield from ((power, *more) for more in products(i + 1, left, reduced))
-
-    everything = flint.nmod_mat(np.eye(count, dtype=int).tolist(), p)
-    for powers in products(0, total, everything):
-        yield powers[at_infinity:]
+        systems.append([[], *takewhile(lambda rows: len(rows) < count, each)])
+    for powers in product(*(range(len(each)) for each in systems)):
+        if sum(e * k for e, (_, k) in zip(powers, divisors, strict=True)) == total:
+            rows = [row for each, e in zip(systems, powers, strict=True) for row in each[e]]
+            if not rows or flint.nmod_mat(rows, p).rank() < count:
+                yield powers[at_infinity:]

@@ -11,7 +11,7 @@ import flint
 from . import exact
 from .darboux import cofactors_of, darboux_polynomials
 from .exact import Polynomials, degree_of, factors, rank, size
-from .functions import IDENTITY, MODULAR, RationalFunction, quotient_of
+from .functions import IDENTITY, MODULAR, RationalFunction, factored, quotient_of
 from .maps import RationalMap
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
@@ -74,7 +74,7 @@ class Invariants:
         if not space:
             return
         space = tuple(sorted(space, key=size))
-        functions = [self._function(P) for P in space]
+        functions = [replace(factored(P), basis=MODULAR) for P in space]
         if self.map.factors is not None:
             for f in (f for P in space for f, _ in factors(P) if degree_of(f)):
                 if (own := self.map.cofactor(f)) is not None:
@@ -92,14 +92,11 @@ class Invariants:
         if measures and not self.densities:
             self.densities = [f**-1 for f in functions]
 
-    def _function(self, P: Any) -> RationalFunction:
-        return quotient_of(P, self.map.ring.constant(1), MODULAR)
-
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> None:
         """Add a Darboux polynomial, unless it is a combination of products of others."""
         span = [Q for _, Q in self._products_with(cofactor, degree_of(P))]
         if rank([*span, P]) > len(span):
-            found = replace(self._function(P), cofactor=cofactor)
+            found = replace(factored(P), basis=MODULAR, cofactor=cofactor)
             self.generators.append(self._checked(found))
 
     def _checked(self, f: RationalFunction) -> RationalFunction:

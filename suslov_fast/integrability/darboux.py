@@ -2,7 +2,7 @@
 
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import product, takewhile
@@ -127,7 +127,19 @@ def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
 def _at_points(map: RationalMap, degree: int, cofactor: Any, p: int, eps: int) -> tuple[Any, Any]:
     """Return monomials at random points, times the cofactor, and at their images, in rows."""
     points, monomials, images = _random_points(map, degree, p, eps)
-    value = _modulo(cofactor, map.at(eps), p, eps)
+    powers = [(modulo(P, p, eps), e) for P, e in getattr(cofactor, "factors", ())]
+
+    def value(x: list[Any]) -> Any:
+        if cofactor is None:
+            return map.at(eps).derivative(x).det()
+        if isinstance(cofactor, RationalFunction):
+            constant = flint.nmod(exact.fmpq(cofactor.constant), p)
+            return math.prod((flint.nmod(P(*x[:-1]), p) ** e for P, e in powers), start=constant)
+        found = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
+        if isinstance(found, float):
+            raise wrong("cofactor", "exact numbers", "float", TypeError)
+        return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), p)
+
     try:
         values = [value(x) for x in points]
     except ZeroDivisionError:
@@ -144,26 +156,6 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> tuple[Any
     monomials = [monomial_values(exponents, x).tolist() for x in points]
     images = [monomial_values(exponents, now.image(x)).tolist() for x in points]
     return points, monomials, images
-
-
-def _modulo(cofactor: Any, map: RationalMap, p: int, eps: int) -> Callable[[list[Any]], Any]:
-    """Return a cofactor, None for det DPhi, as a function of points modulo a prime."""
-    if cofactor is None:
-        return lambda x: map.derivative(x).det()
-    if isinstance(cofactor, RationalFunction):
-        powers = [(modulo(P, p, eps), e) for P, e in cofactor.factors]
-        constant = flint.nmod(exact.fmpq(cofactor.constant), p)
-        return lambda x: math.prod(
-            (flint.nmod(P(*x[:-1]), p) ** e for P, e in powers), start=constant
-        )
-
-    def value(x: list[Any]) -> Any:
-        found = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
-        if isinstance(found, float):
-            raise wrong("cofactor", "exact numbers", "float", TypeError)
-        return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), p)
-
-    return value
 
 
 def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:

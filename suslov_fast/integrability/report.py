@@ -68,14 +68,24 @@ class Report:
 
     def __repr__(self) -> str:
         d, D = self.degree, self.map.dimension
+        title = f"Map of {D} variables"
+        if isinstance(self.map, KahanMap):
+            field, eps = str(self.map.field), self.map.eps
+            field = field if len(field) <= 2 * _WIDTH else f"a quadratic field of {D} variables"
+            title = f"Kahan map of {field}, eps = {'a letter' if eps is None else eps}"
+        kind, entropy, error, based_on = self.growth
+        rate = "" if math.isnan(entropy) else f", entropy {entropy:.4g}"
+        rate += f" with a spread of {error:.1g}" if error > 0 else ""
+        if kind == "linear" and D == 2:
+            based_on += "; in the plane a sign of an invariant fibration, which may be no integral"
         none = f"none found up to degree {d}" if self.finished else "none found so far"
         if self.finished and self.relations is None:
             none = "not sought"
         more = ", ..." if len(self.degrees) > 8 else ""
         lines = [
-            self._title(),
+            title,
             f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
-            self._growth_line(),
+            f"Growth: {kind}{rate}; evidence, not a proof: {based_on}",
             _listed("First integrals", self.integrals, 6, none),
             _listed("Densities of measures", self.measures, 1, none),
             _listed("Darboux polynomials", self.polynomials, 6, none),
@@ -91,23 +101,6 @@ class Report:
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
-
-    def _title(self) -> str:
-        map, several = self.map, f"{self.map.dimension} variables"
-        if not isinstance(map, KahanMap):
-            return f"Map of {several}"
-        text = str(map.field)
-        text = text if len(text) <= 2 * _WIDTH else f"a quadratic field of {several}"
-        return f"Kahan map of {text}, eps = {'a letter' if map.eps is None else map.eps}"
-
-    def _growth_line(self) -> str:
-        kind, entropy, error, based_on = self.growth
-        text = "" if math.isnan(entropy) else f", entropy {entropy:.4g}"
-        text += f" with a spread of {error:.1g}" if error > 0 else ""
-        text = f"Growth: {kind}{text}; evidence, not a proof: {based_on}"
-        if kind == "linear" and self.map.dimension == 2:
-            text += "; in the plane a sign of an invariant fibration, which may be no integral"
-        return text
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as numbers, strings, lists and dictionaries, for JSON."""

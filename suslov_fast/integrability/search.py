@@ -7,6 +7,7 @@ them and are checked as identities (`invariants`).
 """
 
 import math
+import os
 import pickle
 import random
 import signal
@@ -28,12 +29,7 @@ _FEW = 80  # coefficients of a polynomial of more than the degree
 _ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
 _SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees that cost little, and likewise
 
-_START = """
-import sys
-sys.path[:] = {path!r}
-from suslov_fast.integrability.search import serve
-serve()
-"""
+_START = "from suslov_fast.integrability.search import serve; serve()"
 
 
 def search(found: Any, seed: int) -> Iterator[Any]:
@@ -119,8 +115,9 @@ def search_until(deadline: float, found: Any, seed: int) -> Iterator[Any]:
 
     It runs in another process, since python-flint cannot be interrupted.
     """
-    command = [sys.executable, "-c", _START.format(path=sys.path)]
-    process: Any = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    pipe, env = subprocess.PIPE, {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", _START]
+    process: Any = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=env)
     left = min(deadline - time.monotonic(), threading.TIMEOUT_MAX)
     timer = threading.Timer(left, process.kill)
     with process:

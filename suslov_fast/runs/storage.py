@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..checks import instance, wrong
 from ..engine.status import Status
@@ -98,7 +97,13 @@ def to_xarray(
     except ImportError as error:
         install = "pip install '.[xarray]' in a copy of the repository"
         raise ImportError(f"expected xarray, got none: {install}") from error
-    map, body, parameters = run._map, run.body, _parameters(run)
+    map, body, count = run._map, run.body, run.status.ndim
+    arrays = {"eps": np.asarray(run.eps), **body._arrays}
+    parameters = {  # with an axis for each of the batch first
+        name: np.array(each, ndmin=count + body._axes.get(name, 0))
+        for name, each in arrays.items()
+        if name not in ("H", "K")
+    }
     batch = _batch_names(run, dims, parameters)
     flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
     variables: dict[str, Any] = {
@@ -112,7 +117,10 @@ def to_xarray(
     }
     if run.attitude is not None:
         variables["attitude"] = ("n", *batch, "space", "body"), run.attitude
-    variables |= {name: _labelled(name, each, batch) for name, each in parameters.items()}
+    for name, array in parameters.items():
+        each = xarray.Variable((*batch, *_COMPONENTS[: array.ndim - count]), array)
+        common = [axis for axis in batch if each.sizes[axis] == 1 and axis != name]
+        variables[name] = each.squeeze(common)
     attributes = {"title": map.title, "map": map.name, "version": __version__}
     attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
     dataset = xarray.Dataset(variables, attrs=attributes)
@@ -123,27 +131,6 @@ def to_xarray(
         raise wrong("coords", "names not in use", ", ".join(taken))
     time = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
     return dataset.assign_coords({"time": time, **(coords or {})})
-
-
-def _parameters(run: Any) -> dict[str, NDArray[Any]]:
-    """Return eps and the parameters of the body, with an axis for each of the batch first."""
-    body = run.body
-    found = [("eps", np.asarray(run.eps), 0)]
-    found += [(name, array, body._axes.get(name, 0)) for name, array in body._arrays.items()]
-    count = run.status.ndim
-    return {
-        name: array.reshape((1,) * (count + own - array.ndim) + array.shape)
-        for name, array, own in found
-        if name not in ("H", "K")
-    }
-
-
-def _labelled(name: str, array: NDArray[Any], batch: tuple[str, ...]) -> Any:
-    """Return a parameter with its axes: those on which it varies, or that have its name."""
-    names = *batch, *_COMPONENTS[: array.ndim - len(batch)]
-    sizes = enumerate(array.shape)
-    kept = [k for k, size in sizes if size != 1 or k >= len(batch) or names[k] == name]
-    return tuple(names[k] for k in kept), array.reshape([array.shape[k] for k in kept])
 
 
 def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[str, ...]:

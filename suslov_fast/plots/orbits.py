@@ -37,8 +37,12 @@ def axes_for(ax: Any, size: tuple[float, float]) -> Any:
 
 def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
-    first, second = _checked(components, run.states.shape[-1])
-    plane = run.states[..., (first, second)].reshape(len(run), -1, 2)
+    D, symbols = run.body.dimension, run._map.symbols(run.body)
+    expected = f"two integers below {D}, the number of components"
+    pair = [integer("components", k, 0, expected) for k in components]
+    if len(pair) != 2 or max(pair) >= D:
+        raise wrong("components", expected, components)
+    plane = run.states[..., pair].reshape(len(run), -1, 2)
     if lines is None:
         lines = plane[..., 0].size <= _MOST and run.n[-1] == len(run) - 1 and _are_near(plane)
     axes = axes_for(ax, (5.4, 5.0))
@@ -46,18 +50,9 @@ def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any)
     drawn, count = _draw(axes, plane, levels, lines)
     if levels is not None:
         axes.figure.colorbar(drawn, ax=axes, label=label, shrink=0.8)
-    symbols = run._map.symbols(run.body)
-    axes.set(xlabel=symbols[first], ylabel=symbols[second])
+    axes.set(xlabel=symbols[pair[0]], ylabel=symbols[pair[1]])
     axes.set_title(_title(run, count), fontsize="small")
     return axes
-
-
-def _checked(components: tuple[int, int], D: int) -> tuple[int, int]:
-    expected = f"two integers below {D}, the number of components"
-    found = [integer("components", k, 0, expected) for k in components]
-    if len(found) != 2 or max(found) >= D:
-        raise wrong("components", expected, components)
-    return found[0], found[1]
 
 
 def _are_near(plane: FloatArray) -> bool:

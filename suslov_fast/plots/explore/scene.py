@@ -4,13 +4,13 @@ import math
 import warnings
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.parse import parse_qsl, urlencode
+from urllib.parse import parse_qsl
 
 import numpy as np
 
 from ... import __version__
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
-from ...checks import real_number, states, wrong
+from ...checks import real_number, wrong
 from ...engine.arguments import BodyIn3D
 from ...engine.status import Status
 from ...quantities.conserved import rotation_number
@@ -69,18 +69,6 @@ def parse_query(query: str) -> Parameters:
     if steps not in range(1, _MOST_STEPS + 1):
         raise wrong("steps", f"an integer from 1 to {_MOST_STEPS}", f"{steps:g}")
     return Parameters(**values | {"steps": int(steps)})
-
-
-def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
-    """Return the query of a page that shows an orbit of a single body."""
-    state = states("omega0", omega0, body._labels)
-    if body.shape or state.ndim != 1:
-        raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
-    extent = 1.5 * float(abs(state).max()) or 1.0
-    values = *map(float, body.parameters), eps, *state.tolist(), steps, extent
-    query = urlencode(Parameters(*values)._asdict())
-    parse_query(query)
-    return query
 
 
 def answer(query: str) -> Any:

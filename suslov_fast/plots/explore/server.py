@@ -8,12 +8,13 @@ from http.server import BaseHTTPRequestHandler
 from importlib.util import find_spec
 from socketserver import ThreadingTCPServer
 from typing import Any
+from urllib.parse import urlencode
 
 from numpy.typing import ArrayLike
 
-from ...checks import instance
+from ...checks import instance, states, wrong
 from ...engine.arguments import BodyIn3D
-from .scene import PAGE, answer, query_of
+from .scene import PAGE, Parameters, answer, parse_query
 
 _ADDRESS = "127.0.0.1"
 _MOST = 32  # requests at a time; others wait
@@ -158,4 +159,11 @@ def explore(
     >>> page.close()
     """
     instance("body", body, BodyIn3D)
-    return Page(query_of(body, eps, omega0, steps))
+    state = states("omega0", omega0, body._labels)
+    if body.shape or state.ndim != 1:
+        raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
+    extent = 1.5 * float(abs(state).max()) or 1.0
+    values = *map(float, body.parameters), eps, *state.tolist(), steps, extent
+    query = urlencode(Parameters(*values)._asdict())
+    parse_query(query)  # checks the numbers
+    return Page(query)

@@ -40,7 +40,7 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
     if not target.absolute().parent.is_dir():
         message = "expected a name in a folder that exists, got one in none"
         raise FileNotFoundError(errno.ENOENT, message, os.fspath(path))
-    about = {"format": FORMAT, "version": __version__, "map": run._map.name}
+    about = {"format": FORMAT, "version": __version__}
     about |= {name: getattr(run, name) for name in _NUMBERS}
     arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}
     arrays |= {"about": json.dumps(about), "body": json.dumps(run.body.to_dict())}
@@ -121,7 +121,7 @@ def to_xarray(
         each = xarray.Variable((*batch, *_COMPONENTS[: array.ndim - count]), array)
         common = [axis for axis in batch if each.sizes[axis] == 1 and axis != name]
         variables[name] = each.squeeze(common)
-    attributes = {"title": map.title, "map": map.name, "version": __version__}
+    attributes = {"title": map.title, "version": __version__}
     attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
     dataset = xarray.Dataset(variables, attrs=attributes)
     dataset = dataset.set_coords([*body._coordinates, *({*batch} & {*parameters})])

@@ -95,22 +95,23 @@ class RationalFunction:
         *above, below = over_common_denominator((self, other), of)
         return factored(sum(above)) / factored(below)
 
-    __radd__, __rmul__ = __add__, __mul__
+    __radd__ = __add__
+    __rmul__ = __mul__
 
     def __neg__(self) -> RationalFunction:
         return self * -1
 
-    def __sub__(self, other: Any) -> Any:
-        return self + -other
+    def __sub__(self, other: Any) -> RationalFunction:
+        return self + -as_function(other)
 
-    def __rsub__(self, other: Any) -> Any:
-        return -self + other
+    def __rsub__(self, other: Any) -> RationalFunction:
+        return as_function(other) - self
 
     def __truediv__(self, other: Any) -> RationalFunction:
         return self * as_function(other) ** -1
 
-    def __rtruediv__(self, other: Any) -> Any:
-        return self**-1 * other
+    def __rtruediv__(self, other: Any) -> RationalFunction:
+        return as_function(other) / self
 
     def __pow__(self, power: int) -> RationalFunction:
         power = operator.index(power)

@@ -196,7 +196,8 @@ class RationalMap:
             return None
         minus_c, one, *powers = rows[0]
         (c,) = rational_roots([minus_c, one], self.ring)
-        exponents = (int(sum(above)) for above, _ in powers)  # 0 is written without coefficients
+        k = max(k for k, a in enumerate(one) if a)
+        exponents = (int(each[k] / one[k]) for each in powers)
         return c * product_of(zip(known, exponents, strict=True), Fraction(1))
 
 

@@ -4,7 +4,6 @@ import contextlib
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
@@ -47,7 +46,7 @@ class HKBasis:
     @property
     def polynomials(self) -> Polynomials:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
-        rows = [[([a], [Fraction(1)]) for a in row] for row in self.basis or ()]
+        rows = [[[a] for a in row] for row in self.basis or ()]
         return polynomials_with(rows, self.monomials)
 
     def __repr__(self) -> str:
@@ -139,7 +138,7 @@ def hk_bases(
         rows = over_rationals(
             rng, lambda p, eps: _relations(map, exponents, p, eps, exact.point_modulo(p, start))
         )
-        basis = rows and tuple(tuple(a[0] for a, _ in row) for row in rows)
+        basis = rows and tuple(tuple(a for (a,) in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
         _degree(exponents), exponents, dimension, independent, integrals, complete, start, basis

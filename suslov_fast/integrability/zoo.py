@@ -26,7 +26,7 @@ def _chain(*x: Any) -> Any:
 
 def _rotors(*beta: int) -> Any:
     """The gyrostat of Zhukovsky and Volterra."""
-    return of(lambda x, y, z: np.cross((x, y, z), beta) + (y * z, 2 * z * x, -3 * x * y))
+    return of(lambda x, y, z: np.array((y * z, 2 * z * x, -3 * x * y)) + np.cross((x, y, z), beta))
 
 
 def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> QuadraticField:

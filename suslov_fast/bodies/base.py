@@ -27,6 +27,8 @@ class Body:
     dimension: ClassVar[Any] = 2
     _labels: ClassVar[Any] = "Omega1", "Omega2"
     _coordinates: ClassVar[Any] = ()
+    _field: ClassVar[Any]
+    _read: ClassVar[Any] = None  # makes a body of what is written, if the class does not
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -46,6 +48,10 @@ class Body:
         named = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in named.items() if value is not None}
 
+    @property
+    def _written(self) -> dict[str, Any]:
+        return self._parts
+
     def _take(self, parts: Mapping[str, Any]) -> None:
         """Keep the parts of another body, or cut from them, which are not checked."""
         vars(self).update({name: frozen(each) for name, each in parts.items()})
@@ -63,10 +69,6 @@ class Body:
     def field(self) -> Any:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
         return self._field
-
-    @cached_property
-    def _field(self) -> Any:
-        raise NotImplementedError
 
     @property
     def parameters(self) -> Any:
@@ -134,8 +136,8 @@ class Body:
         if method is not None:
             checks.one_of("method", method, ["nearest"])
         for name, value in values.items():
-            scalars = {n: array for n, array in self._arrays.items() if n not in self._axes}
-            column = scalars.get(name, np.empty(0))
+            scalars = {n: each for n, each in self._parts.items() if n not in self._axes}
+            column = np.asarray(scalars.get(name, []), np.float64)
             if not 0 < column.size == max(column.shape, default=0):
                 names = ", ".join(scalars) or "none"
                 raise wrong("sel", f"a parameter that varies along one axis, of {names}", name)
@@ -202,8 +204,7 @@ class Body:
         >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
         {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
         """
-        plain = {name: to_lists(each) for name, each in self._parts.items()}
-        return {"body": type(self).__name__, **plain}
+        return {"body": type(self).__name__, **to_lists(self._written)}
 
     @classmethod
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
@@ -221,12 +222,13 @@ class Body:
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
         checks.one_of("body", given.pop("body", None), [cls.__name__])
-        known = inspect.signature(cls).parameters
-        needed = {name for name, each in known.items() if each.default is each.empty}
-        if others := (given.keys() - known) | (needed - given.keys()):
-            received = f"others: {', '.join(sorted(map(str, others)))} missing or unknown"
-            raise wrong("parameters", f"those of {cls.__name__}", received)
-        return cls(**{name: from_lists(name, each) for name, each in given.items()})
+        read = cls._read or cls
+        try:
+            inspect.signature(read).bind(**given)
+        except TypeError as error:
+            expected = f"those of {cls.__name__} ({error})"
+            raise wrong("parameters", expected, ", ".join(map(str, given))) from None
+        return read(**from_lists("parameters", given))
 
 
 def frozen(part: Any) -> Any:

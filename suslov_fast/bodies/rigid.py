@@ -56,7 +56,7 @@ class _In3D(Body):
         table = np.zeros((*self.shape, 2, 3, 3), l.dtype)
         table[..., 0, :, 1] = -l / np.asarray(I1)[..., None]
         table[..., 1, :, 0] = l / np.asarray(I2)[..., None]
-        return QuadraticField._of_table((table + table.swapaxes(-2, -1)) / 2)
+        return QuadraticField._of({"table": (table + table.swapaxes(-2, -1)) / 2})
 
 
 def _matrices(*rows: tuple[Any, ...]) -> FloatArray:

@@ -225,17 +225,24 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
         found = _in_decimals(field)
         eps = _decimal(eps) if isinstance(eps, float) else eps
     map = kahan(found, eps)
-    given = np.concatenate([np.ravel(each) for each in (*field._parts.values(), map.eps or 0)])
+    given = np.concatenate([np.ravel(each) for each in (*_numbers_of(field), map.eps or 0)])
     return map, [] if decimals else _note_on_floats(exact.rational("field", c) for c in given)
 
 
 def _in_decimals(body: Any) -> QuadraticField:
     """Return the field of a single body or field with its floats as decimals."""
     decimals = np.vectorize(_decimal, "O")
-    if isinstance(body, QuadraticField) and body.H is not None:
+    if not isinstance(body, QuadraticField):
+        parts = {name: decimals(each) for name, each in body._parts.items()}
+        return QuadraticField.of(body._of(parts))
+    if body.H is not None:
         return QuadraticField._of_hamiltonian(decimals(body.H.tensor), decimals(body.K))
-    parts = {name: decimals(each) for name, each in body._parts.items()}
-    return QuadraticField.of(body._of(parts))
+    return QuadraticField(*map(decimals, _numbers_of(body)))
+
+
+def _numbers_of(body: Any) -> Any:
+    """Return the parameters of a body, or the coefficients of a field."""
+    return (body._coefficients if isinstance(body, QuadraticField) else body._parts).values()
 
 
 def _decimal(a: Any) -> Fraction:

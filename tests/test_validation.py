@@ -65,7 +65,7 @@ BODIES = [
     (lambda: SuslovND([1, 0], [1, 2]), ValueError, "J"),
     (lambda: SuslovND([1, 1e61], [1, 2]), ValueError, "J"),
     (lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2.0, -0.1]), [1, 2, 3]), ValueError, "I"),
-    (lambda: SuslovND.from_mass_tensor(ID, ID), ValueError, "a"),
+    (lambda: SuslovND.from_mass_tensor(ID, [1, 2]), ValueError, "a"),
     (inertia(np.eye(2)), ValueError, "I"), (inertia(ID, [0, 1]), ValueError, "a"),
     (inertia(ID, [0, 0, 0]), ValueError, "a"), (inertia(np.triu(np.ones((3, 3)))), ValueError, "I"),
     (inertia(np.diag([1, 1, 1e-17]), [1, 2, 3]), ValueError, "I"),

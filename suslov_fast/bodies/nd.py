@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import OTHERS, FloatArray, first_index, real_array, spell, wrong
 from .base import Body
 from .field import QuadraticField
-from .rigid import turned_to_last, without_rounding
+from .rigid import adapted
 
 # Rounding error of J and I, which from_mass_tensor rotates.
 _ROUNDING = 1e-14
@@ -95,22 +95,22 @@ class SuslovND(Body):
 
         Parameters
         ----------
-        I : array_like(float, shape=(n, n))
+        I : array_like(float, shape=(..., n, n))
             Symmetric to 1e-12 of its size and positive definite, in any basis fixed in the body:
             the I of M = I Omega + Omega I, which holds the second moments of mass. For n = 3 that
             is not the inertia tensor T of :meth:`Suslov3D.from_inertia` but trace(T) / 2 - T.
-        a : array_like(float, shape=(n,)), optional
+        a : array_like(float, shape=(..., n)), optional
             The axis that becomes e_n, of any length but 0; by default e_n itself.
 
         Returns
         -------
         body : SuslovND
-            The body in its adapted basis. Couplings below 2**-50 of the largest J are rounding
-            errors, and 0.
-        rotation : ndarray(float, shape=(n, n))
+            The body in its adapted basis. Couplings below 2**-50 of the largest moment are
+            rounding errors, and set to 0.
+        rotation : ndarray(float, shape=(..., n, n))
             The matrix, of determinant 1, that takes components to the adapted basis:
-            ``I_adapted = rotation @ I @ rotation.T``. It is the identity if the given
-            basis is adapted already; where it turns the other axes, J ascends.
+            ``I_adapted = rotation @ I @ rotation.T``. It is the identity if the given basis is
+            adapted already.
 
         Examples
         --------
@@ -120,21 +120,12 @@ class SuslovND(Body):
         SuslovND(J=[4.0, 5.0], I=[0.4, -0.7])
         """
         given = real_array("I", I)
-        n = len(given) if given.ndim else 0
-        if n < 2 or given.ndim != 2:
-            raise wrong("I", "shape (n, n) with n > 1", given.shape)
-        turned, rotation = turned_to_last(given, np.eye(n)[-1] if a is None else a, n)
-        if rotation.ndim != 2:
-            raise wrong("a", f"shape ({n},)", rotation.shape[:-1])
-        block = turned[:-1, :-1]
-        if abs(block - np.diag(np.diag(block))).max() > 1e-15 * abs(given).max():
-            turn = np.eye(n)
-            turn[:-1, :-1] = np.linalg.eigh(block)[1].T
-            turn[0] *= np.sign(np.linalg.det(turn))
-            turned, rotation = turn @ turned @ turn.T, turn @ rotation
-        diagonal = np.diag(turned)
-        J = diagonal[:-1] + diagonal[-1]
-        return cls(J, without_rounding(turned[:-1, -1], J.max())), rotation
+        n = (0, *given.shape)[-1]
+        if n < 2:
+            raise wrong("I", "shape (..., n, n) with n > 1", given.shape)
+        tensors, rotation = adapted(given, np.eye(n)[-1] if a is None else a, n)
+        moments = np.diagonal(tensors, axis1=-2, axis2=-1)
+        return cls(moments[..., :-1] + moments[..., -1:], tensors[..., :-1, -1]), rotation
 
 
 class NotIntegrableError(ValueError):

@@ -147,7 +147,7 @@ def _add_options_of_run(parser: Any) -> None:
     one.add_argument("--trajectories", type=integer, metavar="N", default=65_536, help=many)
     one.add_argument("--omega0", type=numbers, action="append", metavar="X,...", help="given ones")
     one.add_argument("--initial", type=Path, metavar="FILE.npy", help="one in each row")
-    group.add_argument("--extent", type=float, metavar="X", default=2.0, help="of random ones (2)")
+    group.add_argument("--extent", type=float, metavar="X", default=2.0, help="in [-X, X) (2)")
     group.add_argument("--seed", type=integer, metavar="N", default=0, help="of random ones (0)")
     group = parser.add_argument_group("run")
     group.add_argument("--eps", type=fraction, metavar="X", help="step size (of the picture)")

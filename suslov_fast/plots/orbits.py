@@ -38,7 +38,7 @@ def axes_for(ax: Any, size: tuple[float, float]) -> Any:
 def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
     D, symbols = run.body.dimension, run._map.symbols(run.body)
-    expected = f"two integers below {D}, the number of components"
+    expected = f"two integers from 0 to {D - 1}"
     pair = [integer("components", k, 0, expected) for k in components]
     if len(pair) != 2 or max(pair) >= D:
         raise wrong("components", expected, components)

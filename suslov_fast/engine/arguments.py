@@ -71,12 +71,12 @@ class RandomStarts:
         lengths = self.size if isinstance(self.size, (tuple, list)) else [self.size]
         size = tuple(integer("size", length, 0) for length in lengths)
         extent, seed = positive("extent", self.extent), integer("seed", self.seed, 0)
-        vars(self).update(size=size, extent=extent, seed=seed)
+        vars(self).update(size=size[0] if len(size) == 1 else size, extent=extent, seed=seed)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """The batch shape."""
-        return self.size  # type: ignore[return-value]
+        return (self.size,) if isinstance(self.size, int) else self.size
 
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
         """Return the states `start` to `start + count`, shape (count, dimension)."""

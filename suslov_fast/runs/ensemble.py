@@ -22,10 +22,10 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..engine.arguments import RandomStarts, States, require
+from ..engine.arguments import RandomStarts, States, check, require
 from ..engine.stretches import March, Progress, reporter
 from ..maps import map_of
-from .iterate import begin, checked_counts
+from .iterate import checked_counts
 from .trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 # Version of the format, and the status of trajectories that are not computed.
 FORMAT, PENDING = 6, -128
+# Attributes that do not identify a run; some stores have the last one.
+_FREE = "version", "coordinates", "map"
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
 # least number of trajectories that keep a processor busy; tiles queued per thread of a worker.
 _CHUNK, _WORK, _FEWEST, _WAITING = 2**23, 2**31, 2**12, 4
@@ -108,8 +110,9 @@ def ensemble(
 
     if client is not None and not hasattr(client, "nthreads"):
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
+    checks.one_of("method", method, map_of(body).methods)
     threads = None if client is None else 1
-    _, whole = begin(body, RandomStarts((), 1.0), eps, method, attitude, threads)
+    whole = check(body, (), RandomStarts((), 1.0), eps, threads, attitude=attitude)
     is_random = isinstance(omega0, RandomStarts)
     if not (is_random or isinstance(omega0, np.memmap) or hasattr(omega0, "dask")):
         omega0 = checks.states("omega0", omega0, body._labels)
@@ -304,7 +307,7 @@ def _prepare(store: Any, data: Any, sizes: dict[str, int]) -> None:
     """Create the store of a run, or check that it holds this run."""
     (stored, is_made), texts = _opened(store), []
     for name in {**data.attrs, **stored} if stored else ():
-        if name not in ("version", "coordinates") and data.attrs.get(name) != stored.get(name):
+        if name not in _FREE and data.attrs.get(name) != stored.get(name):
             ours, theirs = (_in_words(each.get(name)) for each in (data.attrs, stored))
             texts.append(f"{name}: {ours}, the store has {'others' if ours == theirs else theirs}")
     if texts:

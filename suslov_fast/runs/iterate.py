@@ -1,7 +1,7 @@
 """One step and many steps of the map of a body or a field."""
 
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, instance, integer, one_of, wrong
 from ..core import quantities as formulas
-from ..engine.arguments import BodyIn3D, BodyOrField, RandomStarts, States, check
+from ..engine.arguments import BodyIn3D, BodyOrField, RandomStarts, check
 from ..engine.status import OnSingular, report_failures
 from ..engine.stretches import March, Progress
-from ..maps import Map, map_of
+from ..maps import map_of
 from ..quantities.evaluation import reported
 from .trajectories import Trajectories, run_to_end
 
@@ -128,19 +128,13 @@ def iterate(
     >>> orbit.final.round(6)
     array([ 0.873325, -1.093093])
     """
-    map, states = begin(body, omega0, eps, method, attitude, threads)
-    march, counts = March(map.methods[method], states), checked_counts(steps, save_every)
-    return run_to_end(march, method, *counts, on_singular, progress, out)
-
-
-def begin(
-    body: Any, omega0: Any, eps: Any, method: str, attitude: Any, threads: int | None = None
-) -> tuple[Map, States]:
-    """Return the map and the checked arguments of a run, of which it keeps copies."""
-    map = map_of(body)
-    one_of("method", method, map.methods)
+    methods = map_of(body).methods
+    one_of("method", method, methods)
     states = check(body, (), omega0, eps, threads, name="omega0", attitude=attitude)
-    return map, states if type(states.eps) is float else states._replace(eps=np.array(states.eps))
+    if type(states.eps) is not float:  # which a run keeps
+        states = states._replace(eps=np.array(states.eps))
+    march, counts = March(methods[method], states), checked_counts(steps, save_every)
+    return run_to_end(march, method, *counts, on_singular, progress, out)
 
 
 def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:

@@ -37,9 +37,6 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
     if target.exists() and not overwrite:
         message = "expected the name of a new file, or overwrite=True, got one that exists"
         raise FileExistsError(errno.EEXIST, message, os.fspath(path))
-    if not target.absolute().parent.is_dir():
-        message = "expected a name in a folder that exists, got one in none"
-        raise FileNotFoundError(errno.ENOENT, message, os.fspath(path))
     about = {"format": FORMAT, "version": __version__}
     about |= {name: getattr(run, name) for name in _NUMBERS}
     arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}

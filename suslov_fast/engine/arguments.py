@@ -196,13 +196,12 @@ def parameters_of(
         return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
     if not body.shape:
         return *body.batch_of_one, flat_parameter(eps, batch)
-    axes = *(max(body._axes.values(), default=0),) * len(body.parameters), 0
-    each = zip((*body.parameters, eps), axes, strict=True)
-    return tuple(flat_parameter(value, batch, count) for value, count in each)
+    axes = max(body._axes.values(), default=0)
+    own = (flat_parameter(value, batch, axes) for value in body.parameters)
+    return *own, flat_parameter(eps, batch)
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return the array `out` of the user, checked."""
     if not isinstance(out, np.ndarray) or np.ma.isMA(out) or out.dtype != np.float64:
         received = f"{checks.kind_of(out)} of dtype {getattr(out, 'dtype', None)}"
         raise wrong("out", "a NumPy array of dtype float64", received, TypeError)

@@ -27,9 +27,6 @@ _BITS, _LEAST_BITS = 192, 100
 def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
     """All real fixed points of a field, which are those of its Kahan map for every step size.
 
-    Groebner bases reduce the equations to irreducible ones in one variable, and the points are
-    polynomials in their roots.
-
     Parameters
     ----------
     field : QuadraticField or a body
@@ -111,7 +108,7 @@ def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:
     """Return the real common zeros of ``flint.fmpq_mpoly``, None if there are infinitely many.
 
     If there are finitely many complex zeros, those for each irreducible factor of the minimal
-    polynomial of the linear form x1 + weight x2 + weight**2 x3 are found from its roots, with
+    polynomial of the linear form x1 + weight x2 + weight**2 x3 are polynomials in its roots, with
     another weight if the form has equal values at different points.
     """
     context = equations[0].context()
@@ -134,7 +131,7 @@ def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:
     if matrices is not None:
         if minimal.degree() < form.nrows():
             return _real_zeros(equations, weight + 1)
-        return _points_at(_in_powers(form, matrices), minimal)
+        return _points_at(form, matrices, minimal)
     # Where a quadric has no two values of opposite sign, its real zeros are critical points.
     squares = [p.derivative(i) for p in equations if _is_semidefinite(p) for i in range(len(x))]
     return _real_zeros([*equations, *squares]) if squares else None
@@ -176,19 +173,18 @@ def _multiplications(basis: Any, D: int) -> list[Any] | None:
     return [flint.fmpq_mat([row(a * context.from_dict({m: 1})) for m in below]) for a in x]
 
 
-def _in_powers(form: Any, matrices: Sequence[Any]) -> list[Any]:
-    """Return matrices of multiplication as polynomials in that of a form that generates all."""
+def _points_at(form: Any, matrices: Sequence[Any], minimal: Any) -> Points:
+    """Return the points at the real zeros of the minimal polynomial of a form that generates all.
+
+    Coordinates are polynomials in the form, as their matrices of multiplication are in its own.
+    """
     size = form.nrows()
     rows = [flint.fmpq_mat(1, size, [1] + [0] * (size - 1))]
     for _ in range(size - 1):
         rows.append(rows[-1] * form)
     powers = flint.fmpq_mat([row.entries() for row in rows]).transpose()
     found = (powers.solve((rows[0] * each).transpose()) for each in matrices)
-    return [flint.fmpq_poly(each.entries()) for each in found]
-
-
-def _points_at(coordinates: Sequence[Any], minimal: Any) -> Points:
-    """Return the values of polynomials of lower degree at the real zeros of an irreducible one."""
+    coordinates = [flint.fmpq_poly(each.entries()) for each in found]
     for bits in (_BITS << k for k in count()):
         with flint.ctx.workprec(bits):
             zeros = [zero.real for zero, _ in minimal.complex_roots() if zero.imag.is_zero()]

@@ -48,10 +48,6 @@ class Body:
         named = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in named.items() if value is not None}
 
-    @property
-    def _written(self) -> dict[str, Any]:
-        return self._parts
-
     def _take(self, parts: Mapping[str, Any]) -> None:
         """Keep the parts of another body, or cut from them, which are not checked."""
         vars(self).update({name: frozen(each) for name, each in parts.items()})
@@ -119,10 +115,6 @@ class Body:
         **values : float
             Values of parameters, each of which varies along a single axis of the batch. The result
             lacks these axes.
-
-        Returns
-        -------
-        body
 
         Examples
         --------
@@ -192,11 +184,8 @@ class Body:
     def to_dict(self) -> dict[str, Any]:
         """Return a dictionary of the class and the parameters, without loss, for JSON.
 
-        Returns
-        -------
-        dict
-            Numbers and nested lists by name. Exact numbers of a field that are no floats are
-            strings "p/q", and H is a symmetric tensor in (x1, ..., xD, 1).
+        Numbers of a field that are no floats are strings "p/q". A field with a Hamiltonian has K
+        and H, a symmetric tensor in (x1, ..., xD, 1), in place of coefficients.
 
         Examples
         --------
@@ -204,21 +193,11 @@ class Body:
         >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
         {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
         """
-        return {"body": type(self).__name__, **to_lists(self._written)}
+        return {"body": type(self).__name__, **to_lists(self._parts)}
 
     @classmethod
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
-        """Return the body of this class that :meth:`to_dict` describes.
-
-        Parameters
-        ----------
-        parameters : mapping
-            What `to_dict` returned; that of another class is a ValueError.
-
-        Returns
-        -------
-        body
-        """
+        """Return the body that :meth:`to_dict` described; one of another class is a ValueError."""
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
         checks.one_of("body", given.pop("body", None), [cls.__name__])

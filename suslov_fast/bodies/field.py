@@ -23,7 +23,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from .base import Body, frozen
-from .polynomials import as_given, coefficients, named, numbers, polynomial_of, traced
+from .polynomials import as_given, coefficients, named, numbers, polynomial_of, to_lists, traced
 
 
 class Hamiltonian:
@@ -116,11 +116,8 @@ class QuadraticField(Body):
         q, l, c = table[..., :-1, :-1], frozen(2 * table[..., :-1, -1]), table[..., -1, -1]
         H, D = Hamiltonian(kept["H"]) if "H" in kept else None, table.shape[-3]
         vars(self).update(table=table, quadratic=q, linear=l, constant=c, H=H, K=kept.get("K"))
-        vars(self).update(_parts={"table": table, **kept}, dimension=D, _coordinates=names)
-
-    @cached_property
-    def _labels(self) -> tuple[str, ...]:
-        return labels(self.dimension)
+        vars(self).update(_parts={"table": table, **kept}, _coordinates=names)
+        vars(self).update(dimension=D, _labels=labels(D))
 
     @property
     def _coefficients(self) -> dict[str, Any]:
@@ -149,10 +146,6 @@ class QuadraticField(Body):
             Named parameters, with names that nothing else has. Numbers remain exact; arrays
             broadcast, and make a batch of fields.
 
-        Returns
-        -------
-        QuadraticField
-
         Examples
         --------
         >>> from suslov_fast import QuadraticField
@@ -179,10 +172,6 @@ class QuadraticField(Body):
             canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
         dimension, **parameters
             As in :meth:`from_function`.
-
-        Returns
-        -------
-        QuadraticField
 
         Examples
         --------
@@ -214,14 +203,7 @@ class QuadraticField(Body):
     def of(cls, body: Any) -> QuadraticField:
         """Return the equations of motion of a body of any class: its ``field()``.
 
-        Parameters
-        ----------
-        body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-            A single one, whose parameters are taken exactly, or a batch.
-
-        Returns
-        -------
-        QuadraticField
+        The parameters of a single body are taken exactly; a batch of bodies gives a batch.
         """
         checks.instance("body", body, Body)
         field: QuadraticField = body.field()
@@ -268,10 +250,10 @@ class QuadraticField(Body):
         short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
         return f"QuadraticField({short})"
 
-    @property
-    def _written(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         own = self._coefficients if self.H is None else {"H": self.H.tensor, "K": self.K}
-        return {**own, "parameters": self.parameters} if self.parameters else own
+        own |= {"parameters": self.parameters} if self.parameters else {}
+        return {"body": "QuadraticField", **to_lists(own)}
 
     @classmethod
     def _read(
@@ -285,12 +267,13 @@ class QuadraticField(Body):
     ) -> QuadraticField:
         checks.instance("parameters", parameters or {}, Mapping)
         values = named(parameters or {})
-        if H is None:
+        if H is None and K is None:
             return cls._of({**cls(quadratic, linear, constant)._parts, **values})
         if quadratic is not None or linear is not None or constant is not None:
             raise wrong("parameters", "coefficients, or H and K", "both")
-        tensor = coefficients("H", H, False)
-        if tensor.shape[-3:] != tensor.shape[-1:] * 3 or (tensor != tensor.swapaxes(-2, -1)).any():
+        tensor = np.atleast_3d(coefficients("H", H, False))
+        twins = tensor.swapaxes(-1, -2), tensor.swapaxes(-1, -3)
+        if tensor.shape[-1] < 2 or not all(np.array_equal(tensor, each) for each in twins):
             raise wrong("H", "a symmetric tensor", checks.short(H))
         return cls._of_hamiltonian(tensor, K, **values)
 
@@ -301,7 +284,7 @@ def labels(D: int) -> tuple[str, ...]:
 
 def rates(H: Any, K: Any) -> Any:
     """Return the table of K grad H; most entries of K are 0."""
-    table, K = np.full_like(H[..., :-1, :, :], Fraction(0)), K.astype(H.dtype)
+    table = np.full_like(H[..., :-1, :, :], Fraction(0))
     for i, j in np.argwhere(K != 0):
         table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
     return table

@@ -31,14 +31,13 @@ _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 
 def exact(name: str, value: Any) -> Fraction:
     """Return a number, of NumPy or SymPy too, as a fraction: a float as its binary value."""
-    is_known = isinstance(value, Rational) or hasattr(value, "as_integer_ratio")
-    if isinstance(value, bool) or not is_known:
+    is_ratio = isinstance(value, Rational)
+    if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = f"{short(value)} of type {type(value).__name__}"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
-    if isinstance(value, Rational):
-        return Fraction(int(value.numerator), int(value.denominator))
     try:
-        return Fraction(*map(int, value.as_integer_ratio()))
+        ratio = (value.numerator, value.denominator) if is_ratio else value.as_integer_ratio()
+        return Fraction(*map(int, ratio))
     except (OverflowError, ValueError):
         raise wrong(name, "finite numbers", value) from None
 

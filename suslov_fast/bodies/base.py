@@ -76,16 +76,12 @@ class Body:
         """The parameters of a single body with an axis for the batch."""
         return tuple(np.array(each)[np.newaxis] for each in self.parameters)
 
-    @classmethod
-    def _batch(cls, parts: Mapping[str, Any]) -> tuple[int, ...]:
-        axes = cls._axes
-        shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
-        return checks.common_shape(shapes)
-
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
-        return self._batch(self._parts)
+        axes, parts = self._axes, self._parts
+        shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
+        return checks.common_shape(shapes)
 
     def __len__(self) -> int:
         if not self.shape:

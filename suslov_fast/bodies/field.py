@@ -97,11 +97,13 @@ class QuadraticField(Body):
         D = (0, *arrays["quadratic"].shape)[-1]
         for name, each, axes in (("linear", linear, 2), ("constant", constant, 1)):
             arrays[name] = np.zeros((D,) * axes) if each is None else as_given(name, each)
+        shapes = {}
         for name, array in arrays.items():
             axes = self._axes[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
                 raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
-        batch = self._batch(arrays)
+            shapes[name] = array.shape[:-axes]
+        batch = checks.common_shape(shapes)
         q, l, c = (coefficients(name, array, bool(batch)) for name, array in arrays.items())
         table = np.zeros((*batch, D, D + 1, D + 1), q.dtype)
         table[..., :-1, :-1], table[..., :-1, -1], table[..., -1, -1] = q, l, c

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..checks import OTHERS, FloatArray, first_index, real_array, spell, wrong
 from .base import Body
 from .field import QuadraticField
+from .polynomials import numbers
 from .rigid import adapted
 
 # Rounding error of J and I, which from_mass_tensor rotates.
@@ -76,9 +76,7 @@ class SuslovND(Body):
 
     @cached_property
     def _field(self) -> QuadraticField:
-        J, I = self.J, self.I
-        if not self.shape:
-            J, I = (np.array([*map(Fraction, each.tolist())]) for each in (J, I))
+        J, I = (numbers(name, each, bool(self.shape)) for name, each in self._parts.items())
         # J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j.
         q = np.zeros((*self.shape, *(self.dimension,) * 3), J.dtype)
         j = np.arange(self.dimension)
@@ -132,15 +130,14 @@ class NotIntegrableError(ValueError):
     """No closed form or first integral is known for this body."""
 
 
-def are_solved(body: SuslovND) -> NDArray[np.bool_]:
+def are_solved(body: SuslovND) -> Any:
     """Return where J I = b I and J = a orthogonal to I, to rounding; everywhere for n = 3."""
     J, coupled = np.broadcast_arrays(body.J, _coupled(body))
     count = coupled.sum(axis=-1, keepdims=True)
     left_out = coupled & (count == 1)
     low = np.where(left_out, np.inf, J).min(axis=-1)
     high = np.where(left_out, 0.0, J).max(axis=-1)
-    solved = (high * (1.0 - _ROUNDING) <= low) | (count[..., 0] == 0) | (J.shape[-1] == 2)
-    return np.asarray(solved)
+    return (high * (1.0 - _ROUNDING) <= low) | (count[..., 0] == 0) | (J.shape[-1] == 2)
 
 
 def _coupled(body: SuslovND) -> Any:

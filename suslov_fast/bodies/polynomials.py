@@ -114,7 +114,8 @@ class Polynomial(NDArrayOperatorsMixin):
         return value if isinstance(value, cls) else cls([((), exact("coefficient", value))])
 
     def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
-        if any(isinstance(each, np.ndarray) for each in operands):  # one entry after the other
+        has_array = any(isinstance(each, np.ndarray) for each in operands)
+        if has_array or operation in (np.power, np.square):  # by the operators of entries
             return operation(*(np.array(each, object) for each in operands))
         if operation not in _ARITHMETIC:
             raise TypeError(f"the operation {operation.__name__}")

@@ -203,7 +203,6 @@ def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
         "final": np.broadcast_to(np.nan, (*batch, D)),
         "failed_at": np.broadcast_to(np.int64(PENDING), batch),
         "status": np.broadcast_to(np.int8(PENDING), batch),
-        "attitude": None,
     }
     arrays = {**body._arrays, "eps": np.asarray(eps)}
     if turns is not None:

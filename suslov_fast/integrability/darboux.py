@@ -4,7 +4,7 @@ import math
 import random
 from collections.abc import Iterator
 from fractions import Fraction
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from itertools import product, takewhile
 from typing import Any
 
@@ -203,12 +203,12 @@ def _divisors(
     p = exact.random_prime(rng)
     eps = rng.randrange(2, p)
     monomials = [(*e, degree - sum(e)) for e in exact.exponents_up_to(degree, map.dimension)]
-    count, total = len(monomials), degree * (map.degree - 1)
+    count, most = len(monomials), degree * (map.degree - 1)
     divisors = [(modulo(f, p, eps), degree_of(f)) for f in factors]
     if at_infinity:
         divisors.insert(0, (modulo(map.ring.constant(1), p, eps), 1))
-    most = 1 + 2 * count // min((k for _, k in divisors), default=1)
-    lines = [random_line(map.dimension, p, rng) for _ in range(most)]
+    enough = 1 + 2 * count // min((k for _, k in divisors), default=1)
+    lines = [random_line(map.dimension, p, rng) for _ in range(enough)]
     images = [list(monomial_values(monomials, map.at(eps).reduced(line))) for line in lines]
 
     def equations(f: Any, k: int, power: int) -> Residues:
@@ -223,10 +223,16 @@ def _divisors(
 
     systems = []
     for f, k in divisors:
-        each = (equations(f, k, power) for power in range(1, total // k + 1))
+        each = (equations(f, k, power) for power in range(1, most // k + 1))
         systems.append([[], *takewhile(lambda rows: len(rows) < count, each)])
+
+    @cache
+    def fit(*powers: int) -> bool:
+        """Return True if the first factors to these powers divide one pullback."""
+        rows = [row for each, e in zip(systems, powers, strict=False) for row in each[e]]
+        return not rows or (fit(*powers[:-1]) and flint.nmod_mat(rows, p).rank() < count)
+
     for powers in product(*(range(len(each)) for each in systems)):
-        if sum(e * k for e, (_, k) in zip(powers, divisors, strict=True)) == total:
-            rows = [row for each, e in zip(systems, powers, strict=True) for row in each[e]]
-            if not rows or flint.nmod_mat(rows, p).rank() < count:
-                yield powers[at_infinity:]
+        total = sum(e * k for e, (_, k) in zip(powers, divisors, strict=True))
+        if total == most and fit(*powers):
+            yield powers[at_infinity:]

@@ -75,7 +75,7 @@ def named(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 def plain(value: Any) -> float | str:
     """Return a number as a float if it is one, else as the string "p/q"."""
-    number = exact("value", value)
+    number = exact("value", value) if value else 0  # as most entries of tensors are
     return float(number) if float(number) == number else str(number)
 
 

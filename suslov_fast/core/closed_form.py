@@ -207,20 +207,6 @@ def enter(b, first, width, used, parameters, omega0, discrete):
         b[RATE, l] = rate(b[PASSES, l], b[RATE, l], b[R, l], discrete)
 
 
-@formula
-def explain(b, l, reasons, i):
-    """Note why a state of trajectory i is NaN."""
-    n, passes = b[TIME, l], b[PASSES, l] > 0.0
-    if np.isnan(b[W1, l] + b[W2, l]):
-        return
-    if np.isnan(b[ROOT, l]) or (passes and n * b[MISSING, l] > 0.0):
-        reasons[1, i] = True
-    elif passes and not has_power(b[R, l], abs(n)):
-        reasons[0, i] = True
-    else:
-        reasons[2, i] = True
-
-
 @kernel
 def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     """States of trajectories by the closed form.
@@ -261,8 +247,11 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
         for l in range(LANES):
             tile[2 * l], tile[2 * l + 1] = state(b, l)
         for l in range(used):
-            if np.isnan(tile[2 * l]):
-                explain(b, l, reasons, first + l % width)
+            if np.isnan(tile[2 * l]) and not np.isnan(b[W1, l] + b[W2, l]):
+                time, passes = b[TIME, l], b[PASSES, l] > 0.0
+                outside = np.isnan(b[ROOT, l]) or (passes and time * b[MISSING, l] > 0.0)
+                powerless = passes and not has_power(b[R, l], abs(time))
+                reasons[1 if outside else 0 if powerless else 2, first + l % width] = True
         write(tile, flat, 2 * (row * B + first), 2 * used, lead)
 
 

@@ -99,9 +99,7 @@ inlined = numba.njit(inline="always", **_FUNCTION)
 
 # ---------------------------------------------------------------------------------------- kernels
 class Kernel:
-    """A function called from Python: `function(part, parts, *arguments)` for numbers, arrays and
-    tuples of them, compiled when it is first called.
-    """
+    """A kernel, whose arguments are numbers, arrays and tuples of them."""
 
     def __init__(self, py_function):
         self.compiled, self._addresses = _cached(numba.njit(**_OPTIONS), py_function), {}
@@ -116,9 +114,10 @@ class Kernel:
             return
         kinds = tuple(map(numba.typeof, (0, 0, *arguments)))
         if kinds not in self._addresses:
-            self._addresses[kinds] = _address(self.compiled, *kinds)
-        loop, start = _parallel_loop()
-        start(loop, self._addresses[kinds], threads, arguments)
+            self.compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
+            result = self.compiled.get_compile_result(types.void(*kinds))
+            self._addresses[kinds] = types.CompileResultWAP(result).address
+        _start(self._addresses[kinds], threads, arguments)
 
 
 kernel = Kernel  # the decorator
@@ -126,45 +125,33 @@ kernel = Kernel  # the decorator
 
 # A parallel call is a loop over parts, which calls the kernel by its address: so a kernel is
 # compiled once, for serial and parallel calls, and this loop once for all kernels (each `prange`
-# takes seconds). It takes the address of the arguments too, since `prange` passes no nested tuples.
+# takes seconds). It takes the address of the arguments, too: `prange` passes no nested tuples.
+@functools.partial(_cached, numba.njit(parallel=True, **_OPTIONS))
 def _loop(call_part, kernel, data, parts):
     for part in prange(parts):
-        _call(call_part, (kernel, data, np.int64(part), parts))
+        _call(call_part, kernel, data, np.int64(part), parts)
 
 
-def _start(loop, kernel, parts, arguments):
+@functools.partial(_cached, numba.njit(**_OPTIONS))
+def _start(kernel, parts, arguments):
     call_part, data = _pack(arguments)
-    _call(loop, (call_part, kernel, data, parts))
+    _loop(call_part, kernel, data, parts)
 
 
-@functools.cache
-def _parallel_loop():
-    """Return the address of the loop over parts, and the function that starts it."""
-    loop = _cached(numba.njit(parallel=True, **_OPTIONS), _loop)
-    return _address(loop, *[types.int64] * 4), _cached(numba.njit(**_OPTIONS), _start)
-
-
-def _address(compiled, *kinds):
-    """Return the address of a function for arguments of these types."""
-    compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
-    return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
-
-
-def _emit_call(context, builder, address, values):
+def _emit_call(context, builder, address, *values):
     kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
     builder.call(builder.inttoptr(address, kind.as_pointer()), values)
 
 
 @intrinsic
-def _call(typing, address, numbers):
-    """Call a compiled function by its address, with a tuple of integers; it returns None."""
+def _call(typing, address, kernel, data, part, parts):
+    """Call the function that `_pack` made."""
 
     def emit(context, builder, signature, arguments):
-        values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
-        _emit_call(context, builder, arguments[0], values)
+        _emit_call(context, builder, *arguments)
         return context.get_dummy_value()
 
-    return types.void(types.int64, numbers), emit
+    return types.void(*[types.int64] * 5), emit
 
 
 @intrinsic
@@ -187,7 +174,7 @@ def _pack(typing, arguments):
         inner = ir.IRBuilder(call_part.append_basic_block())
         packed = inner.load(inner.inttoptr(data, packed.type.as_pointer()))
         numbers = [inner.extract_value(packed, k) for k in range(len(arguments))]
-        _emit_call(context, inner, kernel, [part, parts, *numbers])
+        _emit_call(context, inner, kernel, part, parts, *numbers)
         inner.ret(context.get_dummy_value())
         addresses = [builder.ptrtoint(each, word) for each in (call_part, memory)]
         return context.make_tuple(builder, result, addresses)
@@ -209,8 +196,7 @@ def _uncounted(context, builder, kind, value):
 
 # ---------------------------------------------------------------------------- universal functions
 class Universal:
-    """A universal function of float64 numbers, made of the function of one state, compiled when it
-    is first called, and cached on disk as kernels are.
+    """A universal function of float64 numbers, made of the function of one state.
 
     In a layout such as "(),(d)->(d,d),()" the function writes to its last two arguments; a number
     that it writes is an array of one.

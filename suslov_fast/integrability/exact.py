@@ -19,6 +19,7 @@ import flint
 import numpy as np
 
 from ..bodies.polynomials import exact as as_fraction
+from ..bodies.polynomials import from_lists
 from ..checks import refuse, wrong
 
 Point = tuple[Fraction, ...]
@@ -55,12 +56,7 @@ def rationals(name: str, value: Any, count: int) -> Point:
 
 def step_size(eps: Any) -> Fraction:
     """Return eps, a number or a string, as a fraction."""
-    if not isinstance(eps, str):
-        return rational("eps", eps)
-    try:
-        return Fraction(eps)
-    except (ValueError, ZeroDivisionError):
-        raise wrong("eps", "a number such as 1/3 or 0.1", repr(eps)) from None
+    return rational("eps", from_lists("eps", eps))
 
 
 def fmpq(a: Any) -> Any:
@@ -149,18 +145,14 @@ def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any
     return values
 
 
-def over(numbers: Any, P: Any, eps: Any, **modulus: Any) -> Any:
-    """Return a polynomial in x over another ring of numbers, with this value of eps."""
-    names, context = P.context().names(), partial(numbers.get, ordering="deglex", **modulus)
+def modulo(P: Any, p: int, eps: Any) -> Any:
+    """Return a polynomial in x modulo a prime, over the rationals for p = 0, at this eps."""
+    numbers, modulus = (flint.nmod_mpoly_ctx, {"modulus": p}) if p else (flint.fmpq_mpoly_ctx, {})
+    context, names = partial(numbers.get, ordering="deglex", **modulus), P.context().names()
     found = context(names).from_dict(P.to_dict())
     if not has_letter(P):
         return found
     return found.subs({"eps": eps}).project_to_context(context(names[1:]))
-
-
-def modulo(P: Any, p: int, eps: int) -> Any:
-    """Return a polynomial in x modulo a prime, with this value of eps."""
-    return over(flint.nmod_mpoly_ctx, P, eps, modulus=p)
 
 
 def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:

@@ -62,10 +62,7 @@ class RationalFunction:
         (-2/(2*eps - 1), 6)
         """
         value = exact.step_size(eps)
-        powers = (
-            factored(exact.over(flint.fmpq_mpoly_ctx, P, exact.fmpq(value))) ** e
-            for P, e in self.factors
-        )
+        powers = (factored(modulo(P, 0, exact.fmpq(value))) ** e for P, e in self.factors)
         try:
             found = math.prod(powers, start=RationalFunction((), self.constant))
         except ZeroDivisionError:

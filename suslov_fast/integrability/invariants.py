@@ -110,11 +110,9 @@ class Invariants:
             raise ArithmeticError(f"{f}: expected the cofactor {f.cofactor or 1}")
         return replace(f, basis=IDENTITY)
 
-    def _products_with(
-        self, cofactor: RationalFunction, degree: int
-    ) -> list[tuple[RationalFunction, Any]]:
+    def _products_with(self, cofactor: RationalFunction, degree: int) -> list[Any]:
         """Return independent products up to a degree that have a cofactor, and as polynomials."""
-        found: list[tuple[RationalFunction, Any]] = []
+        found: list[Any] = []
         for f, c in self._products(degree, 0):
             if c == cofactor:
                 P, _ = f.quotient_in(self.map.ring)
@@ -161,9 +159,9 @@ def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[lis
     for cofactor in cofactors:
         of = {str(f): e for f, e in cofactor.factors}
         of["sign"] = int(cofactor.constant < 0)
-        for number, sign in ((cofactor.constant.numerator, 1), (cofactor.constant.denominator, -1)):
-            for q, e in flint.fmpz(abs(number)).factor(trial_limit=_TRIAL):
-                of[str(q)] = of.get(str(q), 0) + sign * int(e)
+        for sign, number in ((1, cofactor.constant.numerator), (-1, cofactor.constant.denominator)):
+            primes = flint.fmpz(abs(number)).factor(trial_limit=_TRIAL)
+            of |= {str(q): sign * int(e) for q, e in primes}
         exponents.append(of)
     exponents.append({"sign": 2})
     names, n = dict.fromkeys(name for of in exponents for name in of), len(cofactors)

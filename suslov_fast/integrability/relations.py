@@ -13,7 +13,7 @@ import numpy as np
 from ..checks import integer, short, wrong
 from . import exact, functions
 from .exact import MORE, Exponents, Point, Polynomials, Residues, monomial_values
-from .functions import over_common_denominator, rank_of_quotients
+from .functions import rank_of_quotients
 from .invariants import Invariants
 from .maps import RationalMap, check_map
 from .reconstruction import over_rationals, polynomials_with
@@ -128,9 +128,8 @@ def hk_bases(
         with contextlib.suppress(ArithmeticError, ValueError):  # too long
             for k in range(1, _degree(exponents) + 1):
                 invariants.of_degree(k)
-            *above, below = over_common_denominator(
-                functions.independent(invariants.quotients), map.ring
-            )
+            found = functions.independent(invariants.quotients)
+            *above, below = functions.over_common_denominator(found, map.ring)
             integrals = max(integrals, (below, *above), key=rank_of_quotients)
     complete = rank_of_quotients(integrals) == independent
     basis: Any = None if map.has_letter else ()

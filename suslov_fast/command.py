@@ -14,7 +14,6 @@ from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from fractions import Fraction
 from importlib.util import find_spec
-from itertools import product
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -22,9 +21,6 @@ import suslov_fast as sf
 
 # Modules that need Numba, which would delay `--help`, are imported where they are used.
 _PARAMETERS = ("I1", "I2", "I13", "I23", "I3", "k", "J", "I")
-# Numbers of states for `warm-up`: few are computed in one thread, many in parallel.
-COUNTS = (3, 2**15)
-_NO_KERNELS = "animate_body compiled explore integrability".split()
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -33,8 +29,7 @@ def main(words: Sequence[str] | None = None) -> int:
         options = _parsed(sys.argv[1:] if words is None else words)
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: _tell(f"warning: {message}")
-            options.function(options)
-            return 0
+            return int(options.function(options) or 0)
     except KeyboardInterrupt as error:
         _tell(f"interrupted{error}")
         return 130  # as a shell does for a process that a signal ended
@@ -83,7 +78,7 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("-V", "--version", action="version", version=f"%(prog)s {sf.__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
 
-    def command(function: Callable[..., None]) -> Any:
+    def command(function: Callable[..., int | None]) -> Any:
         name, text = function.__name__.replace("_", "-"), function.__doc__ or ""
         about: dict[str, Any] = {"help": text.partition(".")[0], "description": text}
         made = commands.add_parser(name, allow_abbrev=False, **about)
@@ -147,8 +142,8 @@ def _add_options_of_run(parser: Any) -> None:
     one.add_argument("--trajectories", type=integer, metavar="N", default=65_536, help=many)
     one.add_argument("--omega0", type=numbers, action="append", metavar="X,...", help="given ones")
     one.add_argument("--initial", type=Path, metavar="FILE.npy", help="one in each row")
-    group.add_argument("--extent", type=float, metavar="X", default=2.0, help="in [-X, X) (2)")
-    group.add_argument("--seed", type=integer, metavar="N", default=0, help="of random ones (0)")
+    group.add_argument("--extent", type=float, metavar="X", help="in [-X, X) (2)")
+    group.add_argument("--seed", type=integer, metavar="N", help="of random ones (0)")
     group = parser.add_argument_group("run")
     group.add_argument("--eps", type=fraction, metavar="X", help="step size (of the picture)")
     group.add_argument("--steps", type=integer, default=1000, metavar="N", help="(1000)")
@@ -229,7 +224,10 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
     path, states = options.initial, options.omega0
     if not (path or states):
         count = checks.integer("--trajectories", options.trajectories, 1)
-        return sf.RandomStarts(count, options.extent, options.seed)
+        extent = 2.0 if options.extent is None else options.extent
+        return sf.RandomStarts(count, extent, options.seed or 0)
+    if (options.extent, options.seed) != (None, None):
+        options.usage_error("arguments --extent and --seed: expected random states with them")
     name = str(path or "--omega0")
     with _about(name):
         if path:
@@ -277,15 +275,18 @@ def _require_new(paths: Sequence[Path], force: bool) -> None:
         raise FileExistsError(f"{path}: expected a new name, or --force to replace it")
 
 
-def info(options: argparse.Namespace) -> None:
-    """Print a summary of saved runs: .npz of Trajectories.save, .zarr of ensemble.
-
-    The drift is the largest relative change of that function until the last state.
-    """
+def info(options: argparse.Namespace) -> int:
+    """Print summaries of saved runs, with the largest relative drift of what is conserved."""
+    failed = 0
     for path in options.file:
-        with _about(path):
+        try:
             facts = {"file": str(path), **_facts_in(path)}
-        print(_lines_of(facts, options.json), flush=True)
+        except Exception as error:
+            _tell(_text_of(error, path))
+            failed = 1
+        else:
+            print(_lines_of(facts, options.json), flush=True)
+    return failed
 
 
 def _facts_in(path: Path) -> dict[str, Any]:
@@ -334,8 +335,8 @@ def _lines_of(facts: dict[str, Any], as_json: bool) -> str:
     """Return a line for each fact, or one JSON object for programs."""
     if as_json:
         return json.dumps(facts)
-    names = [name for name in facts if name != "status"]
-    rows = [(name.replace("_", " "), _spelled(facts[name])) for name in names]
+    shown = {name: value for name, value in facts.items() if name != "status"}
+    rows = [(name.replace("_", " "), _spelled(value)) for name, value in shown.items()]
     for name, count in facts["status"].items():
         meaning = sf.Status[name].message if name in sf.Status.__members__ else "not computed yet"
         rows.append(("status", f"{count:,} {name}: {meaning}"))
@@ -399,22 +400,6 @@ def explore(options: argparse.Namespace) -> None:
 
 def warm_up(options: argparse.Namespace) -> None:
     """Compile all kernels in advance: later processes read them from the cache on disk."""
-    import numpy as np
+    from .warm_up import call_all
 
-    from .maps import MAPS
-
-    warnings.simplefilter("ignore")
-    public = [getattr(sf, name) for name in dir(sf) if name not in _NO_KERNELS]
-    for record, count in product(MAPS, COUNTS):
-        body, pole = record.sample
-        states = np.random.default_rng(0).uniform(0.1, 1.0, (count, body.dimension))
-        states[1::2] = pole
-        known = {"body": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
-        known |= {"omega": states, "omega0": states, "xy": states, "x": 0.0 * states}
-        variants: list[dict[str, Any]] = [{"method": name} for name in record.methods]
-        variants += [{}, {"save_every": None}, {"attitude": True}, {"n": [0, 40]}]
-        for function, more in product(filter(inspect.isfunction, public), variants):
-            wanted = inspect.signature(function).parameters
-            if wanted.keys() >= more.keys():
-                with suppress(ValueError, TypeError):  # not of this body
-                    function(**{k: v for k, v in (known | more).items() if k in wanted})
+    call_all()

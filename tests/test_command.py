@@ -96,9 +96,9 @@ def test_run_and_info(suffix):
     assert {**facts, **expected} == facts
     found = [json.loads(line) for line in succeed(f"info {name} {name} --json").splitlines()]
     assert [{**facts, "file": name, **each} for each in found] == [{**facts, "file": name}] * 2
-    mixed = run(f"info {name} missing.npz {name}")
-    assert (mixed.code, mixed.out) == (1, succeed(f"info {name}"))
-    assert mixed.err.startswith("suslov-fast: missing.npz: ")
+    mixed = run(f"info {name} missing.npz {name} text.txt")
+    assert (mixed.code, mixed.out) == (1, succeed(f"info {name} {name}"))
+    assert [line.split(":")[1] for line in mixed.err.splitlines()] == [" missing.npz", " text.txt"]
 
 
 @pytest.mark.filterwarnings("default")
@@ -186,6 +186,7 @@ MISTAKES = """
 2 | run --I1 4.5 | required: --I2, --I13, --I23, --eps
 2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k
 2 | run --I1 4 --picture 1 | --I1: not allowed with --picture
+2 | run --omega0 1,2 --seed 0 | --seed: expected random
 2 | run --save-every 3 | --save-every .* expected -o FILE
 2 | run -o o.csv | -o/--output: expected FILE.npz or FILE.zarr, got 'o.csv'
 2 | report --body good.json --eps 1/0 | --eps: invalid fraction value: '1/0'
@@ -286,7 +287,7 @@ def test_pictures():
 
 
 def test_warm_up(monkeypatch):
-    monkeypatch.setattr("suslov_fast.command.COUNTS", (3,))
+    monkeypatch.setattr("suslov_fast.warm_up.COUNTS", (3,))
     assert succeed("warm-up") == ""
 
 

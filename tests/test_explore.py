@@ -182,7 +182,8 @@ def test_what_is_refused(server):
         (200, both, {"Sec-Fetch-Site": "same-origin"}),
         *((403, [scene], {"Sec-Fetch-Site": site}) for site in ("cross-site", "same-site")),
         (200, ["/"], {"Sec-Fetch-Site": "cross-site"}),  # a link, or a frame
-        (404, ["/../server.py", "//etc/hostname", "/page/main.js", "/%00", "/a%0Ab"], {}),
+        (404, ["/../server.py", "//etc/hostname", "/page/main.js", "/a%0Ab"], {}),
+        (400, ["/%00"], {}),
     ):
         for path in paths:
             assert ask(server, path, headers)[0].status == status, (path, headers)

@@ -8,7 +8,7 @@ from http.server import BaseHTTPRequestHandler
 from importlib.util import find_spec
 from socketserver import ThreadingTCPServer
 from typing import Any
-from urllib.parse import urlencode
+from urllib.parse import unquote, urlencode
 
 from numpy.typing import ArrayLike
 
@@ -70,7 +70,7 @@ class _Handler(BaseHTTPRequestHandler):
         elif file := _FILES.get(path):
             self._send(_TYPES[file.suffix], file.read_bytes())
         else:
-            self.send_error(404)
+            self.send_error(400 if "\0" in unquote(path) else 404)
 
     def _send(self, kind: str, content: bytes) -> None:
         self.send_response(200)

@@ -91,6 +91,7 @@ class QuadraticField(Body):
     table: Any  # in homogeneous coordinates (..., D, D + 1, D + 1)
     H: Hamiltonian | None
     K: Any
+    _coefficients: dict[str, Any]
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
         arrays = {"quadratic": as_given("quadratic", quadratic)}
@@ -116,19 +117,16 @@ class QuadraticField(Body):
         kept = {name: frozen(each) for name, each in parts.items() if name != "table"}
         names = tuple(name for name in kept if name not in self._axes)
         q, l, c = table[..., :-1, :-1], frozen(2 * table[..., :-1, -1]), table[..., -1, -1]
+        own = {"quadratic": q, "linear": l, "constant": c}
         H, D = Hamiltonian(kept["H"]) if "H" in kept else None, table.shape[-3]
-        vars(self).update(table=table, quadratic=q, linear=l, constant=c, H=H, K=kept.get("K"))
+        vars(self).update(own, table=table, H=H, K=kept.get("K"), _coefficients=own)
         vars(self).update(_parts={"table": table, **kept}, _coordinates=names)
         vars(self).update(dimension=D, _labels=labels(D))
 
     @property
-    def _coefficients(self) -> dict[str, Any]:
-        return {"quadratic": self.quadratic, "linear": self.linear, "constant": self.constant}
-
-    @property
     def _arrays(self) -> dict[str, FloatArray]:
         others = {name: each for name, each in self._parts.items() if name != "table"}
-        found = {**self._coefficients, **others}
+        found = self._coefficients | others
         return {name: np.asarray(each, np.float64) for name, each in found.items()}
 
     @classmethod
@@ -254,8 +252,8 @@ class QuadraticField(Body):
 
     def to_dict(self) -> dict[str, Any]:
         own = self._coefficients if self.H is None else {"H": self.H.tensor, "K": self.K}
-        own |= {"parameters": self.parameters} if self.parameters else {}
-        return {"body": "QuadraticField", **to_lists(own)}
+        values = {"parameters": self.parameters} if self.parameters else {}
+        return {"body": "QuadraticField", **to_lists(own | values)}
 
     @classmethod
     def _read(

@@ -156,10 +156,9 @@ def jacobian(places, values, eps, x, out):
         unit[i, i] = 1.0
     for first in range(0, len(x), lanes):
         count = fill_block(block, values, eps, x, first)
-        before[:] = states
-        steps.advance(a, states, b, lanes)
-        for l in range(count):
-            if b[TO_SOLVE, l] > 0.0 or np.isnan(before[0, l]):
+        to_solve = steps.advance(a, states, b, lanes)
+        for l in range(count if to_solve > 0 else 0):
+            if b[TO_SOLVE, l] > 0.0:
                 steps.advance_one(terms, states, fixed, half, l, one)
         steps.fill(terms, half, fixed, states, after, 0, lanes)
         for i in range(D):
@@ -170,6 +169,7 @@ def jacobian(places, values, eps, x, out):
         substitute(a, right)
         for l in range(count):
             if b[TO_SOLVE, l] > 0.0:
+                before[:, l] = x[first + l]
                 derive(terms, before, fixed, half, after, unit, right, l, system, one[1])
             for i in range(D):
                 for j in range(D):

@@ -11,7 +11,6 @@ import math
 import random
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from functools import partial
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -67,10 +66,10 @@ def fraction(a: Any) -> Fraction:
     return Fraction(int(a.p), int(a.q))
 
 
-def ring(n: int, letter: bool, context: Any = flint.fmpz_mpoly_ctx, **modulus: Any) -> Any:
+def ring(n: int, letter: bool, context: Any = flint.fmpz_mpoly_ctx, *modulus: int) -> Any:
     """Return the ring of polynomials in n variables, and in eps if it is a letter."""
     names = ["eps"] * letter + [f"x{i}" for i in range(1, n + 1)]
-    return context.get(names, ordering="deglex", **modulus)
+    return context.get(names, *modulus, ordering="deglex")
 
 
 def has_letter(P: Any) -> bool:
@@ -147,12 +146,11 @@ def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any
 
 def modulo(P: Any, p: int, eps: Any) -> Any:
     """Return a polynomial in x modulo a prime, over the rationals for p = 0, at this eps."""
-    numbers, modulus = (flint.nmod_mpoly_ctx, {"modulus": p}) if p else (flint.fmpq_mpoly_ctx, {})
-    context, names = partial(numbers.get, ordering="deglex", **modulus), P.context().names()
-    found = context(names).from_dict(P.to_dict())
-    if not has_letter(P):
-        return found
-    return found.subs({"eps": eps}).project_to_context(context(names[1:]))
+    of: Any = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
+    letter = has_letter(P)
+    n = P.context().nvars() - letter
+    found = ring(n, letter, *of).from_dict(P.to_dict())
+    return found.subs({"eps": eps}).project_to_context(ring(n, False, *of)) if letter else found
 
 
 def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:

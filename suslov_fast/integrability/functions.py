@@ -95,6 +95,9 @@ class RationalFunction:
     __radd__ = __add__
     __rmul__ = __mul__
 
+    def __pos__(self) -> RationalFunction:
+        return self
+
     def __neg__(self) -> RationalFunction:
         return self * -1
 

@@ -222,7 +222,7 @@ def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
 def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
     """Return a polynomial modulo a prime, homogeneous of a degree, on a line; t is the last."""
     p = int(line[-1].modulus())
-    of = exact.ring(1, False, flint.nmod_mpoly_ctx, modulus=p)
+    of = exact.ring(1, False, flint.nmod_mpoly_ctx, p)
     by_inverse = [of.from_dict({(0,): int(x[1]), (1,): int(x[0])}) for x in line[:-1]]  # of x / t
     terms = P.compose(*by_inverse, ctx=of).to_dict()
     return flint.nmod_poly([int(terms.get((degree - k,), 0)) for k in range(degree + 1)], p)

@@ -164,7 +164,7 @@ def counts(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]
         relations = _relations(map, exponents, p, eps, x)
         if not relations:
             return 0, 0
-        ring = exact.ring(n, False, flint.nmod_mpoly_ctx, modulus=p)
+        ring = exact.ring(n, False, flint.nmod_mpoly_ctx, p)
         polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
         gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
         derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), p)  # of x_k

@@ -69,7 +69,7 @@ def test_files_of_others(path):
     found = entries(path)
     about, needed = str(found["about"]), ("states", "about", "body", "status", "eps")
     others = [{name: found[name] for name in found if name != lost} for lost in needed]
-    others.append(found | {"about": about.replace('"format": 7', '"format": 6')})
+    others.append(found | {"about": about.replace('"format": 8', '"format": 7')})
     others.append({"format": 5, "version": "0.5.0", "omega": np.zeros(3)})
     for each in others:
         np.savez(path, **each)

@@ -18,7 +18,7 @@ from ..maps import body_from_dict
 
 PathLike = str | os.PathLike[str]
 
-FORMAT = 7
+FORMAT = 8
 # What NumPy, zipfile and json raise for files that are something else.
 _DAMAGE = KeyError, AttributeError, TypeError, ValueError, EOFError, zipfile.BadZipFile, zlib.error
 _ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"

@@ -207,7 +207,7 @@ class Sleigh(Body):
 def test_a_body_with_a_record_steps_as_its_field(monkeypatch, tmp_path):
     methods = {"auto": maps.Steps(steps_field.steps, 0)}
     sample = Sleigh(1, 1, 1), (1.0, 1.0)
-    record = maps.Map("sleigh", Sleigh, "Sleigh", methods, lambda body: (), sample)
+    record = maps.Map(Sleigh, "Sleigh", methods, lambda body: (), sample)
     monkeypatch.setattr(maps, "MAPS", (*maps.MAPS, record))
     bodies, starts = Sleigh([1, 2, 3], 1.5, 0.4), [[1.0, 0.5]] * 3
     suslov = sf.Suslov3D(bodies.mass, 1.5 + 0.16 * bodies.mass, 0, -0.4 * bodies.mass)

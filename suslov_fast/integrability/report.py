@@ -225,7 +225,8 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
         found = _in_decimals(field)
         eps = _decimal(eps) if isinstance(eps, float) else eps
     map = kahan(found, eps)
-    given = np.concatenate([np.ravel(each) for each in (*_numbers_of(field), map.eps or 0)])
+    parts = field._coefficients if isinstance(field, QuadraticField) else field._parts
+    given = np.concatenate([np.ravel(each) for each in (*parts.values(), map.eps or 0)])
     return map, [] if decimals else _note_on_floats(exact.rational("field", c) for c in given)
 
 
@@ -237,12 +238,7 @@ def _in_decimals(body: Any) -> QuadraticField:
         return QuadraticField.of(body._of(parts))
     if body.H is not None:
         return QuadraticField._of_hamiltonian(decimals(body.H.tensor), decimals(body.K))
-    return QuadraticField(*map(decimals, _numbers_of(body)))
-
-
-def _numbers_of(body: Any) -> Any:
-    """Return the parameters of a body, or the coefficients of a field."""
-    return (body._coefficients if isinstance(body, QuadraticField) else body._parts).values()
+    return QuadraticField(*map(decimals, body._coefficients.values()))
 
 
 def _decimal(a: Any) -> Fraction:

@@ -34,20 +34,6 @@ def lanes_of(D, count):
     return min(lanes, (max(count, 1) + 7) // 8 * 8)
 
 
-@inlined
-def enter_field(indices, values, eps, fixed, half, l):
-    """Enter a field, values (T,), and a step size in a lane."""
-    D = len(fixed)
-    for i in range(D):
-        for j in range(D + 1):
-            fixed[i, j, l] = 1.0 if i == j else 0.0
-    for t in range(indices.shape[1]):
-        i, j, k = indices[0, t], indices[1, t], indices[2, t]
-        half[t, l] = 0.5 * eps * values[t]
-        if k == D:
-            fixed[i, j, l] -= half[t, l]
-
-
 @formula
 def fill(indices, half, fixed, x, a, begin, lanes):
     """Fill A(x), and in column D minus half the step size times f(x), for lanes from `begin` on."""
@@ -141,14 +127,20 @@ def step_of_one(system, given, out, memory):
 
 @function
 def enter(parameters, x0, x, fixed, half, begin, end, start, status, failed_at):
-    """Enter trajectories, in states x0; lanes beyond the last repeat it."""
+    """Enter trajectories, fields and step sizes; lanes beyond the last repeat it."""
     indices, values, eps = parameters
     for l in range(x.shape[1]):
         k, undefined = min(begin + l, end - 1), 0.0
-        enter_field(indices, values[k % len(values)], eps[k % len(eps)], fixed, half, l)
         for i in range(len(x)):
             x[i, l] = x0[k, i]
             undefined += 0.0 * x[i, l]
+            for j in range(len(x) + 1):
+                fixed[i, j, l] = 1.0 if i == j else 0.0
+        for t in range(len(half)):
+            i, j = indices[0, t], indices[1, t]
+            half[t, l] = 0.5 * eps[k % len(eps)] * values[k % len(values), t]
+            if indices[2, t] == len(x):
+                fixed[i, j, l] -= half[t, l]
         if start == 0 and np.isnan(undefined):
             status[k], failed_at[k] = NONFINITE, 0
         for i in range(len(x) if status[k] < 0 else 0):

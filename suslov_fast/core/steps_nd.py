@@ -77,12 +77,6 @@ def solve_two(eps, p, square, alpha, beta, gamma):
 
 
 @formula
-def next_component(I, w, inverse, of_w, of_I):
-    """Return a component of the next state."""
-    return w + (of_w * w + of_I * I) * inverse
-
-
-@formula
 def fill(c, b, a, begin, lanes):
     """Fill A(w), and w as the right side, for lanes from `begin` on."""
     m = len(a)
@@ -145,9 +139,8 @@ def add_increments(c, b, lanes):
     pairs = M // 2
     for i in range(M):
         for l in range(lanes):
-            c[W, i, l] = next_component(
-                c[I_, i, l], c[W, i, l], c[INVERSE, i, l], b[OF_W, l], b[OF_I, l]
-            )
+            along = b[OF_W, l] * c[W, i, l] + b[OF_I, l] * c[I_, i, l]
+            c[W, i, l] = c[W, i, l] + along * c[INVERSE, i, l]
     for l in range(lanes):
         b[P, l], b[SQUARE, l] = 0.0, 0.0
     for i in range(pairs):

@@ -169,7 +169,8 @@ def jacobian(places, values, eps, x, out):
         substitute(a, right)
         for l in range(count):
             if b[TO_SOLVE, l] > 0.0:
-                before[:, l] = x[first + l]
+                for i in range(D):
+                    before[i, l] = x[first + l, i]
                 derive(terms, before, fixed, half, after, unit, right, l, system, one[1])
             for i in range(D):
                 for j in range(D):

@@ -95,7 +95,9 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
                     q[i, j, l] = unit if start == 0 else carry[k, D + D * i + j]
         fill(indices, half, fixed, x, a, 0, lanes)
         for n in range(start + 1, stop + 1):
-            before[:] = x
+            for i in range(D):
+                for l in range(lanes):
+                    before[i, l] = x[i, l]
             fill_diagonals(indices, half, x, more[0], -1.0)
             if advance(a, x, b, lanes) > 0:
                 advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at)

@@ -67,6 +67,11 @@ class Body:
         return self._field
 
     @property
+    def terms(self) -> Any:
+        """The terms v x_j x_k, j <= k, of the equations i: places (3, T) and values v (..., T)."""
+        return self.field().terms
+
+    @property
     def parameters(self) -> Any:
         """The parameters of the map, in order."""
         return tuple(self._arrays.values())

@@ -76,14 +76,22 @@ class SuslovND(Body):
 
     @cached_property
     def _field(self) -> QuadraticField:
-        J, I = (numbers(name, each, bool(self.shape)) for name, each in self._parts.items())
-        # J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j.
-        q = np.zeros((*self.shape, *(self.dimension,) * 3), J.dtype)
-        j = np.arange(self.dimension)
-        i = j[:, None]
-        q[..., i, i, j] = I[..., None, :] / J[..., :, None]
-        q[..., i, j, j] -= I[..., :, None] / J[..., :, None]
+        parts = (numbers(name, each, bool(self.shape)) for name, each in self._parts.items())
+        places, values = self._terms(*parts)
+        q = np.zeros((*self.shape, *(self.dimension,) * 3), values.dtype)
+        q[(..., *places)] = values
         return QuadraticField(q)
+
+    @property
+    def terms(self) -> Any:
+        """Those of the field, without its exact numbers, which take long."""
+        return self._terms(self.J, self.I)
+
+    def _terms(self, J: Any, I: Any) -> tuple[Any, Any]:
+        """Return places and values of J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j."""
+        i, j = np.nonzero(~np.eye(self.dimension, dtype=bool))
+        places = np.array([[*i, *i], [*np.minimum(i, j), *j], [*np.maximum(i, j), *j]], np.int64)
+        return places, np.concatenate([I[..., j] / J[..., i], -I[..., i] / J[..., i]], axis=-1)
 
     @classmethod
     def from_mass_tensor(

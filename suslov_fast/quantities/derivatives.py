@@ -16,7 +16,7 @@ from ..engine import arguments
 from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
 from ..engine.threads import call_kernel
 from ..maps import states_after
-from .evaluation import evaluate, reported, terms_of
+from .evaluation import evaluate, reported
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.
 _FIXED = 1e-8
@@ -274,7 +274,7 @@ def lyapunov_exponents(
 
 def _growth(states: States, start: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
     """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
-    (places, values), (B, D), batch = terms_of(states.body), start.shape, states.batch
+    (places, values), (B, D), batch = states.body.terms, start.shape, states.batch
     flat = arguments.flat_parameter
     parameters = places, flat(values, batch, 1), flat(states.eps, batch)
     sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, D + D * D))

@@ -52,20 +52,8 @@ def evaluate(
     elif otherwise is not None:
         found = otherwise(states)
     else:
-        found = by_terms(getattr(fields, name), states, terms_of(body))
+        found = by_terms(getattr(fields, name), states, body.terms)
     return reported(states, found, poles)
-
-
-def terms_of(body: Any) -> tuple[Any, FloatArray]:
-    """Return the terms v x_j x_k, j <= k, of the equations i: places (3, T) and values (..., T)."""
-    if not isinstance(body, SuslovND):
-        terms: tuple[Any, FloatArray] = body.field().terms
-        return terms
-    i, j = np.nonzero(~np.eye(body.dimension, dtype=bool))  # faster than its exact field
-    J, I = np.broadcast_arrays(body.J, body.I)
-    places = np.array([[*i, *i], [*np.minimum(i, j), *j], [*np.maximum(i, j), *j]], np.int64)
-    values = np.concatenate([I[..., j] / J[..., i], -I[..., i] / J[..., i]], axis=-1)
-    return places, values
 
 
 def by_terms(formula: Universal, states: States, terms: Any, *after: FloatArray) -> FloatArray:

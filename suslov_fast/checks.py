@@ -55,7 +55,6 @@ def real_number(name: str, value: Any) -> float | FloatArray:
 
 
 def positive(name: str, value: Any) -> float:
-    """Return a single positive number as a float."""
     number = real_number(name, value)
     if not isinstance(number, float) or number <= 0.0:
         raise wrong(name, "a positive number", value)

@@ -189,7 +189,6 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
-    """Return the body of a picture, of a file or with parameters, and the step size."""
     from .bodies.rigid import PICTURES
 
     given = {name: value for name, value in vars(options).items() if name in _PARAMETERS}

@@ -215,7 +215,7 @@ def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
     if isinstance(body, SuslovND):
         near = (1.0 - steps_nd.FAR_FROM_0) * float(np.min(body.J))
         return NDSystem(np.array(body.J), np.array(body.I), number, near)
-    indices, values = map(np.array, body.field().terms)
+    indices, values = map(np.array, body.terms)
     half, fixed = 0.5 * number * values, np.eye(body.dimension, body.dimension + 1)
     linear = indices[2] == body.dimension
     np.subtract.at(fixed, tuple(indices[:2, linear]), half[linear])

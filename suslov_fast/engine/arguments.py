@@ -155,7 +155,6 @@ def check(
 
 
 def thread_count(threads: int | None) -> int | None:
-    """Check the argument `threads` of a public function."""
     if threads is None:
         return None
     import numba  # which the command does without until it computes

@@ -103,7 +103,6 @@ def exponents_up_to(degree: int, n: int) -> Exponents:
 
 
 def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
-    """Check the number of coefficients of a polynomial in n variables."""
     if (unknowns := math.comb(n + degree, n)) > most:
         largest = next(d for d in range(degree) if math.comb(n + d + 1, n) > most)
         expected = f"at most {largest} for {n} variables ({math.comb(n + largest, n)} coefficients)"

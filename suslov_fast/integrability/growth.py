@@ -53,7 +53,6 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
 
 
 def degrees_on_a_line(map: RationalMap, p: int, eps: int) -> Iterator[int]:
-    """Yield the degrees of the iterates of a random line modulo a prime."""
     line, map = random_line(map.dimension, p, random.Random(p)), map.at(eps)
     while True:
         line = map.reduced(line)

@@ -77,7 +77,6 @@ class RationalMap:
             x = self.image(x)
 
     def derivative(self, x: Sequence[Any]) -> Any:
-        """Return the matrix of derivatives at a point."""
         y, columns = self.image(x), range(self.dimension)
         *above, below = ([value_at(F.derivative(i), x) for i in columns] for F in self.forms)
         rows = [[row[i] - a * below[i] for i in columns] for a, row in zip(y, above, strict=False)]
@@ -229,7 +228,6 @@ def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
 
 
 def coprime(polynomials: Sequence[Any]) -> list[Any]:
-    """Return polynomials without their common factor."""
     common = reduce(lambda a, b: a.gcd(b), polynomials)
     return [each // common for each in polynomials]
 

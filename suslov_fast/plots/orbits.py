@@ -95,7 +95,6 @@ def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) 
 
 
 def _title(run: Any, count: int) -> str:
-    """Title of a picture: the map, the step size, the orbits and the number of states."""
     B, N = math.prod(run.states.shape[1:-1]), int(run.n[-1])
     eps = rf", $\epsilon$ = {float(run.eps):g}" if np.ndim(run.eps) == 0 else ""
     orbits = "1 orbit" if B == 1 else f"{B:,} orbits"

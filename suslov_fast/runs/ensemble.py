@@ -258,7 +258,6 @@ def _in_words(value: Any) -> str:
 
 
 def _values(name: str, function: Any, points: FloatArray) -> Any:
-    """Return the values of a function of states."""
     values = np.asarray(function(points))
     if values.shape != points.shape[:-1] or values.dtype.kind not in "buif":
         received = f"{name} with {values.dtype} {values.shape} for states {points.shape}"

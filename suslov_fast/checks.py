@@ -8,6 +8,7 @@ import sys
 import warnings
 from collections.abc import Collection, Sequence
 from fractions import Fraction
+from importlib import import_module
 from typing import Any, get_args
 
 import numpy as np
@@ -29,6 +30,15 @@ _HERE = os.path.dirname(__file__) + os.sep
 def wrong(name: str, expected: str, received: object, error: Any = ValueError) -> Any:
     """Return an error with the one wording of all messages."""
     return error(f"{name}: expected {expected}, got {received}")
+
+
+def extra(module: str, name: str) -> Any:
+    """Return a module that an extra of the package installs."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        install = f"pip install '.[{name}]' in a copy of the repository"
+        raise ImportError(f"expected {module.partition('.')[0]}, got none: {install}") from error
 
 
 def warn(message: str, category: type[Warning] = UserWarning) -> None:

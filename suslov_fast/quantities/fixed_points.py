@@ -10,7 +10,7 @@ import numpy as np
 
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
-from ..checks import FloatArray, wrong
+from ..checks import FloatArray, extra, wrong
 
 try:
     import flint
@@ -70,9 +70,8 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
 
 def _points_of(field: Any) -> FloatArray:
     """Return the fixed points of a single field in ascending order."""
-    if flint is None and field.dimension > 1:
-        install = "pip install '.[algebra]' in a copy of the repository"
-        raise ImportError(f"expected python-flint, got none: {install}")
+    if field.dimension > 1:
+        extra("flint", "algebra")
     points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
     if points is None:
         raise wrong("field", "finitely many fixed points", f"infinitely many: {_BEYOND}")

@@ -106,8 +106,7 @@ def ensemble(
     ...     print(dict(runs.final.sizes), int((runs.status < 0).sum()))
     {'trajectory': 9, 'component': 2} 0
     """
-    import zarr
-
+    zarr = checks.extra("zarr", "large")
     if client is not None and not hasattr(client, "nthreads"):
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
     checks.one_of("method", method, map_of(body).methods)
@@ -175,9 +174,7 @@ def open_ensemble(store: Any) -> "xarray.Dataset":
     ...     open_ensemble(f"{folder}/runs.zarr").attrs["eps"]
     0.2
     """
-    import xarray
-
-    store = _resolved(store)
+    xarray, store = checks.extra("xarray", "large"), _resolved(store)
     if not _opened(store)[1]:
         raise wrong("store", "a store of ensemble", f"none at {store}", FileNotFoundError)
     data = xarray.open_zarr(store, consolidated=True, chunks={})
@@ -186,8 +183,7 @@ def open_ensemble(store: Any) -> "xarray.Dataset":
 
 def _resolved(store: Any) -> Any:
     """Return a store that other processes can open: folders as absolute paths."""
-    from zarr.abc.store import Store
-
+    Store = checks.extra("zarr.abc.store", "large").Store
     checks.instance("store", store, (str, os.PathLike, Store))
     elsewhere = isinstance(store, Store) or "://" in os.fspath(store)
     return store if elsewhere else Path(store).absolute()

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import instance, wrong
+from ..checks import extra, instance, wrong
 from ..engine.status import Status
 from ..maps import body_from_dict
 
@@ -89,11 +89,7 @@ def to_xarray(
     """Return a run as a dataset; see `Trajectories.to_xarray`."""
     from .. import __version__
 
-    try:
-        import xarray
-    except ImportError as error:
-        install = "pip install '.[xarray]' in a copy of the repository"
-        raise ImportError(f"expected xarray, got none: {install}") from error
+    xarray = extra("xarray", "xarray")
     map, body, count = run._map, run.body, run.status.ndim
     arrays = {"eps": np.asarray(run.eps), **body._arrays}
     parameters = {  # with an axis for each of the batch first

@@ -9,6 +9,7 @@ import inspect
 import math
 import os
 import shutil
+import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -33,12 +34,11 @@ if TYPE_CHECKING:
     import xarray
 
 # Version of the format, and the status of trajectories that are not computed.
-FORMAT, PENDING = 6, -128
-# Attributes that do not identify a run; some stores have the last one.
-_FREE = "version", "coordinates", "map"
+FORMAT, PENDING = 7, -128
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
 # least number of trajectories that keep a processor busy; tiles queued per thread of a worker.
 _CHUNK, _WORK, _FEWEST, _WAITING = 2**23, 2**31, 2**12, 4
+_ONE_AT_A_TIME = threading.Lock()
 
 Where = tuple[slice, ...]  # a tile: a part of each axis of the batch
 Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
@@ -301,7 +301,7 @@ def _prepare(store: Any, data: Any, sizes: dict[str, int]) -> None:
     """Create the store of a run, or check that it holds this run."""
     (stored, is_made), texts = _opened(store), []
     for name in {**data.attrs, **stored} if stored else ():
-        if name not in _FREE and data.attrs.get(name) != stored.get(name):
+        if name not in ("version", "coordinates") and data.attrs.get(name) != stored.get(name):
             ours, theirs = (_in_words(each.get(name)) for each in (data.attrs, stored))
             texts.append(f"{name}: {ours}, the store has {'others' if ours == theirs else theirs}")
     if texts:
@@ -345,7 +345,7 @@ def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
             )
         if fill is None:
             root[name][...] = variable.values
-    with warnings.catch_warnings():
+    with _ONE_AT_A_TIME, warnings.catch_warnings():  # filters of warnings are those of all threads
         warnings.filterwarnings("ignore", "Consolidated metadata")  # which extend the format
         zarr.consolidate_metadata(store)
 

@@ -52,11 +52,11 @@ def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> 
 
 def _lifted(residues: Sequence[tuple[Any, int]]) -> Any:
     """Return the rows of the simplest fractions with these residues modulo primes."""
-    total, modulus = 0, 1
+    total, modulus = np.zeros((), object), 1
     for rows, p in residues:
         total = total + modulus * ((rows - total) * pow(modulus, -1, p) % p)
         modulus *= p
-    return np.vectorize(simplest_fraction, "O")(total, modulus).tolist()
+    return [[[simplest_fraction(a, modulus) for a in part] for part in row] for row in total]
 
 
 def _agree(rows: Rows, found: Residues, p: int, e: int) -> bool:

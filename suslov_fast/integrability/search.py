@@ -7,7 +7,6 @@ them and are checked as identities (`invariants`).
 """
 
 import math
-import os
 import pickle
 import random
 import signal
@@ -29,7 +28,7 @@ _FEW = 80  # coefficients of a polynomial of more than the degree
 _ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
 _SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees that cost little, and likewise
 
-_START = "from suslov_fast.integrability.search import serve; serve()"
+_START = "import sys; sys.path[:] = {}; from suslov_fast.integrability.search import serve; serve()"
 
 
 def search(found: Any, seed: int) -> Iterator[Any]:
@@ -115,9 +114,8 @@ def search_until(deadline: float, found: Any, seed: int) -> Iterator[Any]:
 
     It runs in another process, since python-flint cannot be interrupted.
     """
-    pipe, env = subprocess.PIPE, {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    command = [sys.executable, "-c", _START]
-    process: Any = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=env)
+    pipe, command = subprocess.PIPE, [sys.executable, "-c", _START.format(sys.path)]
+    process: Any = subprocess.Popen(command, stdin=pipe, stdout=pipe)
     left = min(deadline - time.monotonic(), threading.TIMEOUT_MAX)
     timer = threading.Timer(left, process.kill)
     with process:

@@ -41,7 +41,7 @@ def test_existing_files(path):
     for name in ("run.nc", "run", "run.zarr"):
         with pytest.raises(ValueError, match=r"^path: .*\.npz.*ensemble"):
             run.save(path.with_name(name))
-    with pytest.raises(FileNotFoundError, match="absent"):
+    with pytest.raises(FileNotFoundError, match=r"absent.run\.npz"):
         run.save(path.parent / "absent" / "run.npz")
     with pytest.raises(FileNotFoundError):
         sf.Trajectories.load(path.with_name("absent.npz"))

@@ -193,7 +193,7 @@ def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
     """Return the dataset of a run with nothing computed; its attributes identify the run."""
     (body, omega0, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
     rows, D = 1 if every is None else steps // every + 1, body.dimension
-    require(8 * rows, "raise save_every")
+    require(24 * rows, "raise save_every")
     fills: dict[str, Any] = {
         "states": np.broadcast_to(np.nan, (rows, *batch, D)),
         "final": np.broadcast_to(np.nan, (*batch, D)),
@@ -346,7 +346,7 @@ def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
         if fill is None:
             root[name][...] = variable.values
     with _ONE_AT_A_TIME, warnings.catch_warnings():  # filters of warnings are those of all threads
-        warnings.filterwarnings("ignore", "Consolidated metadata")  # which extend the format
+        warnings.simplefilter("ignore", UserWarning)  # of this format, and of unfinished files
         zarr.consolidate_metadata(store)
 
 

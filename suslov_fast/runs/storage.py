@@ -4,8 +4,6 @@ import errno
 import json
 import os
 import secrets
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,8 +17,6 @@ from ..maps import body_from_dict
 PathLike = str | os.PathLike[str]
 
 FORMAT = 8
-# What NumPy, zipfile and json raise for files that are something else.
-_DAMAGE = KeyError, AttributeError, TypeError, ValueError, EOFError, zipfile.BadZipFile, zlib.error
 _ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"
 _NUMBERS = "method", "steps", "save_every"
 # Axes of a parameter of a body after those of the batch; the first is also that of states.
@@ -46,6 +42,8 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
         with open(new, "xb") as file:
             np.savez(file, **arrays)
         os.replace(new, target)
+    except OSError as error:  # of the new file, whose name the caller does not know
+        raise OSError(error.errno, error.strerror, os.fspath(path)) from error
     finally:
         new.unlink(missing_ok=True)
 
@@ -69,7 +67,9 @@ def load(path: PathLike) -> dict[str, Any]:
         if run["states"].shape != shape:
             raise wrong("states", f"shape {shape}", run["states"].shape)
         return run | {"body": body, "eps": float(eps) if eps.ndim == 0 else eps}
-    except _DAMAGE as error:
+    except (OSError, MemoryError):
+        raise
+    except Exception as error:  # of NumPy, zipfile or json
         expected = "a file that Trajectories.save wrote"
         raise wrong(name, expected, f"another, or a damaged one: {error}") from error
 

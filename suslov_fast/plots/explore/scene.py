@@ -60,7 +60,7 @@ def parse_query(query: str) -> Parameters:
     needed, got = Parameters._fields[:-2], [name for name, _ in pairs]
     if len(values) < len(got) or not {*needed} <= values.keys() <= {*Parameters._fields}:
         raise wrong("parameters", f"each of {', '.join(needed)} once", ", ".join(got) or "none")
-    for name in values.keys() - {"show"}:
+    for name in (each for each in values if each != "show"):
         try:
             values[name] = real_number(name, float(values[name]))
         except ValueError as error:

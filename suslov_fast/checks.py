@@ -89,10 +89,11 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     With `later`, the numbers of a large array are not looked at: the caller calls `real_array` if
     what it computes from them is not finite.
     """
-    if hasattr(value, "dims") and value.dims[-1:] == ("component",) and "n" not in value.dims[1:]:
+    axes = [*getattr(value, "dims", [])]
+    if axes[-1:] == ["component"] and "n" not in axes[1:]:
         coords = getattr(value, "coords", {})  # of a variable of this package's datasets
         if "component" not in coords or coords["component"].values.tolist() == [*labels]:
-            value = value.data
+            value = getattr(value, "data", value)  # a Dataset has none
     array = _floats(name, value)
     if array.ndim == 0 or array.shape[-1] != len(labels):
         raise wrong(name, f"shape (..., {len(labels)})", array.shape)
@@ -183,7 +184,7 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     try:
         return np.broadcast_shapes(*shapes.values())
     except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
-        received = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        received = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
         expected = "expected batch shapes that broadcast against each other"
         raise ValueError(f"{expected}, got {received}") from error
 

@@ -293,6 +293,7 @@ def test_variables_of_our_datasets_are_arrays():
     for value in (
         states.assign_coords(component=names[::-1]), states.transpose("component", ...),
         states.transpose("start", "n", "component"), states.rename(component="Omega"), [states],
+        states.to_dataset(name="omega"),
     ):  # fmt: skip
         with pytest.raises(TypeError, match=r"omega: .*\.to_numpy\(\)"):
             sf.energy(BODY, value)

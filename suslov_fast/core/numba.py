@@ -221,7 +221,11 @@ class Universal:
         build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
         self.py_function.__qualname__ += f"_{_digest()}"
         with suppress(Exception):  # no writable folder, or a file that cannot be read
-            return build(cache=not config.BOUNDSCHECK)(self.py_function)
+            found = build(cache=not config.BOUNDSCHECK)(self.py_function)
+            [code] = found.gufunc_builder._cres.values()
+            # The address is 0 if two processes wrote at once, and this is a wrapper of other code.
+            if found.gufunc_builder.build(code)[1]:
+                return found
         return build(cache=False)(self.py_function)
 
     def _interpreted(self, *arguments):

@@ -47,7 +47,7 @@ def derive(indices, x, fixed, half, after, q, v, l, system, units):
             for j in range(D):
                 system[i, D + r, 0] -= after[i, j, l] * q[j, r, l]
     solve(system, units)
-    determinant = determinant_of(system, units)
+    determinant = np.float64(determinant_of(system, units))  # divides by 0 when interpreted, too
     for i in range(D):
         for r in range(D):
             v[i, r, l] = system[i, D + r, 0]

@@ -175,7 +175,7 @@ def run(options: argparse.Namespace) -> None:
         with _about("--threads"):
             numba.set_num_threads(options.threads)
     settings = {name: getattr(options, name) for name in ("save_every", "method", "attitude")}
-    settings["progress"] = sys.stderr.isatty() and find_spec("tqdm") is not None
+    settings["progress"] = os.isatty(2) and find_spec("tqdm") is not None
     is_stored = path is not None and path.suffix == ".zarr"
     try:
         facts = (_stored if is_stored else _held)(path, options.force, work, settings)
@@ -375,10 +375,9 @@ def pictures(options: argparse.Namespace) -> None:
     _require_new(paths, options.force)
     options.output.mkdir(parents=True, exist_ok=True)
     for path, picture in zip(paths, PICTURES.values(), strict=True):
-        figure = plot_phase(*picture).figure
-        figure.savefig(path, dpi=150)
-        plt.close(figure)
-        print(path, flush=True)
+        plot_phase(*picture).figure.savefig(path, dpi=150)
+        plt.close()
+    print(*paths, sep="\n", flush=True)
 
 
 def explore(options: argparse.Namespace) -> None:

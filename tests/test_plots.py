@@ -75,9 +75,9 @@ def test_axes_are_taken_and_returned():
     assert first.get_legend() is None
     assert not plt.get_fignums()
     assert run.plot().figure in map(plt.figure, plt.get_fignums())  # notebooks show it
-    for wrong in (figure, space):
-        with pytest.raises(TypeError, match="ax"):
-            run.plot(ax=wrong)
+    for name, wrong in (("ax", figure), ("ax", space), ("lines", "no")):
+        with pytest.raises((TypeError, ValueError), match=f"^{name}: "):
+            run.plot(**{name: wrong})
 
 
 @pytest.mark.parametrize(

@@ -42,6 +42,8 @@ def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any)
     pair = [integer("components", k, 0, expected) for k in components]
     if len(pair) != 2 or max(pair) >= D:
         raise wrong("components", expected, components)
+    if lines not in (None, True, False):
+        raise wrong("lines", "True, False or None", lines)
     plane = run.states[..., pair].reshape(len(run), -1, 2)
     if lines is None:
         lines = plane[..., 0].size <= _MOST and run.n[-1] == len(run) - 1 and _are_near(plane)

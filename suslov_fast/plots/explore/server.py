@@ -102,8 +102,7 @@ class Page:
         """The address; its first use starts a server in a thread."""
         if self._server is None:
             self._server = Server(0)
-            serve: Any = self._server.serve_forever
-            threading.Thread(target=serve, args=[0.1], daemon=True).start()
+            threading.Thread(target=self._server.serve_forever, args=[0.1], daemon=True).start()
         return f"{self._server.url}?{self._query}"
 
     def close(self) -> None:

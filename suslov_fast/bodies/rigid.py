@@ -221,8 +221,8 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     if axis.shape[-1:] != (n,):
         raise wrong("a", f"shape (..., {n})", axis.shape)
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
-    if not (length > 0).all():
-        raise wrong("a", "an axis other than 0", "one of length 0")
+    if not ((length > 0) & (length < np.inf)).all():
+        raise wrong("a", "an axis of finite length other than 0", checks.short(length.tolist()))
     checks.common_shape({"I": matrix.shape[:-2], "a": axis.shape[:-1]})
     # The shortest rotation of an axis, or of its opposite if it points down, which turns over.
     sign = np.where(axis[..., -1:] < 0.0, -1.0, 1.0)
@@ -242,5 +242,5 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     found = turn @ turned @ turn.swapaxes(-2, -1)
     # Rotations leave rounding errors of the moments in products of inertia that are 0.
     largest = np.diagonal(found, axis1=-2, axis2=-1).max(axis=-1)[..., None]
-    found[..., :-1, -1] *= abs(found[..., :-1, -1]) >= 2.0**-50 * largest
+    found[..., :-1, -1][abs(found[..., :-1, -1]) < 2.0**-50 * largest] = 0.0
     return found, turn @ to_last + 0.0  # no -0.0

@@ -65,14 +65,13 @@ class _Cache(FunctionCache):
     """Files of a function. If one cannot be read or written, the process compiles for itself."""
 
     def load_overload(self, signature, target_context):
-        found = None
-        try:
+        with suppress(Exception):
             found = super().load_overload(signature, target_context)
-        except Exception:
-            with suppress(Exception):
-                self.flush()  # the index: `save_overload` would read it
-        # Two processes that write at once may exchange the code of two signatures.
-        return found if found and tuple(found.signature.args) == tuple(signature) else None
+            # Two processes that write at once may exchange the code of two signatures.
+            return found if found and tuple(found.signature.args) == tuple(signature) else None
+        with suppress(Exception):
+            self.flush()  # the index: `save_overload` would read it
+        return None
 
     def save_overload(self, signature, data):
         with suppress(Exception):

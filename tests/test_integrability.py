@@ -549,9 +549,10 @@ def test_decimals():
     assert found.map.eps == F(1, 5)
     assert not found.notes
     assert "decimals=True" in report(body, 0.2, 1).notes[0]
-    cubic = from_hamiltonian(lambda x: 0.1 * x[0] ** 3 / 3 + x[1] ** 2 / 2 + 0.7 * x[0], 2)
+    cubic = from_hamiltonian(lambda x, a: a * x[0] ** 3 / 3 + x[1] ** 2 / 2 + 0.7 * x[0], 2, a=0.1)
     found = report(cubic, 0.1, 1, decimals=True)
     assert str(found.map.field.H) == "1/30*x1^3 + 1/2*x2^2 + 7/10*x1"
+    assert found.map.field.parameters == {"a": F(1, 10)}
     assert_holds(found)
 
 

@@ -236,9 +236,9 @@ def _in_decimals(body: Any) -> QuadraticField:
     if not isinstance(body, QuadraticField):
         parts = {name: decimals(each) for name, each in body._parts.items()}
         return QuadraticField.of(body._of(parts))
-    if body.H is not None:
-        return QuadraticField._of_hamiltonian(decimals(body.H.tensor), decimals(body.K))
-    return QuadraticField(*map(decimals, body._coefficients.values()))
+    own = body._coefficients if body.H is None else {"H": body.H.tensor, "K": body.K}
+    own, names = ({n: decimals(a)[()] for n, a in each.items()} for each in (own, body.parameters))
+    return QuadraticField._read(**own, parameters=names)
 
 
 def _decimal(a: Any) -> Fraction:

@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike, NDArray
 from .bodies.base import Body
 from .bodies.nd import SuslovND
 from .bodies.rigid import Suslov3D, SuslovGyrostat
-from .checks import FloatArray, instance, real_number, wrong
+from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
 from .core import quantities, steps_3d, steps_field, steps_nd
 from .core.elimination import memory_of_one
 from .core.numba import borrowed, for_users, select
@@ -121,7 +121,7 @@ def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFr
 
 def _single(body: Any, eps: ArrayLike) -> float:
     """Return the step size; ValueError for several bodies or step sizes."""
-    number = real_number("eps", eps)
+    number = within("eps", real_number("eps", eps), MOMENTS)
     shape = np.broadcast_shapes(body.shape, np.shape(number))
     if shape or not isinstance(number, float):
         raise wrong("body, eps", "one body and one step size", f"the shape {shape}: loop over both")
@@ -152,8 +152,7 @@ def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, fl
 @for_users
 def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return (omega1, omega2), the inverse of :func:`enter`."""
-    f = frame
-    return f.m11 * u + f.m12 * v, f.m21 * u + f.m22 * v
+    return frame.m11 * u + frame.m12 * v, frame.m21 * u + frame.m22 * v
 
 
 @for_users

@@ -86,7 +86,6 @@ BODIES = [
 FIELDS = [
     (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, "quadratic"),
     (lambda: QuadraticField([[["1"]]]), TypeError, "quadratic"),
-    (lambda: QuadraticField([[[NAN]]]), ValueError, "quadratic"),
     (lambda: QuadraticField(np.full((2, 1, 1, 1), NAN)), ValueError, "quadratic"),
     (lambda: QuadraticField([[[10**400]]]), ValueError, "quadratic"),
     (lambda: QuadraticField([[[1]]], [[Fraction(1, 10**61)]]), ValueError, "linear"),
@@ -113,7 +112,6 @@ FIELDS = [
     (field(lambda x: x[0] * x[1]), ValueError, "f"),
     (field(lambda x: ("1", 1)), TypeError, "f"), (field(None), TypeError, "f"),
     (field(lambda x: (1,), 1.5), TypeError, "dimension"),
-    (field(lambda x: (1,), 0), ValueError, "dimension"),
     (field(lambda x, rho: (rho, x[0])), TypeError, "f: .*rho"),
     (field(lambda x, rho=1: (x[0], x[1]), roh=1), TypeError, "f: .*roh"),
     (field(lambda x, a: (a * x[0], 1), a="1"), TypeError, "a"),
@@ -138,7 +136,6 @@ RUNS = [
     (run(steps=True), TypeError, "steps"), (run(steps=2**64), ValueError, "steps"),
     (run(save_every=0), ValueError, "save_every"), (run(save_every=1.5), TypeError, "save_every"),
     (run(method="rk4"), ValueError, "method"),
-    (run(body=ND, omega0=[1, 2, 3], method="qr"), ValueError, "method"),
     (run(attitude=1), ValueError, "attitude"),
     (run(attitude=np.stack([np.eye(3)] * 5)), ValueError, "attitude"),
     (run(body=FIELD, attitude=True), TypeError, "attitude"),
@@ -153,7 +150,6 @@ RUNS = [
     (lambda: sf.step_full(ROTOR, [1, 2, 0], 0.1), TypeError, "body: .*iterate or flow"),
     (lambda: sf.RandomStarts(-1, 1.0), ValueError, "size"),
     (lambda: sf.RandomStarts(3, 0.0), ValueError, "extent"),
-    (lambda: sf.RandomStarts(3, 1.0, -1), ValueError, "seed"),
 ]  # fmt: skip
 
 STATES = [
@@ -184,7 +180,6 @@ PLOTS = [
     (lambda: sf.iterate(FAMILY, [0.1], 0.1, 9).plot(), ValueError, "components"),
     (lambda: run()().plot(components=(0, 2)), ValueError, "components"),
     (lambda: sf.plot_phase(BODY, 10, 4), ValueError, "extent"),
-    (lambda: sf.plot_phase(BODY, 0, 4), ValueError, "eps"),
     (lambda: sf.plot_phase(BODY, 0.2, 4, levels=0), ValueError, "levels"),
     (lambda: sf.plot_phase(Suslov3D(1, 2, 0, 0), 0.1, 4), ValueError, "body"),
     (lambda: sf.plot_phase(ND, 0.1, 4), TypeError, "body"),

@@ -26,9 +26,9 @@ class RationalFunction:
 
     Called with a point, D rational numbers, it returns a fraction. Functions and numbers can be
     combined by ``+``, ``-``, ``*``, ``/`` and powers; ``sympy.sympify(str(f))`` converts one to
-    SymPy. As a result of `report`, its `basis` says what it rests on, and
-    `cofactor` is that of a Darboux polynomial. If eps is a letter, `subs` puts a number in its
-    place, and `special` are the rational numbers at which a factor of the formula is 0 for all x.
+    SymPy. In a report, its `basis` says what it rests on, and `cofactor` is that of a Darboux
+    polynomial. If eps is a letter, `subs` puts a number in its place, and `special` are the
+    rational numbers at which a factor of the formula is 0 for all x.
     """
 
     factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
@@ -231,13 +231,12 @@ def product_of(
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:
     """Return functions of least degree on which the others depend."""
     chosen: list[RationalFunction] = []
-    rows: list[list[Any]] = []
+    rows: list[list[Any]] = []  # the gradients of their logarithms
     for f in sorted(candidates, key=lambda f: (f.degree, len(str(f)), str(f))):
         powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
         n = powers[0][0].context().nvars()
         x = exact.random_point(n)
         scales = [(P, e / value_at(P, x)) for P, e in powers]
-        # The gradient of log f.
         row = [sum(c * value_at(P.derivative(i), x) for P, c in scales) for i in range(n)]
         if flint.nmod_mat([*rows, row], PRIME).rank() > len(rows):
             chosen, rows = [*chosen, f], [*rows, row]

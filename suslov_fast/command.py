@@ -334,8 +334,7 @@ def _lines_of(facts: dict[str, Any], as_json: bool) -> str:
     """Return a line for each fact, or one JSON object for programs."""
     if as_json:
         return json.dumps(facts)
-    shown = {name: value for name, value in facts.items() if name != "status"}
-    rows = [(name.replace("_", " "), _spelled(value)) for name, value in shown.items()]
+    rows = [(k.replace("_", " "), _spelled(each)) for k, each in facts.items() if k != "status"]
     for name, count in facts["status"].items():
         meaning = sf.Status[name].message if name in sf.Status.__members__ else "not computed yet"
         rows.append(("status", f"{count:,} {name}: {meaning}"))

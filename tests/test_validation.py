@@ -107,7 +107,6 @@ FIELDS = [
     (field(lambda x: (x[0] and 1, x[1])), TypeError, "f"),
     (field(lambda x: (x[0] ** 0.5, x[1])), ValueError, "f"),
     (field(lambda x: (x[0] * NAN, x[1])), ValueError, "f"),
-    (field(lambda x: (x[0] / 0, x[1])), ValueError, "f"),
     (field(lambda x: (x[0] ** 3, x[1])), ValueError, "f: .* degree 3"),
     (field(lambda x: x[0] * x[1]), ValueError, "f"),
     (field(lambda x: ("1", 1)), TypeError, "f"), (field(None), TypeError, "f"),
@@ -124,7 +123,6 @@ FIELDS = [
     (hamiltonian(lambda x: (x[0], x[1])), TypeError, "H"),
     (hamiltonian(lambda x: x[0], 3), ValueError, "dimension"),
     (hamiltonian(lambda x: x[0], 2, np.eye(2)), ValueError, "K"),
-    (hamiltonian(lambda x: x[0], 2, [[0, "1"], [-1, 0]]), TypeError, "K"),
 ]  # fmt: skip
 
 RUNS = [
@@ -146,7 +144,6 @@ RUNS = [
     (run(out=np.zeros((4, 2, 4))[..., ::2]), ValueError, "out"),
     (run(body=Suslov3D), TypeError, "body"), (run(body=3), TypeError, "body"),
     (lambda: sf.step_full(BODY, [1, 2, 3], 0.1), TypeError, "I3"),
-    (lambda: sf.step_full(BODY, [1, 2, 3], 0.1, 0), ValueError, "I3"),
     (lambda: sf.step_full(ROTOR, [1, 2, 0], 0.1), TypeError, "body: .*iterate or flow"),
     (lambda: sf.RandomStarts(-1, 1.0), ValueError, "size"),
     (lambda: sf.RandomStarts(3, 0.0), ValueError, "extent"),

@@ -84,9 +84,8 @@ class Suslov3D(_In3D):
         Products of inertia, 0 or between 1e-60 and 1e60 in modulus. Where both are 0 every angular
         velocity is constant.
     I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, which does not enter the map; :func:`momentum`,
-        :func:`step_full` and :func:`animate_body` take it from the body. There is a warning if
-        no rigid body has it; see :meth:`admissible_I3`.
+        The third moment of inertia, for :func:`step_full` and :func:`animate_body`: it does not
+        enter the map. There is a warning if no rigid body has it; see :meth:`admissible_I3`.
 
     Examples
     --------

@@ -23,12 +23,10 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
 
     Parameters
     ----------
-    map : KahanMap or RationalMap
-        Made by `kahan` or `rational_map`.
+    map, seed
+        As in :func:`darboux_polynomials`.
     n : int
         Number of iterates.
-    seed : int, optional
-        Seed of the random primes and lines.
 
     Returns
     -------

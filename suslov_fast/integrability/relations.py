@@ -77,15 +77,13 @@ def hk_bases(
 
     Parameters
     ----------
-    map : KahanMap or RationalMap
-        Made by `kahan` or `rational_map`.
+    map, seed
+        As in :func:`darboux_polynomials`.
     monomials : int or sequence of exponents
         The exponents (e1, ..., eD) of each monomial, or a degree: then the basis is that of the
         lowest degree that shows as many independent integrals.
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default random integers below 100.
-    seed : int, optional
-        Seed of the random primes and points.
 
     Returns
     -------

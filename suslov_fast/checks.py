@@ -8,6 +8,7 @@ import sys
 import warnings
 from collections.abc import Collection, Sequence
 from fractions import Fraction
+from importlib import import_module
 from typing import Any, get_args
 
 import numpy as np
@@ -31,6 +32,15 @@ def wrong(name: str, expected: str, received: object, error: Any = ValueError) -
     return error(f"{name}: expected {expected}, got {received}")
 
 
+def extra(module: str, name: str) -> Any:
+    """Return a module that an extra of the package installs."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        install = f"pip install '.[{name}]' in a copy of the repository"
+        raise ImportError(f"expected {module.partition('.')[0]}, got none: {install}") from error
+
+
 def warn(message: str, category: type[Warning] = UserWarning) -> None:
     """Warn of the user's line: that of the first frame outside the package."""
     frame, level = sys._getframe(1), 2
@@ -46,22 +56,26 @@ def real_array(name: str, value: ArrayLike, allow_nan: bool = False) -> FloatArr
     return array
 
 
-def real_number(name: str, value: ArrayLike) -> float | FloatArray:
+def real_number(name: str, value: Any) -> float | FloatArray:
     """Return a finite real number as a float, or an array; floats are much faster."""
-    if type(value) is float and math.isfinite(value):
-        return value
-    if type(value) is int and abs(value) <= 2**53:
+    if type(value) in (float, int) and -(2.0**53) <= value <= 2.0**53:
         return float(value)
     array = real_array(name, value)
     return array.item() if array.ndim == 0 else array
 
 
+def positive(name: str, value: Any) -> float:
+    number = real_number(name, value)
+    if not isinstance(number, float) or number <= 0.0:
+        raise wrong(name, "a positive number", value)
+    return number
+
+
 def within(name: str, value: Any, exponent: int) -> Any:
     """Return numbers that are 0, or between 10**-exponent and 10**exponent in modulus."""
-    low, high = 10.0**-exponent, 10.0**exponent
-    if type(value) is float and (value == 0.0 or low <= abs(value) <= high):
+    if type(value) is float and (value == 0.0 or 1e-50 <= abs(value) <= 1e50):  # all ranges
         return value
-    array = np.asarray(value)
+    array, low, high = np.asarray(value), 10.0**-exponent, 10.0**exponent
     size = abs(array[array != 0])
     if len(bad := size[(size < low) | (size > high)]):
         expected = f"0 or numbers from 1e-{exponent} to 1e{exponent} in modulus"
@@ -69,13 +83,18 @@ def within(name: str, value: Any, exponent: int) -> Any:
     return value
 
 
-def states(name: str, value: ArrayLike, labels: Sequence[str], later: bool = False) -> FloatArray:
+def states(name: str, value: Any, labels: Sequence[str], later: bool = False) -> FloatArray:
     """Return states whose components are `labels`; where one is NaN, all of that state are.
 
     With `later`, the numbers of a large array are not looked at: the caller calls `real_array` if
     what it computes from them is not finite.
     """
-    array = _floats(name, value, labels)
+    axes = [*getattr(value, "dims", [])]
+    if axes[-1:] == ["component"] and "n" not in axes[1:]:
+        coords = getattr(value, "coords", {})  # of a variable of this package's datasets
+        if "component" not in coords or coords["component"].values.tolist() == [*labels]:
+            value = getattr(value, "data", value)  # a Dataset has none
+    array = _floats(name, value)
     if array.ndim == 0 or array.shape[-1] != len(labels):
         raise wrong(name, f"shape (..., {len(labels)})", array.shape)
     if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
@@ -83,12 +102,10 @@ def states(name: str, value: ArrayLike, labels: Sequence[str], later: bool = Fal
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
 
 
-def _floats(name: str, value: Any, labels: Sequence[str] = ()) -> FloatArray:
+def _floats(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, including infinite ones and NaN."""
     if type(value) is np.ndarray and value.dtype is _FLOAT64:
         return value
-    if labels and hasattr(value, "dims"):
-        value = _of_dataset(value, labels)
     refuse(name, value)
     try:
         array = np.asarray(value)
@@ -112,15 +129,6 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
         where = f" at index {index}" if index else ""
         raise wrong(name, "finite real numbers", f"{array[index]}{where}")
     return not (allow_nan and np.isnan(array).any())
-
-
-def _of_dataset(value: Any, labels: Sequence[str]) -> Any:
-    """Return the array of a variable of this package's datasets, or the value as it is."""
-    if tuple(value.dims)[-1:] == ("component",) and "n" not in value.dims[1:]:
-        coords = getattr(value, "coords", {})
-        if "component" not in coords or coords["component"].values.tolist() == [*labels]:
-            return value.data
-    return value
 
 
 def refuse(name: str, value: Any) -> None:
@@ -176,14 +184,14 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     try:
         return np.broadcast_shapes(*shapes.values())
     except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
-        received = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        received = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
         expected = "expected batch shapes that broadcast against each other"
         raise ValueError(f"{expected}, got {received}") from error
 
 
-def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
-    """Return an integer of at least `minimum` that fits in 64 bits."""
-    if type(value) is int and minimum <= value < 2**62:
+def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: int = 2**62) -> int:
+    """Return an integer from `minimum` to `maximum`, with which `expected` is given."""
+    if type(value) is int and minimum <= value <= maximum:
         return value
     expected = expected or f"an integer from {minimum} to 2**62"
     try:
@@ -193,7 +201,7 @@ def integer(name: str, value: Any, minimum: int, expected: str = "") -> int:
     except TypeError as error:
         received = f"{short(value)} of type {type(value).__name__}"
         raise wrong(name, expected, received, TypeError) from error
-    if not minimum <= number < 2**62:
+    if not minimum <= number <= maximum:
         raise wrong(name, expected, short(number))
     return number
 

@@ -21,7 +21,6 @@ import suslov_fast as sf
 
 # Modules that need Numba, which would delay `--help`, are imported where they are used.
 _PARAMETERS = ("I1", "I2", "I13", "I23", "I3", "k", "J", "I")
-_SHORT = {"first_integral": "F", "energy": "E", "modified_energy": "E_mod"}
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -143,7 +142,7 @@ def _add_options_of_run(parser: Any) -> None:
     one.add_argument("--trajectories", type=integer, metavar="N", default=65_536, help=many)
     one.add_argument("--omega0", type=numbers, action="append", metavar="X,...", help="given ones")
     one.add_argument("--initial", type=Path, metavar="FILE.npy", help="one in each row")
-    group.add_argument("--extent", type=float, metavar="X", help="random ones in [-X, X) (2)")
+    group.add_argument("--extent", type=float, metavar="X", help="in [-X, X) (2)")
     group.add_argument("--seed", type=integer, metavar="N", help="of random ones (0)")
     group = parser.add_argument_group("run")
     group.add_argument("--eps", type=fraction, metavar="X", help="step size (of the picture)")
@@ -176,7 +175,7 @@ def run(options: argparse.Namespace) -> None:
         with _about("--threads"):
             numba.set_num_threads(options.threads)
     settings = {name: getattr(options, name) for name in ("save_every", "method", "attitude")}
-    settings["progress"] = sys.stderr.isatty() and find_spec("tqdm") is not None
+    settings["progress"] = os.isatty(2) and find_spec("tqdm") is not None
     is_stored = path is not None and path.suffix == ".zarr"
     try:
         facts = (_stored if is_stored else _held)(path, options.force, work, settings)
@@ -190,7 +189,6 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
-    """Return the body of a picture, of a file or with parameters, and the step size."""
     from .bodies.rigid import PICTURES
 
     given = {name: value for name, value in vars(options).items() if name in _PARAMETERS}
@@ -277,16 +275,16 @@ def _require_new(paths: Sequence[Path], force: bool) -> None:
 
 
 def info(options: argparse.Namespace) -> int:
-    """Print a summary of saved runs: .npz of Trajectories.save, .zarr of ensemble."""
+    """Print summaries of saved runs, with the largest relative drift of what is conserved."""
     failed = 0
     for path in options.file:
         try:
-            text = _lines_of({"file": str(path), **_facts_in(path)}, options.json)
+            facts = {"file": str(path), **_facts_in(path)}
         except Exception as error:
             _tell(_text_of(error, path))
             failed = 1
         else:
-            print(text, flush=True)
+            print(_lines_of(facts, options.json), flush=True)
     return failed
 
 
@@ -319,32 +317,28 @@ def _counts(status: Any) -> dict[str, Any]:
 
 
 def _drift(found: Any, start: Any) -> dict[str, float]:
-    """Return the largest finite changes of what is conserved, until the last state."""
+    """Return the largest finite change of what is conserved, by its name."""
     import numpy as np
 
-    drift = {}
-    for name in found._map.conserved(found.body):
-        function, eps = getattr(sf, name), () if name == "energy" else (found.eps,)
-        with np.errstate(all="ignore"):
-            last, first = (function(found.body, each, *eps) for each in (found.final, start))
-            change = np.asarray(abs(last / first - 1))
-        if (finite := np.isfinite(change)).any():
-            drift[_SHORT[name]] = float(change[finite].max())
-    return drift
+    name = found._map.conserved(found.body)
+    if name is None:
+        return {}
+    with np.errstate(all="ignore"):
+        last, first = (getattr(sf, name)(found.body, x, found.eps) for x in (found.final, start))
+        change = np.asarray(abs(last / first - 1))
+    finite = change[np.isfinite(change)]
+    return {name: float(finite.max())} if finite.size else {}
 
 
 def _lines_of(facts: dict[str, Any], as_json: bool) -> str:
     """Return a line for each fact, or one JSON object for programs."""
     if as_json:
         return json.dumps(facts)
-    names = [name for name in facts if name not in ("drift", "status")]
-    rows = [(name.replace("_", " "), _spelled(facts[name])) for name in names]
-    for name, change in facts.get("drift", {}).items():
-        rows.append((f"drift of {name}", f"{change:.2g}, largest relative"))
+    rows = [(k.replace("_", " "), _spelled(each)) for k, each in facts.items() if k != "status"]
     for name, count in facts["status"].items():
         meaning = sf.Status[name].message if name in sf.Status.__members__ else "not computed yet"
         rows.append(("status", f"{count:,} {name}: {meaning}"))
-    return "\n".join(f"{name:<17}{text}" for name, text in rows)
+    return "\n".join(f"{name:<17}{text}" for name, text in rows if text)
 
 
 def _spelled(value: Any) -> str:
@@ -372,10 +366,17 @@ def report(options: argparse.Namespace) -> None:
 
 def pictures(options: argparse.Namespace) -> None:
     """Draw the paper's four pictures. The gallery of the documentation has others."""
-    from .plots.phase import draw_pictures, pictures_in
+    from .bodies.rigid import PICTURES
+    from .plots.orbits import plt
+    from .plots.phase import plot_phase
 
-    _require_new(pictures_in(options.output), options.force)
-    print(*draw_pictures(options.output), sep="\n", flush=True)
+    paths = [options.output / f"picture{number}.png" for number in PICTURES]
+    _require_new(paths, options.force)
+    options.output.mkdir(parents=True, exist_ok=True)
+    for path, picture in zip(paths, PICTURES.values(), strict=True):
+        plot_phase(*picture).figure.savefig(path, dpi=150)
+        plt.close()
+    print(*paths, sep="\n", flush=True)
 
 
 def explore(options: argparse.Namespace) -> None:

@@ -36,15 +36,15 @@ from numpy.typing import ArrayLike, NDArray
 from .bodies.base import Body
 from .bodies.nd import SuslovND
 from .bodies.rigid import Suslov3D, SuslovGyrostat
-from .checks import FloatArray, instance, real_number, wrong
+from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
 from .core import quantities, steps_3d, steps_field, steps_nd
 from .core.elimination import memory_of_one
 from .core.numba import borrowed, for_users, select
 
-# The numbers of a body and a step size: u = u1 omega1 + u2 omega2, v = v1 omega1 + v2 omega2, and
-# the inverse of the determinant. Without a rotor, u and v are X and Y of the theory pages; with one
+# The numbers of a body and a step size: u = u1 omega1 + u2 omega2, v = v1 omega1 + v2 omega2; m is
+# the inverse of this matrix. Without a rotor, u and v are X and Y of the theory pages; with one
 # u + i v = eps / 2 (omega1 + i sqrt(I2 / I1) omega2), X = K + a u + b v and Y = b u - a v.
-Frame = namedtuple("Frame", "I1 I2 I13 I23 k eps u1 u2 v1 v2 inverse")
+Frame = namedtuple("Frame", "I1 I2 I13 I23 k eps u1 u2 v1 v2 m11 m12 m21 m22")
 GyrostatFrame = namedtuple("GyrostatFrame", (*Frame._fields, "K", "a", "b"))
 
 
@@ -111,19 +111,17 @@ def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFr
     half, s = 0.5 * number, math.sqrt(I1 * I2)
     e, ratio = half / s, s / I2
     if isinstance(body, SuslovGyrostat):
-        scales = half, 0.0, 0.0, half / ratio, ratio / half / half
+        scales = half, 0.0, 0.0, half / ratio, 1.0 / half, 0.0, 0.0, ratio / half
         return GyrostatFrame(*given, number, *scales, e * k, I13 / s, I23 * ratio / s)
-    u1, u2, v1, v2 = e * I13, e * I23, e * (I23 * ratio), -e * I13 / ratio
-    determinant = u1 * v2 - u2 * v1
-    inverse = 1.0 / determinant if determinant != 0.0 else math.inf
-    if not all(map(math.isfinite, (determinant, inverse))):
-        raise wrong("body, eps", "other units", f"{body!r}, eps = {number!r}: numbers overflow")
-    return Frame(*given, number, u1, u2, v1, v2, inverse)
+    scales = e * I13, e * I23, e * I23 * ratio, -e * I13 / ratio
+    per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
+    inverse = I13 / I1 * per_g, I23 / s * per_g, I23 / I2 * per_g, -I13 / s * per_g
+    return Frame(*given, number, *scales, *inverse)
 
 
 def _single(body: Any, eps: ArrayLike) -> float:
     """Return the step size; ValueError for several bodies or step sizes."""
-    number = real_number("eps", eps)
+    number = within("eps", real_number("eps", eps), MOMENTS)
     shape = np.broadcast_shapes(body.shape, np.shape(number))
     if shape or not isinstance(number, float):
         raise wrong("body, eps", "one body and one step size", f"the shape {shape}: loop over both")
@@ -154,8 +152,7 @@ def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, fl
 @for_users
 def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return (omega1, omega2), the inverse of :func:`enter`."""
-    f = frame
-    return (f.v2 * u - f.u2 * v) * f.inverse, (f.u1 * v - f.v1 * u) * f.inverse
+    return frame.m11 * u + frame.m12 * v, frame.m21 * u + frame.m22 * v
 
 
 @for_users
@@ -217,7 +214,7 @@ def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
     if isinstance(body, SuslovND):
         near = (1.0 - steps_nd.FAR_FROM_0) * float(np.min(body.J))
         return NDSystem(np.array(body.J), np.array(body.I), number, near)
-    indices, values = map(np.array, body.field().terms)
+    indices, values = map(np.array, body.terms)
     half, fixed = 0.5 * number * values, np.eye(body.dimension, body.dimension + 1)
     linear = indices[2] == body.dimension
     np.subtract.at(fixed, tuple(indices[:2, linear]), half[linear])

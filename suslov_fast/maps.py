@@ -19,7 +19,6 @@ from .engine.stretches import March, Steps
 class Map:
     """A map of the package."""
 
-    name: str  # in files
     body: type[Any]  # the class of its bodies
     title: str  # of datasets, for people
     methods: Mapping[str, Steps]  # by the values of the argument `method`, the default first
@@ -28,11 +27,10 @@ class Map:
     variable: str = "omega"  # the name of a state
     meaning: str = "angular velocity"
 
-    def conserved(self, body: Any) -> tuple[str, ...]:
-        """Return the functions whose drift the summary of a run reports."""
+    def conserved(self, body: Any) -> str | None:
+        """Return the name of the function of states that orbits keep, or nearly keep."""
         known = self.functions(body)
-        of_energy = tuple(name for name in ("energy", "modified_energy") if name in known)
-        return ("first_integral",) if "first_integral" in known else of_energy
+        return next((name for name in ("first_integral", "modified_energy") if name in known), None)
 
     def symbols(self, body: Any) -> list[str]:
         r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
@@ -45,18 +43,12 @@ def _in_nd(body: SuslovND) -> tuple[str, ...]:
     return *solved, "energy", "modified_energy", "reaction"
 
 
-def _of_field(body: QuadraticField) -> tuple[str, ...]:
-    return () if body.H is None else ("energy", "modified_energy")
-
-
 _IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction"
 # Costs lie between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
 _IN_ND = Steps(steps_nd.steps, 0, lambda D, T: 16.0 * D + D**3 / 30.0, 32)
-_BY_FIELD = Steps(steps_field.steps, 0, lambda D, T: 3.0 * (D**3 + T), 32)
 
 MAPS = (
     Map(  # equation (4) of the paper
-        name="suslov3d",
         body=Suslov3D,
         title="Discrete Suslov problem",
         sample=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
@@ -64,7 +56,6 @@ MAPS = (
         functions=lambda body: (*_IN_3D, "to_xy"),
     ),
     Map(  # equation (15)
-        name="suslov_nd",
         body=SuslovND,
         title="Discrete Suslov problem in n dimensions",
         sample=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
@@ -76,7 +67,6 @@ MAPS = (
         functions=_in_nd,
     ),
     Map(
-        name="suslov_gyrostat",
         body=SuslovGyrostat,
         title="Discrete Suslov gyrostat",
         sample=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
@@ -84,12 +74,11 @@ MAPS = (
         functions=lambda body: _IN_3D,
     ),
     Map(
-        name="quadratic",
         body=QuadraticField,
         title="Kahan map of a quadratic field",
         sample=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
-        methods={"auto": _BY_FIELD},
-        functions=_of_field,
+        methods={"auto": Steps(steps_field.steps, 0, lambda D, T: 3.0 * (D**3 + T), 32)},
+        functions=lambda body: () if body.H is None else ("energy", "modified_energy"),
         variable="x",
         meaning="state",
     ),

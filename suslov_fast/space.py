@@ -132,7 +132,7 @@ def momentum(
 
 def _vector(body: Any, kinds: Any, omega: ArrayLike) -> FloatArray:
     """Return the states of the whole batch, with 0 for the constrained component."""
-    states = check(body, kinds, {"omega": omega})
+    states = check(body, kinds, omega)
     free = np.broadcast_to(states.omega, (*states.batch, body.dimension))
     return np.concatenate([free, abs(0.0 * free[..., :1])], axis=-1)
 
@@ -208,15 +208,15 @@ def attitude(
     path, D = checks.states("omega", omega, body._labels), body.dimension
     if path.ndim < 2 or len(path) == 0:
         raise wrong("omega", f"shape (N + 1, ..., {D})", path.shape)
-    of_first = {"omega": path[0], "eps": eps, "R0": np.eye(D + 1) if R0 is None else R0}
-    first = check(body, AnyBody, of_first, threads)
-    batch = first.batch
+    first = check(body, AnyBody, path[0], eps, threads)
+    R0 = np.eye(D + 1) if R0 is None else checks.rotations("R0", R0, D + 1)
+    batch = common_shape({"omega and eps": first.batch, "R0": R0.shape[:-2]})
     path = np.expand_dims(path, tuple(range(1, len(batch) + 3 - path.ndim)))
     path = np.broadcast_to(path, (len(path), *batch, D))
     _check_that_states_follow(body, path, first.eps)
     flat = arguments.flat_arrays(path.reshape(len(path), math.prod(batch), D), (len(path),), 2)
     turns = np.empty((*flat.shape[:2], D + 1, D + 1))
-    turns[0] = arguments.flat_arrays(np.asarray(first.orientation), batch, 2)
+    turns[0] = arguments.flat_arrays(R0, batch, 2)
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
     given = flat, arguments.flat_parameter(first.eps, batch), not isinstance(body, SuslovND)
     after = turns[0].copy(), 0, 1, 1, turns
@@ -244,10 +244,9 @@ def _check_that_states_follow(body: Any, states: FloatArray, eps: float | FloatA
 def scattering_angle(body: Suslov3D) -> FloatArray:
     """Angle between the angular velocities in space at time -infinity and at +infinity.
 
-    In the continuous problem every motion leaves one steady rotation and tends to another. The
-    angle between them in space depends on the body alone; that of the discrete problem converges to
-    it with order 2. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2, alpha = I1 I2 m / D,
-    beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
+    In the continuous problem it depends on the body alone; in the discrete problem it converges to
+    this one with order 2. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2,
+    alpha = I1 I2 m / D, beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
     kappa**2 = (alpha - i gamma)**2 - beta**2, and for gamma = 0 by Fedorov, Maciejewski and
     Przybylska, Nonlinearity 22 (2009), arXiv:0902.0079,
 
@@ -262,10 +261,8 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(...))
-        Angle in radians, from 0, if the body turns over, to pi, if its final orientation is
-        the initial one; NaN if I13 = I23 = 0, because then every state is steady. Its error is
-        about 1e-15 (alpha + beta + abs(gamma)), below 1e-10 if I1 and I2 are within a factor of
-        1e8.
+        Angle in radians, from 0, if the body turns over, to pi, if its final orientation is the
+        initial one; NaN if I13 = I23 = 0. Its error is about 1e-15 (alpha + beta + abs(gamma)).
 
     Examples
     --------

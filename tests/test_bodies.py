@@ -177,6 +177,7 @@ def test_products_that_are_rounding_errors_are_zero(rng, unit):
         tensor = unit * turn @ np.diag([2.0, 2.5, 3.0]) @ turn.T
         body, _ = Suslov3D.from_inertia((tensor + tensor.T) / 2, turn[:, 2])
         assert max(abs(body.I13), abs(body.I23)) in (0, pytest.approx(unit * 2e-15, rel=1))
+        assert "-0.0" not in repr(body)
         matter = unit * turn @ np.diag([1.0, 2.0, 3.0]) @ turn.T
         SuslovND.from_mass_tensor((matter + matter.T) / 2, turn[:, 2])
 

@@ -12,6 +12,7 @@ import urllib.request
 from pathlib import Path
 from types import SimpleNamespace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -80,7 +81,7 @@ def test_failures_are_counted():
     for status in sf.Status.OK, sf.Status.SUPERCRITICAL, sf.Status.SINGULAR:
         assert f"1 {status.name}: {status.message}" in text
     assert facts["steps_per_second"] * facts["seconds"] == pytest.approx(20 + 1 + 20)
-    assert 0 < facts["drift"]["F"] < 1e-12
+    assert 0 < facts["drift"]["first_integral"] < 1e-12
     done = run(f"{UNIT} --omega0 1,-3")
     assert (done.code, done.err) == (1, "suslov-fast: run: all trajectories failed\n")
     assert "1 SINGULAR" in done.out
@@ -275,6 +276,14 @@ def test_streams():
     line = f"'{COMMAND[0]}' -m suslov_fast run --trajectories 5 --steps 5 > /dev/full"
     done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (1, "suslov-fast: No space left on device\n")
+
+
+def test_pictures():
+    """In a folder that is made; no figure stays open."""
+    names = succeed("pictures -o new").split()
+    assert all(Path(name).read_bytes().startswith(b"\x89PNG") for name in names)
+    assert len(names) == len(os.listdir("new")) == 4
+    assert not plt.get_fignums()
 
 
 def test_warm_up(monkeypatch):

@@ -159,6 +159,7 @@ def test_bodies_and_step_sizes_are_checked():
         (lambda: frame(4, 0.1), TypeError, "^body: "),
         (lambda: system(4, 0.1), TypeError, "^body: "),
         (lambda: frame(BODY, np.inf), ValueError, "^eps: "),
+        (lambda: frame(BODY, 5e-324), ValueError, "^eps: .*change the units"),
         (lambda: frame(BODY, "0.1"), TypeError, "^eps: "),
         (lambda: frame(BODY, 0.0), ValueError, "identity"),
         (lambda: frame(sf.Suslov3D(1, 2, 0, 0), 0.1), ValueError, "identity"),

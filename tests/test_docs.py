@@ -133,6 +133,7 @@ def test_text(path):
     kinds |= {"{eval-rst}"} if path.stem == "api" else set()
     assert {kind.split()[0] for kind, _ in BLOCK.findall(text)} <= kinds
     assert not re.search(r"\{\w+\}`|^:::", text, re.MULTILINE)
+    assert "install 'suslov_fast" not in text  # there is no index to install from
     for file in re.findall(r"`(\w+/\w+\.py)`", text):
         assert (PACKAGE / file).exists() or (DOCS.parent / file).exists(), file
     for target, place in re.findall(r"\]\(([^)#:\s]*)(?:#([^)]*))?\)", text):
@@ -180,12 +181,6 @@ def test_the_tutorial_as_a_notebook(tmp_path):
     codes = blocks(DOCS / "tutorial.md", "python")
     assert cells == [code.strip() for code in codes]
     assert (tmp_path / "t.py").read_text(encoding="utf-8") == "\n".join(codes)
-
-
-def test_the_commands_that_install_extras():
-    """There is no index to install from: extras come from a copy of the repository."""
-    for path in (*PAGES, README, *PACKAGE.rglob("*.py")):
-        assert "install 'suslov_fast" not in path.read_text(encoding="utf-8"), path
 
 
 @pytest.mark.compiled

@@ -282,6 +282,7 @@ def test_a_run_killed_while_its_store_is_made_is_finished(store):
     (store / "zarr.json").write_text(json.dumps(made))
     for unmade in ("status", "n/c"):
         shutil.rmtree(store / unmade)
+    (store / "zarr.0.partial").touch()
     ensemble(**ASKED, store=store)
     assert contents(store) == whole
 

@@ -2,7 +2,6 @@
 
 import contextlib
 import http.client
-import itertools
 import json
 import re
 import threading
@@ -125,10 +124,10 @@ def server():
         yield running
 
 
-def ask(server, path, method="GET", headers=None):
+def ask(server, path, headers=None):
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=300)
     with contextlib.closing(connection):
-        connection.request(method, path, headers=headers or {})
+        connection.request("GET", path, headers=headers or {})
         reply = connection.getresponse()
         return reply, reply.read()
 
@@ -183,12 +182,11 @@ def test_what_is_refused(server):
         (200, both, {"Sec-Fetch-Site": "same-origin"}),
         *((403, [scene], {"Sec-Fetch-Site": site}) for site in ("cross-site", "same-site")),
         (200, ["/"], {"Sec-Fetch-Site": "cross-site"}),  # a link, or a frame
-        (404, ["/../server.py", "/%2e%2e/server.py", "//etc/hostname", "/page/main.js"], {}),
-        (400, ["/%00", "/a%0Ab"], {}),
+        (404, ["/../server.py", "//etc/hostname", "/page/main.js", "/a%0Ab"], {}),
+        (400, ["/%00"], {}),
     ):
-        for path, method in itertools.product(paths, ("GET", "HEAD")):
-            assert ask(server, path, method, headers)[0].status == status, (path, headers)
-    assert ask(server, "/", "POST")[0].status == 501
+        for path in paths:
+            assert ask(server, path, headers)[0].status == status, (path, headers)
     assert server.socket.getsockname()[0] == "127.0.0.1"
 
 

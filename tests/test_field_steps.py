@@ -181,13 +181,6 @@ def test_a_state_that_its_increment_cancels():
                 assert abs(found / exact - 1) < (1e-15 if found is alone[0] else 3e-13)
 
 
-def test_states_at_rest_keep_their_bits():
-    field, rest = of_function(lotka_volterra, 2), [1.0, 1.0]
-    for state in (rest, [0.0, 0.0]):
-        run = sf.iterate(field, [state, [0.5, 0.7]], 0.3, 50)
-        assert (run.x[:, 0] == state).all()
-
-
 def test_a_hamiltonian_with_three_factors():
     """H(x, x, x_next), whose terms have places of their own, is conserved."""
     field = sf.QuadraticField.from_hamiltonian(lambda x: x[0] * x[1] * x[2] + x[0] * x[3], 4)
@@ -214,7 +207,7 @@ class Sleigh(Body):
 def test_a_body_with_a_record_steps_as_its_field(monkeypatch, tmp_path):
     methods = {"auto": maps.Steps(steps_field.steps, 0)}
     sample = Sleigh(1, 1, 1), (1.0, 1.0)
-    record = maps.Map("sleigh", Sleigh, "Sleigh", methods, lambda body: (), sample)
+    record = maps.Map(Sleigh, "Sleigh", methods, lambda body: (), sample)
     monkeypatch.setattr(maps, "MAPS", (*maps.MAPS, record))
     bodies, starts = Sleigh([1, 2, 3], 1.5, 0.4), [[1.0, 0.5]] * 3
     suslov = sf.Suslov3D(bodies.mass, 1.5 + 0.16 * bodies.mass, 0, -0.4 * bodies.mass)

@@ -314,6 +314,7 @@ def test_three_dimensions_are_n_dimensions(rng):
     np.testing.assert_allclose(-found[..., 1], expected[..., 0], rtol=1e-11, atol=1e-12)
 
 
+PREY = sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
 STILL = [
     (sf.Suslov3D(2, 3, 0, 0), [[0.3, -0.7], [0.0, 0.0]], 0.5),
     (sf.Suslov3D(4, 1, -0.5, -0.3), [[0.3, -0.7], [0.0, 0.0]], 0.0),
@@ -324,6 +325,7 @@ STILL = [
     (sf.SuslovND([2.0] * 3, [0.0, 0.7, 0.0]), [0.0, -0.3, 0.0], 0.3),
     (sf.SuslovND([3.0], [0.7]), [[0.3], [-5.0]], 0.2),
     (sf.QuadraticField([[[1]]], [[-1]]), [[0.0], [1.0]], 0.5),
+    (PREY, [[1.0, 1.0], [0.0, 0.0]], 0.3),
 ]
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import naive
 import numpy as np
 import pytest
+from test_promises import same
 
 import suslov_fast as sf
 from suslov_fast.core import steps_3d
@@ -124,11 +125,6 @@ def run(body, omega, eps, steps, save_every=1):
     return sf.iterate(body, omega, eps, steps, save_every=save_every, on_singular="ignore")
 
 
-def assert_same(results, expected):
-    for found, want in zip(results, expected, strict=True):
-        np.testing.assert_array_equal(found, want)
-
-
 @pytest.mark.parametrize("size", [1, 3, steps_3d.FEW, steps_3d.FEW + 1, 140])
 def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
     """A few trajectories are stepped one by one, others in blocks; all are restored at times."""
@@ -139,7 +135,12 @@ def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
         for more in (411, 2, 47):
             part = part.extend(more, on_singular="ignore")
         expected = whole.states[:, some], *(each[some] for each in (whole.final, whole.status))
-        assert_same([part.states, part.final, part.status], expected)
+        same([part.states, part.final, part.status], expected)
+
+
+@pytest.mark.filterwarnings("ignore")  # of missing states
+def test_a_step_is_the_first_of_a_run(mixture):
+    same([sf.step(*mixture)], [run(*mixture, 1).final])
 
 
 @pytest.mark.compiled
@@ -148,9 +149,9 @@ def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
 def test_large_outputs(mixture, size):
     """They leave past the caches, in whole cache lines, which begin within a trajectory."""
     whole, few = ([each[:n] for each in mixture] for n in (size, 100))
-    assert_same([run(*whole, 1800).states[:, :100]], [run(*few, 1800).states])
+    same([run(*whole, 1800).states[:, :100]], [run(*few, 1800).states])
     n = np.arange(1800)
-    assert_same([sf.exact(*whole, n)[:, :100]], [sf.exact(*few, n)])
+    same([sf.exact(*whole, n)[:, :100]], [sf.exact(*few, n)])
 
 
 def test_statuses():
@@ -169,7 +170,7 @@ def test_statuses():
     omega, status, failed_at = map(np.array, zip(*table, strict=True))
     for first in (0, 1, 2, 5, 9):
         found = run(sf.Suslov3D(*UNIT), omega, 2.0, first).extend(9 - first, on_singular="ignore")
-        assert_same([found.status, found.failed_at], [status, failed_at])
+        same([found.status, found.failed_at], [status, failed_at])
         assert np.isnan(found.states[2:, status < 0]).all()
         assert np.isfinite(found.states[:, status >= 0]).all()
 
@@ -220,9 +221,9 @@ def test_signs_and_order_of_n_change_no_bit(rng):
     states = sf.exact(body, omega, 0.2, n)
     for j in (0, 17, 199):
         for i in range(3):
-            assert_same([sf.exact(body, omega[i], 0.2, n[j])], [states[j, i]])
+            same([sf.exact(body, omega[i], 0.2, n[j])], [states[j, i]])
     many = sf.exact(body, np.tile(omega, (60, 1)), 0.2, n)
-    assert_same([many], [np.tile(states, (1, 60, 1))])
+    same([many], [np.tile(states, (1, 60, 1))])
 
 
 def test_a_parabolic_orbit():

@@ -93,7 +93,7 @@ def test_lengths():
     lengths = {path: text.count("\n") for path, text in TEXTS.items()}
     assert max(lengths.values()) <= 420, max(lengths, key=lengths.get)
     assert len(lengths) <= 66
-    assert sum(lengths.values()) <= 11_600  # more needs a reason
+    assert sum(lengths.values()) <= 11_000
 
 
 def test_names_of_runs_and_datasets_are_no_parameters():

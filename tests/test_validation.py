@@ -65,7 +65,7 @@ BODIES = [
     (lambda: SuslovND([1, 0], [1, 2]), ValueError, "J"),
     (lambda: SuslovND([1, 1e61], [1, 2]), ValueError, "J"),
     (lambda: SuslovND.from_mass_tensor(np.diag([1.0, 2.0, -0.1]), [1, 2, 3]), ValueError, "I"),
-    (lambda: SuslovND.from_mass_tensor(ID, ID), ValueError, "a"),
+    (lambda: SuslovND.from_mass_tensor(ID, [1, 2]), ValueError, "a"),
     (inertia(np.eye(2)), ValueError, "I"), (inertia(ID, [0, 1]), ValueError, "a"),
     (inertia(ID, [0, 0, 0]), ValueError, "a"), (inertia(np.triu(np.ones((3, 3)))), ValueError, "I"),
     (inertia(np.diag([1, 1, 1e-17]), [1, 2, 3]), ValueError, "I"),
@@ -76,7 +76,7 @@ BODIES = [
     (lambda: BATCH.sel(I2=2.5), ValueError, "I2"), (lambda: BATCH.sel(I2=[1, 2]), ValueError, "I2"),
     (lambda: BATCH.sel(I2=2, method="pad"), ValueError, "method"),
     (lambda: FAMILY.sel(rho=21), ValueError, "rho"),
-    (lambda: Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1}), ValueError, "I23"),
+    (lambda: Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1}), ValueError, "I13"),
     (lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3}), ValueError, "mass"),
     (lambda: Suslov3D.from_dict(ROTOR.to_dict()), ValueError, "body"),
     (lambda: sf.body_from_dict(json.dumps(BODY.to_dict())), TypeError, "parameters"),
@@ -86,7 +86,6 @@ BODIES = [
 FIELDS = [
     (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, "quadratic"),
     (lambda: QuadraticField([[["1"]]]), TypeError, "quadratic"),
-    (lambda: QuadraticField([[[NAN]]]), ValueError, "quadratic"),
     (lambda: QuadraticField(np.full((2, 1, 1, 1), NAN)), ValueError, "quadratic"),
     (lambda: QuadraticField([[[10**400]]]), ValueError, "quadratic"),
     (lambda: QuadraticField([[[1]]], [[Fraction(1, 10**61)]]), ValueError, "linear"),
@@ -97,8 +96,8 @@ FIELDS = [
     (changed(linear=[["a"]]), ValueError, "linear"), (changed(q=1), ValueError, "q"),
     (changed(quadratic=[[["1/0"]]]), ValueError, "quadratic"),
     (changed(HENON, H=[1.0]), ValueError, "H"), (changed(HENON, body="Suslov3D"), ValueError, "body"),
-    (changed(HENON, K=[[0, 2], [-2, 0]]), ValueError, "H, K"),
-    (changed(HENON, constant=[1.0, 0.0]), ValueError, "H, K"),
+    (changed(HENON, K=[[0, 2], [2, 0]]), ValueError, "K"), (changed(HENON, k=1), ValueError, "k"),
+    (changed(HENON, constant=[1.0, 0.0]), ValueError, "parameters"),
     (changed(HENON, parameters={"x": 1.0}), ValueError, "parameters"),
     (field(lambda x: (x[0] * x[1], x[0]), 3), ValueError, "f"),
     (field(lambda x: (x[0] * x[2], x[0])), ValueError, "f"), (field(np.sin), TypeError, "f"),
@@ -108,12 +107,10 @@ FIELDS = [
     (field(lambda x: (x[0] and 1, x[1])), TypeError, "f"),
     (field(lambda x: (x[0] ** 0.5, x[1])), ValueError, "f"),
     (field(lambda x: (x[0] * NAN, x[1])), ValueError, "f"),
-    (field(lambda x: (x[0] / 0, x[1])), ValueError, "f"),
     (field(lambda x: (x[0] ** 3, x[1])), ValueError, "f: .* degree 3"),
     (field(lambda x: x[0] * x[1]), ValueError, "f"),
     (field(lambda x: ("1", 1)), TypeError, "f"), (field(None), TypeError, "f"),
     (field(lambda x: (1,), 1.5), TypeError, "dimension"),
-    (field(lambda x: (1,), 0), ValueError, "dimension"),
     (field(lambda x, rho: (rho, x[0])), TypeError, "f: .*rho"),
     (field(lambda x, rho=1: (x[0], x[1]), roh=1), TypeError, "f: .*roh"),
     (field(lambda x, a: (a * x[0], 1), a="1"), TypeError, "a"),
@@ -126,7 +123,6 @@ FIELDS = [
     (hamiltonian(lambda x: (x[0], x[1])), TypeError, "H"),
     (hamiltonian(lambda x: x[0], 3), ValueError, "dimension"),
     (hamiltonian(lambda x: x[0], 2, np.eye(2)), ValueError, "K"),
-    (hamiltonian(lambda x: x[0], 2, [[0, "1"], [-1, 0]]), TypeError, "K"),
 ]  # fmt: skip
 
 RUNS = [
@@ -138,7 +134,6 @@ RUNS = [
     (run(steps=True), TypeError, "steps"), (run(steps=2**64), ValueError, "steps"),
     (run(save_every=0), ValueError, "save_every"), (run(save_every=1.5), TypeError, "save_every"),
     (run(method="rk4"), ValueError, "method"),
-    (run(body=ND, omega0=[1, 2, 3], method="qr"), ValueError, "method"),
     (run(attitude=1), ValueError, "attitude"),
     (run(attitude=np.stack([np.eye(3)] * 5)), ValueError, "attitude"),
     (run(body=FIELD, attitude=True), TypeError, "attitude"),
@@ -149,11 +144,9 @@ RUNS = [
     (run(out=np.zeros((4, 2, 4))[..., ::2]), ValueError, "out"),
     (run(body=Suslov3D), TypeError, "body"), (run(body=3), TypeError, "body"),
     (lambda: sf.step_full(BODY, [1, 2, 3], 0.1), TypeError, "I3"),
-    (lambda: sf.step_full(BODY, [1, 2, 3], 0.1, 0), ValueError, "I3"),
     (lambda: sf.step_full(ROTOR, [1, 2, 0], 0.1), TypeError, "body: .*iterate or flow"),
     (lambda: sf.RandomStarts(-1, 1.0), ValueError, "size"),
     (lambda: sf.RandomStarts(3, 0.0), ValueError, "extent"),
-    (lambda: sf.RandomStarts(3, 1.0, -1), ValueError, "seed"),
 ]  # fmt: skip
 
 STATES = [
@@ -181,10 +174,9 @@ STATES = [
 ]  # fmt: skip
 
 PLOTS = [
-    (lambda: sf.iterate(FAMILY, [0.1], 0.1, 9).plot(), ValueError, "plot"),
+    (lambda: sf.iterate(FAMILY, [0.1], 0.1, 9).plot(), ValueError, "components"),
     (lambda: run()().plot(components=(0, 2)), ValueError, "components"),
     (lambda: sf.plot_phase(BODY, 10, 4), ValueError, "extent"),
-    (lambda: sf.plot_phase(BODY, 0, 4), ValueError, "eps"),
     (lambda: sf.plot_phase(BODY, 0.2, 4, levels=0), ValueError, "levels"),
     (lambda: sf.plot_phase(Suslov3D(1, 2, 0, 0), 0.1, 4), ValueError, "body"),
     (lambda: sf.plot_phase(ND, 0.1, 4), TypeError, "body"),
@@ -293,6 +285,7 @@ def test_variables_of_our_datasets_are_arrays():
     for value in (
         states.assign_coords(component=names[::-1]), states.transpose("component", ...),
         states.transpose("start", "n", "component"), states.rename(component="Omega"), [states],
+        states.to_dataset(name="omega"),
     ):  # fmt: skip
         with pytest.raises(TypeError, match=r"omega: .*\.to_numpy\(\)"):
             sf.energy(BODY, value)

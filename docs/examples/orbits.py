@@ -11,13 +11,13 @@ import numpy as np
 from suslov_fast import QuadraticField, Suslov3D, iterate, plot_phase
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(8, 4.2), layout="constrained")
-left.set_title("the Suslov body of picture 2")
 plot_phase(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0, legend=False, ax=left)
+left.set_title("the Suslov body of picture 2")
 
 field = QuadraticField.from_hamiltonian(
     lambda x: x[1] ** 2 / 2 + x[0] ** 2 / 2 - x[0] ** 3 / 3, dimension=2
 )
 starts = np.stack([np.linspace(0.1, 0.95, 8), np.zeros(8)], axis=-1)
-right.set_title(r"$x' = K\,\nabla H$, $H$ cubic")
 iterate(field, starts, eps=0.4, steps=400).plot(ax=right, lines=False)
+right.set_title(r"$x' = K\,\nabla H$, $H$ cubic")
 right.set_aspect("equal")

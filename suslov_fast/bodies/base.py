@@ -27,6 +27,8 @@ class Body:
     dimension: ClassVar[Any] = 2
     _labels: ClassVar[Any] = "Omega1", "Omega2"
     _coordinates: ClassVar[Any] = ()
+    _field: ClassVar[Any]
+    _read: ClassVar[Any] = None  # makes a body of what is written, if the class does not
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -64,9 +66,10 @@ class Body:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
         return self._field
 
-    @cached_property
-    def _field(self) -> Any:
-        raise NotImplementedError
+    @property
+    def terms(self) -> Any:
+        """The terms v x_j x_k, j <= k, of the equations i: places (3, T) and values v (..., T)."""
+        return self.field().terms
 
     @property
     def parameters(self) -> Any:
@@ -78,16 +81,12 @@ class Body:
         """The parameters of a single body with an axis for the batch."""
         return tuple(np.array(each)[np.newaxis] for each in self.parameters)
 
-    @classmethod
-    def _batch(cls, parts: Mapping[str, Any]) -> tuple[int, ...]:
-        axes = cls._axes
-        shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
-        return checks.common_shape(shapes)
-
     @cached_property
     def shape(self) -> tuple[int, ...]:
         """The batch shape of the body, () for a single one."""
-        return self._batch(self._parts)
+        axes, parts = self._axes, self._parts
+        shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
+        return checks.common_shape(shapes)
 
     def __len__(self) -> int:
         if not self.shape:
@@ -118,10 +117,6 @@ class Body:
             Values of parameters, each of which varies along a single axis of the batch. The result
             lacks these axes.
 
-        Returns
-        -------
-        body
-
         Examples
         --------
         >>> from suslov_fast import Suslov3D
@@ -134,8 +129,8 @@ class Body:
         if method is not None:
             checks.one_of("method", method, ["nearest"])
         for name, value in values.items():
-            scalars = {n: array for n, array in self._arrays.items() if n not in self._axes}
-            column = scalars.get(name, np.empty(0))
+            scalars = {n: each for n, each in self._parts.items() if n not in self._axes}
+            column = np.asarray(scalars.get(name, []), np.float64)
             if not 0 < column.size == max(column.shape, default=0):
                 names = ", ".join(scalars) or "none"
                 raise wrong("sel", f"a parameter that varies along one axis, of {names}", name)
@@ -190,11 +185,8 @@ class Body:
     def to_dict(self) -> dict[str, Any]:
         """Return a dictionary of the class and the parameters, without loss, for JSON.
 
-        Returns
-        -------
-        dict
-            Numbers and nested lists by name. Exact numbers of a field that are no floats are
-            strings "p/q", and H is a symmetric tensor in (x1, ..., xD, 1).
+        Numbers of a field that are no floats are strings "p/q". A field with a Hamiltonian has K
+        and H, a symmetric tensor in (x1, ..., xD, 1), in place of coefficients.
 
         Examples
         --------
@@ -202,31 +194,21 @@ class Body:
         >>> Suslov3D(I1=[4, 3], I2=1, I13=-0.5, I23=-0.3).to_dict()
         {'body': 'Suslov3D', 'I1': [4.0, 3.0], 'I2': 1.0, 'I13': -0.5, 'I23': -0.3}
         """
-        plain = {name: to_lists(each) for name, each in self._parts.items()}
-        return {"body": type(self).__name__, **plain}
+        return {"body": type(self).__name__, **to_lists(self._parts)}
 
     @classmethod
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
-        """Return the body of this class that :meth:`to_dict` describes.
-
-        Parameters
-        ----------
-        parameters : mapping
-            What `to_dict` returned; that of another class is a ValueError.
-
-        Returns
-        -------
-        body
-        """
+        """Return the body that :meth:`to_dict` described; one of another class is a ValueError."""
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
         checks.one_of("body", given.pop("body", None), [cls.__name__])
-        known = inspect.signature(cls).parameters
-        needed = {name for name, each in known.items() if each.default is each.empty}
-        if others := (given.keys() - known) | (needed - given.keys()):
-            received = f"others: {', '.join(sorted(map(str, others)))} missing or unknown"
-            raise wrong("parameters", f"those of {cls.__name__}", received)
-        return cls(**{name: from_lists(name, each) for name, each in given.items()})
+        read = cls._read or cls
+        try:
+            inspect.signature(read).bind(**given)
+        except TypeError as error:
+            expected = f"those of {cls.__name__} ({error})"
+            raise wrong("parameters", expected, ", ".join(map(str, given))) from None
+        return read(**from_lists("parameters", given))
 
 
 def frozen(part: Any) -> Any:

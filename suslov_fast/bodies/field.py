@@ -23,7 +23,7 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from .base import Body, frozen
-from .polynomials import as_given, coefficients, from_lists, named, numbers, polynomial_of, traced
+from .polynomials import as_given, coefficients, named, numbers, polynomial_of, to_lists, traced
 
 
 class Hamiltonian:
@@ -83,46 +83,51 @@ class QuadraticField(Body):
     QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
     """
 
-    _axes: ClassVar[dict[str, int]] = {"quadratic": 3, "linear": 2, "constant": 1, "H": 3, "K": 2}
+    _axes: ClassVar[Any] = {"quadratic": 3, "linear": 2, "constant": 1, "table": 3, "H": 3, "K": 2}
 
     quadratic: Any
     linear: Any
     constant: Any
-    H: Hamiltonian | None = None
-    K: Any = None
+    table: Any  # in homogeneous coordinates (..., D, D + 1, D + 1)
+    H: Hamiltonian | None
+    K: Any
+    _coefficients: dict[str, Any]
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
-        parts = {"quadratic": as_given("quadratic", quadratic)}
-        D = (0, *parts["quadratic"].shape)[-1]
-        for name, each in (("linear", linear), ("constant", constant)):
-            zeros = np.zeros((D,) * self._axes[name])
-            parts[name] = zeros if each is None else as_given(name, each)
-        for name, array in parts.items():
+        arrays = {"quadratic": as_given("quadratic", quadratic)}
+        D = (0, *arrays["quadratic"].shape)[-1]
+        for name, each, axes in (("linear", linear, 2), ("constant", constant, 1)):
+            arrays[name] = np.zeros((D,) * axes) if each is None else as_given(name, each)
+        shapes = {}
+        for name, array in arrays.items():
             axes = self._axes[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
                 raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
-        batch = self._batch(parts)
-        for name, array in parts.items():
-            found = coefficients(name, array, bool(batch))
-            parts[name] = np.broadcast_to(found, (*batch, *(D,) * self._axes[name]))
-        parts["quadratic"] = (parts["quadratic"] + parts["quadratic"].swapaxes(-2, -1)) / 2
-        self._take(parts)
+            shapes[name] = array.shape[:-axes]
+        batch = checks.common_shape(shapes)
+        q, l, c = (coefficients(name, array, bool(batch)) for name, array in arrays.items())
+        table = np.zeros((*batch, D, D + 1, D + 1), q.dtype)
+        table[..., :-1, :-1], table[..., :-1, -1], table[..., -1, -1] = q, l, c
+        self._take({"table": (table + table.swapaxes(-2, -1)) / 2})
 
     def _take(self, parts: Mapping[str, Any]) -> None:
-        is_batch, kept = bool(self._batch(parts)), {}
-        for name, each in parts.items():
-            kept[name] = frozen(numbers(name, each, is_batch) if name in self._axes else each)
-        own = {name: each for name, each in kept.items() if name in self._axes}
-        if "H" in own:
-            own["H"] = Hamiltonian(own["H"])
-        D, others = own["constant"].shape[-1], tuple(name for name in kept if name not in own)
-        vars(self).update(own, _parts=kept, dimension=D, _labels=labels(D), _coordinates=others)
+        """Keep a table, or H and K, whose table it is; and named parameters."""
+        table = rates(parts["H"], parts["K"]) if "H" in parts else parts["table"]
+        table = frozen(numbers("table", table, table.ndim > 3))
+        kept = {name: frozen(each) for name, each in parts.items() if name != "table"}
+        names = tuple(name for name in kept if name not in self._axes)
+        q, l, c = table[..., :-1, :-1], frozen(2 * table[..., :-1, -1]), table[..., -1, -1]
+        own = {"quadratic": q, "linear": l, "constant": c}
+        H, D = Hamiltonian(kept["H"]) if "H" in kept else None, table.shape[-3]
+        vars(self).update(own, table=table, H=H, K=kept.get("K"), _coefficients=own)
+        vars(self).update(_parts={"table": table, **kept}, _coordinates=names)
+        vars(self).update(dimension=D, _labels=labels(D))
 
-    @classmethod
-    def _of_table(cls, table: Any, /, **parts: Any) -> QuadraticField:
-        """Return the field of a table, besides which H, K and named parameters may be given."""
-        q, l, c = table[..., :-1, :-1], 2 * table[..., :-1, -1], table[..., -1, -1]
-        return cls._of({"quadratic": q, "linear": l, "constant": c, **parts})
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        others = {name: each for name, each in self._parts.items() if name != "table"}
+        found = self._coefficients | others
+        return {name: np.asarray(each, np.float64) for name, each in found.items()}
 
     @classmethod
     def from_function(
@@ -141,10 +146,6 @@ class QuadraticField(Body):
             Named parameters, with names that nothing else has. Numbers remain exact; arrays
             broadcast, and make a batch of fields.
 
-        Returns
-        -------
-        QuadraticField
-
         Examples
         --------
         >>> from suslov_fast import QuadraticField
@@ -154,7 +155,7 @@ class QuadraticField(Body):
         """
         D = checks.integer("dimension", dimension, 1)
         values = named(parameters)
-        return cls._of_table(traced("f", f, D, 2, values), **values)
+        return cls._of({"table": traced("f", f, D, 2, values), **values})
 
     @classmethod
     def from_hamiltonian(
@@ -172,10 +173,6 @@ class QuadraticField(Body):
         dimension, **parameters
             As in :meth:`from_function`.
 
-        Returns
-        -------
-        QuadraticField
-
         Examples
         --------
         >>> from suslov_fast import QuadraticField
@@ -188,7 +185,7 @@ class QuadraticField(Body):
 
     @classmethod
     def _of_hamiltonian(cls, tensor: Any, K: Any, /, **values: Any) -> QuadraticField:
-        """Return the field of a tensor and a matrix, which is checked."""
+        """Return the field of an exact tensor and a matrix, which is checked."""
         D = tensor.shape[-1] - 1
         if K is None:
             if D % 2:
@@ -198,21 +195,15 @@ class QuadraticField(Body):
         if matrix.shape != (D, D) or (matrix != -matrix.T).any():
             received = checks.short(matrix.astype(float).tolist())
             raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
-        table = checks.within("H", rates(tensor, matrix), checks.OTHERS)
-        return cls._of_table(table, H=tensor, K=matrix, **values)
+        field = cls._of({"H": tensor, "K": matrix, **values})
+        checks.within("H", field.table, checks.OTHERS)
+        return field
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
         """Return the equations of motion of a body of any class: its ``field()``.
 
-        Parameters
-        ----------
-        body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-            A single one, whose parameters are taken exactly, or a batch.
-
-        Returns
-        -------
-        QuadraticField
+        The parameters of a single body are taken exactly; a batch of bodies gives a batch.
         """
         checks.instance("body", body, Body)
         field: QuadraticField = body.field()
@@ -228,15 +219,6 @@ class QuadraticField(Body):
         return {name: self._parts[name] for name in self._coordinates}
 
     @cached_property
-    def table(self) -> Any:
-        """The coefficients in homogeneous coordinates (..., D, D + 1, D + 1)."""
-        D = self.dimension
-        table = np.full((*self.shape, D, D + 1, D + 1), Fraction(0), self.quadratic.dtype)
-        table[..., :-1, :-1], table[..., -1, -1] = self.quadratic, self.constant
-        table[..., :-1, -1] = table[..., -1, :-1] = self.linear / 2
-        return frozen(table)
-
-    @cached_property
     def terms(self) -> tuple[Any, FloatArray]:
         """The nonzero terms v x_j x_k of all f_i: i and j <= k (3, T), and v (..., T).
 
@@ -249,15 +231,10 @@ class QuadraticField(Body):
         """The components as ``flint.fmpq_mpoly`` in x1, ..., xD; needs python-flint."""
         import flint
 
-        every = range(self.dimension)
         context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
-
-        def polynomial(row: Any) -> Any:
-            terms = polynomial_of(row).terms.items()
-            ratios = {indices: flint.fmpq(*c.as_integer_ratio()) for indices, c in terms}
-            return context.from_dict({tuple(map(i.count, every)): c for i, c in ratios.items()})
-
-        return tuple(map(polynomial, self.table))
+        x = np.fromiter([*context.gens(), context.constant(1)], object)
+        ratios = np.vectorize(lambda c: flint.fmpq(*c.as_integer_ratio()), "O")(self.table)
+        return tuple(ratios @ x @ x)
 
     def __call__(self, x: Any) -> Any:
         """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
@@ -274,28 +251,31 @@ class QuadraticField(Body):
         return f"QuadraticField({short})"
 
     def to_dict(self) -> dict[str, Any]:
-        found = super().to_dict()
-        values = {name: found.pop(name) for name in self._coordinates}
-        return found | ({"parameters": values} if values else {})
+        own = self._coefficients if self.H is None else {"H": self.H.tensor, "K": self.K}
+        values = {"parameters": self.parameters} if self.parameters else {}
+        return {"body": "QuadraticField", **to_lists(own | values)}
 
     @classmethod
-    def from_dict(cls, parameters: Mapping[str, Any]) -> QuadraticField:
-        checks.instance("parameters", parameters, Mapping)
-        given = dict(parameters)
-        H, K, values = (given.pop(name, None) for name in ("H", "K", "parameters"))
-        whole = super().from_dict(given)
-        checks.instance("parameters", values or {}, Mapping)
-        values = named({name: from_lists(name, each) for name, each in (values or {}).items()})
-        if H is None:
-            return cls._of({**whole._parts, **values})
-        tensor = coefficients("H", from_lists("H", H), bool(whole.shape))
-        if tensor.shape != (*whole.shape, *(whole.dimension + 1,) * 3):
-            raise wrong("H, K", "those of the coefficients", f"shape {tensor.shape}")
-        found = cls._of_hamiltonian(tensor, from_lists("K", K), **values)
-        size = abs(found.table).max(initial=0)
-        if not (abs(found.table - whole.table) <= 1e-9 * size).all():
-            raise wrong("H, K", "those of the coefficients", "others")
-        return cls._of({**found._parts, **whole._parts})  # in a batch H is rounded
+    def _read(
+        cls,
+        quadratic: Any = None,
+        linear: Any = None,
+        constant: Any = None,
+        H: Any = None,
+        K: Any = None,
+        parameters: Any = None,
+    ) -> QuadraticField:
+        checks.instance("parameters", parameters or {}, Mapping)
+        values = named(parameters or {})
+        if H is None and K is None:
+            return cls._of({**cls(quadratic, linear, constant)._parts, **values})
+        if quadratic is not None or linear is not None or constant is not None:
+            raise wrong("parameters", "coefficients, or H and K", "both")
+        tensor = np.atleast_3d(coefficients("H", H, False))
+        twins = tensor.swapaxes(-1, -2), tensor.swapaxes(-1, -3)
+        if tensor.shape[-1] < 2 or not all(np.array_equal(tensor, each) for each in twins):
+            raise wrong("H", "a symmetric tensor", checks.short(H))
+        return cls._of_hamiltonian(tensor, K, **values)
 
 
 def labels(D: int) -> tuple[str, ...]:
@@ -304,7 +284,7 @@ def labels(D: int) -> tuple[str, ...]:
 
 def rates(H: Any, K: Any) -> Any:
     """Return the table of K grad H; most entries of K are 0."""
-    table, K = np.full_like(H[..., :-1, :, :], Fraction(0)), K.astype(H.dtype)
+    table = np.full_like(H[..., :-1, :, :], Fraction(0))
     for i, j in np.argwhere(K != 0):
         table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
     return table
@@ -328,13 +308,11 @@ def at_points(tensor: Any, x: Any, degree: int) -> Any:
     """
     D = tensor.shape[-1] - 1
     is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
-    are_exact = tensor.dtype == object and is_list and all(isinstance(a, Rational) for a in x)
-    if are_exact and len(x) == D:
-        point = np.array([*numbers("x", x, False), Fraction(1)])
+    if tensor.ndim == 3 and is_list and len(x) == D and all(isinstance(a, Rational) for a in x):
+        x = numbers("x", x, False)
     else:
-        x = checks.states("x", x, labels(D))
-        point = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
-        tensor = np.asarray(tensor, np.float64)
+        x, tensor = checks.states("x", x, labels(D)), np.asarray(tensor, np.float64)
+    point = np.concatenate([x, np.ones((*x.shape[:-1], 1), x.dtype)], axis=-1)
     with np.errstate(all="ignore"):
         for axes in ("ijk", "ij", "i")[:degree]:
             tensor = np.einsum(f"...{axes},...{axes[-1]}->...{axes[:-1]}", tensor, point)

@@ -6,7 +6,6 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from fractions import Fraction
 from functools import partial
 from itertools import permutations, product
@@ -14,6 +13,7 @@ from numbers import Rational
 from typing import Any
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ..checks import OTHERS, common_shape, real_array, refuse, short, within, wrong
 
@@ -31,14 +31,13 @@ _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 
 def exact(name: str, value: Any) -> Fraction:
     """Return a number, of NumPy or SymPy too, as a fraction: a float as its binary value."""
-    is_known = isinstance(value, Rational) or hasattr(value, "as_integer_ratio")
-    if isinstance(value, bool) or not is_known:
+    is_ratio = isinstance(value, Rational)
+    if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = f"{short(value)} of type {type(value).__name__}"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
-    if isinstance(value, Rational):
-        return Fraction(int(value.numerator), int(value.denominator))
     try:
-        return Fraction(*map(int, value.as_integer_ratio()))
+        ratio = (value.numerator, value.denominator) if is_ratio else value.as_integer_ratio()
+        return Fraction(*map(int, ratio))
     except (OverflowError, ValueError):
         raise wrong(name, "finite numbers", value) from None
 
@@ -76,18 +75,22 @@ def named(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 def plain(value: Any) -> float | str:
     """Return a number as a float if it is one, else as the string "p/q"."""
-    number = exact("value", value)
+    number = exact("value", value) if value else 0  # as most entries of tensors are
     return float(number) if float(number) == number else str(number)
 
 
 def to_lists(value: Any) -> Any:
-    """Return numbers as nested lists of floats and strings "p/q"."""
+    """Return numbers, by name too, as nested lists of floats and strings "p/q"."""
+    if isinstance(value, dict):
+        return {name: to_lists(each) for name, each in value.items()}
     array = np.asarray(value)
     return array.tolist() if array.dtype.kind == "f" else np.vectorize(plain, "O")(array).tolist()
 
 
 def from_lists(name: str, value: Any) -> Any:
-    """Return nested lists of numbers, of which strings "p/q" become fractions."""
+    """Return what `to_lists` returned with fractions in place of strings "p/q"."""
+    if isinstance(value, dict):
+        return {name: from_lists(name, each) for name, each in value.items()}
     if isinstance(value, list):
         return [from_lists(name, each) for each in value]
     try:
@@ -96,7 +99,7 @@ def from_lists(name: str, value: Any) -> Any:
         raise wrong(name, 'numbers or strings "p/q"', short(value)) from None
 
 
-class Polynomial:
+class Polynomial(NDArrayOperatorsMixin):
     """A sum of terms, with exact coefficients: what functions of the user calculate with."""
 
     def __init__(self, terms: Iterable[tuple[Sequence[int], Fraction]]) -> None:
@@ -106,38 +109,17 @@ class Polynomial:
         self.terms = {indices: c for indices, c in found.items() if c}
 
     @classmethod
-    def of(cls, value: Any) -> Polynomial | None:
-        """Return a polynomial, or a number as a polynomial; None for anything else."""
-        if isinstance(value, cls):
-            return value
-        with suppress(TypeError):
-            return cls([((), exact("f", value))])
-        return None
+    def of(cls, value: Any) -> Polynomial:
+        """Return a number as a polynomial, and a polynomial as it is."""
+        return value if isinstance(value, cls) else cls([((), exact("coefficient", value))])
 
-    def __add__(self, other: Any) -> Any:
-        if (right := self.of(other)) is None:
-            return NotImplemented
-        return Polynomial([*self.terms.items(), *right.terms.items()])
-
-    def __mul__(self, other: Any) -> Any:
-        if (right := self.of(other)) is None:
-            return NotImplemented
-        pairs = product(self.terms.items(), right.terms.items())
-        return Polynomial((first + second, a * b) for (first, a), (second, b) in pairs)
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __pos__(self) -> Polynomial:
-        return self
-
-    def __neg__(self) -> Any:
-        return self * -1
-
-    def __sub__(self, other: Any) -> Any:
-        return self + -other
-
-    def __rsub__(self, other: Any) -> Any:
-        return -self + other
+    def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
+        has_array = any(isinstance(each, np.ndarray) for each in operands)
+        if has_array or operation in (np.power, np.square):  # by the operators of entries
+            return operation(*(np.array(each, object) for each in operands))
+        if operation not in _ARITHMETIC:
+            raise TypeError(f"the operation {operation.__name__}")
+        return Polynomial(_ARITHMETIC[operation](*(self.of(each).terms for each in operands)))
 
     def __truediv__(self, number: Any) -> Any:
         return self * (1 / exact("divisor", number))
@@ -146,9 +128,6 @@ class Polynomial:
         if power not in range(100):
             raise wrong("power", "a small integer", power)
         return math.prod([self] * int(power))
-
-    def __eq__(self, other: object) -> bool:
-        raise TypeError("polynomials in x cannot be compared")
 
     def __bool__(self) -> bool:
         raise TypeError("polynomials in x are neither true nor false")
@@ -166,19 +145,27 @@ class Polynomial:
         return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
 
 
+_ARITHMETIC: dict[Any, Callable[..., Iterable[Any]]] = {  # of terms {indices: c} and {j: d}
+    np.positive: dict.items,
+    np.negative: lambda a: ((indices, -c) for indices, c in a.items()),
+    np.add: lambda a, b: [*a.items(), *b.items()],
+    np.subtract: lambda a, b: [*a.items(), *((j, -d) for j, d in b.items())],
+    np.multiply: lambda a, b: ((i + j, a[i] * b[j]) for i, j in product(a, b)),
+}
+
+
 def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
     """Return exact tensors: of the D polynomials f(x, **parameters), or of the one of degree 3."""
-    batch = np.broadcast_shapes(*map(np.shape, parameters.values()))
-    columns = {n: np.broadcast_to(each, batch).ravel().tolist() for n, each in parameters.items()}
-    rows = ({n: column[i] for n, column in columns.items()} for i in range(math.prod(batch)))
-    members = [_traced_once(name, f, D, degree, row) for row in rows]
+    columns = (np.asarray(each).astype(object) for each in parameters.values())
+    rows = np.broadcast(*columns)
+    members = [_member(name, f, D, degree, dict(zip(parameters, row, strict=True))) for row in rows]
     shape = (D,) * (degree == 2) + (D + 1,) * degree
-    return np.array(members, dtype=object).reshape(*batch, *shape)
+    return np.array(members, dtype=object).reshape(*rows.shape, *shape)
 
 
-def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str, Any]) -> Any:
+def _member(name: str, f: Any, D: int, degree: int, parameters: Mapping[str, Any]) -> Any:
     count = f"{D} polynomials" if degree == 2 else "a polynomial"
     expected = f"{count} of degree at most {degree} in x[0] to x[{D - 1}], by +, -, * and /"
     try:
@@ -198,12 +185,9 @@ def _traced_once(name: str, f: Any, D: int, degree: int, parameters: Mapping[str
 
 def _tensor(value: Any, D: int, degree: int) -> Any:
     """Return a polynomial as a symmetric tensor of fractions in homogeneous coordinates."""
-    polynomial = Polynomial.of(value)
-    if polynomial is None:
-        raise TypeError(f"{short(value)} of type {type(value).__name__}")
-    within("coefficients", np.array([*polynomial.terms.values()], dtype=object), OTHERS)
-    table = np.full((D + 1,) * degree, Fraction(0))
-    for indices, c in polynomial.terms.items():
+    terms, table = Polynomial.of(value).terms, np.full((D + 1,) * degree, Fraction(0))
+    within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
+    for indices, c in terms.items():
         if len(indices) > degree:
             raise ValueError(f"degree {len(indices)}")
         places = {*permutations((*indices, *[D] * (degree - len(indices))))}

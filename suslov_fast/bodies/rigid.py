@@ -45,8 +45,9 @@ class _In3D(Body):
         return I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
 
     def _inertia(self, I3: Any) -> FloatArray:
-        I1, I2, I13, I23, _ = self.parameters
-        return _matrices((I1, 0.0, I13), (0.0, I2, I23), (I13, I23, I3))
+        I1, I2, I13, I23, I3, zero = np.broadcast_arrays(*self.parameters[:4], I3, 0.0)
+        rows = [I1, zero, I13], [zero, I2, I23], [I13, I23, I3]
+        return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
     @cached_property
     def _field(self) -> QuadraticField:
@@ -56,13 +57,7 @@ class _In3D(Body):
         table = np.zeros((*self.shape, 2, 3, 3), l.dtype)
         table[..., 0, :, 1] = -l / np.asarray(I1)[..., None]
         table[..., 1, :, 0] = l / np.asarray(I2)[..., None]
-        return QuadraticField._of_table((table + table.swapaxes(-2, -1)) / 2)
-
-
-def _matrices(*rows: tuple[Any, ...]) -> FloatArray:
-    """Return matrices (..., 3, 3) of entries that broadcast."""
-    entries = np.broadcast_arrays(*(each for row in rows for each in row))
-    return np.stack(entries, axis=-1).reshape(*entries[0].shape, 3, 3)
+        return QuadraticField._of({"table": (table + table.swapaxes(-2, -1)) / 2})
 
 
 def _excess(tensors: FloatArray) -> Any:
@@ -89,9 +84,8 @@ class Suslov3D(_In3D):
         Products of inertia, 0 or between 1e-60 and 1e60 in modulus. Where both are 0 every angular
         velocity is constant.
     I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, which does not enter the map; :func:`momentum`,
-        :func:`step_full` and :func:`animate_body` take it from the body. There is a warning if
-        no rigid body has it; see :meth:`admissible_I3`.
+        The third moment of inertia, for :func:`step_full` and :func:`animate_body`: it does not
+        enter the map. There is a warning if no rigid body has it; see :meth:`admissible_I3`.
 
     Examples
     --------
@@ -118,11 +112,11 @@ class Suslov3D(_In3D):
         >>> round(float(low), 6), round(float(high), 6)
         (0.053816, 5.946184)
         """
-        I1, I2, I13, I23, _ = self.parameters
         # The second moments of mass, tr(T) / 2 - T = (B + I3 diag(1, 1, -1)) / 2, are singular at
         # both ends, which are the larger eigenvalues of -diag(1, 1, -1) B.
-        rows = (I1 - I2, 0.0, 2 * I13), (0.0, I2 - I1, 2 * I23), (-2 * I13, -2 * I23, I1 + I2)
-        ends = np.sort(np.linalg.eigvals(_matrices(*rows)).real, axis=-1)[..., 1:]
+        T, signs = self._inertia(0.0), np.diag([-1.0, -1.0, 1.0])
+        B = np.trace(T, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - 2 * T
+        ends = np.sort(np.linalg.eigvals(signs @ B).real, axis=-1)[..., 1:]
         exists = _excess(self._inertia(ends.mean(axis=-1))) > 0.0
         low, high = np.moveaxis(np.where(exists[..., None], ends, np.nan), -1, 0)
         return low[()], high[()]
@@ -157,20 +151,12 @@ class Suslov3D(_In3D):
         >>> body
         Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, I3=3.0)
         """
-        turned, to_e3 = turned_to_last(I, a, 3)
-        if not (fits := _excess(turned) >= -_ROUNDING).all():
+        tensors, rotation = adapted(I, a, 3)
+        if not (fits := _excess(tensors) >= -_ROUNDING).all():
             expected = "no principal moment larger than the sum of the others"
-            raise wrong("I", expected, np.linalg.eigvalsh(turned[~fits][0]).tolist())
-        # The smaller angle about e3 that makes I12 vanish (Jacobi); 0 if I12 is 0.
-        I12 = turned[..., 0, 1]
-        gap = turned[..., 0, 0] - turned[..., 1, 1]
-        angle = 0.5 * np.arctan2(np.copysign(2.0, gap) * I12, abs(gap))
-        c, s = np.cos(angle), np.sin(angle)
-        about_e3 = _matrices((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0))
-        I = about_e3 @ turned @ about_e3.swapaxes(-2, -1)
-        I1, I2, I3 = moments = np.moveaxis(np.diagonal(I, axis1=-2, axis2=-1), -1, 0)
-        I13, I23 = (without_rounding(I[..., i, 2], moments.max(axis=0)) for i in (0, 1))
-        return cls(I1, I2, I13, I23, I3), about_e3 @ to_e3
+            raise wrong("I", expected, np.linalg.eigvalsh(tensors[~fits][0]).tolist())
+        I1, I2, I3 = np.moveaxis(np.diagonal(tensors, axis1=-2, axis2=-1), -1, 0)
+        return cls(I1, I2, tensors[..., 0, 2], tensors[..., 1, 2], I3), rotation
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -218,8 +204,11 @@ PICTURES = {  # of the paper, end of Section 4
 }
 
 
-def turned_to_last(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
-    """Return inertia matrices (..., n, n) in bases where the axis is e_n, and rotations to them."""
+def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return inertia matrices (..., n, n) in adapted bases, and rotations to these bases.
+
+    The axis is e_n there, and the other axes, whose products are 0, turn as little as they can.
+    """
     matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
@@ -231,25 +220,26 @@ def turned_to_last(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, Floa
     if axis.shape[-1:] != (n,):
         raise wrong("a", f"shape (..., {n})", axis.shape)
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
-    if not (length > 0).all():
-        raise wrong("a", "an axis other than 0", "one of length 0")
+    if not ((length > 0) & (length < np.inf)).all():
+        raise wrong("a", "an axis of finite length other than 0", checks.short(length.tolist()))
     checks.common_shape({"I": matrix.shape[:-2], "a": axis.shape[:-1]})
-    rotation = _rotation_to_last(axis / length)
-    return rotation @ matrix @ rotation.swapaxes(-2, -1), rotation
-
-
-def _rotation_to_last(axis: FloatArray) -> FloatArray:
-    """Return rotations that take unit axes (..., n) to e_n, the shortest of axes that point up."""
-    unit = np.eye(axis.shape[-1])
-    up = axis[..., -1:] >= 0.0
-    # The first reflection takes an axis to -e_n, or to e_n if it points down, without cancellation.
-    normal = axis + np.where(up, unit[-1], -unit[-1])
-    length = 1.0 + abs(axis[..., -1, np.newaxis, np.newaxis])  # half of its square
-    first = unit - normal[..., np.newaxis] * normal[..., np.newaxis, :] / length
-    second = 1.0 - 2.0 * np.where(up, unit[-1], unit[0])
-    return np.asarray(second[..., np.newaxis] * first) + 0.0  # no -0.0
-
-
-def without_rounding(products: FloatArray, largest: FloatArray) -> FloatArray:
-    """Return products of inertia, 0 where a rotation leaves a rounding error of the moments."""
-    return np.where(abs(products) < 2.0**-50 * largest, 0.0, products)
+    # The shortest rotation of an axis, or of its opposite if it points down, which turns over.
+    sign = np.where(axis[..., -1:] < 0.0, -1.0, 1.0)
+    up = sign * axis / length
+    middle = up + np.eye(n)[-1]
+    to_last = np.eye(n) - middle[..., :, None] * middle[..., None, :] / middle[..., -1:, None]
+    to_last[..., -1, :] = up
+    to_last[..., [0, -1], :] *= sign[..., None]
+    turned = to_last @ matrix @ to_last.swapaxes(-2, -1)
+    vectors = np.linalg.eigh(turned[..., :-1, :-1])[1]
+    order = abs(vectors).argmax(axis=-2).argsort(axis=-1)
+    vectors = np.take_along_axis(vectors, order[..., None, :], axis=-1)
+    vectors *= np.where(np.diagonal(vectors, axis1=-2, axis2=-1) < 0.0, -1.0, 1.0)[..., None, :]
+    turn = np.broadcast_to(np.eye(n), turned.shape).copy()
+    turn[..., :-1, :-1] = vectors.swapaxes(-2, -1)
+    turn[..., 0, :] *= np.sign(np.linalg.det(turn))[..., None]
+    found = turn @ turned @ turn.swapaxes(-2, -1)
+    # Rotations leave rounding errors of the moments in products of inertia that are 0.
+    largest = np.diagonal(found, axis1=-2, axis2=-1).max(axis=-1)[..., None]
+    found[..., :-1, -1][abs(found[..., :-1, -1]) < 2.0**-50 * largest] = 0.0
+    return found, turn @ to_last + 0.0  # no -0.0

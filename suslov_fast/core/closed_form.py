@@ -33,7 +33,7 @@ import math
 
 import numpy as np
 
-from .numba import alignment, formula, kernel, pick, select, share, universal, write
+from .numba import alignment, formula, kernel, lesser, pick, select, share, universal, write
 from .steps_3d import RANGE, ZERO_TO_ROUNDING
 
 LANES = 128
@@ -82,8 +82,9 @@ def difference_of_squares(x, u, y, k, X, K):
 
 
 @formula
-def fill(b, l, row, ahead, passes, root, gap, minus, R2, square):
-    """Fill the rows of one direction, `ahead` 1 or -1, from `row` on."""
+def fill(b, l, ahead, passes, root, gap, minus, R2, square):
+    """Fill the rows of one direction, `ahead` 1 or -1."""
+    row = B1 if ahead > 0.0 else B1 + BACK
     I1, I2, I13, I23, k = b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l]
     w1, w2 = b[W1, l], b[W2, l]
     x, _, y, s = coordinates(I1, I2, I13, I23, k, w1, w2)
@@ -128,9 +129,9 @@ def orbit(b, l, discrete):
     high, low = select(S < 0.0, smaller, larger), select(S < 0.0, larger, smaller)
     R2, falls = (b[I1_, l] * w1 * w1 + b[I2_, l] * w2 * w2) * below, y < 0.0
     gap, minus = select(falls, total, difference), 2.0 * select(falls, high, low)
-    fill(b, l, B1, 1.0, passes, root, gap, minus, R2, square)
+    fill(b, l, 1.0, passes, root, gap, minus, R2, square)
     gap, minus = select(falls, difference, total), 2.0 * select(falls, low, high)
-    fill(b, l, B1 + BACK, -1.0, passes, root, gap, minus, R2, square)
+    fill(b, l, -1.0, passes, root, gap, minus, R2, square)
 
     rests = x == 0.0
     in_range = (abs(X) <= RANGE) & (abs(Y) <= RANGE) & (abs(K) <= RANGE)
@@ -148,7 +149,7 @@ def rate(passes, L, r, discrete):
         return -2.0 * L if passes > 0.0 else L
     if passes == 0.0:
         return -math.atan(1.0 / L) if L > 1.0 else math.atan(L)
-    less = 2.0 * min(L, 1.0) / (1.0 + L)  # 1 - |r|
+    less = 2.0 * select(L < 1.0, L, 1.0) / (1.0 + L)  # 1 - |r|
     return math.log1p(-less) if less < 0.5 else math.log(abs(r))
 
 
@@ -206,20 +207,6 @@ def enter(b, first, width, used, parameters, omega0, discrete):
         b[RATE, l] = rate(b[PASSES, l], b[RATE, l], b[R, l], discrete)
 
 
-@formula
-def explain(b, l, reasons, i):
-    """Note why a state of trajectory i is NaN."""
-    n, passes = b[TIME, l], b[PASSES, l] > 0.0
-    if np.isnan(b[W1, l] + b[W2, l]):
-        return
-    if np.isnan(b[ROOT, l]) or (passes and n * b[MISSING, l] > 0.0):
-        reasons[1, i] = True
-    elif passes and not has_power(b[R, l], abs(n)):
-        reasons[0, i] = True
-    else:
-        reasons[2, i] = True
-
-
 @kernel
 def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     """States of trajectories by the closed form.
@@ -236,14 +223,14 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     """
     B, N, flat = len(omega0), len(n), out.reshape(out.size)
     b, tile = np.ones((ROWS, LANES)), np.empty(2 * LANES)
-    abreast, entered = max(1, LANES // max(B, 1)), -1
+    abreast, entered = LANES // B if 0 < B < LANES else 1, -1
     lead, shift = alignment(out, 0, B, LANES)
     blocks, rows = (B + shift + LANES - 1) // LANES, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
     for task in range(begin, end):
         block, row = task // rows, task % rows * abreast
-        first, count = max(block * LANES - shift, 0), min(abreast, N - row)
-        width = min((block + 1) * LANES - shift, B) - first
+        first = block * LANES - shift if block > 0 else 0
+        width, count = lesser((block + 1) * LANES - shift, B) - first, lesser(abreast, N - row)
         used = width * count
         if block != entered:
             enter(b, first, width, used, parameters, omega0, discrete)
@@ -260,8 +247,11 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
         for l in range(LANES):
             tile[2 * l], tile[2 * l + 1] = state(b, l)
         for l in range(used):
-            if np.isnan(tile[2 * l]):
-                explain(b, l, reasons, first + l % width)
+            if np.isnan(tile[2 * l]) and not np.isnan(b[W1, l] + b[W2, l]):
+                time, passes = b[TIME, l], b[PASSES, l] > 0.0
+                outside = np.isnan(b[ROOT, l]) or (passes and time * b[MISSING, l] > 0.0)
+                powerless = passes and not has_power(b[R, l], abs(time))
+                reasons[1 if outside else 0 if powerless else 2, first + l % width] = True
         write(tile, flat, 2 * (row * B + first), 2 * used, lead)
 
 

@@ -4,8 +4,9 @@
 the units of the unknowns change no digit, and loops over lanes are SIMD. The pivots tell which
 systems lose digits in this order, see `keeps_digits`: these are for `solve`, one at a time.
 
-A block of systems is a[row, column, lane], with the columns of A and then right sides. One system
-is a block of one lane; that `lanes` is an argument lets LLVM drop the loops over one lane.
+A block of systems is a[row, column, lane], with the columns of A and then right sides, and
+b[LEAST, LARGEST or TO_SOLVE, lane]. One system is a block of one lane; that `lanes` is an argument
+lets LLVM drop the loops over one lane.
 """
 
 import math
@@ -15,6 +16,9 @@ import numpy as np
 from .codes import NONFINITE, OK, SINGULAR
 from .numba import formula, function, inlined, select
 
+# The least pivot; the largest number that was on the diagonal, at least 1; 1 if the lane is for
+# `solve`, else 0.
+LEAST, LARGEST, TO_SOLVE = range(3)
 # A quotient of pivots, see `eliminate`, above which elimination side by side is accurate.
 LEAST_PIVOT = 2.0**-6
 ZERO_TO_ROUNDING = 2.0**-50  # a pivot below this part of its terms, for one unknown
@@ -34,25 +38,25 @@ def smaller(v, w):
 
 
 @formula
-def keeps_digits(least, largest):
+def keeps_digits(b, l):
     """True if no pivot was small beside the largest: elimination in this order lost no digits."""
-    return least > LEAST_PIVOT * largest
+    return b[LEAST, l] > LEAST_PIVOT * b[LARGEST, l]
 
 
 @function
-def eliminate(a, least, largest, lanes):
+def eliminate(a, b, lanes):
     """Replace the right sides of all lanes by solutions, with the diagonal as pivots.
 
     A is factorised in place: above the diagonal is U; on it, inverse pivots; below it, L, whose own
-    diagonal is 1. Two pivots are taken at a time, which halves loads and stores. `least` (lanes,)
-    receives the least pivot, `largest` the largest number that was on the diagonal, at least 1.
+    diagonal is 1. Two pivots are taken at a time, which halves loads and stores. The rows LEAST
+    and LARGEST of b are filled.
     """
     m, columns, _ = a.shape
     for l in range(lanes):
-        least[l], largest[l] = np.inf, 1.0
+        b[LEAST, l], b[LARGEST, l] = np.inf, 1.0
     for i in range(m):
         for l in range(lanes):
-            largest[l] = larger(abs(a[i, i, l]), largest[l])
+            b[LARGEST, l] = larger(abs(a[i, i, l]), b[LARGEST, l])
     for k in range(0, m, 2):
         for second in range(k, min(k + 2, m)):
             if second > k:
@@ -63,8 +67,8 @@ def eliminate(a, least, largest, lanes):
                         a[second, j, l] -= a[second, k, l] * a[k, j, l]
             for l in range(lanes):
                 pivot = a[second, second, l]
-                least[l] = smaller(abs(pivot), least[l])
-                largest[l] = larger(abs(pivot), largest[l])
+                b[LEAST, l] = smaller(abs(pivot), b[LEAST, l])
+                b[LARGEST, l] = larger(abs(pivot), b[LARGEST, l])
                 a[second, second, l] = 1.0 / pivot
         for i in range(k + 2, m):
             for l in range(lanes):
@@ -82,6 +86,23 @@ def eliminate(a, least, largest, lanes):
                     a[i, r, l] -= a[i, j, l] * a[j, r, l]
             for l in range(lanes):
                 a[i, r, l] *= a[i, i, l]
+
+
+@formula
+def accept(a, x, b, lanes):
+    """Replace states x by the right sides, where these keep their digits; return how many do not.
+
+    In b[TO_SOLVE] is a number below that of components if the right sides are finite and accurate.
+    """
+    m, to_solve = len(a), 0
+    for l in range(lanes):
+        good = (b[TO_SOLVE, l] < m) & keeps_digits(b, l) | np.isnan(x[0, l])
+        b[TO_SOLVE, l] = select(good, 0.0, 1.0)
+        to_solve += select(good, 0, 1)
+    for i in range(m):
+        for l in range(lanes):
+            x[i, l] = select(b[TO_SOLVE, l] == 0.0, a[i, m, l], x[i, l])
+    return to_solve
 
 
 @function
@@ -109,75 +130,55 @@ def memory_of_one(m):
 
 
 @function
-def solve(a, units):
-    """Solve one system a (m, columns, 1), scaled, with partial pivoting; return its status.
+def solve(system, units):
+    """Solve one system (m, columns, 1), scaled, with partial pivoting; return its status.
 
     The right sides become the solutions; the diagonal, the pivots of scaled rows, NaN if they are 0
     to rounding, which is SINGULAR. What is not finite is NONFINITE. `units` (2, m) receives the
     units of the unknowns and the factors of rows: det A is the product of pivot k / units[1, k].
     """
-    m, columns, _ = a.shape
+    a, weights, undefined, size = system[:, :, 0], units[1], 0.0, 0.0
+    m, columns = a.shape
     balance(a, units[0])
-    weights, undefined = units[1], 0.0
     for i in range(m):
         largest = 1.0
         for j in range(m):
-            largest = max(largest, abs(a[i, j, 0]))
+            largest = larger(abs(a[i, j]), largest)
         weights[i] = 1.0 / largest
         for j in range(columns):
-            undefined += 0.0 * a[i, j, 0]
-            a[i, j, 0] /= largest
+            undefined += 0.0 * a[i, j]
+            a[i, j] /= largest
     for k in range(m):
-        exchange_rows(a, weights, k)
-        terms = weights[k] + abs(a[k, k, 0])  # the 1 of the identity, and what it is changed by
-        for j in range(k):
-            terms += abs(a[k, j, 0] * a[j, k, 0])
-        if abs(a[k, k, 0]) <= m * ZERO_TO_ROUNDING * terms:
-            a[k, k, 0] = np.nan
+        pivot = k
         for i in range(k + 1, m):
-            a[i, k, 0] /= a[k, k, 0]
+            if abs(a[i, k]) > abs(a[pivot, k]):
+                pivot = i
+        if pivot != k:  # one of the rows changes its sign, so that the determinant remains
+            weights[k], weights[pivot] = weights[pivot], weights[k]
+            for j in range(columns):
+                a[k, j], a[pivot, j] = a[pivot, j], -a[k, j]
+        terms = weights[k] + abs(a[k, k])  # the 1 of the identity, and what it is changed by
+        for j in range(k):
+            terms += abs(a[k, j] * a[j, k])
+        if abs(a[k, k]) <= m * ZERO_TO_ROUNDING * terms:
+            a[k, k] = np.nan
+        for i in range(k + 1, m):
+            a[i, k] /= a[k, k]
             for j in range(k + 1, columns):
-                a[i, j, 0] -= a[i, k, 0] * a[k, j, 0]
-    size = 0.0
+                a[i, j] -= a[i, k] * a[k, j]
     for i in range(m - 1, -1, -1):
-        size += 0.0 * a[i, i, 0]
+        size += 0.0 * a[i, i]
         for r in range(m, columns):
             for j in range(i + 1, m):
-                a[i, r, 0] -= a[i, j, 0] * a[j, r, 0]
-            a[i, r, 0] /= a[i, i, 0]
+                a[i, r] -= a[i, j] * a[j, r]
+            a[i, r] /= a[i, i]
     for i in range(m):
         for r in range(m, columns):
-            a[i, r, 0] *= units[0, i]
-            size += abs(a[i, r, 0])
+            a[i, r] *= units[0, i]
+            size += abs(a[i, r])
     if size < np.inf:
         return OK
     return SINGULAR if undefined == 0.0 and np.isnan(size) else NONFINITE
-
-
-@formula
-def determinant_of(a, units):
-    """Return the determinant of a matrix that `solve` has treated, 0 if it is so to rounding."""
-    product = 1.0
-    for k in range(len(a)):
-        product *= a[k, k, 0] / units[1, k]
-    return 0.0 if np.isnan(product) else product
-
-
-@inlined
-def exchange_rows(a, weights, k):
-    """Exchange row k with the one below that has the largest entry in column k.
-
-    One of them changes its sign, so that the determinant remains.
-    """
-    m, columns, _ = a.shape
-    pivot = k
-    for i in range(k + 1, m):
-        if abs(a[i, k, 0]) > abs(a[pivot, k, 0]):
-            pivot = i
-    if pivot != k:
-        weights[k], weights[pivot] = weights[pivot], weights[k]
-        for j in range(columns):
-            a[k, j, 0], a[pivot, j, 0] = a[pivot, j, 0], -a[k, j, 0]
 
 
 @inlined
@@ -185,17 +186,16 @@ def balance(a, units):
     """Change to units of the unknowns, powers of two, in which the largest entries beside the
     diagonal are alike in the row and in the column of each unknown.
     """
-    m, columns, _ = a.shape
-    for i in range(m):
-        units[i] = 1.0
+    m, columns = a.shape
+    units[:] = 1.0
     for _ in range(ROUNDS):
         changed = False
         for i in range(m):
             of_row, of_column = 0.0, 0.0
             for j in range(m):
                 if j != i:
-                    of_row = max(of_row, abs(a[i, j, 0]))
-                    of_column = max(of_column, abs(a[j, i, 0]))
+                    of_row = larger(abs(a[i, j]), of_row)
+                    of_column = larger(abs(a[j, i]), of_column)
             power = math.frexp(of_row)[1] - math.frexp(of_column)[1]
             if of_row > 0.0 and of_column > 0.0:
                 power = power // 2
@@ -203,11 +203,18 @@ def balance(a, units):
                 changed = True
                 factor = math.ldexp(1.0, power)
                 units[i] *= factor
-                for j in range(columns):
-                    if j != i:
-                        a[i, j, 0] /= factor
+                for j in range(columns):  # the diagonal returns to what it was
+                    a[i, j] /= factor
                 for j in range(m):
-                    if j != i:
-                        a[j, i, 0] *= factor
+                    a[j, i] *= factor
         if not changed:
             break
+
+
+@formula
+def determinant_of(system, units):
+    """Return the determinant of a matrix that `solve` has treated, 0 if it is so to rounding."""
+    product = 1.0
+    for k in range(len(system)):
+        product *= system[k, k, 0] / units[1, k]
+    return 0.0 if np.isnan(product) else product

@@ -24,7 +24,6 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-import llvmlite
 import numba
 import numpy as np
 from llvmlite import ir
@@ -45,16 +44,14 @@ _FUNCTION = _FORMULA | {"forceinline": False}
 
 
 # ------------------------------------------------------------------------------------------- cache
-# Numba checks a file of its cache only against the source file of one function. Here the name of a
-# function contains a digest of all sources that are compiled and of the versions of what compiles
-# them, so that every edit and upgrade make new files. The folder must be as trusted as the code.
+# Numba checks a file of its cache only against its own version and the source file of one function.
+# Here the name of a function contains a digest of all sources that are compiled, so that every edit
+# makes new files. The folder must be as trusted as the code.
 @functools.cache
 def _digest():
     package = Path(__file__).parent.parent
     files = [*sorted(package.glob("core/*.py")), *package.glob("compiled.py")]
-    versions = f"{numba.__version__} {llvmlite.__version__} {np.__version__}"
-    sources = b"".join(path.read_bytes() for path in files)
-    return hashlib.sha256(versions.encode() + sources).hexdigest()[:12]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:12]
 
 
 @functools.cache
@@ -68,14 +65,13 @@ class _Cache(FunctionCache):
     """Files of a function. If one cannot be read or written, the process compiles for itself."""
 
     def load_overload(self, signature, target_context):
-        found = None
-        try:
+        with suppress(Exception):
             found = super().load_overload(signature, target_context)
-        except Exception:
-            with suppress(Exception):
-                self.flush()  # the index: `save_overload` would read it
-        # Two processes that write at once may exchange the code of two signatures.
-        return found if found and tuple(found.signature.args) == tuple(signature) else None
+            # Two processes that write at once may exchange the code of two signatures.
+            return found if found and tuple(found.signature.args) == tuple(signature) else None
+        with suppress(Exception):
+            self.flush()  # the index: `save_overload` would read it
+        return None
 
     def save_overload(self, signature, data):
         with suppress(Exception):
@@ -102,35 +98,25 @@ inlined = numba.njit(inline="always", **_FUNCTION)
 
 # ---------------------------------------------------------------------------------------- kernels
 class Kernel:
-    """A function called from Python: `function(part, parts, *arguments)` for numbers, arrays and
-    tuples of them, compiled when it is first called.
-    """
+    """A kernel, whose arguments are numbers, arrays and tuples of them."""
 
     def __init__(self, py_function):
-        self.py_function, self._addresses = py_function, {}
-        functools.update_wrapper(self, py_function)
-
-    @functools.cached_property
-    def compiled(self):
-        if config.DISABLE_JIT:
-            return np.errstate(all="ignore")(self.py_function)  # compiled code does not warn
-        return _cached(numba.njit(**_OPTIONS), self.py_function)
-
-    def serial(self, *arguments):
-        """Do all the work in this thread."""
-        self.compiled(0, 1, *arguments)
+        self.compiled, self._addresses = _cached(numba.njit(**_OPTIONS), py_function), {}
+        if config.DISABLE_JIT:  # compiled code does not warn
+            self.compiled = np.errstate(all="ignore")(py_function)
+        self.serial = functools.partial(self.compiled, 0, 1)
 
     def parallel(self, threads, *arguments):
-        """Do the work in several threads."""
         if config.BOUNDSCHECK or config.DISABLE_JIT:  # exceptions do not leave a parallel loop
             for part in range(threads):
                 self.compiled(part, threads, *arguments)
             return
         kinds = tuple(map(numba.typeof, (0, 0, *arguments)))
         if kinds not in self._addresses:
-            self._addresses[kinds] = _address(self.compiled, *kinds)
-        loop, start = _parallel_loop()
-        start(loop, self._addresses[kinds], threads, arguments)
+            self.compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
+            result = self.compiled.get_compile_result(types.void(*kinds))
+            self._addresses[kinds] = types.CompileResultWAP(result).address
+        _start(self._addresses[kinds], threads, arguments)
 
 
 kernel = Kernel  # the decorator
@@ -138,45 +124,33 @@ kernel = Kernel  # the decorator
 
 # A parallel call is a loop over parts, which calls the kernel by its address: so a kernel is
 # compiled once, for serial and parallel calls, and this loop once for all kernels (each `prange`
-# takes seconds). It takes the address of the arguments too, since `prange` passes no nested tuples.
+# takes seconds). It takes the address of the arguments, too: `prange` passes no nested tuples.
+@functools.partial(_cached, numba.njit(parallel=True, **_OPTIONS))
 def _loop(call_part, kernel, data, parts):
     for part in prange(parts):
-        _call(call_part, (kernel, data, np.int64(part), parts))
+        _call(call_part, kernel, data, np.int64(part), parts)
 
 
-def _start(loop, kernel, parts, arguments):
+@functools.partial(_cached, numba.njit(**_OPTIONS))
+def _start(kernel, parts, arguments):
     call_part, data = _pack(arguments)
-    _call(loop, (call_part, kernel, data, parts))
+    _loop(call_part, kernel, data, parts)
 
 
-@functools.cache
-def _parallel_loop():
-    """Return the address of the loop over parts, and the function that starts it."""
-    loop = _cached(numba.njit(parallel=True, **_OPTIONS), _loop)
-    return _address(loop, *[types.int64] * 4), _cached(numba.njit(**_OPTIONS), _start)
-
-
-def _address(compiled, *kinds):
-    """Return the address of a function for arguments of these types."""
-    compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
-    return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
-
-
-def _emit_call(context, builder, address, values):
+def _emit_call(context, builder, address, *values):
     kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
     builder.call(builder.inttoptr(address, kind.as_pointer()), values)
 
 
 @intrinsic
-def _call(typing, address, numbers):
-    """Call a compiled function by its address, with a tuple of integers; it returns None."""
+def _call(typing, address, kernel, data, part, parts):
+    """Call the function that `_pack` made."""
 
     def emit(context, builder, signature, arguments):
-        values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
-        _emit_call(context, builder, arguments[0], values)
+        _emit_call(context, builder, *arguments)
         return context.get_dummy_value()
 
-    return types.void(types.int64, numbers), emit
+    return types.void(*[types.int64] * 5), emit
 
 
 @intrinsic
@@ -199,7 +173,7 @@ def _pack(typing, arguments):
         inner = ir.IRBuilder(call_part.append_basic_block())
         packed = inner.load(inner.inttoptr(data, packed.type.as_pointer()))
         numbers = [inner.extract_value(packed, k) for k in range(len(arguments))]
-        _emit_call(context, inner, kernel, [part, parts, *numbers])
+        _emit_call(context, inner, kernel, part, parts, *numbers)
         inner.ret(context.get_dummy_value())
         addresses = [builder.ptrtoint(each, word) for each in (call_part, memory)]
         return context.make_tuple(builder, result, addresses)
@@ -220,23 +194,17 @@ def _uncounted(context, builder, kind, value):
 
 
 # ---------------------------------------------------------------------------- universal functions
-def universal(layout):
-    """Make a universal function of float64 numbers from the function of one state.
+class Universal:
+    """A universal function of float64 numbers, made of the function of one state.
 
     In a layout such as "(),(d)->(d,d),()" the function writes to its last two arguments; a number
     that it writes is an array of one.
     """
-    return functools.partial(Universal, layout)
-
-
-class Universal:
-    """A universal function, compiled when it is first called, and cached on disk as kernels are."""
 
     def __init__(self, layout, py_function):
         self.layout, self.py_function = layout, py_function
         sides = [re.findall(r"\(([^)]*)\)", side) for side in layout.split("->")]
         self.inputs, self.outputs = [[re.findall(r"\w+", each) for each in side] for side in sides]
-        functools.update_wrapper(self, py_function)
 
     def __call__(self, *arguments, **options):
         with np.errstate(all="ignore"):  # NumPy would warn of each NaN
@@ -247,17 +215,17 @@ class Universal:
         if config.DISABLE_JIT:
             kinds = [float] * len(self.outputs)
             return np.vectorize(self._interpreted, otypes=kinds, signature=self.layout)
-        if not config.BOUNDSCHECK:
-            self.py_function.__qualname__ += f"_{_digest()}"
-            with suppress(Exception):  # no writable folder, or a file that cannot be read
-                return self._compile(cache=True)
-        return self._compile(cache=False)
-
-    def _compile(self, cache):
         dimensions = [*map(len, self.inputs), *(len(axes) or 1 for axes in self.outputs)]
         kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
-        build = numba.guvectorize([types.void(*kinds)], self.layout, cache=cache, nopython=True)
-        return build(self.py_function)
+        build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
+        self.py_function.__qualname__ += f"_{_digest()}"
+        with suppress(Exception):  # no writable folder, or a file that cannot be read
+            found = build(cache=not config.BOUNDSCHECK)(self.py_function)
+            [code] = found.gufunc_builder._cres.values()
+            # The address is 0 if two processes wrote at once, and this is a wrapper of other code.
+            if found.gufunc_builder.build(code)[1]:
+                return found
+        return build(cache=False)(self.py_function)
 
     def _interpreted(self, *arguments):
         arguments, sizes = [np.asarray(each, float)[()] for each in arguments], {}
@@ -268,57 +236,58 @@ class Universal:
         return tuple(results) if len(results) > 1 else results[0]
 
 
+def universal(layout):
+    """The decorator of a function with this layout."""
+    return functools.partial(Universal, layout)
+
+
 # ------------------------------------------------------------------------------------- in kernels
+@formula
+def select(condition, first, second):
+    """Return `first` where the condition holds, else `second`: both are computed, no branch."""
+    return first if condition else second
+
+
+@intrinsic
+def stream_line(typing, target, i, source, j):
+    """Copy source[j:j+8] to the cache line target[i:i+8], past the caches: 2.1 times faster."""
+
+    def emit(context, builder, signature, arguments):
+        def line(k):
+            array = context.make_array(signature.args[k])(context, builder, arguments[k])
+            place = builder.gep(array.data, [arguments[k + 1]])
+            return builder.bitcast(place, ir.VectorType(ir.DoubleType(), LINE).as_pointer())
+
+        store = builder.store(builder.load(line(2), align=8), line(0), align=64)
+        one = ir.Constant(ir.IntType(32), 1)
+        store.set_metadata("nontemporal", builder.module.add_metadata([one]))
+        return context.get_dummy_value()
+
+    return types.void(target, types.intp, source, types.intp), emit
+
+
+@intrinsic
+def borrowed(typing, arrays):
+    """Return an array, or a tuple of arrays, that counts no references, for which threads would
+    wait.
+    """
+
+    def emit(context, builder, signature, arguments):
+        return _uncounted(context, builder, signature.args[0], arguments[0])
+
+    return arrays(arrays), emit
+
+
 if config.DISABLE_JIT:
 
-    def select(condition, first, second):
-        """Return `first` where the condition holds, else `second`: both are computed, no branch."""
-        chosen = first if condition else second
-        # Dividing by 0, a float of Python raises, and one of NumPy does not.
-        return np.float64(chosen) if isinstance(chosen, float) else chosen
-
-    def stream_line(target, i, source, j):
-        """Copy source[j:j+8] to the cache line target[i:i+8], past the caches."""
-        target[i : i + LINE] = source[j : j + LINE]
-
     def borrowed(arrays):
-        """Return an array, or a tuple of arrays."""
         return arrays
 
-else:
 
-    @formula
-    def select(condition, first, second):
-        """Return `first` where the condition holds, else `second`: both are computed, no branch."""
-        return first if condition else second
-
-    @intrinsic
-    def stream_line(typing, target, i, source, j):
-        """Copy source[j:j+8] to the cache line target[i:i+8], past the caches: 2.1 times faster."""
-
-        def emit(context, builder, signature, arguments):
-            def line(k):
-                array = context.make_array(signature.args[k])(context, builder, arguments[k])
-                place = builder.gep(array.data, [arguments[k + 1]])
-                return builder.bitcast(place, ir.VectorType(ir.DoubleType(), LINE).as_pointer())
-
-            store = builder.store(builder.load(line(2), align=8), line(0), align=64)
-            one = ir.Constant(ir.IntType(32), 1)
-            store.set_metadata("nontemporal", builder.module.add_metadata([one]))
-            return context.get_dummy_value()
-
-        return types.void(target, types.intp, source, types.intp), emit
-
-    @intrinsic
-    def borrowed(typing, arrays):
-        """Return an array, or a tuple of arrays, that counts no references, for which threads
-        would wait.
-        """
-
-        def emit(context, builder, signature, arguments):
-            return _uncounted(context, builder, signature.args[0], arguments[0])
-
-        return arrays(arrays), emit
+@formula
+def lesser(a, b):
+    """Return the smaller number. (Each kernel would compile its own `min`.)"""
+    return a if a < b else b
 
 
 @formula
@@ -329,13 +298,14 @@ def share(count, part, parts):
 
 # ------------------------------------------------------------------- rows of parameters and outputs
 # Large outputs leave past the caches, in whole lines: 2.1 times as fast.
-STREAM_FROM = 2**20  # numbers: smaller outputs stay in the caches, where they are read again
+# Smaller outputs, in numbers, stay in the caches, where they are read again.
+STREAM_FROM = np.inf if config.DISABLE_JIT else 2**20
 
 
 @formula
 def pick(parameter, i):
     """Return the parameter of trajectory i: there is one for each, or one for all."""
-    return parameter[min(i, parameter.size - 1)]
+    return parameter[i if i < parameter.size else 0]
 
 
 @formula
@@ -352,7 +322,7 @@ def alignment(out, begin, batch, lanes):
 @formula
 def write(tile, flat, place, count, lead):
     """Copy tile[:count] to flat[place : place + count]."""
-    head = min((lead - place) % LINE, count) if lead >= 0 else count
+    head = lesser((lead - place) % LINE, count) if lead >= 0 else count
     for j in range(head):
         flat[place + j] = tile[j]
     lines = (count - head) // LINE

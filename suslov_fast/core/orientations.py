@@ -30,7 +30,7 @@ def turn(part, parts, omega, eps, axial, R, start, every, next_row, turns):
             indices that are multiples of `every`, if that is not 0
     """
     count, B, D = omega.shape
-    lanes = min(64 if D < 8 else 8, (B + 7) // 8 * 8)
+    lanes = min(64 if D < 8 else 8, (max(B, 1) + 7) // 8 * 8)
     r, b, c = np.empty((D + 1, D + 1, lanes)), np.empty((D, lanes)), np.empty((3, lanes))
     gram, cleaned = np.empty_like(r), np.empty_like(r)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)

@@ -12,7 +12,7 @@ import numpy as np
 
 from .closed_form import coordinates, difference_of_squares
 from .numba import formula, select, universal
-from .steps_3d import ZERO_TO_ROUNDING, enter, is_supercritical
+from .steps_3d import ZERO_TO_ROUNDING, enter, is_supercritical, one_step
 
 IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
 
@@ -174,6 +174,11 @@ def jacobian(I1, I2, I13, I23, k, eps, w, out):
     out[1, 0], out[1, 1] = (a11 * b21 - a21 * b11) * inverse, (a11 * b22 - a21 * b12) * inverse
 
 
+@universal(IN_3D + "(d)")
+def step(I1, I2, I13, I23, k, eps, w, out):
+    out[0], out[1] = one_step(I1, I2, I13, I23, k, eps, w[0], w[1])
+
+
 @universal("(),(),(),(),(),(),(d)->(d)")
 def step_full(I1, I2, I13, I23, I3, eps, w, out):
     """Equations (3), the first two solved for the increments, with w3_next = -w3."""
@@ -320,7 +325,7 @@ def vector_field_nd(J, I, eps, w, out):
 
 
 @universal("(d),(d),(d),(d)->(d,d)")
-def reaction_nd(J, I, w, after, out):
+def reaction_between(J, I, w, after, out):
     """I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2.
 
     s, the field with polarised products, is (after - w) / eps; `after` is w in continuous motion.

@@ -8,8 +8,14 @@ v x_i x_j x_k. Blocks of states are lanes, as in `steps_field`.
 import numpy as np
 
 from . import steps_field as steps
-from .codes import OK
-from .elimination import determinant_of, eliminate, keeps_digits, memory_of_one, substitute
+from .elimination import (
+    TO_SOLVE,
+    determinant_of,
+    eliminate,
+    keeps_digits,
+    memory_of_one,
+    substitute,
+)
 from .numba import function, inlined, universal
 from .tangent import derive
 
@@ -82,14 +88,14 @@ def memory_of(places, x):
     """Return the terms, and the arrays x, fixed, half and `a` of a block of `steps_field`."""
     D, T, lanes = x.shape[1], places.shape[1], steps.lanes_of(x.shape[1], len(x))
     fixed, a = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes))
-    return places.astype(np.int64), np.zeros((2, D, lanes)), fixed, np.zeros((T, lanes)), a
+    return places.astype(np.int64), np.zeros((D, lanes)), fixed, np.zeros((T, lanes)), a
 
 
 @function
 def fill_block(block, values, eps, x, first):
     """Fill a block with states from `first` on; return their number."""
     terms, states, fixed, half, a = block
-    D, count = x.shape[1], read(x, first, states[0])
+    D, count = x.shape[1], read(x, first, states)
     for i in range(D):
         for j in range(D + 1):
             fixed[i, j] = 1.0 if i == j else 0.0
@@ -99,7 +105,7 @@ def fill_block(block, values, eps, x, first):
             half[t, l] = 0.5 * eps[first + l] * v
         if k == D:
             fixed[i, j] -= half[t]
-    steps.fill(terms, half, fixed, states[0], a, 0, a.shape[2])
+    steps.fill(terms, half, fixed, states, a, 0, a.shape[2])
     return count
 
 
@@ -117,20 +123,20 @@ def matrix(places, values, eps, x, out):
 
 
 @universal(FIELD + "(b)")
-def density(places, values, eps, x, out):
+def invariant_density(places, values, eps, x, out):
     """1 / det A, infinite where the determinant is 0 to rounding."""
     block, D = memory_of(places, x), x.shape[1]
     terms, states, fixed, half, a = block
     lanes, one = a.shape[2], memory_of_one(D)
-    b = np.empty((steps.ROWS, lanes))
+    b = np.empty((TO_SOLVE + 1, lanes))
     for first in range(0, len(x), lanes):
         count = fill_block(block, values, eps, x, first)
-        eliminate(a, b[steps.LEAST], b[steps.LARGEST], lanes)
+        eliminate(a, b, lanes)
         for l in range(count):
             found = 1.0
             for i in range(D):
                 found *= a[i, i, l]
-            if not keeps_digits(b[steps.LEAST, l], b[steps.LARGEST, l]):
+            if not keeps_digits(b, l):
                 steps.advance_one(terms, states, fixed, half, l, one)
                 found = 1.0 / determinant_of(*one)
             for i in range(D):
@@ -144,27 +150,28 @@ def jacobian(places, values, eps, x, out):
     block, D = memory_of(places, x), x.shape[1]
     terms, states, fixed, half, a = block
     lanes, one, system = a.shape[2], memory_of_one(D), np.empty((D, 2 * D, 1))
-    b, right = np.empty((steps.ROWS, lanes)), np.empty((D, D, lanes))
-    after, one_after = np.empty_like(a), np.empty((D, D + 1, 1))
+    b, before, after = np.empty((TO_SOLVE + 1, lanes)), np.empty((D, lanes)), np.empty_like(a)
+    unit, right = np.zeros((D, D, lanes)), np.empty((D, D, lanes))
+    for i in range(D):
+        unit[i, i] = 1.0
     for first in range(0, len(x), lanes):
         count = fill_block(block, values, eps, x, first)
-        steps.advance(states, a, b, lanes)
-        steps.fill(terms, half, fixed, states[1], after, 0, lanes)
+        to_solve = steps.advance(a, states, b, lanes)
+        for l in range(count if to_solve > 0 else 0):
+            if b[TO_SOLVE, l] > 0.0:
+                steps.advance_one(terms, states, fixed, half, l, one)
+        steps.fill(terms, half, fixed, states, after, 0, lanes)
         for i in range(D):
             for j in range(D):
-                unit = 2.0 if i == j else 0.0
+                two = 2.0 if i == j else 0.0
                 for l in range(lanes):
-                    right[i, j, l] = unit - after[i, j, l]
+                    right[i, j, l] = two - after[i, j, l]
         substitute(a, right)
         for l in range(count):
-            exists = 1.0
-            if b[steps.TO_SOLVE, l] > 0.0 or np.isnan(states[0, 0, l]):
+            if b[TO_SOLVE, l] > 0.0:
                 for i in range(D):
-                    for j in range(D):
-                        system[i, D + j, 0] = 1.0 if i == j else 0.0
-                code = derive(terms, states, fixed, half, l, one, one_after, system)
-                exists = 1.0 if code == OK else np.nan
-                right[:, :, l] = system[:, D:, 0]
+                    before[i, l] = x[first + l, i]
+                derive(terms, before, fixed, half, after, unit, right, l, system, one[1])
             for i in range(D):
                 for j in range(D):
-                    out[first + l, i, j] = right[i, j, l] * exists
+                    out[first + l, i, j] = right[i, j, l] + 0.0 * states[i, l]

@@ -27,11 +27,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .numba import alignment, formula, kernel, pick, select, share, write
+from .numba import alignment, formula, kernel, lesser, pick, select, share, write
 
-LANES = 128
+ONE, LANES = np.int64(1), np.int64(128)  # as literals they would compile `take_steps` twice
 FEW = 6  # so few trajectories take less time one by one than all lanes
-CARRIED = 5  # numbers from which a trajectory goes on: KIND; X and Y, or X, u, v and R**2
 RESTORED = 512  # steps after which `restore` is called
 ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
 NEGLIGIBLE = 1e-150  # X that decays and is below this is 0: subnormal numbers are slow
@@ -71,6 +70,13 @@ def enter(I1, I2, I13, I23, k, eps, w1, w2):
 def is_supercritical(frame, X, Y):
     """True if T = e A >= 1 in modulus: T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
     return Y * Y >= 1.0 + frame.K * (2.0 * X - frame.K)
+
+
+@formula
+def is_lost(frame, X, Y):
+    """True for a state of a gyrostat, not at rest, whose next state has too few digits."""
+    far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
+    return far & (frame.K != 0.0) & (X != 0.0)
 
 
 @formula
@@ -125,11 +131,28 @@ def restore(frame, R2, X, u, v):
 
 
 @formula
+def form_of(frame, X, Y):
+    """GENERAL, PLAIN, or RESTS, with l = 0: such a state keeps all its bits."""
+    known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGE) & (X != 0.0)
+    plain = known & (frame.K == 0.0) & (abs(Y) < 1.0)
+    rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
+    return select(plain, PLAIN, select(rests, RESTS, GENERAL))
+
+
+@formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
-    """The next state; NaN where there is none."""
+    """The next state, to the bit that of `steps`; NaN where there is none."""
     frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)
-    along, across, _, _ = turn(X, Y, frame.K)
-    next1, next2 = along * w1 - (across / frame.back) * w2, along * w2 + (across * frame.back) * w1
+    form = form_of(frame, X, Y)
+    if form == RESTS:
+        return w1, w2
+    if form == PLAIN:
+        X, Y = plain_step(X, Y)
+        next1, next2 = leave_plain(frame, X, Y)
+    else:
+        X = select(is_lost(frame, X, Y), np.nan, X)
+        _, next1, v, _ = general_step(frame, X, w1, w2 / frame.back)
+        next2 = v * frame.back
     exists = abs(next1) + abs(next2) < np.inf
     return select(exists, next1, np.nan), select(exists, next2, np.nan)
 
@@ -137,6 +160,7 @@ def one_step(I1, I2, I13, I23, k, eps, w1, w2):
 # Rows of a block: the numbers of the plain form; those of the general one, with R**2 and how many
 # of its states exist (and a half after a pole); the frame.
 KIND, X_, Y_, XG, U, V, R2, ALIVE, FRAME = range(9)
+CARRIED = ALIVE  # the rows before it: numbers from which a trajectory goes on
 ROWS = FRAME + 6
 
 
@@ -160,32 +184,27 @@ def state_at(b, l):
 @formula
 def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status, failed_at):
     """Fill lanes with trajectories from `first` on, at state 0 or where they stopped; return how
-    many are plain. Lanes beyond the last of `width` trajectories repeat it.
+    many are plain. Lanes beyond `width` repeat the first.
     """
     for l in range(lanes):
-        i = first + min(l, width - 1)
+        i = first + (l if l < width else 0)
         b[FRAME, l], b[FRAME + 1, l] = pick(parameters[0], i), pick(parameters[1], i)
         b[FRAME + 2, l], b[FRAME + 3, l] = pick(parameters[2], i), pick(parameters[3], i)
         b[FRAME + 4, l], b[FRAME + 5, l] = pick(parameters[4], i), pick(parameters[5], i)
         if start == 0:
             b[U, l], b[V, l] = omega0[i, 0], omega0[i, 1]
         else:
-            X, Y, v = carry[i, 1], carry[i, 2], carry[i, 3]  # Y, or u
-            b[KIND, l], b[R2, l] = carry[i, 0], carry[i, 4]
-            b[X_, l], b[Y_, l], b[XG, l], b[U, l], b[V, l] = X, Y, X, Y, v
+            for j in range(CARRIED):
+                b[j, l] = carry[i, j]
     for l in range(LANES):
         I1, I2, I13, I23, k, eps = frame_at(b, l)  # until it is replaced by the frame, below
         w1, w2 = b[U, l], b[V, l]
         frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)
         if start == 0:
-            known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGE) & (X != 0.0)
-            plain = known & (frame.K == 0.0) & (abs(Y) < 1.0)
-            rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
-            b[KIND, l] = select(plain, PLAIN, select(rests, RESTS, GENERAL))
-            v = select(rests, w2, w2 / frame.back)  # at rest it keeps all bits
-            far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
-            lost = far & (frame.K != 0.0) & ~rests  # there is no next state
-            b[X_, l], b[Y_, l], b[XG, l], b[V, l] = X, Y, select(lost, np.nan, X), v
+            b[KIND, l] = form_of(frame, X, Y)
+            v = select(b[KIND, l] == RESTS, w2, w2 / frame.back)
+            b[X_, l], b[Y_, l], b[V, l] = X, Y, v
+            b[XG, l] = select(is_lost(frame, X, Y), np.nan, X)  # there is no next state
             b[R2, l] = (w1 * w1 + v * v) / (1.0 + X * X)
             b[ALIVE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
         rests = b[KIND, l] == RESTS
@@ -195,7 +214,7 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
         b[FRAME + 4, l], b[FRAME + 5, l] = frame.m1, frame.m2
     plains = 0.0
     for l in range(lanes):
-        i = first + min(l, width - 1)
+        i = first + (l if l < width else 0)
         if start == 0 and b[ALIVE, l] > 0.0:
             status[i] = SUPERCRITICAL
         if start == 0 and not abs(b[U, l]) + abs(b[V, l]) < np.inf:
@@ -244,12 +263,12 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     b, tile = np.ones((ROWS, LANES)), np.empty(2 * LANES)
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
-    abreast = 1 if few else LANES
+    abreast = ONE if few else LANES
     lead, shift = alignment(saved, begin, B, abreast)
     first_block, last_block = share((end - begin + shift + abreast - 1) // abreast, part, parts)
     for block in range(first_block, last_block):
-        first = begin + max(block * abreast - shift, 0)
-        width = min(begin + (block + 1) * abreast - shift, end) - first
+        first = begin + (block * abreast - shift if block > 0 else 0)
+        width = lesser(begin + (block + 1) * abreast - shift, end) - first
         plains = start_lanes(
             b, abreast, first, width, parameters, omega0, carry, start, status, failed_at
         )
@@ -270,17 +289,17 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 due, row = due + every, row + 1
             if n == stop:
                 break
-            pause = min(stop, due, (n // RESTORED + 1) * RESTORED)
+            pause = lesser(lesser(stop, due), (n // RESTORED + 1) * RESTORED)
             if few:
-                take_steps(b, 1, plains, n, pause)
+                take_steps(b, ONE, plains, n, pause)
             else:
                 take_steps(b, LANES, plains, n, pause)
             n = pause
         for l in range(width):
-            i, plain, alive = first + l, b[KIND, l] == PLAIN, int(b[ALIVE, l])
+            i, alive = first + l, np.floor(b[ALIVE, l])
             final[i, 0], final[i, 1] = tile[2 * l], tile[2 * l + 1]
-            carry[i, 0], carry[i, 1] = b[KIND, l], b[X_ if plain else XG, l]
-            carry[i, 2], carry[i, 3], carry[i, 4] = b[Y_ if plain else U, l], b[V, l], b[R2, l]
-            if not plain and alive < stop - start and status[i] >= 0:
+            for j in range(CARRIED):
+                carry[i, j] = b[j, l]
+            if b[KIND, l] != PLAIN and alive < stop - start and status[i] >= 0:
                 status[i] = SINGULAR if b[ALIVE, l] > alive else NONFINITE
                 failed_at[i] = start + alive + 1

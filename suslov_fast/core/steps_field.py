@@ -10,7 +10,7 @@ final        (B, D), the states that a run goes on from; there is no carry
 
 A block of lanes is four arrays:
 
-x       (2, D, lanes)   the states, and the next ones; NaN after the end of a trajectory
+x       (D, lanes)   the states, NaN after the end of a trajectory
 a       (D, D + 1, lanes)   A, and minus half the step size times f as the right side
 fixed   (D, D + 1, lanes)   what of `a` does not depend on the state
 half    (T, lanes)   half the step size times v
@@ -19,11 +19,9 @@ half    (T, lanes)   half the step size times v
 import numpy as np
 
 from .codes import NONFINITE, OK
-from .elimination import eliminate, keeps_digits, memory_of_one, solve
+from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
 from .numba import formula, function, inlined, kernel, select, share
 
-LEAST, LARGEST, TO_SOLVE = range(3)  # rows of numbers of lanes: of `eliminate`; 1 for `solve`
-ROWS = 3
 # A state has lost digits if one component falls below this part of its increment, or if all fall
 # below the larger part.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
@@ -34,20 +32,6 @@ def lanes_of(D, count):
     """Return how many trajectories go side by side: the matrices stay in the caches."""
     lanes = 128 if D <= 8 else 64 if D <= 24 else 32
     return min(lanes, (max(count, 1) + 7) // 8 * 8)
-
-
-@inlined
-def enter_field(indices, values, eps, fixed, half, l):
-    """Enter a field, values (T,), and a step size in a lane."""
-    D = len(fixed)
-    for i in range(D):
-        for j in range(D + 1):
-            fixed[i, j, l] = 1.0 if i == j else 0.0
-    for t in range(indices.shape[1]):
-        i, j, k = indices[0, t], indices[1, t], indices[2, t]
-        half[t, l] = 0.5 * eps * values[t]
-        if k == D:
-            fixed[i, j, l] -= half[t, l]
 
 
 @formula
@@ -82,47 +66,44 @@ def next_component(x, half):
 
 
 @inlined
-def advance(x, a, b, lanes):
-    """Fill the next states x[1] from `a`; return how many are not finite or not accurate."""
-    D, to_solve = len(a), 0
-    eliminate(a, b[LEAST], b[LARGEST], lanes)
+def advance(a, x, b, lanes):
+    """Go on to the next states, with `a`, where they are finite and accurate; return how many are
+    not.
+    """
+    D = len(a)
+    eliminate(a, b, lanes)
     for l in range(lanes):
         b[TO_SOLVE, l] = 0.0
     for i in range(D):
         for l in range(lanes):
-            x[1, i, l], loss = next_component(x[0, i, l], a[i, D, l])
+            a[i, D, l], loss = next_component(x[i, l], a[i, D, l])
             b[TO_SOLVE, l] += loss
-    for l in range(lanes):
-        good = (b[TO_SOLVE, l] < D) & keeps_digits(b[LEAST, l], b[LARGEST, l])
-        good |= np.isnan(x[0, 0, l])
-        b[TO_SOLVE, l] = select(good, 0.0, 1.0)
-        to_solve += select(good, 0, 1)
-    return to_solve
+    return accept(a, x, b, lanes)
 
 
 @inlined
 def advance_one(indices, x, fixed, half, l, one):
-    """Fill the next state of lane l, by `solve` of A x_next = x + (eps/2) l x + eps c; return its
-    status.
+    """Go on to the next state of lane l, by `solve` of A x_next = x + (eps/2) l x + eps c; return
+    its status.
     """
     a, units = one
     D = len(a)
-    fill(indices, half, fixed, x[0], a, l, 1)
+    fill(indices, half, fixed, x, a, l, 1)
     for i in range(D):
-        right = x[0, i, l] - 2.0 * fixed[i, D, l]
+        right = x[i, l] - 2.0 * fixed[i, D, l]
         for j in range(D):
-            right -= (fixed[i, j, l] - (1.0 if i == j else 0.0)) * x[0, j, l]
+            right -= (fixed[i, j, l] - (1.0 if i == j else 0.0)) * x[j, l]
         a[i, D, 0] = right
     status = solve(a, units)
     for i in range(D):
-        x[1, i, l] = a[i, D, 0] if status == OK else np.nan
+        x[i, l] = a[i, D, 0] if status == OK else np.nan
     return status
 
 
-@function
+@inlined
 def advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at):
-    """Fill the next states, with index n, that `advance` did not; trajectories without one end."""
-    for l in range(x.shape[2]):
+    """Go on to the next states, with index n, where `advance` did not; some trajectories end."""
+    for l in range(x.shape[1]):
         if b[TO_SOLVE, l] > 0.0:
             code = advance_one(indices, x, fixed, half, l, one)
             if code != OK and begin + l < end:
@@ -132,32 +113,38 @@ def advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, faile
 @function
 def step_of_one(system, given, out, memory):
     """Write the state that follows `given` to `out`; return its status. For `compiled`."""
-    (fixed, half, indices), (x, b, one) = system, memory
-    for i in range(len(fixed)):
-        x[0, i, 0] = given[i]
-    fill(indices, half, fixed, x[0], one[0], 0, 1)
-    status = OK
-    if advance(x, one[0], b, 1) > 0 or np.isnan(given[0]):
+    (fixed, half, indices), (block, b, one) = system, memory
+    D, x, status = len(fixed), block[0], OK
+    for i in range(D):
+        x[i, 0] = given[i]
+    fill(indices, half, fixed, x, one[0], 0, 1)
+    if advance(one[0], x, b, 1) > 0 or np.isnan(given[0]):
         status = advance_one(indices, x, fixed, half, 0, one)
-    for i in range(len(fixed)):
-        out[i] = x[1, i, 0]
+    for i in range(D):
+        out[i] = x[i, 0]
     return status
 
 
 @function
 def enter(parameters, x0, x, fixed, half, begin, end, start, status, failed_at):
-    """Enter trajectories, in states x0; lanes beyond the last repeat it."""
+    """Enter trajectories, fields and step sizes; lanes beyond the last repeat it."""
     indices, values, eps = parameters
-    for l in range(x.shape[2]):
+    for l in range(x.shape[1]):
         k, undefined = min(begin + l, end - 1), 0.0
-        enter_field(indices, values[k % len(values)], eps[k % len(eps)], fixed, half, l)
-        for i in range(x.shape[1]):
-            x[0, i, l] = x0[k, i]
-            undefined += 0.0 * x[0, i, l]
+        for i in range(len(x)):
+            x[i, l] = x0[k, i]
+            undefined += 0.0 * x[i, l]
+            for j in range(len(x) + 1):
+                fixed[i, j, l] = 1.0 if i == j else 0.0
+        for t in range(len(half)):
+            i, j = indices[0, t], indices[1, t]
+            half[t, l] = 0.5 * eps[k % len(eps)] * values[k % len(values), t]
+            if indices[2, t] == len(x):
+                fixed[i, j, l] -= half[t, l]
         if start == 0 and np.isnan(undefined):
             status[k], failed_at[k] = NONFINITE, 0
-        for i in range(x.shape[1] if status[k] < 0 else 0):
-            x[0, i, l] = np.nan
+        for i in range(len(x) if status[k] < 0 else 0):
+            x[i, l] = np.nan
 
 
 @kernel
@@ -167,7 +154,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     first, last, start, stop, every, next_row = span
     T, D = indices.shape[1], omega0.shape[1]
     lanes = lanes_of(D, last - first)
-    x, b = np.empty((2, D, lanes)), np.empty((ROWS, lanes))
+    x, b = np.empty((D, lanes)), np.empty((TO_SOLVE + 1, lanes))
     a, fixed, half = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes)), np.empty((T, lanes))
     one = memory_of_one(D)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
@@ -178,23 +165,20 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
         enter(parameters, states, x, fixed, half, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
             if n > start:
-                fill(indices, half, fixed, x[0], a, 0, lanes)
-                if advance(x, a, b, lanes) > 0:
+                fill(indices, half, fixed, x, a, 0, lanes)
+                if advance(a, x, b, lanes) > 0:
                     advance_failed(
                         indices, x, fixed, half, b, one, begin, end, n, status, failed_at
                     )
-                for i in range(D):
-                    for l in range(lanes):
-                        x[0, i, l] = x[1, i, l]
             if every > 0 and n % every == 0 and (n > start or start == 0):
-                write(x[0], begin, end, saved[row])
+                write(x, begin, end, saved[row])
                 row += 1
-        write(x[0], begin, end, final)
+        write(x, begin, end, final)
 
 
-@inlined
+@function
 def write(x, begin, end, target):
-    """Write the states x (D, lanes) of a block to target (B, D)."""
+    """Write the states of a block to target (B, D)."""
     for l in range(end - begin):
-        for i in range(len(x)):
+        for i in range(target.shape[1]):
             target[begin + l, i] = x[i, l]

@@ -29,16 +29,16 @@ trajectory has NaN as states and step size, and is never eliminated.
 import numpy as np
 
 from .codes import NONFINITE, OK
-from .elimination import eliminate, keeps_digits, memory_of_one, solve
+from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
 from .numba import formula, function, inlined, kernel, select, share
+from .steps_field import write
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
-# p, |w|**2 and h p; the sums; the factors of w / d and I / d in delta; 1 if a lane eliminates; the
-# step size; a bound of h p below which no d is small; of a row of A the factors 2 h I_i / J_i and
-# h w_i / J_i, and a sum; and those of `eliminate`.
-(P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I, TO_SOLVE, EPS, NEAR) = range(11)
-ROW_W, ROW_I, OTHERS, LEAST, LARGEST = range(11, 16)
-ROWS = 16
+# After the rows of `elimination`: p, |w|**2 and h p; the sums; the factors of w / d and I / d in
+# delta; the step size; a bound of h p below which no d is small; and of a row of A the factors
+# 2 h I_i / J_i and h w_i / J_i, and a sum.
+(P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I) = range(TO_SOLVE + 1, TO_SOLVE + 9)
+EPS, NEAR, ROW_W, ROW_I, OTHERS, ROWS = range(OF_I + 1, OF_I + 7)
 LANES = 64  # so many that sums do not wait for memory just written
 # A step in O(n) keeps its digits if |d_i| / J_i is above the first, the determinant of the two
 # equations above the second, in units of its terms, and w.w_next above the third, times |w|**2.
@@ -74,12 +74,6 @@ def solve_two(eps, p, square, alpha, beta, gamma):
     I_delta, w_delta = (a22 * b1 - a12 * b2) * inverse, (a11 * b2 - a21 * b1) * inverse
     accurate = (abs(det) > LEAST_DET * size) & (square + w_delta >= LEAST_COSINE * square)
     return h * (2.0 * p + I_delta), -eps * (square + w_delta), accurate | np.isnan(eps)
-
-
-@formula
-def next_component(I, w, inverse, of_w, of_I):
-    """Return a component of the next state."""
-    return w + (of_w * w + of_I * I) * inverse
 
 
 @formula
@@ -145,9 +139,8 @@ def add_increments(c, b, lanes):
     pairs = M // 2
     for i in range(M):
         for l in range(lanes):
-            c[W, i, l] = next_component(
-                c[I_, i, l], c[W, i, l], c[INVERSE, i, l], b[OF_W, l], b[OF_I, l]
-            )
+            along = b[OF_W, l] * c[W, i, l] + b[OF_I, l] * c[I_, i, l]
+            c[W, i, l] = c[W, i, l] + along * c[INVERSE, i, l]
     for l in range(lanes):
         b[P, l], b[SQUARE, l] = 0.0, 0.0
     for i in range(pairs):
@@ -176,24 +169,16 @@ def eliminate_one(c, b, l, one):
 
 @inlined
 def eliminate_all(c, b, a, lanes):
-    """Go on to the next states by elimination; return how many lanes must use pivots."""
-    m, to_solve = len(a), 0
+    """Go on to the next states by elimination; return how many must use pivots."""
+    m = len(a)
     fill(c, b, a, 0, lanes)
-    eliminate(a, b[LEAST], b[LARGEST], lanes)
+    eliminate(a, b, lanes)
     for l in range(lanes):
-        b[OTHERS, l] = 0.0
+        b[TO_SOLVE, l] = 0.0
     for i in range(m):
         for l in range(lanes):
-            b[OTHERS, l] += abs(a[i, m, l])
-    for l in range(lanes):
-        good = (b[OTHERS, l] < np.inf) & keeps_digits(b[LEAST, l], b[LARGEST, l])
-        good |= np.isnan(b[EPS, l])
-        b[TO_SOLVE, l] = select(good, 0.0, 1.0)
-        to_solve += select(good, 0, 1)
-    for i in range(m):
-        for l in range(lanes):
-            c[W, i, l] = select(b[TO_SOLVE, l] == 0.0, a[i, m, l], c[W, i, l])
-    return to_solve
+            b[TO_SOLVE, l] += 0.0 * a[i, m, l]  # NaN if it is not finite
+    return accept(a, c[W], b, lanes)
 
 
 @function
@@ -258,9 +243,9 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
                 if a is None:
                     add_increments(c, b, lanes)
             if every > 0 and n % every == 0 and (n > start or start == 0):
-                write(c, b, begin, end, saved[row])
+                write(c[W], begin, end, saved[row])
                 row += 1
-        write(c, b, begin, end, final)
+        write(c[W], begin, end, final)
 
 
 @function
@@ -291,11 +276,3 @@ def end_lane(c, b, l):
     b[EPS, l] = np.nan
     for i in range(c.shape[1]):
         c[W, i, l] = np.nan
-
-
-@inlined
-def write(c, b, begin, end, target):
-    """Write the states of a block to target (B, m)."""
-    for l in range(end - begin):
-        for i in range(target.shape[1]):
-            target[begin + l, i] = c[W, i, l]

@@ -4,7 +4,7 @@ A(x) = 1 - (eps/2) f'(x), and DPhi(x) = A(x)**-1 (1 + (eps/2) f'(x_next)); the s
 2 - A(x_next) (theory, section 7). Every map is one of these: `body.field().terms` are its indices
 (3, T) and values (..., T), see `steps_field`.
 
-derive   DPhi at the state of one lane, with pivots
+derive   products of DPhi with columns, for one lane, with pivots
 growth   a kernel: logarithms of lengths and determinants along orbits
 
 The Lyapunov exponents after N steps are, from the sums (B, D) and of_det (B,) of `growth`,
@@ -14,9 +14,8 @@ mean of log |det DPhi|, to rounding. (The last is sums[:, -1] / N where another 
 
 import numpy as np
 
-from . import steps_field as steps
-from .codes import OK
 from .elimination import (
+    TO_SOLVE,
     determinant_of,
     eliminate,
     keeps_digits,
@@ -25,38 +24,36 @@ from .elimination import (
     substitute,
 )
 from .numba import function, kernel, select, share
-from .steps_field import ROWS, TO_SOLVE, enter, fill, lanes_of
+from .steps_field import advance, advance_failed, enter, fill, lanes_of
 
-# Rows of numbers of lanes, after those of `steps_field`: of `eliminate` for 2 - A(x_next); 1 if
-# both eliminations keep their digits, else 0; products of the factors of |det DPhi| near 1, less 1,
-# and of the others; and, from LENGTHS on, the products of lengths.
-LEAST_BACK, LARGEST_BACK, GOOD, NEAR_1, FAR, LENGTHS = range(ROWS, ROWS + 6)
+# Rows of numbers of lanes, after those of `elimination`: products of the factors of |det DPhi| near
+# 1, less 1, and of the others; and, from LENGTHS on, the products of lengths.
+NEAR_1, FAR, LENGTHS = range(TO_SOLVE + 1, TO_SOLVE + 4)
 # Logarithms are taken of products that leave these ranges: what lies within keeps its digits.
 NEAR_1_LEAST, NEAR_1_LARGEST, LEAST, LARGEST = -0.999, 1e3, 1e-100, 1e100
 
 
 @function
-def derive(indices, x, fixed, half, l, one, after, system):
-    """Replace the right sides v of `system` (D, D + r, 1) by DPhi v, at x[0] of lane l.
+def derive(indices, x, fixed, half, after, q, v, l, system, units):
+    """Replace columns v of lane l by DPhi q, with pivots; return det DPhi.
 
-    x[1] becomes the next state, and `after` A there; other columns are those of `solve`.
+    x are the states, and `after` is A at the next ones; `system` (D, 2 D, 1) is for `solve`.
     """
-    a, units = one
-    D, columns, _ = system.shape
-    code = steps.advance_one(indices, x, fixed, half, l, one)
-    fill(indices, half, fixed, x[1], after, l, 1)
-    fill(indices, half, fixed, x[0], a, l, 1)
-    for r in range(D, columns):
-        for i in range(D):
-            units[0, i] = 2.0 * system[i, r, 0]
-            for j in range(D):
-                units[0, i] -= after[i, j, 0] * system[j, r, 0]
-        for i in range(D):
-            system[i, r, 0] = units[0, i]
+    D = len(q)
+    fill(indices, half, fixed, x, system, l, 1)
     for i in range(D):
-        for j in range(D):
-            system[i, j, 0] = a[i, j, 0]
-    return code if code != OK else solve(system, units)
+        for r in range(D):
+            system[i, D + r, 0] = 2.0 * q[i, r, l]
+            for j in range(D):
+                system[i, D + r, 0] -= after[i, j, l] * q[j, r, l]
+    solve(system, units)
+    determinant = np.float64(determinant_of(system, units))  # divides by 0 when interpreted, too
+    for i in range(D):
+        for r in range(D):
+            v[i, r, l] = system[i, D + r, 0]
+            system[i, r, 0] = (2.0 if i == r else 0.0) - after[i, r, l]
+    solve(system, units)
+    return determinant_of(system, units) / determinant
 
 
 @kernel
@@ -76,8 +73,10 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
     first, last, start, stop = span
     T, D = indices.shape[1], x0.shape[1]
     lanes = lanes_of(D, last - first)
-    x, fixed, half = np.empty((2, D, lanes)), np.empty((D, D + 1, lanes)), np.empty((T, lanes))
-    a, after, b = np.empty_like(fixed), np.empty_like(fixed), np.empty((LENGTHS + D, lanes))
+    x, before, half = np.empty((D, lanes)), np.empty((D, lanes)), np.empty((T, lanes))
+    fixed = np.empty((D, D + 1, lanes))
+    a, after = np.empty_like(fixed), np.empty_like(fixed)
+    b, of_back = np.empty((LENGTHS + D, lanes)), np.empty((TO_SOLVE, lanes))
     q, v, back = np.empty((D, D, lanes)), np.empty((D, D, lanes)), np.empty((D, D, lanes))
     more, one, system = np.empty((2, D, lanes)), memory_of_one(D), np.empty((D, 2 * D, 1))
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
@@ -94,42 +93,38 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
                 for j in range(D):
                     unit = 1.0 if i == j else 0.0
                     q[i, j, l] = unit if start == 0 else carry[k, D + D * i + j]
-        fill(indices, half, fixed, x[0], a, 0, lanes)
+        fill(indices, half, fixed, x, a, 0, lanes)
         for n in range(start + 1, stop + 1):
-            fill_diagonals(indices, half, x[0], more[0], -1.0)
-            if steps.advance(x, a, b, lanes) > 0:
-                steps.advance_failed(
-                    indices, x, fixed, half, b, one, begin, end, n, status, failed_at
-                )
-            fill(indices, half, fixed, x[1], after, 0, lanes)
-            fill_diagonals(indices, half, x[1], more[1], 1.0)
+            for i in range(D):
+                for l in range(lanes):
+                    before[i, l] = x[i, l]
+            fill_diagonals(indices, half, x, more[0], -1.0)
+            if advance(a, x, b, lanes) > 0:
+                advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at)
+            fill(indices, half, fixed, x, after, 0, lanes)
+            fill_diagonals(indices, half, x, more[1], 1.0)
             fill_right_sides(after, q, v, back)
             substitute(a, v)
-            eliminate(back, b[LEAST_BACK], b[LARGEST_BACK], lanes)
-            inaccurate = 0
+            eliminate(back, of_back, lanes)
             for l in range(lanes):
-                good = keeps_digits(b[LEAST_BACK, l], b[LARGEST_BACK, l])
-                good = good & (b[TO_SOLVE, l] == 0.0) | np.isnan(x[1, 0, l])
-                b[GOOD, l] = 1.0 if good else 0.0
-                inaccurate += 0 if good else 1
+                good = keeps_digits(of_back, l) & (b[TO_SOLVE, l] == 0.0) | np.isnan(x[0, l])
+                b[TO_SOLVE, l] = 0.0 if good else 1.0
             multiply_determinants(a, back, more, b)
-            if inaccurate > 0:
-                for l in range(lanes):
-                    if b[GOOD, l] == 0.0:
-                        derive_lane(indices, x, fixed, half, l, one, system, q, v, b)
+            for l in range(lanes):
+                if b[TO_SOLVE, l] > 0.0:
+                    b[FAR, l] *= abs(
+                        derive(indices, before, fixed, half, after, q, v, l, system, one[1])
+                    )
             orthonormalise(v, b)
             take_logarithms(b, sums, of_det, begin, end, False)
             a, after, q, v = after, a, v, q
-            for i in range(D):
-                for l in range(lanes):
-                    x[0, i, l] = x[1, i, l]
         take_logarithms(b, sums, of_det, begin, end, True)
         for l in range(end - begin):
             k = begin + l
-            of_det[k] += 0.0 * x[0, 0, l]
+            of_det[k] += 0.0 * x[0, l]
             for i in range(D):
-                carry[k, i] = x[0, i, l]
-                sums[k, i] += 0.0 * x[0, i, l]
+                carry[k, i] = x[i, l]
+                sums[k, i] += 0.0 * x[i, l]
                 for j in range(D):
                     carry[k, D + D * i + j] = q[i, j, l]
 
@@ -180,29 +175,11 @@ def multiply_determinants(a, back, more, b):
                 more[1, i, l] -= back[i, k, l] * back[k, i, l]
         for l in range(lanes):
             change = (more[1, i, l] - more[0, i, l]) * a[i, i, l]
-            near, good = abs(change) < 0.5, b[GOOD, l] > 0.0
+            near, good = abs(change) < 0.5, b[TO_SOLVE, l] == 0.0
             quotient = select(good & ~near, a[i, i, l] / back[i, i, l], 1.0)
             change = select(good & near, change, 0.0)
             b[NEAR_1, l] += change + b[NEAR_1, l] * change
             b[FAR, l] *= abs(quotient)
-
-
-@function
-def derive_lane(indices, x, fixed, half, l, one, system, q, v, b):
-    """Replace columns v of lane l, and its factors of |det DPhi|, by what pivots give."""
-    D = len(q)
-    after = np.empty((D, D + 1, 1))
-    for i in range(D):
-        for j in range(D):
-            system[i, D + j, 0] = q[i, j, l]
-    derive(indices, x, fixed, half, l, one, after, system)
-    of_step = determinant_of(system, one[1])
-    for i in range(D):
-        for j in range(D):
-            v[i, j, l] = system[i, D + j, 0]
-            after[i, j, 0] = (2.0 if i == j else 0.0) - after[i, j, 0]
-    solve(after, one[1])
-    b[FAR, l] *= abs(determinant_of(after, one[1]) / of_step)
 
 
 @function

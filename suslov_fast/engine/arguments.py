@@ -4,6 +4,7 @@ import math
 import os
 import re
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ from .. import checks
 from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from ..checks import FloatArray, common_shape, integer, real_number, wrong
+from ..checks import FloatArray, common_shape, integer, positive, real_number, wrong
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
@@ -67,22 +68,15 @@ class RandomStarts:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        size = self.size
-        if isinstance(size, (tuple, list)):
-            size = tuple(integer("size", length, 0) for length in size)
-        else:
-            size = integer("size", size, 0)
-        extent = real_number("extent", self.extent)
-        if not isinstance(extent, float) or extent <= 0.0:
-            raise wrong("extent", "a positive number", self.extent)
-        object.__setattr__(self, "size", size)
-        object.__setattr__(self, "extent", extent)
-        object.__setattr__(self, "seed", integer("seed", self.seed, 0))
+        lengths = self.size if isinstance(self.size, (tuple, list)) else [self.size]
+        size = tuple(integer("size", length, 0) for length in lengths)
+        extent, seed = positive("extent", self.extent), integer("seed", self.seed, 0)
+        vars(self).update(size=size[0] if len(size) == 1 else size, extent=extent, seed=seed)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """The batch shape."""
-        return self.size if isinstance(self.size, tuple) else (self.size,)
+        return (self.size,) if isinstance(self.size, int) else self.size
 
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
         """Return the states `start` to `start + count`, shape (count, dimension)."""
@@ -99,18 +93,13 @@ class RandomStarts:
 
     def _part(self, where: tuple[slice, ...], dimension: int) -> FloatArray:
         """Return the states (..., D) of a part of the batch, given by a slice for each axis."""
-        if not where:
-            return self.states(1, 0, dimension).reshape(dimension)
-        shape = (*(part.stop - part.start for part in where), dimension)
-        require(16 * math.prod(shape), "fewer initial states, or `ensemble`, need less")
-        states = np.empty(shape)
-        if not states.size:
-            return states
-        first = [part.start for part in where]
-        for index in np.ndindex(states.shape[:-2]):
-            start = int(np.ravel_multi_index(np.add(first, (*index, 0)), self.shape))
-            states[index] = self.states(states.shape[-2], start, dimension)
-        return states
+        *outer, inner = [range(part.start, part.stop) for part in where] or [range(1)]
+        begins, shape = product(*outer, inner[:1]), self.shape or (1,)
+        rows = [
+            self.states(len(inner), int(np.ravel_multi_index(begin, shape)), dimension)
+            for begin in begins
+        ]
+        return np.reshape(rows, (*(part.stop - part.start for part in where), dimension))
 
 
 class States(NamedTuple):
@@ -128,59 +117,51 @@ class States(NamedTuple):
 def check(
     body: Any,
     kinds: Any,
-    arguments: dict[str, Any],
+    omega: Any,
+    eps: Any = 0.0,
     threads: int | None = None,
+    *,
+    name: str = "omega",
     components: tuple[str, ...] | None = None,
+    attitude: Any = False,
     later: bool = False,
 ) -> States:
     """Check the arguments of a public function.
 
-    The body is one of `kinds`, if any are given. Arguments are states, by any name, which may be
-    NaN and have the components of the body or those given; `eps`; and `attitude` or `R0`, rotations
-    or True. Messages call the state of a field x; `later` is that of `checks.states`.
+    The body is one of `kinds`, if any are given. States, the argument `name`, may be NaN, and have
+    the components of the body or those given; `attitude` is rotations or a bool; `later` is that of
+    `checks.states`. Messages call the state of a field x.
     """
     if kinds:
         checks.instance("body", body, kinds)
-    labels = components or body._labels
-    omega: Any = None
-    eps: float | FloatArray = 0.0
-    orientation, of_states = None, ""
-    shapes = {"body": body.shape}
-    for name, value in arguments.items():
-        if name == "eps":
-            eps = checks.within(name, real_number(name, value), checks.MOMENTS)
-            shapes[name] = () if type(eps) is float else eps.shape  # type: ignore[union-attr]
-        elif name in ("attitude", "R0"):
-            if isinstance(body, QuadraticField):
-                expected = "False, as states of a field have no orientation"
-                raise wrong(name, expected, checks.short(value), TypeError)
-            n = body.dimension + 1
-            is_identity = value is True and name == "attitude"
-            orientation = np.eye(n) if is_identity else checks.rotations(name, value, n)
-            shapes[name] = orientation.shape[:-2]
-        else:
-            of_states = "x" if isinstance(body, QuadraticField) else name
-            if isinstance(value, RandomStarts):
-                whole = tuple(slice(0, length) for length in value.shape)
-                value = value._part(whole, len(labels))
-            omega = checks.states(of_states, value, labels, later)
-            shapes[of_states] = omega.shape[:-1]
-    batch, threads = common_shape(shapes), thread_count(threads)
-    return States(body, omega, eps, batch, threads, of_states, orientation)
+    labels, turns = components or body._labels, None
+    if isinstance(body, QuadraticField):
+        name = "x"
+    if isinstance(omega, RandomStarts):
+        states = omega.states(math.prod(omega.shape), 0, len(labels))
+        omega = states.reshape(*omega.shape, len(labels))
+    omega = checks.states(name, omega, labels, later)
+    eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)
+    shapes = {"body": body.shape, name: omega.shape[:-1]}
+    shapes["eps"] = () if type(eps) is float else eps.shape
+    if attitude is not False:
+        if name == "x":
+            expected = "False, as states of a field have no orientation"
+            raise wrong("attitude", expected, checks.short(attitude), TypeError)
+        n = body.dimension + 1
+        turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
+        shapes["attitude"] = turns.shape[:-2]
+    return States(body, omega, eps, common_shape(shapes), thread_count(threads), name, turns)
 
 
 def thread_count(threads: int | None) -> int | None:
-    """Check the argument `threads` of a public function."""
     if threads is None:
         return None
     import numba  # which the command does without until it computes
 
     limit = int(numba.config.NUMBA_NUM_THREADS)
     expected = f"None or an integer from 1 to {limit} (NUMBA_NUM_THREADS)"
-    count = integer("threads", threads, 1, expected)
-    if count > limit:
-        raise wrong("threads", expected, count)
-    return count
+    return integer("threads", threads, 1, expected, limit)
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
@@ -214,13 +195,12 @@ def parameters_of(
         return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
     if not body.shape:
         return *body.batch_of_one, flat_parameter(eps, batch)
-    axes = *(max(body._axes.values(), default=0),) * len(body.parameters), 0
-    each = zip((*body.parameters, eps), axes, strict=True)
-    return tuple(flat_parameter(value, batch, count) for value, count in each)
+    axes = max(body._axes.values(), default=0)
+    own = (flat_parameter(value, batch, axes) for value in body.parameters)
+    return *own, flat_parameter(eps, batch)
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return the array `out` of the user, checked."""
     if not isinstance(out, np.ndarray) or np.ma.isMA(out) or out.dtype != np.float64:
         received = f"{checks.kind_of(out)} of dtype {getattr(out, 'dtype', None)}"
         raise wrong("out", "a NumPy array of dtype float64", received, TypeError)

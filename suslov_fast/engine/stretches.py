@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from ..bodies.nd import SuslovND
-from ..checks import FloatArray, wrong
+from ..checks import FloatArray, extra, wrong
 from ..core import orientations, steps_field
 from ..core.numba import Kernel
 from .arguments import States, flat_arrays, parameters_of, require
@@ -38,12 +38,7 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
     if progress is not True:
         expected = "True, False, None or a callable (done, total)"
         raise wrong("progress", expected, type(progress).__name__, TypeError)
-    try:
-        from tqdm.auto import tqdm  # a notebook bar in a notebook
-    except ImportError as error:
-        install = "pip install '.[progress]' in a copy of the repository"
-        raise ImportError(f"progress: expected tqdm, got none: {install}") from error
-    return _bar(tqdm, total)
+    return _bar(extra("tqdm.auto", "progress").tqdm, total)  # a notebook bar in a notebook
 
 
 @contextmanager

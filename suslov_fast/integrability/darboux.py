@@ -2,13 +2,13 @@
 
 import math
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache, lru_cache, partial
+from itertools import product, takewhile
 from typing import Any
 
 import flint
-import numpy as np
 
 from ..checks import integer, wrong
 from . import exact
@@ -67,7 +67,19 @@ def darboux_polynomials(
         cofactor = RationalFunction((), exact.rational("cofactor", cofactor))
     if map.has_letter and not isinstance(cofactor, RationalFunction | None):
         raise wrong("cofactor", "a number or RationalFunction", "another function", TypeError)
-    return with_cofactor(map, degree, cofactor, rng)
+
+    def search(p: int, eps: int) -> Residues:
+        here, images = (flint.nmod_mat(rows, p) for rows in at_points(p, eps))
+        space = exact.null_space(images - here)
+        if map.has_letter and space:  # formulas without LLL: pivots are monomials of low degree
+            return exact.integer_rows(flint.nmod_mat(space, p).rref()[0])
+        return space
+
+    at_points = partial(_at_points, map, degree, cofactor)
+    rows = over_rationals(rng, search, map.has_letter)
+    if rows is None:
+        raise ArithmeticError("the coefficients are too long")
+    return polynomials_with(rows, exact.exponents_up_to(degree, map.dimension), map.has_letter)
 
 
 def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
@@ -112,32 +124,27 @@ def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     return tuple(dict.fromkeys([one, map.jacobian_cofactor or one, *found]))
 
 
-def with_cofactor(map: RationalMap, degree: int, cofactor: Any, rng: random.Random) -> Polynomials:
-    """Return a basis of the polynomials up to a degree that have a cofactor, None for det DPhi."""
-
-    def search(p: int, eps: int) -> Residues:
-        here, images = _at_points(map, degree, cofactor, p, eps)
-        space = exact.null_space(images - here)
-        if map.has_letter and space:  # formulas without LLL: pivots are monomials of low degree
-            return exact.integer_rows(flint.nmod_mat(space, p).rref()[0])
-        return space
-
-    rows = over_rationals(rng, search, map.has_letter)
-    if rows is None:
-        raise ArithmeticError("the coefficients are too long")
-    return polynomials_with(rows, exact.exponents_up_to(degree, map.dimension), map.has_letter)
-
-
 def _at_points(map: RationalMap, degree: int, cofactor: Any, p: int, eps: int) -> tuple[Any, Any]:
     """Return monomials at random points, times the cofactor, and at their images, in rows."""
     points, monomials, images = _random_points(map, degree, p, eps)
-    value = _modulo(cofactor, map.at(eps), p, eps)
+    powers = [(modulo(P, p, eps), e) for P, e in getattr(cofactor, "factors", ())]
+
+    def value(x: list[Any]) -> Any:
+        if cofactor is None:
+            return map.at(eps).derivative(x).det()
+        if isinstance(cofactor, RationalFunction):
+            constant = flint.nmod(exact.fmpq(cofactor.constant), p)
+            return math.prod((flint.nmod(P(*x[:-1]), p) ** e for P, e in powers), start=constant)
+        found = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
+        if isinstance(found, float):
+            raise wrong("cofactor", "exact numbers", "float", TypeError)
+        return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), p)
+
     try:
         values = [value(x) for x in points]
     except ZeroDivisionError:
         raise ArithmeticError("the cofactor is undefined at random points") from None
-    here = [[c * a for a in row] for c, row in zip(values, monomials, strict=True)]
-    return flint.nmod_mat(here, p), flint.nmod_mat(images, p)
+    return [[c * a for a in row] for c, row in zip(values, monomials, strict=True)], images
 
 
 @lru_cache(maxsize=32)
@@ -151,138 +158,81 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> tuple[Any
     return points, monomials, images
 
 
-def _modulo(cofactor: Any, map: RationalMap, p: int, eps: int) -> Callable[[list[Any]], Any]:
-    """Return a cofactor, None for det DPhi, as a function of points modulo a prime."""
-    if cofactor is None:
-        return lambda x: map.derivative(x).det()
-    if isinstance(cofactor, RationalFunction):
-        powers = [(modulo(P, p, eps), e) for P, e in cofactor.factors]
-        constant = flint.nmod(exact.fmpq(cofactor.constant), p)
-        return lambda x: math.prod(
-            (flint.nmod(P(*x[:-1]), p) ** e for P, e in powers), start=constant
-        )
-
-    def value(x: list[Any]) -> Any:
-        found = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
-        if isinstance(found, float):
-            raise wrong("cofactor", "exact numbers", "float", TypeError)
-        return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), p)
-
-    return value
-
-
 def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield the cofactors of polynomials up to a degree; the factors of the map must be known.
 
     Such a polynomial is an eigenvector of its pullback divided by powers of the factors.
     """
-    if map.factors is None:
+    if (determinant := map.jacobian_cofactor) is None:
         expected = f"a map with an inverse and factors of det DPhi of at most {TERMS} terms"
         raise ArithmeticError(f"expected {expected}")
+    # The Jacobian determinant of F: its factors have images of lower dimension. Any other factor of
+    # a pullback goes to another hypersurface, and has a cofactor itself.
+    jacobian = factored(map.forms[-1]) ** (map.dimension + 1) * determinant
+    factors = [f for f, _ in jacobian.factors if degree_of(f)]
+    at_infinity = (map.dimension + 1) * (map.degree - 1) > jacobian.degree
     below = factored(map.forms[-1]) ** -degree
-    divisors = _Divisors(map, degree, random.Random(degree))
-    everything = flint.nmod_mat(np.eye(len(divisors.monomials), dtype=int).tolist(), divisors.p)
-    for powers in divisors.powers(everything, degree * (map.degree - 1)):
-        cofactor = product_of(zip(map.factors, powers, strict=True), Fraction(1)) * below
+    for powers in _divisors(map, degree, factors, at_infinity):
+        cofactor = product_of(zip(factors, powers, strict=True), Fraction(1)) * below
 
         def search(p: int, eps: int, cofactor: Any = cofactor) -> Residues:
-            pullback = _pullback(*_at_points(map, degree, cofactor, p, eps))
-            return [[int(c) for c in pullback.minpoly().coeffs()]] if pullback else []
+            here, images = _at_points(map, degree, cofactor, p, eps)
+            n = len(here[0])
+            # The points are as many as unknowns: eigenvalues of solutions do not depend on them.
+            first, second = (
+                flint.nmod_mat(here[k:][:n], p).solve(flint.nmod_mat(images[k:][:n], p)).minpoly()
+                for k in (0, MORE)
+            )
+            common = first.gcd(second)
+            return [[int(c) for c in common.coeffs()]] if common.degree() else []
 
         rows = over_rationals(random.Random(degree), search, map.has_letter)
         for c in rational_roots(rows[0], map.ring) if rows else ():
             yield c * cofactor
 
 
-def _pullback(here: Any, images: Any) -> Any:
-    """Return the matrix of the pullback on the largest space it takes to itself; None for 0.
+def _divisors(
+    map: RationalMap, degree: int, factors: list[Any], at_infinity: bool
+) -> Iterator[tuple[int, ...]]:
+    """Yield powers of factors with products that divide pullbacks of polynomials of a degree.
 
-    Rows are points, columns are polynomials, at the points and at their images.
+    Modulo a prime, on random lines: polynomials in a parameter t. The degrees add up to that of
+    the quotient's denominator, with powers of t if the hyperplane at infinity is such a factor.
     """
-    while True:
-        n, p, both = here.ncols(), here.modulus(), zip(here.tolist(), images.tolist(), strict=True)
-        reduced, rank = flint.nmod_mat([a + b for a, b in both], p).rref()
-        pulled = [row[n:] for row in reduced.tolist()[:rank]]
-        if rank == n:
-            return flint.nmod_mat(pulled, p)
-        if not (columns := exact.null_space(flint.nmod_mat(pulled[n:], p))):
-            return None
-        chosen = flint.nmod_mat(columns, p).transpose()
-        here, images = here * chosen, images * chosen
+    rng = random.Random(degree)
+    p = exact.random_prime(rng)
+    eps = rng.randrange(2, p)
+    monomials = [(*e, degree - sum(e)) for e in exact.exponents_up_to(degree, map.dimension)]
+    count, most = len(monomials), degree * (map.degree - 1)
+    divisors = [(modulo(f, p, eps), degree_of(f)) for f in factors]
+    if at_infinity:
+        divisors.insert(0, (modulo(map.ring.constant(1), p, eps), 1))
+    enough = 1 + 2 * count // min((k for _, k in divisors), default=1)
+    lines = [random_line(map.dimension, p, rng) for _ in range(enough)]
+    images = [list(monomial_values(monomials, map.at(eps).reduced(line))) for line in lines]
 
-
-class _Divisors:
-    """Products of factors that divide pullbacks of polynomials of a degree, modulo a prime.
-
-    Columns are monomials. The equations are those of polynomials in the parameter t of random
-    lines, whose points at infinity have t = 0.
-    """
-
-    def __init__(self, map: RationalMap, degree: int, rng: random.Random) -> None:
-        self.map, self.p, self.rng = map, exact.random_prime(rng), rng
-        eps = rng.randrange(2, self.p)
-        self.now = map.at(eps)
-        exponents = exact.exponents_up_to(degree, map.dimension)
-        self.monomials = [(*e, degree - sum(e)) for e in exponents]
-        infinity = map.ring.constant(1)  # its value on a line is t
-        factors = [infinity, *(map.factors or ())]
-        self.degrees = [1, *(degree_of(f) for f in factors[1:])]
-        self.factors = [modulo(P, self.p, eps) for P in factors]
-        self.exceptional = exceptional_factors(map)
-        self.lines: list[tuple[list[Any], list[Any]]] = []
-        self.equations: dict[tuple[int, int], Any] = {}
-
-    def _add_line(self) -> None:
-        """Add the monomials at the image of a random line, and the factors on it."""
-        line = random_line(self.map.dimension, self.p, self.rng)
-        factors = [on_line(P, line, k) for P, k in zip(self.factors, self.degrees, strict=True)]
-        images = monomial_values(self.monomials, self.now.reduced(line))
-        self.lines.append((list(images), factors))
-
-    def _equations(self, i: int, power: int) -> Any:
-        """Return equations for the polynomials whose pullback has factor i to this power."""
+    def equations(f: Any, k: int, power: int) -> Residues:
+        """Return the equations of the polynomials whose pullback has a factor to a power."""
         rows: Residues = []
-        k = 0
-        while len(rows) <= 2 * len(self.monomials):
-            if k == len(self.lines):
-                self._add_line()
-            images, factors = self.lines[k]
-            divisor = factors[i] ** power
-            remainders = [f % divisor for f in images]
-            rows += [[f[j] for f in remainders] for j in range(divisor.degree())]
-            k += 1
-        return flint.nmod_mat(rows, self.p)
+        for line, values in zip(lines[: 1 + 2 * count // (k * power)], images, strict=False):
+            divisor = on_line(f, line, k) ** power
+            remainders = [each % divisor for each in values]
+            rows += [[each[j] for each in remainders] for j in range(k * power)]
+        reduced, rank = flint.nmod_mat(rows, p).rref()
+        return exact.integer_rows(reduced)[:rank]
 
-    def _divisible(self, basis: Any, i: int, power: int) -> Any:
-        """Return the combinations of columns that have factor i to this power; None if only 0."""
-        if (i, power) not in self.equations:
-            self.equations[i, power] = self._equations(i, power)
-        columns = exact.null_space(self.equations[i, power] * basis)
-        return basis * flint.nmod_mat(columns, self.p).transpose() if columns else None
+    systems = []
+    for f, k in divisors:
+        each = (equations(f, k, power) for power in range(1, most // k + 1))
+        systems.append([[], *takewhile(lambda rows: len(rows) < count, each)])
 
-    def powers(
-        self, basis: Any, left: int, known: tuple[int, ...] = ()
-    ) -> Iterator[tuple[int, ...]]:
-        """Yield the powers of factors, after those known, in products whose degrees add up."""
-        if (i := len(known)) == len(self.degrees):
-            if left == 0:
-                yield known[1:]
-            return
-        # If others were allowed, any of them that goes to another one would have a cofactor.
-        most = left // self.degrees[i] if self.exceptional[i] else 0
-        for power in range(most + 1):
-            reduced = self._divisible(basis, i, power) if power else basis
-            if reduced is None:
-                break
-            yield from self.powers(reduced, left - power * self.degrees[i], (*known, power))
+    @cache
+    def fit(*powers: int) -> bool:
+        """Return True if the first factors to these powers divide one pullback."""
+        rows = [row for each, e in zip(systems, powers, strict=False) for row in each[e]]
+        return not rows or (fit(*powers[:-1]) and flint.nmod_mat(rows, p).rank() < count)
 
-
-def exceptional_factors(map: RationalMap) -> list[bool]:
-    """Return which of the hyperplane at infinity and the factors have a lower-dimensional image.
-
-    They divide the Jacobian determinant of F in homogeneous coordinates, F_0^(D + 1) det DPhi.
-    """
-    below: Any = factored(map.forms[-1])
-    found = (below ** (map.dimension + 1) * map.jacobian_cofactor).factors
-    left = (map.dimension + 1) * (map.degree - 1) - sum(e * degree_of(f) for f, e in found)
-    return [left > 0, *(f in [g for g, _ in found] for f in map.factors or ())]
+    for powers in product(*(range(len(each)) for each in systems)):
+        total = sum(e * k for e, (_, k) in zip(powers, divisors, strict=True))
+        if total == most and fit(*powers):
+            yield powers[at_infinity:]

@@ -11,7 +11,6 @@ import math
 import random
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from functools import partial
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -19,6 +18,7 @@ import flint
 import numpy as np
 
 from ..bodies.polynomials import exact as as_fraction
+from ..bodies.polynomials import from_lists
 from ..checks import refuse, wrong
 
 Point = tuple[Fraction, ...]
@@ -55,12 +55,7 @@ def rationals(name: str, value: Any, count: int) -> Point:
 
 def step_size(eps: Any) -> Fraction:
     """Return eps, a number or a string, as a fraction."""
-    if not isinstance(eps, str):
-        return rational("eps", eps)
-    try:
-        return Fraction(eps)
-    except (ValueError, ZeroDivisionError):
-        raise wrong("eps", "a number such as 1/3 or 0.1", repr(eps)) from None
+    return rational("eps", from_lists("eps", eps))
 
 
 def fmpq(a: Any) -> Any:
@@ -71,10 +66,10 @@ def fraction(a: Any) -> Fraction:
     return Fraction(int(a.p), int(a.q))
 
 
-def ring(n: int, letter: bool, context: Any = flint.fmpz_mpoly_ctx, **modulus: Any) -> Any:
+def ring(n: int, letter: bool, context: Any = flint.fmpz_mpoly_ctx, *modulus: int) -> Any:
     """Return the ring of polynomials in n variables, and in eps if it is a letter."""
     names = ["eps"] * letter + [f"x{i}" for i in range(1, n + 1)]
-    return context.get(names, ordering="deglex", **modulus)
+    return context.get(names, *modulus, ordering="deglex")
 
 
 def has_letter(P: Any) -> bool:
@@ -108,7 +103,6 @@ def exponents_up_to(degree: int, n: int) -> Exponents:
 
 
 def check_unknowns(name: str, degree: int, n: int, most: int = 300) -> None:
-    """Check the number of coefficients of a polynomial in n variables."""
     if (unknowns := math.comb(n + degree, n)) > most:
         largest = next(d for d in range(degree) if math.comb(n + d + 1, n) > most)
         expected = f"at most {largest} for {n} variables ({math.comb(n + largest, n)} coefficients)"
@@ -149,18 +143,13 @@ def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any
     return values
 
 
-def over(numbers: Any, P: Any, eps: Any, **modulus: Any) -> Any:
-    """Return a polynomial in x over another ring of numbers, with this value of eps."""
-    names, context = P.context().names(), partial(numbers.get, ordering="deglex", **modulus)
-    found = context(names).from_dict(P.to_dict())
-    if not has_letter(P):
-        return found
-    return found.subs({"eps": eps}).project_to_context(context(names[1:]))
-
-
-def modulo(P: Any, p: int, eps: int) -> Any:
-    """Return a polynomial in x modulo a prime, with this value of eps."""
-    return over(flint.nmod_mpoly_ctx, P, eps, modulus=p)
+def modulo(P: Any, p: int, eps: Any) -> Any:
+    """Return a polynomial in x modulo a prime, over the rationals for p = 0, at this eps."""
+    of: Any = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
+    letter = has_letter(P)
+    n = P.context().nvars() - letter
+    found = ring(n, letter, *of).from_dict(P.to_dict())
+    return found.subs({"eps": eps}).project_to_context(ring(n, False, *of)) if letter else found
 
 
 def point_modulo(p: int, x: Sequence[Any]) -> list[Any]:

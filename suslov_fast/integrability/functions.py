@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import operator
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import reduce
 from typing import Any
 
 import flint
@@ -22,10 +24,11 @@ _LATEX = {r"\*": " ", r"x(\d+)": r"x_{\1}", r"\^(\d+)": r"^{\1}", "eps": r"\\var
 class RationalFunction:
     """A product of powers of polynomials and a constant, exact.
 
-    Called with a point, D rational numbers, it returns a fraction. ``sympy.sympify(str(f))``
-    converts one to SymPy. As a result of `report`, its `basis` says what it rests on, and
-    `cofactor` is that of a Darboux polynomial. If eps is a letter, `subs` puts a number in its
-    place, and `special` are the rational numbers at which a factor of the formula is 0 for all x.
+    Called with a point, D rational numbers, it returns a fraction. Functions and numbers can be
+    combined by ``+``, ``-``, ``*``, ``/`` and powers; ``sympy.sympify(str(f))`` converts one to
+    SymPy. In a report, its `basis` says what it rests on, and `cofactor` is that of a Darboux
+    polynomial. If eps is a letter, `subs` puts a number in its place, and `special` are the
+    rational numbers at which a factor of the formula is 0 for all x.
     """
 
     factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
@@ -59,10 +62,7 @@ class RationalFunction:
         (-2/(2*eps - 1), 6)
         """
         value = exact.step_size(eps)
-        powers = (
-            factored(exact.over(flint.fmpq_mpoly_ctx, P, exact.fmpq(value))) ** e
-            for P, e in self.factors
-        )
+        powers = (factored(modulo(P, 0, exact.fmpq(value))) ** e for P, e in self.factors)
         try:
             found = math.prod(powers, start=RationalFunction((), self.constant))
         except ZeroDivisionError:
@@ -81,14 +81,42 @@ class RationalFunction:
                 found.add(Fraction(-sum(b), a))
         return tuple(sorted(found))
 
-    def __mul__(self, other: RationalFunction) -> RationalFunction:
+    def __mul__(self, other: Any) -> RationalFunction:
+        other = as_function(other)
         basis = MODULAR if MODULAR in (self.basis, other.basis) else self.basis
         return product_of(self.factors + other.factors, self.constant * other.constant, basis)
 
-    def __truediv__(self, other: RationalFunction) -> RationalFunction:
-        return self * other**-1
+    def __add__(self, other: Any) -> RationalFunction:
+        other = as_function(other)
+        of = self._ring or other._ring or exact.ring(0, False)
+        *above, below = over_common_denominator((self, other), of)
+        return factored(sum(above)) / factored(below)
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    def __pos__(self) -> RationalFunction:
+        return self
+
+    def __neg__(self) -> RationalFunction:
+        return self * -1
+
+    def __sub__(self, other: Any) -> RationalFunction:
+        return self + -as_function(other)
+
+    def __rsub__(self, other: Any) -> RationalFunction:
+        return as_function(other) - self
+
+    def __truediv__(self, other: Any) -> RationalFunction:
+        return self * as_function(other) ** -1
+
+    def __rtruediv__(self, other: Any) -> RationalFunction:
+        return as_function(other) / self
 
     def __pow__(self, power: int) -> RationalFunction:
+        power = operator.index(power)
+        if power < 0 and self.constant == 0:
+            raise ZeroDivisionError("a denominator is 0")
         powers = tuple((P, power * e) for P, e in self.factors if power)
         return RationalFunction(powers, self.constant**power, self.basis)
 
@@ -104,10 +132,14 @@ class RationalFunction:
 
     def quotient_in(self, of: Any = None) -> tuple[Any, Any]:
         """Return numerator and denominator as polynomials, in a ring of as many variables."""
-        of = of or (self.factors[0][0].context() if self.factors else exact.ring(0, False))
+        of = of or self._ring or exact.ring(0, False)
         above, below = map(of.constant, (self.constant.numerator, self.constant.denominator))
         above *= math.prod(P**e for P, e in self._powers(1))
         return above, below * math.prod(P**e for P, e in self._powers(-1))
+
+    @property
+    def _ring(self) -> Any:
+        return self.factors[0][0].context() if self.factors else None
 
     def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
         return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
@@ -156,6 +188,13 @@ def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:
     return f"{text}^{e}" if e > 1 else text
 
 
+def as_function(value: Any) -> RationalFunction:
+    """Return a number as a constant function, and a function as it is."""
+    if isinstance(value, RationalFunction):
+        return value
+    return RationalFunction((), exact.rational("number", value))
+
+
 def factored(P: Any) -> RationalFunction:
     """Return a polynomial in irreducible factors."""
     if P == 0:
@@ -170,6 +209,13 @@ def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
     return replace(factored(P) / factored(Q), constant=Fraction(1), basis=basis)
 
 
+def over_common_denominator(functions: Iterable[RationalFunction], of: Any) -> list[Any]:
+    """Return the numerators of functions, and a common denominator, as polynomials in a ring."""
+    pairs = [f.quotient_in(of) for f in functions]
+    common = reduce(lambda a, b: a * b // a.gcd(b), (Q for _, Q in pairs), of.constant(1))
+    return [*(P * (common // Q) for P, Q in pairs), common]
+
+
 def product_of(
     powers: Iterable[tuple[Any, int]], constant: Fraction, basis: str = ""
 ) -> RationalFunction:
@@ -177,7 +223,7 @@ def product_of(
     total: dict[str, tuple[Any, int]] = {}
     for P, e in powers:
         total[str(P)] = P, total.get(str(P), (P, 0))[1] + e
-    chosen = [(P, e) for P, e in total.values() if e]
+    chosen = [(P, e) for P, e in total.values() if e and constant]
     chosen.sort(key=lambda power: exact.size(power[0]))
     return RationalFunction(tuple(chosen), constant, basis)
 
@@ -185,13 +231,12 @@ def product_of(
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:
     """Return functions of least degree on which the others depend."""
     chosen: list[RationalFunction] = []
-    rows: list[list[Any]] = []
+    rows: list[list[Any]] = []  # the gradients of their logarithms
     for f in sorted(candidates, key=lambda f: (f.degree, len(str(f)), str(f))):
         powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
         n = powers[0][0].context().nvars()
         x = exact.random_point(n)
         scales = [(P, e / value_at(P, x)) for P, e in powers]
-        # The gradient of log f.
         row = [sum(c * value_at(P.derivative(i), x) for P, c in scales) for i in range(n)]
         if flint.nmod_mat([*rows, row], PRIME).rank() > len(rows):
             chosen, rows = [*chosen, f], [*rows, row]

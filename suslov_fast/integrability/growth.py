@@ -5,7 +5,7 @@ import operator
 import random
 from collections.abc import Iterator, Sequence
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import flint
 import numpy as np
@@ -23,12 +23,10 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
 
     Parameters
     ----------
-    map : KahanMap or RationalMap
-        Made by `kahan` or `rational_map`.
+    map, seed
+        As in :func:`darboux_polynomials`.
     n : int
         Number of iterates.
-    seed : int, optional
-        Seed of the random primes and lines.
 
     Returns
     -------
@@ -53,7 +51,6 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
 
 
 def degrees_on_a_line(map: RationalMap, p: int, eps: int) -> Iterator[int]:
-    """Yield the degrees of the iterates of a random line modulo a prime."""
     line, map = random_line(map.dimension, p, random.Random(p)), map.at(eps)
     while True:
         line = map.reduced(line)
@@ -107,8 +104,7 @@ def growth(degrees: Sequence[int]) -> Growth:
         raise wrong("degrees", expected, short(degrees), TypeError) from None
     if min(d, default=0) < 0:
         raise wrong("degrees", "integers of at least 0", min(d))
-    found = _recurrence(d)
-    return _by_fit(d) if found is None else _by_recurrence(*found, len(d))
+    return _by_recurrence(d) or _by_fit(d)
 
 
 def _kind(power: int) -> str:
@@ -116,35 +112,27 @@ def _kind(power: int) -> str:
     return kinds[power] if power < len(kinds) else f"polynomial of degree {power}"
 
 
-def _recurrence(d: list[int]) -> tuple[int, Any] | None:
-    """Return the length of the transient and the characteristic polynomial after it."""
+def _by_recurrence(d: list[int]) -> Growth | None:
     for total in range(len(d) - _SPARE + 1):
-        for order in range(total + 1):
-            c = _characteristic(d[total - order :], order)
-            if c is not None:
-                return total - order, c
+        for order in range(min(total, len(d) - total - _SPARE) + 1):
+            rows = [d[i : i + order + 1] for i in range(total - order, len(d) - order)]
+            reduced, _ = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
+            # Every infinite sequence of integers with a recurrence has one of integers.
+            c = [*(int(-reduced[i, order].p) for i in range(order)), 1]
+            if not any(np.array(rows, object) @ c):
+                return _growth_of(c, total - order, len(d))
     return None
 
 
-def _characteristic(d: list[int], order: int) -> Any:
-    """Return the monic polynomial of a recurrence of this order that all degrees satisfy."""
-    if len(d) < 2 * order + _SPARE:
-        return None
-    hankel = flint.fmpz_mat([d[i : i + order + 1] for i in range(len(d) - order)])
-    reduced, _ = flint.fmpq_mat(hankel).rref()
-    # Every infinite sequence of integers with a recurrence has one of integers.
-    c = flint.fmpz_poly([*(-reduced[i, order].p for i in range(order)), 1])
-    return None if any((hankel * flint.fmpz_mat(order + 1, 1, c.coeffs())).entries()) else c
-
-
-def _by_recurrence(transient: int, recurrence: Any, count: int) -> Growth:
-    *c, _ = recurrence.coeffs()
-    terms = [f"{-a} d(k+{i})" for i, a in reversed([*enumerate(c)]) if a]
-    what = f"d(k+{len(c)}) = {' + '.join(terms) or 0}, all {count} degrees"
+def _growth_of(recurrence: list[int], transient: int, count: int) -> Growth:
+    """Return the growth of a monic recurrence after a transient."""
+    order = len(recurrence) - 1
+    terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
+    what = f"d(k+{order}) = {' + '.join(terms) or 0}, all {count} degrees"
     what = what.replace("+ -", "- ").replace("k+0", "k")
     what += f" but the first {transient}" if transient else ""
     power, size = 0, 1.0
-    for factor, multiplicity in recurrence.factor()[1]:
+    for factor, multiplicity in flint.fmpz_poly(recurrence).factor()[1]:
         if factor.is_cyclotomic():
             power = max(power, multiplicity - 1)
         else:

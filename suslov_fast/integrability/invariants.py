@@ -2,18 +2,16 @@
 
 import contextlib
 import math
-import random
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache, reduce
 from typing import Any
 
 import flint
 
 from . import exact
-from .darboux import cofactors_of, with_cofactor
+from .darboux import cofactors_of, darboux_polynomials
 from .exact import Polynomials, degree_of, factors, rank, size
-from .functions import IDENTITY, MODULAR, RationalFunction, independent, quotient_of
+from .functions import IDENTITY, MODULAR, RationalFunction, factored, quotient_of
 from .maps import RationalMap
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
@@ -66,7 +64,7 @@ class Invariants:
     def of_cofactor(self, cofactor: RationalFunction | None, degree: int) -> None:
         """Find the polynomials up to a degree that have a cofactor, None for det DPhi."""
         with contextlib.suppress(ArithmeticError):  # too long
-            space = with_cofactor(self.map, degree, cofactor, random.Random(degree))
+            space = darboux_polynomials(self.map, degree, cofactor, seed=degree)
             self.add(space, cofactor or self.map.jacobian_cofactor, measures=cofactor is None)
 
     def add(
@@ -76,10 +74,11 @@ class Invariants:
         if not space:
             return
         space = tuple(sorted(space, key=size))
-        functions = [self._function(P) for P in space]
+        functions = [replace(factored(P), basis=MODULAR) for P in space]
         if self.map.factors is not None:
-            for P in space:
-                self._add_factors(P)
+            for f in (f for P in space for f, _ in factors(P) if degree_of(f)):
+                if (own := self.map.cofactor(f)) is not None:
+                    self._add_generator(f, own)
             if cofactor := cofactor or self.map.cofactor(space[0]):
                 for P in space:
                     self._add_generator(P, cofactor)
@@ -93,20 +92,11 @@ class Invariants:
         if measures and not self.densities:
             self.densities = [f**-1 for f in functions]
 
-    def _function(self, P: Any) -> RationalFunction:
-        return quotient_of(P, self.map.ring.constant(1), MODULAR)
-
-    def _add_factors(self, P: Any) -> None:
-        """Add the irreducible factors that are Darboux polynomials themselves."""
-        for f, _ in factors(P):
-            if degree_of(f) and (cofactor := self.map.cofactor(f)) is not None:
-                self._add_generator(f, cofactor)
-
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> None:
         """Add a Darboux polynomial, unless it is a combination of products of others."""
         span = [Q for _, Q in self._products_with(cofactor, degree_of(P))]
         if rank([*span, P]) > len(span):
-            found = replace(self._function(P), cofactor=cofactor)
+            found = replace(factored(P), basis=MODULAR, cofactor=cofactor)
             self.generators.append(self._checked(found))
 
     def _checked(self, f: RationalFunction) -> RationalFunction:
@@ -120,11 +110,9 @@ class Invariants:
             raise ArithmeticError(f"{f}: expected the cofactor {f.cofactor or 1}")
         return replace(f, basis=IDENTITY)
 
-    def _products_with(
-        self, cofactor: RationalFunction, degree: int
-    ) -> list[tuple[RationalFunction, Any]]:
+    def _products_with(self, cofactor: RationalFunction, degree: int) -> list[Any]:
         """Return independent products up to a degree that have a cofactor, and as polynomials."""
-        found: list[tuple[RationalFunction, Any]] = []
+        found: list[Any] = []
         for f, c in self._products(degree, 0):
             if c == cofactor:
                 P, _ = f.quotient_in(self.map.ring)
@@ -165,24 +153,15 @@ def _constant_term(P: Any) -> bool:
     return any(not any(e[first:]) for e in P.monoms())
 
 
-def common_denominator(functions: Iterable[RationalFunction]) -> Polynomials:
-    """Return polynomials whose quotients are the independent ones of the functions."""
-    chosen = [(f.numerator, f.denominator) for f in independent(functions)]
-    if not chosen:
-        return ()
-    common = reduce(lambda a, b: a * b // a.gcd(b), (Q for _, Q in chosen))
-    return (common, *(P * (common // Q) for P, Q in chosen))
-
-
 def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[list[int]]:
     """Return short exponents with which products of cofactors are 1, a basis of all."""
     exponents = []
     for cofactor in cofactors:
         of = {str(f): e for f, e in cofactor.factors}
         of["sign"] = int(cofactor.constant < 0)
-        for number, sign in ((cofactor.constant.numerator, 1), (cofactor.constant.denominator, -1)):
-            for q, e in flint.fmpz(abs(number)).factor(trial_limit=_TRIAL):
-                of[str(q)] = of.get(str(q), 0) + sign * int(e)
+        for sign, number in ((1, cofactor.constant.numerator), (-1, cofactor.constant.denominator)):
+            primes = flint.fmpz(abs(number)).factor(trial_limit=_TRIAL)
+            of |= {str(q): sign * int(e) for q, e in primes}
         exponents.append(of)
     exponents.append({"sign": 2})
     names, n = dict.fromkeys(name for of in exponents for name in of), len(cofactors)
@@ -192,11 +171,3 @@ def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[lis
     ]
     reduced = exact.integer_rows(flint.fmpz_mat(rows).lll())
     return [row[:n] for row in reduced if any(row[:n]) and not any(row[n:])]
-
-
-@lru_cache(maxsize=8)
-def invariants_up_to(map: RationalMap, degree: int) -> Invariants:
-    found = Invariants(map)
-    for k in range(1, degree + 1):
-        found.of_degree(k)
-    return found

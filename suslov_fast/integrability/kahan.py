@@ -11,7 +11,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..bodies.field import QuadraticField, rates
+from ..bodies.field import QuadraticField
 from ..checks import wrong
 from .exact import degree_of, matrix, step_size
 from .functions import RationalFunction, factored
@@ -120,11 +120,9 @@ class KahanMap(RationalMap):
     @cached_property
     def hamiltonian(self) -> Any:
         """An integer multiple of H of a field K grad H, in `ring`; None for other fields."""
-        field = self.field
-        # H and K of a field in a file of a batch are rounded.
-        if field.H is None or (rates(field.H.tensor, field.K) != field.table).any():
+        if self.field.H is None:
             return None
-        (H, _), x = _integers(field.H.tensor), np.fromiter(self.variables, object)
+        (H, _), x = _integers(self.field.H.tensor), np.fromiter(self.variables, object)
         return H @ x @ x @ x
 
 

@@ -13,9 +13,9 @@ import flint
 
 from ..checks import wrong
 from . import exact
-from .exact import Point, Residues, degree_of, modulo, value_at
-from .functions import RationalFunction, factored, product_of
-from .reconstruction import over_rationals, polynomials_with
+from .exact import Point, degree_of, value_at
+from .functions import RationalFunction, factored
+from .reconstruction import polynomials_with
 
 TERMS = 100_000  # of the largest polynomial that is written out
 _SPARSE = 100  # terms of a component; of sparse maps all polynomials are
@@ -77,19 +77,10 @@ class RationalMap:
             x = self.image(x)
 
     def derivative(self, x: Sequence[Any]) -> Any:
-        """Return the matrix of derivatives at a point."""
-        self.image(x)  # raises an error at a pole
-        rows = [[value_at(f, x) for f in row] for row in self._numerators]
-        return exact.matrix(rows) * (1 / value_at(self.forms[-1], x) ** 2)
-
-    @cached_property
-    def _numerators(self) -> list[list[Any]]:
-        """The matrix F_0^2 DPhi."""
-        *above, below = self.forms
-        return [
-            [F.derivative(j) * below - F * below.derivative(j) for j in range(self.dimension)]
-            for F in above
-        ]
+        y, columns = self.image(x), range(self.dimension)
+        *above, below = ([value_at(F.derivative(i), x) for i in columns] for F in self.forms)
+        rows = [[row[i] - a * below[i] for i in columns] for a, row in zip(y, above, strict=False)]
+        return exact.matrix(rows) * (1 / value_at(self.forms[-1], x))
 
     @property
     def denominator(self) -> Any:
@@ -98,9 +89,10 @@ class RationalMap:
 
     def _determinant(self) -> RationalFunction | None:
         """Return det DPhi in factors; None if they are too long."""
-        below, n = self.forms[-1], self.dimension
-        whole = cramer([[*row, below] for row in self._numerators])[-1]
-        return factored(whole // below ** (n - 1)) / factored(below) ** (n + 1)
+        # F_0^(D + 1) det DPhi is the determinant of the derivatives of F and F itself.
+        n = self.dimension
+        rows = [[*(F.derivative(i) for i in range(n)), F, 0] for F in self.forms]
+        return factored(cramer(rows)[-1]) / factored(self.forms[-1]) ** (n + 1)
 
     def __call__(self, point: Any) -> tuple[Any, ...]:
         """Return the image of a point, exactly; functions of eps if it is a letter."""
@@ -147,12 +139,14 @@ class RationalMap:
         eps = 1 + max(int(F.degrees()[0]) for F in self.forms) if self.has_letter else 1
         return terms * eps <= TERMS or max(map(len, self.forms)) <= _SPARSE
 
-    def pullback(self, P: Any, degree: int) -> Any:
-        """Return F_0^degree P(F / F_0)."""
+    def pullback(self, P: Any, degree: int, at: Sequence[Any] | None = None) -> Any:
+        """Return F_0^degree P(F / F_0), at polynomials by default F."""
         k = int(self.has_letter)
         whole = exact.ring(self.dimension + 1, self.has_letter)
         terms = {(*e, degree - sum(e[k:])): c for e, c in P.to_dict().items()}
-        return whole.from_dict(terms).compose(*self.ring.gens()[:k], *self.forms, ctx=self.ring)
+        return whole.from_dict(terms).compose(
+            *self.ring.gens()[:k], *(at or self.forms), ctx=self.ring
+        )
 
     @cached_property
     def is_invertible(self) -> bool:
@@ -172,38 +166,35 @@ class RationalMap:
         powers = (*self.jacobian_cofactor.factors, *exact.factors(self.denominator))
         return sorted({str(f): f for f, _ in powers if degree_of(f)}.values(), key=exact.size)
 
+    @cached_property
+    def _line(self) -> tuple[Any, ...]:
+        """A line with the parameter x1, and on it F and the factors."""
+        (t, *_, one), rng = self.variables, random.Random(0)
+        ends = (rng.sample(range(10**6), 2) for _ in range(self.dimension))
+        line = [*(a * t + b for a, b in ends), one]
+        factors = [self.pullback(f, degree_of(f), line) for f in self.factors or ()]
+        return line, self.homogeneous(line), factors
+
     def cofactor(self, P: Any) -> RationalFunction | None:
         """Return C with P(Phi) = C P, a product of powers of factors; None if there is none."""
-        degree, known = degree_of(P), self.factors or ()
-
-        def on_a_line(p: int, eps: int) -> Residues:
-            """Return the constant of C, times -1, 1, and the powers of the factors."""
-            line = random_line(self.dimension, p, random.Random(p))
-            F, Q = self.at(eps).reduced(line), modulo(P, p, eps)
-            above, below = value_at(Q, F, degree), on_line(Q, line, degree) * F[-1] ** degree
-            powers = []
-            # A power of the hyperplane at infinity, t = 0, is 1 in affine coordinates.
-            divisors = (on_line(modulo(f, p, eps), line, degree_of(f)) for f in known)
-            for divisor in (*divisors, line[-1]):
-                above, more = _divided(above, divisor)
-                below, less = _divided(below, divisor)
-                powers.append(more - less)
-            c = above[above.degree()] / below[below.degree()]
-            return [[int(-c), 1, *powers[:-1]]] if above == c * below != 0 else []
-
-        rows = over_rationals(random.Random(0), on_a_line, self.has_letter)
-        if not rows:
+        degree, (line, F, factors) = degree_of(P), self._line
+        above, below = self.pullback(P, degree, F), self.pullback(P, degree, line) * F[-1] ** degree
+        C = RationalFunction(())
+        for f, on_line in zip(self.factors or (), factors, strict=True):
+            content, divisor = on_line.primitive()
+            above, more = _divided(above, divisor)
+            below, less = _divided(below, divisor)
+            C *= RationalFunction(((f, 1),), Fraction(1, int(content))) ** (more - less)
+        above, below = coprime([above, below])
+        if degree_of(above) or degree_of(below):
             return None
-        minus_c, one, *powers = rows[0]
-        (c,) = rational_roots([minus_c, one], self.ring)
-        exponents = (int(sum(above)) for above, _ in powers)  # 0 is written without coefficients
-        return c * product_of(zip(known, exponents, strict=True), Fraction(1))
+        return C * factored(above) / factored(below)
 
 
 def _divided(P: Any, divisor: Any) -> tuple[Any, int]:
-    """Return what is left of a polynomial in t without a divisor, and the divisor's power."""
+    """Return what is left of a polynomial without a divisor, and the divisor's power."""
     power = 0
-    while P.degree() > 0 and P % divisor == 0:
+    while P % divisor == 0:
         P, power = P // divisor, power + 1
     return P, power
 
@@ -230,14 +221,13 @@ def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
 def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
     """Return a polynomial modulo a prime, homogeneous of a degree, on a line; t is the last."""
     p = int(line[-1].modulus())
-    of = exact.ring(1, False, flint.nmod_mpoly_ctx, modulus=p)
+    of = exact.ring(1, False, flint.nmod_mpoly_ctx, p)
     by_inverse = [of.from_dict({(0,): int(x[1]), (1,): int(x[0])}) for x in line[:-1]]  # of x / t
     terms = P.compose(*by_inverse, ctx=of).to_dict()
     return flint.nmod_poly([int(terms.get((degree - k,), 0)) for k in range(degree + 1)], p)
 
 
 def coprime(polynomials: Sequence[Any]) -> list[Any]:
-    """Return polynomials without their common factor."""
     common = reduce(lambda a, b: a.gcd(b), polynomials)
     return [each // common for each in polynomials]
 

@@ -3,54 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import reduce
 from typing import Any
 
-import numpy as np
-from numpy.lib.mixins import NDArrayOperatorsMixin
-
-from ..bodies.polynomials import exact
 from ..checks import integer, wrong
 from .exact import ring
+from .functions import as_function, factored, over_common_denominator
 from .maps import RationalMap
-
-_ARITHMETIC: dict[Any, Callable[..., tuple[Any, Any]]] = {  # of a / b and c / d
-    np.add: lambda a, b, c, d: (a * d + c * b, b * d),
-    np.subtract: lambda a, b, c, d: (a * d - c * b, b * d),
-    np.multiply: lambda a, b, c, d: (a * c, b * d),
-    np.true_divide: lambda a, b, c, d: (a * d, b * c),
-    np.negative: lambda a, b: (-a, b),
-    np.positive: lambda a, b: (a, b),
-}
-
-
-class Quotient(NDArrayOperatorsMixin):
-    """A quotient of polynomials in x, with which functions of the user calculate."""
-
-    def __init__(self, above: Any, below: Any) -> None:
-        if below == 0:
-            raise ZeroDivisionError("a denominator is 0")
-        common = above.gcd(below)
-        self.above, self.below = above // common, below // common
-
-    def of(self, value: Any) -> Quotient:
-        """Return a number as a quotient in the same variables, and a quotient as it is."""
-        if isinstance(value, Quotient):
-            return value
-        number, constant = exact("number", value), self.above.context().constant
-        return Quotient(constant(number.numerator), constant(number.denominator))
-
-    def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
-        if operation not in _ARITHMETIC:
-            raise TypeError(operation.__name__)
-        parts = [part for q in map(self.of, operands) for part in (q.above, q.below)]
-        return Quotient(*_ARITHMETIC[operation](*parts))
-
-    def __pow__(self, power: Any) -> Quotient:
-        if power not in range(-99, 100):
-            raise wrong("power", "a small integer", power)
-        above, below = (self.above, self.below) if power >= 0 else (self.below, self.above)
-        return Quotient(above ** abs(int(power)), below ** abs(int(power)))
 
 
 def rational_map(
@@ -110,16 +68,14 @@ def _traced(name: str, f: Any, n: int) -> list[Any]:
         expected = "a function of x, the tuple of variables"
         raise wrong(name, expected, type(f).__name__, TypeError)
     of = ring(n, False)
-    one = of.constant(1)
     expected = f"{n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, / and powers"
     try:
-        found = f(tuple(Quotient(x, one) for x in of.gens()))
-        components = [Quotient(one, one).of(each) for each in found]
+        found = f(tuple(map(factored, of.gens())))
+        components = [*map(as_function, found)]
     except (TypeError, AttributeError) as error:
         raise wrong(name, expected, f"another operation: {error}", TypeError) from error
     except (ValueError, IndexError, ArithmeticError) as error:
         raise wrong(name, expected, f"an error: {error}") from error
     if len(components) != n:
         raise wrong(name, expected, f"{len(components)} components: {found!r:.60}")
-    common = reduce(lambda a, b: a * b // a.gcd(b), (q.below for q in components))
-    return [*(q.above * (common // q.below) for q in components), common]
+    return over_common_denominator(components, of)

@@ -4,18 +4,17 @@ import contextlib
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import flint
 import numpy as np
 
 from ..checks import integer, short, wrong
-from . import exact
+from . import exact, functions
 from .exact import MORE, Exponents, Point, Polynomials, Residues, monomial_values
 from .functions import rank_of_quotients
-from .invariants import common_denominator, invariants_up_to
+from .invariants import Invariants
 from .maps import RationalMap, check_map
 from .reconstruction import over_rationals, polynomials_with
 
@@ -47,7 +46,7 @@ class HKBasis:
     @property
     def polynomials(self) -> Polynomials:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
-        rows = [[([a], [Fraction(1)]) for a in row] for row in self.basis or ()]
+        rows = [[[a] for a in row] for row in self.basis or ()]
         return polynomials_with(rows, self.monomials)
 
     def __repr__(self) -> str:
@@ -78,15 +77,13 @@ def hk_bases(
 
     Parameters
     ----------
-    map : KahanMap or RationalMap
-        Made by `kahan` or `rational_map`.
+    map, seed
+        As in :func:`darboux_polynomials`.
     monomials : int or sequence of exponents
         The exponents (e1, ..., eD) of each monomial, or a degree: then the basis is that of the
         lowest degree that shows as many independent integrals.
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default random integers below 100.
-    seed : int, optional
-        Seed of the random primes and points.
 
     Returns
     -------
@@ -110,99 +107,93 @@ def hk_bases(
     (4*x1^2 + x2^2, x1*x2 + 1024)
     """
     check_map(map)
-    n, rng = map.dimension, random.Random(integer("seed", seed, 0))
+    n, seed = map.dimension, integer("seed", seed, 0)
     exponents, by_degree = _exponents(monomials, n), isinstance(monomials, int | np.integer)
+    rng = random.Random(seed)
     start = exact.rationals("point", rng.sample(range(2, 100), n) if point is None else point, n)
-    search = Relations(map, rng)
-    _, independent = search.counts(exponents)
+    _, independent = counts(map, exponents, seed)
     tried = [exponents]
     if by_degree and independent:
         tried = [exact.exponents_up_to(d, n) for d in range(1, _degree(exponents) + 1)]
-    candidates = []
+    integrals: Polynomials = ()
     for exponents in tried:
-        candidates.append(search.integrals(exponents))
-        if search.counts(exponents)[1] == independent:
+        integrals = max(integrals, integrals_of(map, exponents, seed), key=rank_of_quotients)
+        dimension, shown = counts(map, exponents, seed)
+        if shown == independent:
             break
-    integrals = max(candidates, key=rank_of_quotients)
     if by_degree and rank_of_quotients(integrals) < independent:
-        with contextlib.suppress(ArithmeticError):  # too long
-            found = invariants_up_to(map, _degree(exponents))
-            others = common_denominator(found.quotients)
-            integrals = max(integrals, others, key=rank_of_quotients)
+        invariants = Invariants(map)
+        with contextlib.suppress(ArithmeticError, ValueError):  # too long
+            for k in range(1, _degree(exponents) + 1):
+                invariants.of_degree(k)
+            found = functions.independent(invariants.quotients)
+            *above, below = functions.over_common_denominator(found, map.ring)
+            integrals = max(integrals, (below, *above), key=rank_of_quotients)
     complete = rank_of_quotients(integrals) == independent
-    dimension, _ = search.counts(exponents)
     basis: Any = None if map.has_letter else ()
     if not map.has_letter and (dimension > 0 or point is not None):
         rows = over_rationals(
-            rng, lambda p, eps: search.relations(p, eps, exponents, exact.point_modulo(p, start))
+            rng, lambda p, eps: _relations(map, exponents, p, eps, exact.point_modulo(p, start))
         )
-        basis = rows and tuple(tuple(a[0] for a, _ in row) for row in rows)
+        basis = rows and tuple(tuple(a for (a,) in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
         _degree(exponents), exponents, dimension, independent, integrals, complete, start, basis
     )
 
 
-class Relations:
-    """Relations between monomials along random orbits."""
+def _relations(map: RationalMap, exponents: Exponents, p: int, eps: int, x: list[Any]) -> Residues:
+    """Return the relations along an orbit, in the form of `HKBasis.basis`."""
+    orbit = map.at(eps).orbit(x, len(exponents) + MORE)
+    return exact.null_space(flint.nmod_mat([[*monomial_values(exponents, y)] for y in orbit], p))
 
-    def __init__(self, map: RationalMap, rng: random.Random) -> None:
-        self.map, self.rng = map, rng
-        self.counts = cache(self._counts)
 
-    def relations(self, p: int, eps: int, exponents: Exponents, x: list[Any]) -> Residues:
-        """Return the relations along an orbit, in the form of `HKBasis.basis`."""
-        orbit = self.map.at(eps).orbit(x, len(exponents) + MORE)
-        rows = [list(monomial_values(exponents, y)) for y in orbit]
-        return exact.null_space(flint.nmod_mat(rows, p))
+@lru_cache(maxsize=32)
+def counts(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]:
+    """Return the number of relations along an orbit, and of the integrals that they show.
 
-    def _counts(self, exponents: Exponents) -> tuple[int, int]:
-        """Return the number of relations, and of independent first integrals that they show."""
+    That is the rank of the derivatives of their coefficients with respect to the orbit's start x_0:
+    for each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated.
+    """
+    rng, n, count = random.Random(seed), map.dimension, len(exponents)
 
-        def count(p: int, eps: int) -> tuple[int, int]:
-            x = exact.random_point(self.map.dimension, p, self.rng)
-            relations = self.relations(p, eps, exponents, x)
-            if not relations:
-                return 0, 0
-            return len(relations), self._rank_of_derivatives(p, eps, exponents, x, relations)
-
-        return exact.confirmed(self.rng, count)  # type: ignore[no-any-return]
-
-    def _rank_of_derivatives(
-        self, p: int, eps: int, exponents: Exponents, x: list[Any], relations: Residues
-    ) -> int:
-        """Return the rank of the derivatives of the coefficients of relations by the orbit's start.
-
-        For each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated with respect to x_0.
-        """
-        map, n = self.map.at(eps), self.map.dimension
-        ring = exact.ring(n, False, flint.nmod_mpoly_ctx, modulus=p)
+    def count_once(p: int, eps: int) -> tuple[int, int]:
+        x = exact.random_point(n, p, rng)
+        relations = _relations(map, exponents, p, eps, x)
+        if not relations:
+            return 0, 0
+        ring = exact.ring(n, False, flint.nmod_mpoly_ctx, p)
         polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
         gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
         derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), p)  # of x_k
         rows = []
-        for y in map.orbit(x, len(exponents) + MORE):
+        for y in map.at(eps).orbit(x, count + MORE):
             values = [[each(*y[:-1]) for each in row] for row in gradients]
             changes = flint.nmod_mat(values, p) * derivative
             rows.append([*monomial_values(exponents, y), *changes.entries()])
-            derivative = map.derivative(y) * derivative
-        reduced = flint.nmod_mat(rows, p).rref()[0].tolist()[: len(exponents) - len(relations)]
-        starts = range(len(exponents), len(rows[0]), n)
-        return int(flint.nmod_mat([row[k : k + n] for row in reduced for k in starts], p).rank())
+            derivative = map.at(eps).derivative(y) * derivative
+        reduced = flint.nmod_mat(rows, p).rref()[0].tolist()[: count - len(relations)]
+        starts = range(count, len(rows[0]), n)
+        rank = flint.nmod_mat([row[k : k + n] for row in reduced for k in starts], p).rank()
+        return len(relations), int(rank)
 
-    def integrals(self, exponents: Exponents) -> Polynomials:
-        """Return the polynomials of all relations if their quotients are first integrals."""
-        if (dimension := self.counts(exponents)[0]) == 0:
-            return ()
+    return exact.confirmed(rng, count_once)  # type: ignore[no-any-return]
 
-        def span(p: int, eps: int) -> Residues:
-            points = [exact.random_point(self.map.dimension, p, self.rng) for _ in range(3)]
-            rows = [row for x in points for row in self.relations(p, eps, exponents, x)]
-            reduced, rank = flint.nmod_mat(rows, p).rref()
-            return exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
 
-        letter = self.map.has_letter
-        return polynomials_with(over_rationals(self.rng, span, letter) or [], exponents, letter)
+def integrals_of(map: RationalMap, exponents: Exponents, seed: int) -> Polynomials:
+    """Return the polynomials of all relations if their quotients are first integrals."""
+    rng, (dimension, _) = random.Random(seed), counts(map, exponents, seed)
+    if dimension == 0:
+        return ()
+
+    def span(p: int, eps: int) -> Residues:
+        points = [exact.random_point(map.dimension, p, rng) for _ in range(3)]
+        rows = [row for x in points for row in _relations(map, exponents, p, eps, x)]
+        reduced, rank = flint.nmod_mat(rows, p).rref()
+        return exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
+
+    rows = over_rationals(rng, span, map.has_letter)
+    return polynomials_with(rows or [], exponents, map.has_letter)
 
 
 def _degree(exponents: Exponents) -> int:
@@ -219,9 +210,7 @@ def _exponents(monomials: Any, n: int) -> Exponents:
         exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
     except TypeError:
         raise wrong("monomials", "a degree or a list of exponents", monomials, TypeError) from None
-    for each in exponents:
-        if len(each) != n:
-            raise wrong("monomials", f"{n} exponents for each monomial", each)
-    if not exponents or len({*exponents}) < len(exponents) or len(exponents) > _MOST:
-        raise wrong("monomials", f"at least one, at most {_MOST}, and none twice", short(monomials))
+    if {*map(len, exponents)} != {n} or not len({*exponents}) == len(exponents) <= _MOST:
+        expected = f"{n} exponents for each monomial, none twice, and at most {_MOST} monomials"
+        raise wrong("monomials", expected, short(monomials))
     return exponents

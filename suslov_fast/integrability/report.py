@@ -4,8 +4,10 @@
 """
 
 import dataclasses
+import json
 import math
 import time
+from collections.abc import Iterable
 from contextlib import closing
 from fractions import Fraction
 from typing import Any
@@ -19,7 +21,7 @@ from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .kahan import KahanMap, kahan
 from .maps import RationalMap, check_map
-from .search import results_until, search
+from .search import search, search_until
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
@@ -55,16 +57,6 @@ class Report:
     finished: bool = False
 
     @property
-    def field(self) -> QuadraticField | None:
-        """The field of a Kahan map."""
-        return getattr(self.map, "field", None)
-
-    @property
-    def eps(self) -> Fraction | None:
-        """The step size of a Kahan map; None if it is a letter."""
-        return getattr(self.map, "eps", None)
-
-    @property
     def growth(self) -> Growth:
         """The growth of the degrees."""
         return growth(self.degrees)
@@ -76,14 +68,24 @@ class Report:
 
     def __repr__(self) -> str:
         d, D = self.degree, self.map.dimension
+        title = f"Map of {D} variables"
+        if isinstance(self.map, KahanMap):
+            field, eps = str(self.map.field), self.map.eps
+            field = field if len(field) <= 2 * _WIDTH else f"a quadratic field of {D} variables"
+            title = f"Kahan map of {field}, eps = {'a letter' if eps is None else eps}"
+        kind, entropy, error, based_on = self.growth
+        rate = "" if math.isnan(entropy) else f", entropy {entropy:.4g}"
+        rate += f" with a spread of {error:.1g}" if error > 0 else ""
+        if kind == "linear" and D == 2:
+            based_on += "; in the plane a sign of an invariant fibration, which may be no integral"
         none = f"none found up to degree {d}" if self.finished else "none found so far"
         if self.finished and self.relations is None:
             none = "not sought"
         more = ", ..." if len(self.degrees) > 8 else ""
         lines = [
-            self._title(),
+            title,
             f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
-            self._growth_line(),
+            f"Growth: {kind}{rate}; evidence, not a proof: {based_on}",
             _listed("First integrals", self.integrals, 6, none),
             _listed("Densities of measures", self.measures, 1, none),
             _listed("Darboux polynomials", self.polynomials, 6, none),
@@ -100,48 +102,22 @@ class Report:
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
 
-    def _title(self) -> str:
-        if not isinstance(self.map, KahanMap):
-            return f"Map of {self.map.dimension} variables"
-        eps = "a letter" if self.eps is None else str(self.eps)
-        text = str(self.field)
-        if len(text) > 2 * _WIDTH:
-            text = f"a quadratic field of {self.map.dimension} variables"
-        return f"Kahan map of {text}, eps = {eps}"
-
-    def _growth_line(self) -> str:
-        kind, entropy, error, based_on = self.growth
-        text = "" if math.isnan(entropy) else f", entropy {entropy:.4g}"
-        text += f" with a spread of {error:.1g}" if error > 0 else ""
-        text = f"Growth: {kind}{text}; evidence, not a proof: {based_on}"
-        if kind == "linear" and self.map.dimension == 2:
-            text += "; in the plane a sign of an invariant fibration, which may be no integral"
-        return text
-
     def to_dict(self) -> dict[str, Any]:
         """Return the report as numbers, strings, lists and dictionaries, for JSON."""
-        names = [each.name for each in dataclasses.fields(self)]
-        names += ["field", "eps", "growth", "dimension"]
-        return {name: _for_json(getattr(self, name)) for name in names}
+        parts = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        parts |= {name: getattr(self.map, name, None) for name in ("field", "eps")}
+        parts |= {"growth": self.growth._asdict(), "dimension": self.dimension}
+        text = json.dumps(parts, default=_plain)
+        return json.loads(text, parse_constant=lambda nan: None)  # type: ignore[no-any-return]
 
 
-def _for_json(value: Any) -> Any:
-    """Return numbers, strings, lists and dictionaries in place of other types."""
-    match value:
-        case RationalFunction():
-            plain = {"formula": str(value), "degree": value.degree, "basis": value.basis}
-            return plain if value.cofactor is None else {**plain, "cofactor": str(value.cofactor)}
-        case QuadraticField():
-            return value.to_dict()
-        case Growth():
-            return {name: _for_json(each) for name, each in value._asdict().items()}
-        case list() | tuple():
-            return [_for_json(each) for each in value]
-        case float():
-            return None if math.isnan(value) else value
-        case int() | None:
-            return value
-    return str(value)
+def _plain(value: Any) -> Any:
+    if isinstance(value, QuadraticField):
+        return value.to_dict()
+    if not isinstance(value, RationalFunction):
+        return str(value)
+    plain = {"formula": str(value), "degree": value.degree, "basis": value.basis}
+    return plain if value.cofactor is None else {**plain, "cofactor": str(value.cofactor)}
 
 
 def _listed(title: str, found: Functions, most: int, none: str) -> str:
@@ -223,7 +199,7 @@ def report(
         seconds = float(real_number("time_limit", time_limit))
         if seconds < 0:
             raise wrong("time_limit", "None or a number of seconds of at least 0", seconds)
-        parts = results_until(time.monotonic() + seconds, search, found, seed)
+        parts = search_until(time.monotonic() + seconds, found, seed)
     with closing(parts):
         try:
             for k, part in enumerate(parts, start=1):
@@ -249,16 +225,20 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
         found = _in_decimals(field)
         eps = _decimal(eps) if isinstance(eps, float) else eps
     map = kahan(found, eps)
-    return map, [] if decimals else _note_on_floats([*field.to_dict().values(), map.eps])
+    parts = field._coefficients if isinstance(field, QuadraticField) else field._parts
+    given = np.concatenate([np.ravel(each) for each in (*parts.values(), map.eps or 0)])
+    return map, [] if decimals else _note_on_floats(exact.rational("field", c) for c in given)
 
 
 def _in_decimals(body: Any) -> QuadraticField:
     """Return the field of a single body or field with its floats as decimals."""
     decimals = np.vectorize(_decimal, "O")
-    if isinstance(body, QuadraticField) and body.H is not None:
-        return QuadraticField._of_hamiltonian(decimals(body.H.tensor), decimals(body.K))
-    parts = {name: decimals(each) for name, each in body._parts.items()}
-    return QuadraticField.of(body._of(parts))
+    if not isinstance(body, QuadraticField):
+        parts = {name: decimals(each) for name, each in body._parts.items()}
+        return QuadraticField.of(body._of(parts))
+    own = body._coefficients if body.H is None else {"H": body.H.tensor, "K": body.K}
+    own, names = ({n: decimals(a)[()] for n, a in each.items()} for each in (own, body.parameters))
+    return QuadraticField._read(**own, parameters=names)
 
 
 def _decimal(a: Any) -> Fraction:
@@ -280,18 +260,13 @@ def _decimal(a: Any) -> Fraction:
     return simple if near or float(simple) == binary else binary
 
 
-def _note_on_floats(values: list[Any]) -> list[str]:
-    """Return a note if numbers in nested lists look like decimals that are taken as floats."""
-    for c in values:
-        if isinstance(c, list):
-            if note := _note_on_floats(c):
-                return note
-        elif isinstance(c, float | Fraction):
-            simple, q = Fraction(c).limit_denominator(10**6), Fraction(c).denominator
-            if q > _LONG and q & (q - 1) == 0 and float(simple) == c:
-                return [
-                    f"The float {float(c)!r} is taken exactly, as {Fraction(c)}: if {simple} is "
-                    f"meant, write Fraction({simple.numerator}, {simple.denominator}), or "
-                    "decimals=True for all."
-                ]
+def _note_on_floats(numbers: Iterable[Any]) -> list[str]:
+    """Return a note if numbers look like decimals that are taken as floats."""
+    for c in numbers:
+        simple, q = c.limit_denominator(10**6), c.denominator
+        if q > _LONG and q & (q - 1) == 0 and float(simple) == c:
+            return [
+                f"The float {float(c)!r} is taken exactly, as {c}: if {simple} is meant, write "
+                f"Fraction({simple.numerator}, {simple.denominator}), or decimals=True for all."
+            ]
     return []

@@ -14,8 +14,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from typing import Any
 
 from . import exact
@@ -23,36 +22,28 @@ from .functions import RationalFunction, factored, independent
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
 from .maps import RationalMap
-from .relations import Relations
+from .relations import counts, integrals_of
 
 _FEW = 80  # coefficients of a polynomial of more than the degree
 _ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
 _SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees that cost little, and likewise
 
-_START = """
-import sys
-sys.path[:] = {path!r}
-from suslov_fast.integrability.search import serve
-serve()
-"""
+_START = "import sys; sys.path[:] = {}; from suslov_fast.integrability.search import serve; serve()"
 
 
 def search(found: Any, seed: int) -> Iterator[Any]:
     """Fill a `Report`, and yield it after each part."""
-    map = found.map
-    found.degrees = _degrees(map, seed)
-    found.searched.append(f"degrees of {len(found.degrees)} iterates")
-    yield found
-    if not map.is_invertible:
-        found.searched.append("nothing else: the map has no inverse, since det DPhi = 0")
-        found.finished = True
-        yield found
-        return
-    invariants, done = Invariants(map), found.searched
-    parts: dict[str, str] = {}
-    for _ in _parts(found, invariants, Relations(map, random.Random(seed)), parts):
-        found.searched = [*done, *parts.values()]
-        _update(found, invariants)
+    invariants, done = Invariants(found.map), {}
+    for kind, text in _parts(found, invariants, seed):
+        done[kind] = text
+        found.searched = [*done.values()]
+        found.integrals = independent(invariants.integrals)
+        found.measures = tuple(invariants.measures)
+        found.polynomials = tuple(invariants.polynomials)
+        if found.map.has_letter:
+            formulas = [*found.integrals, *found.measures, *found.polynomials]
+            formulas.append(factored(found.map.forms[-1]))
+            found.special_eps = tuple(sorted({eps for f in formulas for eps in f.special}))
         yield found
     found.finished = True
     yield found
@@ -63,55 +54,41 @@ def _is_complete(found: Any) -> bool:
     return bool(found.relations and found.measures) and len(found.integrals) >= found.relations
 
 
-def _update(found: Any, invariants: Invariants) -> None:
-    found.integrals = independent(invariants.integrals)
-    found.measures = tuple(invariants.measures)
-    found.polynomials = tuple(invariants.polynomials)
-    if found.map.has_letter:
-        formulas = [*found.integrals, *found.measures, *found.polynomials]
-        formulas.append(factored(found.map.forms[-1]))
-        found.special_eps = tuple(sorted({eps for f in formulas for eps in f.special}))
-
-
-def _parts(
-    found: Any, invariants: Invariants, relations: Relations, done: dict[str, str]
-) -> Iterator[None]:
-    """Search part by part, and describe each kind of part that was done."""
+def _parts(found: Any, invariants: Invariants, seed: int) -> Iterator[tuple[str, str]]:
+    """Search part by part, and yield the kind and the description of each."""
     map, d, D = found.map, found.degree, found.map.dimension
+    found.degrees = _degrees(map, seed)
+    yield "degrees", f"degrees of {len(found.degrees)} iterates"
+    if not map.is_invertible:
+        yield "end", "nothing else: the map has no inverse, since det DPhi = 0"
+        return
     if (H := getattr(map, "hamiltonian", None)) is not None:
         invariants.add_hamiltonian(H)
-        done["hamiltonian"] = "the modified energy and 1/det A of the Hamiltonian"
-        yield
+        yield "hamiltonian", "the modified energy and 1/det A of the Hamiltonian"
     for k in range(1, d + 1):
         exponents = exact.exponents_up_to(k, D)
-        found.relations = relations.counts(exponents)[1]
+        found.relations = counts(map, exponents, seed)[1]
         if len(found.integrals) < found.relations:
-            invariants.add(relations.integrals(exponents))
-        monomials = f"the {len(exponents)} monomials up to degree {k}"
-        done["relations"] = f"relations between {monomials}"
-        yield
+            invariants.add(integrals_of(map, exponents, seed))
+        yield "relations", f"relations between the {len(exponents)} monomials up to degree {k}"
     if not _is_complete(found):
         for cofactor in (RationalFunction(()), None):
             invariants.of_cofactor(cofactor, d)
-        done["simple"] = f"polynomials up to degree {d} with the cofactors 1 and det DPhi"
-        yield
+        yield "simple", f"polynomials up to degree {d} with the cofactors 1 and det DPhi"
     if map.factors is None:
-        done["end"] = "no other Darboux polynomials, since det DPhi is too long"
-        yield
+        yield "end", "no other Darboux polynomials, since det DPhi is too long"
         return
+    cofactors = "products of powers of the factors of det DPhi as cofactors"
     for k in range(1, 2 * d + 1):
         unknowns, highest = math.comb(D + k, D), max((f.degree for f in found.integrals), default=0)
         if _is_complete(found) and (k >= highest or unknowns > _FEW):
-            done["end"] = "no more, since as many integrals as relations show are known"
-            yield
+            yield "end", "no more, since as many integrals as relations show are known"
             return
         # Integrals with irrational coefficients have rational norms, of a higher degree.
         if k > d and (unknowns > _FEW or len(found.integrals) >= found.relations):
             return
         invariants.of_degree(k)
-        cofactors = "products of powers of the factors of det DPhi as cofactors"
-        done["all"] = f"Darboux polynomials up to degree {k} with {cofactors}"
-        yield
+        yield "all", f"Darboux polynomials up to degree {k} with {cofactors}"
 
 
 def _degrees(map: RationalMap, seed: int) -> list[int]:
@@ -132,28 +109,25 @@ def _degrees(map: RationalMap, seed: int) -> list[int]:
     return list(exact.confirmed(random.Random(seed), compute))
 
 
-def results_until(deadline: float, function: Callable[..., Iterator[Any]], *arguments: Any) -> Any:
-    """Yield what a generator of a module yields, until a time of `time.monotonic`.
+def search_until(deadline: float, found: Any, seed: int) -> Iterator[Any]:
+    """Yield what `search` yields, until a time of `time.monotonic`.
 
-    The generator runs in another process, since python-flint cannot be interrupted. The values are
-    pickled; None follows the last one.
+    It runs in another process, since python-flint cannot be interrupted.
     """
-    command = [sys.executable, "-c", _START.format(path=sys.path)]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe) as process:
-        assert process.stdin
-        assert process.stdout
-        left = min(deadline - time.monotonic(), threading.TIMEOUT_MAX)
-        timer = threading.Timer(left, process.kill)
-        timer.daemon = True
-        timer.start()
+    pipe, command = subprocess.PIPE, [sys.executable, "-c", _START.format(sys.path)]
+    process: Any = subprocess.Popen(command, stdin=pipe, stdout=pipe)
+    left = min(deadline - time.monotonic(), threading.TIMEOUT_MAX)
+    timer = threading.Timer(left, process.kill)
+    with process:
         try:
+            timer.start()
             with process.stdin:
-                pickle.dump((function, arguments), process.stdin)
-            for value in iter(partial(pickle.load, process.stdout), None):
-                if isinstance(value, BaseException):
-                    raise value
-                yield value
+                pickle.dump((found, seed), process.stdin)
+            while not found.finished:
+                found = pickle.load(process.stdout)
+                if isinstance(found, Exception):
+                    raise found
+                yield found
         except (EOFError, BrokenPipeError, pickle.UnpicklingError):
             if time.monotonic() < deadline:
                 raise RuntimeError("the process of the search ended") from None
@@ -163,16 +137,12 @@ def results_until(deadline: float, function: Callable[..., Iterator[Any]], *argu
 
 
 def serve() -> None:
-    """Run the generator that arrives at stdin, and write what it yields to stdout."""
+    """Run the search whose arguments arrive at stdin, and write what it yields to stdout."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits
     out = sys.stdout.buffer
-    function, arguments = pickle.load(sys.stdin.buffer)
     try:
-        for value in function(*arguments):
-            pickle.dump(value, out)
+        for found in search(*pickle.load(sys.stdin.buffer)):
+            pickle.dump(found, out)
             out.flush()
-        value = None
     except Exception as error:
-        value = error
-    pickle.dump(value, out)
-    out.flush()
+        pickle.dump(error, out)

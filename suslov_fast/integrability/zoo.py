@@ -14,28 +14,19 @@ from .maps import RationalMap
 from .rational import rational_map
 
 
-def _of(f: Callable[..., Any], make: Any = QuadraticField.from_function) -> QuadraticField:
-    """Return the field of a function, or Hamiltonian, of D numbers."""
-    field: QuadraticField = make(lambda x: f(*x), f.__code__.co_argcount)
-    return field
+def of(f: Callable[..., Any], n: int = 0, make: Any = QuadraticField.from_function) -> Any:
+    """Return the field of a function, or Hamiltonian, of n numbers, by default its arguments."""
+    return make(lambda x: f(*x), n or f.__code__.co_argcount)
 
 
-def _chain(N: int) -> QuadraticField:
+def _chain(*x: Any) -> Any:
     """Each species eats the next and is eaten by the one before, periodically."""
-
-    def field(x: Any) -> Any:
-        return [x[k] * (x[(k + 1) % N] - x[k - 1]) for k in range(N)]
-
-    return QuadraticField.from_function(field, N)
+    return [x[k] * (x[(k + 1) % len(x)] - x[k - 1]) for k in range(len(x))]
 
 
-def _rotors(*beta: int) -> QuadraticField:
+def _rotors(*beta: int) -> Any:
     """The gyrostat of Zhukovsky and Volterra."""
-
-    def field(x: Any) -> Any:
-        return np.array((x[1] * x[2], 2 * x[2] * x[0], -3 * x[0] * x[1])) + np.cross(x, beta)
-
-    return QuadraticField.from_function(field, 3)
+    return of(lambda x, y, z: np.array((y * z, 2 * z * x, -3 * x * y)) + np.cross((x, y, z), beta))
 
 
 def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> QuadraticField:
@@ -87,32 +78,29 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     fields = {
         "Suslov body": ("1/4", QuadraticField.of(Suslov3D(*I))),
         "Suslov gyrostat": ("1/4", QuadraticField.of(SuslovGyrostat(*I, k=0.5))),
-        "cubic Hamiltonian": ("1/2", _of(lambda x, y: (y**2 - x**2) / 2 + x**3 / 3, hamiltonian)),
-        "Nahm, octahedral": (
-            "1/4",
-            _of(lambda x, y: (2 * x**2 - 12 * y**2, -6 * x * y - 4 * y**2)),
+        "cubic Hamiltonian": (
+            "1/2",
+            of(lambda x, y: (y**2 - x**2) / 2 + x**3 / 3, make=hamiltonian),
         ),
-        "Euler top": ("1/2", _of(lambda x, y, z: (2 * y * z, -3 * z * x, x * y))),
+        "Nahm, octahedral": ("1/4", of(lambda x, y: (2 * x**2 - 12 * y**2, -6 * x * y - 4 * y**2))),
+        "Euler top": ("1/2", of(lambda x, y, z: (2 * y * z, -3 * z * x, x * y))),
         "Zhukovsky-Volterra, one beta": ("1/2", _rotors(1, 0, 0)),
-        "Nambu": ("1/4", _of(_nambu)),
-        "Volterra chain, N = 3": ("1/4", _chain(3)),
-        "Volterra chain, N = 4": ("1/4", _chain(4)),
+        "Nambu": ("1/4", of(_nambu)),
+        "Volterra chain, N = 3": ("1/4", of(_chain, 3)),
+        "Volterra chain, N = 4": ("1/4", of(_chain, 4)),
         "Lagrange top": ("1/4", _top((1, 1, Fraction(1, 2)), lambda p: (0, 0, 1))),
         "Kirchhoff": ("1/4", _top((1, 1, 2), lambda p: (1, 1, 3) * p)),
         "Clebsch": ("1/4", _top((1, 1, 1), lambda p: (1, 2, 5) * p)),
-        "Lotka-Volterra": ("1/2", _of(lambda x, y: (x * (1 - y), y * (x - 1)))),
+        "Lotka-Volterra": ("1/2", of(lambda x, y: (x * (1 - y), y * (x - 1)))),
         "Zhukovsky-Volterra, two betas": ("5/4", _rotors(1, 2, 0)),
         "Zhukovsky-Volterra, three betas": ("1", _rotors(1, 2, 3)),
-        "Volterra chain, N = 5": ("3/4", _chain(5)),
+        "Volterra chain, N = 5": ("3/4", of(_chain, 5)),
         "body in a fluid": ("1/4", _top((1, 2, 4), lambda p: (1, 3, 2) * p)),
-        "Henon-Heiles": ("1/4", _of(_henon_heiles, hamiltonian)),
-        "Lorenz": (
-            "1/64",
-            _of(lambda x, y, z: (10 * (y - x), x * (28 - z) - y, x * y - 8 * z / 3)),
-        ),
+        "Henon-Heiles": ("1/4", of(_henon_heiles, make=hamiltonian)),
+        "Lorenz": ("1/64", of(lambda x, y, z: (10 * (y - x), x * (28 - z) - y, x * y - 8 * z / 3))),
         "generic planar field": (
             "1/4",
-            _of(lambda x, y: (x**2 - y - x / 8, (x * y + y**2) / 2 + x - y / 8)),
+            of(lambda x, y: (x**2 - y - x / 8, (x * y + y**2) / 2 + x - y / 8)),
         ),
     }
     return {

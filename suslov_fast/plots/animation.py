@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, instance, integer, wrong
+from ..checks import FloatArray, instance, integer, positive, wrong
+from ..engine.arguments import BodyIn3D
 from ..runs.iterate import iterate
-from .phase import BodyIn3D, Plane, positive
+from .phase import Plane
 
 # A realizable body: admissible_I3() contains 2.28 to 5.68.
 _EXAMPLE = Suslov3D(4, 2, -0.5, -0.3, 3)
@@ -20,7 +21,7 @@ _POLE = 1e-3
 
 
 def animate_body(
-    body: BodyIn3D | None = None,
+    body: BodyIn3D = _EXAMPLE,
     omega0: ArrayLike | None = None,
     eps: float = 0.05,
     steps: int = 440,
@@ -62,14 +63,15 @@ def animate_body(
     >>> animation = animate_body()  # doctest: +SKIP
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
-    body = _EXAMPLE if body is None else body
     instance("body", body, BodyIn3D)
     if body.shape or np.ndim(eps):
         raise wrong("body, eps", "a single body and step size", (body, eps))
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
-    start = _passing(Plane(body, eps)) if omega0 is None else omega0
+    if omega0 is None:  # near the repelling steady rotation, where there is one
+        middle, (x, y) = Plane(body, eps).steady_line() or (0.0, (1.0, 0.0))
+        omega0 = middle + 2.0 * np.array([x, y]) + 0.3 * np.array([-y, x])
     attitude = True if R0 is None else R0
-    run = iterate(body, start, eps, steps, attitude=attitude, on_singular="raise")
+    run = iterate(body, omega0, eps, steps, attitude=attitude, on_singular="raise")
     if run.status.ndim:
         raise wrong("omega0, R0", "a single state and orientation", f"a batch {run.status.shape}")
     figure, draw = _turning_body(body, run.attitude, eps)
@@ -77,14 +79,6 @@ def animate_body(
     from matplotlib.animation import FuncAnimation
 
     return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
-
-
-def _passing(plane: Plane) -> FloatArray:
-    """A state near the repelling steady rotation, where there is one."""
-    if not plane.g:
-        return np.array([2.0, 0.3])
-    middle, (x, y) = plane.steady_line()
-    return middle + 2.0 * np.array([x, y]) + 0.3 * np.array([-y, x])
 
 
 def _turning_body(body: BodyIn3D, rotations: FloatArray, eps: float) -> tuple[Any, Any]:
@@ -141,12 +135,9 @@ def ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
     """
     I1, I2, I13, I23, _ = body.parameters
     low, high = Suslov3D(I1, I2, I13, I23).admissible_I3()
-    if body.I3 is not None:
-        I3 = float(body.I3)
-    elif np.isfinite(low):
-        I3 = float(0.5 * (low + high))
-    else:
-        I3 = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
+    large = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
+    middle = float(np.nan_to_num(0.5 * (low + high), nan=large))
+    I3 = middle if body.I3 is None else body.I3
     moments, axes = np.linalg.eigh(body._inertia(I3))
     if not moments[0] > 0:
         return None

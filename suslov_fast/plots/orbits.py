@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import FloatArray, integer, short, wrong
+from ..checks import FloatArray, integer, wrong
 from ..quantities import conserved
 
 try:
@@ -18,16 +18,12 @@ except ImportError as error:
     install = "pip install '.[plots]' in a copy of the repository"
     raise ImportError(f"plots need matplotlib: {install}") from error
 
-__all__ = ["COLOURS", "axes_for", "plot_run", "plt", "set_title"]
+__all__ = ["COLOURS", "axes_for", "plot_run", "plt"]
 # Without the lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
 
 # More dots make a picture large and no clearer; on lines, more than a few hide them.
 _MOST, _FEW = 20_000, 2000
-_LEVELS = {
-    "first_integral": "level of the first integral $F$",
-    "modified_energy": "level of the modified energy",
-}
 
 
 def axes_for(ax: Any, size: tuple[float, float]) -> Any:
@@ -39,18 +35,16 @@ def axes_for(ax: Any, size: tuple[float, float]) -> Any:
     return ax
 
 
-def set_title(axes: Any, title: str) -> None:
-    """Set a title in small letters, unless the axes have one."""
-    if not axes.get_title():
-        axes.set_title(title, fontsize="small")
-
-
 def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
-    first, second = _checked(components, run.states.shape[-1])
-    plane = run.states[..., (first, second)].reshape(len(run), -1, 2)
+    D, symbols = run.body.dimension, run._map.symbols(run.body)
+    expected = f"two integers from 0 to {D - 1}"
+    pair = [integer("components", k, 0, expected) for k in components]
+    if len(pair) != 2 or max(pair) >= D:
+        raise wrong("components", expected, components)
     if lines not in (None, True, False):
-        raise wrong("lines", "True, False or None", short(lines))
+        raise wrong("lines", "True, False or None", lines)
+    plane = run.states[..., pair].reshape(len(run), -1, 2)
     if lines is None:
         lines = plane[..., 0].size <= _MOST and run.n[-1] == len(run) - 1 and _are_near(plane)
     axes = axes_for(ax, (5.4, 5.0))
@@ -58,20 +52,9 @@ def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any)
     drawn, count = _draw(axes, plane, levels, lines)
     if levels is not None:
         axes.figure.colorbar(drawn, ax=axes, label=label, shrink=0.8)
-    symbols = run._map.symbols(run.body)
-    axes.set(xlabel=symbols[first], ylabel=symbols[second])
-    set_title(axes, _title(run, count))
+    axes.set(xlabel=symbols[pair[0]], ylabel=symbols[pair[1]])
+    axes.set_title(_title(run, count), fontsize="small")
     return axes
-
-
-def _checked(components: tuple[int, int], D: int) -> tuple[int, int]:
-    if D == 1:
-        raise wrong("plot", "states with at least 2 components", 1)
-    expected = f"two integers from 0 to {D - 1}"
-    found = [integer("components", k, 0, expected) for k in components]
-    if len(found) != 2 or max(found) >= D:
-        raise wrong("components", expected, components)
-    return found[0], found[1]
 
 
 def _are_near(plane: FloatArray) -> bool:
@@ -84,12 +67,11 @@ def _are_near(plane: FloatArray) -> bool:
 
 def _levels(run: Any) -> tuple[FloatArray | None, str]:
     """The levels (B,) of the orbits, and what they are levels of; None if they have one colour."""
-    for name, label in _LEVELS.items():
-        if name in run._map.functions(run.body):
-            values = getattr(conserved, name)(run.body, run.states[0], run.eps).ravel()
-            finite = values[np.isfinite(values)]
-            if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
-                return values, label
+    if name := run._map.conserved(run.body):
+        values = getattr(conserved, name)(run.body, run.states[0], run.eps).ravel()
+        finite = values[np.isfinite(values)]
+        if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
+            return values, f"level of the {name.replace('_', ' ')}"
     return None, ""
 
 
@@ -115,7 +97,6 @@ def _draw(axes: Any, plane: FloatArray, levels: FloatArray | None, lines: bool) 
 
 
 def _title(run: Any, count: int) -> str:
-    """Title of a picture: the map, the step size, the orbits and the number of states."""
     B, N = math.prod(run.states.shape[1:-1]), int(run.n[-1])
     eps = rf", $\epsilon$ = {float(run.eps):g}" if np.ndim(run.eps) == 0 else ""
     orbits = "1 orbit" if B == 1 else f"{B:,} orbits"

@@ -1,16 +1,14 @@
 """The phase plane of a body in three dimensions: orbits, level curves and steady states."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..bodies.rigid import PICTURES, Suslov3D, SuslovGyrostat
-from ..checks import FloatArray, instance, integer, real_number, wrong
+from ..checks import FloatArray, instance, integer, positive, wrong
+from ..engine.arguments import BodyIn3D
 from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
 
-BodyIn3D = Suslov3D | SuslovGyrostat
 # Relative distance from t = 1 of levels drawn in place of nearer ones.
 _NEAR_1 = 1e-6
 # Orbits are beside the line of steady states where abs(l) is this part of what it is in the middle.
@@ -79,8 +77,10 @@ class Plane:
         shown = l > _AT_THE_LINE * l[:, most, np.newaxis]
         return [orbit[where] for orbit, where in zip(orbits, shown, strict=True)]
 
-    def steady_line(self) -> tuple[FloatArray, FloatArray]:
-        """The steady state of least energy, and the direction of the half that repels."""
+    def steady_line(self) -> tuple[FloatArray, FloatArray] | None:
+        """The steady state of least energy, and the direction of the half that repels, if any."""
+        if not self.g:
+            return None
         least = -self.k / abs(self.g) ** 2 * self.products / self.roots**2
         direction = np.copysign(1.0, self.eps) * self.products[::-1] * [1.0, -1.0]
         return least + 0.0, direction / np.hypot(*direction)
@@ -117,8 +117,7 @@ def plot_phase(
     -------
     matplotlib.axes.Axes
         Each level has a colour: a thin line, and states of the map as dots, from near a repelling
-        to near an attracting steady state, or for one turn. The title has the parameters, unless
-        the axes have a title.
+        to near an attracting steady state, or for one turn. The title has the parameters.
 
     Raises
     ------
@@ -132,11 +131,12 @@ def plot_phase(
     >>> [float(end) for end in ax.get_xlim()]
     [-4.0, 4.0]
     """
-    from .orbits import COLOURS, axes_for, set_title
+    from .orbits import COLOURS, axes_for
 
     eps, extent = positive("eps", eps), positive("extent", extent)
     instance("body", body, BodyIn3D)
-    if body.shape or not any(body.parameters[2:]):
+    I1, I2, I13, I23, k = body.parameters
+    if body.shape or not (I13 or I23 or k):
         raise wrong("body", "a single one with I13 or I23 other than 0", body)
     plane, levels = Plane(body, eps), integer("levels", levels, 1)
     largest = plane.radius([extent, extent])
@@ -151,15 +151,17 @@ def plot_phase(
         for orbit in plane.orbits(R):
             axes.plot(*orbit.T, ".", color=colour, markersize=4.5, markeredgewidth=0)
             _arrow(axes, body, orbit, extent, colour)
-    if plane.g:
-        _steady_states(axes, plane, 4.0 * extent)
+    if line := plane.steady_line():
+        _steady_states(axes, k, *line, 4.0 * extent)
     look = {"color": colours[levels // 2], "linewidth": 0.8}
     axes.plot([], [], "-", label="levels of $F$, one colour each", **look)
     axes.plot([], [], ".", label="states of the map", **look)
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
-    set_title(axes, _title(plane, ", " if letter is None else "\n"))
+    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={eps:g}$"
+    products = rf"$I_{{13}}={I13:g}$, $I_{{23}}={I23:g}$" + (f", $k={k:g}$" if k else "")
+    axes.set_title(moments + (", " if letter is None else "\n") + products, fontsize="small")
     if letter is not None:
         axes.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
     if legend:  # below the label of the axis, in units of the font size
@@ -168,27 +170,9 @@ def plot_phase(
     return axes
 
 
-def positive(name: str, value: Any) -> float:
-    """Check that a value is a single positive number."""
-    number = real_number(name, value)
-    if not isinstance(number, float) or number <= 0:
-        raise wrong(name, "a positive number", value)
-    return number
-
-
-def _title(plane: Plane, between: str) -> str:
-    """The parameters, in two groups."""
-    I1, I2, I13, I23, k = plane.body.parameters
-    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={plane.eps:g}$"
-    products = rf"$I_{{13}}={I13:g}$, $I_{{23}}={I23:g}$"
-    return moments + between + products + (f", $k={k:g}$" if k else "")
-
-
-def _steady_states(axes: Any, plane: Plane, reach: float) -> None:
+def _steady_states(axes: Any, k: float, middle: Any, direction: Any, reach: float) -> None:
     """The attracting and the repelling half of the line l = 0, which meet where F is least."""
-    middle, direction = plane.steady_line()
-    k = " + k" if plane.k else ""
-    line = rf"$I_{{13}}\,\Omega_1 + I_{{23}}\,\Omega_2{k} = 0$"
+    line = rf"$I_{{13}}\,\Omega_1 + I_{{23}}\,\Omega_2{' + k' if k else ''} = 0$"
     for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
         ends = middle + np.outer([0.0, sign * (reach + np.hypot(*middle))], direction)
         look = {"color": "crimson", "linewidth": 2.4, "linestyle": style}
@@ -204,20 +188,3 @@ def _arrow(axes: Any, body: Any, orbit: FloatArray, extent: float, colour: Any) 
         along = 0.01 * extent * along / np.hypot(*along)
         look = {"arrowstyle": "-|>", "color": colour, "mutation_scale": 12, "linewidth": 0.8}
         axes.annotate("", xy=state + along, xytext=state - along, arrowprops=look)
-
-
-def pictures_in(directory: str | Path) -> list[Path]:
-    """The names of the files that `draw_pictures` writes."""
-    return [Path(directory) / f"picture{number}.png" for number in PICTURES]
-
-
-def draw_pictures(directory: str | Path) -> list[Path]:
-    """Draw the pictures into a directory, made if need be, and return the names of the files."""
-    from .orbits import plt
-
-    Path(directory).mkdir(parents=True, exist_ok=True)
-    for path, picture in zip(pictures_in(directory), PICTURES.values(), strict=True):
-        figure = plot_phase(*picture).figure
-        figure.savefig(path, dpi=150)
-        plt.close(figure)
-    return pictures_in(directory)

@@ -1,19 +1,18 @@
 """Conserved quantities, the invariant measure, and the coordinates and constants of Section 4."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.base import Body
-from ..bodies.nd import SuslovND, check_known
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, refuse, wrong
+from ..checks import FloatArray, wrong
 from ..core import quantities as formulas
 from ..core import quantities_field as fields
 from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
 from ..maps import states_after
-from .evaluation import by_terms, evaluate, terms_of
+from .evaluation import by_terms, evaluate, reported
 
 
 def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
@@ -35,20 +34,11 @@ def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    in_3d, in_nd = formulas.energy, formulas.energy_nd
-    return evaluate(body, Body, {"omega": omega}, in_3d, in_nd, _hamiltonian)
+    return evaluate("energy", body, Body, omega, otherwise=_hamiltonian)
 
 
 def _hamiltonian(states: States) -> FloatArray:
-    return by_terms(fields.energy, states, _terms_of_hamiltonian(states.body))
-
-
-def _terms_of_hamiltonian(body: Any) -> Any:
-    H = body.field().H
-    if H is None:
-        expected = "a field with a Hamiltonian, made by QuadraticField.from_hamiltonian"
-        raise wrong("body", expected, "one without", TypeError)
-    return H.terms
+    return by_terms(fields.energy, states, states.body.field().H.terms)
 
 
 def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -61,11 +51,9 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        A body without a known F raises :class:`NotIntegrableError`; its :func:`modified_energy`
-        is nearly conserved.
-    omega, eps
-        As in :func:`jacobian`.
+    body, omega, eps
+        As in :func:`jacobian`, without fields. A body without a known F raises
+        :class:`NotIntegrableError`; its :func:`modified_energy` is nearly conserved.
 
     Returns
     -------
@@ -79,10 +67,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
     >>> first_integral(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(9)
     array([0.26534473, 0.26534473])
     """
-    if isinstance(body, SuslovND):
-        check_known(body, "first_integral")
-    given, in_nd = {"omega": omega, "eps": eps}, formulas.first_integral_nd
-    return evaluate(body, AnyBody, given, formulas.first_integral, in_nd)
+    return evaluate("first_integral", body, AnyBody, omega, eps)
 
 
 def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -111,12 +96,11 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Floa
     >>> modified_energy(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(6)
     array([2.122758, 2.122758])
     """
-    given, in_nd = {"omega": omega, "eps": eps}, formulas.modified_energy_nd
-    return evaluate(body, Body, given, formulas.modified_energy, in_nd, _modified_hamiltonian)
+    return evaluate("modified_energy", body, Body, omega, eps, otherwise=_modified_hamiltonian)
 
 
 def _modified_hamiltonian(states: States) -> FloatArray:
-    places, values = _terms_of_hamiltonian(states.body)  # symmetric: x_next in each of the places
+    places, values = states.body.field().H.terms  # symmetric: x_next in each of the places
     terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)
     return by_terms(fields.cubic_form, states, terms, states_after(states))
 
@@ -145,10 +129,7 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    if isinstance(body, SuslovND):
-        check_known(body, "criticality")
-    given, in_nd = {"omega": omega, "eps": eps}, formulas.criticality_nd
-    return evaluate(body, AnyBody, given, formulas.criticality, in_nd)
+    return evaluate("criticality", body, AnyBody, omega, eps)
 
 
 def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -176,7 +157,7 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatAr
     >>> rotation_number(body, [1.1, -0.4], eps=0.35).round(6)
     array([0.      , 0.      , 0.043038])
     """
-    return evaluate(body, BodyIn3D, {"omega": omega, "eps": eps}, formulas.rotation_number)
+    return evaluate("rotation_number", body, BodyIn3D, omega, eps)
 
 
 def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -208,16 +189,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     >>> float(invariant_density(body, [1.0, 0.5], eps=0.2).round(9))
     -0.096052391
     """
-    if isinstance(body, SuslovND):
-        check_known(body, "invariant_density")
-    given, in_nd = {"omega": omega, "eps": eps}, formulas.invariant_density_nd
-    in_3d = formulas.invariant_density
-    return evaluate(body, Body, given, in_3d, in_nd, _density_of_field, poles=True)
-
-
-def _density_of_field(states: States) -> FloatArray:
-    _terms_of_hamiltonian(states.body)  # there has to be one
-    return by_terms(fields.density, states, terms_of(states.body))
+    return evaluate("invariant_density", body, Body, omega, eps, poles=True)
 
 
 def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
@@ -242,7 +214,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
-    return evaluate(body, Suslov3D, {"omega": omega}, formulas.to_xy)
+    return evaluate("to_xy", body, Suslov3D, omega)
 
 
 def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
@@ -267,8 +239,8 @@ def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
     """
     if isinstance(body, Suslov3D) and np.any((body.I13 == 0) & (body.I23 == 0)):
         raise wrong("body", "I13 or I23 other than 0", "both 0")
-    refuse("xy", xy)  # variables of datasets too: they hold states
-    return evaluate(body, Suslov3D, {"xy": xy}, formulas.from_xy)
+    states = check(body, Suslov3D, xy, name="xy", components=("x", "y"), later=True)
+    return reported(states, formulas.from_xy(*body.parameters, 0.0, states.omega))
 
 
 class ClosedForm(NamedTuple):
@@ -292,16 +264,14 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
     Parameters
     ----------
     body, omega0, eps
-        As in :func:`jacobian`; the body is a `Suslov3D`, omega0 is state 0 of an orbit, and
-        eps = 0 is the continuous motion.
+        As in :func:`jacobian`; the body is a `Suslov3D`, and eps = 0 is the continuous motion.
 
     Returns
     -------
     ClosedForm
-        Named tuple of arrays (...): h, in the unit of (I13 omega)**2; k1, in the unit of 1 / eps;
-        k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
-        -1 and 1, because the solution has another form there. k2 is infinite on the line x = 0, and
-        0 at rest.
+        Named tuple of arrays (...): h, in the unit of (I13 omega)**2; k1, in that of 1 / eps; k2,
+        dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between -1
+        and 1. k2 is infinite on the line x = 0, and 0 at rest.
 
     Examples
     --------
@@ -310,5 +280,5 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm
     >>> print(*(f"{value:.6f}" for value in constants))
     0.161860 -0.402536 -0.678170 0.040232
     """
-    states = check(body, Suslov3D, {"omega0": omega0, "eps": eps})
+    states = check(body, Suslov3D, omega0, eps, name="omega0")
     return ClosedForm(*formulas.closed_form(*body.parameters, states.eps, states.omega))

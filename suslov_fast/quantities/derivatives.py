@@ -11,13 +11,12 @@ from ..bodies.nd import SuslovND
 from ..bodies.rigid import SuslovGyrostat
 from ..checks import FloatArray, first_index, integer, spell
 from ..core import quantities as formulas
-from ..core import quantities_field as fields
 from ..core import tangent
 from ..engine import arguments
 from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
 from ..engine.threads import call_kernel
 from ..maps import states_after
-from .evaluation import evaluate, reported, terms_of
+from .evaluation import evaluate, reported
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.
 _FIXED = 1e-8
@@ -26,9 +25,7 @@ _STRETCH = 2**26
 
 
 def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
-    """Time derivative of omega in the continuous motion, or of the state x of a field.
-
-    It is equation (2) of the paper, in n dimensions equation (14).
+    """Time derivative of the state, equation (2) of the paper, or (14) in n dimensions.
 
     Parameters
     ----------
@@ -46,8 +43,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     >>> vector_field(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    in_3d, in_nd = formulas.vector_field, formulas.vector_field_nd
-    return evaluate(body, Body, {"omega": omega}, in_3d, in_nd, fields.vector_field)
+    return evaluate("vector_field", body, Body, omega)
 
 
 def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> FloatArray:
@@ -75,14 +71,14 @@ def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> F
     >>> float(reaction(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    given = {"omega": omega} if eps is None else {"omega": omega, "eps": eps}
-    return evaluate(body, AnyBody, given, formulas.reaction, otherwise=_reaction_nd)
+    h = 0.0 if eps is None else eps
+    return evaluate("reaction", body, AnyBody, omega, h, otherwise=_reaction_nd)
 
 
 def _reaction_nd(states: States) -> FloatArray:
     body, omega, eps, *_ = states
     after = states_after(states) if np.any(eps) else omega
-    found: FloatArray = formulas.reaction_nd(body.J, body.I, omega, after)
+    found: FloatArray = formulas.reaction_between(body.J, body.I, omega, after)
     return found
 
 
@@ -109,8 +105,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     >>> (matrix(body, [1.0, 0.5], eps=0.2) @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    given = {"omega": omega, "eps": eps}
-    return evaluate(body, Body, given, formulas.matrix, otherwise=fields.matrix)
+    return evaluate("matrix", body, Body, omega, eps)
 
 
 def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
@@ -138,8 +133,7 @@ def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    given = {"omega": omega, "eps": eps}
-    return evaluate(body, Body, given, formulas.jacobian, otherwise=fields.jacobian)
+    return evaluate("jacobian", body, Body, omega, eps)
 
 
 def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]:
@@ -174,15 +168,14 @@ def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]
     >>> multipliers(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [-0.6, 1.0], eps=0.2).round(6)
     array([1.062919, 1.      ])
     """
-    states = check(body, Body, {"x": x, "eps": eps})
-    half_step = 0.5 * np.asarray(states.eps)[..., np.newaxis]
+    states = check(body, Body, x, eps, name="x")
     with np.errstate(all="ignore"):
         slopes = _slopes_at_fixed_points(states)
-        known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1), keepdims=True))
-        Y = half_step * _rates(states, np.where(known, slopes, 0.0))
+        known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
+        rates = _rates(states, np.where(known[..., np.newaxis], slopes, 0.0))
+        Y = 0.5 * np.asarray(states.eps)[..., np.newaxis] * rates
         found = np.where(Y == 1.0, np.inf, (1.0 + Y) / (1.0 - Y))
-        found = np.where(known[..., 0], found, np.nan)
-        found = np.broadcast_to(found, (*states.batch, body.dimension))
+        found = np.where(np.broadcast_to(known, (*states.batch, 1)), found, np.nan)
         order = np.lexsort((-found.imag, -abs(found)), axis=-1)
     return np.take_along_axis(found, order, axis=-1)
 
@@ -266,7 +259,7 @@ def lyapunov_exponents(
     >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
     array([ 0.    , -0.0805])
     """
-    states = check(body, Body, {"omega0": omega0, "eps": eps}, threads)
+    states = check(body, Body, omega0, eps, threads, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     start = states_after(states, transient) if transient else states.omega
     with np.errstate(all="ignore"):
@@ -281,7 +274,7 @@ def lyapunov_exponents(
 
 def _growth(states: States, start: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
     """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
-    (places, values), (B, D), batch = terms_of(states.body), start.shape, states.batch
+    (places, values), (B, D), batch = states.body.terms, start.shape, states.batch
     flat = arguments.flat_parameter
     parameters = places, flat(values, batch, 1), flat(states.eps, batch)
     sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, D + D * D))

@@ -1,7 +1,7 @@
 """The way of a function of a state from its arguments to a universal function and its result.
 
-To add one, write its formula in `core.quantities`, as a universal function of the arguments that
-all have, and call `evaluate` with it.
+To add a quantity, write its formula in `core.quantities`, as a universal function of the arguments
+that all have, and call `evaluate` with its name.
 """
 
 import math
@@ -10,51 +10,50 @@ from typing import Any
 
 import numpy as np
 
-from ..bodies.nd import SuslovND
-from ..checks import FloatArray, first_index, real_array, spell, warn
+from ..bodies.nd import SuslovND, check_known
+from ..checks import FloatArray, first_index, real_array, spell, warn, wrong
+from ..core import quantities as formulas
+from ..core import quantities_field as fields
 from ..core.numba import Universal
 from ..engine.arguments import BodyIn3D, States, check
 from ..engine.status import SingularStepWarning
 
+# Of fields that have a Hamiltonian.
+_HAMILTONIAN = "energy", "modified_energy", "invariant_density"
+
 
 def evaluate(
+    name: str,
     body: Any,
     kinds: Any,
-    arguments: dict[str, Any],
-    in_3d: Universal,
-    in_nd: Universal | None = None,
-    otherwise: Universal | Callable[[States], FloatArray] | None = None,
+    omega: Any,
+    eps: Any = 0.0,
     *,
+    otherwise: Callable[[States], FloatArray] | None = None,
     poles: bool = False,
 ) -> FloatArray:
-    """Check the arguments of a public function, and return the quantity.
+    """Check the arguments of a public function, and return the quantity of its name.
 
-    Bodies of all `kinds` but those that have a formula of their own take `otherwise`: a formula of
-    the terms of their equations, or a function of `States`. With `poles`, infinite values have a
-    meaning.
+    Formulas have this name in `core.quantities`, with "_nd" in n dimensions. Bodies without one
+    take `otherwise`, or the formula of this name in `core.quantities_field` for the terms of their
+    equations. With `poles`, infinite values have a meaning.
     """
-    states = check(body, kinds, arguments, later=True)
-    own = in_nd if isinstance(body, SuslovND) else None
-    formula = in_3d if isinstance(body, BodyIn3D) else own
-    if formula:
+    states, formula = check(body, kinds, omega, eps, later=True), None
+    if isinstance(body, BodyIn3D):
+        formula = getattr(formulas, name)
+    elif isinstance(body, SuslovND):
+        check_known(body, name)
+        formula = getattr(formulas, f"{name}_nd", None)
+    elif name in _HAMILTONIAN and body.field().H is None:
+        expected = "a field with a Hamiltonian, made by QuadraticField.from_hamiltonian"
+        raise wrong("body", expected, "one without", TypeError)
+    if formula is not None:
         found = formula(*body.parameters, states.eps, states.omega)
-    elif isinstance(otherwise, Universal):
-        found = by_terms(otherwise, states, terms_of(body))
+    elif otherwise is not None:
+        found = otherwise(states)
     else:
-        found = otherwise(states)  # type: ignore[misc]
+        found = by_terms(getattr(fields, name), states, body.terms)
     return reported(states, found, poles)
-
-
-def terms_of(body: Any) -> tuple[Any, FloatArray]:
-    """Return the terms v x_j x_k, j <= k, of the equations i: places (3, T) and values (..., T)."""
-    if not isinstance(body, SuslovND):
-        terms: tuple[Any, FloatArray] = body.field().terms
-        return terms
-    i, j = np.nonzero(~np.eye(body.dimension, dtype=bool))  # faster than its exact field
-    J, I = np.broadcast_arrays(body.J, body.I)
-    places = np.array([[*i, *i], [*np.minimum(i, j), *j], [*np.maximum(i, j), *j]], np.int64)
-    values = np.concatenate([I[..., j] / J[..., i], -I[..., i] / J[..., i]], axis=-1)
-    return places, values
 
 
 def by_terms(formula: Universal, states: States, terms: Any, *after: FloatArray) -> FloatArray:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from decimal import Context, Decimal
 from fractions import Fraction
 from itertools import count, product
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
-from ..checks import FloatArray, wrong
+from ..checks import FloatArray, extra, wrong
 
 try:
     import flint
@@ -27,9 +26,6 @@ _BITS, _LEAST_BITS = 192, 100
 
 def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
     """All real fixed points of a field, which are those of its Kahan map for every step size.
-
-    Groebner bases reduce the equations to irreducible ones in one variable, and the points are
-    polynomials in their roots.
 
     Parameters
     ----------
@@ -74,16 +70,15 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
 
 def _points_of(field: Any) -> FloatArray:
     """Return the fixed points of a single field in ascending order."""
-    if flint is None and field.dimension > 1:
-        install = "pip install '.[algebra]' in a copy of the repository"
-        raise ImportError(f"expected python-flint, got none: {install}")
-    try:
-        points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
-    except OverflowError:
-        raise wrong("field", "fixed points in the range of float64", "others") from None
+    if field.dimension > 1:
+        extra("flint", "algebra")
+    points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
     if points is None:
         raise wrong("field", "finitely many fixed points", f"infinitely many: {_BEYOND}")
-    return np.array(sorted(points), np.float64).reshape(-1, field.dimension)
+    found = np.array(sorted(points), np.float64).reshape(-1, field.dimension)
+    if np.isinf(found).any():
+        raise wrong("field", "fixed points in the range of float64", "others")
+    return found
 
 
 def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:
@@ -103,9 +98,8 @@ def _roots(field: Any) -> Points | None:
     middle, square = -half_b / a, (half_b * half_b - a * c) / (a * a)
     if square < 0:
         return set()
-    digits = Context(prec=500)  # more than sums of numbers from 1e-60 to 1e60 can lose
-    quotient = digits.divide(Decimal(square.numerator), Decimal(square.denominator))
-    root = Fraction(digits.sqrt(quotient))
+    p, q = square.as_integer_ratio()  # 2,000 bits are more than sums from 1e-60 to 1e60 can lose
+    root = Fraction(math.isqrt(p * q << 4000), q << 2000)
     return {(float(middle + each) + 0.0,) for each in (root, -root)}  # no -0.0
 
 
@@ -113,7 +107,7 @@ def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:
     """Return the real common zeros of ``flint.fmpq_mpoly``, None if there are infinitely many.
 
     If there are finitely many complex zeros, those for each irreducible factor of the minimal
-    polynomial of the linear form x1 + weight x2 + weight**2 x3 are found from its roots, with
+    polynomial of the linear form x1 + weight x2 + weight**2 x3 are polynomials in its roots, with
     another weight if the form has equal values at different points.
     """
     context = equations[0].context()
@@ -136,7 +130,7 @@ def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:
     if matrices is not None:
         if minimal.degree() < form.nrows():
             return _real_zeros(equations, weight + 1)
-        return _points_at(_in_powers(form, matrices), minimal)
+        return _points_at(form, matrices, minimal)
     # Where a quadric has no two values of opposite sign, its real zeros are critical points.
     squares = [p.derivative(i) for p in equations if _is_semidefinite(p) for i in range(len(x))]
     return _real_zeros([*equations, *squares]) if squares else None
@@ -178,32 +172,25 @@ def _multiplications(basis: Any, D: int) -> list[Any] | None:
     return [flint.fmpq_mat([row(a * context.from_dict({m: 1})) for m in below]) for a in x]
 
 
-def _in_powers(form: Any, matrices: Sequence[Any]) -> list[Any]:
-    """Return matrices of multiplication as polynomials in that of a form that generates all."""
+def _points_at(form: Any, matrices: Sequence[Any], minimal: Any) -> Points:
+    """Return the points at the real zeros of the minimal polynomial of a form that generates all.
+
+    Coordinates are polynomials in the form, as their matrices of multiplication are in its own.
+    """
     size = form.nrows()
     rows = [flint.fmpq_mat(1, size, [1] + [0] * (size - 1))]
     for _ in range(size - 1):
         rows.append(rows[-1] * form)
     powers = flint.fmpq_mat([row.entries() for row in rows]).transpose()
     found = (powers.solve((rows[0] * each).transpose()) for each in matrices)
-    return [flint.fmpq_poly(each.entries()) for each in found]
-
-
-def _points_at(coordinates: Sequence[Any], minimal: Any) -> Points:
-    """Return the values of polynomials of lower degree at the real zeros of an irreducible one."""
+    coordinates = [flint.fmpq_poly(each.entries()) for each in found]
     for bits in (_BITS << k for k in count()):
         with flint.ctx.workprec(bits):
             zeros = [zero.real for zero, _ in minimal.complex_roots() if zero.imag.is_zero()]
             points = [[flint.arb_poly(each)(zero) for each in coordinates] for zero in zeros]
         if all(v.is_zero() or v.rel_accuracy_bits() > _LEAST_BITS for p in points for v in p):
             break
-    return {tuple(map(_rounded, point)) for point in points}
-
-
-def _rounded(value: Any) -> float:
-    """Return a float; OverflowError if it is out of range."""
-    middle = value.mid().fmpq()
-    return int(middle.p) / int(middle.q)
+    return {tuple(map(float, point)) for point in points}
 
 
 def _is_semidefinite(polynomial: Any) -> bool:

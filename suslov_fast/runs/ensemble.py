@@ -13,6 +13,7 @@ import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import islice, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,10 +23,10 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..engine.arguments import RandomStarts, States, require
-from ..engine.stretches import March, Progress, Report, reporter
+from ..engine.arguments import RandomStarts, States, check, require
+from ..engine.stretches import March, Progress, reporter
 from ..maps import map_of
-from .iterate import begin, checked_counts
+from .iterate import checked_counts
 from .trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     import xarray
 
 # Version of the format, and the status of trajectories that are not computed.
-FORMAT, PENDING = 6, -128
+FORMAT, PENDING = 7, -128
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
 # least number of trajectories that keep a processor busy; tiles queued per thread of a worker.
 _CHUNK, _WORK, _FEWEST, _WAITING = 2**23, 2**31, 2**12, 4
@@ -105,26 +106,46 @@ def ensemble(
     ...     print(dict(runs.final.sizes), int((runs.status < 0).sum()))
     {'trajectory': 9, 'component': 2} 0
     """
+    zarr = checks.extra("zarr", "large")
     if client is not None and not hasattr(client, "nthreads"):
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
+    checks.one_of("method", method, map_of(body).methods)
     threads = None if client is None else 1
-    _, whole = begin(body, RandomStarts((), 1.0), eps, method, attitude, threads)
+    whole = check(body, (), RandomStarts((), 1.0), eps, threads, attitude=attitude)
     is_random = isinstance(omega0, RandomStarts)
     if not (is_random or isinstance(omega0, np.memmap) or hasattr(omega0, "dask")):
         omega0 = checks.states("omega0", omega0, body._labels)
-    shape = omega0.shape if is_random else omega0.shape[:-1]
-    if not is_random and (omega0.shape[-1:] != (body.dimension,) or np.isnan(shape).any()):
-        raise wrong("omega0", f"known shape (..., {body.dimension})", omega0.shape)
-    batch = checks.common_shape({"omega0": shape, "the other arguments": whole.batch})
+    shape = (*omega0.shape, body.dimension) if is_random else omega0.shape
+    if shape[-1:] != (body.dimension,) or np.isnan(shape).any():
+        raise wrong("omega0", f"known shape (..., {body.dimension})", shape)
+    batch = checks.common_shape({"omega0": shape[:-1], "the other arguments": whole.batch})
     functions = functions or {}
     checks.instance("functions", functions, Mapping)
     steps, save_every = checked_counts(steps, save_every)
-    run = whole._replace(omega=omega0, batch=batch), (method, steps, save_every, functions)
-    data, store = _template(*run, dims, coords), _resolved(store)
+    options = method, steps, save_every, functions
+    whole, store = whole._replace(omega=omega0, batch=batch), _resolved(store)
+    data, done = _template(whole, options, dims, coords), 0
     sizes, reports = _sizes(data, chunk), reporter(progress, math.prod(batch) * steps)
     _prepare(store, data, sizes)
+    with zarr.config.set({"array.write_empty_chunks": True}):  # to look for them takes time
+        arrays = dict(zarr.open_group(store, mode="r+").arrays())
+    status = arrays["status"]
+    axes = zip(status.shape, status.chunks, strict=True)
+    tiles = product(*([slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes))
+    compute: Any = _compute
+    abreast = 1
+    if client is not None:
+        compute = partial(client.submit, _compute, pure=False)
+        abreast = _WAITING * max(1, sum(client.nthreads().values()))
     with reports as report:
-        _compute_missing(*run, store, client, report)
+        while group := [(where, np.asarray(status[where])) for where in islice(tiles, abreast)]:
+            missing = [where for where, found in group if (found == PENDING).any()]
+            jobs = [compute(_tile(whole, where), options, where, arrays) for where in missing]
+            for job in jobs if client else ():
+                job.result()  # `gather` would log the tiles that an error cancels
+            done += sum(found.size for _, found in group)
+            if report is not None:
+                report(done * steps)
     return open_ensemble(store)
 
 
@@ -153,9 +174,7 @@ def open_ensemble(store: Any) -> "xarray.Dataset":
     ...     open_ensemble(f"{folder}/runs.zarr").attrs["eps"]
     0.2
     """
-    import xarray
-
-    store = _resolved(store)
+    xarray, store = checks.extra("xarray", "large"), _resolved(store)
     if not _opened(store)[1]:
         raise wrong("store", "a store of ensemble", f"none at {store}", FileNotFoundError)
     data = xarray.open_zarr(store, consolidated=True, chunks={})
@@ -164,27 +183,27 @@ def open_ensemble(store: Any) -> "xarray.Dataset":
 
 def _resolved(store: Any) -> Any:
     """Return a store that other processes can open: folders as absolute paths."""
-    from zarr.abc.store import Store
-
+    Store = checks.extra("zarr.abc.store", "large").Store
     checks.instance("store", store, (str, os.PathLike, Store))
     elsewhere = isinstance(store, Store) or "://" in os.fspath(store)
     return store if elsewhere else Path(store).absolute()
 
 
 def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
-    """Return the dataset of a run, with its arguments as attributes and nothing computed."""
-    (body, _, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
+    """Return the dataset of a run with nothing computed; its attributes identify the run."""
+    (body, omega0, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
     rows, D = 1 if every is None else steps // every + 1, body.dimension
-    require(8 * rows, "raise save_every")
+    require(24 * rows, "raise save_every")
     fills: dict[str, Any] = {
         "states": np.broadcast_to(np.nan, (rows, *batch, D)),
         "final": np.broadcast_to(np.nan, (*batch, D)),
         "failed_at": np.broadcast_to(np.int64(PENDING), batch),
         "status": np.broadcast_to(np.int8(PENDING), batch),
-        "attitude": None,
     }
+    arrays = {**body._arrays, "eps": np.asarray(eps)}
     if turns is not None:
         fills["attitude"] = np.broadcast_to(np.nan, (rows, *batch, D + 1, D + 1))
+        arrays["attitude"] = turns
     about = {"body": body, "eps": eps, "method": method, "steps": steps, "save_every": every}
     data = Trajectories._of(fills | about).to_xarray(dims, coords).drop_vars("time")
     sources = {}
@@ -202,23 +221,14 @@ def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
         raise wrong("dims, coords and functions", "names without /", ", ".join(map(str, data)))
     for name in {map_of(body).variable, *fills, *functions} & {*data}:
         data[name].encoding["fill_value"] = PENDING if data[name].dtype.kind == "i" else np.nan
+    identity = {name: _described(name, each) for name, each in arrays.items()}
+    identity["omega0"] = _described("omega0", omega0, few=0)
     labels = {name: data[name].values.tolist() for name in coords or ()}
-    return data.assign_attrs(_about(whole, {"functions": sources, "coords": labels}, data))
-
-
-def _about(whole: States, texts: dict[str, Any], data: Any) -> dict[str, Any]:
-    """Return the arguments of a run, which identify it, as attributes of its store."""
-    body = whole.body
-    arrays = {**body._arrays, "eps": np.asarray(whole.eps)}
-    if whole.orientation is not None:
-        arrays["attitude"] = whole.orientation
-    about = {name: _described(name, each) for name, each in arrays.items()}
-    about["omega0"] = _described("omega0", whole.omega, few=0)
-    for name, entries in texts.items():
-        digest = hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()
-        about |= {name: f"{', '.join(entries)}, sha256 {digest}"} if entries else {}
-    dims = ", ".join(data.status.dims)
-    return about | {"body": type(body).__name__, "dims": dims, "format": FORMAT}
+    for name, texts in (("functions", sources), ("coords", labels)):
+        digest = hashlib.sha256(repr(sorted(texts.items())).encode()).hexdigest()
+        identity |= {name: f"{', '.join(texts)}, sha256 {digest}"} if texts else {}
+    identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
+    return data.assign_attrs(identity, format=FORMAT)
 
 
 def _described(name: str, array: Any, few: int = 1000) -> Any:
@@ -244,7 +254,6 @@ def _in_words(value: Any) -> str:
 
 
 def _values(name: str, function: Any, points: FloatArray) -> Any:
-    """Return the values of a function of states."""
     values = np.asarray(function(points))
     if values.shape != points.shape[:-1] or values.dtype.kind not in "buif":
         received = f"{name} with {values.dtype} {values.shape} for states {points.shape}"
@@ -256,19 +265,19 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
     """Return the lengths of chunks: tiles along the last axes, and saved states."""
     lengths = {"n": data.sizes["n"], **data.status.sizes}
     expected = f"a number of trajectories, or sizes along {', '.join(map(str, lengths))}"
-    given = dict(chunk) if isinstance(chunk, Mapping) else {}
-    if unknown := given.keys() - lengths:
-        raise wrong("chunk", expected, ", ".join(map(str, unknown)))
     width = 8 * max(data.sizes["component"], data.sizes.get("space", 0) ** 2)
     few = min(_CHUNK // (width * lengths["n"]), _WORK // (data.attrs["steps"] + 1))
+    given = chunk if isinstance(chunk, Mapping) else {}
     left = max(_FEWEST, few) if chunk is None or given else chunk
+    if unknown := given.keys() - lengths:
+        raise wrong("chunk", expected, ", ".join(map(str, unknown)))
     sizes: dict[str, int] = {}
-    for name in reversed(lengths):
+    for name, length in reversed(lengths.items()):
         if name == "n":
             left = max(1, _CHUNK // (width * math.prod(sizes.values())))
         most = checks.integer("chunk", given.get(name, left), 1, expected)
-        parts = max(1, -(-lengths[name] // most))  # of equal size, since all take as much space
-        sizes[name] = max(1, -(-lengths[name] // parts))
+        parts = math.ceil(length / most) or 1  # of equal size, since all take as much space
+        sizes[name] = math.ceil(length / parts) or 1
         left = max(1, left // sizes[name])
     return sizes
 
@@ -291,7 +300,7 @@ def _opened(store: Any) -> tuple[dict[str, Any], bool]:
 def _prepare(store: Any, data: Any, sizes: dict[str, int]) -> None:
     """Create the store of a run, or check that it holds this run."""
     (stored, is_made), texts = _opened(store), []
-    for name in dict.fromkeys([*data.attrs, *stored]) if stored else ():
+    for name in {**data.attrs, **stored} if stored else ():
         if name not in ("version", "coordinates") and data.attrs.get(name) != stored.get(name):
             ours, theirs = (_in_words(each.get(name)) for each in (data.attrs, stored))
             texts.append(f"{name}: {ours}, the store has {'others' if ours == theirs else theirs}")
@@ -299,20 +308,16 @@ def _prepare(store: Any, data: Any, sizes: dict[str, int]) -> None:
         received = f"{store} of another run: {'; '.join(texts)}"
         raise wrong("store", "a new name, or the store of this run", received)
     if not stored and isinstance(store, Path):
-        _require_space(store, data)
+        there = {path.name for path in store.glob("*") if path.suffix != ".partial"}
+        if others := there - {"zarr.json", *map(str, data.variables)}:  # which another process made
+            raise wrong("store", "a new name or a store", f"{store} with {min(others)} in it")
+        free = shutil.disk_usage(next(each for each in store.parents if each.exists())).free
+        if data.nbytes > free:
+            received = f"{free:,} bytes, fewer than the {data.nbytes:,} of the run"
+            message = f"expected space for the run, got {received}: raise save_every"
+            raise OSError(errno.ENOSPC, message, str(store))
     if not is_made:
         _create(store, data, sizes)
-
-
-def _require_space(folder: Path, data: Any) -> None:
-    """Raise an error if a folder holds other data, or its disk has no space for a new store."""
-    there = {path.name for path in folder.glob("*") if path.suffix != ".partial"}
-    if others := there - {"zarr.json", *map(str, data.variables)}:  # which another process made
-        raise wrong("store", "a new name or a store", f"{folder} with {min(others)} in it")
-    free = shutil.disk_usage(next(each for each in folder.parents if each.exists())).free
-    if data.nbytes > free:
-        received = f"{free:,} bytes, fewer than the {data.nbytes:,} of the run: raise save_every"
-        raise OSError(errno.ENOSPC, f"expected space for the run, got {received}", str(folder))
 
 
 def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
@@ -341,34 +346,8 @@ def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
         if fill is None:
             root[name][...] = variable.values
     with _ONE_AT_A_TIME, warnings.catch_warnings():  # filters of warnings are those of all threads
-        warnings.simplefilter("ignore", UserWarning)  # consolidated metadata extend the format
+        warnings.simplefilter("ignore", UserWarning)  # of this format, and of unfinished files
         zarr.consolidate_metadata(store)
-
-
-def _compute_missing(
-    whole: States, options: Options, store: Any, client: Any, report: Report | None
-) -> None:
-    """Compute the tiles whose `status` is not in the store, here or on the workers of a client."""
-    import zarr
-
-    with zarr.config.set({"array.write_empty_chunks": True}):  # to look for them takes time
-        arrays = dict(zarr.open_group(store, mode="r+").arrays())
-    status, done = arrays["status"], 0
-    axes = zip(status.shape, status.chunks, strict=True)
-    tiles = product(*([slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes))
-    abreast = 1 if client is None else _WAITING * max(1, sum(client.nthreads().values()))
-    while group := [(where, np.asarray(status[where])) for where in islice(tiles, abreast)]:
-        missing = [where for where, found in group if (found == PENDING).any()]
-        jobs = [(_tile(whole, where), options, where, arrays) for where in missing]
-        if client is None:
-            for job in jobs:
-                _compute(*job)
-        else:
-            for future in [client.submit(_compute, *job, pure=False) for job in jobs]:
-                future.result()  # `gather` would log the tiles that an error cancels
-        done += sum(found.size for _, found in group)
-        if report is not None:
-            report(done * options[1])
 
 
 def _compute(tile: States, options: Options, where: Where, arrays: Any) -> None:
@@ -393,15 +372,13 @@ def _tile(whole: States, where: Where) -> States:
     if isinstance(omega0, RandomStarts):
         omega0 = omega0._part(_along(omega0.shape, where), body.dimension)
     else:
-        omega0 = checks.states("omega0", np.asarray(_cut(omega0, where, 1)), body._labels)
-    turns = None if turns is None else _cut(turns, where, 2)
-    batch, eps = tuple(part.stop - part.start for part in where), _cut(np.asarray(eps), where)
+        omega0 = np.asarray(omega0[_along(omega0.shape[:-1], where)])
+        omega0 = checks.states("omega0", omega0, body._labels)
+    if turns is not None:
+        turns = turns[_along(turns.shape[:-2], where)]
+    batch, eps = tuple(part.stop - part.start for part in where), np.asarray(eps)
+    eps = eps[_along(eps.shape, where)]
     return whole._replace(body=body, omega=omega0, eps=eps, batch=batch, orientation=turns)
-
-
-def _cut(array: Any, where: Where, own: int = 0) -> Any:
-    """Return the part of an array, whose last axes are its own."""
-    return array[_along(array.shape[: array.ndim - own], where)]
 
 
 def _along(shape: tuple[int, ...], where: Where) -> Where:

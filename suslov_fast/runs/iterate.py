@@ -1,7 +1,7 @@
 """One step and many steps of the map of a body or a field."""
 
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, instance, integer, one_of, wrong
 from ..core import quantities as formulas
-from ..engine.arguments import BodyOrField, RandomStarts, States, check
+from ..engine.arguments import BodyIn3D, BodyOrField, RandomStarts, check
 from ..engine.status import OnSingular, report_failures
 from ..engine.stretches import March, Progress
-from ..maps import Map, map_of
+from ..maps import map_of
 from ..quantities.evaluation import reported
 from .trajectories import Trajectories, run_to_end
 
@@ -29,7 +29,7 @@ def step(
     Parameters
     ----------
     body, eps, threads
-        As in :func:`iterate`.
+        As in :func:`iterate`; a step in three dimensions takes one thread.
     omega : array_like(float, shape=(..., D))
         Angular velocities, or states x of a field.
 
@@ -47,7 +47,9 @@ def step(
     array([1.013781, 0.372248])
     """
     map = map_of(body)
-    states = check(body, (), {"omega": omega, "eps": eps}, threads)
+    states = check(body, (), omega, eps, threads)
+    if isinstance(body, BodyIn3D):
+        return reported(states, formulas.step(*body.parameters, states.eps, states.omega))
     march = March(map.methods["auto"], states)
     march.to(1)
     report_failures(march, "warn", since=1)  # those at step 0 are NaN as given
@@ -126,22 +128,13 @@ def iterate(
     >>> orbit.final.round(6)
     array([ 0.873325, -1.093093])
     """
-    map, states = begin(body, omega0, eps, method, attitude, threads)
-    march, counts = March(map.methods[method], states), checked_counts(steps, save_every)
+    methods = map_of(body).methods
+    one_of("method", method, methods)
+    states = check(body, (), omega0, eps, threads, name="omega0", attitude=attitude)
+    if type(states.eps) is not float:  # which a run keeps
+        states = states._replace(eps=np.array(states.eps))
+    march, counts = March(methods[method], states), checked_counts(steps, save_every)
     return run_to_end(march, method, *counts, on_singular, progress, out)
-
-
-def begin(
-    body: Any, omega0: Any, eps: Any, method: str, attitude: Any, threads: int | None = None
-) -> tuple[Map, States]:
-    """Return the map and the checked arguments of a run, of which it keeps copies."""
-    map = map_of(body)
-    one_of("method", method, map.methods)
-    arguments = {"omega0": omega0, "eps": eps}
-    if attitude is not False:
-        arguments["attitude"] = attitude
-    states = check(body, (), arguments, threads)
-    return map, states if type(states.eps) is float else states._replace(eps=np.array(states.eps))
 
 
 def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:
@@ -187,6 +180,6 @@ def step_full(
     elif body.I3 is None:
         raise wrong("I3", "a number, or a body whose I3 is set", "neither", TypeError)
     labels = "Omega1", "Omega2", "Omega3"
-    states = check(body, Suslov3D, {"omega": omega, "eps": eps}, components=labels)
+    states = check(body, Suslov3D, omega, eps, components=labels)
     found = formulas.step_full(*body.parameters[:4], body.I3, states.eps, states.omega)
     return reported(states, found)

@@ -74,8 +74,7 @@ def exact(
            [ 1.007482,  0.435551],
            [ 0.791446, -1.319077]])
     """
-    times = _times("n", n)
-    return _states_at("exact", _checked(body, {"omega0": omega0, "eps": eps}, threads), times)
+    return _states_at("exact", body, omega0, eps, "n", n, threads)
 
 
 def flow(
@@ -107,12 +106,13 @@ def flow(
     >>> energy(body, states).round(12)
     array([2.125, 2.125, 2.125])
     """
-    times = _times("time", time)
-    return _states_at("flow", _checked(body, {"omega0": omega0}, threads), times)
+    return _states_at("flow", body, omega0, 0.0, "time", time, threads)
 
 
 def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return the limits of an orbit of the map for n to minus and to plus infinity.
+
+    They are those of Proposition 2 in Section 4 of the paper.
 
     Parameters
     ----------
@@ -127,10 +127,6 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
         where a gyrostat is periodic, if omega0 is NaN, and for the one state of a body at which the
         map, or its inverse, is undefined.
 
-    Notes
-    -----
-    This is Proposition 2 in Section 4 of the paper.
-
     Examples
     --------
     >>> from suslov_fast import Suslov3D, limits
@@ -139,33 +135,22 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
     >>> omega_minus.round(6), omega_plus.round(6)
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
-    given = _checked(body, {"omega0": omega0, "eps": eps})
-    plane, leave = _in_plane("limits", given)
+    _, plane, leave = _in_plane("limits", body, omega0, eps)
     minus, plus = closed_form.limits(*plane.body.parameters, plane.eps, plane.omega)
     return leave(minus), leave(plus)
 
 
-def _checked(body: Any, arguments: dict[str, Any], threads: int | None = None) -> States:
-    """Return the checked arguments of a function that has no meaning for fields."""
-    if isinstance(body, QuadraticField):
-        received = "QuadraticField, for which no closed form is known: use iterate"
-        raise wrong("body", "Suslov3D, SuslovND or SuslovGyrostat", received, TypeError)
-    return check(body, AnyBody, arguments, threads)
-
-
-def _times(name: str, value: Any) -> FloatArray:
+def _states_at(
+    function: str, body: Any, omega0: Any, eps: Any, name: str, value: Any, threads: int | None
+) -> FloatArray:
+    """Return states of the map or the flow at given times, and warn of those that are missing."""
     times = np.asarray(real_number(name, value))
     if times.ndim > 1:
         raise wrong(name, "a number or a 1-D array", f"shape {times.shape}")
-    return times
-
-
-def _states_at(name: str, whole: States, times: FloatArray) -> FloatArray:
-    """Return states of the map or the flow at given times, and warn of those that are missing."""
-    plane, leave = _in_plane(name, whole)
-    body, omega, eps, batch, threads, *_ = plane
-    flat, all_times = flat_arrays(omega, batch), times.reshape(-1)
-    given = parameters_of(body, eps, batch), flat, float(name == "exact")
+    start, plane, leave = _in_plane(function, body, omega0, eps, threads)
+    batch, threads, all_times = plane.batch, plane.threads, times.reshape(-1)
+    flat = flat_arrays(plane.omega, batch)
+    given = parameters_of(plane.body, plane.eps, batch), flat, float(name == "n")
     require(8 * times.size * flat.size, "compute fewer states at a time")
     states, reasons = np.empty((times.size, *flat.shape)), np.zeros((3, len(flat)), bool)
     rows = max(_SLICE // max(len(flat), 1), 1)
@@ -178,24 +163,30 @@ def _states_at(name: str, whole: States, times: FloatArray) -> FloatArray:
             if flags.any():
                 warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {what}", category)
     states = leave(states.reshape(*times.shape, *batch, 2))
-    if isinstance(whole.body, SuslovND):
-        states[times == 0.0] = whole.omega
+    if isinstance(body, SuslovND):
+        states[times == 0.0] = start
     return states
 
 
-def _in_plane(name: str, given: States) -> tuple[States, Callable[[FloatArray], FloatArray]]:
-    """Return states reduced to a body in three dimensions, and what takes others back.
+def _in_plane(
+    name: str, body: Any, omega0: Any, eps: Any, threads: int | None = None
+) -> tuple[FloatArray, States, Callable[[FloatArray], FloatArray]]:
+    """Return checked states, their reduction to three dimensions, and what takes others back.
 
     A body that is not solved is an error.
     """
-    body, omega = given.body, given.omega
+    if isinstance(body, QuadraticField):
+        received = "QuadraticField, for which no closed form is known: use iterate"
+        raise wrong("body", "Suslov3D, SuslovND or SuslovGyrostat", received, TypeError)
+    given = check(body, AnyBody, omega0, eps, threads, name="omega0")
+    omega = given.omega
     if not isinstance(body, SuslovND):
-        return given, lambda states: states
+        return omega, given, lambda states: states
     check_known(body, name)
     J, I = np.broadcast_arrays(body.J, body.I)
     if body.dimension == 2:
         plane = {"I1": J[..., 0], "I2": J[..., 1], "I13": -I[..., 1], "I23": I[..., 0]}
-        return given._replace(body=Suslov3D._of(plane)), lambda states: states
+        return omega, given._replace(body=Suslov3D._of(plane)), lambda states: states
     length = np.sqrt((I * I).sum(axis=-1))
     unit = I / np.where(length > 0.0, length, 1.0)[..., None]
     along = (unit * omega).sum(axis=-1)
@@ -211,4 +202,5 @@ def _in_plane(name: str, given: States) -> tuple[States, Callable[[FloatArray], 
         return found
 
     reduced = Suslov3D._of({"I1": b, "I2": a, "I13": np.zeros(()), "I23": length})
-    return given._replace(body=reduced, omega=np.stack([along, rest], axis=-1)), leave
+    reduction = given._replace(body=reduced, omega=np.stack([along, rest], axis=-1))
+    return omega, reduction, leave

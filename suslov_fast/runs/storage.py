@@ -4,24 +4,19 @@ import errno
 import json
 import os
 import secrets
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..checks import instance, wrong
+from ..checks import extra, instance, wrong
 from ..engine.status import Status
 from ..maps import body_from_dict
 
 PathLike = str | os.PathLike[str]
 
-FORMAT = 7
-# What NumPy, zipfile and json raise for files that are something else.
-_DAMAGE = KeyError, AttributeError, TypeError, ValueError, EOFError, zipfile.BadZipFile, zlib.error
+FORMAT = 8
 _ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"
 _NUMBERS = "method", "steps", "save_every"
 # Axes of a parameter of a body after those of the batch; the first is also that of states.
@@ -38,10 +33,7 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
     if target.exists() and not overwrite:
         message = "expected the name of a new file, or overwrite=True, got one that exists"
         raise FileExistsError(errno.EEXIST, message, os.fspath(path))
-    if not target.absolute().parent.is_dir():
-        message = "expected a name in a folder that exists, got one in none"
-        raise FileNotFoundError(errno.ENOENT, message, os.fspath(path))
-    about = {"format": FORMAT, "version": __version__, "map": run._map.name}
+    about = {"format": FORMAT, "version": __version__}
     about |= {name: getattr(run, name) for name in _NUMBERS}
     arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}
     arrays |= {"about": json.dumps(about), "body": json.dumps(run.body.to_dict())}
@@ -50,6 +42,8 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
         with open(new, "xb") as file:
             np.savez(file, **arrays)
         os.replace(new, target)
+    except OSError as error:  # of the new file, whose name the caller does not know
+        raise OSError(error.errno, error.strerror, os.fspath(path)) from error
     finally:
         new.unlink(missing_ok=True)
 
@@ -73,7 +67,9 @@ def load(path: PathLike) -> dict[str, Any]:
         if run["states"].shape != shape:
             raise wrong("states", f"shape {shape}", run["states"].shape)
         return run | {"body": body, "eps": float(eps) if eps.ndim == 0 else eps}
-    except _DAMAGE as error:
+    except (OSError, MemoryError):
+        raise
+    except Exception as error:  # of NumPy, zipfile or json
         expected = "a file that Trajectories.save wrote"
         raise wrong(name, expected, f"another, or a damaged one: {error}") from error
 
@@ -93,12 +89,14 @@ def to_xarray(
     """Return a run as a dataset; see `Trajectories.to_xarray`."""
     from .. import __version__
 
-    try:
-        import xarray
-    except ImportError as error:
-        install = "pip install '.[xarray]' in a copy of the repository"
-        raise ImportError(f"expected xarray, got none: {install}") from error
-    map, body, parameters = run._map, run.body, _parameters(run)
+    xarray = extra("xarray", "xarray")
+    map, body, count = run._map, run.body, run.status.ndim
+    arrays = {"eps": np.asarray(run.eps), **body._arrays}
+    parameters = {  # with an axis for each of the batch first
+        name: np.array(each, ndmin=count + body._axes.get(name, 0))
+        for name, each in arrays.items()
+        if name not in ("H", "K")
+    }
     batch = _batch_names(run, dims, parameters)
     flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
     variables: dict[str, Any] = {
@@ -112,8 +110,11 @@ def to_xarray(
     }
     if run.attitude is not None:
         variables["attitude"] = ("n", *batch, "space", "body"), run.attitude
-    variables |= {name: _labelled(name, each, batch) for name, each in parameters.items()}
-    attributes = {"title": map.title, "map": map.name, "version": __version__}
+    for name, array in parameters.items():
+        each = xarray.Variable((*batch, *_COMPONENTS[: array.ndim - count]), array)
+        common = [axis for axis in batch if each.sizes[axis] == 1 and axis != name]
+        variables[name] = each.squeeze(common)
+    attributes = {"title": map.title, "version": __version__}
     attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
     dataset = xarray.Dataset(variables, attrs=attributes)
     dataset = dataset.set_coords([*body._coordinates, *({*batch} & {*parameters})])
@@ -123,27 +124,6 @@ def to_xarray(
         raise wrong("coords", "names not in use", ", ".join(taken))
     time = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
     return dataset.assign_coords({"time": time, **(coords or {})})
-
-
-def _parameters(run: Any) -> dict[str, NDArray[Any]]:
-    """Return eps and the parameters of the body, with an axis for each of the batch first."""
-    body = run.body
-    found = [("eps", np.asarray(run.eps), 0)]
-    found += [(name, array, body._axes.get(name, 0)) for name, array in body._arrays.items()]
-    count = run.status.ndim
-    return {
-        name: array.reshape((1,) * (count + own - array.ndim) + array.shape)
-        for name, array, own in found
-        if name not in ("H", "K")
-    }
-
-
-def _labelled(name: str, array: NDArray[Any], batch: tuple[str, ...]) -> Any:
-    """Return a parameter with its axes: those on which it varies, or that have its name."""
-    names = *batch, *_COMPONENTS[: array.ndim - len(batch)]
-    sizes = enumerate(array.shape)
-    kept = [k for k, size in sizes if size != 1 or k >= len(batch) or names[k] == name]
-    return tuple(names[k] for k in kept), array.reshape([array.shape[k] for k in kept])
 
 
 def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[str, ...]:

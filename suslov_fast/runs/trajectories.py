@@ -214,14 +214,6 @@ class Trajectories:
 
         Colours are levels of what the map conserves. `lines` joins the states that follow each
         other; by default only where they are close. `ax` are axes to draw on.
-
-        Examples
-        --------
-        >>> from suslov_fast import Suslov3D, iterate
-        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-        >>> ax = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=100).plot()
-        >>> ax.get_title().splitlines()[1]
-        '2 orbits of 100 steps'
         """
         return import_module("suslov_fast.plots.orbits").plot_run(self, components, lines, ax)
 

@@ -12,11 +12,7 @@ from .scene import PAGE, answer
 _POLICY = """<head>
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:;
 script-src 'unsafe-inline' data:; style-src 'unsafe-inline'">"""
-_BEGIN = """<script type="module">
-import { begin } from "main.js";
-import { overMessages } from "transport.js";
-begin(overMessages());
-</script>"""
+_BEGIN = '<script type="module">import "main.js";</script>'
 
 
 def page_in_one_file() -> str:
@@ -29,7 +25,7 @@ def page_in_one_file() -> str:
     names = f'<script type="importmap">{json.dumps({"imports": modules})}</script>\n'
     for tag, text in {
         '<link rel="stylesheet" href="/style.css">': f"<style>\n{style}</style>",
-        '<script type="module" src="/http.js"></script>': names + _BEGIN,
+        '<script type="module" src="/main.js"></script>': names + _BEGIN,
         "<head>": _POLICY,
     }.items():
         html = html.replace(tag, text)

@@ -4,13 +4,14 @@ import math
 import warnings
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.parse import parse_qsl, urlencode
+from urllib.parse import parse_qsl
 
 import numpy as np
 
 from ... import __version__
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
-from ...checks import real_number, states, wrong
+from ...checks import real_number, wrong
+from ...engine.arguments import BodyIn3D
 from ...engine.status import Status
 from ...quantities.conserved import rotation_number
 from ...quantities.derivatives import vector_field
@@ -18,10 +19,10 @@ from ...runs.iterate import iterate
 from ...runs.solution import flow, limits
 from ...space import scattering_angle
 from ..animation import ellipsoid
-from ..phase import BodyIn3D, Plane
+from ..phase import Plane
 
 # The files of the page, which draws these numbers.
-PAGE = Path(__file__).with_name("page")
+PAGE: Path = Path(__file__).with_name("page")
 _MOST_STEPS = 5000
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0
@@ -59,7 +60,7 @@ def parse_query(query: str) -> Parameters:
     needed, got = Parameters._fields[:-2], [name for name, _ in pairs]
     if len(values) < len(got) or not {*needed} <= values.keys() <= {*Parameters._fields}:
         raise wrong("parameters", f"each of {', '.join(needed)} once", ", ".join(got) or "none")
-    for name in values.keys() - {"show"}:
+    for name in (each for each in values if each != "show"):
         try:
             values[name] = real_number(name, float(values[name]))
         except ValueError as error:
@@ -68,18 +69,6 @@ def parse_query(query: str) -> Parameters:
     if steps not in range(1, _MOST_STEPS + 1):
         raise wrong("steps", f"an integer from 1 to {_MOST_STEPS}", f"{steps:g}")
     return Parameters(**values | {"steps": int(steps)})
-
-
-def query_of(body: BodyIn3D, eps: float, omega0: Any, steps: int) -> str:
-    """Return the query of a page that shows an orbit of a single body."""
-    state = states("omega0", omega0, body._labels)
-    if body.shape or state.ndim != 1:
-        raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
-    extent = 1.5 * float(abs(state).max()) or 1.0
-    values = *map(float, body.parameters), eps, *state.tolist(), steps, extent
-    query = urlencode(Parameters(*values)._asdict())
-    parse_query(query)
-    return query
 
 
 def answer(query: str) -> Any:
@@ -110,7 +99,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         "omega": run.omega,
         "flow": flow(body, start, run.time),
         "attitude": run.attitude.reshape(-1, 9),
-        "line": plane.steady_line() if plane.g else None,
+        "line": plane.steady_line(),
         "levels": {
             "F": plane.level(R, _REACH) if R > 0 else [],
             "energy": Plane(body, 0.0).level(plane.radius(start))[0],
@@ -171,12 +160,10 @@ def _json_values(value: Any) -> Any:
     """Return arrays as lists; None for numbers and rows out of the range of float64."""
     if isinstance(value, dict):
         return {name: _json_values(each) for name, each in value.items()}
-    if isinstance(value, list):
-        return [_json_values(each) for each in value]
-    if value is None or isinstance(value, (str, int)):
-        return value
-    array = np.asarray(value)
-    if array.ndim < 2:
-        return array.tolist() if np.isfinite(array).all() else None
-    finite = np.isfinite(array).all(axis=-1).tolist()
-    return [row if each else None for row, each in zip(array.tolist(), finite, strict=True)]
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        if not (value and isinstance(value[0], float)):
+            return [_json_values(each) for each in value]
+        return value if all(map(math.isfinite, value)) else None
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,25 +1,25 @@
 """The local HTTP server of the page, and the page of one orbit."""
 
-import io
 import json
 import os
 import sys
 import threading
-from functools import partial
-from http.server import SimpleHTTPRequestHandler
+from http.server import BaseHTTPRequestHandler
 from importlib.util import find_spec
 from socketserver import ThreadingTCPServer
 from typing import Any
-from urllib.parse import unquote
+from urllib.parse import unquote, urlencode
 
 from numpy.typing import ArrayLike
 
-from ...checks import instance
-from ..phase import BodyIn3D
-from .scene import PAGE, answer, query_of
+from ...checks import instance, states, wrong
+from ...engine.arguments import BodyIn3D
+from .scene import PAGE, Parameters, answer, parse_query
 
 _ADDRESS = "127.0.0.1"
 _MOST = 32  # requests at a time; others wait
+_FILES = {f"/{file.name}": file for file in PAGE.iterdir()} | {"/": PAGE / "index.html"}
+_TYPES = {".css": "text/css", ".html": "text/html", ".js": "text/javascript"}
 
 
 class Server(ThreadingTCPServer):
@@ -30,8 +30,8 @@ class Server(ThreadingTCPServer):
     allow_reuse_address = os.name == "posix"
 
     def __init__(self, port: int) -> None:
-        self._free = threading.BoundedSemaphore(_MOST)
-        super().__init__((_ADDRESS, port), partial(_Handler, directory=str(PAGE)))
+        self._free = threading.Semaphore(_MOST)
+        super().__init__((_ADDRESS, port), _Handler)
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
 
@@ -40,12 +40,10 @@ class Server(ThreadingTCPServer):
         self._free.acquire()
         super().process_request(request, client_address)
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer a request in its thread, and let the next one have a thread."""
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._free.release()
+    def shutdown_request(self, request: Any) -> None:
+        """End a request, and let the next one have its thread."""
+        self._free.release()
+        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error, unless the browser has closed the connection."""
@@ -53,33 +51,33 @@ class Server(ThreadingTCPServer):
             super().handle_error(request, client_address)
 
 
-class _Handler(SimpleHTTPRequestHandler):
+class _Handler(BaseHTTPRequestHandler):
     server: Server
     # Seconds; browsers open connections that they may never use.
     timeout = 10.0
-    # Not as the machine has it, which may be another type.
-    extensions_map = SimpleHTTPRequestHandler.extensions_map | {".js": "text/javascript"}
 
-    def send_head(self) -> Any:
-        """Send the head of an answer to GET or HEAD; return its body, from a file or of numbers."""
+    def do_GET(self) -> None:
+        """Send numbers, or a file of the page."""
         path, _, query = self.path.partition("?")
         hosts = [f"{name}:{self.server.port}" for name in (_ADDRESS, "localhost")]
         site = self.headers.get("Sec-Fetch-Site", "none")
         foreign = path == "/scene" and site not in ("none", "same-origin")
-        if not unquote(path, "latin-1").isprintable():  # no file has such a name
-            self.send_error(400)
-        elif foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
+        if foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
             self.send_error(403)
-        elif path != "/scene":
-            return super().send_head()
+        elif path == "/scene":
+            text = json.dumps(answer(query), allow_nan=False, separators=(",", ":"))
+            self._send("application/json", text.encode())
+        elif file := _FILES.get(path):
+            self._send(_TYPES[file.suffix], file.read_bytes())
         else:
-            text = json.dumps(answer(query), allow_nan=False, separators=(",", ":")).encode()
-            self.send_response(200)
-            self.send_header("Content-Type", "application/json")
-            self.send_header("Content-Length", str(len(text)))
-            self.end_headers()
-            return io.BytesIO(text)
-        return None
+            self.send_error(400 if "\0" in unquote(path) else 404)
+
+    def _send(self, kind: str, content: bytes) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        self.wfile.write(content)
 
     def end_headers(self) -> None:
         """Let the browser keep nothing, and refuse whatever the page would load from elsewhere."""
@@ -104,8 +102,7 @@ class Page:
         """The address; its first use starts a server in a thread."""
         if self._server is None:
             self._server = Server(0)
-            serve: Any = self._server.serve_forever
-            threading.Thread(target=serve, args=[0.1], daemon=True).start()
+            threading.Thread(target=self._server.serve_forever, args=[0.1], daemon=True).start()
         return f"{self._server.url}?{self._query}"
 
     def close(self) -> None:
@@ -161,4 +158,11 @@ def explore(
     >>> page.close()
     """
     instance("body", body, BodyIn3D)
-    return Page(query_of(body, eps, omega0, steps))
+    state = states("omega0", omega0, body._labels)
+    if body.shape or state.ndim != 1:
+        raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
+    extent = 1.5 * float(abs(state).max()) or 1.0
+    values = *map(float, body.parameters), eps, *state.tolist(), steps, extent
+    query = urlencode(Parameters(*values)._asdict())
+    parse_query(query)  # checks the numbers
+    return Page(query)

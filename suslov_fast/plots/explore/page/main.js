@@ -7,9 +7,10 @@ import { drawPlane, reach, view } from "./plane.js";
 import { buildPlayer, play, setMoment } from "./player.js";
 import { drawSpace, look } from "./space.js";
 import { byId, last, query, state } from "./state.js";
+import { fromHere } from "./transport.js";
 import { describe } from "./words.js";
 
-export async function begin(transport) {
+async function begin(transport) {
   readColours();
   build({ ask: asking(transport), draw, remember: transport.remember });
   buildPlayer(draw);
@@ -151,3 +152,5 @@ function listenToSpace(space) {
     if (direction) look(0.1 * direction[0], -0.1 * direction[1]);
   });
 }
+
+begin(fromHere());

@@ -9,7 +9,7 @@ const GONE = "suslov-fast does not answer: start it again and reload this page."
 const compiling = (seconds) =>
   ({ words: `Compiling the kernels, once per installation. ${seconds} s`, lost: false });
 
-export function overHttp() {
+function overHttp() {
   return {
     address: `${location.origin}/`,
     begin: async () => location.search,
@@ -34,7 +34,7 @@ const NO_MORE =
 
 // Messages up have an id and a request; those down the same id, and either `heard`, as soon as the
 // kernel has read the request, or the value. The widget itself answers the first request.
-export function overMessages(around = window.parent) {
+function overMessages(around = window.parent) {
   const pending = new Map();
   const page = Math.random(); // several views of one widget get all answers
   let asked = 0, patience = 0, heard = false, ever = false;
@@ -69,3 +69,6 @@ export function overMessages(around = window.parent) {
     },
   };
 }
+
+// The page in a notebook is a document without an address.
+export const fromHere = () => (location.protocol === "about:" ? overMessages() : overHttp());

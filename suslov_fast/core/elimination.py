@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from .codes import NONFINITE, OK, SINGULAR
-from .numba import formula, function, inlined, select
+from .numba import formula, function, inlined, lesser, select
 
 # The least pivot; the largest number that was on the diagonal, at least 1; 1 if the lane is for
 # `solve`, else 0.
@@ -58,7 +58,7 @@ def eliminate(a, b, lanes):
         for l in range(lanes):
             b[LARGEST, l] = larger(abs(a[i, i, l]), b[LARGEST, l])
     for k in range(0, m, 2):
-        for second in range(k, min(k + 2, m)):
+        for second in range(k, lesser(k + 2, m)):
             if second > k:
                 for l in range(lanes):
                     a[second, k, l] *= a[k, k, l]

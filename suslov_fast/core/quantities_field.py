@@ -16,7 +16,7 @@ from .elimination import (
     memory_of_one,
     substitute,
 )
-from .numba import function, inlined, universal
+from .numba import function, inlined, lesser, universal
 from .tangent import derive
 
 FIELD = "(c,t),(t),(b),(b,d)->"
@@ -25,7 +25,7 @@ FIELD = "(c,t),(t),(b),(b,d)->"
 @function
 def read(x, first, y):
     """Fill rows y with states from `first` on; return their number."""
-    count = min(y.shape[1], len(x) - first)
+    count = lesser(y.shape[1], len(x) - first)
     for i in range(x.shape[1]):
         for l in range(count):
             y[i, l] = x[first + l, i]

@@ -20,7 +20,7 @@ import numpy as np
 
 from .codes import NONFINITE, OK
 from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
-from .numba import formula, function, inlined, kernel, select, share
+from .numba import formula, function, inlined, kernel, lesser, select, share
 
 # A state has lost digits if one component falls below this part of its increment, or if all fall
 # below the larger part.
@@ -31,7 +31,7 @@ SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 def lanes_of(D, count):
     """Return how many trajectories go side by side: the matrices stay in the caches."""
     lanes = 128 if D <= 8 else 64 if D <= 24 else 32
-    return min(lanes, (max(count, 1) + 7) // 8 * 8)
+    return lesser(lanes, ((count or 1) + 7) // 8 * 8)
 
 
 @formula
@@ -130,7 +130,7 @@ def enter(parameters, x0, x, fixed, half, begin, end, start, status, failed_at):
     """Enter trajectories, fields and step sizes; lanes beyond the last repeat it."""
     indices, values, eps = parameters
     for l in range(x.shape[1]):
-        k, undefined = min(begin + l, end - 1), 0.0
+        k, undefined = lesser(begin + l, end - 1), 0.0
         for i in range(len(x)):
             x[i, l] = x0[k, i]
             undefined += 0.0 * x[i, l]
@@ -160,7 +160,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
-        end = min(begin + lanes, last)
+        end = lesser(begin + lanes, last)
         states = omega0 if start == 0 else final
         enter(parameters, states, x, fixed, half, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):

@@ -30,7 +30,7 @@ import numpy as np
 
 from .codes import NONFINITE, OK
 from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
-from .numba import formula, function, inlined, kernel, select, share
+from .numba import formula, function, inlined, kernel, lesser, select, share
 from .steps_field import write
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
@@ -48,7 +48,7 @@ FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 @formula
 def lanes_of(m, count):
     """Return how many trajectories go side by side."""
-    return min(LANES if m <= 24 else LANES // 2, (max(count, 1) + 7) // 8 * 8)
+    return lesser(LANES if m <= 24 else LANES // 2, ((count or 1) + 7) // 8 * 8)
 
 
 @formula
@@ -226,7 +226,7 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
-        end = min(begin + lanes, last)
+        end = lesser(begin + lanes, last)
         states = omega0 if start == 0 else final
         enter(c, b, parameters, states, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
@@ -253,7 +253,7 @@ def enter(c, b, parameters, states, begin, end, start, status, failed_at):
     """Enter trajectories; lanes beyond the last repeat it."""
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
-        k, undefined, smallest = min(begin + l, end - 1), 0.0, np.inf
+        k, undefined, smallest = lesser(begin + l, end - 1), 0.0, np.inf
         b[EPS, l], b[OF_W, l], b[OF_I, l] = eps[k % len(eps)], 0.0, 0.0
         for i in range(c.shape[1]):
             c[J_, i, l], c[I_, i, l], c[W, i, l], c[INVERSE, i, l] = np.inf, 0.0, 0.0, 0.0
@@ -261,7 +261,7 @@ def enter(c, b, parameters, states, begin, end, start, status, failed_at):
                 c[J_, i, l], c[I_, i, l] = J[k % len(J), i], I[k % len(I), i]
                 c[W, i, l] = states[k, i]
             undefined += 0.0 * c[W, i, l]
-            smallest = min(smallest, c[J_, i, l])
+            smallest = lesser(c[J_, i, l], smallest)
         b[NEAR, l] = (1.0 - FAR_FROM_0) * smallest
         if start == 0 and np.isnan(undefined):
             status[k], failed_at[k] = NONFINITE, 0

@@ -23,7 +23,7 @@ from .elimination import (
     solve,
     substitute,
 )
-from .numba import function, kernel, select, share
+from .numba import function, kernel, lesser, select, share
 from .steps_field import advance, advance_failed, enter, fill, lanes_of
 
 # Rows of numbers of lanes, after those of `elimination`: products of the factors of |det DPhi| near
@@ -82,11 +82,11 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin = first + block * lanes
-        end = min(begin + lanes, last)
+        end = lesser(begin + lanes, last)
         states = x0 if start == 0 else carry
         enter(parameters, states, x, fixed, half, begin, end, start, status, failed_at)
         for l in range(lanes):
-            k = min(begin + l, end - 1)
+            k = lesser(begin + l, end - 1)
             b[NEAR_1, l], b[FAR, l] = 0.0, 1.0
             for i in range(D):
                 b[LENGTHS + i, l] = 1.0

@@ -15,11 +15,11 @@ beta = sum I**2 / d and gamma = sum w**2 / d,
 (1 - h alpha) I.delta + 2 h beta w.delta = 2 h (p alpha - |w|**2 beta),
 -h gamma I.delta + (1 + 2 h alpha) w.delta = 2 h (p gamma - |w|**2 alpha).
 
-That loses digits where a d_i is small, where the determinant of the two equations cancels, and
+This loses digits where a d_i is small, where the determinant of the two equations cancels, and
 where w + delta cancels: such lanes take the step by elimination.
 
 parameters   J, I (1 or B, m); eps (1 or B,)
-final        (B, m), the states that a run goes on from; there is no carry
+final        (B, m), the states that a run continues from; there is no carry
 
 A block is c[J, I, W or INVERSE, component, lane], with an even number of components: if m is odd
 there is one more, with J = inf and I = w = 0; and b[row, lane], numbers of lanes. After its end a
@@ -34,7 +34,7 @@ from .numba import formula, function, inlined, kernel, lesser, select, share
 from .steps_field import write
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
-# After the rows of `elimination`: p, |w|**2 and h p; the sums; the factors of w / d and I / d in
+# Rows after those of `elimination`: p, |w|**2 and h p; the sums; the factors of w / d and I / d in
 # delta; the step size; a bound of h p below which no d is small; and of a row of A the factors
 # 2 h I_i / J_i and h w_i / J_i, and a sum.
 (P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I) = range(TO_SOLVE + 1, TO_SOLVE + 9)
@@ -169,7 +169,7 @@ def eliminate_one(c, b, l, one):
 
 @inlined
 def eliminate_all(c, b, a, lanes):
-    """Go on to the next states by elimination; return how many must use pivots."""
+    """Take the step of all lanes by elimination; return how many need `solve`."""
     m = len(a)
     fill(c, b, a, 0, lanes)
     eliminate(a, b, lanes)

@@ -1,4 +1,4 @@
-"""Trajectories step by step: one call of a kernel for each stretch.
+"""Iteration in stretches of steps, each one call of a kernel.
 
 Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is reported.
 """

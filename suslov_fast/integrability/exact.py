@@ -144,7 +144,7 @@ def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any
 
 
 def modulo(P: Any, p: int, eps: Any) -> Any:
-    """Return a polynomial in x modulo a prime, over the rationals for p = 0, at this eps."""
+    """Return a polynomial in x, at this eps, modulo a prime p or, for p = 0, over the rationals."""
     of: Any = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
     letter = has_letter(P)
     n = P.context().nvars() - letter

@@ -1,4 +1,4 @@
-"""The search of a report: cheap parts first, until as much is written as orbits show.
+"""The search of a report: cheap parts first, until it has as many integrals as orbits show.
 
 It finds the degrees of iterates on random lines (`growth`), the number of integrals that relations
 along orbits show (`relations`), the polynomials with the cofactors 1 and det DPhi, and then with
@@ -55,7 +55,7 @@ def _is_complete(found: Any) -> bool:
 
 
 def _parts(found: Any, invariants: Invariants, seed: int) -> Iterator[tuple[str, str]]:
-    """Search part by part, and yield the kind and the description of each."""
+    """Search part by part, and yield the kind and the description of each part."""
     map, d, D = found.map, found.degree, found.map.dimension
     found.degrees = _degrees(map, seed)
     yield "degrees", f"degrees of {len(found.degrees)} iterates"
@@ -110,7 +110,7 @@ def _degrees(map: RationalMap, seed: int) -> list[int]:
 
 
 def search_until(deadline: float, found: Any, seed: int) -> Iterator[Any]:
-    """Yield what `search` yields, until a time of `time.monotonic`.
+    """Yield what `search` yields, until `time.monotonic()` reaches the deadline.
 
     It runs in another process, since python-flint cannot be interrupted.
     """
@@ -137,7 +137,7 @@ def search_until(deadline: float, found: Any, seed: int) -> Iterator[Any]:
 
 
 def serve() -> None:
-    """Run the search whose arguments arrive at stdin, and write what it yields to stdout."""
+    """Run the search with arguments from stdin, and write what it yields to stdout."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits
     out = sys.stdout.buffer
     try:

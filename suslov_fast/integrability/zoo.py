@@ -15,7 +15,7 @@ from .rational import rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = QuadraticField.from_function) -> Any:
-    """Return the field of a function, or Hamiltonian, of n numbers, by default its arguments."""
+    """Return the field of a function or Hamiltonian f of n variables, by default its arguments."""
     return make(lambda x: f(*x), n or f.__code__.co_argcount)
 
 

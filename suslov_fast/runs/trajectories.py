@@ -210,10 +210,10 @@ class Trajectories:
     def plot(
         self, *, components: tuple[int, int] = (0, 1), lines: bool | None = None, ax: Any = None
     ) -> Any:
-        """Draw the saved states in the plane of two components; returns Matplotlib axes.
+        """Draw the saved states in the plane of two components, and return Matplotlib axes.
 
-        Colours are levels of what the map conserves. `lines` joins the states that follow each
-        other; by default only where they are close. `ax` are axes to draw on.
+        Colours show values of the conserved quantity. `lines` joins consecutive states, by default
+        only where they are close. `ax` are axes to draw on.
         """
         return import_module("suslov_fast.plots.orbits").plot_run(self, components, lines, ax)
 

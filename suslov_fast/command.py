@@ -352,7 +352,7 @@ def _spelled(value: Any) -> str:
 
 
 def report(options: argparse.Namespace) -> None:
-    """Report what is there of the integrability of a Kahan map.
+    """Report evidence for or against the integrability of a Kahan map.
 
     Decimals of the file and of --eps are taken as they are written, 0.1 as 1/10; without --eps
     the formulas are those of any step size. Needs python-flint.

@@ -49,7 +49,7 @@ class Body:
         return {name: value for name, value in named.items() if value is not None}
 
     def _take(self, parts: Mapping[str, Any]) -> None:
-        """Keep the parts of another body, or cut from them, which are not checked."""
+        """Store the parts of another body, or members of them, without checks."""
         vars(self).update({name: frozen(each) for name, each in parts.items()})
 
     @classmethod
@@ -212,7 +212,7 @@ class Body:
 
 
 def frozen(part: Any) -> Any:
-    """Return a read-only copy of an array, or the number that it is."""
+    """Return a read-only copy of an array, or the number of one without axes."""
     array = np.array(part, order="C")
     array.flags.writeable = False
     return array if array.ndim else array.item()

@@ -42,7 +42,7 @@ class SuslovND(Body):
     J : array_like(float, shape=(..., n - 1))
         J_i = I_ii + I_nn, between 1e-60 and 1e60, in any unit that I shares.
     I : array_like(float, shape=(..., n - 1))
-        The couplings I_in, 0 or between 1e-60 and 1e60 in modulus. Where all are 0 every angular
+        The products I_in, 0 or between 1e-60 and 1e60 in modulus. Where all are 0 every angular
         velocity is constant.
 
     Examples
@@ -139,7 +139,7 @@ class NotIntegrableError(ValueError):
 
 
 def are_solved(body: SuslovND) -> Any:
-    """Return where J I = b I and J = a orthogonal to I, to rounding; everywhere for n = 3."""
+    """Return True where J I = b I and J = a orthogonal to I, to rounding, or n = 3."""
     J, coupled = np.broadcast_arrays(body.J, _coupled(body))
     count = coupled.sum(axis=-1, keepdims=True)
     left_out = coupled & (count == 1)

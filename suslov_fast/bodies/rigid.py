@@ -61,9 +61,9 @@ class _In3D(Body):
 
 
 def _excess(tensors: FloatArray) -> Any:
-    """Return what two principal moments have beyond the largest one, as a part of it.
+    """Return the sum of the two lesser principal moments over the largest one, less 1.
 
-    A rigid body with an inertia tensor exists if that is positive, and a flat one if it is 0.
+    The tensor is that of a rigid body if this is positive, and of a flat one if it is 0.
     """
     moments = np.linalg.eigvalsh(tensors)
     return moments.sum(axis=-1) / moments[..., -1] - 2.0

@@ -193,7 +193,7 @@ def state(b, l):
 
 @formula
 def enter(b, first, width, used, parameters, omega0, discrete):
-    """Fill the lanes in use: `width` orbits from trajectory `first` on, again and again."""
+    """Fill the first `used` lanes with `width` orbits from trajectory `first` on, repeated."""
     I1, I2, I13, I23, k, eps = parameters
     i = first
     for l in range(used):

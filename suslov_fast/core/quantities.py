@@ -70,7 +70,7 @@ def invariant_density(I1, I2, I13, I23, k, eps, w, out):
 
 @formula
 def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
-    """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 where runs say that it is."""
+    """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 that the status of runs tells."""
     a, of_g = I1 * I2, I13 * (I13 / I1) + I23 * (I23 / I2)
     step = eps * (I13 * w1 + I23 * w2 + k)
     size = 2.0 * eps * eps * energy_at(I1, I2, w1, w2)

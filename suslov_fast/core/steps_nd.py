@@ -97,7 +97,7 @@ def fill(c, b, a, begin, lanes):
 
 @formula
 def find_factors(c, b, lanes):
-    """Find 1 / d and the factors of the increment; return how many lanes must eliminate.
+    """Find 1 / d and the factors of the increment; return how many lanes need elimination.
 
     Terms i and M/2 + i are added in pairs, which halves the stores.
     """
@@ -134,7 +134,7 @@ def find_factors(c, b, lanes):
 
 @formula
 def add_increments(c, b, lanes):
-    """Go on to the next states, and find their p and |w|**2."""
+    """Add the increments, and find p and |w|**2 of the next states."""
     M = c.shape[1]
     pairs = M // 2
     for i in range(M):
@@ -250,7 +250,7 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
 
 @function
 def enter(c, b, parameters, states, begin, end, start, status, failed_at):
-    """Enter trajectories; lanes beyond the last repeat it."""
+    """Fill a block with trajectories; lanes beyond the last repeat it."""
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
         k, undefined, smallest = lesser(begin + l, end - 1), 0.0, np.inf

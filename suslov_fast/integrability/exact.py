@@ -46,7 +46,7 @@ def rational(name: str, value: Any) -> Fraction:
 
 
 def rationals(name: str, value: Any, count: int) -> Point:
-    """Return a point with so many coordinates."""
+    """Return a point with `count` coordinates, as fractions."""
     given = np.asarray(value, object)
     if given.shape != (count,):
         raise wrong(name, f"shape ({count},)", given.shape)

@@ -139,7 +139,7 @@ def report(
     seed: int = 0,
     progress: Any = None,
 ) -> Report:
-    """Report what is there: growth of degrees, first integrals, measures, Darboux polynomials.
+    """Report the growth of degrees, first integrals, measures and Darboux polynomials of a map.
 
     First integrals come from a Hamiltonian, from quotients of Darboux polynomials of equal
     cofactor, and from products of their powers whose cofactors multiply to 1. Relations between

@@ -24,9 +24,9 @@ from .invariants import Invariants
 from .maps import RationalMap
 from .relations import counts, integrals_of
 
-_FEW = 80  # coefficients of a polynomial of more than the degree
-_ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
-_SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees that cost little, and likewise
+_FEW = 80  # coefficients, at most, of a polynomial of higher degree than that of the report
+_ENOUGH, _DEGREES = 10, 24  # iterates: enough if a recurrence holds, and at most
+_SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees: cheap; costly; too costly
 
 _START = "import sys; sys.path[:] = {}; from suslov_fast.integrability.search import serve; serve()"
 

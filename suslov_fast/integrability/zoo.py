@@ -20,7 +20,7 @@ def of(f: Callable[..., Any], n: int = 0, make: Any = QuadraticField.from_functi
 
 
 def _chain(*x: Any) -> Any:
-    """Each species eats the next and is eaten by the one before, periodically."""
+    """The Volterra chain: each species eats the next, and the last one the first."""
     return [x[k] * (x[(k + 1) % len(x)] - x[k - 1]) for k in range(len(x))]
 
 

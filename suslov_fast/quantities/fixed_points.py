@@ -82,7 +82,7 @@ def _points_of(field: Any) -> FloatArray:
 
 
 def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:
-    """Return points in the order of those before that they continue."""
+    """Return points in the order of those `before`, with the least sum of distances to them."""
     from scipy.optimize import linear_sum_assignment  # imported here, since importing takes time
 
     scale = max(abs(before).max(initial=0.0), abs(points).max(initial=0.0)) or 1.0
@@ -173,9 +173,9 @@ def _multiplications(basis: Any, D: int) -> list[Any] | None:
 
 
 def _points_at(form: Any, matrices: Sequence[Any], minimal: Any) -> Points:
-    """Return the points at the real zeros of the minimal polynomial of a form that generates all.
+    """Return the points at the real zeros of the minimal polynomial of a generating form.
 
-    Coordinates are polynomials in the form, as their matrices of multiplication are in its own.
+    A coordinate is that polynomial in the form which its matrix is in the matrix of the form.
     """
     size = form.nrows()
     rows = [flint.fmpq_mat(1, size, [1] + [0] * (size - 1))]

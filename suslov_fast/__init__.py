@@ -1,4 +1,4 @@
-"""The Hirota-Kimura (Kahan) discretization of the nonholonomic Suslov problem.
+"""Kahan (Hirota-Kimura) maps of quadratic fields and of the nonholonomic Suslov problem.
 
 Iterate a batch of initial angular velocities of a body::
 
@@ -7,7 +7,7 @@ Iterate a batch of initial angular velocities of a body::
     body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     trajectories = iterate(body, [[1.0, 0.5], [0.2, -0.7]], eps=0.2, steps=1000)
 
-The map is defined by V. Dragovic and B. Gajic, arXiv:0807.2966.
+The map of the Suslov problem is that of V. Dragovic and B. Gajic, arXiv:0807.2966.
 """
 
 import ast

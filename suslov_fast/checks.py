@@ -33,7 +33,7 @@ def wrong(name: str, expected: str, received: object, error: Any = ValueError) -
 
 
 def extra(module: str, name: str) -> Any:
-    """Return a module that an extra of the package installs."""
+    """Import a module that an extra of the package installs, and return it."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -42,7 +42,7 @@ def extra(module: str, name: str) -> Any:
 
 
 def warn(message: str, category: type[Warning] = UserWarning) -> None:
-    """Warn of the user's line: that of the first frame outside the package."""
+    """Warn at the user's line, that of the first frame outside the package."""
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_code.co_filename.startswith((_HERE, "<string>")):
         frame, level = frame.f_back, level + 1
@@ -73,7 +73,7 @@ def positive(name: str, value: Any) -> float:
 
 def within(name: str, value: Any, exponent: int) -> Any:
     """Return numbers that are 0, or between 10**-exponent and 10**exponent in modulus."""
-    if type(value) is float and (value == 0.0 or 1e-50 <= abs(value) <= 1e50):  # all ranges
+    if type(value) is float and (value == 0.0 or 1e-50 <= abs(value) <= 1e50):  # in both ranges
         return value
     array, low, high = np.asarray(value), 10.0**-exponent, 10.0**exponent
     size = abs(array[array != 0])
@@ -91,9 +91,9 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     """
     axes = [*getattr(value, "dims", [])]
     if axes[-1:] == ["component"] and "n" not in axes[1:]:
-        coords = getattr(value, "coords", {})  # of a variable of this package's datasets
+        coords = getattr(value, "coords", {})  # those of a dataset of this package
         if "component" not in coords or coords["component"].values.tolist() == [*labels]:
-            value = getattr(value, "data", value)  # a Dataset has none
+            value = getattr(value, "data", value)  # a Dataset has no data
     array = _floats(name, value)
     if array.ndim == 0 or array.shape[-1] != len(labels):
         raise wrong(name, f"shape (..., {len(labels)})", array.shape)
@@ -190,7 +190,7 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
 
 
 def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: int = 2**62) -> int:
-    """Return an integer from `minimum` to `maximum`, with which `expected` is given."""
+    """Return an integer from `minimum` to `maximum`; with the latter, pass `expected`, too."""
     if type(value) is int and minimum <= value <= maximum:
         return value
     expected = expected or f"an integer from {minimum} to 2**62"

@@ -275,7 +275,7 @@ def _require_new(paths: Sequence[Path], force: bool) -> None:
 
 
 def info(options: argparse.Namespace) -> int:
-    """Print summaries of saved runs, with the largest relative drift of what is conserved."""
+    """Print summaries of saved runs, with the largest relative change of a conserved quantity."""
     failed = 0
     for path in options.file:
         try:
@@ -297,7 +297,7 @@ def _facts_in(path: Path) -> dict[str, Any]:
 
 
 def _facts_of(found: Any, start: Any) -> dict[str, Any]:
-    """Return the summary of a run; of one without its first state, no changes."""
+    """Return the summary of a run; without its first state, the drift is empty."""
     return {
         "body": repr(found.body) if found.body.shape else found.body.to_dict(),
         "eps": found.eps if isinstance(found.eps, float) else f"{found.eps.size} values",
@@ -317,7 +317,7 @@ def _counts(status: Any) -> dict[str, Any]:
 
 
 def _drift(found: Any, start: Any) -> dict[str, float]:
-    """Return the largest finite change of what is conserved, by its name."""
+    """Return the largest finite relative change of the conserved quantity, by its name."""
     import numpy as np
 
     name = found._map.conserved(found.body)
@@ -352,7 +352,7 @@ def _spelled(value: Any) -> str:
 
 
 def report(options: argparse.Namespace) -> None:
-    """Report what is there of the integrability of a Kahan map.
+    """Report evidence for or against the integrability of a Kahan map.
 
     Decimals of the file and of --eps are taken as they are written, 0.1 as 1/10; without --eps
     the formulas are those of any step size. Needs python-flint.

@@ -1,11 +1,11 @@
 """Functions for your own compiled loops: ``njit`` functions, which also work from Python.
 
-In three dimensions :func:`frame` makes the constants of a body, or of a gyrostat, and a step size.
-A loop carries two numbers: :func:`enter` makes them of omega, :func:`advance` takes them one step
-further, and :func:`leave` turns them back. In n dimensions and for fields :func:`system` makes the
-constants, :func:`work` the memory of a thread, and :func:`step_system` takes a step.
+In three dimensions :func:`frame` returns the constants of a body or gyrostat and a step size. A
+loop carries two numbers: :func:`enter` computes them from omega, :func:`advance` takes a step, and
+:func:`leave` returns omega. In n dimensions and for fields :func:`system` returns the constants,
+:func:`work` the memory of a thread, and :func:`step_system` takes a step.
 
-What does not exist is NaN. States are float64: other numbers are a TypeError when a loop compiles.
+States that do not exist are NaN. Arrays of other types than float64 do not compile (TypeError).
 
 Examples
 --------
@@ -41,7 +41,7 @@ from .core import quantities, steps_3d, steps_field, steps_nd
 from .core.elimination import memory_of_one
 from .core.numba import borrowed, for_users, select
 
-# The numbers of a body and a step size: u = u1 omega1 + u2 omega2, v = v1 omega1 + v2 omega2; m is
+# Constants of a body and a step size: u = u1 omega1 + u2 omega2, v = v1 omega1 + v2 omega2; m is
 # the inverse of this matrix. Without a rotor, u and v are X and Y of the theory pages; with one
 # u + i v = eps / 2 (omega1 + i sqrt(I2 / I1) omega2), X = K + a u + b v and Y = b u - a v.
 Frame = namedtuple("Frame", "I1 I2 I13 I23 k eps u1 u2 v1 v2 m11 m12 m21 m22")
@@ -223,7 +223,7 @@ def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
 
 @for_users
 def work(system: NDSystem | FieldSystem) -> tuple[Any, ...]:
-    """Return memory for :func:`step_system`: one for each thread. Nothing else allocates."""
+    """Return the memory that :func:`step_system` needs in one thread; nothing else allocates."""
     m = len(system[0])  # fields need no more than bodies
     block, numbers = np.empty((4, m + m % 2, 1)), np.empty((steps_nd.ROWS, 1))
     return block, numbers, memory_of_one(m)
@@ -236,7 +236,7 @@ def step_system(
     """Write the state that follows x (D,) to `out` (D,), which may be x; return its Status.
 
     Where there is no next state, the status is negative and `out` is NaN. Arrays of another length
-    are a ValueError; other than float64, a TypeError when the loop is compiled.
+    raise a ValueError; of another type than float64, a TypeError when the loop is compiled.
     """
     _check(x, out)
     constants, memory = borrowed(system), borrowed(work)
@@ -249,7 +249,7 @@ def step_system(
 
 
 def _check(x, out):
-    """Refuse arrays of other numbers than float64, when a loop is compiled."""
+    """Refuse arrays of other types than float64, when a loop is compiled."""
 
 
 @overload(_check)

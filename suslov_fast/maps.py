@@ -1,4 +1,4 @@
-"""The maps of the package: a record of each, which its clients read, and lookup by name or body."""
+"""A record of each map of the package; lookup of maps by body and of bodies by name."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -28,7 +28,7 @@ class Map:
     meaning: str = "angular velocity"
 
     def conserved(self, body: Any) -> str | None:
-        """Return the name of the function of states that orbits keep, or nearly keep."""
+        """Return the name of a conserved, or nearly conserved, quantity; None without one."""
         known = self.functions(body)
         return next((name for name in ("first_integral", "modified_energy") if name in known), None)
 

@@ -245,7 +245,7 @@ def scattering_angle(body: Suslov3D) -> FloatArray:
     """Angle between the angular velocities in space at time -infinity and at +infinity.
 
     In the continuous problem it depends on the body alone; in the discrete problem it converges to
-    this one with order 2. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2,
+    that angle with order 2 in eps. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2,
     alpha = I1 I2 m / D, beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
     kappa**2 = (alpha - i gamma)**2 - beta**2, and for gamma = 0 by Fedorov, Maciejewski and
     Przybylska, Nonlinearity 22 (2009), arXiv:0902.0079,

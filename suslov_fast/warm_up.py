@@ -1,4 +1,4 @@
-"""Calls of all that is compiled, so that later processes read it from the cache on disk."""
+"""Calls that compile all functions, so that later processes read them from the cache on disk."""
 
 import inspect
 import warnings
@@ -12,7 +12,7 @@ import suslov_fast as sf
 
 from .maps import MAPS
 
-# Numbers of states: few are computed in one thread, many in parallel.
+# Numbers of states: the first is computed in one thread, the second in parallel.
 COUNTS = (3, 2**15)
 _NO_KERNELS = "animate_body", "compiled", "explore", "integrability"
 

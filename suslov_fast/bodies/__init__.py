@@ -1,1 +1,1 @@
-"""The bodies, and the quadratic vector fields that their equations of motion are."""
+"""Bodies, and quadratic vector fields such as their equations of motion."""

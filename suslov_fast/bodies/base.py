@@ -1,4 +1,4 @@
-"""Base class of all bodies: immutable parameters, families, equality, text and plain data."""
+"""Base class of all bodies: immutable parameters, batches, equality, text and dictionaries."""
 
 import inspect
 from collections.abc import Iterator, Mapping
@@ -28,7 +28,7 @@ class Body:
     _labels: ClassVar[Any] = "Omega1", "Omega2"
     _coordinates: ClassVar[Any] = ()
     _field: ClassVar[Any]
-    _read: ClassVar[Any] = None  # makes a body of what is written, if the class does not
+    _read: ClassVar[Any] = None  # makes a body from its dictionary, if the class does not
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -49,7 +49,7 @@ class Body:
         return {name: value for name, value in named.items() if value is not None}
 
     def _take(self, parts: Mapping[str, Any]) -> None:
-        """Keep the parts of another body, or cut from them, which are not checked."""
+        """Store the parts of another body, or members of them, without checks."""
         vars(self).update({name: frozen(each) for name, each in parts.items()})
 
     @classmethod
@@ -68,7 +68,7 @@ class Body:
 
     @property
     def terms(self) -> Any:
-        """The terms v x_j x_k, j <= k, of the equations i: places (3, T) and values v (..., T)."""
+        """The terms v x_j x_k of the components i: indices i, j <= k (3, T), values v (..., T)."""
         return self.field().terms
 
     @property
@@ -112,7 +112,7 @@ class Body:
         Parameters
         ----------
         method : {None, "nearest"}
-            "nearest" takes the nearest value that the batch has, None only an equal one.
+            "nearest" selects the nearest value in the batch; None requires an equal one.
         **values : float
             Values of parameters, each of which varies along a single axis of the batch. The result
             lacks these axes.
@@ -183,10 +183,10 @@ class Body:
         return f"<{name} of shape {self.shape}: {text}>"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return a dictionary of the class and the parameters, without loss, for JSON.
+        """Return the class and the exact parameters as a dictionary for JSON.
 
-        Numbers of a field that are no floats are strings "p/q". A field with a Hamiltonian has K
-        and H, a symmetric tensor in (x1, ..., xD, 1), in place of coefficients.
+        Numbers of a field that no float equals are strings "p/q". In place of coefficients, a field
+        with a Hamiltonian has K and H, which is a symmetric tensor in (x1, ..., xD, 1).
 
         Examples
         --------
@@ -198,7 +198,7 @@ class Body:
 
     @classmethod
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
-        """Return the body that :meth:`to_dict` described; one of another class is a ValueError."""
+        """Return the body of a dictionary from :meth:`to_dict` of this class."""
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
         checks.one_of("body", given.pop("body", None), [cls.__name__])
@@ -212,7 +212,7 @@ class Body:
 
 
 def frozen(part: Any) -> Any:
-    """Return a read-only copy of an array, or the number that it is."""
+    """Return a read-only copy of an array, or the number of one without axes."""
     array = np.array(part, order="C")
     array.flags.writeable = False
     return array if array.ndim else array.item()

@@ -111,7 +111,7 @@ class QuadraticField(Body):
         self._take({"table": (table + table.swapaxes(-2, -1)) / 2})
 
     def _take(self, parts: Mapping[str, Any]) -> None:
-        """Keep a table, or H and K, whose table it is; and named parameters."""
+        """Store a table, or H, K and their table, and the named parameters."""
         table = rates(parts["H"], parts["K"]) if "H" in parts else parts["table"]
         table = frozen(numbers("table", table, table.ndim > 3))
         kept = {name: frozen(each) for name, each in parts.items() if name != "table"}
@@ -139,12 +139,12 @@ class QuadraticField(Body):
         ----------
         f : callable
             It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
-            symbolic variables, so its coefficients remain exact; floats are binary numbers.
+            symbolic variables, so coefficients are exact; a float counts as its binary value.
         dimension : int
             The number of variables, D.
         **parameters : float or array_like(float, shape=(...))
-            Named parameters, with names that nothing else has. Numbers remain exact; arrays
-            broadcast, and make a batch of fields.
+            Named parameters; names in use, such as eps or x1, are refused. Numbers remain exact;
+            arrays broadcast, and make a batch of fields.
 
         Examples
         --------
@@ -161,7 +161,7 @@ class QuadraticField(Body):
     def from_hamiltonian(
         cls, H: Callable[..., Any], /, dimension: int, K: Any = None, **parameters: Any
     ) -> QuadraticField:
-        """Return the field ``x' = K grad H(x, **parameters)``, which carries H and K.
+        """Return the field ``x' = K grad H(x, **parameters)``, with the attributes H and K.
 
         Parameters
         ----------
@@ -185,7 +185,7 @@ class QuadraticField(Body):
 
     @classmethod
     def _of_hamiltonian(cls, tensor: Any, K: Any, /, **values: Any) -> QuadraticField:
-        """Return the field of an exact tensor and a matrix, which is checked."""
+        """Check the matrix K, and return its field with an exact tensor H."""
         D = tensor.shape[-1] - 1
         if K is None:
             if D % 2:
@@ -203,7 +203,7 @@ class QuadraticField(Body):
     def of(cls, body: Any) -> QuadraticField:
         """Return the equations of motion of a body of any class: its ``field()``.
 
-        The parameters of a single body are taken exactly; a batch of bodies gives a batch.
+        The parameters of a single body are taken exactly; a batch of bodies gives one of fields.
         """
         checks.instance("body", body, Body)
         field: QuadraticField = body.field()

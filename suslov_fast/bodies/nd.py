@@ -1,4 +1,4 @@
-"""The n-dimensional body, and the test whether its problem is solved."""
+"""The n-dimensional body, and the test for a known closed form of its motion."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class SuslovND(Body):
     J : array_like(float, shape=(..., n - 1))
         J_i = I_ii + I_nn, between 1e-60 and 1e60, in any unit that I shares.
     I : array_like(float, shape=(..., n - 1))
-        The couplings I_in, 0 or between 1e-60 and 1e60 in modulus. Where all are 0 every angular
+        The products I_in, 0 or between 1e-60 and 1e60 in modulus. Where all are 0 every angular
         velocity is constant.
 
     Examples
@@ -84,11 +84,11 @@ class SuslovND(Body):
 
     @property
     def terms(self) -> Any:
-        """Those of the field, without its exact numbers, which take long."""
+        """The terms of the field in floats, since exact numbers take long."""
         return self._terms(self.J, self.I)
 
     def _terms(self, J: Any, I: Any) -> tuple[Any, Any]:
-        """Return places and values of J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j."""
+        """Return indices and values of J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j."""
         i, j = np.nonzero(~np.eye(self.dimension, dtype=bool))
         places = np.array([[*i, *i], [*np.minimum(i, j), *j], [*np.maximum(i, j), *j]], np.int64)
         return places, np.concatenate([I[..., j] / J[..., i], -I[..., i] / J[..., i]], axis=-1)
@@ -102,17 +102,17 @@ class SuslovND(Body):
         Parameters
         ----------
         I : array_like(float, shape=(..., n, n))
-            Symmetric to 1e-12 of its size and positive definite, in any basis fixed in the body:
-            the I of M = I Omega + Omega I, which holds the second moments of mass. For n = 3 that
-            is not the inertia tensor T of :meth:`Suslov3D.from_inertia` but trace(T) / 2 - T.
+            The second moments of mass in any basis fixed in the body: I of M = I Omega + Omega I,
+            positive definite, symmetric to 1e-12 of its largest entry. For n = 3 it is
+            trace(T) / 2 - T with the inertia tensor T of :meth:`Suslov3D.from_inertia`.
         a : array_like(float, shape=(..., n)), optional
-            The axis that becomes e_n, of any length but 0; by default e_n itself.
+            The axis that becomes e_n, of any finite length but 0; by default e_n itself.
 
         Returns
         -------
         body : SuslovND
-            The body in its adapted basis. Couplings below 2**-50 of the largest moment are
-            rounding errors, and set to 0.
+            The body in its adapted basis. Products of inertia below 2**-50 of the largest moment
+            count as rounding errors, and become 0.
         rotation : ndarray(float, shape=(..., n, n))
             The matrix, of determinant 1, that takes components to the adapted basis:
             ``I_adapted = rotation @ I @ rotation.T``. It is the identity if the given basis is
@@ -139,7 +139,7 @@ class NotIntegrableError(ValueError):
 
 
 def are_solved(body: SuslovND) -> Any:
-    """Return where J I = b I and J = a orthogonal to I, to rounding; everywhere for n = 3."""
+    """Return True where J I = b I and J = a orthogonal to I, to rounding, or n = 3."""
     J, coupled = np.broadcast_arrays(body.J, _coupled(body))
     count = coupled.sum(axis=-1, keepdims=True)
     left_out = coupled & (count == 1)

@@ -1,4 +1,4 @@
-"""Exact numbers and named parameters of users, and the polynomials that their functions are."""
+"""Exact numbers and named parameters from users, and polynomials from their functions."""
 
 from __future__ import annotations
 
@@ -75,12 +75,12 @@ def named(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 def plain(value: Any) -> float | str:
     """Return a number as a float if it is one, else as the string "p/q"."""
-    number = exact("value", value) if value else 0  # as most entries of tensors are
+    number = exact("value", value) if value else 0  # most entries of tensors are 0
     return float(number) if float(number) == number else str(number)
 
 
 def to_lists(value: Any) -> Any:
-    """Return numbers, by name too, as nested lists of floats and strings "p/q"."""
+    """Return an array, or a dictionary of arrays, as lists of floats and strings "p/q"."""
     if isinstance(value, dict):
         return {name: to_lists(each) for name, each in value.items()}
     array = np.asarray(value)
@@ -88,7 +88,7 @@ def to_lists(value: Any) -> Any:
 
 
 def from_lists(name: str, value: Any) -> Any:
-    """Return what `to_lists` returned with fractions in place of strings "p/q"."""
+    """Return lists from `to_lists` with fractions in place of their strings "p/q"."""
     if isinstance(value, dict):
         return {name: from_lists(name, each) for name, each in value.items()}
     if isinstance(value, list):
@@ -100,7 +100,7 @@ def from_lists(name: str, value: Any) -> Any:
 
 
 class Polynomial(NDArrayOperatorsMixin):
-    """A sum of terms, with exact coefficients: what functions of the user calculate with."""
+    """A sum of terms with exact coefficients: the argument of functions of the user."""
 
     def __init__(self, terms: Iterable[tuple[Sequence[int], Fraction]]) -> None:
         found = defaultdict[tuple[int, ...], Fraction](Fraction)
@@ -110,12 +110,12 @@ class Polynomial(NDArrayOperatorsMixin):
 
     @classmethod
     def of(cls, value: Any) -> Polynomial:
-        """Return a number as a polynomial, and a polynomial as it is."""
+        """Return a number as a constant polynomial, and a polynomial unchanged."""
         return value if isinstance(value, cls) else cls([((), exact("coefficient", value))])
 
     def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
         has_array = any(isinstance(each, np.ndarray) for each in operands)
-        if has_array or operation in (np.power, np.square):  # by the operators of entries
+        if has_array or operation in (np.power, np.square):  # entry by entry
             return operation(*(np.array(each, object) for each in operands))
         if operation not in _ARITHMETIC:
             raise TypeError(f"the operation {operation.__name__}")
@@ -145,7 +145,7 @@ class Polynomial(NDArrayOperatorsMixin):
         return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
 
 
-_ARITHMETIC: dict[Any, Callable[..., Iterable[Any]]] = {  # of terms {indices: c} and {j: d}
+_ARITHMETIC: dict[Any, Callable[..., Iterable[Any]]] = {  # on terms {indices: coefficient}
     np.positive: dict.items,
     np.negative: lambda a: ((indices, -c) for indices, c in a.items()),
     np.add: lambda a, b: [*a.items(), *b.items()],
@@ -157,7 +157,7 @@ _ARITHMETIC: dict[Any, Callable[..., Iterable[Any]]] = {  # of terms {indices: c
 def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
-    """Return exact tensors: of the D polynomials f(x, **parameters), or of the one of degree 3."""
+    """Return the exact tensors of the D polynomials f(x, **parameters), or of one of degree 3."""
     columns = (np.asarray(each).astype(object) for each in parameters.values())
     rows = np.broadcast(*columns)
     members = [_member(name, f, D, degree, dict(zip(parameters, row, strict=True))) for row in rows]

@@ -61,9 +61,9 @@ class _In3D(Body):
 
 
 def _excess(tensors: FloatArray) -> Any:
-    """Return what two principal moments have beyond the largest one, as a part of it.
+    """Return the sum of the two lesser principal moments over the largest one, less 1.
 
-    A rigid body with an inertia tensor exists if that is positive, and a flat one if it is 0.
+    The tensor is that of a rigid body if this is positive, and of a flat one if it is 0.
     """
     moments = np.linalg.eigvalsh(tensors)
     return moments.sum(axis=-1) / moments[..., -1] - 2.0
@@ -85,7 +85,7 @@ class Suslov3D(_In3D):
         velocity is constant.
     I3 : array_like(float, shape=(...)), optional
         The third moment of inertia, for :func:`step_full` and :func:`animate_body`: it does not
-        enter the map. There is a warning if no rigid body has it; see :meth:`admissible_I3`.
+        enter the map. A value that no rigid body has gives a warning; see :meth:`admissible_I3`.
 
     Examples
     --------
@@ -207,7 +207,7 @@ PICTURES = {  # of the paper, end of Section 4
 def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
     """Return inertia matrices (..., n, n) in adapted bases, and rotations to these bases.
 
-    The axis is e_n there, and the other axes, whose products are 0, turn as little as they can.
+    The axis a becomes e_n; the other axes diagonalise their block and turn as little as possible.
     """
     matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
@@ -223,7 +223,7 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     if not ((length > 0) & (length < np.inf)).all():
         raise wrong("a", "an axis of finite length other than 0", checks.short(length.tolist()))
     checks.common_shape({"I": matrix.shape[:-2], "a": axis.shape[:-1]})
-    # The shortest rotation of an axis, or of its opposite if it points down, which turns over.
+    # The least rotation to e_n of the axis or, if it points down, of its opposite; then a half turn
     sign = np.where(axis[..., -1:] < 0.0, -1.0, 1.0)
     up = sign * axis / length
     middle = up + np.eye(n)[-1]
@@ -239,7 +239,7 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     turn[..., :-1, :-1] = vectors.swapaxes(-2, -1)
     turn[..., 0, :] *= np.sign(np.linalg.det(turn))[..., None]
     found = turn @ turned @ turn.swapaxes(-2, -1)
-    # Rotations leave rounding errors of the moments in products of inertia that are 0.
+    # Products of inertia that are 0 receive rounding errors of the moments.
     largest = np.diagonal(found, axis1=-2, axis2=-1).max(axis=-1)[..., None]
     found[..., :-1, -1][abs(found[..., :-1, -1]) < 2.0**-50 * largest] = 0.0
     return found, turn @ to_last + 0.0  # no -0.0

@@ -15,8 +15,8 @@ passes    A**2 > k**2: rho = c - L s = r**n and sigma = s = (1 - rho) / (2 L), w
           L = sqrt(A**2 - k**2), r = (1 - h L) / (1 + h L): from one steady state to another
 turns     A**2 <= k**2: rho = cos(n a), sigma = sin(n a) / M, M = sqrt(k**2 - A**2), tan(a) = h M
 
-with h = e for the map, and h = 0 with log r = -2 e n L or a = e n M, e = 1 / (2 sqrt(I1 I2)), for
-the flow. The state is (z rho**2 + b rho sigma + c sigma**2) / (rho**2 + d12 rho sigma + d22
+with h = e for the map. For the flow h = 0, n is the time, e = 1 / (2 sqrt(I1 I2)), log r = -2 e L
+and a = e M. The state is (z rho**2 + b rho sigma + c sigma**2) / (rho**2 + d12 rho sigma + d22
 sigma**2), where z, b and c are complex numbers, and for eps > 0 and n >= 0
 
 passes    d12 = 2 (L - y), d22 = 2 (L**2 + k x - L y), |g|**2 c = g d22 (i L - k),
@@ -24,7 +24,7 @@ passes    d12 = 2 (L - y), d22 = 2 (L**2 + k x - L y), |g|**2 c = g d22 (i L - k
 turns     d12 = -2 y, d22 = 2 k x + A**2 - k**2, c = -k**2 z - R**2 g (g conj(z) + 2 k),
           b = 2 i (k z + R**2 g)
 
-Back in time conj(g) z, conj(g) b and conj(g) c are conjugated: y -> -y. Differences that cancel
+Backward in time conj(g) z, conj(g) b and conj(g) c are conjugated: y -> -y. Differences that cancel
 next to a steady state, next to |k| = A and next to the critical level e L = 1 are formed by
 identities: L - y, L**2 + k x - L y and 1 - (e L)**2 in `orbit`.
 """
@@ -83,7 +83,7 @@ def difference_of_squares(x, u, y, k, X, K):
 
 @formula
 def fill(b, l, ahead, passes, root, gap, minus, R2, square):
-    """Fill the rows of one direction, `ahead` 1 or -1."""
+    """Fill the rows of one direction of time: forward for `ahead` = 1, backward for -1."""
     row = B1 if ahead > 0.0 else B1 + BACK
     I1, I2, I13, I23, k = b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l]
     w1, w2 = b[W1, l], b[W2, l]
@@ -104,7 +104,7 @@ def fill(b, l, ahead, passes, root, gap, minus, R2, square):
 
 @formula
 def orbit(b, l, discrete):
-    """Fill the rows of an orbit; L is left in place of RATE."""
+    """Fill the rows of an orbit; row RATE receives e L or e M."""
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
     x, u, y, s = coordinates(b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], k, w1, w2)
     e = 0.5 * select(discrete > 0.0, abs(b[EPS, l]), 1.0) / s
@@ -193,7 +193,7 @@ def state(b, l):
 
 @formula
 def enter(b, first, width, used, parameters, omega0, discrete):
-    """Fill the lanes in use: `width` orbits from trajectory `first` on, again and again."""
+    """Fill the first `used` lanes with `width` orbits from trajectory `first` on, repeated."""
     I1, I2, I13, I23, k, eps = parameters
     i = first
     for l in range(used):

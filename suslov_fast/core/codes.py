@@ -1,4 +1,4 @@
-"""Statuses of trajectories: negative if one failed, positive if it finished but is worth a look."""
+"""Statuses of trajectories: negative if one failed, positive if it finished with a caveat."""
 
 OK = 0
 SUPERCRITICAL = 1  # finished; T = e A >= 1 in modulus: the step is too long to follow the motion

@@ -1,12 +1,12 @@
-"""Gaussian elimination of systems A y = b, where A is the identity and other terms.
+"""Gaussian elimination for systems A y = b, where A is the identity plus other terms.
 
-`eliminate` solves systems side by side, in the order of their unknowns. No rows are exchanged, so
-the units of the unknowns change no digit, and loops over lanes are SIMD. The pivots tell which
-systems lose digits in this order, see `keeps_digits`: these are for `solve`, one at a time.
+`eliminate` solves the systems of all lanes without row exchanges. So loops over lanes are SIMD, and
+powers of two as units of the unknowns change no digit. The pivots show which systems lose digits,
+see `keeps_digits`; `solve` solves these one at a time, with pivoting.
 
-A block of systems is a[row, column, lane], with the columns of A and then right sides, and
-b[LEAST, LARGEST or TO_SOLVE, lane]. One system is a block of one lane; that `lanes` is an argument
-lets LLVM drop the loops over one lane.
+A block of systems is a[row, column, lane], the columns of A followed by right sides, and
+b[LEAST, LARGEST or TO_SOLVE, lane]. A single system is a block of one lane; LLVM drops its loops
+over lanes, because `lanes` is an argument.
 """
 
 import math
@@ -14,15 +14,15 @@ import math
 import numpy as np
 
 from .codes import NONFINITE, OK, SINGULAR
-from .numba import formula, function, inlined, select
+from .numba import formula, function, inlined, lesser, select
 
-# The least pivot; the largest number that was on the diagonal, at least 1; 1 if the lane is for
-# `solve`, else 0.
+# Rows of b: the least pivot; the largest modulus that the diagonal had, at least 1; 1 if the lane
+# is left to `solve`, else 0.
 LEAST, LARGEST, TO_SOLVE = range(3)
-# A quotient of pivots, see `eliminate`, above which elimination side by side is accurate.
+# Elimination without row exchanges is accurate if LEAST / LARGEST is above this quotient.
 LEAST_PIVOT = 2.0**-6
-ZERO_TO_ROUNDING = 2.0**-50  # a pivot below this part of its terms, for one unknown
-ROUNDS = 20  # of `balance`, at most: two or three do, but where unknowns are coupled one way
+ZERO_TO_ROUNDING = 2.0**-50  # a pivot below m times this part of its terms counts as 0
+ROUNDS = 20  # at most, of `balance`; two or three suffice unless unknowns are coupled one way
 
 
 @formula
@@ -58,7 +58,7 @@ def eliminate(a, b, lanes):
         for l in range(lanes):
             b[LARGEST, l] = larger(abs(a[i, i, l]), b[LARGEST, l])
     for k in range(0, m, 2):
-        for second in range(k, min(k + 2, m)):
+        for second in range(k, lesser(k + 2, m)):
             if second > k:
                 for l in range(lanes):
                     a[second, k, l] *= a[k, k, l]
@@ -90,9 +90,9 @@ def eliminate(a, b, lanes):
 
 @formula
 def accept(a, x, b, lanes):
-    """Replace states x by the right sides, where these keep their digits; return how many do not.
+    """Replace states x by the right sides where these keep their digits; return how many do not.
 
-    In b[TO_SOLVE] is a number below that of components if the right sides are finite and accurate.
+    On entry b[TO_SOLVE] is below the length of x if the right sides are finite and accurate.
     """
     m, to_solve = len(a), 0
     for l in range(lanes):
@@ -133,9 +133,9 @@ def memory_of_one(m):
 def solve(system, units):
     """Solve one system (m, columns, 1), scaled, with partial pivoting; return its status.
 
-    The right sides become the solutions; the diagonal, the pivots of scaled rows, NaN if they are 0
-    to rounding, which is SINGULAR. What is not finite is NONFINITE. `units` (2, m) receives the
-    units of the unknowns and the factors of rows: det A is the product of pivot k / units[1, k].
+    The right sides become solutions, and the diagonal holds the pivots of scaled rows: NaN where
+    one is 0 to rounding (SINGULAR). Numbers that are not finite give NONFINITE. `units` (2, m)
+    receives the units of the unknowns and the factors of rows: det A = prod pivot k / units[1, k].
     """
     a, weights, undefined, size = system[:, :, 0], units[1], 0.0, 0.0
     m, columns = a.shape
@@ -153,7 +153,7 @@ def solve(system, units):
         for i in range(k + 1, m):
             if abs(a[i, k]) > abs(a[pivot, k]):
                 pivot = i
-        if pivot != k:  # one of the rows changes its sign, so that the determinant remains
+        if pivot != k:  # a change of sign keeps the determinant
             weights[k], weights[pivot] = weights[pivot], weights[k]
             for j in range(columns):
                 a[k, j], a[pivot, j] = a[pivot, j], -a[k, j]
@@ -203,7 +203,7 @@ def balance(a, units):
                 changed = True
                 factor = math.ldexp(1.0, power)
                 units[i] *= factor
-                for j in range(columns):  # the diagonal returns to what it was
+                for j in range(columns):  # the second loop restores the diagonal
                     a[i, j] /= factor
                 for j in range(m):
                     a[j, i] *= factor

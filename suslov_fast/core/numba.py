@@ -8,14 +8,14 @@ kernel      what Python calls: `kernel.serial(*arguments)`, `kernel.parallel(thr
 for_users   a formula that users call, from their own compiled loops and from Python
 universal   a universal function of NumPy, made of a function of one state
 
-All is compiled when it is first called. With NUMBA_DISABLE_JIT=1 it is Python; with
+Each is compiled on its first call. With NUMBA_DISABLE_JIT=1 all are Python functions; with
 NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other. A loop becomes SIMD if
 
-- its numbers are rows b[ROW, lane] of one array, so that LLVM has one pointer and nothing to
-  compare, with constant numbers of rows and lanes; other indices than from 0 on are unsigned,
+- its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes: then LLVM
+  need not test whether arrays overlap; indices that do not begin at 0 are unsigned,
 - it calls formulas without branches (`select`), and nothing of the C library.
 
-Constant integers have types of their own: a function that takes one is compiled for each.
+A constant integer has a type of its own: a function that takes one is compiled for each value.
 """
 
 import functools
@@ -98,7 +98,7 @@ inlined = numba.njit(inline="always", **_FUNCTION)
 
 # ---------------------------------------------------------------------------------------- kernels
 class Kernel:
-    """A kernel, whose arguments are numbers, arrays and tuples of them."""
+    """A compiled kernel, whose arguments are numbers, arrays and tuples of them."""
 
     def __init__(self, py_function):
         self.compiled, self._addresses = _cached(numba.njit(**_OPTIONS), py_function), {}
@@ -144,7 +144,7 @@ def _emit_call(context, builder, address, *values):
 
 @intrinsic
 def _call(typing, address, kernel, data, part, parts):
-    """Call the function that `_pack` made."""
+    """Call a part of a kernel, by the address of the function from `_pack`."""
 
     def emit(context, builder, signature, arguments):
         _emit_call(context, builder, *arguments)
@@ -182,7 +182,7 @@ def _pack(typing, arguments):
 
 
 def _uncounted(context, builder, kind, value):
-    """Return an argument whose arrays count no references, which threads would wait for."""
+    """Return an argument whose arrays have no reference counts: threads would wait for them."""
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
         array.meminfo = ir.Constant(array.meminfo.type, None)
@@ -195,10 +195,10 @@ def _uncounted(context, builder, kind, value):
 
 # ---------------------------------------------------------------------------- universal functions
 class Universal:
-    """A universal function of float64 numbers, made of the function of one state.
+    """A universal function of float64 numbers, made from a function of one state.
 
-    In a layout such as "(),(d)->(d,d),()" the function writes to its last two arguments; a number
-    that it writes is an array of one.
+    In a layout such as "(),(d)->(d,d),()" the function writes to its last two arguments; a scalar
+    output is an array of one number.
     """
 
     def __init__(self, layout, py_function):
@@ -222,7 +222,7 @@ class Universal:
         with suppress(Exception):  # no writable folder, or a file that cannot be read
             found = build(cache=not config.BOUNDSCHECK)(self.py_function)
             [code] = found.gufunc_builder._cres.values()
-            # The address is 0 if two processes wrote at once, and this is a wrapper of other code.
+            # The address is 0 if two processes wrote at once and the wrapper is of other code.
             if found.gufunc_builder.build(code)[1]:
                 return found
         return build(cache=False)(self.py_function)
@@ -237,14 +237,14 @@ class Universal:
 
 
 def universal(layout):
-    """The decorator of a function with this layout."""
+    """Return the decorator that makes a universal function with this layout."""
     return functools.partial(Universal, layout)
 
 
 # ------------------------------------------------------------------------------------- in kernels
 @formula
 def select(condition, first, second):
-    """Return `first` where the condition holds, else `second`: both are computed, no branch."""
+    """Return `first` where the condition holds, else `second`; compute both, without a branch."""
     return first if condition else second
 
 
@@ -268,9 +268,7 @@ def stream_line(typing, target, i, source, j):
 
 @intrinsic
 def borrowed(typing, arrays):
-    """Return an array, or a tuple of arrays, that counts no references, for which threads would
-    wait.
-    """
+    """Return an array, or a tuple of arrays, without the reference counts that slow threads."""
 
     def emit(context, builder, signature, arguments):
         return _uncounted(context, builder, signature.args[0], arguments[0])
@@ -298,7 +296,7 @@ def share(count, part, parts):
 
 # ------------------------------------------------------------------- rows of parameters and outputs
 # Large outputs leave past the caches, in whole lines: 2.1 times as fast.
-# Smaller outputs, in numbers, stay in the caches, where they are read again.
+# Outputs of fewer numbers stay in the caches, where they are read again.
 STREAM_FROM = np.inf if config.DISABLE_JIT else 2**20
 
 

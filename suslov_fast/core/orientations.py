@@ -1,6 +1,6 @@
 """Orientations: R_next = R cay(S), with S = eps (Omega + Omega_next) / 2 (theory, section 4).
 
-S/2 = b e_n^T - e_n b^T, since Omega has numbers in its last row and column only. Then cay(S) =
+S/2 = b e_n^T - e_n b^T, since only the last row and column of Omega are not 0. Then cay(S) =
 (1 - S/2)**-1 (1 + S/2) = 1 + 2 (S/2 + (S/2)**2) / (1 + |b|**2), so that rows (r, r_n) of R become
 
 r_n + c (r.b - |b|**2 r_n)   and   r - c (r.b + r_n) b,   with c = 2 / (1 + |b|**2).

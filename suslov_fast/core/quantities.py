@@ -1,7 +1,7 @@
 """Quantities of a state, each a NumPy universal function that is written as its formula.
 
-All take the same, used or not: in three dimensions I1, I2, I13, I23, k, eps and the state w, with
-k = 0 without a rotor; in n dimensions J, I, eps and w. `quantities_field` has those of fields.
+All take the same arguments, used or not: in three dimensions I1, I2, I13, I23, k (0 without a
+rotor), eps and the state w; in n dimensions J, I, eps and w. Those of fields: `quantities_field`.
 
 X, Y, K, e, l, g and z are those of `steps_3d`, x, u and y those of `closed_form`.
 """
@@ -70,7 +70,7 @@ def invariant_density(I1, I2, I13, I23, k, eps, w, out):
 
 @formula
 def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
-    """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 where runs say that it is."""
+    """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 that the status of runs tells."""
     a, of_g = I1 * I2, I13 * (I13 / I1) + I23 * (I23 / I2)
     step = eps * (I13 * w1 + I23 * w2 + k)
     size = 2.0 * eps * eps * energy_at(I1, I2, w1, w2)

@@ -1,8 +1,8 @@
 """Quantities of states of a field, as universal functions of states in rows.
 
-They take the terms v x_j x_k of the equations i, with x_D = 1, as places (3, T) and values (T,), a
-step size for each of B states (B,), used or not, and the states (B, D). Terms of a Hamiltonian are
-v x_i x_j x_k. Blocks of states are lanes, as in `steps_field`.
+They take the terms v x_j x_k of the components i, with x_D = 1, as indices (3, T) and values (T,),
+step sizes (B,), used or not, and states (B, D). Terms of a Hamiltonian are v x_i x_j x_k. States
+of a block are lanes, as in `steps_field`.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from .elimination import (
     memory_of_one,
     substitute,
 )
-from .numba import function, inlined, universal
+from .numba import function, inlined, lesser, universal
 from .tangent import derive
 
 FIELD = "(c,t),(t),(b),(b,d)->"
@@ -25,7 +25,7 @@ FIELD = "(c,t),(t),(b),(b,d)->"
 @function
 def read(x, first, y):
     """Fill rows y with states from `first` on; return their number."""
-    count = min(y.shape[1], len(x) - first)
+    count = lesser(y.shape[1], len(x) - first)
     for i in range(x.shape[1]):
         for l in range(count):
             y[i, l] = x[first + l, i]

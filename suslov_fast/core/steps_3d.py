@@ -10,7 +10,7 @@ Kahan's equations are z_next - z = i e (l z_next + l_next z). Solved, with s = 1
 
     z_next = z (s + 2 i X) / (s + 2 X**2),    X_next = X (2 - s) / (s + 2 X**2).
 
-Zeros of s + 2 X**2 are poles. A state with l = 0 rests. R**2 = |z|**2 / (1 + X**2) is conserved,
+Zeros of s + 2 X**2 are poles. A state with l = 0 is fixed. R**2 = |z|**2 / (1 + X**2) is conserved,
 and so is T = e R |g|, the criticality. Two forms are iterated:
 
 plain     (X, Y), for k = 0 and T < 1 (that is |Y| < 1), where no pole is met. No parameter enters:
@@ -19,7 +19,7 @@ general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X is a number o
           l = I13 w1 + I23 w2 + k loses its digits next to a steady state, and so are u and v,
           because K may outweigh X - K and Y
 
-For other files: `enter`, `is_supercritical`, `turn` and `one_step` are formulas of floats.
+Other modules use `enter`, `is_supercritical`, `turn` and `one_step`, which are formulas of floats.
 """
 
 from typing import NamedTuple
@@ -29,7 +29,7 @@ import numpy as np
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
 from .numba import alignment, formula, kernel, lesser, pick, select, share, write
 
-ONE, LANES = np.int64(1), np.int64(128)  # as literals they would compile `take_steps` twice
+ONE, LANES = np.int64(1), np.int64(128)  # typed: as literals they compile `take_steps` twice
 FEW = 6  # so few trajectories take less time one by one than all lanes
 RESTORED = 512  # steps after which `restore` is called
 ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
@@ -74,7 +74,7 @@ def is_supercritical(frame, X, Y):
 
 @formula
 def is_lost(frame, X, Y):
-    """True for a state of a gyrostat, not at rest, whose next state has too few digits."""
+    """True for a moving state of a gyrostat so large that the next one has too few digits."""
     far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
     return far & (frame.K != 0.0) & (X != 0.0)
 
@@ -132,7 +132,7 @@ def restore(frame, R2, X, u, v):
 
 @formula
 def form_of(frame, X, Y):
-    """GENERAL, PLAIN, or RESTS, with l = 0: such a state keeps all its bits."""
+    """Return GENERAL, PLAIN or RESTS: a state with l = 0 rests, and keeps all its bits."""
     known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGE) & (X != 0.0)
     plain = known & (frame.K == 0.0) & (abs(Y) < 1.0)
     rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
@@ -141,7 +141,7 @@ def form_of(frame, X, Y):
 
 @formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
-    """The next state, to the bit that of `steps`; NaN where there is none."""
+    """The next state, bit-identical to that of `steps`; NaN where there is none."""
     frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)
     form = form_of(frame, X, Y)
     if form == RESTS:
@@ -160,7 +160,7 @@ def one_step(I1, I2, I13, I23, k, eps, w1, w2):
 # Rows of a block: the numbers of the plain form; those of the general one, with R**2 and how many
 # of its states exist (and a half after a pole); the frame.
 KIND, X_, Y_, XG, U, V, R2, ALIVE, FRAME = range(9)
-CARRIED = ALIVE  # the rows before it: numbers from which a trajectory goes on
+CARRIED = ALIVE  # the rows before it are the numbers that a trajectory continues from
 ROWS = FRAME + 6
 
 
@@ -184,7 +184,7 @@ def state_at(b, l):
 @formula
 def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status, failed_at):
     """Fill lanes with trajectories from `first` on, at state 0 or where they stopped; return how
-    many are plain. Lanes beyond `width` repeat the first.
+    many have the plain form. Lanes beyond `width` repeat the first.
     """
     for l in range(lanes):
         i = first + (l if l < width else 0)

@@ -2,17 +2,17 @@
 
 x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x). A field is a list of terms: with one
 more component, x_D = 1, all are quadratic, and f_i is the sum of its v x_j x_k, j <= k. So one
-build serves all fields. Where the increment cancels the state, or elimination loses digits, a lane
+kernel serves all fields. Where the increment cancels the state, or elimination loses digits, a lane
 solves A(x) x_next = x + (eps/2) l x + eps c, where l and c are the linear and constant parts.
 
 parameters   indices (3, T), the i, j and k of terms; values (1 or B, T); eps (1 or B,)
-final        (B, D), the states that a run goes on from; there is no carry
+final        (B, D), the states that a run continues from; there is no carry
 
 A block of lanes is four arrays:
 
 x       (D, lanes)   the states, NaN after the end of a trajectory
 a       (D, D + 1, lanes)   A, and minus half the step size times f as the right side
-fixed   (D, D + 1, lanes)   what of `a` does not depend on the state
+fixed   (D, D + 1, lanes)   the part of `a` that does not depend on the state
 half    (T, lanes)   half the step size times v
 """
 
@@ -20,10 +20,10 @@ import numpy as np
 
 from .codes import NONFINITE, OK
 from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
-from .numba import formula, function, inlined, kernel, select, share
+from .numba import formula, function, inlined, kernel, lesser, select, share
 
-# A state has lost digits if one component falls below this part of its increment, or if all fall
-# below the larger part.
+# A state has lost digits if one component falls below the small part of half its increment, or if
+# all fall below the large part.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 
 
@@ -31,7 +31,7 @@ SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 def lanes_of(D, count):
     """Return how many trajectories go side by side: the matrices stay in the caches."""
     lanes = 128 if D <= 8 else 64 if D <= 24 else 32
-    return min(lanes, (max(count, 1) + 7) // 8 * 8)
+    return lesser(lanes, ((count or 1) + 7) // 8 * 8)
 
 
 @formula
@@ -56,8 +56,8 @@ def fill(indices, half, fixed, x, a, begin, lanes):
 
 @formula
 def next_component(x, half):
-    """Return a component of the next state, from minus half its increment; and 0 if it has its
-    digits, 1 if it may do with fewer beside others that have theirs, else infinity.
+    """Return a component of the next state, from minus half its increment; and 0 if it keeps its
+    digits, 1 if it loses some, which is accepted unless all components do, else infinity.
     """
     following = x - 2.0 * half
     size, part = abs(following), abs(half)
@@ -67,9 +67,7 @@ def next_component(x, half):
 
 @inlined
 def advance(a, x, b, lanes):
-    """Go on to the next states, with `a`, where they are finite and accurate; return how many are
-    not.
-    """
+    """Take the step where the next states are finite and accurate; return how many are not."""
     D = len(a)
     eliminate(a, b, lanes)
     for l in range(lanes):
@@ -83,9 +81,7 @@ def advance(a, x, b, lanes):
 
 @inlined
 def advance_one(indices, x, fixed, half, l, one):
-    """Go on to the next state of lane l, by `solve` of A x_next = x + (eps/2) l x + eps c; return
-    its status.
-    """
+    """Take the step of lane l by `solve`, as in the head of this file; return its status."""
     a, units = one
     D = len(a)
     fill(indices, half, fixed, x, a, l, 1)
@@ -102,7 +98,7 @@ def advance_one(indices, x, fixed, half, l, one):
 
 @inlined
 def advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at):
-    """Go on to the next states, with index n, where `advance` did not; some trajectories end."""
+    """Take step n in the lanes where `advance` did not; record the trajectories that fail."""
     for l in range(x.shape[1]):
         if b[TO_SOLVE, l] > 0.0:
             code = advance_one(indices, x, fixed, half, l, one)
@@ -127,10 +123,10 @@ def step_of_one(system, given, out, memory):
 
 @function
 def enter(parameters, x0, x, fixed, half, begin, end, start, status, failed_at):
-    """Enter trajectories, fields and step sizes; lanes beyond the last repeat it."""
+    """Fill a block with trajectories, fields and step sizes; lanes beyond the last repeat it."""
     indices, values, eps = parameters
     for l in range(x.shape[1]):
-        k, undefined = min(begin + l, end - 1), 0.0
+        k, undefined = lesser(begin + l, end - 1), 0.0
         for i in range(len(x)):
             x[i, l] = x0[k, i]
             undefined += 0.0 * x[i, l]
@@ -160,7 +156,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
-        end = min(begin + lanes, last)
+        end = lesser(begin + lanes, last)
         states = omega0 if start == 0 else final
         enter(parameters, states, x, fixed, half, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):

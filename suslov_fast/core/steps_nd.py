@@ -15,11 +15,11 @@ beta = sum I**2 / d and gamma = sum w**2 / d,
 (1 - h alpha) I.delta + 2 h beta w.delta = 2 h (p alpha - |w|**2 beta),
 -h gamma I.delta + (1 + 2 h alpha) w.delta = 2 h (p gamma - |w|**2 alpha).
 
-That loses digits where a d_i is small, where the determinant of the two equations cancels, and
+This loses digits where a d_i is small, where the determinant of the two equations cancels, and
 where w + delta cancels: such lanes take the step by elimination.
 
 parameters   J, I (1 or B, m); eps (1 or B,)
-final        (B, m), the states that a run goes on from; there is no carry
+final        (B, m), the states that a run continues from; there is no carry
 
 A block is c[J, I, W or INVERSE, component, lane], with an even number of components: if m is odd
 there is one more, with J = inf and I = w = 0; and b[row, lane], numbers of lanes. After its end a
@@ -30,11 +30,11 @@ import numpy as np
 
 from .codes import NONFINITE, OK
 from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
-from .numba import formula, function, inlined, kernel, select, share
+from .numba import formula, function, inlined, kernel, lesser, select, share
 from .steps_field import write
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
-# After the rows of `elimination`: p, |w|**2 and h p; the sums; the factors of w / d and I / d in
+# Rows after those of `elimination`: p, |w|**2 and h p; the sums; the factors of w / d and I / d in
 # delta; the step size; a bound of h p below which no d is small; and of a row of A the factors
 # 2 h I_i / J_i and h w_i / J_i, and a sum.
 (P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I) = range(TO_SOLVE + 1, TO_SOLVE + 9)
@@ -48,7 +48,7 @@ FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 @formula
 def lanes_of(m, count):
     """Return how many trajectories go side by side."""
-    return min(LANES if m <= 24 else LANES // 2, (max(count, 1) + 7) // 8 * 8)
+    return lesser(LANES if m <= 24 else LANES // 2, ((count or 1) + 7) // 8 * 8)
 
 
 @formula
@@ -97,7 +97,7 @@ def fill(c, b, a, begin, lanes):
 
 @formula
 def find_factors(c, b, lanes):
-    """Find 1 / d and the factors of the increment; return how many lanes must eliminate.
+    """Find 1 / d and the factors of the increment; return how many lanes need elimination.
 
     Terms i and M/2 + i are added in pairs, which halves the stores.
     """
@@ -134,7 +134,7 @@ def find_factors(c, b, lanes):
 
 @formula
 def add_increments(c, b, lanes):
-    """Go on to the next states, and find their p and |w|**2."""
+    """Add the increments, and find p and |w|**2 of the next states."""
     M = c.shape[1]
     pairs = M // 2
     for i in range(M):
@@ -169,7 +169,7 @@ def eliminate_one(c, b, l, one):
 
 @inlined
 def eliminate_all(c, b, a, lanes):
-    """Go on to the next states by elimination; return how many must use pivots."""
+    """Take the step of all lanes by elimination; return how many need `solve`."""
     m = len(a)
     fill(c, b, a, 0, lanes)
     eliminate(a, b, lanes)
@@ -226,7 +226,7 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
-        end = min(begin + lanes, last)
+        end = lesser(begin + lanes, last)
         states = omega0 if start == 0 else final
         enter(c, b, parameters, states, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
@@ -250,10 +250,10 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
 
 @function
 def enter(c, b, parameters, states, begin, end, start, status, failed_at):
-    """Enter trajectories; lanes beyond the last repeat it."""
+    """Fill a block with trajectories; lanes beyond the last repeat it."""
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
-        k, undefined, smallest = min(begin + l, end - 1), 0.0, np.inf
+        k, undefined, smallest = lesser(begin + l, end - 1), 0.0, np.inf
         b[EPS, l], b[OF_W, l], b[OF_I, l] = eps[k % len(eps)], 0.0, 0.0
         for i in range(c.shape[1]):
             c[J_, i, l], c[I_, i, l], c[W, i, l], c[INVERSE, i, l] = np.inf, 0.0, 0.0, 0.0
@@ -261,7 +261,7 @@ def enter(c, b, parameters, states, begin, end, start, status, failed_at):
                 c[J_, i, l], c[I_, i, l] = J[k % len(J), i], I[k % len(I), i]
                 c[W, i, l] = states[k, i]
             undefined += 0.0 * c[W, i, l]
-            smallest = min(smallest, c[J_, i, l])
+            smallest = lesser(c[J_, i, l], smallest)
         b[NEAR, l] = (1.0 - FAR_FROM_0) * smallest
         if start == 0 and np.isnan(undefined):
             status[k], failed_at[k] = NONFINITE, 0

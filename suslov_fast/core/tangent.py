@@ -1,15 +1,15 @@
 """Derivatives of Kahan's map of a quadratic field, and how lengths grow under their products.
 
 A(x) = 1 - (eps/2) f'(x), and DPhi(x) = A(x)**-1 (1 + (eps/2) f'(x_next)); the second factor is
-2 - A(x_next) (theory, section 7). Every map is one of these: `body.field().terms` are its indices
-(3, T) and values (..., T), see `steps_field`.
+2 - A(x_next) (theory, section 7). Every map of the package is one of these: `body.terms` are its
+indices (3, T) and values (..., T), see `steps_field`.
 
 derive   products of DPhi with columns, for one lane, with pivots
 growth   a kernel: logarithms of lengths and determinants along orbits
 
-The Lyapunov exponents after N steps are, from the sums (B, D) and of_det (B,) of `growth`,
-sums[:, :-1] / N and, for the last, (of_det - sums[:, :-1].sum(axis=1)) / N: so their sum is the
-mean of log |det DPhi|, to rounding. (The last is sums[:, -1] / N where another one is -inf.)
+With the sums (B, D) and of_det (B,) of `growth`, the Lyapunov exponents after N steps are
+sums[:, :-1] / N and, as the last, (of_det - sums[:, :-1].sum(axis=1)) / N: so their sum is the
+mean of log |det DPhi|, to rounding. (Where another one is -inf, the last is sums[:, -1] / N.)
 """
 
 import numpy as np
@@ -23,11 +23,11 @@ from .elimination import (
     solve,
     substitute,
 )
-from .numba import function, kernel, select, share
+from .numba import function, kernel, lesser, select, share
 from .steps_field import advance, advance_failed, enter, fill, lanes_of
 
-# Rows of numbers of lanes, after those of `elimination`: products of the factors of |det DPhi| near
-# 1, less 1, and of the others; and, from LENGTHS on, the products of lengths.
+# Rows of b after those of `elimination`: the product of the factors of |det DPhi| that are near 1,
+# less 1; that of the others; and, from LENGTHS on, the products of lengths.
 NEAR_1, FAR, LENGTHS = range(TO_SOLVE + 1, TO_SOLVE + 4)
 # Logarithms are taken of products that leave these ranges: what lies within keeps its digits.
 NEAR_1_LEAST, NEAR_1_LARGEST, LEAST, LARGEST = -0.999, 1e3, 1e-100, 1e100
@@ -35,9 +35,9 @@ NEAR_1_LEAST, NEAR_1_LARGEST, LEAST, LARGEST = -0.999, 1e3, 1e-100, 1e100
 
 @function
 def derive(indices, x, fixed, half, after, q, v, l, system, units):
-    """Replace columns v of lane l by DPhi q, with pivots; return det DPhi.
+    """Replace columns v of lane l by DPhi q, with partial pivoting; return det DPhi.
 
-    x are the states, and `after` is A at the next ones; `system` (D, 2 D, 1) is for `solve`.
+    x holds the states, and `after` A of the next ones; `system` and `units` are memory for `solve`.
     """
     D = len(q)
     fill(indices, half, fixed, x, system, l, 1)
@@ -47,7 +47,7 @@ def derive(indices, x, fixed, half, after, q, v, l, system, units):
             for j in range(D):
                 system[i, D + r, 0] -= after[i, j, l] * q[j, r, l]
     solve(system, units)
-    determinant = np.float64(determinant_of(system, units))  # divides by 0 when interpreted, too
+    determinant = np.float64(determinant_of(system, units))  # 1 / 0 is no error in Python, too
     for i in range(D):
         for r in range(D):
             v[i, r, l] = system[i, D + r, 0]
@@ -82,11 +82,11 @@ def growth(part, parts, parameters, x0, carry, span, sums, of_det, status, faile
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin = first + block * lanes
-        end = min(begin + lanes, last)
+        end = lesser(begin + lanes, last)
         states = x0 if start == 0 else carry
         enter(parameters, states, x, fixed, half, begin, end, start, status, failed_at)
         for l in range(lanes):
-            k = min(begin + l, end - 1)
+            k = lesser(begin + l, end - 1)
             b[NEAR_1, l], b[FAR, l] = 0.0, 1.0
             for i in range(D):
                 b[LENGTHS + i, l] = 1.0

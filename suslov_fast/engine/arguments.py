@@ -1,4 +1,4 @@
-"""Arguments common to most public functions: random, checked, and as flat arrays for kernels."""
+"""Arguments of most public functions: random starts, checks, and flat arrays for kernels."""
 
 import math
 import os
@@ -128,9 +128,9 @@ def check(
 ) -> States:
     """Check the arguments of a public function.
 
-    The body is one of `kinds`, if any are given. States, the argument `name`, may be NaN, and have
-    the components of the body or those given; `attitude` is rotations or a bool; `later` is that of
-    `checks.states`. Messages call the state of a field x.
+    The body must be one of `kinds`, if any. Messages call the states `name`, or x for a field; they
+    may be NaN, and have `components`, by default those of the body. `attitude` is a bool or
+    rotations, `later` as for `checks.states`.
     """
     if kinds:
         checks.instance("body", body, kinds)

@@ -1,4 +1,4 @@
-"""Trajectories step by step: one call of a kernel for each stretch.
+"""Iteration in stretches of steps, each one call of a kernel.
 
 Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is reported.
 """
@@ -27,7 +27,7 @@ Report = Callable[[int], object]  # takes the number of steps done so far
 
 
 def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
-    """Check the argument `progress`; return a context, and with it what shows the steps done.
+    """Check `progress`; return a context manager of the function that shows the steps done.
 
     The context opens and closes a bar.
     """
@@ -51,14 +51,14 @@ class Steps(NamedTuple):
     """The steps of a method, for states of D components."""
 
     kernel: Kernel
-    carried: int  # numbers of a trajectory that steps go on from, beside the last state
-    # Of a step, in those of the 3D map; T is the number of terms of a field.
+    carried: int  # numbers of a trajectory that steps continue from, beside the last state
+    # Of a step, relative to the 3D map; T is the number of terms of a field.
     cost: Callable[[int, int], float] = lambda D, T: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
 
 
 class March:
-    """A batch of B trajectories on its way: at state `n`, with all that is needed to go on."""
+    """A run of B trajectories at state `n`, with all that is needed to continue it."""
 
     def __init__(self, steps: Steps, states: States) -> None:
         body, omega, eps, batch, _, _, orientation = states
@@ -84,7 +84,7 @@ class March:
         out: FloatArray | None = None,
         report: Report | None = None,
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Go on to state `stop`; return states (rows, ..., D) and orientations, None without them.
+        """Continue to state `stop`; return states (rows, ..., D) and orientations, or None.
 
         They are the multiples of `every` after state n, and state 0 if n is 0, in `out` if it is
         given; or the last state if `every` is 0. `report` takes the number of steps of this call
@@ -112,7 +112,7 @@ class March:
     def pieces(
         self, steps: int, every: int, rows: int
     ) -> Iterator[tuple[FloatArray, FloatArray | None]]:
-        """Go on from state 0 to state `steps`; yield what `to` returns, `rows` states at a time."""
+        """Iterate from state 0 to `steps`; yield what `to` returns, `rows` states at a time."""
         last = steps // every if every else 0
         for end in range(rows, last + rows + 1, rows):
             saved, turns = self.to(steps if end > last else (end - 1) * every, every)
@@ -120,7 +120,7 @@ class March:
             yield saved[-rows:], None if turns is None else turns[-rows:]
 
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
-        """Go on without orientations.
+        """Continue without orientations.
 
         The batch is divided first, so that the data of a stretch stay in the caches; time is
         divided only if few trajectories take long. A block of lanes takes the time of all lanes,
@@ -155,7 +155,7 @@ class March:
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None
     ) -> None:
-        """Go on with orientations: all states into memory of our own, then what they turn."""
+        """Continue with orientations: all states into own memory, then the rotations along them."""
         (size, D), n, turned, row = self.omega0.shape, self.n, self.turned, 0
         length = min(max(_TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop - n, 1))
         path, axial = np.empty((length + 1, size, D)), not isinstance(self.states.body, SuslovND)

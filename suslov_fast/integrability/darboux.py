@@ -161,13 +161,13 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> tuple[Any
 def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield the cofactors of polynomials up to a degree; the factors of the map must be known.
 
-    Such a polynomial is an eigenvector of its pullback divided by powers of the factors.
+    Such a polynomial is an eigenvector of the pullback, divided by powers of the factors.
     """
     if (determinant := map.jacobian_cofactor) is None:
         expected = f"a map with an inverse and factors of det DPhi of at most {TERMS} terms"
         raise ArithmeticError(f"expected {expected}")
-    # The Jacobian determinant of F: its factors have images of lower dimension. Any other factor of
-    # a pullback goes to another hypersurface, and has a cofactor itself.
+    # The Jacobian determinant of F: its zeros have images of lower dimension. Those of any other
+    # factor of a pullback are mapped to a hypersurface, and it has a cofactor itself.
     jacobian = factored(map.forms[-1]) ** (map.dimension + 1) * determinant
     factors = [f for f, _ in jacobian.factors if degree_of(f)]
     at_infinity = (map.dimension + 1) * (map.degree - 1) > jacobian.degree
@@ -178,7 +178,7 @@ def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
         def search(p: int, eps: int, cofactor: Any = cofactor) -> Residues:
             here, images = _at_points(map, degree, cofactor, p, eps)
             n = len(here[0])
-            # The points are as many as unknowns: eigenvalues of solutions do not depend on them.
+            # As many points as unknowns: eigenvalues of true solutions do not depend on them.
             first, second = (
                 flint.nmod_mat(here[k:][:n], p).solve(flint.nmod_mat(images[k:][:n], p)).minpoly()
                 for k in (0, MORE)
@@ -194,10 +194,10 @@ def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
 def _divisors(
     map: RationalMap, degree: int, factors: list[Any], at_infinity: bool
 ) -> Iterator[tuple[int, ...]]:
-    """Yield powers of factors with products that divide pullbacks of polynomials of a degree.
+    """Yield the exponents of products of factors that divide the pullback of some polynomial.
 
-    Modulo a prime, on random lines: polynomials in a parameter t. The degrees add up to that of
-    the quotient's denominator, with powers of t if the hyperplane at infinity is such a factor.
+    The test is modulo a prime, on random lines. A product has the degree `degree` (map.degree - 1),
+    so that the quotient has `degree`; one of its factors may be the hyperplane at infinity.
     """
     rng = random.Random(degree)
     p = exact.random_prime(rng)
@@ -212,7 +212,7 @@ def _divisors(
     images = [list(monomial_values(monomials, map.at(eps).reduced(line))) for line in lines]
 
     def equations(f: Any, k: int, power: int) -> Residues:
-        """Return the equations of the polynomials whose pullback has a factor to a power."""
+        """Return equations for the polynomials whose pullback is divisible by f**power."""
         rows: Residues = []
         for line, values in zip(lines[: 1 + 2 * count // (k * power)], images, strict=False):
             divisor = on_line(f, line, k) ** power
@@ -228,7 +228,7 @@ def _divisors(
 
     @cache
     def fit(*powers: int) -> bool:
-        """Return True if the first factors to these powers divide one pullback."""
+        """Return True if the first factors to these powers all divide some pullback."""
         rows = [row for each, e in zip(systems, powers, strict=False) for row in each[e]]
         return not rows or (fit(*powers[:-1]) and flint.nmod_mat(rows, p).rank() < count)
 

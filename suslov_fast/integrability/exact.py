@@ -46,7 +46,7 @@ def rational(name: str, value: Any) -> Fraction:
 
 
 def rationals(name: str, value: Any, count: int) -> Point:
-    """Return a point with so many coordinates."""
+    """Return a point with `count` coordinates, as fractions."""
     given = np.asarray(value, object)
     if given.shape != (count,):
         raise wrong(name, f"shape ({count},)", given.shape)
@@ -144,7 +144,7 @@ def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any
 
 
 def modulo(P: Any, p: int, eps: Any) -> Any:
-    """Return a polynomial in x modulo a prime, over the rationals for p = 0, at this eps."""
+    """Return a polynomial in x, at this eps, modulo a prime p or, for p = 0, over the rationals."""
     of: Any = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
     letter = has_letter(P)
     n = P.context().nvars() - letter

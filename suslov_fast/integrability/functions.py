@@ -26,9 +26,9 @@ class RationalFunction:
 
     Called with a point, D rational numbers, it returns a fraction. Functions and numbers can be
     combined by ``+``, ``-``, ``*``, ``/`` and powers; ``sympy.sympify(str(f))`` converts one to
-    SymPy. In a report, its `basis` says what it rests on, and `cofactor` is that of a Darboux
-    polynomial. If eps is a letter, `subs` puts a number in its place, and `special` are the
-    rational numbers at which a factor of the formula is 0 for all x.
+    SymPy. In a report, `basis` says what a function rests on, and `cofactor` is that of a Darboux
+    polynomial. If eps is a letter, `subs` replaces it by a number, and `special` holds the rational
+    values of eps for which a factor of the formula is 0 for all x.
     """
 
     factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
@@ -189,7 +189,7 @@ def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:
 
 
 def as_function(value: Any) -> RationalFunction:
-    """Return a number as a constant function, and a function as it is."""
+    """Return a number as a constant function, and a function unchanged."""
     if isinstance(value, RationalFunction):
         return value
     return RationalFunction((), exact.rational("number", value))
@@ -210,7 +210,7 @@ def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
 
 
 def over_common_denominator(functions: Iterable[RationalFunction], of: Any) -> list[Any]:
-    """Return the numerators of functions, and a common denominator, as polynomials in a ring."""
+    """Return numerators over a common denominator, and this one, as polynomials in a ring."""
     pairs = [f.quotient_in(of) for f in functions]
     common = reduce(lambda a, b: a * b // a.gcd(b), (Q for _, Q in pairs), of.constant(1))
     return [*(P * (common // Q) for P, Q in pairs), common]
@@ -229,7 +229,7 @@ def product_of(
 
 
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:
-    """Return functions of least degree on which the others depend."""
+    """Return independent functions of least degree, on which all others depend."""
     chosen: list[RationalFunction] = []
     rows: list[list[Any]] = []  # the gradients of their logarithms
     for f in sorted(candidates, key=lambda f: (f.degree, len(str(f)), str(f))):

@@ -18,8 +18,8 @@ from .maps import RationalMap, check_map, random_line
 def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
     """Degrees of the first n iterates of a map, as maps of projective space.
 
-    The degree is the largest of the numerators and the common denominator, without common factors,
-    on random lines modulo primes; two of them agree.
+    The degree is the largest of those of the numerators and their common denominator, without
+    common factors; it is found on random lines modulo primes, two of which must agree.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def _by_recurrence(d: list[int]) -> Growth | None:
 
 
 def _growth_of(recurrence: list[int], transient: int, count: int) -> Growth:
-    """Return the growth of a monic recurrence after a transient."""
+    """Return the growth of a sequence with a monic recurrence after a transient."""
     order = len(recurrence) - 1
     terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
     what = f"d(k+{order}) = {' + '.join(terms) or 0}, all {count} degrees"

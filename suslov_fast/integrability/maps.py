@@ -89,7 +89,7 @@ class RationalMap:
 
     def _determinant(self) -> RationalFunction | None:
         """Return det DPhi in factors; None if they are too long."""
-        # F_0^(D + 1) det DPhi is the determinant of the derivatives of F and F itself.
+        # F_0^(D + 1) det DPhi is the determinant of the matrix of derivatives of F and F itself.
         n = self.dimension
         rows = [[*(F.derivative(i) for i in range(n)), F, 0] for F in self.forms]
         return factored(cramer(rows)[-1]) / factored(self.forms[-1]) ** (n + 1)
@@ -140,7 +140,7 @@ class RationalMap:
         return terms * eps <= TERMS or max(map(len, self.forms)) <= _SPARSE
 
     def pullback(self, P: Any, degree: int, at: Sequence[Any] | None = None) -> Any:
-        """Return F_0^degree P(F / F_0), at polynomials by default F."""
+        """Return F_0^degree P(F / F_0), with F or with other polynomials `at`."""
         k = int(self.has_letter)
         whole = exact.ring(self.dimension + 1, self.has_letter)
         terms = {(*e, degree - sum(e[k:])): c for e, c in P.to_dict().items()}
@@ -168,7 +168,7 @@ class RationalMap:
 
     @cached_property
     def _line(self) -> tuple[Any, ...]:
-        """A line with the parameter x1, and on it F and the factors."""
+        """A random line with the parameter x1, and F and the factors on this line."""
         (t, *_, one), rng = self.variables, random.Random(0)
         ends = (rng.sample(range(10**6), 2) for _ in range(self.dimension))
         line = [*(a * t + b for a, b in ends), one]
@@ -192,7 +192,7 @@ class RationalMap:
 
 
 def _divided(P: Any, divisor: Any) -> tuple[Any, int]:
-    """Return what is left of a polynomial without a divisor, and the divisor's power."""
+    """Divide a polynomial by a divisor as often as possible; return the quotient and the power."""
     power = 0
     while P % divisor == 0:
         P, power = P // divisor, power + 1

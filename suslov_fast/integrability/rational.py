@@ -14,7 +14,7 @@ from .maps import RationalMap
 def rational_map(
     f: Callable[[Any], Any], dimension: int, inverse: Callable[[Any], Any] | None = None
 ) -> RationalMap:
-    """Return the birational map of a function, for all that is found for Kahan maps.
+    """Return the birational map of a function, for the same searches as Kahan maps.
 
     Parameters
     ----------

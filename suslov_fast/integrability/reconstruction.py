@@ -27,7 +27,7 @@ _POINTS = 48  # values of eps, enough for polynomials of degree 20
 
 
 def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> Rows | None:
-    """Return the rows whose residues are found by a search; None if they are too long."""
+    """Return the rows whose residues a search finds; None if their entries are too long."""
     known = defaultdict[Any, list[tuple[Any, int]]](list)  # residues, by their shape
     candidate: Rows | None = None
     for _ in range(_PRIMES):
@@ -79,7 +79,7 @@ def simplest_fraction(residue: int, modulus: int) -> Fraction:
 
 
 def _interpolated(search: Search, p: int, e: int, found: Residues) -> Rows | None:
-    """Return the rows as polynomials in eps modulo p; None if they are too long."""
+    """Return the rows as polynomials in eps modulo p; None if their degree is too high."""
     rng = random.Random(p)
     candidate: Rows | None = None
     points: list[int] = []
@@ -104,7 +104,7 @@ def _through(points: list[int], values: list[Residues], p: int) -> Any:
     powers = np.array([[pow(e, i, p) for i in range(n)] for e in points], object)
     inverse = flint.nmod_mat(powers.tolist(), p).inv()  # of values at the points, to coefficients
     for row in np.array(values, object).transpose(1, 2, 0):
-        # The factor of a row, of degree below k, is one with which all entries have such a degree.
+        # A row is multiplied by a polynomial so that this and all products have degrees below k.
         products = [inverse * flint.nmod_mat((c * powers.T[:k]).T.tolist(), p) for c in row]
         high = [each for product in products for each in product.tolist()[k:]]
         if not (factors := exact.null_space(flint.nmod_mat(high, p))):

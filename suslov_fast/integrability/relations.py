@@ -70,18 +70,18 @@ def hk_bases(
     """Find the linear relations between monomials that hold along orbits (arXiv:1008.1040).
 
     The coefficients of a relation in the form of `HKBasis.basis` are first integrals; the rank of
-    their derivatives is the number of independent ones. If the relations of all orbits together
-    span one dimension more than those of one orbit, quotients of these polynomials are first
-    integrals, too; otherwise, Darboux polynomials of equal cofactor are sought. An orbit has 10
-    points more than there are monomials.
+    their derivatives is the number of independent ones. If the relations of all orbits span one
+    dimension more than those of one orbit, quotients of relations are first integrals, too;
+    otherwise, if a degree is given, Darboux polynomials of equal cofactor are sought. An orbit has
+    10 points more than there are monomials.
 
     Parameters
     ----------
     map, seed
         As in :func:`darboux_polynomials`.
     monomials : int or sequence of exponents
-        The exponents (e1, ..., eD) of each monomial, or a degree: then the basis is that of the
-        lowest degree that shows as many independent integrals.
+        The exponents (e1, ..., eD) of each monomial, or a largest degree: then the basis is that of
+        the lowest degree that shows as many independent integrals.
     point : sequence of D rational numbers, optional
         Point whose orbit `basis` and `dimension` belong to; by default random integers below 100.
 
@@ -150,10 +150,10 @@ def _relations(map: RationalMap, exponents: Exponents, p: int, eps: int, x: list
 
 @lru_cache(maxsize=32)
 def counts(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]:
-    """Return the number of relations along an orbit, and of the integrals that they show.
+    """Return the number of relations along an orbit, and of the independent integrals they show.
 
-    That is the rank of the derivatives of their coefficients with respect to the orbit's start x_0:
-    for each k, ``sum_i c_i m_i(x_k) = 0`` is differentiated.
+    The latter is the rank of the derivatives of their coefficients c by the first point x_0, from
+    the derivatives of ``sum_i c_i m_i(x_k) = 0`` for each k.
     """
     rng, n, count = random.Random(seed), map.dimension, len(exponents)
 

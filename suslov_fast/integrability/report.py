@@ -1,4 +1,4 @@
-"""A report of what is there: degrees, first integrals, measures, Darboux polynomials.
+"""Reports on maps: degrees, first integrals, invariant measures, Darboux polynomials.
 
 `search` fills it part by part.
 """
@@ -139,7 +139,7 @@ def report(
     seed: int = 0,
     progress: Any = None,
 ) -> Report:
-    """Report what is there: growth of degrees, first integrals, measures, Darboux polynomials.
+    """Report the growth of degrees, first integrals, measures and Darboux polynomials of a map.
 
     First integrals come from a Hamiltonian, from quotients of Darboux polynomials of equal
     cofactor, and from products of their powers whose cofactors multiply to 1. Relations between
@@ -261,7 +261,7 @@ def _decimal(a: Any) -> Fraction:
 
 
 def _note_on_floats(numbers: Iterable[Any]) -> list[str]:
-    """Return a note if numbers look like decimals that are taken as floats."""
+    """Return a note on the first number that looks like a decimal rounded to a float."""
     for c in numbers:
         simple, q = c.limit_denominator(10**6), c.denominator
         if q > _LONG and q & (q - 1) == 0 and float(simple) == c:

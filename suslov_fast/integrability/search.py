@@ -1,4 +1,4 @@
-"""The search of a report: cheap parts first, until as much is written as orbits show.
+"""The search of a report: cheap parts first, until it has as many integrals as orbits show.
 
 It finds the degrees of iterates on random lines (`growth`), the number of integrals that relations
 along orbits show (`relations`), the polynomials with the cofactors 1 and det DPhi, and then with
@@ -24,9 +24,9 @@ from .invariants import Invariants
 from .maps import RationalMap
 from .relations import counts, integrals_of
 
-_FEW = 80  # coefficients of a polynomial of more than the degree
-_ENOUGH, _DEGREES = 10, 24  # iterates, if a recurrence holds and at most
-_SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees that cost little, and likewise
+_FEW = 80  # coefficients, at most, of a polynomial of higher degree than that of the report
+_ENOUGH, _DEGREES = 10, 24  # iterates: enough if a recurrence holds, and at most
+_SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees: cheap; costly; too costly
 
 _START = "import sys; sys.path[:] = {}; from suslov_fast.integrability.search import serve; serve()"
 
@@ -55,7 +55,7 @@ def _is_complete(found: Any) -> bool:
 
 
 def _parts(found: Any, invariants: Invariants, seed: int) -> Iterator[tuple[str, str]]:
-    """Search part by part, and yield the kind and the description of each."""
+    """Search part by part, and yield the kind and the description of each part."""
     map, d, D = found.map, found.degree, found.map.dimension
     found.degrees = _degrees(map, seed)
     yield "degrees", f"degrees of {len(found.degrees)} iterates"
@@ -110,7 +110,7 @@ def _degrees(map: RationalMap, seed: int) -> list[int]:
 
 
 def search_until(deadline: float, found: Any, seed: int) -> Iterator[Any]:
-    """Yield what `search` yields, until a time of `time.monotonic`.
+    """Yield what `search` yields, until `time.monotonic()` reaches the deadline.
 
     It runs in another process, since python-flint cannot be interrupted.
     """
@@ -137,7 +137,7 @@ def search_until(deadline: float, found: Any, seed: int) -> Iterator[Any]:
 
 
 def serve() -> None:
-    """Run the search whose arguments arrive at stdin, and write what it yields to stdout."""
+    """Run the search with arguments from stdin, and write what it yields to stdout."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits
     out = sys.stdout.buffer
     try:

@@ -15,12 +15,12 @@ from .rational import rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = QuadraticField.from_function) -> Any:
-    """Return the field of a function, or Hamiltonian, of n numbers, by default its arguments."""
+    """Return the field of a function or Hamiltonian f of n variables, by default its arguments."""
     return make(lambda x: f(*x), n or f.__code__.co_argcount)
 
 
 def _chain(*x: Any) -> Any:
-    """Each species eats the next and is eaten by the one before, periodically."""
+    """The Volterra chain: each species eats the next, and the last one the first."""
     return [x[k] * (x[(k + 1) % len(x)] - x[k - 1]) for k in range(len(x))]
 
 

@@ -78,7 +78,7 @@ class Plane:
         return [orbit[where] for orbit, where in zip(orbits, shown, strict=True)]
 
     def steady_line(self) -> tuple[FloatArray, FloatArray] | None:
-        """The steady state of least energy, and the direction of the half that repels, if any."""
+        """The steady state of least energy, and the direction of the half-line that repels."""
         if not self.g:
             return None
         least = -self.k / abs(self.g) ** 2 * self.products / self.roots**2
@@ -116,7 +116,7 @@ def plot_phase(
     Returns
     -------
     matplotlib.axes.Axes
-        Each level has a colour: a thin line, and states of the map as dots, from near a repelling
+        Each level has a colour, for its thin curve and the dots of an orbit, from near a repelling
         to near an attracting steady state, or for one turn. The title has the parameters.
 
     Raises

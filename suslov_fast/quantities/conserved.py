@@ -45,7 +45,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
     """First integral F of the map, Lemma 1 of the paper, equation (6).
 
     F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2), x = I13 Omega1 + I23 Omega2 (+ k
-    for a gyrostat). In n dimensions F is known if J I = b I and J = a on the vectors orthogonal to
+    for a gyrostat). For n > 3, F is known if J I = b I and J = a on the vectors orthogonal to
     I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times the length of the component of
     omega orthogonal to I.
 

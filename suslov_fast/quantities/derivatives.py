@@ -1,4 +1,4 @@
-"""Derivatives with respect to time, with the reaction, and those of the map by its state."""
+"""The vector field, the reaction of the constraint, and derivatives of the map."""
 
 from itertools import product
 from typing import Any

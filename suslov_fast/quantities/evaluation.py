@@ -1,7 +1,7 @@
-"""The way of a function of a state from its arguments to a universal function and its result.
+"""Evaluation of functions of a state: checked arguments, universal functions, missing values.
 
-To add a quantity, write its formula in `core.quantities`, as a universal function of the arguments
-that all have, and call `evaluate` with its name.
+To add a quantity, write its formula in `core.quantities`, as a universal function of the same
+arguments as the others, and call `evaluate` with its name.
 """
 
 import math
@@ -18,7 +18,7 @@ from ..core.numba import Universal
 from ..engine.arguments import BodyIn3D, States, check
 from ..engine.status import SingularStepWarning
 
-# Of fields that have a Hamiltonian.
+# Quantities of fields that have a Hamiltonian.
 _HAMILTONIAN = "energy", "modified_energy", "invariant_density"
 
 
@@ -32,11 +32,11 @@ def evaluate(
     otherwise: Callable[[States], FloatArray] | None = None,
     poles: bool = False,
 ) -> FloatArray:
-    """Check the arguments of a public function, and return the quantity of its name.
+    """Check the arguments of the public function `name`, and return its value.
 
-    Formulas have this name in `core.quantities`, with "_nd" in n dimensions. Bodies without one
-    take `otherwise`, or the formula of this name in `core.quantities_field` for the terms of their
-    equations. With `poles`, infinite values have a meaning.
+    The formula has this name in `core.quantities`, with "_nd" in n dimensions. A body without one
+    takes `otherwise`, or else the formula of this name in `core.quantities_field`, of the terms of
+    its equations. With `poles`, infinite values are values, else missing ones.
     """
     states, formula = check(body, kinds, omega, eps, later=True), None
     if isinstance(body, BodyIn3D):
@@ -57,9 +57,9 @@ def evaluate(
 
 
 def by_terms(formula: Universal, states: States, terms: Any, *after: FloatArray) -> FloatArray:
-    """Return a quantity by a formula of terms, and of more states than one.
+    """Return a quantity by a formula of terms, of the states and of the states `after` them.
 
-    Formulas take the states of a single field in rows, which are the last axis of the batch.
+    Formulas take the states of a single field along the last axis of the batch in one call.
     """
     body, omega, eps, batch, *_ = states
     arrays = [np.broadcast_to(each, (*batch, body.dimension)) for each in (omega, *after)]

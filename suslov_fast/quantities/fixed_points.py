@@ -30,22 +30,22 @@ def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
     Parameters
     ----------
     field : QuadraticField or a body
-        With at most 3 variables; for more than one it needs the extra `algebra`. A single one, or
-        a batch with one axis.
+        A single field, or a batch with one axis, of at most 3 variables; more than one variable
+        needs the extra `algebra`.
 
     Returns
     -------
     ndarray(float, shape=(k, D)), or a list of them
-        Each point once, rounded once, in ascending order of the components. Of a batch a list, an
-        array for each member. Where a member has as many points as the one before, they are in the
-        order that makes the sum of the distances to its points least.
+        Each point once, rounded once, in ascending order of the components; for a batch, a list of
+        an array for each member. Where a member has as many points as the one before, its points
+        are in the order with the least sum of distances to the points of that one.
 
     Raises
     ------
     ValueError
         If there are more than 3 variables, or infinitely many fixed points, as of all Suslov
         bodies, or if a batch has several axes. For D = 3 complex fixed points that form an
-        irreducible curve, such as that of two ellipsoids, count, even if none of them is real.
+        irreducible curve, such as the intersection of two ellipsoids, count, even if none is real.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def _points_of(field: Any) -> FloatArray:
 
 
 def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:
-    """Return points in the order of those before that they continue."""
+    """Return points in the order of those `before`, with the least sum of distances to them."""
     from scipy.optimize import linear_sum_assignment  # imported here, since importing takes time
 
     scale = max(abs(before).max(initial=0.0), abs(points).max(initial=0.0)) or 1.0
@@ -106,9 +106,9 @@ def _roots(field: Any) -> Points | None:
 def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:
     """Return the real common zeros of ``flint.fmpq_mpoly``, None if there are infinitely many.
 
-    If there are finitely many complex zeros, those for each irreducible factor of the minimal
-    polynomial of the linear form x1 + weight x2 + weight**2 x3 are polynomials in its roots, with
-    another weight if the form has equal values at different points.
+    If the complex zeros are finitely many, the minimal polynomial of the linear form x1 + weight x2
+    + weight**2 x3 is factored. The zeros of an irreducible factor have coordinates that are
+    polynomials in the form, if its values at them differ; else another weight is tried.
     """
     context = equations[0].context()
     x = context.gens()
@@ -173,9 +173,9 @@ def _multiplications(basis: Any, D: int) -> list[Any] | None:
 
 
 def _points_at(form: Any, matrices: Sequence[Any], minimal: Any) -> Points:
-    """Return the points at the real zeros of the minimal polynomial of a form that generates all.
+    """Return the points at the real zeros of the minimal polynomial of a generating form.
 
-    Coordinates are polynomials in the form, as their matrices of multiplication are in its own.
+    A coordinate is that polynomial in the form which its matrix is in the matrix of the form.
     """
     size = form.nrows()
     rows = [flint.fmpq_mat(1, size, [1] + [0] * (size - 1))]

@@ -1,6 +1,6 @@
 """Runs larger than memory: tiles of the batch, each written to its part of a Zarr store.
 
-A store is made when its metadata are consolidated; a tile is there when its `status` is.
+A store exists once its metadata are consolidated, a tile once its `status` is written.
 """
 
 import errno
@@ -190,7 +190,7 @@ def _resolved(store: Any) -> Any:
 
 
 def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
-    """Return the dataset of a run with nothing computed; its attributes identify the run."""
+    """Return the empty dataset of a run, with attributes that identify the run."""
     (body, omega0, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
     rows, D = 1 if every is None else steps // every + 1, body.dimension
     require(24 * rows, "raise save_every")
@@ -232,7 +232,7 @@ def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
 
 
 def _described(name: str, array: Any, few: int = 1000) -> Any:
-    """Return a few numbers as they are; of many, read in parts, number, range and a digest."""
+    """Return few numbers as they are, and of many their count, range and digest."""
     if isinstance(array, RandomStarts):
         return repr(array)
     if array.size <= few:
@@ -346,7 +346,7 @@ def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
         if fill is None:
             root[name][...] = variable.values
     with _ONE_AT_A_TIME, warnings.catch_warnings():  # filters of warnings are those of all threads
-        warnings.simplefilter("ignore", UserWarning)  # of this format, and of unfinished files
+        warnings.simplefilter("ignore", UserWarning)  # on this format and on unfinished files
         zarr.consolidate_metadata(store)
 
 

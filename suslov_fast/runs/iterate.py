@@ -29,7 +29,7 @@ def step(
     Parameters
     ----------
     body, eps, threads
-        As in :func:`iterate`; a step in three dimensions takes one thread.
+        As in :func:`iterate`; a step in three dimensions always runs on one thread.
     omega : array_like(float, shape=(..., D))
         Angular velocities, or states x of a field.
 
@@ -131,7 +131,7 @@ def iterate(
     methods = map_of(body).methods
     one_of("method", method, methods)
     states = check(body, (), omega0, eps, threads, name="omega0", attitude=attitude)
-    if type(states.eps) is not float:  # which a run keeps
+    if type(states.eps) is not float:  # a copy, for the run
         states = states._replace(eps=np.array(states.eps))
     march, counts = March(methods[method], states), checked_counts(steps, save_every)
     return run_to_end(march, method, *counts, on_singular, progress, out)

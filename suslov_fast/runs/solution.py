@@ -1,8 +1,8 @@
 """The closed form: any state of the map and of the flow, and the limits of orbits.
 
-Solved bodies in n dimensions move in a plane. With b = J_i along I and a = J_i across it, s the
-component of omega along I, and r the length of what is left, (s, r) is a state of the body with
-I1 = b, I2 = a, I13 = 0 and I23 = abs(I), and the direction of what is left does not change.
+For n > 3, states of a body with a closed form stay in the plane of I and omega0. With the values
+b of J along I and a across it, the component s of omega along I, and the length r of the remainder,
+whose direction is constant, (s, r) is a state of the body I1 = b, I2 = a, I13 = 0, I23 = abs(I).
 """
 
 from collections.abc import Callable
@@ -123,9 +123,9 @@ def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
         Opposite points of the line I13 Omega1 + I23 Omega2 = 0, or for a gyrostat points of the
-        line I13 Omega1 + I23 Omega2 = -k; beyond a pole, too. A fixed point is its own limit. NaN
-        where a gyrostat is periodic, if omega0 is NaN, and for the one state of a body at which the
-        map, or its inverse, is undefined.
+        line I13 Omega1 + I23 Omega2 = -k. Orbits are continued beyond poles. A fixed point is its
+        own limit. NaN where the orbit of a gyrostat lies on a closed curve, if omega0 is NaN, and
+        for the one state of a body at which the map, or its inverse, is undefined.
 
     Examples
     --------
@@ -171,9 +171,9 @@ def _states_at(
 def _in_plane(
     name: str, body: Any, omega0: Any, eps: Any, threads: int | None = None
 ) -> tuple[FloatArray, States, Callable[[FloatArray], FloatArray]]:
-    """Return checked states, their reduction to three dimensions, and what takes others back.
+    """Return checked states, their reduction to three dimensions, and the function that undoes it.
 
-    A body that is not solved is an error.
+    A body without a known closed form raises an error.
     """
     if isinstance(body, QuadraticField):
         received = "QuadraticField, for which no closed form is known: use iterate"

@@ -42,7 +42,7 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
         with open(new, "xb") as file:
             np.savez(file, **arrays)
         os.replace(new, target)
-    except OSError as error:  # of the new file, whose name the caller does not know
+    except OSError as error:  # it names the new file, which the caller does not know
         raise OSError(error.errno, error.strerror, os.fspath(path)) from error
     finally:
         new.unlink(missing_ok=True)
@@ -69,7 +69,7 @@ def load(path: PathLike) -> dict[str, Any]:
         return run | {"body": body, "eps": float(eps) if eps.ndim == 0 else eps}
     except (OSError, MemoryError):
         raise
-    except Exception as error:  # of NumPy, zipfile or json
+    except Exception as error:  # from NumPy, zipfile or json
         expected = "a file that Trajectories.save wrote"
         raise wrong(name, expected, f"another, or a damaged one: {error}") from error
 
@@ -92,7 +92,7 @@ def to_xarray(
     xarray = extra("xarray", "xarray")
     map, body, count = run._map, run.body, run.status.ndim
     arrays = {"eps": np.asarray(run.eps), **body._arrays}
-    parameters = {  # with an axis for each of the batch first
+    parameters = {  # each with all axes of the batch first
         name: np.array(each, ndmin=count + body._axes.get(name, 0))
         for name, each in arrays.items()
         if name not in ("H", "K")

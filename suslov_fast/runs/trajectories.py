@@ -96,7 +96,7 @@ class Trajectories:
     steps: int
     save_every: int | None
     attitude: FloatArray | Any = None  # with `Any`, callers need no test of None
-    # What `extend` goes on from, beside the last state: numbers (B, C) and orientations (B, n, n).
+    # What `extend` continues, beside the last state: numbers (B, C) and orientations (B, n, n).
     # `dataclasses.replace` makes a run without them.
     _carry: FloatArray | None = field(init=False, default=None, compare=False)
     _turned: FloatArray | None = field(init=False, default=None, compare=False)
@@ -210,10 +210,10 @@ class Trajectories:
     def plot(
         self, *, components: tuple[int, int] = (0, 1), lines: bool | None = None, ax: Any = None
     ) -> Any:
-        """Draw the saved states in the plane of two components; returns Matplotlib axes.
+        """Draw the saved states in the plane of two components, and return Matplotlib axes.
 
-        Colours are levels of what the map conserves. `lines` joins the states that follow each
-        other; by default only where they are close. `ax` are axes to draw on.
+        Colours show values of the conserved quantity. `lines` joins consecutive states, by default
+        only where they are close. `ax` are axes to draw on.
         """
         return import_module("suslov_fast.plots.orbits").plot_run(self, components, lines, ax)
 
@@ -287,7 +287,7 @@ def run_to_end(
     out: FloatArray | None = None,
     earlier: Trajectories | None = None,
 ) -> Trajectories:
-    """Let a march go on to state `steps`; return its run, with the states of an earlier one."""
+    """Continue a march to state `steps`; return its run, after the states of an `earlier` one."""
     one_of("on_singular", on_singular, ON_SINGULAR)
     start, every = march.n, save_every or 0
     reports = reporter(progress, steps - start)

@@ -1,4 +1,4 @@
-"""Contents of the page: parameters from its address, and all numbers, by public functions."""
+"""Contents of the page: parameters from its URL, and the numbers that it draws."""
 
 import math
 import warnings

@@ -41,7 +41,7 @@ class Server(ThreadingTCPServer):
         super().process_request(request, client_address)
 
     def shutdown_request(self, request: Any) -> None:
-        """End a request, and let the next one have its thread."""
+        """End a request, and free its thread for the next one."""
         self._free.release()
         super().shutdown_request(request)
 
@@ -57,7 +57,7 @@ class _Handler(BaseHTTPRequestHandler):
     timeout = 10.0
 
     def do_GET(self) -> None:
-        """Send numbers, or a file of the page."""
+        """Send the numbers of a scene, or a file of the page."""
         path, _, query = self.path.partition("?")
         hosts = [f"{name}:{self.server.port}" for name in (_ADDRESS, "localhost")]
         site = self.headers.get("Sec-Fetch-Site", "none")

@@ -101,7 +101,7 @@ class Kernel:
     """A compiled kernel, whose arguments are numbers, arrays and tuples of them."""
 
     def __init__(self, py_function):
-        self.compiled, self._addresses = _cached(numba.njit(**_OPTIONS), py_function), {}
+        self.compiled = _cached(numba.njit(**_OPTIONS), py_function)
         if config.DISABLE_JIT:  # compiled code does not warn
             self.compiled = np.errstate(all="ignore")(py_function)
         self.serial = functools.partial(self.compiled, 0, 1)
@@ -111,12 +111,8 @@ class Kernel:
             for part in range(threads):
                 self.compiled(part, threads, *arguments)
             return
-        kinds = tuple(map(numba.typeof, (0, 0, *arguments)))
-        if kinds not in self._addresses:
-            self.compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
-            result = self.compiled.get_compile_result(types.void(*kinds))
-            self._addresses[kinds] = types.CompileResultWAP(result).address
-        _start(self._addresses[kinds], threads, arguments)
+        address = _address(self.compiled, *map(numba.typeof, (0, 0, *arguments)))
+        _start(_address(_loop, *[types.int64] * 4), address, threads, arguments)
 
 
 kernel = Kernel  # the decorator
@@ -132,9 +128,17 @@ def _loop(call_part, kernel, data, parts):
 
 
 @functools.partial(_cached, numba.njit(**_OPTIONS))
-def _start(kernel, parts, arguments):
+def _start(loop, kernel, parts, arguments):
     call_part, data = _pack(arguments)
-    _loop(call_part, kernel, data, parts)
+    # By its address, too: a loop is loaded with its threads, the code of its callers without.
+    _call(loop, call_part, kernel, data, parts)
+
+
+@functools.cache
+def _address(compiled, *kinds):
+    """Return the address of a function for arguments of these types."""
+    compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
+    return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
 
 
 def _emit_call(context, builder, address, *values):
@@ -143,8 +147,8 @@ def _emit_call(context, builder, address, *values):
 
 
 @intrinsic
-def _call(typing, address, kernel, data, part, parts):
-    """Call a part of a kernel, by the address of the function from `_pack`."""
+def _call(typing, address, a, b, c, d):
+    """Call the function at an address with four integers; it returns None."""
 
     def emit(context, builder, signature, arguments):
         _emit_call(context, builder, *arguments)

@@ -13,7 +13,7 @@ import xarray
 from pandas import DataFrame, Series
 
 import suslov_fast as sf
-from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
+from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, checks
 
 NAN, INF, ID = float("nan"), float("inf"), np.eye(3)
 OMEGA, ONES = [[1.0, 0.5], [0.2, 0.3]], np.ones((4, 2))
@@ -157,7 +157,7 @@ STATES = [
     (lambda: sf.modified_energy(FIELD, [1, 2], 0.1), TypeError, "body"),
     (lambda: sf.first_integral(HENON, [1, 2], 0.1), TypeError, "body"),
     (lambda: sf.closed_form(ROTOR, [1, 2], 0.1), TypeError, "body"),
-    (lambda: sf.to_xy(ROTOR, [1, 2]), TypeError, "body"),
+    (lambda: checks.extra("nothing", "large"), ImportError, r"nothing, got none: .*\[large\]"),
     (lambda: sf.scattering_angle(ROTOR), TypeError, "body"),
     (lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0), ValueError, "steps"),
     (lambda: sf.attitude(BODY, [1.0, 0.5], 0.2), ValueError, "omega"),

@@ -194,7 +194,7 @@ class RationalMap:
 def _divided(P: Any, divisor: Any) -> tuple[Any, int]:
     """Divide a polynomial by a divisor as often as possible; return the quotient and the power."""
     power = 0
-    while P % divisor == 0:
+    while degree_of(divisor) and P % divisor == 0:
         P, power = P // divisor, power + 1
     return P, power
 

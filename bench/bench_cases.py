@@ -40,7 +40,9 @@ def bench_case(benchmark, case, threads):
         assert error < WRONG, "a wrong result disqualifies a case"
     benchmark.extra_info.update({name: getattr(case, name) for name in STORED})
     benchmark.extra_info.update(units=work.units, threads=threads, error=error)
-    benchmark.group = case.table if case.x is None else f"{case.table}, {case.x}"
+    # The times of one group are compared: its members do the same number of the same thing.
+    table = case.table if case.x is None else f"{case.table}, {case.x}"
+    benchmark.group = f"{table}; each call: {work.units:,} x {work.unit}"
     if case.table == "processes":
         benchmark.pedantic(work.call, rounds=1 if case.is_slow else 3)
     else:

@@ -13,7 +13,7 @@ import numpy as np
 import work
 from formulas import EPS, Formulas
 from limits import copy, divisions, new_memory, stores
-from problem import BODY, EPS_FIELD, FIELDS, body_nd, starts, starts_nd
+from problem import BODY, EPS_FIELD, body_nd, dense_field, sparse_field, starts, starts_nd
 from work import MACHINE, NUMPY, OTHERS, OURS, C, Work
 
 import suslov_fast as sf
@@ -86,6 +86,18 @@ for batch in (10**k for k in range(7)):
     add("batch", "iterate", OURS, "`iterate`", work.last_states, last, batch, 50, x=batch)
 
 
+def with_rotor(k, size):
+    """Last states of bodies with a rotor; for k = 0 its steps are those of a body without one."""
+    body, omega0 = sf.SuslovGyrostat(4, 1, -0.5, -0.3, k), starts(size(65_536, 64))
+    steps = size(200, 5)
+    call = partial(iterate, body, omega0, EPS, steps, save_every=None)
+    return Work(call, len(omega0) * steps, "step")
+
+
+for k in (0, 0.7):
+    add("rotors", "iterate", OURS, "`iterate`", with_rotor, k, x=k)
+
+
 def scattered(count, size):
     return np.random.default_rng(1).integers(-(10**6), 10**6, size(count, 16))
 
@@ -148,16 +160,52 @@ for n, cubic in {2: 1, 4: 1, 8: 2, 16: 4, 32: 8, 64: 16, 128: 16}.items():
         add("n dimensions", key, whose, label, *arguments, x=n, one_thread=True)
 
 exponents = lambda field, x, steps: sf.lyapunov_exponents(field, x, EPS_FIELD, steps)  # noqa: E731
-for n in FIELDS:
-    for key, whose, label, function, part in (
-        ("iterate", OURS, "`iterate`", lambda f, x, steps: last_nd(f, x, EPS_FIELD, steps), 1),
-        ("exponents", OURS, "`lyapunov_exponents`", exponents, 1),
-        ("own-system", OURS, f"{OWN}step_system`", "own_loops.of_field", 1),
-        ("c", C, "C: Lorenz written out, the chain by elimination", "fields.in_c", 1),
-        ("numpy", NUMPY, "NumPy, `linalg.solve`", "fields.in_numpy", 16),
-    ):
-        arguments = work.fields, function, n, part, function is not exponents
-        add("fields", key, whose, label, *arguments, x=n, one_thread=whose == NUMPY)
+last_field = lambda field, x, steps: last_nd(field, x, EPS_FIELD, steps)  # noqa: E731
+BY_NUMPY, TAYLOR = "fields.in_numpy", "integrators.lorenz"
+for key, whose, label, function, part, reference, dimensions in (
+    ("iterate", OURS, "`iterate`", last_field, 1, BY_NUMPY, (3, 12, 32)),
+    ("exponents", OURS, "`lyapunov_exponents`", exponents, 1, None, (3, 12, 32)),
+    ("own-system", OURS, f"{OWN}step_system`", "own_loops.of_field", 1, BY_NUMPY, (3, 12, 32)),
+    ("c", C, "C: Lorenz written out, a chain as dense", "fields.in_c", 1, BY_NUMPY, (3, 12, 32)),
+    ("heyoka", OTHERS, "heyoka, compiled function", "fields.in_heyoka", 1, BY_NUMPY, (3,)),
+    # The motion over the same time: what else one would use.
+    (
+        "taylor",
+        OTHERS,
+        "heyoka, Taylor integrator",
+        TAYLOR,
+        16,
+        "integrators.lorenz_by_scipy",
+        (3,),
+    ),
+    ("numpy", NUMPY, "NumPy, `linalg.solve`", BY_NUMPY, 16, BY_NUMPY, (3, 12, 32)),
+):
+    for n in dimensions:
+        arguments = 49_152 // n, max(576 // n // part, 1), reference
+        more = {"x": n, "one_thread": whose in (NUMPY, OTHERS)}
+        add(
+            "fields",
+            key,
+            whose,
+            label,
+            work.fields,
+            function,
+            partial(sparse_field, n),
+            *arguments,
+            **more,
+        )
+for n in (6, 12):
+    arguments = work.fields, last_field, partial(dense_field, n), 49_152 // n, 576 // n, BY_NUMPY
+    add("dense fields", "iterate", OURS, "`iterate`", *arguments, x=n)
+for key, label, function in (
+    ("iterate", "`iterate`", last_field),
+    ("own-system", "your own loop over `compiled.step_system`", "own_loops.of_one"),
+    ("exponents", "`lyapunov_exponents`", exponents),
+):
+    for n in (3, 12):
+        reference = None if function is exponents else BY_NUMPY
+        arguments = work.fields, function, partial(sparse_field, n), 1, 60_000 // n, reference
+        add("one orbit of a field", key, OURS, label, *arguments, x=n, one_thread=True)
 
 
 def orientations(what, n, size):
@@ -165,7 +213,7 @@ def orientations(what, n, size):
     batch, steps = size(4096, 16), size(100, 5)
     body, omega0 = (BODY, starts(batch)) if n == 3 else (body_nd(n - 1), starts_nd(batch, n - 1))
     run = body, omega0, EPS, steps
-    return Work(partial(what, *run, states=iterate(*run).states), batch * steps)
+    return Work(partial(what, *run, states=iterate(*run).states), batch * steps, "step")
 
 
 for key, label, what in (

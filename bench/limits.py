@@ -14,22 +14,22 @@ LARGE, SMALL = 2**25, 2**10  # doubles: 256 MiB, far beyond the caches
 def divisions(size):
     blocks, rounds = size(1024, 8), size(1000, 10)
     divide = partial(call, "limits.c", "divide", np.empty(blocks), blocks, rounds)
-    return Work(lambda: divide(get_num_threads()), 64 * blocks * rounds)
+    return Work(lambda: divide(get_num_threads()), 64 * blocks * rounds, "division")
 
 
 def stores(kind, size):
     """Stores of states, 16 bytes each."""
     to = aligned((size(LARGE, SMALL),))
-    return Work(lambda: call("limits.c", kind, to, to.size, get_num_threads()), to.size // 2)
+    store = partial(call, "limits.c", kind, to, to.size)
+    return Work(lambda: store(get_num_threads()), to.size // 2, "state")
 
 
 def new_memory(size):
-    return Work(lambda: np.ones(size(LARGE, SMALL)), size(LARGE, SMALL) // 2)
+    return Work(lambda: np.ones(size(LARGE, SMALL)), size(LARGE, SMALL) // 2, "state")
 
 
 def copy(size):
     """Copy in units of 24 bytes, read or written, into reused memory."""
     source, to = (aligned((size(LARGE // 2, SMALL),)) for _ in range(2))
-    return Work(
-        lambda: call("limits.c", "copy", source, to, to.size, get_num_threads()), to.size * 2 // 3
-    )
+    copied = partial(call, "limits.c", "copy", source, to, to.size)
+    return Work(lambda: copied(get_num_threads()), to.size * 2 // 3, "24 bytes")

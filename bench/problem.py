@@ -16,13 +16,28 @@ BODY = Suslov3D(*formulas.BODY)
 PRECISE = Formulas(np.longdouble)
 # Number of trajectories that are compared with the reference, and number of their steps.
 CHECKED, STEPS = 64, 1000
-# Quadratic fields by their dimension: the Lorenz system, and a Volterra chain.
 EPS_FIELD = 1 / 64
-FIELDS = {
-    3: lambda x: (10 * (x[1] - x[0]), 28 * x[0] - x[1] - x[0] * x[2], x[0] * x[1] - 8 / 3 * x[2]),
-    12: lambda x: [x[i] * (x[(i + 1) % 12] - x[i - 1]) for i in range(12)],
-}
-field = functools.cache(lambda D: QuadraticField.from_function(FIELDS[D], D))
+
+
+def lorenz_system(x):
+    return 10 * (x[1] - x[0]), 28 * x[0] - x[1] - x[0] * x[2], x[0] * x[1] - 8 / 3 * x[2]
+
+
+def volterra_chain(x):
+    return [x[i] * (x[(i + 1) % len(x)] - x[i - 1]) for i in range(len(x))]
+
+
+@functools.cache
+def sparse_field(D):
+    """The Lorenz system for D = 3, else a periodic Volterra chain."""
+    return QuadraticField.from_function(lorenz_system if D == 3 else volterra_chain, D)
+
+
+@functools.cache
+def dense_field(D):
+    """A field with all of its terms, whose orbits stay in reach for hundreds of steps."""
+    rng = np.random.default_rng(D)
+    return QuadraticField(rng.normal(size=(D, D, D)) / D**2, -np.eye(D))
 
 
 def starts(batch, components=2, low=-2, high=2):

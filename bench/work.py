@@ -43,7 +43,8 @@ class Work(NamedTuple):
     """A call, its units of work, and a function that returns computed and reference values."""
 
     call: Callable[[], object]
-    units: float = 1
+    units: int = 1
+    unit: str = "call"  # what one of them is
     check: Callable[[], tuple] | None = None
 
 
@@ -93,7 +94,7 @@ def last_states(function, batch, steps, size):
     call, omega0, n = load(function), starts(size(batch, 64)), size(steps, 20)
     far = size(STEPS, 20)
     check = lambda: (call(starts(CHECKED), far), problem.orbit(far)[-1])  # noqa: E731
-    return Work(lambda: call(omega0, n), len(omega0) * n, check)
+    return Work(lambda: call(omega0, n), len(omega0) * n, "step", check)
 
 
 def saved_states(function, batch, rows, every, memory, size):
@@ -104,14 +105,15 @@ def saved_states(function, batch, rows, every, memory, size):
     offset, room = 2 * (memory == "unaligned"), aligned((few // every + 1, CHECKED, 2))
     out = None if memory == "new" else aligned((rows, *omega0.shape), offset)
     check = lambda: (call(starts(CHECKED), few, every, room), problem.orbit(few)[::every])  # noqa: E731
-    return Work(lambda: call(omega0, (rows - 1) * every, every, out), rows * len(omega0), check)
+    states = rows * len(omega0)
+    return Work(lambda: call(omega0, (rows - 1) * every, every, out), states, "state", check)
 
 
 def jumps(function, batch, numbers, size):
     """States n by a function of (omega0, n); numbers(size) returns n."""
     call, omega0, n = load(function), starts(size(batch, 16)), numbers(size)
     check = lambda: (call(starts(CHECKED), STEPS), problem.orbit(STEPS)[-1])  # noqa: E731
-    return Work(lambda: call(omega0, n), len(omega0) * np.size(n), check)
+    return Work(lambda: call(omega0, n), len(omega0) * np.size(n), "state", check)
 
 
 def motions(function, batch, size):
@@ -123,7 +125,7 @@ def motions(function, batch, size):
         wanted = problem.PRECISE.flow(*few.T.astype(np.longdouble), np.longdouble(time))
         return call(few, time), np.stack(wanted, axis=-1)
 
-    return Work(lambda: call(omega0, time), len(omega0), check)
+    return Work(lambda: call(omega0, time), len(omega0), "trajectory", check)
 
 
 def quantities(function, name, size):
@@ -135,7 +137,7 @@ def quantities(function, name, size):
         wanted = np.atleast_2d(known(*few.T.astype(np.longdouble)))
         return function(few).reshape(CHECKED, -1), wanted.T
 
-    return Work(lambda: function(states), len(states), known and check)
+    return Work(lambda: function(states), len(states), "state", known and check)
 
 
 def dimensions(function, components, part, size):
@@ -144,16 +146,21 @@ def dimensions(function, components, part, size):
     omega0, few = (problem.starts_nd(batch, components) for batch in (size(512, 16), 8))
     steps = size(max(1, 4096 // components // part), 3)
     check = lambda: tuple(each(body, few, EPS / 2, 5) for each in (call, by_numpy))  # noqa: E731
-    return Work(lambda: call(body, omega0, EPS / 2, steps), len(omega0) * steps, check)
+    work = len(omega0) * steps
+    return Work(lambda: call(body, omega0, EPS / 2, steps), work, "step", check)
 
 
-def fields(function, components, part, checked, size):
-    """Steps of Kahan's map of a quadratic field by a function of (field, x, steps)."""
-    call, field = load(function), problem.field(components)
-    x, steps = starts(size(49_152 // components, 32), components, 0.5, 1), 576 // components // part
-    by_numpy, few, steps = load("fields.in_numpy"), x[:8], size(steps, 2)
-    check = lambda: tuple(each(field, few, 5) for each in (call, by_numpy))  # noqa: E731
-    return Work(lambda: call(field, x, steps), len(x) * steps, check if checked else None)
+def fields(function, field, batch, steps, reference, size):
+    """Steps of Kahan's map of a quadratic field by a function of (field, x, steps).
+
+    `reference` is another such function, or None if the result is not one of states.
+    """
+    call, field = load(function), field()
+    x = starts(size(batch, 32), field.dimension, 0.5, 1)
+    few, steps = x[:8], size(steps, 2)
+    checked = reference is not None
+    check = lambda: tuple(each(field, few, 5) for each in (call, load(reference)))  # noqa: E731
+    return Work(lambda: call(field, x, steps), len(x) * steps, "step", check if checked else None)
 
 
 def stores(function, size):
@@ -164,7 +171,7 @@ def stores(function, size):
         with tempfile.TemporaryDirectory() as folder:
             function(problem.BODY, omega0, EPS, 100, path=f"{folder}/states")
 
-    return Work(call, 101 * len(omega0))
+    return Work(call, 101 * len(omega0), "state")
 
 
 def processes(codes, fresh, size):
@@ -179,4 +186,4 @@ def processes(codes, fresh, size):
             for code in codes if size(1, 0) else ["pass"]:  # a test needs no more
                 subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL, **options)
 
-    return Work(call)
+    return Work(call, unit="process")

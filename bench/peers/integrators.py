@@ -4,35 +4,63 @@ import functools
 
 import numpy as np
 from formulas import Formulas
+from problem import EPS_FIELD, lorenz_system
 
 SIDE_BY_SIDE = 16  # the fastest number of those tried
 
 
 @functools.cache
-def _integrator():
+def _integrator(right, D):
+    """Return heyoka's integrator of a field, a function of D expressions."""
     import heyoka as hy
 
-    p, q = hy.make_vars("p", "q")
-    system = list(zip((p, q), Formulas().vector_field(p, q), strict=True))
-    return hy.taylor_adaptive_batch(system, np.zeros((2, SIDE_BY_SIDE)))
+    variables = hy.make_vars(*(f"x{i}" for i in range(D)))
+    system = list(zip(variables, right(*variables), strict=True))
+    return hy.taylor_adaptive_batch(system, np.zeros((D, SIDE_BY_SIDE)))
 
 
-def by_heyoka(omega0, time):
+def _by_heyoka(right, starts, time):
     """Integrate batches of trajectories, one after the other."""
-    integrator = _integrator()
-    states = np.resize(omega0, (-(-len(omega0) // SIDE_BY_SIDE) * SIDE_BY_SIDE, 2))
-    for some in states.reshape(-1, SIDE_BY_SIDE, 2):
+    (size, D), integrator = starts.shape, _integrator(right, starts.shape[1])
+    states = np.resize(starts, (-(-size // SIDE_BY_SIDE) * SIDE_BY_SIDE, D))
+    for some in states.reshape(-1, SIDE_BY_SIDE, D):
         integrator.set_time(0.0)
         integrator.state[:] = some.T
         integrator.propagate_until(time)
         some[:] = integrator.state.T
-    return states[: len(omega0)]
+    return states[:size]
 
 
-def by_scipy(omega0, time):
+def _by_scipy(right, starts, time):
     """Integrate all trajectories as one system, with the steps of the most demanding one."""
     from scipy.integrate import solve_ivp
 
-    right = lambda t, w: np.concatenate(Formulas().vector_field(*w.reshape(2, -1)))  # noqa: E731
+    D = starts.shape[1]
+    of_all = lambda t, x: np.concatenate(right(*x.reshape(D, -1)))  # noqa: E731
     settings = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
-    return solve_ivp(right, (0, time), omega0.T.ravel(), **settings).y[:, -1].reshape(2, -1).T
+    return solve_ivp(of_all, (0, time), starts.T.ravel(), **settings).y[:, -1].reshape(D, -1).T
+
+
+def _suslov(w1, w2):
+    return Formulas().vector_field(w1, w2)
+
+
+def _lorenz(*x):
+    return lorenz_system(x)
+
+
+def by_heyoka(omega0, time):
+    return _by_heyoka(_suslov, omega0, time)
+
+
+def by_scipy(omega0, time):
+    return _by_scipy(_suslov, omega0, time)
+
+
+def lorenz(field, x, steps):
+    """The motion of the Lorenz system over the time of some steps of Kahan's map, by heyoka."""
+    return _by_heyoka(_lorenz, x, EPS_FIELD * steps)
+
+
+def lorenz_by_scipy(field, x, steps):
+    return _by_scipy(_lorenz, x, EPS_FIELD * steps)

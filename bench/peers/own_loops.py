@@ -36,9 +36,24 @@ def _of_system(system, x, steps):
     return out
 
 
+@numba.njit
+def _of_one(system, x, steps):
+    memory = work(system)
+    for _ in range(steps):
+        step_system(system, x, x, memory)
+
+
 def in_lanes(omega0, steps):
     return _in_lanes(frame(BODY, EPS), omega0, steps)
 
 
 def of_field(field, x, steps):
     return _of_system(system(field, EPS_FIELD), x, steps)
+
+
+def of_one(field, x, steps):
+    """Last states, one orbit after the other."""
+    given, final = system(field, EPS_FIELD), x.copy()
+    for orbit in final:
+        _of_one(given, orbit, steps)
+    return final

@@ -41,6 +41,29 @@ from .core import quantities, steps_3d, steps_field, steps_nd
 from .core.elimination import memory_of_one
 from .core.numba import borrowed, for_users, select
 
+__all__ = [
+    "FieldSystem",
+    "Frame",
+    "GyrostatFrame",
+    "NDSystem",
+    "advance",
+    "energy",
+    "enter",
+    "first_integral",
+    "frame",
+    "leave",
+    "step",
+    "step_system",
+    "system",
+    "vector_field",
+    "work",
+]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 # Constants of a body and a step size: u = u1 omega1 + u2 omega2, v = v1 omega1 + v2 omega2; m is
 # the inverse of this matrix. Without a rotor, u and v are X and Y of the theory pages; with one
 # u + i v = eps / 2 (omega1 + i sqrt(I2 / I1) omega2), X = K + a u + b v and Y = b u - a v.
@@ -69,7 +92,7 @@ class FieldSystem(NamedTuple):
 _BODY, _FIELD = len(Frame._fields), len(FieldSystem._fields)
 
 
-def frame(body: Suslov3D | SuslovGyrostat, eps: ArrayLike) -> Frame | GyrostatFrame:
+def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | GyrostatFrame:
     """Return the constants of one body and one step size, for loops in three dimensions.
 
     Parameters
@@ -182,7 +205,7 @@ def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -
     return quantities.first_integral_at(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
 
-def system(body: Body, eps: ArrayLike) -> NDSystem | FieldSystem:
+def system(body: Body, /, eps: ArrayLike) -> NDSystem | FieldSystem:
     """Return the constants of one body or field and one step size, for loops in n dimensions.
 
     Parameters

@@ -1,5 +1,7 @@
 """The body in space: vectors and matrices of its motion, its orientation, the scattering angle."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 
@@ -24,6 +26,7 @@ _OF_THE_STEP, _OF_THE_STATE = 1e-6, 1e-10
 def to_matrix(
     body: AnyBody,
     omega: ArrayLike,
+    /,
     *,
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
@@ -64,6 +67,7 @@ def to_matrix(
 def to_vector(
     body: BodyIn3D,
     omega: ArrayLike,
+    /,
     *,
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
@@ -92,6 +96,7 @@ def to_vector(
 def momentum(
     body: AnyBody,
     omega: ArrayLike,
+    /,
     *,
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
@@ -165,6 +170,7 @@ def _shown(
 def attitude(
     body: AnyBody,
     omega: ArrayLike,
+    /,
     eps: ArrayLike,
     R0: ArrayLike | None = None,
     *,
@@ -241,7 +247,7 @@ def _check_that_states_follow(body: Any, states: FloatArray, eps: float | FloatA
         raise wrong("omega", "consecutive states of the map with this eps", received)
 
 
-def scattering_angle(body: Suslov3D) -> FloatArray:
+def scattering_angle(body: Suslov3D, /) -> FloatArray:
     """Angle between the angular velocities in space at time -infinity and at +infinity.
 
     In the continuous problem it depends on the body alone; in the discrete problem it converges to

@@ -14,6 +14,7 @@ from .maps import MAPS
 
 # Numbers of states: the first is computed in one thread, the second in parallel.
 COUNTS = (3, 2**15)
+_STATES = "omega", "omega0", "xy", "x"  # names of the second argument, which are positional only
 _NO_KERNELS = "animate_body", "compiled", "explore", "integrability"
 
 
@@ -31,5 +32,7 @@ def call_all() -> None:
         for function, more in product(filter(inspect.isfunction, public), variants):
             wanted = inspect.signature(function).parameters
             if wanted.keys() >= more.keys():
+                given = {name: (known | more)[name] for name in wanted if name in known | more}
+                first = [given.pop(name) for name in ("body", *_STATES) if name in given]
                 with suppress(ValueError, TypeError):  # not of this body
-                    function(**{k: v for k, v in (known | more).items() if k in wanted})
+                    function(*first, **given)

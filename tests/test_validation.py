@@ -3,6 +3,7 @@
 A row is (call, exception, name). Each message says what was expected and what was received.
 """
 
+import inspect
 import json
 import re
 from fractions import Fraction
@@ -52,7 +53,8 @@ def changed(field=FIELD, **entries):
 def run(**given):
     """`iterate` with some arguments replaced; an array `out` is not changed by a bad call."""
     arguments = {"body": BODY, "omega0": OMEGA, "eps": 0.2, "steps": 3, **given}
-    return lambda: sf.iterate(**arguments)
+    body, omega0 = arguments.pop("body"), arguments.pop("omega0")
+    return lambda: sf.iterate(body, omega0, **arguments)
 
 
 BODIES = [
@@ -295,3 +297,28 @@ def test_lazy_arrays_are_computed():
     dask = pytest.importorskip("dask.array")
     assert (sf.energy(BODY, dask.asarray(OMEGA)) == sf.energy(BODY, OMEGA)).all()
     assert Suslov3D(dask.asarray([4.0, 3.0]), 1, -0.5, -0.3).shape == (2,)
+
+
+FUNCTIONS = [
+    (f"{module.__name__}.{name}", getattr(module, name))
+    for module in (sf, sf.compiled, sf.integrability)
+    for name in module.__all__
+    if inspect.isfunction(getattr(module, name))
+]
+
+
+@pytest.mark.parametrize(("name", "function"), FUNCTIONS, ids=[name for name, _ in FUNCTIONS])
+def test_body_and_state_are_positional_only(name, function):
+    """A state is omega for a body and x for a field: no name of the argument would fit both."""
+    for parameter in inspect.signature(function).parameters.values():
+        is_first = parameter.name in {"body", "field", "omega", "omega0", "x", "xy"}
+        assert is_first == (parameter.kind == parameter.POSITIONAL_ONLY), parameter
+    if name == "suslov_fast.iterate":
+        with pytest.raises(TypeError, match="positional-only"):
+            function(BODY, omega0=OMEGA, eps=0.2, steps=3)
+
+
+@pytest.mark.parametrize(("name", "function"), FUNCTIONS, ids=[name for name, _ in FUNCTIONS])
+def test_signatures_are_short(name, function):
+    """`help(iterate)` begins with a signature that a reader can take in."""
+    assert len(str(inspect.signature(function))) <= 600, name

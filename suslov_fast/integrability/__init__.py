@@ -45,3 +45,7 @@ __all__ = [
     "report",
     "zoo",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -132,7 +132,7 @@ def _integers(table: Any) -> tuple[Any, int]:
     return np.vectorize(int, "O")(denominator * table), denominator
 
 
-def kahan(field: QuadraticField, eps: Any = None) -> KahanMap:
+def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
     """Return the Kahan map of a field, ``(x~ - x) / eps = q(x, x~) + l((x + x~) / 2) + c``.
 
     Parameters

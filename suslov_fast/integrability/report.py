@@ -3,6 +3,8 @@
 `search` fills it part by part.
 """
 
+from __future__ import annotations
+
 import dataclasses
 import json
 import math
@@ -131,6 +133,7 @@ def _listed(title: str, found: Functions, most: int, none: str) -> str:
 
 def report(
     field: Any,
+    /,
     eps: Any = None,
     degree: int = 3,
     *,

@@ -1,5 +1,7 @@
 """The body in space: its ellipsoid of inertia, and the path of the axis a."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,7 @@ _POLE = 1e-3
 def animate_body(
     body: BodyIn3D = _EXAMPLE,
     omega0: ArrayLike | None = None,
+    /,
     eps: float = 0.05,
     steps: int = 440,
     *,

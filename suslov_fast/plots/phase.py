@@ -1,5 +1,7 @@
 """The phase plane of a body in three dimensions: orbits, level curves and steady states."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
@@ -88,6 +90,7 @@ class Plane:
 
 def plot_phase(
     body: BodyIn3D,
+    /,
     eps: float,
     extent: float,
     *,

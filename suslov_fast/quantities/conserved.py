@@ -1,5 +1,7 @@
 """Conserved quantities, the invariant measure, and the coordinates and constants of Section 4."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +17,7 @@ from ..maps import states_after
 from .evaluation import by_terms, evaluate, reported
 
 
-def energy(body: BodyOrField, omega: ArrayLike) -> FloatArray:
+def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     """Energy, half the sum of J_i Omega_i**2, conserved by the continuous motion; H of a field.
 
     Parameters
@@ -41,7 +43,7 @@ def _hamiltonian(states: States) -> FloatArray:
     return by_terms(fields.energy, states, states.body.field().H.terms)
 
 
-def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """First integral F of the map, Lemma 1 of the paper, equation (6).
 
     F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2), x = I13 Omega1 + I23 Omega2 (+ k
@@ -70,7 +72,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArra
     return evaluate("first_integral", body, AnyBody, omega, eps)
 
 
-def modified_energy(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Modified energy E**2 / (E + eps**2 f.Jf / 8), where f is the vector field.
 
     The map conserves it wherever :func:`first_integral` is known (in three dimensions it is
@@ -105,7 +107,7 @@ def _modified_hamiltonian(states: States) -> FloatArray:
     return by_terms(fields.cubic_form, states, terms, states_after(states))
 
 
-def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
 
     h is the integral of equation (9) of the paper, I13**2 I2 + I23**2 I1 times the
@@ -132,7 +134,7 @@ def criticality(body: AnyBody, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     return evaluate("criticality", body, AnyBody, omega, eps)
 
 
-def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Rotation number of an orbit of the map of a gyrostat: turns of its phase per step.
 
     It is sign(k) arctan(e sqrt(k**2 - A**2)) / pi, with e = eps / (2 sqrt(I1 I2)) and the
@@ -160,7 +162,7 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, eps: ArrayLike) -> FloatAr
     return evaluate("rotation_number", body, BodyIn3D, omega, eps)
 
 
-def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Density rho of an invariant measure: rho(next omega) det(jacobian at omega) = rho(omega).
 
     rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat); for
@@ -192,7 +194,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> Fl
     return evaluate("invariant_density", body, Body, omega, eps, poles=True)
 
 
-def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
+def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
     """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
 
     They are those of equation (7) of the paper. The steady states are the line x = 0.
@@ -217,7 +219,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike) -> FloatArray:
     return evaluate("to_xy", body, Suslov3D, omega)
 
 
-def from_xy(body: Suslov3D, xy: ArrayLike) -> FloatArray:
+def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
     """Angular velocities (Omega1, Omega2) from coordinates (x, y), the inverse of :func:`to_xy`.
 
     Parameters
@@ -252,7 +254,7 @@ class ClosedForm(NamedTuple):
     t: FloatArray
 
 
-def closed_form(body: Suslov3D, omega0: ArrayLike, eps: ArrayLike) -> ClosedForm:
+def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedForm:
     """Constants h, k1 and k2 of the solution of Section 4, and the criticality t.
 
     In the coordinates of :func:`to_xy` state n of the orbit is

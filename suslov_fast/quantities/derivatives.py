@@ -1,5 +1,7 @@
 """The vector field, the reaction of the constraint, and derivatives of the map."""
 
+from __future__ import annotations
+
 from itertools import product
 from typing import Any
 
@@ -24,7 +26,7 @@ _FIXED = 1e-8
 _STRETCH = 2**26
 
 
-def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
+def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     """Time derivative of the state, equation (2) of the paper, or (14) in n dimensions.
 
     Parameters
@@ -46,7 +48,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike) -> FloatArray:
     return evaluate("vector_field", body, Body, omega)
 
 
-def reaction(body: AnyBody, omega: ArrayLike, eps: ArrayLike | None = None) -> FloatArray:
+def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -> FloatArray:
     """Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
 
     In three dimensions lambda follows from the third equation of (2), which is discretized as
@@ -82,7 +84,7 @@ def _reaction_nd(states: States) -> FloatArray:
     return found
 
 
-def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Matrix A = 1 - (eps / 2) f'(omega), where f is the vector field.
 
     A(omega; eps) (next_omega - omega) = eps f(omega). Without a rotor A(omega; eps) next_omega is
@@ -108,7 +110,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     return evaluate("matrix", body, Body, omega, eps)
 
 
-def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
+def jacobian(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Derivative of the map: A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`.
 
     Parameters
@@ -136,7 +138,7 @@ def jacobian(body: BodyOrField, omega: ArrayLike, eps: ArrayLike) -> FloatArray:
     return evaluate("jacobian", body, Body, omega, eps)
 
 
-def multipliers(body: BodyOrField, x: ArrayLike, eps: ArrayLike) -> NDArray[Any]:
+def multipliers(body: BodyOrField, x: ArrayLike, /, eps: ArrayLike) -> NDArray[Any]:
     """Eigenvalues of the derivative of the map at a fixed point.
 
     They are (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f'. In n dimensions
@@ -225,6 +227,7 @@ def _rates(states: States, slopes: FloatArray) -> NDArray[Any]:
 def lyapunov_exponents(
     body: BodyOrField,
     omega0: ArrayLike,
+    /,
     eps: ArrayLike,
     steps: int,
     transient: int = 0,

@@ -1,5 +1,7 @@
 """Fixed points of fields, by elimination over the rationals with python-flint."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from fractions import Fraction
@@ -24,7 +26,7 @@ _BEYOND = "scipy.optimize.root(lambda x: vector_field(field, x), x0) finds one n
 _BITS, _LEAST_BITS = 192, 100
 
 
-def fixed_points(field: Body) -> FloatArray | list[FloatArray]:
+def fixed_points(field: Body, /) -> FloatArray | list[FloatArray]:
     """All real fixed points of a field, which are those of its Kahan map for every step size.
 
     Parameters

@@ -3,6 +3,8 @@
 A store exists once its metadata are consolidated, a tile once its `status` is written.
 """
 
+from __future__ import annotations
+
 import errno
 import hashlib
 import inspect
@@ -48,6 +50,7 @@ Options = tuple[str, int, int | None, Functions]  # method, steps, save_every, f
 def ensemble(
     body: Any,
     omega0: Any,
+    /,
     eps: ArrayLike,
     steps: int,
     *,
@@ -59,9 +62,9 @@ def ensemble(
     coords: Mapping[Any, Any] | None = None,
     chunk: int | Mapping[str, int] | None = None,
     functions: Functions | None = None,
-    client: "distributed.Client | None" = None,
+    client: distributed.Client | None = None,
     progress: Progress = None,
-) -> "xarray.Dataset":
+) -> xarray.Dataset:
     """Iterate a batch of any size into a Zarr store.
 
     States are those of :func:`iterate`, bit for bit. Each tile of the batch is written when it is
@@ -149,7 +152,7 @@ def ensemble(
     return open_ensemble(store)
 
 
-def open_ensemble(store: Any) -> "xarray.Dataset":
+def open_ensemble(store: Any) -> xarray.Dataset:
     """Open a store of :func:`ensemble`, finished or not.
 
     Parameters

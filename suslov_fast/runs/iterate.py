@@ -1,5 +1,7 @@
 """One step and many steps of the map of a body or a field."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from typing import Literal
 
@@ -20,7 +22,7 @@ Method = Literal["auto", "gauss", "rank2"]
 
 
 def step(
-    body: BodyOrField, omega: ArrayLike, eps: ArrayLike, *, threads: int | None = None
+    body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """One step of the discrete Suslov problem, equation (4) of the paper, or (15) in n dimensions.
 
@@ -59,6 +61,7 @@ def step(
 def iterate(
     body: BodyOrField,
     omega0: ArrayLike | RandomStarts,
+    /,
     eps: ArrayLike,
     steps: int,
     *,
@@ -145,7 +148,7 @@ def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]
 
 
 def step_full(
-    body: Suslov3D, omega: ArrayLike, eps: ArrayLike, I3: ArrayLike | None = None
+    body: Suslov3D, omega: ArrayLike, /, eps: ArrayLike, I3: ArrayLike | None = None
 ) -> FloatArray:
     """One step of the scheme in three components, equation (3) of the paper.
 

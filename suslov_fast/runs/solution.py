@@ -5,6 +5,8 @@ b of J along I and a across it, the component s of omega along I, and the length
 whose direction is constant, (s, r) is a state of the body I1 = b, I2 = a, I13 = 0, I23 = abs(I).
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Any
 
@@ -32,7 +34,7 @@ _REASONS = (
 
 
 def exact(
-    body: AnyBody, omega0: ArrayLike, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
+    body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Return state n of the map by the closed form, without iteration.
 
@@ -78,7 +80,7 @@ def exact(
 
 
 def flow(
-    body: AnyBody, omega0: ArrayLike, time: ArrayLike, *, threads: int | None = None
+    body: AnyBody, omega0: ArrayLike, /, time: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
     """Return the continuous motion at given times, the solution of equation (2) of the paper.
 
@@ -109,7 +111,7 @@ def flow(
     return _states_at("flow", body, omega0, 0.0, "time", time, threads)
 
 
-def limits(body: AnyBody, omega0: ArrayLike, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return the limits of an orbit of the map for n to minus and to plus infinity.
 
     They are those of Proposition 2 in Section 4 of the paper.

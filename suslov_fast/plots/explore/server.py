@@ -1,5 +1,7 @@
 """The local HTTP server of the page, and the page of one orbit."""
 
+from __future__ import annotations
+
 import json
 import os
 import sys
@@ -127,7 +129,7 @@ class Page:
 
 
 def explore(
-    body: BodyIn3D, omega0: ArrayLike = (1.0, 0.5), eps: float = 0.1, steps: int = 300
+    body: BodyIn3D, omega0: ArrayLike = (1.0, 0.5), /, eps: float = 0.1, steps: int = 300
 ) -> Page:
     """Show an orbit on the page of `suslov-fast explore`, in a notebook or a browser.
 

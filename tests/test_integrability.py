@@ -183,10 +183,15 @@ HENON_HEILES = [3, 7, 17, 39, 93, 215, 495, 1137, 2615, 6007, 13797]  # eps = 1/
         ([k**3 for k in range(1, 13)], "cubic", 0, 0),
         ([7, 3, *(3**k + 1 for k in range(1, 60))], "exponential", math.log(3), 0),
         ([1, 2, 3, 5, 8, 13, 21], "exponential", math.log((1 + math.sqrt(5)) / 2), 0),
+        # The identity, of degree 1, is a term of the recurrence.
+        ([1, 2, 3, 5, 8, 13], "exponential", math.log((1 + math.sqrt(5)) / 2), 0),
+        ([5, 21, 85, 341, 1365, 5461], "exponential", math.log(4), 0),
+        ([3, 9, 27, 81], "exponential", math.log(3), 0),
         # Fits. The true value is within their spread.
-        ([1, 2, 3, 5, 8, 13], "exponential", math.log((1 + math.sqrt(5)) / 2), 0.06),
+        ([8, 13, 20, 33, 52, 84, 134], "exponential", math.log(1.6), 0.03),
+        ([6, 31, 156, 781, 3906], "exponential", math.log(5), 0.007),
         (HENON_HEILES, "exponential", 0.832, 0.002),
-        ([round(k**2.05) for k in range(1, 30)], "quadratic", 0, 0.08),
+        ([19, 42, 73, 114, 163, 222, 289], "quadratic", 0, 0.3),
         # A line far from 0, whose logarithm looks straight.
         ([10000, 10500, 11001, 11500, 12003, 12501], "linear", 0, 0.08),
         # Nothing fits. One more term of the first would give a recurrence.
@@ -202,6 +207,27 @@ def test_growth_of_sequences(sequence, kind, entropy, error):
         assert abs(found.entropy - entropy) <= found.entropy_error <= error
     else:
         assert found[1:3] == pytest.approx((entropy, error), abs=1e-14, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("sequence", "order"),
+    [
+        ([4, 10, 19, 29, 40, 52, 65, 79, 96, 116, 139, 163, 188, 214], "quadratic"),
+        # A cubic and an exponential function would fit these.
+        ([2, 3, 5, 7, 10, 14, 18, 23, 30, 39, 49, 60, 71, 83, 95, 108], "quadratic"),
+        ([3, 7, 13, 20, 27, 34, 43, 54], "quadratic"),
+        ([2, 2, 3, 4, 4, 5, 6, 7, 7, 8, 8], "linear"),
+    ],
+)
+def test_bounded_second_differences_without_a_period(sequence, order):
+    """They are no evidence of any kind, but suggest an order. Periodic ones show it."""
+    found = growth_of(sequence)
+    assert found.kind == "unclear"
+    assert "not yet periodic" in found.based_on
+    assert found.based_on.endswith(order)
+    assert math.isnan(found.entropy)
+    steps = np.cumsum([10, *[10, 8] * 3])
+    assert growth_of([6, *(6 + np.cumsum(steps))]).kind == "quadratic"
 
 
 def test_the_shortest_recurrence_counts():

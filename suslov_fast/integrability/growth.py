@@ -5,7 +5,7 @@ import operator
 import random
 from collections.abc import Iterator, Sequence
 from itertools import islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import flint
 import numpy as np
@@ -74,9 +74,11 @@ def growth(degrees: Sequence[int]) -> Growth:
 
     A linear recurrence with integer coefficients is sought that all degrees after a transient
     satisfy, with at least three terms to spare: that of least transient plus order, and of these
-    the one of least order. Its largest root gives the entropy, and the multiplicity of its roots of
-    modulus 1 the kind. Otherwise a line, parabola, cubic or exponential function is fitted. In the
-    plane, linear growth shows an invariant fibration, whose fibres the map may move.
+    the one of least order. The identity, of degree 1, counts as a term before the first where the
+    recurrence holds for it. Its largest root gives the entropy, and the multiplicity of its roots
+    of modulus 1 the kind. Otherwise a line, parabola, cubic or exponential function is fitted,
+    unless second differences that stay bounded show that too few degrees are known. In the plane,
+    linear growth shows an invariant fibration, whose fibres the map may move.
 
     Parameters
     ----------
@@ -87,15 +89,17 @@ def growth(degrees: Sequence[int]) -> Growth:
     -------
     Growth
         A named tuple `kind, entropy, entropy_error, based_on`. kind may also be "polynomial of
-        degree 4" and so on. If nothing fits, kind is "unclear" and the entropy NaN.
+        degree 4" and so on. If nothing fits, kind is "unclear" and the entropy NaN; `based_on` then
+        says which order of growth bounded second differences suggest.
 
     Examples
     --------
     >>> from suslov_fast.integrability import growth
     >>> growth([2, 4, 6, 8, 10, 12, 14]).based_on
     'd(k+2) = 2 d(k+1) - 1 d(k), all 7 degrees'
-    >>> growth([2, 3, 5, 8, 13, 21, 34]).kind
-    'exponential'
+    >>> found = growth([5, 21, 85, 341, 1365, 5461])
+    >>> found.kind, round(found.entropy, 12), found.entropy_error
+    ('exponential', 1.38629436112, 0.0)
     """
     try:
         d = [operator.index(each) for each in degrees]
@@ -113,23 +117,35 @@ def _kind(power: int) -> str:
 
 
 def _by_recurrence(d: list[int]) -> Growth | None:
-    for total in range(len(d) - _SPARE + 1):
-        for order in range(min(total, len(d) - total - _SPARE) + 1):
-            rows = [d[i : i + order + 1] for i in range(total - order, len(d) - order)]
-            reduced, _ = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
-            # Every infinite sequence of integers with a recurrence has one of integers.
-            c = [*(int(-reduced[i, order].p) for i in range(order)), 1]
-            if not any(np.array(rows, object) @ c):
-                return _growth_of(c, total - order, len(d))
+    for total in range(len(d) - _SPARE + 2):
+        for order in range(total + 1):
+            transient = total - order
+            # Where no transient is needed, the recurrence may hold from the identity on.
+            starts = ([1, *d], d) if transient == 0 else (d,)
+            for terms in starts:
+                if recurrence := _recurrence(terms[transient:], order):
+                    return _growth_of(recurrence, transient, len(d), len(terms) > len(d))
     return None
 
 
-def _growth_of(recurrence: list[int], transient: int, count: int) -> Growth:
+def _recurrence(terms: list[int], order: int) -> list[int] | None:
+    """Return the coefficients of a recurrence of this order, if there are terms to spare."""
+    if len(terms) < 2 * order + _SPARE:
+        return None
+    rows = [terms[i : i + order + 1] for i in range(len(terms) - order)]
+    reduced, _ = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
+    # Every infinite sequence of integers with a recurrence has one of integers.
+    coefficients = [*(int(-reduced[i, order].p) for i in range(order)), 1]
+    return None if any(np.array(rows, object) @ coefficients) else coefficients
+
+
+def _growth_of(recurrence: list[int], transient: int, count: int, from_identity: bool) -> Growth:
     """Return the growth of a sequence with a monic recurrence after a transient."""
     order = len(recurrence) - 1
     terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
     what = f"d(k+{order}) = {' + '.join(terms) or 0}, all {count} degrees"
     what = what.replace("+ -", "- ").replace("k+0", "k")
+    what += " and that of the identity" if from_identity else ""
     what += f" but the first {transient}" if transient else ""
     power, size = 0, 1.0
     for factor, multiplicity in flint.fmpz_poly(recurrence).factor()[1]:
@@ -143,8 +159,10 @@ def _growth_of(recurrence: list[int], transient: int, count: int) -> Growth:
 def _by_fit(d: list[int]) -> Growth:
     n, without = len(d), "without a short recurrence"
     unclear = Growth("unclear", math.nan, math.nan, f"{n} degrees {without}")
-    if n < 6 or min(d) == 0:
+    if n < 5 or min(d) == 0:
         return unclear
+    if suggested := _suggested(d):
+        return unclear._replace(based_on=f"{unclear.based_on}; {suggested}")
     last = max(4, n // 2)
     rates = np.diff(np.log(d[-last:]))
     rate, spread = float(rates.mean()), float(np.ptp(rates))
@@ -152,6 +170,8 @@ def _by_fit(d: list[int]) -> Growth:
     if spread < 0.1 * rate and d[-1] >= 2 * d[-last]:
         what = f"a fit to the last {last} of {n} degrees, {without}"
         return Growth("exponential", rate, spread, what)
+    if n < 6:
+        return unclear
     k, extent = np.arange(n), max(d) - min(d)
     for power in range(1, min(4, n - _SPARE)):
         residuals = np.polyval(np.polyfit(k, d, power), k) - d
@@ -159,3 +179,33 @@ def _by_fit(d: list[int]) -> Growth:
             what = f"a fit to all {n} degrees, {without}"
             return Growth(_kind(power), 0.0, float(rates[-1]), what)
     return unclear
+
+
+def _suggested(d: list[int]) -> str:
+    """Return what second differences suggest that stay bounded, but show no period.
+
+    Degrees of polynomial growth often have periodic second differences. Until a period shows, any
+    function can be fitted to them.
+    """
+    differences = [np.diff(np.array(d, object), power) for power in range(3)]
+    second = differences[2]
+    if not _is_bounded(second) or _is_periodic(second):
+        return ""
+    order = next(power for power in range(3) if _is_bounded(differences[power]))
+    return (
+        f"their second differences, from {min(second)} to {max(second)}, are bounded but not yet "
+        f"periodic, which suggests that the growth is {_kind(order)}"
+    )
+
+
+def _is_bounded(sequence: Any) -> bool:
+    """Return True if the last third of a sequence is no larger than what comes before."""
+    sizes, begin = abs(sequence), len(sequence) - -(-len(sequence) // 3)
+    return bool(max(sizes[begin:]) <= max(sizes[:begin]))
+
+
+def _is_periodic(sequence: Any) -> bool:
+    """Return True if a sequence shows two periods, and repeats three terms or more."""
+    n = len(sequence)
+    periods = range(1, min(n // 2, n - 3) + 1)
+    return any((sequence[period:] == sequence[:-period]).all() for period in periods)

@@ -119,10 +119,8 @@ def test_the_summary_has_the_lines_that_the_command_prints(capsys):
     assert first == second
 
 
-def test_lengths():
+def test_readme_is_short():
     assert README.read_text(encoding="utf-8").count("\n") <= 150
-    texts = [path.read_text(encoding="utf-8") for path in PAGES]
-    assert sum(len(text.split()) for text in texts) <= 24_000
 
 
 @pytest.mark.parametrize("path", [*PAGES, README], ids=attrgetter("name"))

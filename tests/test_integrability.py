@@ -18,10 +18,10 @@ pytest.importorskip("flint")
 from suslov_fast.integrability import (
     RationalFunction,
     RationalMap,
+    arithmetic,
     cofactors,
     darboux_polynomials,
     degrees,
-    exact,
     hk_bases,
     kahan,
     rational_map,
@@ -331,16 +331,16 @@ def test_cofactors():
 
 
 def test_exceptional_primes_and_lines_are_drawn_again():
-    prime = exact.random_prime(random.Random(0))
+    prime = arithmetic.random_prime(random.Random(0))
     for eps in (F(1, prime), F(prime)):
         map = kahan(of(BODY), eps)
         assert degrees(map, 5) == [2, 4, 6, 8, 10]
         assert hk_bases(map, 2).dimension == 1
         assert len(darboux_polynomials(map, 3)) == 2
     results = iter([[1], [2], [3], [2]])
-    assert exact.confirmed(random.Random(0), lambda p, eps: next(results)) == [2]
+    assert arithmetic.confirmed(random.Random(0), lambda p, eps: next(results)) == [2]
     with pytest.raises(ArithmeticError, match="do not agree"):
-        exact.confirmed(random.Random(0), lambda p, eps: p)
+        arithmetic.confirmed(random.Random(0), lambda p, eps: p)
 
 
 # Reports.
@@ -550,7 +550,7 @@ def assert_text(found):
 
 
 def test_texts_of_products_and_long_formulas():
-    x, y = exact.ring(2, False).gens()
+    x, y = arithmetic.ring(2, False).gens()
     f = RationalFunction(((x * y, 2), (x, -1), (x + y, 1)), F(-3, 2))
     assert str(f) == "-3*(x1*x2)^2*(x1 + x2)/(2*x1)"
     assert by_sympy(f, (2, 3)) == f((2, 3)) == F(-135)
@@ -620,7 +620,7 @@ def test_what_reports_print_of_several_possibilities():
 
 def test_a_root_of_a_polynomial_is_no_density():
     """Here det DPhi = 4, and P goes to 16 P: the density would be P to the power -1/2."""
-    (x,) = exact.ring(1, False).gens()
+    (x,) = arithmetic.ring(1, False).gens()
     map = kahan(field_of(lambda x: (F(6, 5) * x[0],), 1), 1)  # x goes to 4 x
     invariants = Invariants(map)
     assert map.jacobian_cofactor.constant == 4

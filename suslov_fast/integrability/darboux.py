@@ -11,8 +11,8 @@ from typing import Any
 import flint
 
 from ..checks import integer, wrong
-from . import exact
-from .exact import MORE, Polynomials, Residues, degree_of, modulo, monomial_values
+from . import arithmetic
+from .arithmetic import MORE, Polynomials, Residues, degree_of, modulo, monomial_values
 from .functions import RationalFunction, factored, product_of
 from .maps import TERMS, RationalMap, check_map, on_line, random_line, rational_roots
 from .reconstruction import over_rationals, polynomials_with
@@ -61,25 +61,25 @@ def darboux_polynomials(
     """
     check_map(map)
     degree = integer("degree", degree, 0)
-    exact.check_unknowns("degree", degree, map.dimension)
+    arithmetic.check_unknowns("degree", degree, map.dimension)
     rng = random.Random(integer("seed", seed, 0))
     if cofactor is not None and not callable(cofactor):
-        cofactor = RationalFunction((), exact.rational("cofactor", cofactor))
+        cofactor = RationalFunction((), arithmetic.rational("cofactor", cofactor))
     if map.has_letter and not isinstance(cofactor, RationalFunction | None):
         raise wrong("cofactor", "a number or RationalFunction", "another function", TypeError)
 
     def search(p: int, eps: int) -> Residues:
         here, images = (flint.nmod_mat(rows, p) for rows in at_points(p, eps))
-        space = exact.null_space(images - here)
+        space = arithmetic.null_space(images - here)
         if map.has_letter and space:  # formulas without LLL: pivots are monomials of low degree
-            return exact.integer_rows(flint.nmod_mat(space, p).rref()[0])
+            return arithmetic.integer_rows(flint.nmod_mat(space, p).rref()[0])
         return space
 
     at_points = partial(_at_points, map, degree, cofactor)
     rows = over_rationals(rng, search, map.has_letter)
     if rows is None:
         raise ArithmeticError("the coefficients are too long")
-    return polynomials_with(rows, exact.exponents_up_to(degree, map.dimension), map.has_letter)
+    return polynomials_with(rows, arithmetic.exponents_up_to(degree, map.dimension), map.has_letter)
 
 
 def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
@@ -118,7 +118,7 @@ def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     """
     check_map(map)
     degree = integer("degree", degree, 0)
-    exact.check_unknowns("degree", degree, map.dimension)
+    arithmetic.check_unknowns("degree", degree, map.dimension)
     one = RationalFunction(())
     found = [C for k in range(1, degree + 1) for C in cofactors_of(map, k)]
     return tuple(dict.fromkeys([one, map.jacobian_cofactor or one, *found]))
@@ -133,12 +133,12 @@ def _at_points(map: RationalMap, degree: int, cofactor: Any, p: int, eps: int) -
         if cofactor is None:
             return map.at(eps).derivative(x).det()
         if isinstance(cofactor, RationalFunction):
-            constant = flint.nmod(exact.fmpq(cofactor.constant), p)
+            constant = flint.nmod(arithmetic.fmpq(cofactor.constant), p)
             return math.prod((flint.nmod(P(*x[:-1]), p) ** e for P, e in powers), start=constant)
         found = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
         if isinstance(found, float):
             raise wrong("cofactor", "exact numbers", "float", TypeError)
-        return flint.nmod(exact.fmpq(exact.rational("cofactor", found)), p)
+        return flint.nmod(arithmetic.fmpq(arithmetic.rational("cofactor", found)), p)
 
     try:
         values = [value(x) for x in points]
@@ -151,8 +151,8 @@ def _at_points(map: RationalMap, degree: int, cofactor: Any, p: int, eps: int) -
 def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> tuple[Any, Any, Any]:
     """Return random points, and the monomials at them and at their images, for all cofactors."""
     n, rng, now = map.dimension, random.Random(p), map.at(eps)
-    exponents = exact.exponents_up_to(degree, n)
-    points = [exact.random_point(n, p, rng) for _ in range(len(exponents) + MORE)]
+    exponents = arithmetic.exponents_up_to(degree, n)
+    points = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + MORE)]
     monomials = [monomial_values(exponents, x).tolist() for x in points]
     images = [monomial_values(exponents, now.image(x)).tolist() for x in points]
     return points, monomials, images
@@ -200,9 +200,9 @@ def _divisors(
     so that the quotient has `degree`; one of its factors may be the hyperplane at infinity.
     """
     rng = random.Random(degree)
-    p = exact.random_prime(rng)
+    p = arithmetic.random_prime(rng)
     eps = rng.randrange(2, p)
-    monomials = [(*e, degree - sum(e)) for e in exact.exponents_up_to(degree, map.dimension)]
+    monomials = [(*e, degree - sum(e)) for e in arithmetic.exponents_up_to(degree, map.dimension)]
     count, most = len(monomials), degree * (map.degree - 1)
     divisors = [(modulo(f, p, eps), degree_of(f)) for f in factors]
     if at_infinity:
@@ -219,7 +219,7 @@ def _divisors(
             remainders = [each % divisor for each in values]
             rows += [[each[j] for each in remainders] for j in range(k * power)]
         reduced, rank = flint.nmod_mat(rows, p).rref()
-        return exact.integer_rows(reduced)[:rank]
+        return arithmetic.integer_rows(reduced)[:rank]
 
     systems = []
     for f, k in divisors:

@@ -13,8 +13,8 @@ from typing import Any
 
 import flint
 
-from . import exact
-from .exact import EPS, PRIME, Polynomials, degree_of, modulo, value_at
+from . import arithmetic
+from .arithmetic import EPS, PRIME, Polynomials, degree_of, modulo, value_at
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 _LATEX = {r"\*": " ", r"x(\d+)": r"x_{\1}", r"\^(\d+)": r"^{\1}", "eps": r"\\varepsilon"}
@@ -40,15 +40,15 @@ class RationalFunction:
         """Return the value at a point; a function with the letter eps needs its value."""
         if self.has_letter and eps is None:
             raise TypeError("eps: expected a number, as in f(x, eps=Fraction(1, 3)), got None")
-        point = [exact.step_size(eps)] if self.has_letter else []
-        point += [exact.rational("x", a) for a in x]
+        point = [arithmetic.step_size(eps)] if self.has_letter else []
+        point += [arithmetic.rational("x", a) for a in x]
         values = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
         return math.prod(values, start=self.constant)
 
     @property
     def has_letter(self) -> bool:
         """True if eps is a letter."""
-        return any(exact.has_letter(P) for P, _ in self.factors)
+        return any(arithmetic.has_letter(P) for P, _ in self.factors)
 
     def subs(self, eps: Any) -> RationalFunction:
         """Return the function of x alone for a value of eps.
@@ -61,8 +61,8 @@ class RationalFunction:
         >>> image, image.subs(eps="1/3")
         (-2/(2*eps - 1), 6)
         """
-        value = exact.step_size(eps)
-        powers = (factored(modulo(P, 0, exact.fmpq(value))) ** e for P, e in self.factors)
+        value = arithmetic.step_size(eps)
+        powers = (factored(modulo(P, 0, arithmetic.fmpq(value))) ** e for P, e in self.factors)
         try:
             found = math.prod(powers, start=RationalFunction((), self.constant))
         except ZeroDivisionError:
@@ -88,7 +88,7 @@ class RationalFunction:
 
     def __add__(self, other: Any) -> RationalFunction:
         other = as_function(other)
-        of = self._ring or other._ring or exact.ring(0, False)
+        of = self._ring or other._ring or arithmetic.ring(0, False)
         *above, below = over_common_denominator((self, other), of)
         return factored(sum(above)) / factored(below)
 
@@ -132,7 +132,7 @@ class RationalFunction:
 
     def quotient_in(self, of: Any = None) -> tuple[Any, Any]:
         """Return numerator and denominator as polynomials, in a ring of as many variables."""
-        of = of or self._ring or exact.ring(0, False)
+        of = of or self._ring or arithmetic.ring(0, False)
         above, below = map(of.constant, (self.constant.numerator, self.constant.denominator))
         above *= math.prod(P**e for P, e in self._powers(1))
         return above, below * math.prod(P**e for P, e in self._powers(-1))
@@ -192,16 +192,16 @@ def as_function(value: Any) -> RationalFunction:
     """Return a number as a constant function, and a function unchanged."""
     if isinstance(value, RationalFunction):
         return value
-    return RationalFunction((), exact.rational("number", value))
+    return RationalFunction((), arithmetic.rational("number", value))
 
 
 def factored(P: Any) -> RationalFunction:
     """Return a polynomial in irreducible factors."""
     if P == 0:
         return RationalFunction((), Fraction(0))
-    powers = exact.factors(P)
+    powers = arithmetic.factors(P)
     leading = math.prod(int(f.leading_coefficient()) ** e for f, e in powers)
-    return product_of(powers, exact.fraction(flint.fmpq(P.leading_coefficient())) / leading)
+    return product_of(powers, arithmetic.fraction(flint.fmpq(P.leading_coefficient())) / leading)
 
 
 def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
@@ -224,7 +224,7 @@ def product_of(
     for P, e in powers:
         total[str(P)] = P, total.get(str(P), (P, 0))[1] + e
     chosen = [(P, e) for P, e in total.values() if e and constant]
-    chosen.sort(key=lambda power: exact.size(power[0]))
+    chosen.sort(key=lambda power: arithmetic.size(power[0]))
     return RationalFunction(tuple(chosen), constant, basis)
 
 
@@ -235,7 +235,7 @@ def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunctio
     for f in sorted(candidates, key=lambda f: (f.degree, len(str(f)), str(f))):
         powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
         n = powers[0][0].context().nvars()
-        x = exact.random_point(n)
+        x = arithmetic.random_point(n)
         scales = [(P, e / value_at(P, x)) for P, e in powers]
         row = [sum(c * value_at(P.derivative(i), x) for P, c in scales) for i in range(n)]
         if flint.nmod_mat([*rows, row], PRIME).rank() > len(rows):

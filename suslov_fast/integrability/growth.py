@@ -11,7 +11,7 @@ import flint
 import numpy as np
 
 from ..checks import integer, short, wrong
-from .exact import confirmed
+from .arithmetic import confirmed
 from .maps import RationalMap, check_map, random_line
 
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import flint
 
-from . import exact
+from . import arithmetic
+from .arithmetic import Polynomials, degree_of, factors, rank, size
 from .darboux import cofactors_of, darboux_polynomials
-from .exact import Polynomials, degree_of, factors, rank, size
 from .functions import IDENTITY, MODULAR, RationalFunction, factored, quotient_of
 from .maps import RationalMap
 
@@ -149,7 +149,7 @@ class Invariants:
 
 
 def _constant_term(P: Any) -> bool:
-    first = int(exact.has_letter(P))
+    first = int(arithmetic.has_letter(P))
     return any(not any(e[first:]) for e in P.monoms())
 
 
@@ -169,5 +169,5 @@ def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[lis
         [int(i == j) for j in range(n)] + [_WEIGHT * of.get(name, 0) for name in names]
         for i, of in enumerate(exponents)
     ]
-    reduced = exact.integer_rows(flint.fmpz_mat(rows).lll())
+    reduced = arithmetic.integer_rows(flint.fmpz_mat(rows).lll())
     return [row[:n] for row in reduced if any(row[:n]) and not any(row[n:])]

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..bodies.field import QuadraticField
 from ..checks import wrong
-from .exact import degree_of, matrix, step_size
+from .arithmetic import degree_of, matrix, step_size
 from .functions import RationalFunction, factored
 from .maps import TERMS, RationalMap, coprime, cramer
 

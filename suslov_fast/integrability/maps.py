@@ -12,8 +12,8 @@ from typing import Any
 import flint
 
 from ..checks import wrong
-from . import exact
-from .exact import Point, degree_of, value_at
+from . import arithmetic
+from .arithmetic import Point, degree_of, value_at
 from .functions import RationalFunction, factored
 from .reconstruction import polynomials_with
 
@@ -80,7 +80,7 @@ class RationalMap:
         y, columns = self.image(x), range(self.dimension)
         *above, below = ([value_at(F.derivative(i), x) for i in columns] for F in self.forms)
         rows = [[row[i] - a * below[i] for i in columns] for a, row in zip(y, above, strict=False)]
-        return exact.matrix(rows) * (1 / value_at(self.forms[-1], x))
+        return arithmetic.matrix(rows) * (1 / value_at(self.forms[-1], x))
 
     @property
     def denominator(self) -> Any:
@@ -97,8 +97,8 @@ class RationalMap:
     def __call__(self, point: Any) -> tuple[Any, ...]:
         """Return the image of a point, exactly; functions of eps if it is a letter."""
         if not self.has_letter:
-            return tuple(map(exact.fraction, self.image(self._numbers(point))[:-1]))
-        x = exact.rationals("point", point, self.dimension)
+            return tuple(map(arithmetic.fraction, self.image(self._numbers(point))[:-1]))
+        x = arithmetic.rationals("point", point, self.dimension)
         scale = math.lcm(*(a.denominator for a in x))
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
         *above, below = map(factored, self.homogeneous(constants))
@@ -107,21 +107,23 @@ class RationalMap:
     def jacobian(self, point: Any) -> tuple[Point, ...]:
         """Return the matrix of derivatives at a point, exactly, as a tuple of rows."""
         rows = self.derivative(self._numbers(point)).tolist()
-        return tuple(tuple(map(exact.fraction, row)) for row in rows)
+        return tuple(tuple(map(arithmetic.fraction, row)) for row in rows)
 
     def determinant(self, point: Any) -> Fraction:
         """Return the determinant of the matrix of derivatives at a point, exactly."""
-        return exact.fraction(self.derivative(self._numbers(point)).det())
+        return arithmetic.fraction(self.derivative(self._numbers(point)).det())
 
     def _numbers(self, point: Any) -> list[Any]:
         if self.has_letter:
             raise TypeError("eps: expected a number here, as in map.subs(eps=Fraction(1, 3))")
-        return [exact.fmpq(a) for a in (*exact.rationals("point", point, self.dimension), 1)]
+        return [
+            arithmetic.fmpq(a) for a in (*arithmetic.rationals("point", point, self.dimension), 1)
+        ]
 
     @cached_property
     def ring(self) -> Any:
         """The ring of polynomials in x, and eps if it is a letter."""
-        return exact.ring(self.dimension, self.has_letter)
+        return arithmetic.ring(self.dimension, self.has_letter)
 
     @property
     def variables(self) -> list[Any]:
@@ -142,7 +144,7 @@ class RationalMap:
     def pullback(self, P: Any, degree: int, at: Sequence[Any] | None = None) -> Any:
         """Return F_0^degree P(F / F_0), with F or with other polynomials `at`."""
         k = int(self.has_letter)
-        whole = exact.ring(self.dimension + 1, self.has_letter)
+        whole = arithmetic.ring(self.dimension + 1, self.has_letter)
         terms = {(*e, degree - sum(e[k:])): c for e, c in P.to_dict().items()}
         return whole.from_dict(terms).compose(
             *self.ring.gens()[:k], *(at or self.forms), ctx=self.ring
@@ -151,7 +153,9 @@ class RationalMap:
     @cached_property
     def is_invertible(self) -> bool:
         """True if det DPhi is not 0 at a random point modulo a prime."""
-        return bool(self.at(exact.EPS).derivative(exact.random_point(self.dimension)).det() != 0)
+        return bool(
+            self.at(arithmetic.EPS).derivative(arithmetic.random_point(self.dimension)).det() != 0
+        )
 
     @cached_property
     def jacobian_cofactor(self) -> RationalFunction | None:
@@ -163,8 +167,8 @@ class RationalMap:
         """The irreducible factors of F_0 and of det DPhi; None if they are too long."""
         if self.jacobian_cofactor is None:
             return None
-        powers = (*self.jacobian_cofactor.factors, *exact.factors(self.denominator))
-        return sorted({str(f): f for f, _ in powers if degree_of(f)}.values(), key=exact.size)
+        powers = (*self.jacobian_cofactor.factors, *arithmetic.factors(self.denominator))
+        return sorted({str(f): f for f, _ in powers if degree_of(f)}.values(), key=arithmetic.size)
 
     @cached_property
     def _line(self) -> tuple[Any, ...]:
@@ -201,11 +205,11 @@ def _divided(P: Any, divisor: Any) -> tuple[Any, int]:
 
 def rational_roots(row: Any, of: Any) -> list[RationalFunction]:
     """Return the rational roots of a polynomial, numbers or functions of eps in this ring."""
-    letter = exact.has_letter(of.gens()[0])
+    letter = arithmetic.has_letter(of.gens()[0])
     (f,) = polynomials_with([row], tuple((k,) for k in range(len(row))), letter)
     *_, t = f.context().gens()
     roots = []
-    for g in (g for g, _ in exact.factors(f) if degree_of(g) == 1):
+    for g in (g for g, _ in arithmetic.factors(f) if degree_of(g) == 1):
         slope = g.derivative(int(letter))
         above, below = (factored(P.project_to_context(of)) for P in (slope * t - g, slope))
         roots.append(above / below)
@@ -221,7 +225,7 @@ def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
 def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
     """Return a polynomial modulo a prime, homogeneous of a degree, on a line; t is the last."""
     p = int(line[-1].modulus())
-    of = exact.ring(1, False, flint.nmod_mpoly_ctx, p)
+    of = arithmetic.ring(1, False, flint.nmod_mpoly_ctx, p)
     by_inverse = [of.from_dict({(0,): int(x[1]), (1,): int(x[0])}) for x in line[:-1]]  # of x / t
     terms = P.compose(*by_inverse, ctx=of).to_dict()
     return flint.nmod_poly([int(terms.get((degree - k,), 0)) for k in range(degree + 1)], p)
@@ -258,6 +262,6 @@ def check_map(map: Any) -> None:
         expected = "a map, as kahan(field, eps) or rational_map(f, dimension) returns it"
         raise wrong("map", expected, type(map).__name__, TypeError)
     try:
-        map.at(exact.EPS).image(exact.random_point(map.dimension))
+        map.at(arithmetic.EPS).image(arithmetic.random_point(map.dimension))
     except ZeroDivisionError:
         raise ArithmeticError(f"{map} is no map: its equations have no solution") from None

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..checks import integer, wrong
-from .exact import ring
+from .arithmetic import ring
 from .functions import as_function, factored, over_common_denominator
 from .maps import RationalMap
 

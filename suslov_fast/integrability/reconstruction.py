@@ -16,8 +16,8 @@ from typing import Any
 import flint
 import numpy as np
 
-from . import exact
-from .exact import Exponents, Polynomials, Residues
+from . import arithmetic
+from .arithmetic import Exponents, Polynomials, Residues
 
 Search = Callable[[int, int], Residues]  # of a prime and a number in place of eps
 Rows = Sequence[Sequence[Sequence[Any]]]  # the coefficients of entries, in ascending powers of eps
@@ -32,7 +32,7 @@ def over_rationals(rng: random.Random, search: Search, letter: bool = False) -> 
     candidate: Rows | None = None
     for _ in range(_PRIMES):
         with contextlib.suppress(ZeroDivisionError):
-            p = exact.random_prime(rng)
+            p = arithmetic.random_prime(rng)
             e = rng.randrange(2, p)
             found = search(p, e)
             if candidate is not None and _agree(candidate, found, p, e):
@@ -63,7 +63,7 @@ def _agree(rows: Rows, found: Residues, p: int, e: int) -> bool:
     """Return True if rows at a number e are multiples of those found modulo a prime."""
 
     def multiples(row: Sequence[Sequence[Any]], values: list[int]) -> bool:
-        parts = ([flint.nmod(exact.fmpq(c), p) for c in part] for part in row)
+        parts = ([flint.nmod(arithmetic.fmpq(c), p) for c in part] for part in row)
         here = [flint.nmod_poly(part, p)(e) for part in parts]
         return bool(flint.nmod_mat([here, values], p).rank() == 1)
 
@@ -107,7 +107,7 @@ def _through(points: list[int], values: list[Residues], p: int) -> Any:
         # A row is multiplied by a polynomial so that this and all products have degrees below k.
         products = [inverse * flint.nmod_mat((c * powers.T[:k]).T.tolist(), p) for c in row]
         high = [each for product in products for each in product.tolist()[k:]]
-        if not (factors := exact.null_space(flint.nmod_mat(high, p))):
+        if not (factors := arithmetic.null_space(flint.nmod_mat(high, p))):
             return None
         factor = flint.nmod_mat(k, 1, factors[0], p)
         found.append([[int(c) for c in (P * factor).entries()[:k]] for P in products])
@@ -118,7 +118,7 @@ def _through(points: list[int], values: list[Residues], p: int) -> Any:
 
 def polynomials_with(rows: Rows, exponents: Exponents, letter: bool = False) -> Polynomials:
     """Return primitive polynomials with the same span; without a letter they are short."""
-    of, integers = exact.ring(len(exponents[0]), letter), []
+    of, integers = arithmetic.ring(len(exponents[0]), letter), []
     for row in rows:
         scale = math.lcm(*(c.denominator for part in row for c in part))
         integers.append([int(c * scale) for part in row for c in part])
@@ -127,4 +127,4 @@ def polynomials_with(rows: Rows, exponents: Exponents, letter: bool = False) -> 
     powers = range(len(rows[0][0]) if rows else 0)
     monomials = [(*[k] * letter, *e) for e in exponents for k in powers]
     found = (dict(zip(monomials, row, strict=True)) for row in integers)
-    return tuple(exact.primitive(of.from_dict(terms)) for terms in found)
+    return tuple(arithmetic.primitive(of.from_dict(terms)) for terms in found)

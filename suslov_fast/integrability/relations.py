@@ -11,8 +11,8 @@ import flint
 import numpy as np
 
 from ..checks import integer, short, wrong
-from . import exact, functions
-from .exact import MORE, Exponents, Point, Polynomials, Residues, monomial_values
+from . import arithmetic, functions
+from .arithmetic import MORE, Exponents, Point, Polynomials, Residues, monomial_values
 from .functions import rank_of_quotients
 from .invariants import Invariants
 from .maps import RationalMap, check_map
@@ -110,11 +110,13 @@ def hk_bases(
     n, seed = map.dimension, integer("seed", seed, 0)
     exponents, by_degree = _exponents(monomials, n), isinstance(monomials, int | np.integer)
     rng = random.Random(seed)
-    start = exact.rationals("point", rng.sample(range(2, 100), n) if point is None else point, n)
+    start = arithmetic.rationals(
+        "point", rng.sample(range(2, 100), n) if point is None else point, n
+    )
     _, independent = counts(map, exponents, seed)
     tried = [exponents]
     if by_degree and independent:
-        tried = [exact.exponents_up_to(d, n) for d in range(1, _degree(exponents) + 1)]
+        tried = [arithmetic.exponents_up_to(d, n) for d in range(1, _degree(exponents) + 1)]
     integrals: Polynomials = ()
     for exponents in tried:
         integrals = max(integrals, integrals_of(map, exponents, seed), key=rank_of_quotients)
@@ -133,7 +135,8 @@ def hk_bases(
     basis: Any = None if map.has_letter else ()
     if not map.has_letter and (dimension > 0 or point is not None):
         rows = over_rationals(
-            rng, lambda p, eps: _relations(map, exponents, p, eps, exact.point_modulo(p, start))
+            rng,
+            lambda p, eps: _relations(map, exponents, p, eps, arithmetic.point_modulo(p, start)),
         )
         basis = rows and tuple(tuple(a for (a,) in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
@@ -145,7 +148,9 @@ def hk_bases(
 def _relations(map: RationalMap, exponents: Exponents, p: int, eps: int, x: list[Any]) -> Residues:
     """Return the relations along an orbit, in the form of `HKBasis.basis`."""
     orbit = map.at(eps).orbit(x, len(exponents) + MORE)
-    return exact.null_space(flint.nmod_mat([[*monomial_values(exponents, y)] for y in orbit], p))
+    return arithmetic.null_space(
+        flint.nmod_mat([[*monomial_values(exponents, y)] for y in orbit], p)
+    )
 
 
 @lru_cache(maxsize=32)
@@ -158,11 +163,11 @@ def counts(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]
     rng, n, count = random.Random(seed), map.dimension, len(exponents)
 
     def count_once(p: int, eps: int) -> tuple[int, int]:
-        x = exact.random_point(n, p, rng)
+        x = arithmetic.random_point(n, p, rng)
         relations = _relations(map, exponents, p, eps, x)
         if not relations:
             return 0, 0
-        ring = exact.ring(n, False, flint.nmod_mpoly_ctx, p)
+        ring = arithmetic.ring(n, False, flint.nmod_mpoly_ctx, p)
         polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
         gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
         derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), p)  # of x_k
@@ -177,7 +182,7 @@ def counts(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]
         rank = flint.nmod_mat([row[k : k + n] for row in reduced for k in starts], p).rank()
         return len(relations), int(rank)
 
-    return exact.confirmed(rng, count_once)  # type: ignore[no-any-return]
+    return arithmetic.confirmed(rng, count_once)  # type: ignore[no-any-return]
 
 
 def integrals_of(map: RationalMap, exponents: Exponents, seed: int) -> Polynomials:
@@ -187,10 +192,10 @@ def integrals_of(map: RationalMap, exponents: Exponents, seed: int) -> Polynomia
         return ()
 
     def span(p: int, eps: int) -> Residues:
-        points = [exact.random_point(map.dimension, p, rng) for _ in range(3)]
+        points = [arithmetic.random_point(map.dimension, p, rng) for _ in range(3)]
         rows = [row for x in points for row in _relations(map, exponents, p, eps, x)]
         reduced, rank = flint.nmod_mat(rows, p).rref()
-        return exact.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
+        return arithmetic.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
 
     rows = over_rationals(rng, span, map.has_letter)
     return polynomials_with(rows or [], exponents, map.has_letter)
@@ -204,8 +209,8 @@ def _exponents(monomials: Any, n: int) -> Exponents:
     """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
     if isinstance(monomials, int | np.integer):
         degree = integer("monomials", monomials, 0)
-        exact.check_unknowns("monomials", degree, n, _MOST)
-        return exact.exponents_up_to(degree, n)
+        arithmetic.check_unknowns("monomials", degree, n, _MOST)
+        return arithmetic.exponents_up_to(degree, n)
     try:
         exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
     except TypeError:

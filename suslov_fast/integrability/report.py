@@ -18,7 +18,7 @@ import numpy as np
 
 from ..bodies.field import QuadraticField
 from ..checks import integer, real_number, wrong
-from . import exact
+from . import arithmetic
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .kahan import KahanMap, kahan
@@ -191,7 +191,7 @@ def report(
     degree, seed = integer("degree", degree, 1), integer("seed", seed, 0)
     map, notes = _map_of(field, eps, decimals)
     check_map(map)
-    exact.check_unknowns("degree", degree, map.dimension)
+    arithmetic.check_unknowns("degree", degree, map.dimension)
     if progress is not None and not callable(progress):
         expected = "None or a callable (done, parts)"
         raise wrong("progress", expected, type(progress).__name__, TypeError)
@@ -230,7 +230,7 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
     map = kahan(found, eps)
     parts = field._coefficients if isinstance(field, QuadraticField) else field._parts
     given = np.concatenate([np.ravel(each) for each in (*parts.values(), map.eps or 0)])
-    return map, [] if decimals else _note_on_floats(exact.rational("field", c) for c in given)
+    return map, [] if decimals else _note_on_floats(arithmetic.rational("field", c) for c in given)
 
 
 def _in_decimals(body: Any) -> QuadraticField:

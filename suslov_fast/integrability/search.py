@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from . import exact
+from . import arithmetic
 from .functions import RationalFunction, factored, independent
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
@@ -66,7 +66,7 @@ def _parts(found: Any, invariants: Invariants, seed: int) -> Iterator[tuple[str,
         invariants.add_hamiltonian(H)
         yield "hamiltonian", "the modified energy and 1/det A of the Hamiltonian"
     for k in range(1, d + 1):
-        exponents = exact.exponents_up_to(k, D)
+        exponents = arithmetic.exponents_up_to(k, D)
         found.relations = counts(map, exponents, seed)[1]
         if len(found.integrals) < found.relations:
             invariants.add(integrals_of(map, exponents, seed))
@@ -106,7 +106,7 @@ def _degrees(map: RationalMap, seed: int) -> list[int]:
                 break
         return found
 
-    return list(exact.confirmed(random.Random(seed), compute))
+    return list(arithmetic.confirmed(random.Random(seed), compute))
 
 
 def search_until(deadline: float, found: Any, seed: int) -> Iterator[Any]:

@@ -361,7 +361,7 @@ def test_exceptional_primes_and_lines_are_drawn_again():
         (SIR, 1, "exponential", [1], [2], ["x1", "x2", "x1 + x2 + x3"]),
         # The modified energy and 1/det A, of degrees 4 and 2.
         (HENON_HEILES_FIELD, 1, "exponential", [4], [2], []),
-        (QuadraticField([[[4]]], constant=[-4]), 3, "bounded", [], None, None),
+        (QuadraticField([[[4]]], constant=[-3]), 3, "bounded", [], None, None),
         (from_hamiltonian(lambda x: 0 * x[0] + 1, 2), 3, "bounded", [1, 1], None, None),
         (field_of(lambda x: (x[1] ** 2, 1), 2), 3, "bounded", [3], None, None),
         # det DPhi = -1, and several constants for the same factors.
@@ -399,8 +399,8 @@ def test_report(given, degree, kind, integrals, measure, planes):
 
 
 def test_a_map_without_inverse_and_no_map():
-    constant = QuadraticField([[[0]]], [[-8]], [1])
-    found = report(constant, EPS)
+    projection = rational_map(lambda x: (x[0], x[0]), 2)
+    found = report(projection)
     assert (found.growth.kind, found.integrals, found.relations) == ("bounded", (), None)
     assert "no inverse" in repr(found)
     assert found.finished
@@ -408,7 +408,47 @@ def test_a_map_without_inverse_and_no_map():
     for call in (report, lambda *args: degrees(kahan(*args), 3), lambda *a: hk_bases(kahan(*a), 1)):
         with pytest.raises(ArithmeticError, match=r"eps=1.*no solution"):
             call(nowhere, 1)
-    assert report(nowhere).special_eps == (1,)
+    assert report(nowhere).special_eps == (-1, 1)
+
+
+LINES = from_hamiltonian(
+    lambda x: (
+        -4 * (x[0] ** 2 * x[1] + 2 * x[0] * x[1] ** 2 + x[1] ** 3 + x[0] + x[1])
+        - 8 * x[0] ** 2
+        - 18 * x[0] * x[1]
+        - 10 * x[1] ** 2
+    ),
+    2,
+)
+
+
+@pytest.mark.parametrize(
+    ("field", "eps", "message"),
+    [
+        (LINES, 1, "the image is a curve"),
+        (LINES, -1, "the image is a curve"),
+        (field_of(lambda x: (x[0], 2 * x[1]), 2), -1, "the image is a curve"),
+        (field_of(lambda x: (x[0], 2 * x[1]), 2), 2, "no solution"),
+        (field_of(lambda x: (x[0], 2 * x[1], x[0] * x[1]), 3), -2, "the image is a surface"),
+        (field_of(lambda x: (2 * x[0], 2 * x[1], 2 * x[2], 2 * x[3], 1), 5), -1, "a curve"),
+        (field_of(lambda x: (2 * x[0], x[1], x[2], x[3], 1), 5), -1, "of dimension 4"),
+        (QuadraticField([[[0]]], [[-8]], [1]), EPS, "the image is a point"),
+    ],
+)
+def test_degenerate_step_sizes(field, eps, message):
+    """They are told as such, and listed if eps is a letter: -eps, too."""
+    with pytest.raises(ArithmeticError, match=f"eps={eps}.*{message}"):
+        report(field, eps)
+    assert {F(eps), -F(eps)} <= {*report(field, degree=1).special_eps}
+    assert report(field, F(eps) / 3, 1).finished
+    listed = kahan(field).degenerate_eps
+    maps = [kahan(field, a) for a in listed]
+    x = [F(k * k, 7) for k in range(2, 2 + field.dimension)]
+    for map in maps:
+        with pytest.raises((ZeroDivisionError, AssertionError)):
+            assert map.determinant(x) != 0
+    with pytest.raises(ArithmeticError, match="consists of poles"):
+        degrees(kahan(LINES, 1), 3)
 
 
 def test_integrals_with_irrational_coefficients():

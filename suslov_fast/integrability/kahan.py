@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import cached_property
@@ -16,6 +17,8 @@ from ..checks import wrong
 from .arithmetic import degree_of, matrix, step_size
 from .functions import RationalFunction, factored
 from .maps import TERMS, RationalMap, coprime, cramer
+
+_POINTS = 3  # whose common roots are those of all points
 
 
 class KahanMap(RationalMap):
@@ -116,6 +119,27 @@ class KahanMap(RationalMap):
                 return None
             found *= factored(P) ** e
         return found
+
+    @cached_property
+    def degenerate_eps(self) -> tuple[Fraction, ...]:
+        """The rational eps without a map, or where det DPhi is 0 everywhere, if eps is a letter.
+
+        They come in pairs eps, -eps: where the image of the map is of lower dimension, so is that
+        of its inverse, or there is none. They are roots, for all x, of det A(x) or of the numerator
+        of det DPhi(x): here for a few x.
+        """
+        rng, common = random.Random(0), self.ring.constant(0)
+        for _ in range(_POINTS):
+            numbers = (*rng.sample(range(2, 10**6), self.dimension), 1)
+            x = [self.ring.constant(a) for a in numbers]
+            y = self.homogeneous(x)
+            # det DPhi is this determinant at the homogeneous image y, over y_0^D det A(x).
+            determinant = cramer(self._system(y, -1))[-1]
+            below = y[-1] ** (self.dimension + 1)
+            numerator = determinant // determinant.gcd(below)
+            common = common.gcd(numerator * y[-1])
+        roots = factored(common).special
+        return tuple(sorted({sign * eps for eps in roots for sign in (1, -1)}))
 
     @cached_property
     def hamiltonian(self) -> Any:

@@ -19,6 +19,7 @@ from .reconstruction import polynomials_with
 
 TERMS = 100_000  # of the largest polynomial that is written out
 _SPARSE = 100  # terms of a component; of sparse maps all polynomials are
+_SHAPES = {0: "a point", 1: "a curve", 2: "a surface"}  # by dimension
 
 
 class RationalMap:
@@ -157,6 +158,13 @@ class RationalMap:
             self.at(arithmetic.EPS).derivative(arithmetic.random_point(self.dimension)).det() != 0
         )
 
+    @property
+    def shape_of_image(self) -> str:
+        """What the image is by its dimension, the rank of DPhi at a random point."""
+        derivative = self.at(arithmetic.EPS).derivative(arithmetic.random_point(self.dimension))
+        rank = int(derivative.rank())
+        return _SHAPES.get(rank, f"of dimension {rank}")
+
     @cached_property
     def jacobian_cofactor(self) -> RationalFunction | None:
         """The determinant of the derivative, in factors; None if they are too long."""
@@ -261,7 +269,13 @@ def check_map(map: Any) -> None:
     if not isinstance(map, RationalMap):
         expected = "a map, as kahan(field, eps) or rational_map(f, dimension) returns it"
         raise wrong("map", expected, type(map).__name__, TypeError)
+    now = map.at(arithmetic.EPS)
     try:
-        map.at(arithmetic.EPS).image(arithmetic.random_point(map.dimension))
+        image = now.image(arithmetic.random_point(map.dimension))
     except ZeroDivisionError:
         raise ArithmeticError(f"{map} is no map: its equations have no solution") from None
+    try:
+        now.image(image)
+    except ZeroDivisionError:
+        shape = map.shape_of_image
+        raise ArithmeticError(f"{map}: the image is {shape}, and it consists of poles") from None

@@ -43,7 +43,8 @@ class Report:
     cofactors) can be called with a point; `str` gives its formula, and its `basis` says what it
     rests on: "identity", checked as an identity of rational functions, or "modulo a prime, at
     random points". A growth is evidence. If eps is a letter, formulas are functions of x and eps,
-    and `special_eps` has the rational eps at which one of them has no meaning, or there is no map.
+    and `special_eps` has the rational eps at which one of them has no meaning, there is no map, or
+    det DPhi is 0 everywhere.
     """
 
     map: RationalMap
@@ -99,7 +100,9 @@ class Report:
             lines.append(f"Level sets of the integrals have dimension {self.dimension} of {D}.")
         if self.special_eps:
             listed = ", ".join(map(str, self.special_eps))
-            lines.append(f"A formula has no meaning, or there is no map, at eps = {listed}.")
+            lines.append(
+                f"A formula has no meaning, or there is no birational map, at eps = {listed}."
+            )
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
@@ -174,7 +177,9 @@ def report(
     Raises
     ------
     ArithmeticError
-        If there is no map: the equations have no solution at any x.
+        If there is no map, since the equations have no solution at any x, or if det DPhi is 0
+        everywhere, so that the image of the map of a field is a curve, say. Without `eps`, such
+        step sizes are in `special_eps`.
     KeyboardInterrupt
         After Ctrl-C; its attribute `report` has what was found so far.
 
@@ -191,6 +196,9 @@ def report(
     degree, seed = integer("degree", degree, 1), integer("seed", seed, 0)
     map, notes = _map_of(field, eps, decimals)
     check_map(map)
+    if isinstance(map, KahanMap) and not map.is_invertible:
+        shape = map.shape_of_image
+        raise ArithmeticError(f"{map} has no inverse: det DPhi = 0, and the image is {shape}")
     arithmetic.check_unknowns("degree", degree, map.dimension)
     if progress is not None and not callable(progress):
         expected = "None or a callable (done, parts)"

@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from . import arithmetic
-from .functions import RationalFunction, factored, independent
+from .functions import RationalFunction, independent
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
 from .maps import RationalMap
@@ -42,8 +42,8 @@ def search(found: Any, seed: int) -> Iterator[Any]:
         found.polynomials = tuple(invariants.polynomials)
         if found.map.has_letter:
             formulas = [*found.integrals, *found.measures, *found.polynomials]
-            formulas.append(factored(found.map.forms[-1]))
-            found.special_eps = tuple(sorted({eps for f in formulas for eps in f.special}))
+            special = {eps for f in formulas for eps in f.special}
+            found.special_eps = tuple(sorted(special.union(found.map.degenerate_eps)))
         yield found
     found.finished = True
     yield found

@@ -89,7 +89,7 @@ def test_the_core_is_pure_numerics():
             assert modules <= {"suslov_fast", "math", "typing", "numpy", "numba", "collections"}
 
 
-def test_lengths():
+def test_files_can_be_read_at_once():
     lengths = {path: text.count("\n") for path, text in TEXTS.items()}
     assert max(lengths.values()) <= 420, max(lengths, key=lengths.get)
 

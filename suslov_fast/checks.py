@@ -9,12 +9,20 @@ import warnings
 from collections.abc import Collection, Sequence
 from fractions import Fraction
 from importlib import import_module
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
+
+if TYPE_CHECKING:
+
+    class OneOrEach(NDArray[Any], list[NDArray[Any]]):  # type: ignore[misc]
+        """An array for a single body, a list of arrays for a family: callers need no cast."""
+
+else:
+    OneOrEach = Any
 
 _FLOAT64 = np.dtype(np.float64)
 _NUMBERS = {float, int, np.float64, Fraction}

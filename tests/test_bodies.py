@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_field import FIELDS
 
-from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, vector_field
+from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, iterate, vector_field
 from suslov_fast.bodies.nd import are_solved
 
 GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
@@ -89,12 +89,50 @@ def test_families(body):
     assert body[1:].shape == (max(len(body) - 1, 0), *body.shape[1:])
 
 
+GRID = Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, np.full((1, 3), 1 / 3))
+MASK = np.array([[True, False, True], [False, False, True]])
+INDICES = [
+    (1, 2), (-1, slice(1, None)), (slice(None), [2, 0]), [False, True], (slice(None), MASK[0]),
+    MASK, ~MASK & False, (0, MASK[0]), np.int64(1), (slice(1, 1),),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("index", INDICES, ids=repr)
+def test_members_along_several_axes(index):
+    """They have the parameters that NumPy selects, and share what all members share."""
+    member = GRID[index]
+    for name, value in GRID._arrays.items():
+        expected = np.broadcast_to(value, GRID.shape)[index]
+        assert member.shape == expected.shape
+        assert (np.broadcast_to(member._arrays[name], expected.shape) == expected).all()
+    assert np.ndim(member.I13) == 0
+    several = SuslovND(np.arange(1.0, 25).reshape(2, 3, 4), [0.1, 0.2, 0.3, 0.4])
+    assert (several.J[index] == several[index].J).all()
+    assert several[index].I.tolist() == several.I.tolist()
+
+
+def test_masks_that_select_members_of_a_run():
+    """`bodies[run.status >= 0]` are those whose trajectories did not fail."""
+    bodies = Suslov3D(1, 1, [0.25, 0.3], [[0.0], [0.1]])
+    run = iterate(bodies, [4.0, -12.0], eps=1.0, steps=1, on_singular="ignore")
+    healthy = run.status >= 0
+    assert healthy.tolist() == [[False, True], [True, True]]
+    assert bodies[healthy].shape == (3,)
+    assert bodies[~healthy] == Suslov3D(1, 1, [0.25], [0.0])
+
+
 def test_selection_by_value():
     bodies = Suslov3D([[4.0], [0.1]], [1, 2, 3], -0.5, 1 / 3)
     assert bodies.sel(I1=0.1) == bodies[1]
     assert bodies.sel(I2=2, I1=4) == bodies[0][1]
     assert bodies.sel(I2=2.4, method="nearest").I2 == 2.0
     assert Suslov3D([4.0], 1, 0, 0).sel(I1=4) == Suslov3D(4, 1, 0, 0)
+    assert bodies.sel(I2=slice(2, 3)) == bodies[:, 1:]
+    assert bodies.sel(I2=slice(None, 1.5), I1=4).I2.tolist() == [1.0]
+    assert bodies.sel(I1=slice(None)) == bodies
+    assert bodies.sel(I1=slice(7, None)).shape == (0, 3)
+    decreasing = QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=[3, 1, 2])
+    assert decreasing.sel(a=slice(2, 9)).parameters["a"].tolist() == [3, 2]
 
 
 def test_an_I3_that_no_body_has():

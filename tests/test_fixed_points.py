@@ -80,6 +80,11 @@ def test_cases_that_are_refused():
         (sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3]), "infinitely many"),
         (QuadraticField.from_function(lambda x: (x[0] * x[1], x[0] * (x[1] - 1)), 2), "infinitely"),
     ]  # fmt: skip
+    rows = lambda x, a, b: (a * x[0], x[1] - b)  # noqa: E731
+    family = QuadraticField.from_function(rows, 2, a=[1.0, 2.0, 0.0], b=[1.0, 2.0, 3.0])
+    cases.append((family, r"infinitely many of member 2 \(a=0.0, b=3.0\): .*root"))
+    bodies = sf.Suslov3D([4, 2], 1, -0.5, -0.3)
+    cases.append((bodies, r"member 0 \(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3\)"))
     for field, message in cases:
         with pytest.raises(ValueError, match=f"field: expected .*{message}"):
             fixed_points(field)

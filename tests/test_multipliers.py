@@ -81,3 +81,26 @@ def test_a_wide_spread_of_moments(rng):
         Y = [mpmath.fdot(I, x) / square * s / 2 for s in rates]
         exact = sorted([1.0] + [float((1 + y) / (1 - y)) for y in Y], key=lambda v: -abs(v))
         np.testing.assert_allclose(abs(computed), np.abs(exact), rtol=1e-13, atol=1e-15)
+
+
+def test_multipliers_of_a_family():
+    """What `fixed_points` lists for a family has multipliers for each member, as single fields."""
+    family = sf.QuadraticField.from_function(
+        lambda x, a, b: (a - x[0] ** 2, b * x[1]), 2, a=[-1.0, 1.0, 4.0], b=[1.0, 2.0, 3.0]
+    )
+    points = sf.fixed_points(family)
+    assert [len(each) for each in points] == [0, 2, 2]
+    for eps in (0.1, [0.1, -0.2, 0.3]):
+        steps = np.broadcast_to(eps, 3)
+        found = sf.multipliers(family, points, eps)
+        assert isinstance(found, list)
+        for i in range(3):
+            assert found[i].shape == points[i].shape
+            assert (found[i] == sf.multipliers(family[i], points[i], steps[i])).all()
+    several = points[2][[0, 1, 0]]  # an array broadcasts against the family, as everywhere
+    with pytest.raises(ValueError, match=r"x: .* got 2 other states, first: 0"):
+        sf.multipliers(family, several, 0.1)
+    with pytest.raises(ValueError, match=r"x: .* got 1 other states of member 1 \(a=1.0, b=2.0\)"):
+        sf.multipliers(family, [points[0], points[1] + [[0, 0], [0, 1]], points[2]], 0.1)
+    with pytest.raises(ValueError, match=r"eps: expected a number, or one for each of 3"):
+        sf.multipliers(family, points, [[0.1], [0.2]])

@@ -1,6 +1,7 @@
 """Base class of all bodies: immutable parameters, batches, equality, text and dictionaries."""
 
 import inspect
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -96,26 +97,34 @@ class Body:
     def __iter__(self: Kind) -> Iterator[Kind]:
         return (self[i] for i in range(len(self)))
 
-    def __getitem__(self: Kind, index: int | slice) -> Kind:
-        """Return a member, or a slice, of a batch along its first axis."""
-        size = len(self)
-        try:
-            place = index if isinstance(index, slice) else range(size)[index]
-        except (IndexError, TypeError) as error:
-            expected = f"an integer from {-size} to {size - 1}, or a slice"
-            raise wrong("index", expected, checks.short(index), type(error)) from None
-        return self._part(0, place)
+    def __getitem__(self: Kind, index: Any) -> Kind:
+        """Return a member of a batch, or those of a slice or a mask.
 
-    def sel(self: Kind, *, method: str | None = None, **values: float) -> Kind:
+        There is an integer, a slice, or a mask of booleans (or a list of integers) for each of the
+        first axes of the batch; a mask may have several axes, which become one.
+        """
+        len(self)  # an error unless there is a batch
+        body, axis = self, 0
+        for entry in index if isinstance(index, tuple) else (index,):
+            try:
+                place, axes = place_in(body.shape[axis:], entry)
+            except (IndexError, TypeError) as error:
+                expected = f"integers, slices or masks along axes of lengths {self.shape}"
+                raise wrong("index", expected, checks.short(index), type(error)) from None
+            body = body._merged(axis, axes)._part(axis, place)
+            axis += 1 if isinstance(place, slice) else np.ndim(place)
+        return body
+
+    def sel(self: Kind, *, method: str | None = None, **values: Any) -> Kind:
         """Return the members of a batch that have given values of named parameters.
 
         Parameters
         ----------
         method : {None, "nearest"}
             "nearest" selects the nearest value in the batch; None requires an equal one.
-        **values : float
+        **values : float or slice of float
             Values of parameters, each of which varies along a single axis of the batch. The result
-            lacks these axes.
+            lacks these axes. A slice selects the members between two values, both included.
 
         Examples
         --------
@@ -125,29 +134,86 @@ class Body:
         Suslov3D(I1=3.0, I2=1.0, I13=-0.5, I23=-0.3)
         >>> bodies.sel(I1=3.8, method="nearest").I1
         4.0
+        >>> bodies.sel(I1=slice(2.5, None)).I1
+        array([3., 4.])
         """
         if method is not None:
             checks.one_of("method", method, ["nearest"])
         for name, value in values.items():
-            scalars = {n: each for n, each in self._parts.items() if n not in self._axes}
-            column = np.asarray(scalars.get(name, []), np.float64)
-            if not 0 < column.size == max(column.shape, default=0):
-                names = ", ".join(scalars) or "none"
-                raise wrong("sel", f"a parameter that varies along one axis, of {names}", name)
-            wanted = checks.real_number(name, value)
-            if type(wanted) is not float:
-                raise wrong(name, "a number", checks.short(value))
-            i = int(np.argmin(abs(column - wanted)))
-            nearest = column.flat[i]
-            if method is None and nearest != wanted:
-                raise wrong(name, f"one of its {column.size} values, as {nearest}", wanted)
+            column = self._column(name)
             axis = len(self.shape) - column.ndim + int(np.argmax(column.shape))
-            self = self._part(axis, i)
+            there = column.ravel()
+            if isinstance(value, slice):
+                if value.step is not None or method is not None:
+                    received = f"{value} and method {method}"
+                    raise wrong(name, "a slice without a step and without a method", received)
+                low = -np.inf if value.start is None else value_to_select(name, value.start)
+                high = np.inf if value.stop is None else value_to_select(name, value.stop)
+                index: Any = np.flatnonzero((low <= there) & (there <= high))
+            else:
+                wanted = value_to_select(name, value)
+                index = int(np.argmin(abs(there - wanted)))
+                nearest = there[index]
+                if method is None and nearest != wanted:
+                    expected = f'one of its {there.size} values, as {nearest}, or method="nearest"'
+                    raise wrong(name, expected, wanted)
+            self = self._part(axis, index)
         return self
 
-    def _part(self: Kind, axis: int, index: int | slice) -> Kind:
-        """Return the members with an index along one axis of the batch."""
-        common = slice(None) if isinstance(index, slice) else 0  # of what all members share
+    @property
+    def _scalars(self) -> dict[str, Any]:
+        """The parameters that are one number for each member."""
+        return {name: each for name, each in self._parts.items() if name not in self._axes}
+
+    def _of_member(self, i: int) -> str:
+        """Return " of member i (a=1.0)", for messages; nothing for a single body."""
+        if not self.shape:
+            return ""
+        values = ", ".join(f"{name}={value}" for name, value in self[i]._scalars.items())
+        return f" of member {i}" + (f" ({values})" if values else "")
+
+    def _column(self, name: str) -> FloatArray:
+        """Return the values of a parameter that varies along one axis alone."""
+        columns = {each: np.asarray(a, np.float64) for each, a in self._scalars.items()}
+        along_one = {
+            each: a for each, a in columns.items() if 0 < a.size == max(a.shape, default=0)
+        }
+        if name not in along_one:
+            expected = (
+                f"a parameter that varies along one axis, of {', '.join(along_one) or 'none'}"
+            )
+            received = name
+            if name in columns:
+                a = columns[name]
+                what = f"has the shape {a.shape}" if a.ndim else f"is {a} for all members"
+                received = f"{name}, which {what}"
+            raise wrong("sel", expected, received)
+        return along_one[name]
+
+    def _merged(self: Kind, axis: int, axes: int) -> Kind:
+        """Return the batch with several of its axes as one."""
+        if axes == 1:
+            return self
+        parts, end = {}, axis + axes
+        for name, each in self._parts.items():
+            array = np.asarray(each)
+            own = array.shape[array.ndim - self._axes.get(name, 0) :]
+            batch = array.shape[: array.ndim - len(own)]
+            if len(batch) > len(self.shape) - end:  # it has some of these axes
+                batch = (1,) * (len(self.shape) - len(batch)) + batch
+                array = array.reshape(batch + own)
+                if max(batch[axis:end]) > 1:
+                    batch = batch[:axis] + self.shape[axis:end] + batch[end:]
+                    array = np.broadcast_to(array, batch + own)
+                length = math.prod(batch[axis:end])
+                array = array.reshape((*batch[:axis], length, *batch[end:], *own))
+            parts[name] = array
+        return self._of(parts)
+
+    def _part(self: Kind, axis: int, index: Any) -> Kind:
+        """Return the members with an integer, a slice or indices along one axis of the batch."""
+        # Of what all members share, one is taken.
+        common = slice(None) if isinstance(index, slice) or np.ndim(index) else 0
         parts = {}
         for name, each in self._parts.items():
             array = np.asarray(each)
@@ -216,3 +282,29 @@ def frozen(part: Any) -> Any:
     array = np.array(part, order="C")
     array.flags.writeable = False
     return array if array.ndim else array.item()
+
+
+def place_in(shape: tuple[int, ...], entry: Any) -> tuple[Any, int]:
+    """Return an integer, a slice or indices for the first axes, and how many axes it is for."""
+    if not shape:
+        raise IndexError
+    if isinstance(entry, slice):
+        return entry, 1
+    array = np.asarray(entry)
+    if array.dtype.kind not in "biu":
+        raise TypeError
+    if array.dtype == bool:
+        if array.ndim == 0 or array.shape != shape[: array.ndim]:
+            raise IndexError
+        return np.flatnonzero(array), array.ndim
+    if array.ndim > 1:
+        raise IndexError
+    return np.arange(shape[0])[array], 1
+
+
+def value_to_select(name: str, value: Any) -> float:
+    number = checks.real_number(name, value)
+    if type(number) is not float:
+        expected = "a number, or a slice of values, as slice(1, 2)"
+        raise wrong(name, expected, checks.short(value))
+    return number

@@ -11,7 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.base import Body
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import SuslovGyrostat
-from ..checks import FloatArray, first_index, integer, spell
+from ..checks import (
+    FloatArray,
+    OneOrEach,
+    common_shape,
+    first_index,
+    instance,
+    integer,
+    real_number,
+    spell,
+    wrong,
+)
 from ..core import quantities as formulas
 from ..core import tangent
 from ..engine import arguments
@@ -138,7 +148,7 @@ def jacobian(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArr
     return evaluate("jacobian", body, Body, omega, eps)
 
 
-def multipliers(body: BodyOrField, x: ArrayLike, /, eps: ArrayLike) -> NDArray[Any]:
+def multipliers(body: BodyOrField, x: ArrayLike | list[FloatArray], /, eps: ArrayLike) -> OneOrEach:
     """Eigenvalues of the derivative of the map at a fixed point.
 
     They are (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f'. In n dimensions
@@ -149,14 +159,16 @@ def multipliers(body: BodyOrField, x: ArrayLike, /, eps: ArrayLike) -> NDArray[A
     body, eps
         As in :func:`jacobian`.
     x : array_like(float, shape=(..., D))
-        Fixed points of the map: steady states of a body, zeros of a field.
+        Fixed points of the map: steady states of a body, zeros of a field. For a family with one
+        axis also what :func:`fixed_points` returns, a list with an array (k, D) for each member.
 
     Returns
     -------
-    ndarray(float or complex, shape=(..., D))
+    ndarray(float or complex, shape=(..., D)), or a list of them
         Dimensionless, in descending order of their moduli, of a conjugate pair the one with the
         positive imaginary part first; floats for a Suslov body, complex for a gyrostat or a field.
-        That along a line of steady states of a body is 1. Infinite at a pole.
+        That along a line of steady states of a body is 1. Infinite at a pole. For a list of points
+        a list with an array (k, D) for each member.
 
     Raises
     ------
@@ -170,9 +182,33 @@ def multipliers(body: BodyOrField, x: ArrayLike, /, eps: ArrayLike) -> NDArray[A
     >>> multipliers(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [-0.6, 1.0], eps=0.2).round(6)
     array([1.062919, 1.      ])
     """
-    states = check(body, Body, x, eps, name="x")
+    points: Any = x
+    instance("body", body, Body)
+    is_list = isinstance(points, list) and body.shape == (len(points),)
+    if is_list and all(isinstance(each, np.ndarray) and each.ndim == 2 for each in points):
+        in_list: OneOrEach = _of_each_member(body, points, eps)
+        return in_list
+    found: OneOrEach = _multipliers(check(body, Body, points, eps, name="x"))
+    return found
+
+
+def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike) -> Any:
+    """Return the list of the multipliers at the points of each member, (k, D)."""
+    step = np.asarray(real_number("eps", eps))
+    if common_shape({"body": family.shape, "eps": step.shape}) != family.shape:
+        raise wrong("eps", f"a number, or one for each of {len(family)} members", step.shape)
+    steps = np.broadcast_to(step, family.shape)
+    found = []
+    for i, member in enumerate(family):
+        states = check(member, Body, points[i], steps[i], name="x")
+        found.append(_multipliers(states, family._of_member(i)))
+    return found
+
+
+def _multipliers(states: States, member: str = "") -> Any:
+    """Return the multipliers (..., D); `member` is for messages."""
     with np.errstate(all="ignore"):
-        slopes = _slopes_at_fixed_points(states)
+        slopes = _slopes_at_fixed_points(states, member)
         known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
         rates = _rates(states, np.where(known[..., np.newaxis], slopes, 0.0))
         Y = 0.5 * np.asarray(states.eps)[..., np.newaxis] * rates
@@ -182,7 +218,7 @@ def multipliers(body: BodyOrField, x: ArrayLike, /, eps: ArrayLike) -> NDArray[A
     return np.take_along_axis(found, order, axis=-1)
 
 
-def _slopes_at_fixed_points(states: States) -> FloatArray:
+def _slopes_at_fixed_points(states: States, member: str) -> FloatArray:
     """Return f' (..., D, D), or raise ValueError if f is not 0 to rounding.
 
     With y = (x, 1) and the symmetric table of coefficients, f_i = table_ijk y_j y_k.
@@ -198,7 +234,7 @@ def _slopes_at_fixed_points(states: States) -> FloatArray:
         where = f", first: {spell(first_index(moves))}" if states.batch else ""
         raise ValueError(
             f"{states.name}: expected fixed points of the map, got {np.count_nonzero(moves)} other "
-            f"states{where}: use jacobian for the derivative at these"
+            f"states{member}{where}: use jacobian for the derivative at these"
         )
     return np.asarray(2.0 * half_slopes[..., :-1])
 

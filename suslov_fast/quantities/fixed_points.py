@@ -12,7 +12,7 @@ import numpy as np
 
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
-from ..checks import FloatArray, extra, wrong
+from ..checks import FloatArray, OneOrEach, extra, wrong
 
 try:
     import flint
@@ -26,7 +26,7 @@ _BEYOND = "scipy.optimize.root(lambda x: vector_field(field, x), x0) finds one n
 _BITS, _LEAST_BITS = 192, 100
 
 
-def fixed_points(field: Body, /) -> FloatArray | list[FloatArray]:
+def fixed_points(field: Body, /) -> OneOrEach:
     """All real fixed points of a field, which are those of its Kahan map for every step size.
 
     Parameters
@@ -61,25 +61,36 @@ def fixed_points(field: Body, /) -> FloatArray | list[FloatArray]:
         raise wrong("field", "at most 3 variables", f"{whole.dimension}: {_BEYOND}")
     if len(whole.shape) > 1:
         raise wrong("field", "a single one, or a batch with one axis", f"the shape {whole.shape}")
-    if not whole.shape:
-        return _points_of(whole)
-    found = [_points_of(member) for member in whole]
+    found: OneOrEach = _in_order(whole, field) if whole.shape else _points_of(whole, field)
+    return found
+
+
+def _in_order(family: Any, named: Any) -> Any:
+    """Return the points of each member, in the order of those that they continue."""
+    found = [_points_of(member, named, i) for i, member in enumerate(family)]
     for i in range(1, len(found)):
         if len(found[i]) == len(found[i - 1]):
             found[i] = _continuing(found[i - 1], found[i])
     return found
 
 
-def _points_of(field: Any) -> FloatArray:
-    """Return the fixed points of a single field in ascending order."""
+def _points_of(field: Any, named: Any, i: int = 0) -> Any:
+    """Return the fixed points of a single field, in ascending order.
+
+    It is member i of what the caller passed, `named`, which messages name.
+    """
     if field.dimension > 1:
         extra("flint", "algebra")
     points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
     if points is None:
-        raise wrong("field", "finitely many fixed points", f"infinitely many: {_BEYOND}")
+        raise wrong(
+            "field",
+            "finitely many fixed points",
+            f"infinitely many{named._of_member(i)}: {_BEYOND}",
+        )
     found = np.array(sorted(points), np.float64).reshape(-1, field.dimension)
     if np.isinf(found).any():
-        raise wrong("field", "fixed points in the range of float64", "others")
+        raise wrong("field", "fixed points in the range of float64", f"others{named._of_member(i)}")
     return found
 
 

@@ -163,7 +163,7 @@ def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, fl
     if len(frame) == _BODY:
         _, _, ratio, _ = steps_3d.turn(u, v, 0.0)
         following = u * ratio
-        decayed = (abs(following) < steps_3d.NEGLIGIBLE) & (v < 0.0)
+        decayed = abs(following) < -steps_3d.NEGLIGIBLE * v
         # (1 + Y_next) / (1 - Y) = X_next / X: the difference would cancel for large v.
         turned = select(abs(v) < 1.0, v - 2.0 * u * following, (1.0 - v) * ratio - 1.0)
         return select(decayed, 0.0, following), turned

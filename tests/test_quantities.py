@@ -209,12 +209,14 @@ def test_special_cases(body, unit):
 def test_out_of_range_there_is_a_warning_and_no_number(body):
     huge = np.array([[1.0, 2.0], [1e200, 1.0]])
     calls = [(f, ()) for f in (sf.energy, sf.vector_field)]
-    calls += [(f, (0.2,)) for f in (sf.first_integral, sf.criticality, sf.jacobian, sf.reaction)]
+    calls += [(f, (0.2,)) for f in (sf.first_integral, sf.jacobian, sf.reaction)]
     for function, eps in calls:
         with pytest.warns(sf.SingularStepWarning, match=r"1 of 2 states.*first: 1"):
             found = function(body, huge, *eps)
         assert np.isnan(found[1]).all()
         assert np.isfinite(found[0]).all()
+    for size in (1e-155, 1e155):  # of which the criticality is in range: eps size / 2
+        assert abs(sf.criticality(sf.Suslov3D(1, 1, 1, 0), [0, size], 0.4) / size - 0.2) < 1e-15
 
 
 def test_criticality_agrees_with_the_status(unit):

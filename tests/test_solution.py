@@ -131,3 +131,39 @@ def test_tiny_states_in_n_dimensions_keep_their_value(I):
     body, omega = sf.SuslovND([2.0, 2.0, 2.0], I), 1e-165 * np.array([1.0, 0.3, -0.2])
     for found in (sf.exact(body, omega, 0.2, 5), sf.flow(body, omega, 0.2)):
         np.testing.assert_allclose(found, omega, rtol=1e-14)
+
+
+@pytest.mark.parametrize("power", [-990, -515, 515, 990])
+def test_motion_of_states_whose_squares_are_out_of_range(body, power):
+    """A unit of 2**power for the state, and its inverse for the time, change no bit."""
+    unit, omega, time = 2.0**power, np.array([[1.0, 0.5], [-3.0, 0.1]]), np.array([-7.0, 0.5, 90.0])
+    expected = unit * sf.flow(body, omega, time)
+    np.testing.assert_array_equal(sf.flow(body, unit * omega, time / unit), expected)
+    if power < 0:
+        expected = np.multiply(unit, sf.limits(body, omega, 1e-20))
+        np.testing.assert_array_equal(sf.limits(body, unit * omega, 1e-20), expected)
+
+
+def test_overflow_is_no_number():
+    """The phase of a rotor is lost; a body has come to its limit."""
+    body = sf.SuslovGyrostat(4, 1, -0.5, -0.3, [0.0, 1e60])
+    with pytest.warns(RuntimeWarning, match=r"^1 of 2 orbits: beyond the range"):
+        states = sf.flow(body, [1e10, 5e9], 1e300)
+    assert np.isnan(states).all(axis=-1).tolist() == [False, True]
+
+
+def test_orbits_that_turn_next_to_their_steady_state():
+    """Coefficients that cancel there are multiplied by n**2."""
+    body, omega = sf.SuslovGyrostat(4, 1, -0.5, -0.3, k=1), [0.81967213, 1.96721311]
+    energy = sf.energy(body, sf.flow(body, omega, np.linspace(0, 1e5, 1001)))
+    integral = sf.first_integral(body, sf.exact(body, omega, 0.2, np.arange(0, 100_001, 100)), 0.2)
+    for conserved in (energy, integral):
+        assert abs(conserved / conserved[0] - 1).max() < 1e-13
+
+
+def test_state_1_is_a_step(rng):
+    """With large K and |k| next to A both forms of the closed form almost vanish at n = 1."""
+    body, omega = sf.SuslovGyrostat(4, 1, -0.5, -0.3, 80.0), 100 * rng.normal(size=(50, 2))
+    for n in (1, -1):
+        found = sf.exact(body, omega, 3.0, n)
+        np.testing.assert_array_equal(found, sf.step(body, omega, 3.0 * n))

@@ -195,7 +195,7 @@ def test_X_that_grows_is_never_flushed():
     assert saved[-1, 1, 0] == 0.0
     with pytest.warns(RuntimeWarning, match="range"):
         states = sf.exact(body, omega, 1.0, np.arange(501))
-    assert np.isnan(states[1:, 0]).all()
+    assert np.isnan(states[2:, 0]).all()
     np.testing.assert_allclose(saved[:, 1], states[:, 1], atol=1e-13)
     omega = omega + np.array([1e-120, 0])
     states = sf.exact(body, omega, 1.0, np.arange(501))
@@ -210,6 +210,21 @@ def test_huge_states_are_right_or_missing(omega):
         exact = naive.orbit(*UNIT, 1, omega, 9)[-1]
     end = run(sf.Suslov3D(*UNIT), omega, 1.0, 9, None)
     assert end.status < 0 or naive.relative_error(end.final, exact) < 1e-13
+
+
+@pytest.mark.parametrize("size", [1e-100, 1e-155, 1e-200, 1e-290])
+def test_small_states(size):
+    """What counts as 0 is relative to the state: a body hardly moves, a rotor turns it as it is."""
+    start = np.array([1.0, 0.5])
+    body, omega = sf.Suslov3D(*PICTURE), size * start
+    saved = run(body, omega, 0.2, 1200)
+    same([saved.states, sf.step(body, omega, 0.2)], [np.tile(omega, (1201, 1)), omega])
+    np.testing.assert_allclose(sf.exact(body, omega, 0.2, [-5, 3]), [omega] * 2, rtol=1e-15)
+    for k in (0.3, -3.0):
+        body = sf.SuslovGyrostat(*ROTOR, k)
+        for states in (run(body, omega, 0.2, 1200).states, sf.exact(body, omega, 0.2, saved.n)):
+            larger = run(body, 1e-30 * start, 0.2, 1200).states
+            np.testing.assert_allclose(states / size, larger / 1e-30, rtol=1e-10, atol=1e-12)
 
 
 # ---------------------------------------------------------------------- of the closed form

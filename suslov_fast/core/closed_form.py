@@ -19,14 +19,23 @@ with h = e for the map. For the flow h = 0, n is the time, e = 1 / (2 sqrt(I1 I2
 and a = e M. The state is (z rho**2 + b rho sigma + c sigma**2) / (rho**2 + d12 rho sigma + d22
 sigma**2), where z, b and c are complex numbers, and for eps > 0 and n >= 0
 
-passes    d12 = 2 (L - y), d22 = 2 (L**2 + k x - L y), |g|**2 c = g d22 (i L - k),
-          |g|**2 b = g (2 (L x - k (L - y)) + i d22)
-turns     d12 = -2 y, d22 = 2 k x + A**2 - k**2, c = -k**2 z - R**2 g (g conj(z) + 2 k),
-          b = 2 i (k z + R**2 g)
+passes    d12 = 2 (L - y), d22 = 2 (L**2 + k x - L y),
+          conj(g) b = 2 (L x - k (L - y)) + i d22, conj(g) c = d22 (i L - k)
+turns     d12 = -2 y, d22 = 2 k x + A**2 - k**2,
+          conj(g) b = 2 k y + 2 i (d22 - k x), conj(g) c = -k d22 - (A**2 - k**2) (x + i y)
 
 Backward in time conj(g) z, conj(g) b and conj(g) c are conjugated: y -> -y. Differences that cancel
 next to a steady state, next to |k| = A and next to the critical level e L = 1 are formed by
-identities: L - y, L**2 + k x - L y and 1 - (e L)**2 in `orbit`.
+identities, in `orbit`:
+
+(L - y) (L + y) = x (x (1 - Y**2) - k (2 + K X)) / (1 + X**2)
+(L**2 + k x - L y) (L**2 + k x + L y) = x**2 (u**2 + y**2) (1 - (e L)**2) / (1 + X**2)
+1 - (e L)**2 = (1 - Y + K X) (1 + Y + K X) / (1 + X**2)
+A**2 - k**2 = (y**2 + x (u - k) - (K x)**2) / (1 + X**2)
+2 k x + A**2 - k**2 = (y**2 + x**2 (1 + K (2 X - K))) / (1 + X**2)
+
+Far from l = 0, an orbit that turns has b = 2 i (k z + R**2 g) and c = -k**2 z - R**2 g (g conj(z) +
+2 k), which hold for g = 0, too, but are differences of large numbers next to l = 0.
 """
 
 import math
@@ -34,7 +43,7 @@ import math
 import numpy as np
 
 from .numba import alignment, formula, kernel, lesser, pick, select, share, universal, write
-from .steps_3d import RANGE, ZERO_TO_ROUNDING
+from .steps_3d import RANGE, ZERO_TO_ROUNDING, one_step
 
 LANES = 128
 # In place of a factor that is 0 exactly on the critical level e L = 1: all that vanish with it stay
@@ -47,12 +56,25 @@ FAINT = 1e-140  # of x / y, on the way from a steady state: squares below that a
 VANISHES = -350.0  # exp(t) below this is 0: its square would be subnormal
 
 # Rows of a block: a problem and its orbit. From B1 on they are for n >= 0, from B1 + BACK on for
-# n < 0, if eps > 0. MISSING has the sign of the n for which no state is known.
+# n < 0, if eps > 0. MISSING has the sign of the n for which no state is known. Momenta, states and
+# inverse times are in the unit UNIT.
 I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)
 B1, B2, C1, C2, D12, D22 = range(8, 14)
 BACK = 6
-PASSES, ROOT, R, RATE, MISSING, TIME, RHO, SIGMA = range(20, 28)
-ROWS = 28
+PASSES, ROOT, R, RATE, MISSING, TIME, RHO, SIGMA, UNIT = range(20, 29)
+ROWS = 29
+
+
+@formula
+def unit_of(w1, w2, k):
+    """A power of two about as large as a state: in this unit its square is in range.
+
+    Orbits of omega, k and eps, and of omega / unit, k / unit and eps * unit, are the same.
+    """
+    _, exponent = math.frexp(select(abs(w1) > abs(w2), w1, w2))
+    least = -800 if k == 0.0 else 0  # in a smaller unit k**2 might be out of range
+    exponent = least if exponent < least else lesser(exponent, 800)
+    return math.ldexp(1.0, exponent)
 
 
 @formula
@@ -82,24 +104,30 @@ def difference_of_squares(x, u, y, k, X, K):
 
 
 @formula
-def fill(b, l, ahead, passes, root, gap, minus, R2, square):
+def fill(b, l, ahead, passes, root, gap, minus, around, R2, square):
     """Fill the rows of one direction of time: forward for `ahead` = 1, backward for -1."""
     row = B1 if ahead > 0.0 else B1 + BACK
     I1, I2, I13, I23, k = b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l]
     w1, w2 = b[W1, l], b[W2, l]
     x, _, y, s = coordinates(I1, I2, I13, I23, k, w1, w2)
     per_g = 1.0 / (I13 * (I13 / I1) + I23 * (I23 / I2))
-    b1, b2 = steady(I1, I2, I13, I23, 2.0 * (root * x - k * gap), -ahead * minus)
-    c1, c2 = steady(I1, I2, I13, I23, -k * minus, -ahead * root * minus)
-    # Around: multiples of i z and i g; of z, and of conj(z) g.
+    # conj(g) b and conj(g) c, of an orbit that passes and of one that turns
+    b_u = select(passes, 2.0 * (root * x - k * gap), 2.0 * ahead * k * y)
+    b_y = -ahead * select(passes, minus, 2.0 * (around - k * x))
+    c_u = -select(passes, k * minus, k * around + square * x)
+    c_y = select(passes, -ahead * root * minus, square * y)
+    b1, b2 = steady(I1, I2, I13, I23, b_u, b_y)
+    c1, c2 = steady(I1, I2, I13, I23, c_u, c_y)
+    # Multiples of i z and i g; of z, and of conj(z) g: for any g, but they cancel next to l = 0.
     i1 = -2.0 * ahead * ((k * s / I1) * w2 + R2 * (I23 / s))
     i2 = 2.0 * ahead * ((k * s / I2) * w1 + R2 * (I13 / s))
     back1, back2 = steady(I1, I2, I13, I23, R2 * (x + k), -(R2 * y))
-    b[row, l], b[row + 1, l] = select(passes, b1 * per_g, i1), select(passes, b2 * per_g, i2)
-    b[row + 2, l] = select(passes, c1 * per_g, -(k * k * w1) - back1)
-    b[row + 3, l] = select(passes, c2 * per_g, -(k * k * w2) - back2)
+    by_g = passes | (2.0 * abs(x) < abs(k))
+    b[row, l], b[row + 1, l] = select(by_g, b1 * per_g, i1), select(by_g, b2 * per_g, i2)
+    b[row + 2, l] = select(by_g, c1 * per_g, -(k * k * w1) - back1)
+    b[row + 3, l] = select(by_g, c2 * per_g, -(k * k * w2) - back2)
     b[row + 4, l] = select(passes, 2.0 * gap, -2.0 * ahead * y)
-    b[row + 5, l] = select(passes, minus, 2.0 * k * x + square)
+    b[row + 5, l] = select(passes, minus, around)
 
 
 @formula
@@ -127,11 +155,15 @@ def orbit(b, l, discrete):
     larger = S + select(S < 0.0, -product, product)
     smaller = x * (x / larger) * ((u * u + y * y) * below * one_minus_square)
     high, low = select(S < 0.0, smaller, larger), select(S < 0.0, larger, smaller)
+    # 2 k x + A**2 - k**2, by the sum with the smaller terms.
+    near = (y * y + (x * x) * (1.0 + K * (2.0 * X - K))) * below
+    terms = (y * y + (x * x) * (1.0 + K * K + 2.0 * abs(K * X))) * below
+    around = select(terms < abs(2.0 * k * x), near, 2.0 * k * x + square)
     R2, falls = (b[I1_, l] * w1 * w1 + b[I2_, l] * w2 * w2) * below, y < 0.0
     gap, minus = select(falls, total, difference), 2.0 * select(falls, high, low)
-    fill(b, l, 1.0, passes, root, gap, minus, R2, square)
+    fill(b, l, 1.0, passes, root, gap, minus, around, R2, square)
     gap, minus = select(falls, difference, total), 2.0 * select(falls, low, high)
-    fill(b, l, -1.0, passes, root, gap, minus, R2, square)
+    fill(b, l, -1.0, passes, root, gap, minus, around, R2, square)
 
     rests = x == 0.0
     in_range = (abs(X) <= RANGE) & (abs(Y) <= RANGE) & (abs(K) <= RANGE)
@@ -162,7 +194,7 @@ def has_power(r, n):
 @formula
 def pair(n, passes, root, r, rate):
     """(rho, sigma) after n >= 0 steps, or at time n of the flow; NaN if there is no real power."""
-    t = rate * n if n > 0.0 else 0.0
+    t = rate * n if n > 0.0 and rate != 0.0 else 0.0
     if passes == 0.0:
         t += 0.5 * np.pi * (n % 2.0) if rate < 0.0 else 0.0
         return math.cos(t), math.sin(t) / root
@@ -188,7 +220,32 @@ def state(b, l):
     c2 = select(ahead, b[C2, l], b[C2 + BACK, l]) * other
     b1 = select(ahead, b[B1, l], b[B1 + BACK, l]) * both
     b2 = select(ahead, b[B2, l], b[B2 + BACK, l]) * both
-    return ((b[W1, l] * square + c1) + b1) * inverse, ((b[W2, l] * square + c2) + b2) * inverse
+    w1, w2 = (b[W1, l] * square + c1) + b1, (b[W2, l] * square + c2) + b2
+    return (w1 * inverse) * b[UNIT, l], (w2 * inverse) * b[UNIT, l]
+
+
+@formula
+def adjacent(b, l):
+    """State 1 or -1 of a lane, by a step: for large K both forms above may be almost 0 there."""
+    eps = abs(b[EPS, l]) * b[TIME, l]
+    w1, w2 = one_step(
+        b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l], eps, b[W1, l], b[W2, l]
+    )
+    in_range = select(np.isnan(b[ROOT, l]), np.nan, b[UNIT, l])
+    return w1 * in_range, w2 * in_range
+
+
+@formula
+def reason(b, l):
+    """Why a lane has no state: 0, 1 or 2 as in `states`."""
+    if b[PASSES, l] > 0.0 and not has_power(b[R, l], abs(b[TIME, l])):
+        return 0
+    if b[PASSES, l] == 0.0 and b[TIME, l] * b[MISSING, l] > 0.0:
+        return 2  # from 0 / 0
+    total = b[ROOT, l] + b[RHO, l]
+    for row in range(B1, D22 + BACK + 1):
+        total += b[row, l]
+    return 2 if abs(total) < np.inf else 1
 
 
 @formula
@@ -197,9 +254,11 @@ def enter(b, first, width, used, parameters, omega0, discrete):
     I1, I2, I13, I23, k, eps = parameters
     i = first
     for l in range(used):
-        b[I1_, l], b[I2_, l], b[K_, l] = pick(I1, i), pick(I2, i), pick(k, i)
-        b[I13_, l], b[I23_, l], b[EPS, l] = pick(I13, i), pick(I23, i), pick(eps, i)
-        b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
+        unit = unit_of(omega0[i, 0], omega0[i, 1], pick(k, i))
+        b[UNIT, l], inverse = unit, 1.0 / unit
+        b[I1_, l], b[I2_, l], b[K_, l] = pick(I1, i), pick(I2, i), pick(k, i) * inverse
+        b[I13_, l], b[I23_, l], b[EPS, l] = pick(I13, i), pick(I23, i), pick(eps, i) * unit
+        b[W1, l], b[W2, l] = omega0[i, 0] * inverse, omega0[i, 1] * inverse
         i = i + 1 if i + 1 < first + width else first
     for l in range(np.uint64(used)):
         orbit(b, l, discrete)
@@ -217,7 +276,8 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     n            (N,), of any sign and in any order
     out          (N, B, 2)
     reasons      (3, B) bool, set where a state is NaN: n is not an integer where r has no real
-                 power; X, Y or K above RANGE; the state after a pole, or after the point 0 / 0
+                 power; X, Y or K above RANGE, or a number out of the range of float64; the state
+                 after a pole, or after the point 0 / 0
 
     A block is `width` trajectories at `abreast` n, so that few trajectories fill the lanes, too.
     """
@@ -238,20 +298,20 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
         for j in range(count):
             for l in range(j * width, (j + 1) * width):
                 forward = discrete == 0.0 or b[EPS, l] >= 0.0
+                steps = abs(n[row + j]) if discrete > 0.0 else abs(n[row + j]) * b[UNIT, l]
                 b[TIME, l] = n[row + j] if forward else -n[row + j]
-                b[RHO, l], b[SIGMA, l] = pair(
-                    abs(n[row + j]), b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l]
-                )
+                b[RHO, l], b[SIGMA, l] = pair(steps, b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l])
                 if b[TIME, l] * b[MISSING, l] > 0.0:
                     b[RHO, l] = np.nan
         for l in range(LANES):
             tile[2 * l], tile[2 * l + 1] = state(b, l)
         for l in range(used):
-            if np.isnan(tile[2 * l]) and not np.isnan(b[W1, l] + b[W2, l]):
-                time, passes = b[TIME, l], b[PASSES, l] > 0.0
-                outside = np.isnan(b[ROOT, l]) or (passes and time * b[MISSING, l] > 0.0)
-                powerless = passes and not has_power(b[R, l], abs(time))
-                reasons[1 if outside else 0 if powerless else 2, first + l % width] = True
+            if discrete > 0.0 and abs(b[TIME, l]) == 1.0:
+                tile[2 * l], tile[2 * l + 1] = adjacent(b, l)
+            exists = abs(tile[2 * l]) + abs(tile[2 * l + 1]) < np.inf
+            if not exists and abs(b[W1, l] + b[W2, l]) < np.inf:
+                tile[2 * l], tile[2 * l + 1] = np.nan, np.nan
+                reasons[reason(b, l), first + l % width] = True
         write(tile, flat, 2 * (row * B + first), 2 * used, lead)
 
 
@@ -262,7 +322,8 @@ def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
     They are the steady states u = -k, y = +- L; NaN for an orbit that turns, and itself, twice, for
     one that rests.
     """
-    w1, w2 = omega[0], omega[1]
+    unit = unit_of(omega[0], omega[1], k)
+    w1, w2, k, eps = omega[0] / unit, omega[1] / unit, k / unit, eps * unit
     x, u, y, s = coordinates(I1, I2, I13, I23, k, w1, w2)
     e = 0.5 * eps / s
     X, Y, K = e * x, e * y, e * k
@@ -274,5 +335,6 @@ def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
     for out, sign in ((minus, 1.0), (plus, -1.0)):
         v1, v2 = steady(I1, I2, I13, I23, -k, sign * L)
         out[0], out[1] = (w1, w2) if rests else (v1 * per_g, v2 * per_g)
+        out[0], out[1] = out[0] * unit, out[1] * unit
         if x == 0.0 and abs(1.0 + sign * Y) < 2.0 * ZERO_TO_ROUNDING:  # 0 / 0
             out[0], out[1] = np.nan, np.nan

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from .closed_form import coordinates, difference_of_squares
+from .closed_form import coordinates, difference_of_squares, unit_of
 from .numba import formula, select, universal
-from .steps_3d import ZERO_TO_ROUNDING, enter, is_supercritical, one_step
+from .steps_3d import ZERO_TO_ROUNDING, enter, is_supercritical, length, one_step
 
 IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
 
@@ -71,10 +71,10 @@ def invariant_density(I1, I2, I13, I23, k, eps, w, out):
 @formula
 def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
     """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 that the status of runs tells."""
-    a, of_g = I1 * I2, I13 * (I13 / I1) + I23 * (I23 / I2)
-    step = eps * (I13 * w1 + I23 * w2 + k)
-    size = 2.0 * eps * eps * energy_at(I1, I2, w1, w2)
-    T = np.sqrt(in_range(size) / (4.0 * a + step * step) * of_g)
+    of_g = I13 * (I13 / I1) + I23 * (I23 / I2)
+    unit, step = unit_of(w1, w2, 0.0), eps * (I13 * w1 + I23 * w2 + k)
+    size = np.sqrt(2.0 * energy_at(I1, I2, w1 / unit, w2 / unit) * of_g)
+    T = in_range(abs(eps) * (size * unit)) / length(2.0 * np.sqrt(I1 * I2), step)
     if k != 0.0 or abs(T - 1.0) < 1e-6:
         frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)  # as steps do, to the bit
         beyond = is_supercritical(frame, X, Y)
@@ -116,15 +116,18 @@ def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
 
     k1 = -(2 / eps) artanh t and sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
     """
-    _, X, Y = enter(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
-    x, _, y, _ = coordinates(I1, I2, I13, I23, 0.0, w[0], w[1])
-    t[0] = criticality_at(I1, I2, I13, I23, 0.0, eps, w[0], w[1])
+    unit = unit_of(w[0], w[1], 0.0)
+    w1, w2, eps = w[0] / unit, w[1] / unit, eps * unit
+    _, X, Y = enter(I1, I2, I13, I23, 0.0, eps, w1, w2)
+    x, _, y, _ = coordinates(I1, I2, I13, I23, 0.0, w1, w2)
+    t[0] = criticality_at(I1, I2, I13, I23, 0.0, eps, w1, w2)
     h[0], k1[0], k2[0] = 0.25 * (x * x + y * y) / (1.0 + X * X), np.nan, np.nan
     if abs(Y) < 1.0:
         T, complement = abs(t[0]), (1.0 - Y) * (1.0 + Y) / (1.0 + X * X)  # 1 - T**2
         angle = math.atanh(T) if T < 0.5 else -0.5 * math.log(complement / (1.0 + T) ** 2)
-        k1[0] = -2.0 * np.sqrt(h[0] / (I1 * I2)) * (angle / T if T > 0.0 else 1.0)
+        k1[0] = -2.0 * unit * np.sqrt(h[0] / (I1 * I2)) * (angle / T if T > 0.0 else 1.0)
         k2[0] = 0.0 if h[0] == 0.0 else math.asinh(y / (abs(x) * np.sqrt(complement)))
+    h[0] *= unit * unit
 
 
 @universal(IN_3D + "(d)")

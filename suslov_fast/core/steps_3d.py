@@ -33,8 +33,10 @@ ONE, LANES = np.int64(1), np.int64(128)  # typed: as literals they compile `take
 FEW = 6  # so few trajectories take less time one by one than all lanes
 RESTORED = 512  # steps after which `restore` is called
 ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
-NEGLIGIBLE = 1e-150  # X that decays and is below this is 0: subnormal numbers are slow
-LARGE = 1e100  # of X: its square is finite
+NEGLIGIBLE = (
+    1e-150  # of X / Y: X that decays and is below this is 0, for subnormal numbers are slow
+)
+LEAST, LARGEST = 2.0**-300, 2.0**300  # of numbers whose squares are surely in range
 RANGE = 1e8  # of X, Y and K: beyond, their differences have too few digits
 GENERAL, PLAIN, RESTS = 0.0, 1.0, 2.0
 
@@ -85,7 +87,7 @@ def plain_step(X, Y):
     square = X * (2.0 * X)
     ratio = (1.0 + Y) / ((1.0 - Y) + square)
     X = X * ratio
-    return select((abs(X) < NEGLIGIBLE) & (Y < 0.0), 0.0, X), Y - square * ratio
+    return select(abs(X) < -NEGLIGIBLE * Y, 0.0, X), Y - square * ratio
 
 
 @formula
@@ -114,18 +116,28 @@ def general_step(frame, X, u, v):
     Y = frame.a2 * u - frame.a1 * v
     along, across, ratio, pole = turn(X, Y, frame.K)
     X = X * ratio
-    X = select((abs(X) < NEGLIGIBLE) & (Y < 0.0), 0.0, X)
+    X = select(abs(X) < -NEGLIGIBLE * Y, 0.0, X)
     return X, along * u - across * v, along * v + across * u, pole
 
 
 @formula
-def restore(frame, R2, X, u, v):
-    """X and the state with R**2 as at first, and with X of the state where no digits cancel:
+def length(u, v):
+    """sqrt(u**2 + v**2), also of numbers whose squares are out of range."""
+    size = abs(u) + abs(v)
+    unit = select(size < LEAST, LEAST, select(size > LARGEST, LARGEST, 1.0))
+    inverse = select(size < LEAST, LARGEST, select(size > LARGEST, LEAST, 1.0))
+    u, v = u * inverse, v * inverse
+    return np.sqrt(u * u + v * v) * unit
+
+
+@formula
+def restore(frame, R, X, u, v):
+    """X and the state with R as at first, and with X of the state where no digits cancel:
     roundings of one sign would add up. A state at rest is unchanged.
     """
     Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
     X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
-    factor = np.sqrt(R2 * (1.0 + X * X) / (u * u + v * v))
+    factor = R * np.sqrt(1.0 + X * X) / length(u, v)
     factor = select((X != 0.0) & (abs(factor - 1.0) < 1e-6), factor, 1.0)
     return X, u * factor, v * factor
 
@@ -133,8 +145,9 @@ def restore(frame, R2, X, u, v):
 @formula
 def form_of(frame, X, Y):
     """Return GENERAL, PLAIN or RESTS: a state with l = 0 rests, and keeps all its bits."""
-    known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGE) & (X != 0.0)
-    plain = known & (frame.K == 0.0) & (abs(Y) < 1.0)
+    known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGEST) & (X != 0.0)
+    # X and Y of a state that hardly moves may be subnormal: it is carried as it is.
+    plain = known & (frame.K == 0.0) & (abs(Y) < 1.0) & (abs(X) + abs(Y) > LEAST)
     rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
     return select(plain, PLAIN, select(rests, RESTS, GENERAL))
 
@@ -157,9 +170,9 @@ def one_step(I1, I2, I13, I23, k, eps, w1, w2):
     return select(exists, next1, np.nan), select(exists, next2, np.nan)
 
 
-# Rows of a block: the numbers of the plain form; those of the general one, with R**2 and how many
+# Rows of a block: the numbers of the plain form; those of the general one, with R and how many
 # of its states exist (and a half after a pole); the frame.
-KIND, X_, Y_, XG, U, V, R2, ALIVE, FRAME = range(9)
+KIND, X_, Y_, XG, U, V, R, ALIVE, FRAME = range(9)
 CARRIED = ALIVE  # the rows before it are the numbers that a trajectory continues from
 ROWS = FRAME + 6
 
@@ -205,7 +218,7 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
             v = select(b[KIND, l] == RESTS, w2, w2 / frame.back)
             b[X_, l], b[Y_, l], b[V, l] = X, Y, v
             b[XG, l] = select(is_lost(frame, X, Y), np.nan, X)  # there is no next state
-            b[R2, l] = (w1 * w1 + v * v) / (1.0 + X * X)
+            b[R, l] = length(w1, v) / np.sqrt(1.0 + X * X)
             b[ALIVE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
         rests = b[KIND, l] == RESTS
         b[FRAME, l], b[FRAME + 1, l] = select(rests, 0.0, frame.K), select(rests, 0.0, frame.a1)
@@ -242,7 +255,7 @@ def take_steps(b, lanes, plains, n, pause):
     if pause % RESTORED == 0:
         for l in range(lanes):
             b[XG, l], b[U, l], b[V, l] = restore(
-                frame_at(b, l), b[R2, l], b[XG, l], b[U, l], b[V, l]
+                frame_at(b, l), b[R, l], b[XG, l], b[U, l], b[V, l]
             )
 
 

@@ -92,7 +92,7 @@ def table():
         lines.append([f"{title}: {functions}" if title else functions, *cells])
     records = [map_of(body) for body, *_ in BODIES.values()]
     lines.append(
-        ["`attitude=True`", *("yes" if each.variable == "omega" else "no" for each in records)]
+        ["`attitude=True`", *("yes" if "attitude" in each.formulas else "no" for each in records)]
     )
     methods = [", ".join(f'`"{method}"`' for method in each.methods) for each in records]
     lines.append(["methods of `iterate`", *methods])

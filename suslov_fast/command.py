@@ -320,11 +320,11 @@ def _drift(found: Any, start: Any) -> dict[str, float]:
     """Return the largest finite relative change of the conserved quantity, by its name."""
     import numpy as np
 
-    name = found._map.conserved(found.body)
+    name = found.map.conserves(found.body)
     if name is None:
         return {}
     with np.errstate(all="ignore"):
-        last, first = (getattr(sf, name)(found.body, x, found.eps) for x in (found.final, start))
+        last, first = (found._value(name, x) for x in (found.final, start))
         change = np.asarray(abs(last / first - 1))
     finite = change[np.isfinite(change)]
     return {name: float(finite.max())} if finite.size else {}

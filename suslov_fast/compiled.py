@@ -34,12 +34,12 @@ from numba.extending import overload, typeof_impl
 from numpy.typing import ArrayLike, NDArray
 
 from .bodies.base import Body
-from .bodies.nd import SuslovND
 from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
 from .core import quantities, steps_3d, steps_field, steps_nd
 from .core.elimination import memory_of_one
 from .core.numba import borrowed, for_users, select
+from .maps import map_of
 
 __all__ = [
     "FieldSystem",
@@ -123,17 +123,15 @@ def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | Gyrosta
     >>> print(round(omega1, 6), round(omega2, 6))
     1.013781 0.372248
     """
-    if not isinstance(body, (Suslov3D, SuslovGyrostat)):
-        expected = "Suslov3D or SuslovGyrostat; for others call system(body, eps)"
-        raise wrong("body", expected, type(body).__name__, TypeError)
+    map_of(body).formula("frame", body)
     number = _single(body, eps)
-    given = I1, I2, I13, I23, k = tuple(map(float, body.parameters))
+    given = I1, I2, I13, I23, k = tuple(map(float, body.constants))
     if number == 0.0 or not any((I13, I23, k)):
         expected = "eps != 0, and I13, I23 or k != 0"
         raise wrong("body, eps", expected, f"{body!r}, eps = {number!r}: the map is the identity")
     half, s = 0.5 * number, math.sqrt(I1 * I2)
     e, ratio = half / s, s / I2
-    if isinstance(body, SuslovGyrostat):
+    if "k" in body.parameters:
         scales = half, 0.0, 0.0, half / ratio, 1.0 / half, 0.0, 0.0, ratio / half
         return GyrostatFrame(*given, number, *scales, e * k, I13 / s, I23 * ratio / s)
     scales = e * I13, e * I23, e * I23 * ratio, -e * I13 / ratio
@@ -234,7 +232,11 @@ def system(body: Body, /, eps: ArrayLike) -> NDSystem | FieldSystem:
     """
     instance("body", body, Body)
     number = _single(body, eps)
-    if isinstance(body, SuslovND):
+    kernel = map_of(body).methods["auto"].kernel
+    if kernel not in (steps_nd.steps, steps_3d.steps, steps_field.steps):
+        expected = "a body with the steps of the package"
+        raise wrong("body", expected, type(body).__name__, TypeError)
+    if kernel is steps_nd.steps:
         near = (1.0 - steps_nd.FAR_FROM_0) * float(np.min(body.J))
         return NDSystem(np.array(body.J), np.array(body.I), number, near)
     indices, values = map(np.array, body.terms)

@@ -1,97 +1,320 @@
-"""A record of each map of the package; lookup of maps by body and of bodies by name."""
+"""A record of each map: all that depends on it. Lookup of maps by body, and of bodies by name."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from . import checks
+from .bodies.base import Body
 from .bodies.field import QuadraticField
-from .bodies.nd import SuslovND, are_solved
+from .bodies.nd import SuslovND
 from .bodies.rigid import Suslov3D, SuslovGyrostat
-from .checks import FloatArray
 from .core import steps_3d, steps_field, steps_nd
-from .engine.arguments import States
-from .engine.stretches import March, Steps
+from .engine import arguments
+from .engine.arguments import Arguments, Problem, by_constants, by_field
+from .engine.stretches import Steps
+from .formulas import GYROSTAT, IN_3D, IN_ND, KAHAN, Formula
+
+# What errors of functions say, for bodies whose map has none.
+_INSTEAD = {
+    **dict.fromkeys(("exact", "flow", "limits"), ", which has no closed form: use iterate"),
+    "frame": ": call system(body, eps)",
+}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Map:
-    """A map of the package."""
+    """A map: a discretization of the equations of motion of one class of bodies or fields.
 
-    body: type[Any]  # the class of its bodies
-    title: str  # of datasets, for people
-    methods: Mapping[str, Steps]  # by the values of the argument `method`, the default first
-    functions: Callable[[Any], tuple[str, ...]]  # of the states of a run: names of its methods
-    sample: tuple[Any, tuple[float, ...]]  # a body, and a state at a pole of eps = 1
-    variable: str = "omega"  # the name of a state
+    Runs, files, stores, plots and functions of a state ask this record for all that depends on the
+    map, and refuse what it lacks. `register` makes a record known. Several records may have the
+    same class; the argument `method` of a run decides between them. Functions of a body alone, as
+    `jacobian`, are those of the map of the method "auto".
+
+    Attributes
+    ----------
+    name : str
+        For files; no other record has it.
+    title : str
+        For people, in plots and datasets.
+    body : type
+        The class of the bodies, derived from `Body`; a subclass without a record has this one, too.
+    methods : mapping of str to Steps
+        Ways to compute the steps, by the values of the argument `method`, the default first.
+        `Steps(kernel, arguments, carried, cost, lanes)` is described below.
+    formulas : mapping of str to Formula
+        What public functions need of this map, by their names, see `formulas`: ``{**KAHAN}`` for
+        Kahan's map of the field of any body, ``{}`` for a map of which nothing else is known.
+        `Formula(compute, check, poles)`: `compute` takes a `Problem` and returns the values (...),
+        `check` raises an error for a body that lacks the quantity. ``"attitude"`` says how states
+        turn a body, `AXIAL` or `IN_ROWS`; without it they turn none.
+    random : tuple of callables
+        ``random(rng, shape)`` returns a batch of bodies for tests, which test each of them.
+    pole : tuple
+        A body, and a state that has no next one for eps = 1.
+    conserved : tuple of str
+        Names of formulas; the first one that a body has is (nearly) conserved.
+    variable : {"omega", "x"}
+        The name of a state, and `meaning` what it is.
+
+    Notes
+    -----
+    A kernel of steps is a function, decorated with `core.numba.kernel`,
+
+        steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at)
+
+    of numbers and C-contiguous arrays alone. `core/steps_field.py` is the shortest example. It
+    neither validates nor raises, and allocates nothing inside loops over steps.
+
+    1. `arguments` is what `Steps.arguments(body, eps, batch)` returned, called once for a run: a
+       tuple of arrays, of which each has one row if it is common to all B trajectories, else B:
+       ``pick(array, i)`` is that of trajectory i. `by_constants` passes ``body.constants`` and
+       eps (1 or B,), `by_field` the terms of the field, indices (3, T) and values (1 or B, T),
+       and eps.
+    2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
+       begin <= i < end, of which ``share`` gives a part of `parts` its own, from state `start` to
+       state `stop`.
+    3. State 0 is `omega0` (B, D), which is read if start = 0 alone. It counts as a saved state and,
+       if it is NaN, as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do
+       nothing else.
+    4. A run is cut into calls anywhere, in time and in the batch, and all cuts give the same bits.
+       What steps continue from is `final` (B, D) and, of the kernel's own choice, `carry`
+       (B, carried): read if start > 0, written at `stop`.
+    5. If every > 0, state n is saved if start < n <= stop, or n = start = 0, and n is a multiple of
+       `every`: the first to saved[row], and so on; `saved` is (rows, B, D).
+    6. `final` receives the states at `stop`, saved or not.
+    7. A trajectory that fails at state n gets status[i] < 0 (`core.codes`: SINGULAR where there is
+       no next state, NONFINITE beyond float64), failed_at[i] = n, and NaN from there on, in `saved`
+       and in `final`. One with status[i] < 0 at the beginning of a call stays NaN. No other
+       trajectory is touched: its bits do not depend on the batch, its order, or `parts`.
+    8. `Steps.cost(D, arguments)` is the time of a step relative to that of the three-dimensional
+       map (about 1 ns on one thread). Calls are made so long that Ctrl-C is heard after 0.1 s; an
+       estimate that is too low makes it wait.
+    9. `Steps.lanes` trajectories, a multiple of 8, are what a thread takes at a time.
+    """
+
+    name: str
+    title: str
+    body: type[Any]
+    methods: Mapping[str, Steps]
+    formulas: Mapping[str, Formula]
+    random: tuple[Callable[[np.random.Generator, tuple[int, ...]], Any], ...]
+    pole: tuple[Any, tuple[float, ...]]
+    conserved: tuple[str, ...] = ()
+    variable: str = "omega"
     meaning: str = "angular velocity"
 
-    def conserved(self, body: Any) -> str | None:
+    def functions(self, body: Any) -> list[str]:
+        """Return the names of the public functions that need a formula and have it for a body."""
+        return [name for name, formula in self.formulas.items() if _has(formula, body)]
+
+    def formula(self, name: str, body: Any) -> Formula:
+        """Return the formula of a public function; an error if there is none for this body."""
+        if name not in self.formulas:
+            names = {
+                record.body.__name__: None for record in MAPS.values() if name in record.formulas
+            }
+            received = checks.kind_of(body)
+            if self is not map_of(body):
+                received = f"{self.title}, which has no {name}"
+            else:
+                received += getattr(body, "_instead", "") or _INSTEAD.get(name, "")
+            raise checks.wrong("body", " or ".join(names) or "another", received, TypeError)
+        formula = self.formulas[name]
+        if formula.check is not None:
+            formula.check(body)
+        return formula
+
+    def conserves(self, body: Any) -> str | None:
         """Return the name of a conserved, or nearly conserved, quantity; None without one."""
         known = self.functions(body)
-        return next((name for name in ("first_integral", "modified_energy") if name in known), None)
+        return next((name for name in self.conserved if name in known), None)
 
     def symbols(self, body: Any) -> list[str]:
         r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
         labels = (re.sub(r"(\D+)(.*)", r"$\1_{\2}$", label) for label in body._labels)
         return [label.replace("Omega", r"\Omega") for label in labels]
 
-
-def _in_nd(body: SuslovND) -> tuple[str, ...]:
-    solved = ("first_integral", "criticality") if are_solved(body).all() else ()
-    return *solved, "energy", "modified_energy", "reaction"
+    def __reduce__(self) -> Any:
+        return named, (self.name,)
 
 
-_IN_3D = "first_integral", "energy", "modified_energy", "criticality", "reaction"
+def _has(formula: Formula, body: Any) -> bool:
+    try:
+        if formula.check is not None:
+            formula.check(body)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+# ---------------------------------------------------------------------------------- of the package
+def _random_3d(rng: np.random.Generator, shape: tuple[int, ...]) -> dict[str, Any]:
+    """Return parameters of bodies in three dimensions, some with I13 = 0."""
+    return {
+        "I1": rng.uniform(0.5, 4, shape),
+        "I2": rng.uniform(0.5, 4, shape),
+        "I13": rng.uniform(-1, 1, shape) * rng.choice([0, 1, 1], shape),
+        "I23": rng.uniform(-1, 1, shape),
+    }
+
+
+def _random_nd(
+    rng: np.random.Generator, shape: tuple[int, ...], m: int = 4, equal: bool = False
+) -> SuslovND:
+    """Return bodies, with a closed form if all J of a body are equal."""
+    J = rng.uniform(0.5, 4, (*shape, 1 if equal else m))
+    return SuslovND(J * np.ones(m), rng.uniform(-1, 1, (*shape, m)))
+
+
+def _random_field(rng: np.random.Generator, shape: tuple[int, ...], D: int = 5) -> QuadraticField:
+    return QuadraticField(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))
+
+
+def _cost_of_field(D: int, arguments: Arguments) -> float:
+    return 3.0 * (D**3 + int(arguments[0].shape[-1]))
+
+
+# Kahan's map of the field of any body.
+FIELD = Steps(steps_field.steps, by_field, 0, _cost_of_field, 32)
 # Costs lie between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
-_IN_ND = Steps(steps_nd.steps, 0, lambda D, T: 16.0 * D + D**3 / 30.0, 32)
+_ND = Steps(steps_nd.steps, by_constants, 0, lambda D, arguments: 16.0 * D + D**3 / 30.0, 32)
+_GAUSS = Steps(steps_nd.gauss_steps, by_constants, 0, lambda D, arguments: D**3 / 3.0, 32)
 
-MAPS = (
+MAPS: dict[str, Map] = {}  # by name
+
+
+def register(record: Map) -> None:
+    """Make a map known, for runs, files and functions of a state.
+
+    A record of a class that has none takes the method "auto", that of runs by default; a further
+    map of a class has other methods.
+    """
+    checks.instance("record", record, Map)
+    if record.name in MAPS:
+        raise checks.wrong("name", "a new one", repr(record.name))
+    if not (isinstance(record.body, type) and issubclass(record.body, Body)):
+        raise checks.wrong("body", "a class derived from Body", repr(record.body), TypeError)
+    checks.one_of("variable", record.variable, ["omega", "x"])
+    taken = [name for other in MAPS.values() if other.body is record.body for name in other.methods]
+    if not record.methods or (clashing := {*record.methods} & {*taken}):
+        received = ", ".join(sorted(clashing)) if record.methods else "none"
+        raise checks.wrong("methods", f"other names than {', '.join(taken) or 'none'}", received)
+    MAPS[record.name] = record
+
+
+for _record in (
     Map(  # equation (4) of the paper
-        body=Suslov3D,
+        name="Suslov3D",
         title="Discrete Suslov problem",
-        sample=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
-        methods={"auto": Steps(steps_3d.steps, steps_3d.CARRIED)},
-        functions=lambda body: (*_IN_3D, "to_xy"),
+        body=Suslov3D,
+        methods={"auto": Steps(steps_3d.steps, by_constants, steps_3d.CARRIED)},
+        formulas=IN_3D,
+        random=(
+            lambda rng, shape: Suslov3D(**_random_3d(rng, shape)),
+            lambda rng, shape: Suslov3D(**_random_3d(rng, shape), I3=rng.uniform(1, 5, shape)),
+        ),
+        pole=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
+        conserved=("first_integral",),
     ),
     Map(  # equation (15)
-        body=SuslovND,
+        name="SuslovND",
         title="Discrete Suslov problem in n dimensions",
-        sample=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
-        methods={
-            "auto": _IN_ND,
-            "gauss": Steps(steps_nd.gauss_steps, 0, lambda D, T: D**3 / 3.0, 32),
-            "rank2": _IN_ND,
-        },
-        functions=_in_nd,
+        body=SuslovND,
+        methods={"auto": _ND, "gauss": _GAUSS, "rank2": _ND},
+        formulas=IN_ND,
+        random=(_random_nd, lambda rng, shape: _random_nd(rng, shape, 3, equal=True)),
+        pole=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
+        conserved=("first_integral", "modified_energy"),
     ),
     Map(
-        body=SuslovGyrostat,
+        name="SuslovGyrostat",
         title="Discrete Suslov gyrostat",
-        sample=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
-        methods={"auto": Steps(steps_3d.steps, steps_3d.CARRIED, lambda D, T: 2.0)},
-        functions=lambda body: _IN_3D,
+        body=SuslovGyrostat,
+        methods={
+            "auto": Steps(steps_3d.steps, by_constants, steps_3d.CARRIED, lambda D, arguments: 2.0)
+        },
+        formulas=GYROSTAT,
+        random=(
+            lambda rng, shape: SuslovGyrostat(
+                **_random_3d(rng, shape), k=rng.uniform(-1, 1, shape)
+            ),
+        ),
+        pole=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
+        conserved=("first_integral",),
     ),
     Map(
-        body=QuadraticField,
+        name="Kahan",
         title="Kahan map of a quadratic field",
-        sample=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
-        methods={"auto": Steps(steps_field.steps, 0, lambda D, T: 3.0 * (D**3 + T), 32)},
-        functions=lambda body: () if body.H is None else ("energy", "modified_energy"),
+        body=QuadraticField,
+        methods={"auto": FIELD},
+        formulas=KAHAN,
+        random=(_random_field,),
+        pole=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
+        conserved=("modified_energy",),
         variable="x",
         meaning="state",
     ),
-)
-_KINDS: dict[str, Any] = {record.body.__name__: record.body for record in MAPS}
+):
+    register(_record)
 
 
-def map_of(body: Any) -> Map:
-    """Return the map of a body, or of an object of a subclass."""
-    for record in MAPS:
-        if isinstance(body, record.body):
-            return record
-    raise checks.wrong("body", " or ".join(_KINDS), checks.kind_of(body), TypeError)
+# ------------------------------------------------------------------------------------------- lookup
+def map_of(body: Any, method: str = "auto") -> Map:
+    """Return the map of a method for a body; that of "auto" is meant where none is named.
+
+    A class comes before the classes that it derives from.
+    """
+    classes = type(body).__mro__
+    records = [record for each in classes for record in MAPS.values() if record.body is each]
+    if not records:
+        kinds = [record.body.__name__ for record in MAPS.values()]
+        raise checks.wrong(
+            "body", " or ".join(dict.fromkeys(kinds)), checks.kind_of(body), TypeError
+        )
+    checks.one_of("method", method, [name for record in records for name in record.methods])
+    return next(record for record in records if method in record.methods)
+
+
+def named(name: str) -> Map:
+    """Return the map of a name, as files and pickles hold it."""
+    if name not in MAPS:
+        expected = f"{' or '.join(MAPS)}, or a map that `maps.register` made known before"
+        raise checks.wrong("map", expected, repr(name))
+    return MAPS[name]
+
+
+def problem(
+    function: str, body: Any, omega: Any, eps: Any = 0.0, threads: int | None = None, **options: Any
+) -> tuple[Problem, Formula]:
+    """Check the arguments of a public function; return the problem and the formula for it.
+
+    Options are those of `engine.arguments.check`.
+    """
+    map = map_of(body)
+    formula = map.formula(function, body)
+    return arguments.check(map, body, omega, eps, threads, **options), formula
+
+
+def _classes() -> Iterator[type[Any]]:
+    """Yield the classes of bodies that files can name, and then those derived from them."""
+    classes = [record.body for record in MAPS.values()]
+    yield from classes
+    for each in classes:
+        subclasses = each.__subclasses__()
+        classes.extend(subclasses)
+        yield from subclasses
+
+
+def class_named(name: Any) -> type[Any]:
+    """Return the class of bodies of a name, as files hold it."""
+    kinds: dict[Any, type[Any]] = {}
+    for each in _classes():
+        kinds.setdefault(each.__name__, each)
+    return kinds[checks.one_of("body", name, kinds)]
 
 
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:
@@ -113,11 +336,4 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
     """
     checks.instance("parameters", parameters, Mapping)
-    return _KINDS[checks.one_of("body", parameters.get("body"), _KINDS)].from_dict(parameters)
-
-
-def states_after(states: States, steps: int = 1) -> FloatArray:
-    """Return the states (..., D) after a number of steps, NaN where there are none."""
-    march = March(map_of(states.body).methods["auto"], states)
-    march.to(steps)
-    return march.final
+    return class_named(parameters.get("body")).from_dict(parameters)

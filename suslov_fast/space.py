@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import checks
-from .bodies.nd import SuslovND
 from .bodies.rigid import Suslov3D
 from .checks import FloatArray, common_shape, first_index, spell, wrong
 from .core import orientations
 from .engine import arguments
-from .engine.arguments import AnyBody, BodyIn3D, States, check
+from .engine.arguments import AnyBody, BodyIn3D, Problem
+from .engine.stretches import states_after
 from .engine.threads import call_kernel
-from .maps import states_after
+from .maps import map_of, problem
 
 # A state follows another if it differs from the image of that by less than this part of the step,
 # which is above rounding and below what any other method or step size gives, and of the state.
@@ -58,10 +58,7 @@ def to_matrix(
            [ 0.,  0., -2.],
            [-5.,  2.,  0.]])
     """
-    vector = _vector(body, AnyBody, omega)
-    if isinstance(body, BodyIn3D):
-        vector = vector[..., [1, 0, 2]] * [1.0, -1.0, 1.0]
-    return _shown(body, _wedge(vector, np.eye(body.dimension + 1)[-1]), 2, rotation, attitude)
+    return _shown("to_matrix", body, omega, rotation, attitude)
 
 
 def to_vector(
@@ -90,7 +87,7 @@ def to_vector(
     >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([2., 5., 0.])
     """
-    return _shown(body, _vector(body, BodyIn3D, omega), 1, rotation, attitude)
+    return _shown("to_vector", body, omega, rotation, attitude)
 
 
 def momentum(
@@ -123,36 +120,17 @@ def momentum(
     >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
     array([ 8. ,  5. , -2.5])
     """
-    vector = _vector(body, AnyBody, omega)
-    with np.errstate(all="ignore"):
-        if isinstance(body, BodyIn3D):
-            I1, I2, I13, I23, k = body.parameters
-            w1, w2 = vector[..., 0], vector[..., 1]
-            found = np.stack([I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k], axis=-1)
-            return _shown(body, found, 1, rotation, attitude)
-        last = np.eye(body.dimension + 1)[-1]
-        J, I = (np.concatenate([each, 0.0 * each[..., :1]], axis=-1) for each in (body.J, body.I))
-        return _shown(body, _wedge(vector, I) + _wedge(J * vector, last), 2, rotation, attitude)
-
-
-def _vector(body: Any, kinds: Any, omega: ArrayLike) -> FloatArray:
-    """Return the states of the whole batch, with 0 for the constrained component."""
-    states = check(body, kinds, omega)
-    free = np.broadcast_to(states.omega, (*states.batch, body.dimension))
-    return np.concatenate([free, abs(0.0 * free[..., :1])], axis=-1)
-
-
-def _wedge(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a b^T - b a^T."""
-    product = a[..., :, np.newaxis] * b[..., np.newaxis, :]
-    return np.asarray(product - product.swapaxes(-2, -1)) + 0.0  # no -0.0
+    return _shown("momentum", body, omega, rotation, attitude)
 
 
 def _shown(
-    body: Any, found: FloatArray, axes: int, rotation: ArrayLike | None, attitude: ArrayLike | None
+    function: str, body: Any, omega: Any, rotation: ArrayLike | None, attitude: ArrayLike | None
 ) -> FloatArray:
-    """Return vectors, or matrices for two axes, of the adapted basis in the requested one."""
-    n = body.dimension + 1
+    """Return vectors (..., n), or matrices (..., n, n), in the requested basis."""
+    given, formula = problem(function, body, omega)
+    with np.errstate(all="ignore"):
+        values = formula.compute(given)
+    axes, n = values.ndim - len(given.batch), body.dimension + 1
     if rotation is not None and attitude is not None:
         raise wrong("rotation, attitude", "at most one of them", "both")
     if rotation is not None:
@@ -160,11 +138,11 @@ def _shown(
     elif attitude is not None:
         turn = checks.square_matrices("attitude", attitude, n, allow_nan=True)
     else:
-        return found
-    common_shape({"omega": found.shape[:-axes], "matrices": turn.shape[:-2]})
+        return np.asarray(values)
+    common_shape({"omega": given.batch, "matrices": turn.shape[:-2]})
     if axes == 1:
-        return np.asarray((turn @ found[..., np.newaxis])[..., 0])
-    return np.asarray(turn @ found @ turn.swapaxes(-2, -1))
+        return np.asarray((turn @ values[..., np.newaxis])[..., 0])
+    return np.asarray(turn @ values @ turn.swapaxes(-2, -1))
 
 
 def attitude(
@@ -210,34 +188,35 @@ def attitude(
     >>> attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2).shape
     (101, 3, 3)
     """
-    checks.instance("body", body, AnyBody)
+    map_of(body).formula("attitude", body)
     path, D = checks.states("omega", omega, body._labels), body.dimension
     if path.ndim < 2 or len(path) == 0:
         raise wrong("omega", f"shape (N + 1, ..., {D})", path.shape)
-    first = check(body, AnyBody, path[0], eps, threads)
+    first, axial = problem("attitude", body, path[0], eps, threads)
     R0 = np.eye(D + 1) if R0 is None else checks.rotations("R0", R0, D + 1)
     batch = common_shape({"omega and eps": first.batch, "R0": R0.shape[:-2]})
     path = np.expand_dims(path, tuple(range(1, len(batch) + 3 - path.ndim)))
     path = np.broadcast_to(path, (len(path), *batch, D))
-    _check_that_states_follow(body, path, first.eps)
+    _check_that_states_follow(first, path)
     flat = arguments.flat_arrays(path.reshape(len(path), math.prod(batch), D), (len(path),), 2)
     turns = np.empty((*flat.shape[:2], D + 1, D + 1))
     turns[0] = arguments.flat_arrays(R0, batch, 2)
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
-    given = flat, arguments.flat_parameter(first.eps, batch), not isinstance(body, SuslovND)
+    given = flat, arguments.flat_parameter(first.eps, batch), axial.compute
     after = turns[0].copy(), 0, 1, 1, turns
     call_kernel(orientations.turn, turns.size, first.threads, *given, *after)
     return turns.reshape((len(path), *batch, D + 1, D + 1))
 
 
-def _check_that_states_follow(body: Any, states: FloatArray, eps: float | FloatArray) -> None:
+def _check_that_states_follow(first: Problem, states: FloatArray) -> None:
     """Raise ValueError if states (N + 1, ..., D) are not consecutive states of the map."""
-    before, after = states[:-1], states[1:]
+    before, after, eps = states[:-1], states[1:], first.eps
     with np.errstate(all="ignore"):
         step, size = (abs(each).max(axis=-1) for each in (after - before, abs(after) + abs(before)))
         strays = ~np.isnan(step)
-        for first, last, h in ((before, after, eps), (after, before, -eps)):
-            found = states_after(States(body, first, h, first.shape[:-1]))
+        for start, last, h in ((before, after, eps), (after, before, -eps)):
+            batch = start.shape[:-1]
+            found = states_after(first._replace(omega=start, eps=h, batch=batch, threads=None))
             error = abs(found - last).max(axis=-1)
             strays &= ~(error <= _OF_THE_STEP * step + _OF_THE_STATE * size)
     if strays.any():
@@ -276,8 +255,8 @@ def scattering_angle(body: Suslov3D, /) -> FloatArray:
     >>> float(scattering_angle(Suslov3D(I1=4, I2=1, I13=-1.5, I23=-0.3)).round(12))
     1.221073798141
     """
-    checks.instance("body", body, Suslov3D)
-    I1, I2, I13, I23 = np.broadcast_arrays(*body.parameters[:4])
+    constants = map_of(body).formula("scattering_angle", body).compute(body)
+    I1, I2, I13, I23 = np.broadcast_arrays(*constants[:4])
     # Sums of positive terms: with A, B, C and P + i Q = pi / 2 times alpha, beta, abs(gamma) and
     # the conjugate of kappa, A - P is the real part of B**2 / (A + i C + P + i Q), and
     # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,

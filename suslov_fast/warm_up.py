@@ -21,13 +21,16 @@ _NO_KERNELS = "animate_body", "compiled", "explore", "integrability"
 def call_all() -> None:
     warnings.simplefilter("ignore")
     public = [getattr(sf, name) for name in dir(sf) if name not in _NO_KERNELS]
-    for record, count in product(MAPS, COUNTS):
-        body, pole = record.sample
-        states = np.random.default_rng(0).uniform(0.1, 1.0, (count, body.dimension))
+    rng = np.random.default_rng(0)
+    problems: list[Any] = [(map, *map.pole, n) for map, n in product(MAPS.values(), COUNTS)]
+    for map in MAPS.values():
+        problems += [(map, make(rng, ()), 0.5, COUNTS[0]) for make in map.random]
+    for map, body, pole, count in problems:
+        states = rng.uniform(0.1, 1.0, (count, body.dimension))
         states[1::2] = pole
         known = {"body": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
         known |= {"omega": states, "omega0": states, "xy": states, "x": 0.0 * states}
-        variants: list[dict[str, Any]] = [{"method": name} for name in record.methods]
+        variants: list[dict[str, Any]] = [{"method": name} for name in map.methods]
         variants += [{}, {"save_every": None}, {"attitude": True}, {"n": [0, 40]}]
         for function, more in product(filter(inspect.isfunction, public), variants):
             wanted = inspect.signature(function).parameters

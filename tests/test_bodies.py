@@ -193,7 +193,7 @@ def test_from_inertia(rng, shape, axis):
     assert (np.linalg.det(rotation) > 0).all()
     length = np.linalg.norm(axis, axis=-1)[..., None]
     assert abs((rotation @ axis[..., None])[..., 0] / length - [0, 0, 1]).max() < 1e-14
-    I1, I2, I13, I23, _ = body.parameters
+    I1, I2, I13, I23, _ = body.constants
     expected = np.array([[I1, 0 * I1, I13], [0 * I1, I2, I23], [I13, I23, body.I3]])
     turned = np.moveaxis(adapted(rotation, inertia), (-2, -1), (0, 1))
     assert abs(turned - expected).max() < 1e-14 * abs(inertia).max()

@@ -61,7 +61,7 @@ OTHERS += [sf.SuslovGyrostat(2.3, 1.4, 0, 0, 3)]
 @pytest.mark.parametrize("body", [BODY, GYROSTAT, *OTHERS], ids=repr)
 def test_a_step_is_accurate(body, rng):
     """Also far from the line, where the increment cancels the state, and for negative eps."""
-    *inertia, k = (*body.parameters, 0.0)[:5]
+    *inertia, k = (*body.constants, 0.0)[:5]
     worst = 0.0
     for scale in (1e-3, 1.0, 30.0, 1e6):
         for eps in (0.2, -1.5):
@@ -101,7 +101,7 @@ def test_steps_in_any_dimension_are_those_of_the_package(body, size, eps, rng):
 @pytest.mark.parametrize("body", [BODY, GYROSTAT], ids=["body", "gyrostat"])
 def test_loops_of_users_follow_orbits(body, rng):
     omega = rng.uniform(-2, 2, (65, 2))
-    *inertia, k = (*body.parameters, 0.0)[:5]
+    *inertia, k = (*body.constants, 0.0)[:5]
     constants = frame(body, EPS)
     found, F = after(constants, omega, 50), sf.first_integral(body, omega, EPS)
     exact = naive.orbit(*inertia, EPS, omega[7], 50, k=k)[-1]

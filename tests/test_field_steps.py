@@ -15,7 +15,7 @@ import pytest
 import suslov_fast as sf
 from suslov_fast import maps
 from suslov_fast.bodies.base import Body
-from suslov_fast.core import steps_field
+from suslov_fast.formulas import KAHAN
 
 of_function = sf.QuadraticField.from_function
 
@@ -205,10 +205,17 @@ class Sleigh(Body):
 
 
 def test_a_body_with_a_record_steps_as_its_field(monkeypatch, tmp_path):
-    methods = {"auto": maps.Steps(steps_field.steps, 0)}
-    sample = Sleigh(1, 1, 1), (1.0, 1.0)
-    record = maps.Map(Sleigh, "Sleigh", methods, lambda body: (), sample)
-    monkeypatch.setattr(maps, "MAPS", (*maps.MAPS, record))
+    monkeypatch.setattr(maps, "MAPS", dict(maps.MAPS))
+    record = maps.Map(
+        name="Sleigh",
+        title="Sleigh",
+        body=Sleigh,
+        methods={"auto": maps.FIELD},
+        formulas=KAHAN,
+        random=(lambda rng, shape: Sleigh(*rng.uniform(1, 2, (3, *shape))),),
+        pole=(Sleigh(1, 1, 1), (1.0, 1.0)),
+    )
+    maps.register(record)
     bodies, starts = Sleigh([1, 2, 3], 1.5, 0.4), [[1.0, 0.5]] * 3
     suslov = sf.Suslov3D(bodies.mass, 1.5 + 0.16 * bodies.mass, 0, -0.4 * bodies.mass)
     found = sf.iterate(bodies, starts, 0.3, 50)

@@ -27,7 +27,7 @@ def test_a_file_holds_all_of_a_run(name, path):
     assert os.listdir(path.parent) == [path.name]
     run.to_xarray().to_netcdf(path.with_suffix(".nc"))
     with xarray.open_dataset(path.with_suffix(".nc")) as data:
-        np.testing.assert_array_equal(data[run._map.variable].values, run.states)
+        np.testing.assert_array_equal(data[run.map.variable].values, run.states)
 
 
 def test_existing_files(path):
@@ -69,7 +69,7 @@ def test_files_of_others(path):
     found = entries(path)
     about, needed = str(found["about"]), ("states", "about", "body", "status", "eps")
     others = [{name: found[name] for name in found if name != lost} for lost in needed]
-    others.append(found | {"about": about.replace('"format": 8', '"format": 7')})
+    others.append(found | {"about": about.replace('"format": 9', '"format": 8')})
     others.append({"format": 5, "version": "0.5.0", "omega": np.zeros(3)})
     for each in others:
         np.savez(path, **each)

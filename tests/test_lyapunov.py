@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.quantities import derivatives
+from suslov_fast import formulas
 
 THREE = sf.Suslov3D(4, 1, -0.5, -0.3)
 GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
@@ -145,7 +145,7 @@ def test_stretches_change_rounding_alone(rng, monkeypatch, body, eps):
     x = rng.normal(size=(133, 3))
     whole = sf.lyapunov_exponents(body, x, eps, 20)
     for stretch in (2**9, 2**15):
-        monkeypatch.setattr(derivatives, "_STRETCH", stretch)
+        monkeypatch.setattr(formulas, "_STRETCH", stretch)
         found = sf.lyapunov_exponents(body, x, eps, 20)
         np.testing.assert_allclose(found, whole, atol=1e-12)
 

@@ -45,8 +45,8 @@ def importing(path):
 
 # Rooms from the bottom up: a module imports only from its own room and from those below.
 ROOMS = """
-    core checks bodies engine maps quantities space runs plots integrability compiled warm_up
-    command __main__
+    core checks bodies engine formulas maps quantities space runs plots integrability compiled
+    warm_up command __main__
 """.split()
 # The integrability of a body is asked for by a function of its states.
 EXCEPTIONS = {("quantities", "integrability")}

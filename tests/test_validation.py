@@ -223,7 +223,7 @@ def test_a_bad_call_changes_nothing():
 def test_values_at_the_ends_of_the_range():
     for size in (1e-50, 1e50):
         body = Suslov3D(size, size, size, 0)
-        assert body.parameters[0] == size
+        assert body.parameters["I1"] == size
     for size in (1e-60, 1e60):
         assert SuslovGyrostat(1, 1, size, -size, size).k == size
         assert SuslovND([size, 1], [size, 0]).J[0] == size

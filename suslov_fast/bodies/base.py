@@ -73,14 +73,19 @@ class Body:
         return self.field().terms
 
     @property
-    def parameters(self) -> Any:
-        """The parameters of the map, in order."""
+    def parameters(self) -> dict[str, Any]:
+        """The parameters by name; of a field, the named parameters of its function."""
+        return dict(self._parts)
+
+    @property
+    def constants(self) -> tuple[Any, ...]:
+        """The numbers that formulas and kernels of the map take, in their order."""
         return tuple(self._arrays.values())
 
     @cached_property
     def batch_of_one(self) -> tuple[Any, ...]:
-        """The parameters of a single body with an axis for the batch."""
-        return tuple(np.array(each)[np.newaxis] for each in self.parameters)
+        """The constants of a single body with an axis for the batch."""
+        return tuple(np.array(each)[np.newaxis] for each in self.constants)
 
     @cached_property
     def shape(self) -> tuple[int, ...]:

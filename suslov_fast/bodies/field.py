@@ -253,7 +253,7 @@ class QuadraticField(Body):
     def to_dict(self) -> dict[str, Any]:
         own = self._coefficients if self.H is None else {"H": self.H.tensor, "K": self.K}
         values = {"parameters": self.parameters} if self.parameters else {}
-        return {"body": "QuadraticField", **to_lists(own | values)}
+        return {"body": type(self).__name__, **to_lists(own | values)}
 
     @classmethod
     def _read(

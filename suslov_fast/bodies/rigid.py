@@ -39,19 +39,19 @@ class _In3D(Body):
                 checks.warn(str(wrong("I3", expected, tensors[~fits][0, 2, 2])))
 
     @property
-    def parameters(self) -> tuple[Any, ...]:
+    def constants(self) -> tuple[Any, ...]:
         """I1, I2, I13, I23 and k, 0 without a rotor. I1 has the batch shape, which I3 may give."""
         I1 = np.broadcast_to(self.I1, self.shape) if self.shape else self.I1
         return I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
 
     def _inertia(self, I3: Any) -> FloatArray:
-        I1, I2, I13, I23, I3, zero = np.broadcast_arrays(*self.parameters[:4], I3, 0.0)
+        I1, I2, I13, I23, I3, zero = np.broadcast_arrays(*self.constants[:4], I3, 0.0)
         rows = [I1, zero, I13], [zero, I2, I23], [I13, I23, I3]
         return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
     @cached_property
     def _field(self) -> QuadraticField:
-        I1, I2, *form = self.parameters if self.shape else map(Fraction, self.parameters)
+        I1, I2, *form = self.constants if self.shape else map(Fraction, self.constants)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*form), axis=-1)
         table = np.zeros((*self.shape, 2, 3, 3), l.dtype)

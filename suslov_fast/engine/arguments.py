@@ -1,4 +1,4 @@
-"""Arguments of most public functions: random starts, checks, and flat arrays for kernels."""
+"""Arguments of most public functions: random starts, checked problems, arguments of kernels."""
 
 import math
 import os
@@ -102,9 +102,10 @@ class RandomStarts:
         return np.reshape(rows, (*(part.stop - part.start for part in where), dimension))
 
 
-class States(NamedTuple):
-    """States of a body, checked."""
+class Problem(NamedTuple):
+    """A checked problem: states of a body and a step size, for a map."""
 
+    map: Any  # the record of the map, see `maps.Map`
     body: Any
     omega: FloatArray  # (..., D)
     eps: float | FloatArray  # 0 if there is no step size
@@ -115,8 +116,8 @@ class States(NamedTuple):
 
 
 def check(
+    map: Any,
     body: Any,
-    kinds: Any,
     omega: Any,
     eps: Any = 0.0,
     threads: int | None = None,
@@ -125,17 +126,15 @@ def check(
     components: tuple[str, ...] | None = None,
     attitude: Any = False,
     later: bool = False,
-) -> States:
-    """Check the arguments of a public function.
+) -> Problem:
+    """Check the arguments of a public function that takes states of a body, for a map of it.
 
-    The body must be one of `kinds`, if any. Messages call the states `name`, or x for a field; they
-    may be NaN, and have `components`, by default those of the body. `attitude` is a bool or
-    rotations, `later` as for `checks.states`.
+    Messages call the states `name`, or x if the map does; they may be NaN, and have `components`,
+    by default those of the body. `attitude` is a bool or rotations, `later` as for
+    `checks.states`.
     """
-    if kinds:
-        checks.instance("body", body, kinds)
     labels, turns = components or body._labels, None
-    if isinstance(body, QuadraticField):
+    if map.variable == "x":
         name = "x"
     if isinstance(omega, RandomStarts):
         states = omega.states(math.prod(omega.shape), 0, len(labels))
@@ -145,13 +144,13 @@ def check(
     shapes = {"body": body.shape, name: omega.shape[:-1]}
     shapes["eps"] = () if type(eps) is float else eps.shape
     if attitude is not False:
-        if name == "x":
-            expected = "False, as states of a field have no orientation"
+        if "attitude" not in map.formulas:
+            expected = "False, as states of this map have no orientation"
             raise wrong("attitude", expected, checks.short(attitude), TypeError)
         n = body.dimension + 1
         turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]
-    return States(body, omega, eps, common_shape(shapes), thread_count(threads), name, turns)
+    return Problem(map, body, omega, eps, common_shape(shapes), thread_count(threads), name, turns)
 
 
 def thread_count(threads: int | None) -> int | None:
@@ -186,18 +185,25 @@ def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int 
     return flat_arrays(array, batch, axes)
 
 
-def parameters_of(
-    body: Any, eps: float | FloatArray, batch: tuple[int, ...]
-) -> tuple[NDArray[Any], ...]:
-    """Return the parameters of kernels: those of the body, and eps."""
-    if isinstance(body, QuadraticField):
-        indices, values = body.terms
-        return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
+Arguments = tuple[NDArray[Any], ...]
+
+
+def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
+    """Return the arguments of a kernel that takes the constants of a body, and eps last.
+
+    Each has one row if it is common to the whole batch, else one for each trajectory.
+    """
     if not body.shape:
         return *body.batch_of_one, flat_parameter(eps, batch)
     axes = max(body._axes.values(), default=0)
-    own = (flat_parameter(value, batch, axes) for value in body.parameters)
+    own = (flat_parameter(value, batch, axes) for value in body.constants)
     return *own, flat_parameter(eps, batch)
+
+
+def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
+    """Return the arguments of kernels that take the field of a body: its terms, and eps."""
+    indices, values = body.terms
+    return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from ..bodies.nd import SuslovND
 from ..checks import FloatArray, extra, wrong
-from ..core import orientations, steps_field
+from ..core import orientations
 from ..core.numba import Kernel
-from .arguments import States, flat_arrays, parameters_of, require
+from .arguments import Arguments, Problem, flat_arrays, flat_parameter, require
 from .threads import call_kernel
 
 # Work of a thread in a stretch, and cost of saving a state, in steps of the three-dimensional map.
@@ -48,34 +48,57 @@ def _bar(tqdm: Any, total: int) -> Iterator[Report]:
 
 
 class Steps(NamedTuple):
-    """The steps of a method, for states of D components."""
+    """The steps of a method: a kernel, see `maps.Map`, and what a run needs to call it."""
 
     kernel: Kernel
-    carried: int  # numbers of a trajectory that steps continue from, beside the last state
-    # Of a step, relative to the 3D map; T is the number of terms of a field.
-    cost: Callable[[int, int], float] = lambda D, T: 1.0
+    arguments: Callable[[Any, Any, tuple[int, ...]], Arguments]  # of (body, eps, batch)
+    carried: int = 0  # numbers of a trajectory that steps continue from, beside the last state
+    # Of a step of D components, relative to the 3D map, from the arguments of the kernel.
+    cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
 
 
-class March:
-    """A run of B trajectories at state `n`, with all that is needed to continue it."""
+class Progressed(NamedTuple):
+    """Where a run stands: what continues it, beside its problem."""
 
-    def __init__(self, steps: Steps, states: States) -> None:
-        body, omega, eps, batch, _, _, orientation = states
-        self.steps, self.states, self.n = steps, states, 0
-        source = body.field() if steps.kernel is steps_field.steps else body
-        self.parameters = parameters_of(source, eps, batch)
-        self.omega0 = flat_arrays(omega, batch)
+    n: int  # the steps that it has taken
+    final: FloatArray  # (..., D), the states there
+    status: NDArray[np.int8]  # (...)
+    failed_at: NDArray[np.int64]  # (...)
+    carry: FloatArray  # (B, carried)
+    turned: FloatArray | None  # (B, n, n), the orientations there
+
+
+class March:
+    """A run of B trajectories at state `n`, with all that is needed to continue it.
+
+    It begins with the states of a problem, or goes on where another one stood.
+    """
+
+    def __init__(
+        self, problem: Problem, method: str | None = None, earlier: Progressed | None = None
+    ) -> None:
+        methods = problem.map.methods
+        self.problem, self.steps = problem, methods[method or next(iter(methods))]
+        self.arguments = self.steps.arguments(problem.body, problem.eps, problem.batch)
+        self.omega0 = flat_arrays(problem.omega, problem.batch)
         size, D = self.omega0.shape
-        self.carry = np.empty((size, steps.carried))
-        self.turned = None if orientation is None else flat_arrays(orientation, batch, 2).copy()
-        if self.turned is not None:
+        self.turned: FloatArray | None = None
+        if earlier is not None:
+            self.n = earlier.n
+            self.final, self.status = earlier.final.copy(), earlier.status.copy()
+            self.failed_at, self.carry = earlier.failed_at.copy(), earlier.carry.copy()
+            self.turned = None if earlier.turned is None else earlier.turned.copy()
+            return
+        self.n = 0
+        self.carry = np.empty((size, self.steps.carried))
+        if problem.orientation is not None:
+            self.turned = flat_arrays(problem.orientation, problem.batch, 2).copy()
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
         # Those of the run at state n, in the shape of the batch.
-        self.final = np.empty((*batch, D))
-        self.status = np.zeros(batch, np.int8)
-        self.failed_at = np.empty(batch, np.int64)
-        self.failed_at.fill(-1)
+        self.final = np.empty((*problem.batch, D))
+        self.status = np.zeros(problem.batch, np.int8)
+        self.failed_at = np.full(problem.batch, -1, np.int64)
 
     def to(
         self,
@@ -90,7 +113,7 @@ class March:
         given; or the last state if `every` is 0. `report` takes the number of steps of this call
         that all trajectories have taken.
         """
-        (size, D), batch, turned = self.omega0.shape, self.states.batch, self.turned
+        (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
         rows = stop // every - (self.n or -1) // every if every else 0
         n, turns = 0 if turned is None else D + 1, None
         numbers = rows * size * (D * (out is None) + n * n)
@@ -126,9 +149,9 @@ class March:
         divided only if few trajectories take long. A block of lanes takes the time of all lanes,
         and is not worth a second thread.
         """
-        kernel, _, cost_of, lanes = self.steps
-        (size, D), n, threads = self.omega0.shape, self.n, self.states.threads
-        step = cost_of(D, self.parameters[0].shape[-1])
+        kernel, _, _, cost_of, lanes = self.steps
+        (size, D), n, threads = self.omega0.shape, self.n, self.problem.threads
+        step = cost_of(D, self.arguments)
         cost = step + (_SAVING / every if every else 0.0)
         width, length = max(-(-size // lanes), 1) * lanes, max(stop - n, 1)
         if width * length * cost > _STRETCH:
@@ -137,7 +160,7 @@ class March:
             whole = lanes * most  # so that all threads have as many blocks
             width = min(max(int(at_once / length) // whole, 1) * whole, width)
             length = max(int(at_once / width), 1)
-        before, final = (self.parameters, self.omega0, self.carry), self.final.reshape(size, D)
+        before, final = (self.arguments, self.omega0, self.carry), self.final.reshape(size, D)
         after = saved, final, self.status.reshape(size), self.failed_at.reshape(size)
         for begin in range(0, max(size, 1), width):
             end = min(begin + width, size)
@@ -158,7 +181,9 @@ class March:
         """Continue with orientations: all states into own memory, then the rotations along them."""
         (size, D), n, turned, row = self.omega0.shape, self.n, self.turned, 0
         length = min(max(_TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop - n, 1))
-        path, axial = np.empty((length + 1, size, D)), not isinstance(self.states.body, SuslovND)
+        path = np.empty((length + 1, size, D))
+        eps = flat_parameter(self.problem.eps, self.problem.batch)
+        axial = self.problem.map.formulas["attitude"].compute
         for start in range(n, max(stop, n + 1), length):
             path[0], until = self.final.reshape(size, D), min(start + length, stop)
             self._step_to(until, 1, path[1:] if start else path, None)
@@ -169,8 +194,15 @@ class March:
                 saved[first:row] = multiples
                 if start == 0:
                     turns[0], first = turned, 1
-            work, given = states.size * (D + 1), (states, self.parameters[-1], axial, turned)
-            threads = self.states.threads
+            work, given = states.size * (D + 1), (states, eps, axial, turned)
+            threads = self.problem.threads
             call_kernel(orientations.turn, work, threads, *given, start, every, first, turns)
             if report is not None:
                 report(until - n)
+
+
+def states_after(problem: Problem, steps: int = 1) -> FloatArray:
+    """Return the states (..., D) after a number of steps, NaN where there are none."""
+    march = March(problem)
+    march.to(steps)
+    return march.final

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, instance, integer, positive, wrong
+from ..checks import FloatArray, integer, positive, wrong
 from ..engine.arguments import BodyIn3D
+from ..maps import map_of
 from ..runs.iterate import iterate
 from .phase import Plane
 
@@ -66,7 +67,7 @@ def animate_body(
     >>> animation = animate_body()  # doctest: +SKIP
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
-    instance("body", body, BodyIn3D)
+    map_of(body).formula("animate_body", body)
     if body.shape or np.ndim(eps):
         raise wrong("body, eps", "a single body and step size", (body, eps))
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
@@ -136,7 +137,7 @@ def ellipsoid(body: BodyIn3D) -> dict[str, Any] | None:
     The largest semi-axis is 1; directions are columns. Without I3 the middle of the interval or,
     if that is empty, a number of an ellipsoid is taken.
     """
-    I1, I2, I13, I23, _ = body.parameters
+    I1, I2, I13, I23, _ = body.constants
     low, high = Suslov3D(I1, I2, I13, I23).admissible_I3()
     large = max(I1, I2, 2.0 * (I13**2 / I1 + I23**2 / I2))
     middle = float(np.nan_to_num(0.5 * (low + high), nan=large))

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from ..checks import FloatArray, integer, wrong
-from ..quantities import conserved
 
 try:
     import matplotlib.pyplot as plt
@@ -37,7 +36,7 @@ def axes_for(ax: Any, size: tuple[float, float]) -> Any:
 
 def plot_run(run: Any, components: tuple[int, int], lines: bool | None, ax: Any) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
-    D, symbols = run.body.dimension, run._map.symbols(run.body)
+    D, symbols = run.body.dimension, run.map.symbols(run.body)
     expected = f"two integers from 0 to {D - 1}"
     pair = [integer("components", k, 0, expected) for k in components]
     if len(pair) != 2 or max(pair) >= D:
@@ -67,8 +66,8 @@ def _are_near(plane: FloatArray) -> bool:
 
 def _levels(run: Any) -> tuple[FloatArray | None, str]:
     """The levels (B,) of the orbits, and what they are levels of; None if they have one colour."""
-    if name := run._map.conserved(run.body):
-        values = getattr(conserved, name)(run.body, run.states[0], run.eps).ravel()
+    if name := run.map.conserves(run.body):
+        values = run._value(name, run.states[0]).ravel()
         finite = values[np.isfinite(values)]
         if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
             return values, f"level of the {name.replace('_', ' ')}"
@@ -101,4 +100,4 @@ def _title(run: Any, count: int) -> str:
     eps = rf", $\epsilon$ = {float(run.eps):g}" if np.ndim(run.eps) == 0 else ""
     orbits = "1 orbit" if B == 1 else f"{B:,} orbits"
     states = f", {count:,} of their states" if count < B * (N + 1) else ""
-    return f"{run._map.title}{eps}\n{orbits} of {N:,} steps{states}"
+    return f"{run.map.title}{eps}\n{orbits} of {N:,} steps{states}"

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import FloatArray, instance, integer, positive, wrong
+from ..checks import FloatArray, integer, positive, wrong
 from ..engine.arguments import BodyIn3D
+from ..maps import map_of
 from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
 
@@ -27,7 +28,7 @@ class Plane:
 
     def __init__(self, body: BodyIn3D, eps: float) -> None:
         self.body, self.eps = body, eps
-        I1, I2, I13, I23, self.k = body.parameters
+        I1, I2, I13, I23, self.k = body.constants
         self.roots, self.products = np.sqrt([I1, I2]), np.array([I13, I23])
         self.g = complex(*self.products / self.roots)
         self.e = 0.5 * eps / float(self.roots.prod())
@@ -137,8 +138,7 @@ def plot_phase(
     from .orbits import COLOURS, axes_for
 
     eps, extent = positive("eps", eps), positive("extent", extent)
-    instance("body", body, BodyIn3D)
-    I1, I2, I13, I23, k = body.parameters
+    I1, I2, I13, I23, k = map_of(body).formula("plot_phase", body).compute(body)
     if body.shape or not (I13 or I23 or k):
         raise wrong("body", "a single one with I13 or I23 other than 0", body)
     plane, levels = Plane(body, eps), integer("levels", levels, 1)

@@ -7,14 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..bodies.base import Body
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, wrong
-from ..core import quantities as formulas
-from ..core import quantities_field as fields
-from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
-from ..maps import states_after
-from .evaluation import by_terms, evaluate, reported
+from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField
+from ..maps import map_of, problem
+from .evaluation import evaluate, reported
 
 
 def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
@@ -36,11 +33,7 @@ def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
     2.125
     """
-    return evaluate("energy", body, Body, omega, otherwise=_hamiltonian)
-
-
-def _hamiltonian(states: States) -> FloatArray:
-    return by_terms(fields.energy, states, states.body.field().H.terms)
+    return evaluate("energy", body, omega)
 
 
 def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
@@ -69,7 +62,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatA
     >>> first_integral(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(9)
     array([0.26534473, 0.26534473])
     """
-    return evaluate("first_integral", body, AnyBody, omega, eps)
+    return evaluate("first_integral", body, omega, eps)
 
 
 def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
@@ -98,13 +91,7 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
     >>> modified_energy(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(6)
     array([2.122758, 2.122758])
     """
-    return evaluate("modified_energy", body, Body, omega, eps, otherwise=_modified_hamiltonian)
-
-
-def _modified_hamiltonian(states: States) -> FloatArray:
-    places, values = states.body.field().H.terms  # symmetric: x_next in each of the places
-    terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)
-    return by_terms(fields.cubic_form, states, terms, states_after(states))
+    return evaluate("modified_energy", body, omega, eps)
 
 
 def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
@@ -131,7 +118,7 @@ def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArra
     >>> criticality(body, [[1, 2], [-40, -250]], eps=1).round(4)
     array([0.1049, 1.2281])
     """
-    return evaluate("criticality", body, AnyBody, omega, eps)
+    return evaluate("criticality", body, omega, eps)
 
 
 def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
@@ -159,7 +146,7 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> Floa
     >>> rotation_number(body, [1.1, -0.4], eps=0.35).round(6)
     array([0.      , 0.      , 0.043038])
     """
-    return evaluate("rotation_number", body, BodyIn3D, omega, eps)
+    return evaluate("rotation_number", body, omega, eps)
 
 
 def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
@@ -191,7 +178,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
     >>> float(invariant_density(body, [1.0, 0.5], eps=0.2).round(9))
     -0.096052391
     """
-    return evaluate("invariant_density", body, Body, omega, eps, poles=True)
+    return evaluate("invariant_density", body, omega, eps)
 
 
 def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
@@ -216,7 +203,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
     >>> to_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [1.0, 0.5])
     array([-0.625, -0.75 ])
     """
-    return evaluate("to_xy", body, Suslov3D, omega)
+    return evaluate("to_xy", body, omega)
 
 
 def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
@@ -239,10 +226,11 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
     >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
     array([1. , 0.5])
     """
-    if isinstance(body, Suslov3D) and np.any((body.I13 == 0) & (body.I23 == 0)):
+    map_of(body).formula("from_xy", body)
+    if np.any((body.I13 == 0) & (body.I23 == 0)):
         raise wrong("body", "I13 or I23 other than 0", "both 0")
-    states = check(body, Suslov3D, xy, name="xy", components=("x", "y"), later=True)
-    return reported(states, formulas.from_xy(*body.parameters, 0.0, states.omega))
+    given, formula = problem("from_xy", body, xy, name="xy", components=("x", "y"), later=True)
+    return reported(given, formula.compute(given))
 
 
 class ClosedForm(NamedTuple):
@@ -282,5 +270,5 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
     >>> print(*(f"{value:.6f}" for value in constants))
     0.161860 -0.402536 -0.678170 0.040232
     """
-    states = check(body, Suslov3D, omega0, eps, name="omega0")
-    return ClosedForm(*formulas.closed_form(*body.parameters, states.eps, states.omega))
+    given, formula = problem("closed_form", body, omega0, eps, name="omega0")
+    return ClosedForm(*formula.compute(given))

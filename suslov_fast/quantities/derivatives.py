@@ -2,38 +2,29 @@
 
 from __future__ import annotations
 
-from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ..bodies.base import Body
-from ..bodies.nd import SuslovND
-from ..bodies.rigid import SuslovGyrostat
 from ..checks import (
     FloatArray,
     OneOrEach,
     common_shape,
     first_index,
-    instance,
     integer,
     real_number,
     spell,
     wrong,
 )
-from ..core import quantities as formulas
-from ..core import tangent
-from ..engine import arguments
-from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField, States, check
-from ..engine.threads import call_kernel
-from ..maps import states_after
+from ..engine.arguments import AnyBody, BodyOrField, Problem
+from ..engine.stretches import states_after
+from ..formulas import Formula
+from ..maps import map_of, problem
 from .evaluation import evaluate, reported
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.
 _FIXED = 1e-8
-# Work between two stretches of a run, where Ctrl-C is heard, in operations.
-_STRETCH = 2**26
 
 
 def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
@@ -55,7 +46,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     >>> vector_field(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]).round(6)
     array([ 0.08125, -0.65   ])
     """
-    return evaluate("vector_field", body, Body, omega)
+    return evaluate("vector_field", body, omega)
 
 
 def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -> FloatArray:
@@ -83,15 +74,7 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -
     >>> float(reaction(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.01).round(6))
     -1.336328
     """
-    h = 0.0 if eps is None else eps
-    return evaluate("reaction", body, AnyBody, omega, h, otherwise=_reaction_nd)
-
-
-def _reaction_nd(states: States) -> FloatArray:
-    body, omega, eps, *_ = states
-    after = states_after(states) if np.any(eps) else omega
-    found: FloatArray = formulas.reaction_between(body.J, body.I, omega, after)
-    return found
+    return evaluate("reaction", body, omega, 0.0 if eps is None else eps)
 
 
 def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
@@ -117,7 +100,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
     >>> (matrix(body, [1.0, 0.5], eps=0.2) @ step(body, [1.0, 0.5], eps=0.2)).round(6)
     array([1. , 0.5])
     """
-    return evaluate("matrix", body, Body, omega, eps)
+    return evaluate("matrix", body, omega, eps)
 
 
 def jacobian(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
@@ -145,7 +128,7 @@ def jacobian(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArr
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    return evaluate("jacobian", body, Body, omega, eps)
+    return evaluate("jacobian", body, omega, eps)
 
 
 def multipliers(body: BodyOrField, x: ArrayLike | list[FloatArray], /, eps: ArrayLike) -> OneOrEach:
@@ -183,13 +166,13 @@ def multipliers(body: BodyOrField, x: ArrayLike | list[FloatArray], /, eps: Arra
     array([1.062919, 1.      ])
     """
     points: Any = x
-    instance("body", body, Body)
+    map_of(body).formula("multipliers", body)
     is_list = isinstance(points, list) and body.shape == (len(points),)
     if is_list and all(isinstance(each, np.ndarray) and each.ndim == 2 for each in points):
         in_list: OneOrEach = _of_each_member(body, points, eps)
         return in_list
-    found: OneOrEach = _multipliers(check(body, Body, points, eps, name="x"))
-    return found
+    values: OneOrEach = _multipliers(*problem("multipliers", body, points, eps, name="x"))
+    return values
 
 
 def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike) -> Any:
@@ -198,66 +181,45 @@ def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike) -> An
     if common_shape({"body": family.shape, "eps": step.shape}) != family.shape:
         raise wrong("eps", f"a number, or one for each of {len(family)} members", step.shape)
     steps = np.broadcast_to(step, family.shape)
-    found = []
+    values = []
     for i, member in enumerate(family):
-        states = check(member, Body, points[i], steps[i], name="x")
-        found.append(_multipliers(states, family._of_member(i)))
-    return found
+        of_member = problem("multipliers", member, points[i], steps[i], name="x")
+        values.append(_multipliers(*of_member, family._of_member(i)))
+    return values
 
 
-def _multipliers(states: States, member: str = "") -> Any:
+def _multipliers(given: Problem, rates_of: Formula, member: str = "") -> Any:
     """Return the multipliers (..., D); `member` is for messages."""
     with np.errstate(all="ignore"):
-        slopes = _slopes_at_fixed_points(states, member)
+        slopes = _slopes_at_fixed_points(given, member)
         known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
-        rates = _rates(states, np.where(known[..., np.newaxis], slopes, 0.0))
-        Y = 0.5 * np.asarray(states.eps)[..., np.newaxis] * rates
-        found = np.where(Y == 1.0, np.inf, (1.0 + Y) / (1.0 - Y))
-        found = np.where(np.broadcast_to(known, (*states.batch, 1)), found, np.nan)
-        order = np.lexsort((-found.imag, -abs(found)), axis=-1)
-    return np.take_along_axis(found, order, axis=-1)
+        rates = rates_of.compute(given, np.where(known[..., np.newaxis], slopes, 0.0))
+        Y = 0.5 * np.asarray(given.eps)[..., np.newaxis] * rates
+        values = np.where(Y == 1.0, np.inf, (1.0 + Y) / (1.0 - Y))
+        values = np.where(np.broadcast_to(known, (*given.batch, 1)), values, np.nan)
+        order = np.lexsort((-values.imag, -abs(values)), axis=-1)
+    return np.take_along_axis(values, order, axis=-1)
 
 
-def _slopes_at_fixed_points(states: States, member: str) -> FloatArray:
+def _slopes_at_fixed_points(given: Problem, member: str) -> FloatArray:
     """Return f' (..., D, D), or raise ValueError if f is not 0 to rounding.
 
     With y = (x, 1) and the symmetric table of coefficients, f_i = table_ijk y_j y_k.
     """
-    table, x = states.body.field().table.astype(np.float64), states.omega
+    table, x = given.body.field().table.astype(np.float64), given.omega
     y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
     half_slopes = np.einsum("...ijk,...k->...ij", table, y)
     f = np.einsum("...ij,...j->...i", half_slopes, y)
     terms = np.einsum("...ijk,...j,...k->...i", abs(table), abs(y), abs(y))
     moves = ~(abs(f) <= _FIXED * terms) & ~np.isnan(x)
     if moves.any():
-        moves = np.broadcast_to(moves.any(axis=-1), states.batch)
-        where = f", first: {spell(first_index(moves))}" if states.batch else ""
+        moves = np.broadcast_to(moves.any(axis=-1), given.batch)
+        where = f", first: {spell(first_index(moves))}" if given.batch else ""
         raise ValueError(
-            f"{states.name}: expected fixed points of the map, got {np.count_nonzero(moves)} other "
+            f"{given.name}: expected fixed points of the map, got {np.count_nonzero(moves)} other "
             f"states{member}{where}: use jacobian for the derivative at these"
         )
     return np.asarray(2.0 * half_slopes[..., :-1])
-
-
-def _rates(states: States, slopes: FloatArray) -> NDArray[Any]:
-    """Return the eigenvalues of f' (..., D), of which that along a line of steady states is 0."""
-    body, x = states.body, states.omega
-    if isinstance(body, SuslovND):
-        # f' = (I.x) J**-1 P has the eigenvalues of (I.x) B^T B, where B = P J**-1/2 and P projects
-        # on the vectors orthogonal to I: singular values of B keep their digits, beside large ones.
-        length = np.linalg.norm(body.I, axis=-1, keepdims=True)
-        unit = body.I / np.where(length > 0.0, length, 1.0)
-        P = np.eye(body.dimension) - unit[..., :, np.newaxis] * unit[..., np.newaxis, :]
-        roots = np.linalg.svd(P / np.sqrt(body.J)[..., np.newaxis, :], compute_uv=False)
-        roots[..., -1] = 0.0
-        return np.asarray((body.I * x).sum(axis=-1, keepdims=True) * roots * roots)
-    if not isinstance(body, BodyIn3D):
-        return np.linalg.eigvals(slopes).astype(complex)
-    I1, I2, _, _, k = body.parameters
-    trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
-    root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
-    rates = 0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0])
-    return np.asarray(rates if isinstance(body, SuslovGyrostat) else rates.real)
 
 
 def lyapunov_exponents(
@@ -298,31 +260,14 @@ def lyapunov_exponents(
     >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
     array([ 0.    , -0.0805])
     """
-    states = check(body, Body, omega0, eps, threads, name="omega0")
+    given, growth = problem("lyapunov_exponents", body, omega0, eps, threads, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
-    start = states_after(states, transient) if transient else states.omega
+    start = states_after(given, transient) if transient else given.omega
     with np.errstate(all="ignore"):
-        sums, of_det = _growth(states, arguments.flat_arrays(start, states.batch), steps)
+        sums, of_det = growth.compute(given, start, steps)
         others = sums[:, :-1].sum(axis=1)
         # The last follows from the others and the determinant, unless these are 0.
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
-    found = -np.sort(-sums / steps, axis=1).reshape((*states.batch, body.dimension))
-    return reported(states, found, poles=True)
-
-
-def _growth(states: States, start: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
-    """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
-    (places, values), (B, D), batch = states.body.terms, start.shape, states.batch
-    flat = arguments.flat_parameter
-    parameters = places, flat(values, batch, 1), flat(states.eps, batch)
-    sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, D + D * D))
-    after = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
-    cost = 4 * D**3 + len(places[0])
-    width = max(min(B, _STRETCH // cost), 1)
-    length = max(_STRETCH // (cost * width), 1)
-    for begin, first in product(range(0, B, width), range(0, steps, length)):
-        span = begin, min(begin + width, B), first, min(first + length, steps)
-        before = parameters, start, carry, span
-        call_kernel(tangent.growth, cost * width * length, states.threads, *before, *after)
-    return sums, of_det
+    exponents = -np.sort(-sums / steps, axis=1).reshape((*given.batch, body.dimension))
+    return reported(given, exponents, poles=True)

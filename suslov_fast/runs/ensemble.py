@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..engine.arguments import RandomStarts, States, check, require
+from ..engine.arguments import Problem, RandomStarts, check, require
 from ..engine.stretches import March, Progress, reporter
 from ..maps import map_of
 from .iterate import checked_counts
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     import xarray
 
 # Version of the format, and the status of trajectories that are not computed.
-FORMAT, PENDING = 7, -128
+FORMAT, PENDING = 8, -128
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
 # least number of trajectories that keep a processor busy; tiles queued per thread of a worker.
 _CHUNK, _WORK, _FEWEST, _WAITING = 2**23, 2**31, 2**12, 4
@@ -112,9 +112,9 @@ def ensemble(
     zarr = checks.extra("zarr", "large")
     if client is not None and not hasattr(client, "nthreads"):
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
-    checks.one_of("method", method, map_of(body).methods)
+    map = map_of(body, method)
     threads = None if client is None else 1
-    whole = check(body, (), RandomStarts((), 1.0), eps, threads, attitude=attitude)
+    whole = check(map, body, RandomStarts((), 1.0), eps, threads, attitude=attitude)
     is_random = isinstance(omega0, RandomStarts)
     if not (is_random or isinstance(omega0, np.memmap) or hasattr(omega0, "dask")):
         omega0 = checks.states("omega0", omega0, body._labels)
@@ -192,9 +192,9 @@ def _resolved(store: Any) -> Any:
     return store if elsewhere else Path(store).absolute()
 
 
-def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
+def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     """Return the empty dataset of a run, with attributes that identify the run."""
-    (body, omega0, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
+    (map, body, omega0, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
     rows, D = 1 if every is None else steps // every + 1, body.dimension
     require(24 * rows, "raise save_every")
     fills: dict[str, Any] = {
@@ -207,7 +207,14 @@ def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
     if turns is not None:
         fills["attitude"] = np.broadcast_to(np.nan, (rows, *batch, D + 1, D + 1))
         arrays["attitude"] = turns
-    about = {"body": body, "eps": eps, "method": method, "steps": steps, "save_every": every}
+    about = {
+        "body": body,
+        "map": map,
+        "eps": eps,
+        "method": method,
+        "steps": steps,
+        "save_every": every,
+    }
     data = Trajectories._of(fills | about).to_xarray(dims, coords).drop_vars("time")
     sources = {}
     for name, function in functions.items():
@@ -222,7 +229,7 @@ def _template(whole: States, options: Options, dims: Any, coords: Any) -> Any:
         data[name] = (("n", *data.status.dims), np.broadcast_to(np.nan, (rows, *batch)))
     if any("/" in str(name) for name in data.variables):
         raise wrong("dims, coords and functions", "names without /", ", ".join(map(str, data)))
-    for name in {map_of(body).variable, *fills, *functions} & {*data}:
+    for name in {map.variable, *fills, *functions} & {*data}:
         data[name].encoding["fill_value"] = PENDING if data[name].dtype.kind == "i" else np.nan
     identity = {name: _described(name, each) for name, each in arrays.items()}
     identity["omega0"] = _described("omega0", omega0, few=0)
@@ -353,10 +360,10 @@ def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
         zarr.consolidate_metadata(store)
 
 
-def _compute(tile: States, options: Options, where: Where, arrays: Any) -> None:
+def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> None:
     """Compute and write a tile, in pieces that fill a chunk, its `status` last."""
-    (method, steps, every, functions), map, row = options, map_of(tile.body), 0
-    march, rows = March(map.methods[method], tile), arrays[map.variable].chunks[0]
+    (method, steps, every, functions), map, row = options, tile.map, 0
+    march, rows = March(tile, method), arrays[map.variable].chunks[0]
     for saved, turns in march.pieces(steps, every or 0, rows):
         found = {map.variable: saved} if turns is None else {map.variable: saved, "attitude": turns}
         found |= {name: _values(name, f, saved) for name, f in functions.items()}
@@ -367,9 +374,9 @@ def _compute(tile: States, options: Options, where: Where, arrays: Any) -> None:
         arrays[name][where] = getattr(march, name)
 
 
-def _tile(whole: States, where: Where) -> States:
+def _tile(whole: Problem, where: Where) -> Problem:
     """Return a part of the batch, whose initial states are read."""
-    body, omega0, eps, *_, turns = whole
+    _, body, omega0, eps, *_, turns = whole
     for axis, part in enumerate(_along(body.shape, where)):
         body = body._part(axis, part)
     if isinstance(omega0, RandomStarts):

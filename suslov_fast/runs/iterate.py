@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, instance, integer, one_of, wrong
-from ..core import quantities as formulas
-from ..engine.arguments import BodyIn3D, BodyOrField, RandomStarts, check
+from ..checks import FloatArray, integer, wrong
+from ..engine.arguments import BodyOrField, RandomStarts, check
 from ..engine.status import OnSingular, report_failures
 from ..engine.stretches import March, Progress
 from ..maps import map_of
@@ -49,10 +48,10 @@ def step(
     array([1.013781, 0.372248])
     """
     map = map_of(body)
-    states = check(body, (), omega, eps, threads)
-    if isinstance(body, BodyIn3D):
-        return reported(states, formulas.step(*body.parameters, states.eps, states.omega))
-    march = March(map.methods["auto"], states)
+    problem = check(map, body, omega, eps, threads)
+    if "step" in map.formulas:
+        return reported(problem, map.formulas["step"].compute(problem))
+    march = March(problem)
     march.to(1)
     report_failures(march, "warn", since=1)  # those at step 0 are NaN as given
     return march.final
@@ -131,12 +130,11 @@ def iterate(
     >>> orbit.final.round(6)
     array([ 0.873325, -1.093093])
     """
-    methods = map_of(body).methods
-    one_of("method", method, methods)
-    states = check(body, (), omega0, eps, threads, name="omega0", attitude=attitude)
-    if type(states.eps) is not float:  # a copy, for the run
-        states = states._replace(eps=np.array(states.eps))
-    march, counts = March(methods[method], states), checked_counts(steps, save_every)
+    map = map_of(body, method)
+    problem = check(map, body, omega0, eps, threads, name="omega0", attitude=attitude)
+    if type(problem.eps) is not float:  # a copy, for the run
+        problem = problem._replace(eps=np.array(problem.eps))
+    march, counts = March(problem, method), checked_counts(steps, save_every)
     return run_to_end(march, method, *counts, on_singular, progress, out)
 
 
@@ -177,12 +175,13 @@ def step_full(
     >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)
     array([ 0.9897  ,  0.406546, -0.1     ])
     """
-    instance("body", body, Suslov3D)
+    map = map_of(body)
+    scheme = map.formula("step_full", body)
     if I3 is not None:
         body = replace(body, I3=I3)
     elif body.I3 is None:
         raise wrong("I3", "a number, or a body whose I3 is set", "neither", TypeError)
     labels = "Omega1", "Omega2", "Omega3"
-    states = check(body, Suslov3D, omega, eps, components=labels)
-    found = formulas.step_full(*body.parameters[:4], body.I3, states.eps, states.omega)
-    return reported(states, found)
+    problem = check(map, body, omega, eps, components=labels)
+    values = scheme.compute(*body.constants[:4], body.I3, problem.eps, problem.omega)
+    return reported(problem, values)

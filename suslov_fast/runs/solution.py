@@ -1,26 +1,21 @@
 """The closed form: any state of the map and of the flow, and the limits of orbits.
 
-For n > 3, states of a body with a closed form stay in the plane of I and omega0. With the values
-b of J along I and a across it, the component s of omega along I, and the length r of the remainder,
-whose direction is constant, (s, r) is a state of the body I1 = b, I2 = a, I13 = 0, I23 = abs(I).
+Bodies in n dimensions that have one are reduced to three, see `formulas`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..bodies.field import QuadraticField
-from ..bodies.nd import SuslovND, check_known
-from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, real_number, warn, wrong
 from ..core import closed_form
-from ..engine.arguments import AnyBody, States, check, flat_arrays, parameters_of, require
+from ..engine.arguments import AnyBody, by_constants, flat_arrays, require
 from ..engine.status import SingularStepWarning
 from ..engine.threads import call_kernel
+from ..maps import problem
 
 # States in a call of the kernel, between which Python handles Ctrl-C; and costs of entering an
 # orbit, and of a state, in steps of the three-dimensional map.
@@ -137,8 +132,9 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatAr
     >>> omega_minus.round(6), omega_plus.round(6)
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
-    _, plane, leave = _in_plane("limits", body, omega0, eps)
-    minus, plus = closed_form.limits(*plane.body.parameters, plane.eps, plane.omega)
+    given, reduction = problem("limits", body, omega0, eps, name="omega0")
+    plane, leave = reduction.compute(given)
+    minus, plus = closed_form.limits(*plane.body.constants, plane.eps, plane.omega)
     return leave(minus), leave(plus)
 
 
@@ -149,10 +145,11 @@ def _states_at(
     times = np.asarray(real_number(name, value))
     if times.ndim > 1:
         raise wrong(name, "a number or a 1-D array", f"shape {times.shape}")
-    start, plane, leave = _in_plane(function, body, omega0, eps, threads)
+    start, reduction = problem(function, body, omega0, eps, threads, name="omega0")
+    plane, leave = reduction.compute(start)
     batch, threads, all_times = plane.batch, plane.threads, times.reshape(-1)
     flat = flat_arrays(plane.omega, batch)
-    given = parameters_of(plane.body, plane.eps, batch), flat, float(name == "n")
+    given = by_constants(plane.body, plane.eps, batch), flat, float(name == "n")
     require(8 * times.size * flat.size, "compute fewer states at a time")
     states, reasons = np.empty((times.size, *flat.shape)), np.zeros((3, len(flat)), bool)
     rows = max(_SLICE // max(len(flat), 1), 1)
@@ -164,45 +161,7 @@ def _states_at(
         for flags, (what, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():
                 warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {what}", category)
-    states = leave(states.reshape(*times.shape, *batch, 2))
-    if isinstance(body, SuslovND):
-        states[times == 0.0] = start
+    states = np.asarray(leave(states.reshape(*times.shape, *batch, 2)))
+    if plane is not start:
+        states[times == 0.0] = start.omega
     return states
-
-
-def _in_plane(
-    name: str, body: Any, omega0: Any, eps: Any, threads: int | None = None
-) -> tuple[FloatArray, States, Callable[[FloatArray], FloatArray]]:
-    """Return checked states, their reduction to three dimensions, and the function that undoes it.
-
-    A body without a known closed form raises an error.
-    """
-    if isinstance(body, QuadraticField):
-        received = "QuadraticField, for which no closed form is known: use iterate"
-        raise wrong("body", "Suslov3D, SuslovND or SuslovGyrostat", received, TypeError)
-    given = check(body, AnyBody, omega0, eps, threads, name="omega0")
-    omega = given.omega
-    if not isinstance(body, SuslovND):
-        return omega, given, lambda states: states
-    check_known(body, name)
-    J, I = np.broadcast_arrays(body.J, body.I)
-    if body.dimension == 2:
-        plane = {"I1": J[..., 0], "I2": J[..., 1], "I13": -I[..., 1], "I23": I[..., 0]}
-        return omega, given._replace(body=Suslov3D._of(plane)), lambda states: states
-    length = np.sqrt((I * I).sum(axis=-1))
-    unit = I / np.where(length > 0.0, length, 1.0)[..., None]
-    along = (unit * omega).sum(axis=-1)
-    across = omega - along[..., None] * unit
-    size = abs(across).max(axis=-1, keepdims=True)  # whose square may be out of range
-    rest = size[..., 0] * np.linalg.norm(across / np.where(size > 0.0, size, 1.0), axis=-1)
-    order = abs(I).argsort(axis=-1)
-    a, b = (np.take_along_axis(J, order[..., k, None], axis=-1)[..., 0] for k in (0, -1))
-
-    def leave(states: FloatArray) -> FloatArray:
-        ratio = states[..., 1] / np.where(rest > 0.0, rest, 1.0)
-        found: FloatArray = states[..., :1] * unit + ratio[..., None] * across
-        return found
-
-    reduced = Suslov3D._of({"I1": b, "I2": a, "I13": np.zeros(()), "I23": length})
-    reduction = given._replace(body=reduced, omega=np.stack([along, rest], axis=-1))
-    return omega, reduction, leave

@@ -12,11 +12,11 @@ import numpy as np
 
 from ..checks import extra, instance, wrong
 from ..engine.status import Status
-from ..maps import body_from_dict
+from ..maps import body_from_dict, class_named, map_of, named
 
 PathLike = str | os.PathLike[str]
 
-FORMAT = 8
+FORMAT = 9
 _ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"
 _NUMBERS = "method", "steps", "save_every"
 # Axes of a parameter of a body after those of the batch; the first is also that of states.
@@ -34,9 +34,12 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
         message = "expected the name of a new file, or overwrite=True, got one that exists"
         raise FileExistsError(errno.EEXIST, message, os.fspath(path))
     about = {"format": FORMAT, "version": __version__}
-    about |= {name: getattr(run, name) for name in _NUMBERS}
+    about |= {"map": run.map.name, **{name: getattr(run, name) for name in _NUMBERS}}
+    described = run.body.to_dict()
+    if class_named(described["body"]) is not type(run.body):
+        raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
     arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}
-    arrays |= {"about": json.dumps(about), "body": json.dumps(run.body.to_dict())}
+    arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
     new = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:
         with open(new, "xb") as file:
@@ -62,11 +65,14 @@ def load(path: PathLike) -> dict[str, Any]:
         run: dict[str, Any] = {each: found.get(each) for each in _ARRAYS}
         run |= {each: about[each] for each in _NUMBERS}
         body, eps = body_from_dict(json.loads(str(found["body"]))), found["eps"]
+        map = named(about["map"])
+        if map_of(body, about["method"]) is not map:
+            raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
         rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
         shape = rows, *run["status"].shape, body.dimension
         if run["states"].shape != shape:
             raise wrong("states", f"shape {shape}", run["states"].shape)
-        return run | {"body": body, "eps": float(eps) if eps.ndim == 0 else eps}
+        return run | {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
     except (OSError, MemoryError):
         raise
     except Exception as error:  # from NumPy, zipfile or json
@@ -90,7 +96,7 @@ def to_xarray(
     from .. import __version__
 
     xarray = extra("xarray", "xarray")
-    map, body, count = run._map, run.body, run.status.ndim
+    map, body, count = run.map, run.body, run.status.ndim
     arrays = {"eps": np.asarray(run.eps), **body._arrays}
     parameters = {  # each with all axes of the batch first
         name: np.array(each, ndmin=count + body._axes.get(name, 0))
@@ -114,7 +120,7 @@ def to_xarray(
         each = xarray.Variable((*batch, *_COMPONENTS[: array.ndim - count]), array)
         common = [axis for axis in batch if each.sizes[axis] == 1 and axis != name]
         variables[name] = each.squeeze(common)
-    attributes = {"title": map.title, "version": __version__}
+    attributes = {"title": map.title, "map": map.name, "version": __version__}
     attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
     dataset = xarray.Dataset(variables, attrs=attributes)
     dataset = dataset.set_coords([*body._coordinates, *({*batch} & {*parameters})])
@@ -142,7 +148,7 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
     names = [dims] if isinstance(dims, str) else list(dims)
     if len(names) != count or len({*names}) != count or not all(isinstance(n, str) for n in names):
         raise wrong("dims", f"a name for each of the {count} axes of the batch", repr(dims))
-    if clashing := sorted({*TAKEN, run._map.variable} & {*names}):
+    if clashing := sorted({*TAKEN, run.map.variable} & {*names}):
         raise wrong("dims", "names that are not taken", ", ".join(clashing))
     for axis, name in enumerate(names):
         if name in parameters and run.status.shape[axis] > 1 and alone.get(name) != axis:

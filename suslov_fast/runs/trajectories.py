@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from importlib import import_module
@@ -14,37 +13,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, integer, one_of
-from ..engine.arguments import BodyOrField, States, checked_out, thread_count
+from ..engine.arguments import BodyOrField, Problem, checked_out, thread_count
 from ..engine.status import ON_SINGULAR, OnSingular, report_failures
-from ..engine.stretches import March, Progress, reporter
-from ..maps import Map, map_of
+from ..engine.stretches import March, Progress, Progressed, reporter
+from ..maps import Map
 
 if TYPE_CHECKING:
     import xarray
 
-# Methods that evaluate a public function for the saved states; a run has those of its map.
-_FUNCTIONS = "first_integral", "energy", "modified_energy", "criticality", "to_xy", "reaction"
 
-
-def _quantity(name: str, with_eps: bool = True) -> Callable[[Trajectories], FloatArray]:
+def _quantity(name: str) -> Callable[[Trajectories], FloatArray]:
     """Return the method that evaluates a public function for the saved states."""
 
     def method(self: Trajectories) -> FloatArray:
-        function = getattr(import_module("suslov_fast"), name)
-        values: FloatArray = function(self.body, self.states, *(self.eps,) * with_eps)
-        return values
+        return self._value(name, self.states)
 
     method.__name__, method.__qualname__ = name, f"Trajectories.{name}"
     method.__doc__ = f"Return :func:`suslov_fast.{name}` of the saved states, shape (n_saved, ...)."
+    _QUANTITIES.add(name)
     return method
+
+
+# Names of these methods; a run has those of its map.
+_QUANTITIES: set[str] = set()
 
 
 def _states(name: str, what: str) -> Any:
     """Return the property of the saved states under the name that only some maps have."""
 
     def states(self: Trajectories) -> FloatArray:
-        if name != self._map.variable:
-            raise AttributeError(f"{name}: expected {self._map.variable}, as states are called")
+        if name != self.map.variable:
+            raise AttributeError(f"{name}: expected {self.map.variable}, as states are called")
         return self.states
 
     return property(states, doc=f"The saved states, if they are {what}.")
@@ -61,6 +60,8 @@ class Trajectories:
         a field, and ``np.asarray(run)`` are the same array.
     body, eps, method, steps, save_every
         The arguments of :func:`iterate`; `steps` with those of :meth:`extend`.
+    map : Map
+        The record of the map, which says what the run has.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
@@ -89,6 +90,7 @@ class Trajectories:
     states: FloatArray
     eps: float | FloatArray
     body: BodyOrField
+    map: Map
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
     final: FloatArray
@@ -141,24 +143,26 @@ class Trajectories:
         if self._carry is None:
             raise ValueError("extend: expected a run of iterate or Trajectories.load, got a copy")
         total, batch = self.steps + integer("steps", steps, 0), self.status.shape
-        states = States(self.body, self.final, self.eps, batch, thread_count(threads))
-        march = March(self._map.methods[self.method], states)
-        march.n, march.carry, march.turned = self.steps, self._carry.copy(), copy(self._turned)
-        march.final, march.status = self.final.copy(), self.status.copy()
-        march.failed_at = self.failed_at.copy()
+        problem = Problem(self.map, self.body, self.final, self.eps, batch, thread_count(threads))
+        reached = Progressed(
+            self.steps, self.final, self.status, self.failed_at, self._carry, self._turned
+        )
+        march = March(problem, self.method, reached)
         about = self.method, total, self.save_every
         return run_to_end(march, *about, on_singular, progress, earlier=self)
 
-    @property
-    def _map(self) -> Map:
-        return map_of(self.body)
+    def _value(self, name: str, states: FloatArray) -> FloatArray:
+        """Return a function of states of the map of this run."""
+        from ..quantities.evaluation import evaluate
+
+        return evaluate(name, self.body, states, self.eps, map=self.map)
 
     omega = _states("omega", "angular velocities")
     x = _states("x", "those of a field")
 
     def __dir__(self) -> list[str]:
-        other = "x" if self._map.variable == "omega" else "omega"
-        hidden = {other, *_FUNCTIONS} - {*self._map.functions(self.body)}
+        other = "x" if self.map.variable == "omega" else "omega"
+        hidden = {other, *_QUANTITIES} - {*self.map.functions(self.body)}
         return [name for name in super().__dir__() if name not in hidden]
 
     def __len__(self) -> int:
@@ -201,10 +205,10 @@ class Trajectories:
         return bool((self.status >= 0).all())
 
     first_integral = _quantity("first_integral")
-    energy = _quantity("energy", with_eps=False)
+    energy = _quantity("energy")
     modified_energy = _quantity("modified_energy")
     criticality = _quantity("criticality")
-    to_xy = _quantity("to_xy", with_eps=False)
+    to_xy = _quantity("to_xy")
     reaction = _quantity("reaction")
 
     def plot(
@@ -272,7 +276,7 @@ class Trajectories:
         low, high = np.min(self.eps, initial=np.inf), np.max(self.eps, initial=-np.inf)
         eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
         return (
-            f"Trajectories({self._map.variable}: {self.states.shape}, n: {steps}, eps: {eps}, "
+            f"Trajectories({self.map.variable}: {self.states.shape}, n: {steps}, eps: {eps}, "
             f"failed: {failed} of {self.status.size})"
         )
 
@@ -302,8 +306,9 @@ def run_to_end(
         turns = None if turns is None else np.concatenate([earlier.attitude, turns])
     found = {
         "states": saved,
-        "eps": march.states.eps,
-        "body": march.states.body,
+        "eps": march.problem.eps,
+        "body": march.problem.body,
+        "map": march.problem.map,
         "status": march.status,
         "failed_at": march.failed_at,
         "final": march.final,

@@ -92,6 +92,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
     failed_at = int(run.failed_at) if status < 0 else None
     F, t = run.first_integral(), float(run.criticality()[0])
     before, after = limits(body, start, eps)
+    without_rotor = Suslov3D(*parameters[:4])
     R = 2.0 * float(np.sqrt(body.I1 * body.I2 * F[0]))
     return {
         "version": __version__,
@@ -115,8 +116,10 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
             "F": F[0],
             "drift": np.fmax.reduce(abs(F / F[0] - 1.0)),
             "energy": run.energy()[0],
-            "scattering_angle": scattering_angle(body) if isinstance(body, Suslov3D) else None,
-            "I3": Suslov3D(*parameters[:4]).admissible_I3(),
+            "scattering_angle": None
+            if parameters.k
+            else scattering_angle(Suslov3D(*parameters[:4])),
+            "I3": without_rotor.admissible_I3(),
             "omega_minus": before,
             "omega_plus": after,
         },
@@ -141,7 +144,7 @@ def _regime(body: BodyIn3D, start: list[float], eps: float, t: float, status: St
     if rotation_number(body, start, eps):
         return "rotor"
     if abs(t) >= 1:
-        return "at" if abs(t) == 1 and isinstance(body, Suslov3D) else "above"
+        return "at" if abs(t) == 1 and body.constants[-1] == 0.0 else "above"
     return "ahead" if abs(t) > _FOLLOWS else "below"
 
 

@@ -14,8 +14,9 @@ from urllib.parse import unquote, urlencode
 
 from numpy.typing import ArrayLike
 
-from ...checks import instance, states, wrong
+from ...checks import states, wrong
 from ...engine.arguments import BodyIn3D
+from ...maps import map_of
 from .scene import PAGE, Parameters, answer, parse_query
 
 _ADDRESS = "127.0.0.1"
@@ -159,12 +160,12 @@ def explore(
     True
     >>> page.close()
     """
-    instance("body", body, BodyIn3D)
+    constants = map_of(body).formula("explore", body).compute(body)
     state = states("omega0", omega0, body._labels)
     if body.shape or state.ndim != 1:
         raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
     extent = 1.5 * float(abs(state).max()) or 1.0
-    values = *map(float, body.parameters), eps, *state.tolist(), steps, extent
+    values = *map(float, constants), eps, *state.tolist(), steps, extent
     query = urlencode(Parameters(*values)._asdict())
     parse_query(query)  # checks the numbers
     return Page(query)

@@ -1,0 +1,280 @@
+"""What public functions of a state need of a map: a `Formula` for each, which records name.
+
+A formula of a function that returns one value for each state takes a checked problem and returns
+the values; what the others take and return is said where they are made.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bodies.nd import check_known
+from .bodies.rigid import Suslov3D
+from .checks import FloatArray, wrong
+from .core import quantities, quantities_field, tangent
+from .core.numba import Universal
+from .engine.arguments import Problem, by_field, flat_arrays
+from .engine.stretches import states_after
+from .engine.threads import call_kernel
+
+# Work between two stretches of a run, where Ctrl-C is heard, in operations.
+_STRETCH = 2**26
+# How states turn a body, the formula of `attitude`: they are Omega1 and Omega2, or Omega_in.
+AXIAL, IN_ROWS = True, False
+
+
+class Formula(NamedTuple):
+    """What a public function needs of a map."""
+
+    compute: Any
+    check: Callable[[Any], None] | None = None  # raises an error for a body without the quantity
+    poles: bool = False  # infinite values are values, else missing ones
+
+
+def by_constants(formula: Universal, problem: Problem) -> Any:
+    """Return the values of a universal function of the constants of a body, eps and omega."""
+    return formula(*problem.body.constants, problem.eps, problem.omega)
+
+
+def by_terms(
+    formula: Universal, problem: Problem, terms: Any = None, after: FloatArray | None = None
+) -> FloatArray:
+    """Return the values of a formula of the terms of a field, or of others.
+
+    It takes the states, and those `after` them. A single field takes the states along the last axis
+    of the batch in one call.
+    """
+    body, batch = problem.body, problem.batch
+    states = [problem.omega] if after is None else [problem.omega, after]
+    arrays = [np.broadcast_to(each, (*batch, body.dimension)) for each in states]
+    arrays.insert(0, np.broadcast_to(problem.eps, batch))
+    in_rows = bool(batch) and not body.shape
+    if not in_rows:
+        arrays = [np.expand_dims(each, len(batch)) for each in arrays]
+    values: FloatArray = formula(*(body.terms if terms is None else terms), *arrays)
+    return values if in_rows else values.squeeze(axis=len(batch))
+
+
+def of_constants(names: str, **options: Any) -> dict[str, Formula]:
+    """Return formulas of the constants of a body, by the names of public functions.
+
+    In `core.quantities` they have these names.
+    """
+    functions = {name: getattr(quantities, name) for name in names.split()}
+    return {n: Formula(partial(by_constants, f), **options) for n, f in functions.items()}
+
+
+# -------------------------------------------------------------------- of Kahan's map of any field
+def _check_hamiltonian(body: Any) -> None:
+    if body.field().H is None:
+        expected = "a field with a Hamiltonian, made by QuadraticField.from_hamiltonian"
+        raise wrong("body", expected, "one without", TypeError)
+
+
+def _energy(problem: Problem) -> FloatArray:
+    return by_terms(quantities_field.energy, problem, problem.body.field().H.terms)
+
+
+def _modified_energy(problem: Problem) -> FloatArray:
+    places, values = problem.body.field().H.terms  # symmetric: x_next in each of the places
+    terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)
+    return by_terms(quantities_field.cubic_form, problem, terms, states_after(problem))
+
+
+def _rates(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
+    """Return the eigenvalues (..., D) of f' (..., D, D) at steady states, for `multipliers`."""
+    return np.linalg.eigvals(slopes).astype(complex)
+
+
+def _growth(problem: Problem, start: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
+    """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
+    start = flat_arrays(start, problem.batch)
+    arguments, (B, D) = by_field(problem.body, problem.eps, problem.batch), start.shape
+    sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, D + D * D))
+    after = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
+    cost = 4 * D**3 + arguments[0].shape[-1]
+    width = max(min(B, _STRETCH // cost), 1)
+    length = max(_STRETCH // (cost * width), 1)
+    for begin, first in product(range(0, B, width), range(0, steps, length)):
+        span = begin, min(begin + width, B), first, min(first + length, steps)
+        before = arguments, start, carry, span
+        call_kernel(tangent.growth, cost * width * length, problem.threads, *before, *after)
+    return sums, of_det
+
+
+# Those of Kahan's map of any field; a body has the terms of its field.
+KAHAN = {
+    "vector_field": Formula(partial(by_terms, quantities_field.vector_field)),
+    "matrix": Formula(partial(by_terms, quantities_field.matrix)),
+    "jacobian": Formula(partial(by_terms, quantities_field.jacobian)),
+    "multipliers": Formula(_rates),
+    "lyapunov_exponents": Formula(_growth),
+    "energy": Formula(_energy, _check_hamiltonian),
+    "modified_energy": Formula(_modified_energy, _check_hamiltonian),
+    "invariant_density": Formula(
+        partial(by_terms, quantities_field.invariant_density), _check_hamiltonian, poles=True
+    ),
+}
+
+
+# ------------------------------------------------------------------------------ in three dimensions
+def _rates_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
+    """Return those of `_rates`, of which that along a line of steady states is 0."""
+    (I1, I2, _, _, k), x = problem.body.constants, problem.omega
+    trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
+    root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
+    return np.asarray(0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0]))
+
+
+def _rates_in_3d(problem: Problem, slopes: FloatArray) -> FloatArray:
+    return _rates_of_gyrostat(problem, slopes).real
+
+
+def whole_states(problem: Problem) -> FloatArray:
+    """Return the states of the whole batch, with 0 for the constrained component."""
+    free = np.broadcast_to(problem.omega, (*problem.batch, problem.body.dimension))
+    return np.concatenate([free, abs(0.0 * free[..., :1])], axis=-1)
+
+
+def wedge(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a b^T - b a^T."""
+    product = a[..., :, np.newaxis] * b[..., np.newaxis, :]
+    return np.asarray(product - product.swapaxes(-2, -1)) + 0.0  # no -0.0
+
+
+def _matrix_in_3d(problem: Problem) -> FloatArray:
+    in_rows = whole_states(problem)[..., [1, 0, 2]] * [1.0, -1.0, 1.0]
+    return wedge(in_rows, np.eye(3)[-1])
+
+
+def _momentum_in_3d(problem: Problem) -> FloatArray:
+    I1, I2, I13, I23, k = problem.body.constants
+    w1, w2, _ = np.moveaxis(whole_states(problem), -1, 0)
+    return np.stack([I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k], axis=-1)
+
+
+def _itself(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
+    """Return the problem of a body in three dimensions with these states, and the way back."""
+    return problem, lambda states: states
+
+
+def _constants(body: Any) -> Any:
+    return body.constants
+
+
+GYROSTAT = {
+    **KAHAN,
+    **of_constants(
+        "first_integral energy modified_energy criticality rotation_number reaction "
+        "vector_field matrix jacobian step"
+    ),
+    **of_constants("invariant_density", poles=True),
+    **dict.fromkeys(("exact", "flow", "limits"), Formula(_itself)),
+    **dict.fromkeys(("plot_phase", "animate_body", "explore", "frame"), Formula(_constants)),
+    "multipliers": Formula(_rates_of_gyrostat),
+    "attitude": Formula(AXIAL),
+    "to_matrix": Formula(_matrix_in_3d),
+    "to_vector": Formula(whole_states),
+    "momentum": Formula(_momentum_in_3d),
+}
+IN_3D = {
+    **GYROSTAT,
+    **of_constants("to_xy from_xy closed_form"),
+    "step_full": Formula(quantities.step_full),
+    "scattering_angle": Formula(_constants),
+    "multipliers": Formula(_rates_in_3d),
+}
+
+
+# ---------------------------------------------------------------------------------- in n dimensions
+def _reaction_nd(problem: Problem) -> FloatArray:
+    body, omega = problem.body, problem.omega
+    after = states_after(problem) if np.any(problem.eps) else omega
+    values: FloatArray = quantities.reaction_between(body.J, body.I, omega, after)
+    return values
+
+
+def _rates_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
+    """Return those of `_rates`: of f' = (I.x) J**-1 P they are those of (I.x) B^T B.
+
+    B = P J**-1/2, and P projects on the vectors orthogonal to I: singular values of B keep their
+    digits, beside large ones.
+    """
+    body, x = problem.body, problem.omega
+    length = np.linalg.norm(body.I, axis=-1, keepdims=True)
+    unit = body.I / np.where(length > 0.0, length, 1.0)
+    P = np.eye(body.dimension) - unit[..., :, np.newaxis] * unit[..., np.newaxis, :]
+    roots = np.linalg.svd(P / np.sqrt(body.J)[..., np.newaxis, :], compute_uv=False)
+    roots[..., -1] = 0.0
+    return np.asarray((body.I * x).sum(axis=-1, keepdims=True) * roots * roots)
+
+
+def _matrix_nd(problem: Problem) -> FloatArray:
+    return wedge(whole_states(problem), np.eye(problem.body.dimension + 1)[-1])
+
+
+def _momentum_nd(problem: Problem) -> FloatArray:
+    body, vector = problem.body, whole_states(problem)
+    last = np.eye(body.dimension + 1)[-1]
+    J, I = (np.concatenate([part, 0.0 * part[..., :1]], axis=-1) for part in (body.J, body.I))
+    return wedge(vector, I) + wedge(J * vector, last)
+
+
+def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
+    """Return the problem of a body in three dimensions, and the function that undoes this.
+
+    States stay in the plane of I and omega0. With the values b of J along I and a across it, the
+    component s of omega along I, and the length r of the remainder, whose direction is constant,
+    (s, r) is a state of the body I1 = b, I2 = a, I13 = 0, I23 = abs(I).
+    """
+    body, omega = problem.body, problem.omega
+    J, I = np.broadcast_arrays(body.J, body.I)
+    if body.dimension == 2:
+        plane = {"I1": J[..., 0], "I2": J[..., 1], "I13": -I[..., 1], "I23": I[..., 0]}
+        return problem._replace(body=Suslov3D._of(plane)), lambda states: states
+    length = np.sqrt((I * I).sum(axis=-1))
+    unit = I / np.where(length > 0.0, length, 1.0)[..., None]
+    along = (unit * omega).sum(axis=-1)
+    across = omega - along[..., None] * unit
+    size = abs(across).max(axis=-1, keepdims=True)  # whose square may be out of range
+    rest = size[..., 0] * np.linalg.norm(across / np.where(size > 0.0, size, 1.0), axis=-1)
+    order = abs(I).argsort(axis=-1)
+    a, b = (np.take_along_axis(J, order[..., k, None], axis=-1)[..., 0] for k in (0, -1))
+
+    def leave(states: FloatArray) -> FloatArray:
+        ratio = states[..., 1] / np.where(rest > 0.0, rest, 1.0)
+        values: FloatArray = states[..., :1] * unit + ratio[..., None] * across
+        return values
+
+    reduced = Suslov3D._of({"I1": b, "I2": a, "I13": np.zeros(()), "I23": length})
+    return problem._replace(body=reduced, omega=np.stack([along, rest], axis=-1)), leave
+
+
+def _nd(name: str, compute: Any = None, **options: Any) -> dict[str, Formula]:
+    """Return the formula of a function, by its name; some are known for some bodies only."""
+    if compute is None:
+        compute = partial(by_constants, getattr(quantities, f"{name}_nd"))
+    return {name: Formula(compute, partial(check_known, function=name), **options)}
+
+
+IN_ND = {
+    **KAHAN,
+    **_nd("first_integral"),
+    **_nd("energy"),
+    **_nd("modified_energy"),
+    **_nd("criticality"),
+    **_nd("vector_field"),
+    **_nd("invariant_density", poles=True),
+    **_nd("reaction", _reaction_nd),
+    **_nd("exact", _in_plane),
+    **_nd("flow", _in_plane),
+    **_nd("limits", _in_plane),
+    "multipliers": Formula(_rates_nd),
+    "attitude": Formula(IN_ROWS),
+    "to_matrix": Formula(_matrix_nd),
+    "momentum": Formula(_momentum_nd),
+}

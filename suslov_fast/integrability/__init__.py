@@ -20,6 +20,7 @@ from ..bodies.field import QuadraticField
 from .darboux import cofactors, darboux_polynomials
 from .functions import RationalFunction
 from .growth import Growth, degrees, growth
+from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
 from .maps import RationalMap
 from .rational import rational_map
@@ -30,6 +31,7 @@ from .zoo import zoo
 __all__ = [
     "Growth",
     "HKBasis",
+    "ImplicitIntegral",
     "KahanMap",
     "QuadraticField",
     "RationalFunction",

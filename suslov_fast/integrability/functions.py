@@ -231,16 +231,21 @@ def product_of(
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:
     """Return independent functions of least degree, on which all others depend."""
     chosen: list[RationalFunction] = []
-    rows: list[list[Any]] = []  # the gradients of their logarithms
+    rows: list[list[Any]] = []
     for f in sorted(candidates, key=lambda f: (f.degree, len(str(f)), str(f))):
-        powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
-        n = powers[0][0].context().nvars()
-        x = arithmetic.random_point(n)
-        scales = [(P, e / value_at(P, x)) for P, e in powers]
-        row = [sum(c * value_at(P.derivative(i), x) for P, c in scales) for i in range(n)]
+        row = gradient_of_logarithm(f)
         if flint.nmod_mat([*rows, row], PRIME).rank() > len(rows):
             chosen, rows = [*chosen, f], [*rows, row]
     return tuple(chosen)
+
+
+def gradient_of_logarithm(f: RationalFunction) -> list[Any]:
+    """Return the gradient of log f at the random point of `arithmetic`, modulo its prime."""
+    powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
+    n = powers[0][0].context().nvars()
+    x = arithmetic.random_point(n)
+    scales = [(P, e / value_at(P, x)) for P, e in powers]
+    return [sum(c * value_at(P.derivative(i), x) for P, c in scales) for i in range(n)]
 
 
 def rank_of_quotients(polynomials: Polynomials) -> int:

@@ -1,0 +1,223 @@
+"""First integrals given by relations between few monomials, and their formulas."""
+
+import pickle
+import random
+from fractions import Fraction as F
+from functools import cache
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from suslov_fast import QuadraticField, iterate
+
+pytest.importorskip("flint")
+
+import flint
+
+from suslov_fast.integrability import ImplicitIntegral, kahan, rational_map, zoo
+from suslov_fast.integrability.arithmetic import exponents_up_to
+from suslov_fast.integrability.implicit import (
+    circuits,
+    implicit_integrals,
+    independent_of,
+    written_out,
+)
+from suslov_fast.integrability.relations import counts
+
+ZOO = zoo()
+PAIRS = [(i, j) for i in range(4) for j in range(i + 1, 4)]
+
+
+def top(x):
+    """Clebsch's case: m' = p x a p, p' = p x m with a = (1, 2, 4)."""
+    m, p, a = x[:3], x[3:], (1, 2, 4)
+    after = [((i + 1) % 3, (i + 2) % 3) for i in range(3)]
+    return (
+        *((a[k] - a[j]) * p[j] * p[k] for j, k in after),
+        *(m[k] * p[j] - m[j] * p[k] for j, k in after),
+    )
+
+
+def manakov(x):
+    """M' = [M, W] for 4 x 4 matrices, with W_ij = M_ij (b_i - b_j) / (a_i - a_j)."""
+    a, b = (1, 2, 4, 7), (1, 4, 16, 49)
+    M, W = np.zeros((4, 4), object), np.zeros((4, 4), object)
+    for value, (i, j) in zip(x, PAIRS, strict=True):
+        M[i, j], M[j, i] = value, -value
+        W[i, j], W[j, i] = (s * F(b[i] - b[j], a[i] - a[j]) * value for s in (1, -1))
+    bracket = M @ W - W @ M
+    return [bracket[i, j] for i, j in PAIRS]
+
+
+def three_waves(x):
+    """z_1' = i s_1 conj(z_2 z_3) and so on, with s = (1, 2, -3)."""
+    z, s = [x[:2], x[2:4], x[4:]], (1, 2, -3)
+    after = [((i + 1) % 3, (i + 2) % 3) for i in range(3)]
+    products = [
+        (z[j][0] * z[k][0] - z[j][1] * z[k][1], z[j][0] * z[k][1] + z[j][1] * z[k][0])
+        for j, k in after
+    ]
+    return [part for c, (re, im) in zip(s, products, strict=True) for part in (c * im, c * re)]
+
+
+SYSTEMS = {
+    "Clebsch": (QuadraticField.from_function(top, 6), F(1, 3)),
+    "Kirchhoff": ZOO["Kirchhoff"],
+    "Lagrange": ZOO["Lagrange top"],
+    "so(4)": (QuadraticField.from_function(manakov, 6), F(1, 3)),
+    "three waves": (QuadraticField.from_function(three_waves, 6), F(1, 3)),
+}
+DEGREES = {
+    "Clebsch": [2, 6, 8, 10],
+    "Kirchhoff": [1, 2, 8, 8],
+    "Lagrange": [1, 3, 4, 8],
+    "so(4)": [2, 8, 8, 12],
+    "three waves": [2, 2],
+}
+QUADRATIC = exponents_up_to(2, 6)
+
+
+@cache
+def chosen(name, letter=False):
+    field, eps = SYSTEMS[name]
+    candidates = implicit_integrals(kahan(field, None if letter else eps), QUADRATIC)
+    return [*independent_of((), candidates)]
+
+
+def steps(field, eps, x, count):
+    """States of the map, from (x~ - x) / eps = 2 f((x + x~) / 2) - (f(x) + f(x~)) / 2.
+
+    It is linear in x~: its values at the unit vectors give the matrix.
+    """
+    n = len(x)
+
+    def residual(y):
+        middle = field([(a + b) / 2 for a, b in zip(x, y, strict=True)])
+        ends = zip(x, y, middle, field(x), field(y), strict=True)
+        return [flint.fmpq(*(b - a - eps * (2 * m - (f + g) / 2)).as_integer_ratio())
+                for a, b, m, f, g in ends]  # fmt: skip
+
+    for _ in range(count):
+        zero = residual([F(0)] * n)
+        units = [residual([F(i == j) for i in range(n)]) for j in range(n)]
+        A = flint.fmpq_mat([[units[j][i] - zero[i] for j in range(n)] for i in range(n)])
+        y = A.solve(flint.fmpq_mat([[-a] for a in zero])).entries()
+        x = [F(int(a.p), int(a.q)) for a in y]
+        yield x
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_integrals_of_systems_with_six_variables(name):
+    """They are constant along exact orbits from random points, and independent."""
+    field, eps = SYSTEMS[name]
+    integrals = chosen(name)
+    assert [each.degree for each in integrals] == DEGREES[name]
+    assert len(integrals) == counts(kahan(field, eps), QUADRATIC, 0)[1]
+    rng = random.Random(name)
+    for _ in range(2):
+        x = [F(rng.randrange(1, 20) * rng.choice([-1, 1]), 2) for _ in range(6)]
+        values = [each(x) for each in integrals]
+        assert all(type(value) is F for value in values)
+        for y in steps(field, eps, x, 1):
+            assert [each(y) for each in integrals] == values
+        assert [each([2 * a + 1 for a in x]) for each in integrals] != values
+    h = F(1, 2**30)
+    rows = []
+    for each, value in zip(integrals, values, strict=True):
+        moved = [[a + h * (i == j) for i, a in enumerate(x)] for j in range(6)]
+        slope = np.array([float((each(y) / value - 1) / h) for y in moved])
+        rows.append(slope / abs(slope).max())
+    assert np.linalg.svd(rows)[1][-1] > 1e-3  # the rank of the gradients
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_degrees_on_a_line(name):
+    """A quotient of polynomials of degree d goes through the values on a line, none below."""
+    rng, prime = random.Random(name), 2**61 - 1
+    start, along = ([rng.randrange(-50, 50) for _ in range(6)] for _ in range(2))
+    for each in chosen(name):
+        count = 2 * each.degree + 4
+        points = [[a + t * b for a, b in zip(start, along, strict=True)] for t in range(count)]
+        values = [each(x) for x in points]
+        residues = [v.numerator * pow(v.denominator, -1, prime) for v in values]
+
+        def relations(degree, residues=residues):
+            rows = [
+                [t**k * factor for factor in (1, -value) for k in range(degree + 1)]
+                for t, value in enumerate(residues)
+            ]
+            return flint.nmod_mat(rows, prime).nullspace()[1]
+
+        assert (relations(each.degree - 1), relations(each.degree)) == (0, 1)
+
+
+def test_short_formulas_are_written_out():
+    field, eps = SYSTEMS["Lagrange"]
+    *integrals, long = chosen("Lagrange")
+    x = [F(k * k - 7, 5) for k in range(1, 7)]
+    formulas = [written_out(each) for each in integrals]
+    for each, formula in zip(integrals, formulas, strict=True):
+        (y,) = steps(field, eps, x, 1)
+        assert formula(x) == formula(y)
+        # A constant factor is left out.
+        assert formula(x) / formula([1, 2, 3, 4, 5, 6]) == each(x) / each([1, 2, 3, 4, 5, 6])
+        assert formula.degree == each.degree
+    assert written_out(long) is None
+    candidates = implicit_integrals(long.map, QUADRATIC)
+    (rest,) = independent_of(formulas, candidates)
+    assert rest.degree == long.degree
+
+
+def test_eps_as_a_letter():
+    field, eps = SYSTEMS["Lagrange"]
+    letters = chosen("Lagrange", letter=True)
+    assert [each.degree for each in letters] == DEGREES["Lagrange"]
+    x = [F(k * k - 7, 5) for k in range(1, 7)]
+    for letter, number in zip(letters, chosen("Lagrange"), strict=True):
+        assert letter(x, eps=eps) == number(x)
+        with pytest.raises(TypeError, match="eps: expected a number"):
+            letter(x)
+    formula = written_out(letters[1])
+    assert "eps" in str(formula)
+    (y,) = steps(field, eps, x, 1)
+    assert formula(x, eps) == formula(y, eps)
+
+
+def test_floats_along_a_run():
+    """Floats are exact numbers: along a run values differ by rounding of its states."""
+    field, eps = SYSTEMS["so(4)"]
+    run = iterate(field, [0.3, -0.7, 0.5, 0.9, 0.2, -0.4], float(eps), steps=60, save_every=20)
+    for each in chosen("so(4)"):
+        values = [each(x) for x in run.x]
+        assert each([F(a) for a in run.x[1]]) == values[1]
+        assert max(abs(value / values[0] - 1) for value in values) < 1e-11
+
+
+def test_points_without_a_value():
+    integral = chosen("Clebsch")[2]
+    with pytest.raises(ZeroDivisionError, match="more relations"):
+        integral([0, 0, 0, 1, 0, 0])  # a steady state
+    with pytest.raises(ValueError, match=r"x: expected shape \(6,\)"):
+        integral([1, 2])
+    map = rational_map(lambda x: (x[1], (x[1] + 3) / x[0]), 2)
+    (curve,) = independent_of((), implicit_integrals(map, exponents_up_to(3, 2)))
+    assert curve(map([2, 7])) == curve([2, 7])
+    with pytest.raises(ZeroDivisionError, match="pole of the map"):
+        curve([0, 1])
+
+
+def test_maps_without_relations():
+    lorenz = kahan(*ZOO["Lorenz"])
+    assert circuits(lorenz, exponents_up_to(2, 3), random.Random(0)) == []
+    assert [*implicit_integrals(lorenz, exponents_up_to(2, 3))] == []
+
+
+def test_texts():
+    integral = chosen("Clebsch")[1]
+    text = "c(x1*x4)/c(x2*x5) of the relation between 1, x1*x4, x2*x5, x3*x6, x4^2, x5^2"
+    assert str(integral) == text
+    assert repr(integral) == f"ImplicitIntegral({text}; degree 6)"
+    assert isinstance(integral, ImplicitIntegral)
+    assert pickle.loads(pickle.dumps(integral)) == integral
+    assert len({*islice(implicit_integrals(integral.map, QUADRATIC), 20)}) == 20

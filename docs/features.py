@@ -34,7 +34,18 @@ BODIES = {
 }
 # What a row has, and its functions, which exist for the same bodies.
 ROWS = (
-    ("", ("step", "vector_field", "matrix", "jacobian", "lyapunov_exponents", "multipliers")),
+    (
+        "",
+        (
+            "step",
+            "crossings",
+            "vector_field",
+            "matrix",
+            "jacobian",
+            "lyapunov_exponents",
+            "multipliers",
+        ),
+    ),
     ("all fixed points, where there are finitely many", ("fixed_points",)),
     ("state n and limits, without steps", ("exact", "limits", "criticality")),
     ("the continuous motion, exactly", ("flow",)),
@@ -52,6 +63,7 @@ ROWS = (
 )
 CONSERVED = {"energy", "modified_energy", "first_integral"}
 GIVEN = {"eps": 0.1, "n": 3, "time": 3.0, "steps": 3, "extent": 1.0}
+GIVEN["surface"] = lambda states: states[..., 0]
 
 
 def call(name, body, state):

@@ -31,6 +31,7 @@ from .quantities.derivatives import multipliers as multipliers
 from .quantities.derivatives import reaction as reaction
 from .quantities.derivatives import vector_field as vector_field
 from .quantities.fixed_points import fixed_points as fixed_points
+from .runs.crossings import Crossings as Crossings
 from .runs.ensemble import ensemble as ensemble
 from .runs.ensemble import open_ensemble as open_ensemble
 from .runs.iterate import iterate as iterate
@@ -39,6 +40,7 @@ from .runs.iterate import step_full as step_full
 from .runs.solution import exact as exact
 from .runs.solution import flow as flow
 from .runs.solution import limits as limits
+from .runs.surface import crossings as crossings
 from .runs.trajectories import Trajectories as Trajectories
 from .space import attitude as attitude
 from .space import momentum as momentum

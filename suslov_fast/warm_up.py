@@ -29,6 +29,7 @@ def call_all() -> None:
         states = rng.uniform(0.1, 1.0, (count, body.dimension))
         states[1::2] = pole
         known = {"body": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
+        known["surface"] = lambda x: x[..., 0] - 0.5
         known |= {"omega": states, "omega0": states, "xy": states, "x": 0.0 * states}
         variants: list[dict[str, Any]] = [{"method": name} for name in map.methods]
         variants += [{}, {"save_every": None}, {"attitude": True}, {"n": [0, 40]}]

@@ -91,7 +91,10 @@ def test_axes_are_taken_and_returned():
         (BODY, 1, {"steps": 300}, False, False),
         (GYROSTAT, 5, {"steps": 100}, None, True),
         (LORENZ, 1, {"steps": 3000, "eps": 1 / 64}, None, True),
-        (LORENZ, 2, {"steps": 20_000, "eps": 1 / 64}, None, False),  # too many to be clear
+        (LORENZ, 2, {"steps": 20_000, "eps": 1 / 64}, None, True),
+        (LORENZ, 2, {"steps": 80_000, "eps": 1 / 64}, None, True),  # pieces
+        (LORENZ, 150, {"steps": 999, "eps": 1 / 64}, None, True),  # some of the orbits
+        (LORENZ, 2, {"steps": 20_000, "eps": 1 / 64}, False, False),  # too many to be clear
     ],
 )
 def test_what_is_drawn_of_a_run(body, states, arguments, lines, joined):
@@ -102,7 +105,20 @@ def test_what_is_drawn_of_a_run(body, states, arguments, lines, joined):
     found, plane = axes.collections, run.states[..., components]
     assert isinstance(found[0], LineCollection) == joined
     if joined:
-        np.testing.assert_array_equal(found[0].get_segments(), np.moveaxis(plane, 1, 0))
+        segments, orbits = found[0].get_segments(), np.moveaxis(plane, 1, 0)
+        drawn = sum(map(len, segments))
+        if plane[..., 0].size <= 100_000:
+            np.testing.assert_array_equal(segments, orbits)
+        else:  # consecutive states of one orbit
+            assert 95_000 < drawn <= 100_000
+            assert f"{drawn:,} of their states" in axes.get_title()
+            begins = {
+                tuple(state): (k, n) for k, o in enumerate(orbits) for n, state in enumerate(o)
+            }
+            for piece in segments:
+                k, n = begins[tuple(piece[0])]
+                np.testing.assert_array_equal(piece, orbits[k, n : n + len(piece)])
+            assert len(segments) == (100 if states == 150 else 20)
     else:
         every, dots = plane.reshape(-1, 2), found[0].get_offsets()
         assert len(dots) == min(len(every), 20_000)
@@ -130,6 +146,60 @@ def test_colours_are_levels_where_there_are_some():
     failed = sf.iterate(BODY, [[1.0, 0.5], [np.nan, 0.0]], 0.2, 5, on_singular="ignore").plot()
     assert len(failed.figure.axes) == 1
     sf.iterate(BODY, np.empty((0, 2)), 0.2, 5).plot()
+
+
+FAMILY = sf.QuadraticField.from_function(
+    lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
+    3,
+    rho=np.linspace(20, 28, 9),
+)
+
+
+def test_families_have_the_colours_of_their_parameter():
+    run = sf.iterate(FAMILY, [1, 1, 20], 1 / 64, 600)
+    axes = run.plot(components=("x1", "x3"))
+    (lines,), bar = axes.collections, axes.figure.axes[1]
+    np.testing.assert_array_equal(lines.get_array(), FAMILY.parameters["rho"])
+    np.testing.assert_array_equal(lines.get_segments(), np.moveaxis(run.x[..., ::2], 1, 0))
+    assert bar.get_ylabel() == "rho"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x_{1}$", "$x_{3}$")
+    axes = sf.iterate(FAMILY[::4], [1, 1, 20], 1 / 64, 100).plot(lines=False)
+    texts = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert texts == ["rho = 20", "rho = 24", "rho = 28"]
+    assert len(axes.figure.axes) == 1
+    sizes = sf.iterate(BODY, [[1.0, 0.5], [0.2, -0.7]], [0.1, 0.2], 9).plot()
+    texts = [text.get_text() for text in sizes.get_legend().get_texts()]
+    assert texts == ["eps = 0.1", "eps = 0.2"]
+    run = sf.iterate(FAMILY[0], np.eye(3), 1 / 64, 600)
+    axes = run.plot(color=[3.0, 1.0, 2.0])
+    np.testing.assert_array_equal(axes.collections[0].get_array(), [3, 1, 2])
+    for wrong in ("rho", "sigma", [1.0, 2.0]):
+        with pytest.raises(ValueError, match=r"^color: expected "):
+            run.plot(color=wrong)
+    for wrong in (("x1", "y"), ("x1",), "x1", (0, 3), 1, ("x1", 0.5)):
+        with pytest.raises((TypeError, ValueError), match=r"^components: expected two integers"):
+            run.plot(components=wrong)
+
+
+def test_crossings_are_drawn():
+    points = sf.crossings(FAMILY, [1, 1, 20], 1 / 64, 3000, lambda x: x[..., 2] - 24)
+    axes = points.plot(components=("x1", 2))
+    (dots,), bar = axes.collections, axes.figure.axes[1]
+    np.testing.assert_array_equal(dots.get_offsets(), points.states[:, ::2])
+    np.testing.assert_array_equal(dots.get_array(), FAMILY.parameters["rho"][points.trajectory])
+    assert bar.get_ylabel() == "rho"
+    assert f"{len(points)} crossings by 9 orbits" in axes.get_title()
+    for name in ("trajectory", "n", "time"):
+        dots = points.plot(color=name).collections[0]
+        np.testing.assert_array_equal(dots.get_array(), getattr(points, name))
+    dots = points.plot(color=points.states[:, 0]).collections[0]
+    np.testing.assert_array_equal(dots.get_array(), points.states[:, 0])
+    for wrong in ("eps", "count", [1.0]):
+        with pytest.raises(ValueError, match=r"^color: expected "):
+            points.plot(color=wrong)
+    assert len(points.of(8).plot().figure.axes) == 1
+    wells = sf.crossings(WELL, [[0.5, 0.0], [-0.5, 0.0]], 0.1, 500, lambda x: x[..., 1])
+    assert "modified energy" in wells.plot().figure.axes[1].get_ylabel()
 
 
 def test_animation():

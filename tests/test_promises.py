@@ -79,6 +79,15 @@ def runs(kinds, **options):
     return Row(call, kinds, timed=(0, 4), threads=True)
 
 
+def first_crossings(body, omega, eps, **options):
+    """Row of what is known of each trajectory that ends at its second crossing."""
+    points = sf.crossings(
+        body, omega, eps, STEPS, lambda x: x[..., 0] - x[..., 1], direction=0, most=2,
+        on_singular="ignore", **options,
+    )  # fmt: skip
+    return points.count, points.status, points.failed_at, points.final
+
+
 def orientations(body, omega, eps, **options):
     run = sf.iterate(body, omega, eps, STEPS, on_singular="ignore")
     return sf.attitude(body, run.omega, eps, **options)
@@ -110,6 +119,7 @@ ROWS = {
     "iterate: last states": runs(EVERY, save_every=None),
     "iterate: orientation": runs("3D gyrostat nD", attitude=True, save_every=2),
     "iterate: gauss": runs("nD", method="gauss"),
+    "crossings": Row(first_crossings, EVERY, threads=True),
     "exact": Row(solutions, "3D gyrostat solved", timed=(1,), threads=True),
     "flow": Row(
         lambda b, w, **o: sf.flow(b, w, TIMES / 8, **o),

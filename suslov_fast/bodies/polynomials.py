@@ -24,7 +24,8 @@ RESERVED = frozenset(
     "quadratic linear constant parameters states status failed_at final method steps save_every "
     "attitude orientation carry ok first_integral energy modified_energy criticality to_xy "
     "reaction extend to_xarray plot save load about format version map title omega0 store "
-    "functions dims coords chunk client progress self cls".split()
+    "functions dims coords chunk client progress self cls crossing before after fraction count "
+    "of".split()
 )
 _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 

@@ -54,19 +54,30 @@ class SingularStepError(ArithmeticError):
     Attributes
     ----------
     trajectories : Trajectories
-        The finished batch, including failed trajectories.
+        The finished batch of :func:`iterate`, including failed trajectories.
+    crossings : Crossings
+        The result of :func:`crossings`, in place of `trajectories`.
     """
 
-    def __init__(self, message: str, trajectories: Any) -> None:
+    trajectories: Any = None
+    crossings: Any = None
+
+    def __init__(self, message: str, result: Any, name: str = "trajectories") -> None:
         super().__init__(message)
-        self.trajectories = trajectories
+        self.result, self.name = result, name
+        setattr(self, name, result)
 
-    def __reduce__(self) -> tuple[type, tuple[str, Any]]:
-        return type(self), (str(self), self.trajectories)
+    def __reduce__(self) -> tuple[type, tuple[str, Any, str]]:
+        return type(self), (str(self), self.result, self.name)
 
 
-def report_failures(run: Any, on_singular: OnSingular, since: int = 0) -> None:
-    """Warn of trajectories of a run, or a march, that failed at step `since` or later, or raise."""
+def report_failures(
+    run: Any, on_singular: OnSingular, since: int = 0, name: str = "trajectories"
+) -> None:
+    """Warn of trajectories of a run, or a march, that failed at step `since` or later, or raise.
+
+    The error holds the run as its attribute `name`.
+    """
     status, failed_at = run.status, run.failed_at
     if (status.item() if status.size == 1 else status.min(initial=0)) >= 0:
         return
@@ -81,6 +92,6 @@ def report_failures(run: Any, on_singular: OnSingular, since: int = 0) -> None:
             )
     message = "; ".join(parts)
     if message and on_singular == "raise":
-        raise SingularStepError(message, run)
+        raise SingularStepError(message, run, name)
     if message and on_singular == "warn":
         warn(message, SingularStepWarning)

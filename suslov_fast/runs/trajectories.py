@@ -183,7 +183,7 @@ class Trajectories:
         if not isinstance(other, Trajectories):
             return NotImplemented
         names = [item.name for item in fields(self) if item.compare]
-        return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
+        return all(equal(getattr(self, name), getattr(other, name)) for name in names)
 
     @cached_property
     def n(self) -> NDArray[np.int64]:
@@ -212,14 +212,23 @@ class Trajectories:
     reaction = _quantity("reaction")
 
     def plot(
-        self, *, components: tuple[int, int] = (0, 1), lines: bool | None = None, ax: Any = None
+        self,
+        *,
+        components: Sequence[int | str] = (0, 1),
+        lines: bool | None = None,
+        color: Any = None,
+        ax: Any = None,
     ) -> Any:
         """Draw the saved states in the plane of two components, and return Matplotlib axes.
 
-        Colours show values of the conserved quantity. `lines` joins consecutive states, by default
-        only where they are close. `ax` are axes to draw on.
+        `components` are their indices or labels, as ``("x1", "x3")``. `lines` joins consecutive
+        states, by default where all are saved and are close. `color` is the name of what gives the
+        colours, a parameter that varies or "eps"; or numbers (...), one for each orbit. By default
+        it is the named parameter of a family, else the level of the conserved quantity. `ax` are
+        axes to draw on. Of many states some are drawn: whole orbits or pieces of them, if joined.
         """
-        return import_module("suslov_fast.plots.orbits").plot_run(self, components, lines, ax)
+        plots = import_module("suslov_fast.plots.orbits")
+        return plots.plot_run(self, components, lines, color, ax)
 
     def to_xarray(
         self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
@@ -324,7 +333,7 @@ def run_to_end(
     return run
 
 
-def _equal(a: Any, b: Any) -> bool:
+def equal(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return np.array_equal(a, b, equal_nan=True)
     return type(a) is type(b) and bool(a == b)

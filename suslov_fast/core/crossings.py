@@ -1,0 +1,56 @@
+"""Where orbits cross a surface s(x) = 0: changes of sign of s from one state to the next.
+
+A value of 0 counts as positive. With a = s(x_n) and b = s(x_{n+1}), an orbit crosses upwards if
+a < 0 <= b, and downwards if b < 0 <= a. The straight line from x_n to x_{n+1} meets the surface, to
+first order, at the fraction a / (a - b) of its length.
+"""
+
+import numpy as np
+
+from .numba import for_users
+
+
+@for_users
+def keep(places, n, values, states, most, counts, integers, numbers):
+    """Write the crossings among changes of sign in a piece of B orbits; return how many.
+
+    A value that is not finite makes no crossing; nor does an orbit that has had `most` of them.
+
+    places     k B + i in ascending order, where the values of orbit i differ in sign after row k
+    n          the number of row 0
+    values     (rows + 1, B), of s
+    states     (rows + 1, B, D)
+    counts     (B,), how many crossings each orbit has had; increased
+    integers   (len(places), 3): the orbit, how many crossings it had before, and n
+    numbers    (len(places), 2 D + 1): the states n and n + 1, and the fraction
+    """
+    (_, B, D), count = states.shape, 0
+    for place in places:
+        k = place // B
+        i = place - k * B
+        a, b = values[k, i], values[k + 1, i]
+        if counts[i] >= most or not (abs(a) < np.inf and abs(b) < np.inf):
+            continue
+        integers[count, 0], integers[count, 1], integers[count, 2] = i, counts[i], n + k
+        for j in range(D):
+            numbers[count, j] = states[k, i, j]
+            numbers[count, D + j] = states[k + 1, i, j]
+        # Of halves where the difference is not finite.
+        scale = 1.0 if abs(a - b) < np.inf else 0.5
+        numbers[count, 2 * D] = scale * a / (scale * a - scale * b)
+        counts[i] += 1
+        count += 1
+    return count
+
+
+@for_users
+def put(integers, numbers, starts, n, before, after, fraction):
+    """Put the crossings of a piece in their places, after `starts` (B,) of each orbit."""
+    D = before.shape[1]
+    for row in range(len(integers)):
+        place = starts[integers[row, 0]] + integers[row, 1]
+        n[place] = integers[row, 2]
+        for j in range(D):
+            before[place, j] = numbers[row, j]
+            after[place, j] = numbers[row, D + j]
+        fraction[place] = numbers[row, 2 * D]

@@ -1,0 +1,394 @@
+"""Crossings are those that a loop over all states of `iterate` finds, bit for bit."""
+
+import pickle
+import threading
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.bodies.polynomials import RESERVED
+from suslov_fast.engine import threads
+from suslov_fast.maps import MAPS
+from suslov_fast.runs import surface as module
+
+LORENZ = sf.QuadraticField.from_function(
+    lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
+    3,
+    rho=28,
+)
+# x'' = -x: states on ellipses around 0.
+OSCILLATOR = sf.QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
+# x' = x^2, from x0 > 0 to a pole, and beyond it from minus infinity to 0.
+BLOW_UP = sf.QuadraticField([[[1]]])
+
+
+def first(x):
+    return x[..., 0]
+
+
+def slow(body, omega0, eps, steps, surface, direction=1, transient=0, most=None):
+    """Find the crossings of each trajectory in all its states, one by one, as defined."""
+    run = sf.iterate(body, omega0, eps, transient + steps, on_singular="ignore")
+    batch, D = run.status.shape, run.states.shape[-1]
+    values = np.asarray(surface(run.states), float).reshape(len(run), -1)
+    states = run.states.reshape(len(run), -1, D)
+    eps = np.broadcast_to(eps, batch).ravel()
+    final = run.final.reshape(-1, D).copy()
+    status, failed_at = run.status.ravel().copy(), run.failed_at.ravel().copy()
+    rows, count = [], []
+    for i in range(values.shape[1]):
+        number = 0
+        for n in range(transient, transient + steps):
+            a, b = float(values[n, i]), float(values[n + 1, i])
+            if not (np.isfinite(a) and np.isfinite(b)):
+                continue
+            up, down = a < 0 <= b, b < 0 <= a
+            if (up and direction >= 0) or (down and direction <= 0):
+                fraction = a / (a - b)
+                before, after = states[n, i], states[n + 1, i]
+                point = before + fraction * (after - before)
+                rows.append((i, n, before, after, fraction, point, (n + fraction) * eps[i]))
+                number += 1
+                if number == most:
+                    final[i] = after
+                    if failed_at[i] > n:
+                        begin = sf.iterate(
+                            body, omega0, eps.reshape(batch), transient, on_singular="ignore"
+                        )
+                        status[i], failed_at[i] = begin.status.ravel()[i], -1
+                    break
+        count.append(number)
+    shapes = (0,), (0,), (0, D), (0, D), (0,), (0, D), (0,)
+    columns = zip(*rows, strict=True) if rows else map(np.empty, shapes)
+    found = dict(zip(COLUMNS, map(np.array, columns), strict=True))
+    return found | {
+        "count": np.reshape(count, batch),
+        "final": final.reshape(*batch, D),
+        "status": status.reshape(batch),
+        "failed_at": failed_at.reshape(batch),
+    }
+
+
+COLUMNS = "trajectory", "n", "before", "after", "fraction", "states", "time"
+
+
+def compare(points, expected):
+    for name, value in expected.items():
+        np.testing.assert_array_equal(getattr(points, name), value, err_msg=name)
+        assert getattr(points, name).shape == value.shape, name
+    assert len(points) == expected["count"].sum()
+
+
+def check(*arguments, **options):
+    points = sf.crossings(*arguments, on_singular="ignore", **options)
+    compare(points, slow(*arguments, **options))
+    return points
+
+
+BATCHES = [
+    (sf.Suslov3D(4, 1, -0.5, -0.3), (30,), [[0.2], [-0.3]], 50),
+    (sf.Suslov3D([4, 3, 2], 1, -0.5, -0.3), (30, 3), 1.7, 40),  # t >= 1: poles are next to orbits
+    (sf.SuslovGyrostat(4, 2, -0.5, -0.3, [[0.4], [2.0]]), (4,), [0.3, 0.2, -0.2, 0.1], 200),
+    (sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), (20, 2), 0.4, 60),
+    (LORENZ, (140,), 1 / 32, 60),
+    (OSCILLATOR, (), -1 / 16, 300),
+]
+
+
+@pytest.mark.parametrize("direction", [1, -1, 0])
+@pytest.mark.parametrize(("body", "batch", "eps", "steps"), BATCHES)
+def test_crossings_are_those_of_all_states(rng, body, batch, eps, steps, direction):
+    omega0 = rng.normal(size=(*batch, body.dimension))
+    if batch:
+        omega0[(0,) * len(batch)] = np.nan
+    shape = np.broadcast_shapes(batch, body.shape, np.shape(eps))
+    level = rng.normal(size=shape) / 5  # a surface for each trajectory
+    options = {"direction": direction, "transient": 2}
+    points = check(body, omega0, eps, steps, lambda x: first(x) - level, **options)
+    assert len(points)
+    assert points.ok == (points.status >= 0).all() == (not batch)
+    assert set(points.of((0,) * len(shape)).trajectory) <= {0}
+
+
+@pytest.mark.parametrize("most", [1, 3])
+def test_trajectories_end(rng, most):
+    """A failure after the end is not told; one before it keeps the crossings."""
+    # x3 comes to a pole after up to 20 steps.
+    field = sf.QuadraticField.from_function(lambda x: (3 * x[1], -3 * x[0], x[2] ** 2), 3)
+    starts = rng.uniform(-1, 1, (60, 3))
+    starts[:, 2] = sf.iterate(BLOW_UP, [2.0], -0.5, 60).x[rng.integers(0, 20, 60), 0]
+    starts[7] = np.nan
+    points = check(field, starts, 0.5, 60, first, direction=0, most=most)
+    ended = points.count == most
+    assert (points.failed_at[ended] == -1).all()
+    assert not np.isnan(points.final[ended]).any()
+    later = sf.iterate(field, starts, 0.5, 60, on_singular="ignore")
+    assert (later.status[ended] < 0).any()
+    assert ((points.status < 0) & (points.count > 0)).any() or most == 1
+
+
+def test_a_supercritical_orbit_that_ends_keeps_its_status(rng):
+    body = sf.Suslov3D(1, 1, 0.25, 0, 1.5)
+    # 4, -12 is a pole of eps = 1; its preimages lead there.
+    back = sf.iterate(body, [4.0, -12.0], -1.0, 6).omega[::-1]
+    starts = back[:4]
+    points = check(body, starts, 1.0, 50, first, direction=0, most=1)
+    every = sf.iterate(body, starts, 1.0, 50, on_singular="ignore")
+    assert set(every.status) <= {sf.Status.SINGULAR, sf.Status.SUPERCRITICAL}
+    assert (points.status[points.count == 1] == sf.Status.SUPERCRITICAL).all()
+
+
+def test_rules_of_zero():
+    """The map x -> x + 1 visits prescribed values of the surface, one after the other."""
+    count_up = sf.QuadraticField.from_function(lambda x: (1,), 1)
+    values = np.array([0, -1, 0, 2, -0.0, -3, -3, 1, np.nan, -1, 1, np.inf, -2, -np.inf, 5, -1e308])
+
+    def surface(x):
+        return values[np.minimum(x[..., 0].astype(int), len(values) - 1)]
+
+    for direction, expected in ((1, [1, 6, 9]), (-1, [0, 4, 14]), (0, [0, 1, 4, 6, 9, 14])):
+        points = check(count_up, [0.0], 1.0, 15, surface, direction=direction)
+        assert points.n.tolist() == expected
+    assert sf.crossings(count_up, [0.0], 1.0, 9, surface, direction=-1).fraction.tolist() == [0, 0]
+    # With 0, an orbit that touches the surface from below crosses twice.
+    touch = sf.crossings(count_up, [0.0], 1.0, 2, lambda x: -((x[..., 0] - 1) ** 2), direction=0)
+    assert (touch.n.tolist(), touch.fraction.tolist()) == ([0, 1], [1, 0])
+    # The difference of the values need not be finite.
+    wide = sf.crossings(count_up, [0.0], 1.0, 2, lambda x: 1.5e308 * np.sign(x[..., 0] - 0.5))
+    assert wide.fraction.tolist() == [0.5]
+
+
+def test_bits_do_not_depend_on_pieces_threads_and_batch(rng, monkeypatch):
+    starts = rng.normal((1, 1, 20), size=(5, 3))
+
+    def surface(x):
+        return x[..., 2] - 27
+
+    whole = sf.crossings(LORENZ, starts, 1 / 64, 700, surface, transient=13)
+    assert len(whole) > 30
+    for piece, states in ((1, 1), (60, 2), (2**10, 1)):
+        monkeypatch.setattr(module, "_PIECE", piece)
+        monkeypatch.setattr(module, "_STATES", states)
+        for most in (None, 10**6):
+            again = sf.crossings(LORENZ, starts, 1 / 64, 700, surface, transient=13, most=most)
+            assert again == whole
+    monkeypatch.undo()
+    for k in range(5):
+        alone = sf.crossings(LORENZ, starts[k], 1 / 64, 700, surface, transient=13, threads=1)
+        assert alone == whole.of(k) == whole.of([k - 5])
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    many = rng.normal((1, 1, 20), size=(300, 3))
+    one = sf.crossings(LORENZ, many, 1 / 64, 200, surface, threads=1)
+    assert sf.crossings(LORENZ, many, 1 / 64, 200, surface, threads=2) == one
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_every_map(name):
+    """States at poles, and random starts."""
+    body, pole = MAPS[name].pole
+    starts = np.vstack([sf.RandomStarts(8, 1.0, seed=3).states(8, dimension=len(pole)), pole])
+    check(body, starts, 1.0, 30, first, direction=0)
+    random = sf.RandomStarts((2, 3), 1.0, seed=5)
+    points = sf.crossings(body, random, 0.1, 30, first, direction=0)
+    assert points == sf.crossings(
+        body, random.states(6, dimension=len(pole)).reshape(2, 3, -1), 0.1, 30, first, direction=0
+    )
+
+
+def test_failures_are_told_once_or_raised_with_the_crossings():
+    body, pole = MAPS["Suslov3D"].pole
+    starts = [[1.0, 0.5], pole, [0.3, 0.2], pole]
+    with pytest.warns(sf.SingularStepWarning) as caught:
+        points = sf.crossings(body, starts, 1.0, 30, first)
+    (warning,) = caught
+    assert str(warning.message) == "2 of 4 trajectories: singular step, first: 1 at step 1"
+    assert warning.filename == __file__
+    assert not points.ok
+    with pytest.raises(sf.SingularStepError, match="singular step, first: 0 at step 1") as caught:
+        sf.crossings(body, pole, 1.0, 5, first, on_singular="raise")
+    assert isinstance(caught.value.crossings, sf.Crossings)
+    assert caught.value.trajectories is None
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert again.crossings == caught.value.crossings
+    with pytest.raises(sf.SingularStepError) as caught:
+        sf.iterate(body, pole, 1.0, 5, on_singular="raise")
+    assert caught.value.trajectories.failed_at == 1
+
+
+@pytest.mark.parametrize(
+    ("omega0", "eps", "steps"),
+    [(np.empty((0, 3)), 0.1, 9), ([1.0, 1, 1], 0.1, 0), ([[1.0, 1, 1]], 0.0, 9)],
+)
+def test_runs_without_crossings(omega0, eps, steps):
+    for options in ({}, {"transient": 4}, {"direction": 0, "most": 2}):
+        points = check(LORENZ, omega0, eps, steps, first, **options)
+        assert len(points) == 0
+        assert points.states.shape == (0, 3)
+        points.to_xarray()
+        points.plot()
+        repr(points)
+
+
+def test_the_surface_is_called_once_with_the_initial_states_and_then_with_pieces():
+    family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[[1], [2], [3]])
+    calls, caller = [], threading.get_ident()
+
+    def surface(x):
+        calls.append((x.copy(), x.flags.writeable, threading.get_ident()))
+        return x[..., 0] - 0.1 * family.parameters["a"]
+
+    starts = np.array([[1.0, 0.0], [0.5, 0.5]])
+    sf.crossings(family, starts, 0.1, 100, surface, transient=7)
+    run = sf.iterate(family, starts, 0.1, 107)
+    assert {(writeable, thread) for _, writeable, thread in calls} == {(False, caller)}
+    begin, *pieces = (x for x, _, _ in calls)
+    np.testing.assert_array_equal(begin, run.x[:1])
+    np.testing.assert_array_equal(np.concatenate(pieces), run.x[7:])
+    calls.clear()
+    sf.crossings(family, starts, 0.1, 5, surface)
+    np.testing.assert_array_equal(np.concatenate([x for x, _, _ in calls]), run.x[:6])
+
+
+class Unlucky(Exception):
+    pass
+
+
+def unlucky(x):
+    raise Unlucky
+
+
+def overwrite(x):
+    x[:] = 0
+    return x[..., 0]
+
+
+@pytest.mark.parametrize(
+    ("surface", "error", "message"),
+    [
+        (3.0, TypeError, "surface: expected a function of states, got float"),
+        (lambda x: x[..., 0] > 1, TypeError, "surface: .* bool: pass the difference, not the comp"),
+        (lambda x: x[..., 0] + 1j, TypeError, "surface: .* complex128"),
+        (lambda x: x[..., 0].astype(object), TypeError, "surface: .* object"),
+        (lambda x: "above", TypeError, "surface: .* <U5"),
+        (lambda x: x, ValueError, r"surface: .* \(1, 2, 3\) for states \(1, 2, 3\)"),
+        (lambda x: 1.0, ValueError, r"surface: .* \(\)"),
+        (lambda x: x[..., :1], ValueError, "surface: "),
+        (unlucky, Unlucky, ""),
+        (overwrite, ValueError, "read-only"),
+    ],
+)
+def test_what_a_surface_may_not_be(surface, error, message, monkeypatch):
+    monkeypatch.setattr(module.March, "to", None)  # no step is taken
+    with pytest.raises(error, match=message if message.startswith("read") else f"^{message}"):
+        sf.crossings(LORENZ, np.ones((2, 3)), 0.1, 10, surface)
+
+
+def test_a_surface_that_changes_its_answer():
+    answers = iter([np.zeros((1, 1)), np.zeros((9, 1), bool)])
+    with pytest.raises(TypeError, match=r"^surface: "):
+        sf.crossings(OSCILLATOR, [[1.0, 0.0]], 0.1, 9, lambda x: next(answers))
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.int8, np.float32])
+def test_integers_and_single_precision_are_taken_as_floats(kind):
+    starts = [[10.0, 0.0], [0.0, 7.0]]
+    assert len(check(OSCILLATOR, starts, 0.1, 99, lambda x: np.trunc(first(x)).astype(kind)))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"direction": 2}, "direction: expected 1, -1 or 0, got 2"),
+        ({"direction": "up"}, "direction: expected 1, -1 or 0, got 'up'"),
+        ({"transient": -1}, "transient: expected an integer from 0"),
+        ({"steps": 1.5}, "steps: expected an integer from 0"),
+        ({"most": 0}, "most: expected None or an integer of at least 1, got 0"),
+        ({"threads": 0}, "threads: expected "),
+        ({"eps": 1j}, "eps: expected "),
+        ({"on_singular": "stop"}, "on_singular: expected "),
+        ({"progress": 3}, "progress: expected "),
+    ],
+)
+def test_bad_arguments(options, message):
+    def surface(x):
+        raise AssertionError
+
+    given = {"eps": 0.1, "steps": 3, "surface": surface} | options
+    with pytest.raises((TypeError, ValueError), match=f"^{message}"):
+        sf.crossings(OSCILLATOR, [1.0, 0.0], **given)
+
+
+def test_progress_stops_where_the_run_ends():
+    done = []
+    arguments = OSCILLATOR, [1.0, 0.0], 0.1, 10_000, first
+    sf.crossings(*arguments, transient=50, progress=lambda *given: done.append(given))
+    assert done[-1] == (10_050, 10_050)
+    assert done == sorted(done)
+    done.clear()
+    points = sf.crossings(*arguments, most=1, progress=lambda *given: done.append(given))
+    assert points.n[0] < done[-1][0] < 1000
+    assert {total for _, total in done} == {10_000}
+
+
+def test_results(rng):
+    family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[[1], [2], [3]])
+    starts = rng.normal(size=(2, 2))
+    points = sf.crossings(family, starts, [[0.1], [0.2], [0.1]], 200, first)
+    for value in (*vars(points).values(), points.states, points.time):
+        if isinstance(value, np.ndarray):
+            assert not value.flags.writeable
+    assert points == pickle.loads(pickle.dumps(points))
+    assert points != sf.crossings(family, starts, [[0.1], [0.2], [0.1]], 201, first, direction=-1)
+    assert points != 1
+    assert len({type(points).__hash__}) == 1
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(points)
+    assert "\n" not in repr(points)
+    assert repr(points).startswith(f"Crossings(x: ({len(points)}, 2), n: ")
+    assert len(points) == points.count.sum()
+    member = points.of((1, -1))
+    assert member.body == family[1][0]
+    assert (member.eps, member.count.shape) == (0.2, ())
+    assert member == sf.crossings(family[1][0], starts[1], 0.2, 200, first)
+    assert member == points.of(np.array([1, 1])) == member.of(())
+    for index in (0, (0, 2), (3, 0), (0, 0, 0), slice(1), (0, slice(1)), "a", (0.5, 0), None):
+        with pytest.raises((IndexError, TypeError), match=r"^index: expected an index of one"):
+            points.of(index)
+
+
+def test_dataset(rng):
+    pytest.importorskip("xarray")
+    family = sf.QuadraticField.from_function(
+        lambda x, a, b: (x[1], -a * x[0] + b), 2, a=[[1], [2], [3]], b=0.5
+    )
+    starts, eps = rng.normal(size=(2, 2)), np.array([0.1, -0.2])
+    points = sf.crossings(family, starts, eps, 200, first)
+    data = points.to_xarray()
+    assert dict(data.sizes) == {"crossing": len(points), "component": 2}
+    assert {*data.data_vars} == {"before", "after", "fraction", "x"}
+    assert {*data.coords} == {"trajectory", "n", "time", "eps", "a", "component"}
+    np.testing.assert_array_equal(data.x, points.states)
+    np.testing.assert_array_equal(data.a, np.array([1, 1, 2, 2, 3, 3])[points.trajectory])
+    np.testing.assert_array_equal(data.eps, eps[points.trajectory % 2])
+    np.testing.assert_array_equal(data.time, points.time)
+    bodies = sf.SuslovND([[1.3, 2.1], [2, 3]], [0.4, -0.7])
+    data = sf.crossings(bodies, [0.5, 0.2], 0.3, 50, first, direction=0).to_xarray()
+    assert data.J.dims == ("crossing", "component")
+    assert "omega" in data.data_vars
+    assert data.component.values.tolist() == ["Omega1n", "Omega2n"]
+
+
+def test_names_of_crossings_are_no_parameters():
+    points = sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 99, first)
+    data = points.to_xarray()
+    names = {*vars(points), *dir(points), *data.variables, *data.dims}
+    assert {name for name in names if not name.startswith("_")} <= RESERVED
+
+
+def test_an_interrupted_call_ends():
+    def interrupt(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 10**12, first, progress=interrupt)

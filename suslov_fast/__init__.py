@@ -11,6 +11,7 @@ The map of the Suslov problem is that of V. Dragovic and B. Gajic, arXiv:0807.29
 """
 
 import ast
+import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -32,7 +33,8 @@ def __getattr__(name: str) -> object:
     if name in _MODULES:
         return import_module(f".{name}", __name__)
     if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        text = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(text, name=name, obj=sys.modules[__name__])  # Python suggests names
     value: object = getattr(import_module(_MODULE_OF[name], __name__), name)
     globals()[name] = value
     return value

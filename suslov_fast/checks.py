@@ -6,7 +6,7 @@ import operator
 import os
 import sys
 import warnings
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, get_args
@@ -32,6 +32,7 @@ _FEW = 64
 _MANY = 2**14
 # Moments and step sizes have a modulus between 10**-50 and 10**50, other parameters 10**60.
 MOMENTS, OTHERS = 50, 60
+_PACKAGES = {"flint": "python-flint"}  # of modules with another name
 _HERE = os.path.dirname(__file__) + os.sep
 
 
@@ -45,8 +46,9 @@ def extra(module: str, name: str) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        install = f"pip install '.[{name}]' in a copy of the repository"
-        raise ImportError(f"expected {module.partition('.')[0]}, got none: {install}") from error
+        needed = _PACKAGES.get(module.partition(".")[0], module.partition(".")[0])
+        how = f"pip install {needed}, or '.[{name}]' in a copy of the repository"
+        raise ImportError(f"expected the package {needed}, got none: {how}") from error
 
 
 def warn(message: str, category: type[Warning] = UserWarning) -> None:
@@ -104,7 +106,9 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
             value = getattr(value, "data", value)  # a Dataset has no data
     array = _floats(name, value)
     if array.ndim == 0 or array.shape[-1] != len(labels):
-        raise wrong(name, f"shape (..., {len(labels)})", array.shape)
+        transposed = array.ndim > 1 and array.shape[0] == len(labels)
+        how = ": components are the last axis, pass the transpose" if transposed else ""
+        raise wrong(name, f"shape (..., {len(labels)})", f"{array.shape}{how}")
     if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
         return array
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
@@ -194,7 +198,8 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
         received = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
         expected = "expected batch shapes that broadcast against each other"
-        raise ValueError(f"{expected}, got {received}") from error
+        how = "for each with each, insert axes of length 1, as by x[:, np.newaxis]"
+        raise ValueError(f"{expected}, got {received}: {how}") from error
 
 
 def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: int = 2**62) -> int:
@@ -225,8 +230,20 @@ def instance(name: str, value: Any, expected: Any) -> None:
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         names = " or ".join(vars(each).get("_called", each.__name__) for each in classes)
-        instead = getattr(value, "_instead", "")
+        instead = ""
+        if isinstance(value, (str, bytes)) and expected is Mapping:
+            instead = ": json.loads(text) is the dictionary of a text"
+        elif all(hasattr(each, "_instead") for each in classes):
+            instead = in_place_of(value)
         raise wrong(name, names, kind_of(value) + instead, TypeError)
+
+
+def in_place_of(value: Any) -> str:
+    """Return what to use in place of a body of another class, or of what is no body."""
+    instead: str = getattr(value, "_instead", "")
+    if callable(value) and not isinstance(value, type) and not instead:
+        return ": QuadraticField.from_function(f, dimension) is the field of a function"
+    return instead
 
 
 def kind_of(value: Any) -> str:

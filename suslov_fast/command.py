@@ -230,7 +230,11 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
     name = str(path or "--omega0")
     with _about(name):
         if path:
-            states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
+            try:
+                states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
+            except (ValueError, EOFError) as error:
+                expected = f"an array (count, {body.dimension}) that numpy.save wrote"
+                raise ValueError(f"expected {expected}, got another file ({error})") from error
         return checks.states(name, checks.real_array(name, states), body._labels)
 
 

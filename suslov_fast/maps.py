@@ -21,7 +21,17 @@ from .formulas import GYROSTAT, IN_3D, IN_ND, KAHAN, Formula
 # What errors of functions say, for bodies whose map has none.
 _INSTEAD = {
     **dict.fromkeys(("exact", "flow", "limits"), ", which has no closed form: use iterate"),
+    "closed_form": ": use exact, or iterate where there is no closed form",
     "frame": ": call system(body, eps)",
+    **dict.fromkeys(
+        ("first_integral", "criticality"), ": suslov_fast.integrability.report looks for integrals"
+    ),
+    **dict.fromkeys(
+        ("attitude", "momentum", "reaction", "to_matrix"), ", whose states turn no body"
+    ),
+    "to_vector": ": in n dimensions use to_matrix",
+    **dict.fromkeys(("explore", "plot_phase", "animate_body"), ": use iterate(...).plot()"),
+    "step_full": ": use step",
 }
 
 
@@ -272,9 +282,8 @@ def map_of(body: Any, method: str = "auto") -> Map:
     records = [record for each in classes for record in MAPS.values() if record.body is each]
     if not records:
         kinds = [record.body.__name__ for record in MAPS.values()]
-        raise checks.wrong(
-            "body", " or ".join(dict.fromkeys(kinds)), checks.kind_of(body), TypeError
-        )
+        received = checks.kind_of(body) + checks.in_place_of(body)
+        raise checks.wrong("body", " or ".join(dict.fromkeys(kinds)), received, TypeError)
     checks.one_of("method", method, [name for record in records for name in record.methods])
     return next(record for record in records if method in record.methods)
 

@@ -63,6 +63,17 @@ def test_copies_are_equal_and_immutable(body):
             array[...] = 7
 
 
+def test_dir_shows_what_is_public():
+    """What completion offers at a prompt."""
+    for body in SINGLE:
+        names = {name for name in dir(body) if not name.startswith("_")}
+        assert {"dimension", "field", "sel", "shape", "to_dict", "from_dict", *body._parts} <= names
+        assert not names & {"terms", "table", "batch_of_one"}
+    names = {name for name in dir(QuadraticField([[[1]]])) if not name.startswith("_")}
+    assert {"quadratic", "linear", "constant", "H", "K", "parameters", "components"} <= names
+    assert not names & {"terms", "table", "batch_of_one"}
+
+
 def test_what_counts_as_equal():
     assert Suslov3D(1, 1, 0.0, 1) == Suslov3D(1, 1, -0.0, 1)
     assert hash(Suslov3D(1, 1, 0.0, 1)) == hash(Suslov3D(1, 1, -0.0, 1))

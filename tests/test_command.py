@@ -146,7 +146,9 @@ RUNS = {
 def test_run_is_iterate(options):
     Path("b.json").write_text(json.dumps(lotka().to_dict()))
     np.save("s.npy", STARTS)
-    expected = sf.iterate(**DEFAULTS | RUNS[options], on_singular="ignore")
+    given = DEFAULTS | RUNS[options]
+    body, omega0 = given.pop("body"), given.pop("omega0")
+    expected = sf.iterate(body, omega0, **given, on_singular="ignore")
     facts = facts_of(f"run {options} --steps 4 -o o.npz")
     assert sf.Trajectories.load("o.npz") == expected
     assert (facts["body"], facts["eps"]) == (expected.body.to_dict(), expected.eps)

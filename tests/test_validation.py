@@ -5,12 +5,14 @@ A row is (call, exception, name). Each message says what was expected and what w
 
 import inspect
 import json
+import math
 import re
 from fractions import Fraction
 
 import numpy as np
 import pytest
 import xarray
+from numba import njit
 from pandas import DataFrame, Series
 
 import suslov_fast as sf
@@ -88,12 +90,14 @@ BODIES = [
     (lambda: Suslov3D.from_dict({"body": "Suslov3D", "I1": 4, "I2": 1}), ValueError, "I13"),
     (lambda: Suslov3D.from_dict({**BODY.to_dict(), "mass": 3}), ValueError, "mass"),
     (lambda: Suslov3D.from_dict(ROTOR.to_dict()), ValueError, "body"),
-    (lambda: sf.body_from_dict(json.dumps(BODY.to_dict())), TypeError, "parameters"),
+    (lambda: sf.body_from_dict(json.dumps(BODY.to_dict())), TypeError, r"parameters: .*json.loads"),
+    (lambda: Suslov3D.from_dict("body.json"), TypeError, r"parameters: .*json.loads"),
     (lambda: sf.body_from_dict({"body": "Other"}), ValueError, "body"),
 ]  # fmt: skip
 
 FIELDS = [
     (lambda: QuadraticField([[1, 2], [3, 4]]), ValueError, "quadratic"),
+    (lambda: QuadraticField(lambda x: x), TypeError, r"quadratic: .*from_function"),
     (lambda: QuadraticField([[["1"]]]), TypeError, "quadratic"),
     (lambda: QuadraticField(np.full((2, 1, 1, 1), NAN)), ValueError, "quadratic"),
     (lambda: QuadraticField([[[10**400]]]), ValueError, "quadratic"),
@@ -116,7 +120,29 @@ FIELDS = [
     (field(lambda x: (x[0] and 1, x[1])), TypeError, "f"),
     (field(lambda x: (x[0] ** 0.5, x[1])), ValueError, "f"),
     (field(lambda x: (x[0] * NAN, x[1])), ValueError, "f"),
-    (field(lambda x: (x[0] ** 3, x[1])), ValueError, "f: .* degree 3"),
+    (field(lambda x: (x[0] ** 3, x[1])), ValueError, "f: .* degree 3: .*cubic.md"),
+    (field(lambda x: (math.sin(x[0]), 1)), TypeError, "f: .* no math.sin.*cubic.md"),
+    (field(lambda x: np.add(np.zeros(2), float(x[0]))), TypeError, "f: .* arrays of floats"),
+    (field(lambda x: x**2), TypeError, r"f: .* x is a tuple; .* np.array\(x\)"),
+    (field(lambda x: None), ValueError, "f: .* got None: return a tuple of 2"),
+    # As written for other packages.
+    (field(lambda t, y: y), TypeError, r"f: .* got f\(t, y\): pass lambda x: f\(0, x\) if"),
+    (field(lambda y, t: y), TypeError, r"f: .* got f\(y, t\): pass lambda x: f\(x, 0\) if"),
+    (field(lambda x, t=0: x), TypeError, r"f: .* pass lambda x: f\(x, 0\) .* forcing see .*cubic.md"),
+    (field(lambda t, y, a: y, a=1), TypeError, r"f: .* pass lambda x, a: f\(0, x, a\)"),
+    (field(lambda t, y: y, y=28), TypeError, r"f: .* pass lambda x: f\(0, x\)"),
+    (field(lambda u, p, t: u), TypeError, r"f: .* pass lambda x: f\(x, p, 0\)"),
+    (field(lambda x, y, z: (x, y, z), 3), TypeError, r"f: .* pass lambda x: f\(\*x\)"),
+    (field(lambda S, I, R: (S, I, R), 3), TypeError, r"f: .* pass lambda x: f\(\*x\)"),
+    (hamiltonian(lambda q, p: q * p), TypeError, r"H: .* pass lambda x: H\(\*x\)"),
+    (hamiltonian(lambda q, p: q[0] * p[1], 4), TypeError, r"H: .* H\(x\[0:2\], x\[2:4\]\)"),
+    (field(lambda du, u, p, t: u), TypeError, "f: .* return the 2 components"),
+    (field(njit(lambda t, u: u)), TypeError, r"f: .* got f\(t, u\)"),
+    (field(lambda x, p: x, 3), TypeError, "f: .* each parameter by its own name"),
+    (field(lambda x, p: (p[0], 1), p=[1, 2]), TypeError, "f: .* an array is a family"),
+    (field(lambda x, p: (sum(p), 1), p=[1, 2]), TypeError, "f: .* an array is a family"),
+    (field(lambda x, a, t: (1, 2), a=1, t=1), ValueError, "'t': fields have no time.*cubic.md"),
+    (lambda: sf.integrability.rational_map(lambda t, y: y, 2), TypeError, r"f: .*f\(0, x\)"),
     (field(lambda x: x[0] * x[1]), ValueError, "f"),
     (field(lambda x: ("1", 1)), TypeError, "f"), (field(None), TypeError, "f"),
     (field(lambda x: (1,), 1.5), TypeError, "dimension"),
@@ -152,6 +178,9 @@ RUNS = [
     (run(out=np.frombuffer(bytes(128)).reshape(4, 2, 2)), ValueError, "out"),
     (run(out=np.zeros((4, 2, 4))[..., ::2]), ValueError, "out"),
     (run(body=Suslov3D), TypeError, "body"), (run(body=3), TypeError, "body"),
+    (run(body=lambda x: x), TypeError, r"body: .*QuadraticField.from_function"),
+    (run(omega0=np.ones((2, 5))[:, :3]), ValueError, "omega0: .* pass the transpose"),
+    (run(body=BATCH, omega0=np.ones((4, 2))), ValueError, r"omega0 .* insert axes of length 1"),
     (lambda: sf.step_full(BODY, [1, 2, 3], 0.1), TypeError, "I3"),
     (lambda: sf.step_full(ROTOR, [1, 2, 0], 0.1), TypeError, "body: .*iterate or flow"),
     (lambda: sf.RandomStarts(-1, 1.0), ValueError, "size"),
@@ -166,7 +195,8 @@ STATES = [
     (lambda: sf.modified_energy(FIELD, [1, 2], 0.1), TypeError, "body"),
     (lambda: sf.first_integral(HENON, [1, 2], 0.1), TypeError, "body"),
     (lambda: sf.closed_form(ROTOR, [1, 2], 0.1), TypeError, "body"),
-    (lambda: checks.extra("nothing", "large"), ImportError, r"nothing, got none: .*\[large\]"),
+    (lambda: checks.extra("nothing.more", "large"), ImportError,
+     r"nothing, got none: pip install nothing, or '.\[large\]'"),
     (lambda: sf.scattering_angle(ROTOR), TypeError, "body"),
     (lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0), ValueError, "steps"),
     (lambda: sf.attitude(BODY, [1.0, 0.5], 0.2), ValueError, "omega"),
@@ -178,7 +208,7 @@ STATES = [
     (lambda: sf.to_matrix(BODY, [1, 2], rotation=np.eye(2)), ValueError, "rotation"),
     (lambda: sf.to_matrix(BODY, [1, 2], attitude=np.ones(3)), ValueError, "attitude"),
     (lambda: sf.momentum(BODY, [1, 2], rotation=ID, attitude=ID), (TypeError, ValueError), "attitude"),
-    (lambda: sf.to_vector(ND, [1, 2, 3]), (TypeError, ValueError), "body"),
+    (lambda: sf.to_vector(ND, [1, 2, 3]), TypeError, "body: .*to_matrix"),
     (lambda: sf.open_ensemble(3), TypeError, "store"),
 ]  # fmt: skip
 
@@ -193,7 +223,8 @@ PLOTS = [
     (lambda: sf.animate_body(BODY, eps=[0.1, 0.2]), ValueError, "body, eps"),
     (lambda: sf.animate_body(BODY, R0=[ID]), ValueError, "omega0, R0"),
     (lambda: sf.animate_body(ND), TypeError, "body"),
-    (lambda: sf.explore(ND), TypeError, "body"), (lambda: sf.explore(BATCH), ValueError, "body"),
+    (lambda: sf.explore(ND), TypeError, "body"),
+    (lambda: sf.explore(FIELD), TypeError, r"body: .*iterate\(...\).plot\(\)"), (lambda: sf.explore(BATCH), ValueError, "body"),
     (lambda: sf.explore(BODY, [1, 2, 3]), ValueError, "omega0"),
     (lambda: sf.explore(BODY, [1, 2], 0.1, 6000), ValueError, "steps"),
 ]  # fmt: skip
@@ -210,6 +241,40 @@ def test_bad_calls(call, exception, name):
     assert "expected " in message
     assert ", got " in message
     assert "\n" not in message
+
+
+ATTRIBUTES = [
+    (lambda: run()().sel(eps=0.1), r"to_xarray\(\).sel\(...\).* or run.omega\[:, k\]"),
+    (lambda: run()().t, "run.time"),
+    (lambda: run()().y, "run.omega.T"),
+    (lambda: run()().x, "omega"),
+    (lambda: sf.iterate(FIELD, [0.1, 0.2], 0.1, 1).omega, "x"),
+    (lambda: run()().Omega2, r"run.omega\[..., 1\]"),
+    (
+        lambda: run()().lyapunov_exponents,
+        r"suslov_fast.lyapunov_exponents\(run.body, run.omega, ...\)",
+    ),
+    (lambda: FAMILY.rho, r"parameters\['rho'\]"),
+    (lambda: BODY.energy([1, 2]), r"suslov_fast.energy\(body, ...\)"),
+]
+
+
+@pytest.mark.parametrize(("look", "advice"), ATTRIBUTES)
+def test_attributes_that_users_of_other_packages_look_for(look, advice):
+    with pytest.raises(AttributeError, match=rf"expected .*{advice}"):
+        look()
+
+
+def test_close_names_are_suggested():
+    """Python suggests a name where an AttributeError says what was asked of which object."""
+    for thing in (sf, BODY, run()()):
+        with pytest.raises(AttributeError) as caught:
+            _ = thing.no_such_name
+        assert (caught.value.name, caught.value.obj) == ("no_such_name", thing)
+
+
+def test_a_compiled_function_is_traced():
+    assert field(njit(lambda x: (x[1], x[0] * x[0])))() == field(lambda x: (x[1], x[0] ** 2))()
 
 
 def test_a_bad_call_changes_nothing():

@@ -5,7 +5,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, ClassVar, TypeVar
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from .polynomials import from_lists, to_lists
 
 Kind = TypeVar("Kind", bound="Body")
 
+# Attributes for other modules, which `dir` leaves out.
+_FOR_KERNELS = {"batch_of_one", "table", "terms"}
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Body:
@@ -23,6 +27,8 @@ class Body:
     _axes: ClassVar[dict[str, int]] = {}  # of parameters with axes besides those of the batch
     _positive: ClassVar[dict[str, int]] = {}  # parameters, with the exponents of their range
     _called: ClassVar[str] = "a body or a field"  # in messages
+    # What to use instead, where a function does not take this class.
+    _instead: ClassVar[str] = ""
     # The number of components of a state and their labels, and the parts that are coordinates of
     # datasets, which equal bodies need not share.
     dimension: ClassVar[Any] = 2
@@ -93,6 +99,23 @@ class Body:
         axes, parts = self._axes, self._parts
         shapes = {n: np.shape(a)[: np.ndim(a) - axes.get(n, 0)] for n, a in parts.items()}
         return checks.common_shape(shapes)
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name not in _FOR_KERNELS]
+
+    if not TYPE_CHECKING:  # checkers know the attributes
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise an AttributeError that says where else a name is to be found."""
+            kind, instead = type(self).__name__, ""
+            if name in vars(self).get("_coordinates", ()):
+                instead = f"parameters[{name!r}]"
+            elif name in import_module("suslov_fast").__all__:
+                instead = f"suslov_fast.{name}(body, ...), a function"
+            if instead:
+                raise AttributeError(f"{name}: expected {instead}, got an attribute of {kind}")
+            text = f"{kind!r} object has no attribute {name!r}"
+            raise AttributeError(text, name=name, obj=self)
 
     def __len__(self) -> int:
         if not self.shape:

@@ -94,6 +94,9 @@ class QuadraticField(Body):
     _coefficients: dict[str, Any]
 
     def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
+        if callable(quadratic):
+            received = "a function: use QuadraticField.from_function(f, dimension)"
+            raise wrong("quadratic", "coefficients (..., D, D, D)", received, TypeError)
         arrays = {"quadratic": as_given("quadratic", quadratic)}
         D = (0, *arrays["quadratic"].shape)[-1]
         for name, each, axes in (("linear", linear, 2), ("constant", constant, 1)):
@@ -229,8 +232,7 @@ class QuadraticField(Body):
     @property
     def components(self) -> tuple[Any, ...]:
         """The components as ``flint.fmpq_mpoly`` in x1, ..., xD; needs python-flint."""
-        import flint
-
+        flint = checks.extra("flint", "algebra")
         context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
         x = np.fromiter([*context.gens(), context.constant(1)], object)
         ratios = np.vectorize(lambda c: flint.fmpq(*c.as_integer_ratio()), "O")(self.table)

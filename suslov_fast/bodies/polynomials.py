@@ -16,16 +16,17 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ..checks import OTHERS, common_shape, real_array, refuse, short, within, wrong
+from .advice import PAGE, TIME, check_arguments, explained
 
 # Names that a parameter may not have: those of runs, of their files and datasets, of variables,
 # and of arguments of functions that take parameters by name.
 RESERVED = frozenset(
-    "f H K x omega n time eps dimension body space component component_j component_k trajectory "
+    "f H K x omega n t time eps dimension body space component component_j component_k trajectory "
     "quadratic linear constant parameters states status failed_at final method steps save_every "
     "attitude orientation carry ok first_integral energy modified_energy criticality to_xy "
     "reaction extend to_xarray plot save load about format version map title omega0 store "
-    "functions dims coords chunk client progress self cls crossing before after fraction count "
-    "of".split()
+    "functions dims coords chunk client progress crossing before after fraction count states "
+    "crossings surface direction transient most of self cls".split()
 )
 _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 
@@ -65,7 +66,8 @@ def named(parameters: Mapping[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in parameters.items():
         if name in RESERVED or _NUMBERED.fullmatch(name) or not name.isidentifier():
-            raise wrong("parameters", "names that are not in use, as a or rho", repr(name))
+            time = f": fields have no time; for a forcing see {PAGE}" if name in TIME else ""
+            raise wrong("parameters", "names that are not in use, as a or rho", f"{name!r}{time}")
         array = as_given(name, value)
         found[name] = real_array(name, value) if array.ndim else array.item()
         if not array.ndim:
@@ -159,29 +161,38 @@ def traced(
     name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
 ) -> Any:
     """Return the exact tensors of the D polynomials f(x, **parameters), or of one of degree 3."""
+    if not callable(f):
+        raise wrong(name, "a function of x, a tuple of the variables", short(f), TypeError)
+    f = getattr(f, "py_func", f)  # of a function that Numba compiled
+    check_arguments(name, f, D, parameters)
     columns = (np.asarray(each).astype(object) for each in parameters.values())
     rows = np.broadcast(*columns)
-    members = [_member(name, f, D, degree, dict(zip(parameters, row, strict=True))) for row in rows]
+    members = [
+        _member(name, f, D, degree, dict(zip(parameters, row, strict=True)), bool(rows.shape))
+        for row in rows
+    ]
     shape = (D,) * (degree == 2) + (D + 1,) * degree
     return np.array(members, dtype=object).reshape(*rows.shape, *shape)
 
 
-def _member(name: str, f: Any, D: int, degree: int, parameters: Mapping[str, Any]) -> Any:
-    count = f"{D} polynomials" if degree == 2 else "a polynomial"
+def _member(
+    name: str, f: Any, D: int, degree: int, parameters: Mapping[str, Any], is_family: bool
+) -> Any:
+    """Return the exact tensors of one member of a family, or of a single field."""
+    count = f"{D} polynomials" if degree == 2 and D > 1 else "a polynomial"
     expected = f"{count} of degree at most {degree} in x[0] to x[{D - 1}], by +, -, * and /"
     try:
         found = f(tuple(Polynomial([((i,), Fraction(1))]) for i in range(D)), **parameters)
         if degree == 3:
             return _tensor(found, D, degree)
-        if not isinstance(found, (tuple, list, np.ndarray)) or len(found) != D:
-            raise ValueError(short(found))
+        if not isinstance(found, (tuple, list, np.ndarray)):
+            raise ValueError(f"{short(found)}: return a tuple of {D}")
+        if len(found) != D:
+            raise ValueError(f"{len(found)} of them: {short(found)}")
         return np.stack([_tensor(each, D, degree) for each in found])
     except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
         kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
-        in_call = getattr(error.__traceback__, "tb_next", None) is None  # not in what f calls
-        missing = in_call and re.search(r"missing .* argument.*?'(\w+)'", str(error))
-        need = missing and f"none, as {name} needs {missing[1]}: pass {missing[1]}=28, say"
-        raise wrong(name, expected, need or error, kind) from error
+        raise wrong(name, expected, explained(error, is_family), kind) from error
 
 
 def _tensor(value: Any, D: int, degree: int) -> Any:

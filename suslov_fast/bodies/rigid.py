@@ -184,7 +184,6 @@ class SuslovGyrostat(_In3D):
     k: Any
     I3: Any = None
 
-    # What errors of functions say that take a body without a rotor alone.
     _instead: ClassVar[str] = ": with a rotor use exact, iterate or flow"
 
 

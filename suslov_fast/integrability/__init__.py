@@ -8,15 +8,15 @@ Arithmetic is exact, over the rationals or modulo random primes of 62 bits, two 
 on each result. A seed determines primes, points and lines. Extra `algebra`: python-flint.
 """
 
+from ..bodies.field import QuadraticField
+from ..checks import extra
+
 try:
     import flint  # noqa: F401
-except ImportError as error:
-    raise ImportError(
-        "suslov_fast.integrability needs python-flint: "
-        "pip install '.[algebra]' in a copy of the repository"
-    ) from error
+except ImportError:
+    extra("flint", "algebra")  # raises in the words of all extras
+    raise
 
-from ..bodies.field import QuadraticField
 from .darboux import cofactors, darboux_polynomials
 from .functions import RationalFunction
 from .growth import Growth, degrees, growth

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, integer, real_array, short, wrong
+from ..checks import FloatArray, extra, integer, real_array, short, wrong
 from ..quantities.evaluation import evaluate
 from ..runs.crossings import Crossings, varying
 
@@ -20,9 +20,9 @@ try:
     from matplotlib.collections import LineCollection
     from matplotlib.colors import ListedColormap, Normalize
     from matplotlib.lines import Line2D
-except ImportError as error:
-    install = "pip install '.[plots]' in a copy of the repository"
-    raise ImportError(f"plots need matplotlib: {install}") from error
+except ImportError:
+    extra("matplotlib", "plots")  # raises in the words of all extras
+    raise
 
 __all__ = ["COLOURS", "axes_for", "plot_crossings", "plot_run", "plt"]
 # Without the lightest colours, which are faint on white.

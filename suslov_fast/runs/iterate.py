@@ -142,7 +142,7 @@ def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]
     """Return the checked numbers of steps, of the run and from one saved state to the next."""
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
-    return integer("steps", steps, 0), save_every
+    return integer("steps", steps, 0, "the number of steps, an integer of 0 or more"), save_every
 
 
 def step_full(

@@ -22,6 +22,29 @@ if TYPE_CHECKING:
     import xarray
 
 
+# How a run has what results of other packages have under these names; x is that of the states.
+_INSTEAD = {
+    **dict.fromkeys(
+        ("sel", "isel"),
+        "run.to_xarray().sel(...), which finds trajectories by the value of a parameter, or "
+        "run.{x}[:, k], the states of trajectory k",
+    ),
+    "t": "run.time, the times of the saved states, (n_saved,); t of the paper is run.criticality()",
+    **dict.fromkeys(
+        ("y", "u", "X", "values", "data", "trajectory", "trajectories", "solution", "sol"),
+        "run.{x}, the states with time on the first axis, so that y of solve_ivp is run.{x}.T",
+    ),
+    **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
+    "message": "run.status and run.failed_at, with a Status for each trajectory",
+    "shape": "run.{x}.shape",
+    "to_numpy": "run.{x}, or np.asarray(run)",
+    **dict.fromkeys(
+        ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
+        "run.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
+    ),
+}
+
+
 def _quantity(name: str) -> Callable[[Trajectories], FloatArray]:
     """Return the method that evaluates a public function for the saved states."""
 
@@ -43,7 +66,7 @@ def _states(name: str, what: str) -> Any:
 
     def states(self: Trajectories) -> FloatArray:
         if name != self.map.variable:
-            raise AttributeError(f"{name}: expected {self.map.variable}, as states are called")
+            raise AttributeError  # `__getattr__` has the words
         return self.states
 
     return property(states, doc=f"The saved states, if they are {what}.")
@@ -159,6 +182,24 @@ class Trajectories:
 
     omega = _states("omega", "angular velocities")
     x = _states("x", "those of a field")
+
+    if not TYPE_CHECKING:  # checkers know the attributes
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise an AttributeError that says how the run has what users of others look for."""
+            received = f"a run has no attribute {name!r}"
+            if "states" in vars(self):
+                x = self.map.variable
+                if name in ("omega", "x"):
+                    raise AttributeError(f"{name}: expected {x}, as states are called")
+                instead = _INSTEAD.get(name, "").format(x=x)
+                if name in self.body._labels:
+                    instead = f"run.{x}[..., {self.body._labels.index(name)}]"
+                elif name in import_module("suslov_fast").__all__:
+                    instead = f"suslov_fast.{name}(run.body, run.{x}, ...)"
+                if instead:
+                    raise AttributeError(f"{name}: expected {instead}, got no such attribute")
+            raise AttributeError(received, name=name, obj=self)
 
     def __dir__(self) -> list[str]:
         other = "x" if self.map.variable == "omega" else "omega"

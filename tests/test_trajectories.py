@@ -115,10 +115,10 @@ def test_arrays_of_a_run_are_read_only(path):
     for each in (run, *copies, sf.Trajectories.load(path)):
         for name in ARRAYS:
             before = getattr(each, name).copy()
-            with pytest.raises(ValueError, match="read-only|output array"):
+            with pytest.raises(ValueError, match=r"read-only|output array"):
                 exec(f"each.{name} *= 2")
             np.testing.assert_array_equal(getattr(each, name), before)
-    with pytest.raises(ValueError, match="read-only|output array"):
+    with pytest.raises(ValueError, match=r"read-only|output array"):
         written.omega *= 2
     given = run.states.copy()
     assert not replace(run, states=given).states.flags.writeable

@@ -388,7 +388,7 @@ def run_to_end(
     return run
 
 
-def _read_only(array: Any) -> Any:
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
     array.setflags(write=False)
     return array
 

@@ -307,7 +307,7 @@ def _facts_of(found: Any, start: Any) -> dict[str, Any]:
         **_counts(found.status),
         "steps": found.steps,
         "saved_states": len(found),
-        "method": found.method,
+        **({"method": found.method} if len(found.map.methods) > 1 else {}),
         "drift": {} if start is None else _drift(found, start),
     }
 

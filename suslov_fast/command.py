@@ -112,9 +112,10 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
 
 def fraction(text: str) -> Fraction:
     """Return a number, which may be written as 1/3 or 1e6."""
-    from .bodies.polynomials import from_text
-
-    return from_text(text)
+    try:
+        return Fraction(text)
+    except ZeroDivisionError as error:
+        raise ValueError from error
 
 
 def integer(text: str) -> int:
@@ -307,7 +308,7 @@ def _facts_of(found: Any, start: Any) -> dict[str, Any]:
         **_counts(found.status),
         "steps": found.steps,
         "saved_states": len(found),
-        **({"method": found.method} if len(found.map.methods) > 1 else {}),
+        "method": found.method,
         "drift": {} if start is None else _drift(found, start),
     }
 

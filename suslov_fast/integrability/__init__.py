@@ -17,6 +17,7 @@ except ImportError:
     extra("flint", "algebra")  # raises in the words of all extras
     raise
 
+from .bases import HKBasis, hk_bases
 from .darboux import cofactors, darboux_polynomials
 from .functions import RationalFunction
 from .growth import Growth, degrees, growth
@@ -24,7 +25,6 @@ from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
 from .maps import RationalMap
 from .rational import rational_map
-from .relations import HKBasis, hk_bases
 from .report import Report, report
 from .zoo import zoo
 

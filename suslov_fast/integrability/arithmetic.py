@@ -28,7 +28,7 @@ Polynomials = tuple[Any, ...]
 
 PRIME, EPS = 2**61 - 1, 2**40 + 7  # as good as random ones
 MORE = 10  # equations more than unknowns
-_DRAWS = 8  # of primes with points or lines, of which two must agree
+DRAWS = 8  # of primes with points or lines, of which two must agree
 
 
 def _polynomial(names: Any, terms: Any) -> Any:
@@ -201,7 +201,7 @@ def confirmed(rng: random.Random, compute: Callable[[int, int], Any]) -> Any:
     The function is called with a prime and a random number in place of eps, if this is a letter.
     """
     found: list[Any] = []
-    for _ in range(_DRAWS):
+    for _ in range(DRAWS):
         with contextlib.suppress(ZeroDivisionError):
             p = random_prime(rng)
             found.append(compute(p, rng.randrange(2, p)))

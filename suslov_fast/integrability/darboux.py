@@ -1,18 +1,25 @@
 """Darboux polynomials of a cofactor, and the cofactors that have some."""
 
-import math
 import random
 from collections.abc import Iterator
 from fractions import Fraction
-from functools import cache, lru_cache, partial
-from itertools import product, takewhile
+from functools import lru_cache
 from typing import Any
 
 import flint
 
 from ..checks import integer, wrong
 from . import arithmetic
-from .arithmetic import MORE, Polynomials, Residues, degree_of, modulo, monomial_values
+from .arithmetic import (
+    EPS,
+    MORE,
+    PRIME,
+    Polynomials,
+    Residues,
+    degree_of,
+    modulo,
+    monomial_values,
+)
 from .functions import RationalFunction, factored, product_of
 from .maps import TERMS, RationalMap, check_map, on_line, random_line, rational_roots
 from .reconstruction import over_rationals, polynomials_with
@@ -62,24 +69,36 @@ def darboux_polynomials(
     check_map(map)
     degree = integer("degree", degree, 0)
     arithmetic.check_unknowns("degree", degree, map.dimension)
-    rng = random.Random(integer("seed", seed, 0))
+    seed = integer("seed", seed, 0)
     if cofactor is not None and not callable(cofactor):
         cofactor = RationalFunction((), arithmetic.rational("cofactor", cofactor))
     if map.has_letter and not isinstance(cofactor, RationalFunction | None):
         raise wrong("cofactor", "a number or RationalFunction", "another function", TypeError)
+    return space_of(map, degree, cofactor, seed=seed)
+
+
+def space_of(
+    map: RationalMap, degree: int, cofactor: Any, sign: int = 1, *, seed: int = 0
+) -> Polynomials:
+    """Return a basis of the polynomials with a cofactor, None for det DPhi, times a sign."""
 
     def search(p: int, eps: int) -> Residues:
-        here, images = (flint.nmod_mat(rows, p) for rows in at_points(p, eps))
-        space = arithmetic.null_space(images - here)
+        space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
         if map.has_letter and space:  # formulas without LLL: pivots are monomials of low degree
             return arithmetic.integer_rows(flint.nmod_mat(space, p).rref()[0])
         return space
 
-    at_points = partial(_at_points, map, degree, cofactor)
-    rows = over_rationals(rng, search, map.has_letter)
+    rows = over_rationals(random.Random(seed), search, map.has_letter)
     if rows is None:
         raise ArithmeticError("the coefficients are too long")
-    return polynomials_with(rows, arithmetic.exponents_up_to(degree, map.dimension), map.has_letter)
+    exponents = arithmetic.exponents_up_to(degree, map.dimension)
+    return polynomials_with(rows, exponents, map.has_letter)
+
+
+def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
+    """Return the dimension of the space of `space_of`, modulo one prime."""
+    matrix = _equations(map, degree, cofactor, sign, PRIME, EPS)
+    return int(matrix.ncols() - matrix.rank())
 
 
 def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
@@ -124,44 +143,83 @@ def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     return tuple(dict.fromkeys([one, map.jacobian_cofactor or one, *found]))
 
 
-def _at_points(map: RationalMap, degree: int, cofactor: Any, p: int, eps: int) -> tuple[Any, Any]:
-    """Return monomials at random points, times the cofactor, and at their images, in rows."""
-    points, monomials, images = _random_points(map, degree, p, eps)
-    powers = [(modulo(P, p, eps), e) for P, e in getattr(cofactor, "factors", ())]
+def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: int) -> Any:
+    """Return the matrix of C(x) P(x) - P(Phi(x)) at random points, for the coefficients of P."""
+    points = _random_points(map, degree, p, eps)
+    here = flint.nmod_mat(points.times(cofactor, sign), p)
+    return here - flint.nmod_mat(points.images, p)
 
-    def value(x: list[Any]) -> Any:
+
+class _Points:
+    """Random points modulo a prime, and monomials up to a degree at them and at their images."""
+
+    def __init__(self, map: RationalMap, degree: int, p: int, eps: int) -> None:
+        n, rng = map.dimension, random.Random(p)
+        exponents = arithmetic.exponents_up_to(degree, n)
+        self._map, self._p, self._eps = map.at(eps), p, eps
+        self._values: dict[str, list[Any]] = {}  # of factors of cofactors
+        self.points = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + MORE)]
+        self.monomials = [monomial_values(exponents, x).tolist() for x in self.points]
+        images = [self._map.image(x) for x in self.points]
+        self.images = [monomial_values(exponents, y).tolist() for y in images]
+
+    def times(self, cofactor: Any, sign: int = 1) -> list[Any]:
+        """Return the monomials at the points times a cofactor."""
+        try:
+            values = self._of(cofactor)
+        except ZeroDivisionError:
+            raise ArithmeticError("the cofactor is undefined at random points") from None
+        pairs = zip(values, self.monomials, strict=True)
+        return [[sign * c * a for a in row] for c, row in pairs]
+
+    def _of(self, cofactor: Any) -> list[Any]:
         if cofactor is None:
-            return map.at(eps).derivative(x).det()
+            if "det" not in self._values:
+                determinants = [self._map.derivative(x).det() for x in self.points]
+                self._values["det"] = determinants
+            return self._values["det"]
         if isinstance(cofactor, RationalFunction):
-            constant = flint.nmod(arithmetic.fmpq(cofactor.constant), p)
-            return math.prod((flint.nmod(P(*x[:-1]), p) ** e for P, e in powers), start=constant)
-        found = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
-        if isinstance(found, float):
-            raise wrong("cofactor", "exact numbers", "float", TypeError)
-        return flint.nmod(arithmetic.fmpq(arithmetic.rational("cofactor", found)), p)
+            constant = flint.nmod(arithmetic.fmpq(cofactor.constant), self._p)
+            values = [constant] * len(self.points)
+            for P, e in cofactor.factors:
+                values = [c * a**e for c, a in zip(values, self._of_factor(P), strict=True)]
+            return values
+        return [self._of_function(cofactor, x) for x in self.points]
 
-    try:
-        values = [value(x) for x in points]
-    except ZeroDivisionError:
-        raise ArithmeticError("the cofactor is undefined at random points") from None
-    return [[c * a for a in row] for c, row in zip(values, monomials, strict=True)], images
+    def _of_factor(self, P: Any) -> list[Any]:
+        name = str(P)
+        if name not in self._values:
+            here = modulo(P, self._p, self._eps)
+            self._values[name] = [flint.nmod(here(*x[:-1]), self._p) for x in self.points]
+        return self._values[name]
+
+    def _of_function(self, cofactor: Any, x: list[Any]) -> Any:
+        value = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
+        if isinstance(value, float):
+            raise wrong("cofactor", "exact numbers", "float", TypeError)
+        return flint.nmod(arithmetic.fmpq(arithmetic.rational("cofactor", value)), self._p)
 
 
 @lru_cache(maxsize=32)
-def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> tuple[Any, Any, Any]:
-    """Return random points, and the monomials at them and at their images, for all cofactors."""
-    n, rng, now = map.dimension, random.Random(p), map.at(eps)
-    exponents = arithmetic.exponents_up_to(degree, n)
-    points = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + MORE)]
-    monomials = [monomial_values(exponents, x).tolist() for x in points]
-    images = [monomial_values(exponents, now.image(x)).tolist() for x in points]
-    return points, monomials, images
+def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> _Points:
+    """Return random points, the same for all cofactors."""
+    return _Points(map, degree, p, eps)
 
 
 def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     """Yield the cofactors of polynomials up to a degree; the factors of the map must be known.
 
     Such a polynomial is an eigenvector of the pullback, divided by powers of the factors.
+    """
+    for candidate in candidates(map, degree):
+        if candidate is not None:
+            yield from with_constants(map, degree, candidate)
+
+
+def candidates(map: RationalMap, degree: int) -> Iterator[RationalFunction | None]:
+    """Yield products of powers of factors that are cofactors of polynomials up to constants.
+
+    Necessary ones, not sufficient. Between them None is yielded, so that a search can pause there.
     """
     if (determinant := map.jacobian_cofactor) is None:
         expected = f"a map with an inverse and factors of det DPhi of at most {TERMS} terms"
@@ -173,28 +231,40 @@ def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
     at_infinity = (map.dimension + 1) * (map.degree - 1) > jacobian.degree
     below = factored(map.forms[-1]) ** -degree
     for powers in _divisors(map, degree, factors, at_infinity):
-        cofactor = product_of(zip(factors, powers, strict=True), Fraction(1)) * below
+        if powers is None:
+            yield None
+        else:
+            yield product_of(zip(factors, powers, strict=True), Fraction(1)) * below
 
-        def search(p: int, eps: int, cofactor: Any = cofactor) -> Residues:
-            here, images = _at_points(map, degree, cofactor, p, eps)
-            n = len(here[0])
-            # As many points as unknowns: eigenvalues of true solutions do not depend on them.
-            first, second = (
-                flint.nmod_mat(here[k:][:n], p).solve(flint.nmod_mat(images[k:][:n], p)).minpoly()
-                for k in (0, MORE)
-            )
-            common = first.gcd(second)
-            return [[int(c) for c in common.coeffs()]] if common.degree() else []
 
-        rows = over_rationals(random.Random(degree), search, map.has_letter)
-        for c in rational_roots(rows[0], map.ring) if rows else ():
-            yield c * cofactor
+def with_constants(
+    map: RationalMap, degree: int, candidate: RationalFunction
+) -> Iterator[RationalFunction]:
+    """Yield the constants, times a candidate, for which there are polynomials."""
+
+    def search(p: int, eps: int) -> Residues:
+        points = _random_points(map, degree, p, eps)
+        here, images = points.times(candidate), points.images
+        n = len(here[0])
+        # As many points as unknowns: eigenvalues of true solutions do not depend on them.
+        first, second = (
+            flint.nmod_mat(here[k:][:n], p).solve(flint.nmod_mat(images[k:][:n], p)).minpoly()
+            for k in (0, MORE)
+        )
+        common = first.gcd(second)
+        return [[int(c) for c in common.coeffs()]] if common.degree() else []
+
+    rows = over_rationals(random.Random(degree), search, map.has_letter)
+    for c in rational_roots(rows[0], map.ring) if rows else ():
+        yield c * candidate
 
 
 def _divisors(
     map: RationalMap, degree: int, factors: list[Any], at_infinity: bool
-) -> Iterator[tuple[int, ...]]:
+) -> Iterator[tuple[int, ...] | None]:
     """Yield the exponents of products of factors that divide the pullback of some polynomial.
+
+    Between them None is yielded, so that a search can pause there.
 
     The test is modulo a prime, on random lines. A product has the degree `degree` (map.degree - 1),
     so that the quotient has `degree`; one of its factors may be the hyperplane at infinity.
@@ -221,18 +291,39 @@ def _divisors(
         reduced, rank = flint.nmod_mat(rows, p).rref()
         return arithmetic.integer_rows(reduced)[:rank]
 
-    systems = []
+    systems: list[list[Residues]] = []
     for f, k in divisors:
-        each = (equations(f, k, power) for power in range(1, most // k + 1))
-        systems.append([[], *takewhile(lambda rows: len(rows) < count, each)])
+        systems.append([[]])
+        for power in range(1, most // k + 1):
+            yield None
+            if len(rows := equations(f, k, power)) == count:
+                break
+            systems[-1].append(rows)
 
-    @cache
-    def fit(*powers: int) -> bool:
-        """Return True if the first factors to these powers all divide some pullback."""
-        rows = [row for each, e in zip(systems, powers, strict=False) for row in each[e]]
-        return not rows or (fit(*powers[:-1]) and flint.nmod_mat(rows, p).rank() < count)
+    sizes = [k for _, k in divisors]
+    largest = [k * (len(system) - 1) for k, system in zip(sizes, systems, strict=True)]
 
-    for powers in product(*(range(len(each)) for each in systems)):
-        total = sum(e * k for e, (_, k) in zip(powers, divisors, strict=True))
-        if total == most and fit(*powers):
+    def fit(
+        chosen: Residues, powers: tuple[int, ...], left: int
+    ) -> Iterator[tuple[int, ...] | None]:
+        """Extend powers of the first factors that all divide some pullback, to the degree left."""
+        k = len(powers)
+        if k == len(divisors):
             yield powers[at_infinity:]
+            return
+        for power, rows in enumerate(systems[k]):
+            rest = left - power * sizes[k]
+            if rest < 0:
+                return
+            if rest > sum(largest[k + 1 :]):
+                continue
+            both = chosen
+            if rows:
+                yield None
+                reduced, rank = flint.nmod_mat(chosen + rows, p).rref()
+                if rank == count:  # nor do higher powers divide one
+                    return
+                both = arithmetic.integer_rows(reduced)[:rank]
+            yield from fit(both, (*powers, power), rest)
+
+    yield from fit([], (), most)

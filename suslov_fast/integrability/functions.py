@@ -204,6 +204,14 @@ def factored(P: Any) -> RationalFunction:
     return product_of(powers, arithmetic.fraction(flint.fmpq(P.leading_coefficient())) / leading)
 
 
+def without_content(P: Any) -> Any:
+    """Return a polynomial without factors that do not depend on x."""
+    if not arithmetic.has_letter(P):
+        return arithmetic.primitive(P)
+    powers = arithmetic.factors(P)
+    return math.prod((f**e for f, e in powers if degree_of(f)), start=P.context().constant(1))
+
+
 def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
     """Return a quotient of polynomials in irreducible factors, without a constant."""
     return replace(factored(P) / factored(Q), constant=Fraction(1), basis=basis)
@@ -229,10 +237,13 @@ def product_of(
 
 
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:
-    """Return independent functions of least degree, on which all others depend."""
+    """Return independent functions of least degree, on which all others depend.
+
+    Of functions of one degree the first ones are taken.
+    """
     chosen: list[RationalFunction] = []
     rows: list[list[Any]] = []
-    for f in sorted(candidates, key=lambda f: (f.degree, len(str(f)), str(f))):
+    for f in sorted((f for f in candidates if f.degree), key=lambda f: f.degree):
         row = gradient_of_logarithm(f)
         if flint.nmod_mat([*rows, row], PRIME).rank() > len(rows):
             chosen, rows = [*chosen, f], [*rows, row]

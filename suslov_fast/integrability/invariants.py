@@ -1,151 +1,175 @@
-"""First integrals and invariant measures from the Darboux polynomials of all cofactors."""
+"""First integrals and invariant measures that follow from known Darboux polynomials."""
 
-import contextlib
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Any
 
 import flint
 
 from . import arithmetic
-from .arithmetic import Polynomials, degree_of, factors, rank, size
-from .darboux import cofactors_of, darboux_polynomials
-from .functions import IDENTITY, MODULAR, RationalFunction, factored, quotient_of
+from .arithmetic import EPS, PRIME, degree_of, modulo, rank, size
+from .functions import IDENTITY, RationalFunction, independent
 from .maps import RationalMap
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice
+_PRODUCTS = 20_000  # of generators that are looked at
+
+Powers = tuple[int, ...]  # of the generators; those that are left out are 0
+
+
+@dataclass(frozen=True)
+class Product:
+    """A product of powers of generators."""
+
+    degree: int
+    powers: Powers
 
 
 class Invariants:
-    """The Darboux polynomials of a map that were found, and what follows from them."""
+    """The Darboux polynomials of a map that were found, and what follows from them.
 
-    def __init__(self, map: RationalMap) -> None:
-        self.map = map
+    Cofactors are told apart by their values at one random point modulo a prime.
+    """
+
+    def __init__(self, map: RationalMap, degree: int) -> None:
+        self.map, self.degree = map, degree
         # Darboux polynomials that are no combinations of products of others.
-        self.generators: list[Any] = []
-        self.quotients: list[RationalFunction] = []  # of equal cofactor, not independent
-        self.densities: list[RationalFunction] = []  # of polynomials with the cofactor det DPhi
-        self.known: list[RationalFunction] = []  # densities of a theorem
+        self.generators: list[RationalFunction] = []
+        # Products of generators up to the degree, by the values of their cofactors.
+        self.products: dict[int, list[Product]] = {1: [Product(0, ())]}
+        self.cofactors: dict[int, RationalFunction] = {1: RationalFunction(())}
+        # Polynomials of equal cofactor, without one that is known.
+        self.spaces: list[list[RationalFunction]] = []
+        self.densities: list[RationalFunction] = []  # of a theorem
+        self.raw: list[RationalFunction] = []  # densities, while factors of det DPhi are unknown
+        self.has_factors = False  # whether these are known
+        self._point = arithmetic.random_point(map.dimension)[:-1]
+
+    def value(self, cofactor: Any) -> int:
+        """Return the value of a cofactor by which it is known."""
+        found = flint.nmod(arithmetic.fmpq(cofactor.constant), PRIME)
+        for P, e in cofactor.factors:
+            found *= flint.nmod(modulo(P, PRIME, EPS)(*self._point), PRIME) ** e
+        return int(found)
+
+    def add(self, generator: RationalFunction) -> list[tuple[int, int]]:
+        """Add a generator; return the value of the cofactor and the degree of each new product."""
+        added = self._multiply(generator)
+        kept = [g for g in self.generators if not self._is_combination(g)]
+        if len(kept) < len(self.generators):
+            self.generators.clear()
+            self.products = {1: [Product(0, ())]}
+            for g in kept:
+                self._multiply(g)
+        return added
+
+    def _is_combination(self, generator: RationalFunction) -> bool:
+        """Return True for a combination of products of generators of lower degree."""
+        products = self.products[self.value(generator.cofactor)]
+        proper = [each for each in products if sum(each.powers) > 1]
+        lower = [self.polynomial(self.product_of(each)) for each in proper]
+        return rank([*lower, self.polynomial(generator)]) == rank(lower)
+
+    def _multiply(self, generator: RationalFunction) -> list[tuple[int, int]]:
+        cofactor: Any = generator.cofactor
+        value, added = self.value(cofactor), []
+        number = len(self.generators)
+        self.generators.append(generator)
+        known = [(v, product) for v, products in self.products.items() for product in products]
+        count = len(known)
+        for v, product in known:
+            powers = product.powers + (0,) * (number - len(product.powers))
+            degree, power, now = product.degree + generator.degree, 1, v * value % PRIME
+            while degree <= max(self.degree, generator.degree) and count < _PRODUCTS:
+                self.products.setdefault(now, []).append(Product(degree, (*powers, power)))
+                if now not in self.cofactors:
+                    self.cofactors[now] = self.cofactors[v] * cofactor**power
+                added.append((now, degree))
+                count += 1
+                degree, power, now = degree + generator.degree, power + 1, now * value % PRIME
+        return added
+
+    def elements(self, value: int, degree: int) -> list[RationalFunction]:
+        """Return independent products up to a degree with a cofactor, the shortest first."""
+        products = [each for each in self.products.get(value, ()) if each.degree <= degree]
+        pairs = [(f, self.polynomial(f)) for f in map(self.product_of, products)]
+        pairs.sort(key=lambda pair: size(pair[1]))
+        chosen: list[tuple[RationalFunction, Any]] = []
+        for f, P in pairs:
+            if rank([P, *(Q for _, Q in chosen)]) > len(chosen):
+                chosen.append((f, P))
+        return [f for f, _ in chosen]
+
+    def polynomial(self, f: RationalFunction) -> Any:
+        """Return a product of generators as one polynomial."""
+        return f.quotient_in(self.map.ring)[0]
+
+    def product_of(self, product: Product) -> RationalFunction:
+        return self._power_product(product.powers)
+
+    def _power_product(self, powers: Sequence[int]) -> RationalFunction:
+        chosen = (g**e for g, e in zip(self.generators, powers, strict=False) if e)
+        return math.prod(chosen, start=RationalFunction((), basis=IDENTITY))
 
     @property
-    def integrals(self) -> list[RationalFunction]:
-        """First integrals: quotients, and products of powers whose cofactors multiply to 1."""
+    def integrals(self) -> tuple[RationalFunction, ...]:
+        """Independent first integrals of least degree.
+
+        They are quotients, and products of powers whose cofactors multiply to 1.
+        """
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
-        products = map(self._power_product, relations)
+        products = [_upright(f) for f in map(self._power_product, relations)]
+        products.sort(key=_length)
+        return independent([*sorted(self._quotients(), key=_length), *products])
 
-        def order(f: RationalFunction) -> tuple[int, bool]:
-            return degree_of(f.numerator), _constant_term(f.denominator)
-
-        return [max((f, f**-1), key=order) for f in (*self.quotients, *products)]
+    def _quotients(self) -> Iterator[RationalFunction]:
+        """Yield quotients of polynomials of one cofactor: over one of least degree, not 0 at 0."""
+        own: dict[int, int] = {}  # the highest degree of a generator of each cofactor
+        for g in self.generators:
+            value = self.value(g.cofactor)
+            own[value] = max(own.get(value, 0), g.degree)
+        spaces = [self.elements(value, degree) for value, degree in own.items()]
+        for functions in (*spaces, *self.spaces):
+            lowest = [f for f in functions if f.degree == functions[0].degree]
+            below = next((f for f in lowest if _constant_term(f.numerator)), functions[0])
+            yield from (f / below for f in functions if f is not below)
 
     @property
-    def measures(self) -> list[RationalFunction]:
+    def measures(self) -> tuple[RationalFunction, ...]:
         """Densities of invariant measures, from one cofactor or else from several."""
-        found, det = [*self.densities], self.map.jacobian_cofactor
-        if not found and not self.known and det is not None:
+        found, det = [*self.densities, *self.raw], None
+        if self.has_factors:
+            det = self.map.jacobian_cofactor
+        if det is not None:
+            found += [f**-1 for f in self.elements(self.value(det), self.map.degree * self.degree)]
+        if not found and det is not None:
             rows = _multiplicative_relations([det, *(g.cofactor for g in self.generators)])
             single = [row for row in rows if abs(row[0]) == 1]
             found += [self._power_product([a * b for b in row]) for a, *row in single[:1]]
-        different = {str(f): f for f in (*self.known, *found)}.values()
-        return sorted(different, key=lambda f: (f.degree, len(str(f))))
+        different = {str(f): f for f in found}.values()
+        return tuple(sorted(different, key=_length))
 
     @property
-    def polynomials(self) -> list[RationalFunction]:
+    def polynomials(self) -> tuple[RationalFunction, ...]:
         """The Darboux polynomials, without products of others."""
-        return sorted(self.generators, key=lambda g: size(g.numerator))
+        return tuple(sorted(self.generators, key=lambda g: size(self.polynomial(g))))
 
-    def of_degree(self, degree: int) -> None:
-        """Find the polynomials up to a degree with products of powers of factors as cofactors."""
-        for cofactor in cofactors_of(self.map, degree):
-            self.of_cofactor(cofactor, degree)
 
-    def of_cofactor(self, cofactor: RationalFunction | None, degree: int) -> None:
-        """Find the polynomials up to a degree that have a cofactor, None for det DPhi."""
-        with contextlib.suppress(ArithmeticError):  # too long
-            space = darboux_polynomials(self.map, degree, cofactor, seed=degree)
-            self.add(space, cofactor or self.map.jacobian_cofactor, measures=cofactor is None)
+def _length(f: RationalFunction) -> tuple[int, int, str]:
+    return f.degree, len(str(f)), str(f)
 
-    def add(
-        self, space: Polynomials, cofactor: RationalFunction | None = None, measures: bool = False
-    ) -> None:
-        """Add polynomials of one cofactor, by default unknown; `measures` if it is det DPhi."""
-        if not space:
-            return
-        space = tuple(sorted(space, key=size))
-        functions = [replace(factored(P), basis=MODULAR) for P in space]
-        if self.map.factors is not None:
-            for f in (f for P in space for f, _ in factors(P) if degree_of(f)):
-                if (own := self.map.cofactor(f)) is not None:
-                    self._add_generator(f, own)
-            if cofactor := cofactor or self.map.cofactor(space[0]):
-                for P in space:
-                    self._add_generator(P, cofactor)
-                products = self._products_with(cofactor, degree_of(space[-1]))
-                functions = [f for f, P in sorted(products, key=lambda each: size(each[1]))]
-                measures = measures or cofactor == self.map.jacobian_cofactor
-        # The denominator is of least degree, and not 0 at 0 if possible.
-        lowest = [f for f in functions if f.degree == functions[0].degree]
-        below = next((f for f in lowest if _constant_term(f.numerator)), functions[0])
-        self.quotients += [self._checked(f / below) for f in functions if f is not below]
-        if measures and not self.densities:
-            self.densities = [f**-1 for f in functions]
 
-    def _add_generator(self, P: Any, cofactor: RationalFunction) -> None:
-        """Add a Darboux polynomial, unless it is a combination of products of others."""
-        span = [Q for _, Q in self._products_with(cofactor, degree_of(P))]
-        if rank([*span, P]) > len(span):
-            found = replace(factored(P), basis=MODULAR, cofactor=cofactor)
-            self.generators.append(self._checked(found))
+def _upright(f: RationalFunction) -> RationalFunction:
+    """Return f or 1 / f: the one whose numerator has the higher degree, or is 0 at 0."""
 
-    def _checked(self, f: RationalFunction) -> RationalFunction:
-        """Check what the pullback of a function is as an identity, if it is not too long."""
-        map, k = self.map, f.degree
-        if f.basis == IDENTITY or not map.writes_out(k):
-            return f
-        parts = [each.quotient_in(map.ring) for each in (f, f.cofactor or RationalFunction(()))]
-        (P, Q), (above, below) = parts
-        if map.pullback(P, k) * Q * below != map.pullback(Q, k) * P * above:
-            raise ArithmeticError(f"{f}: expected the cofactor {f.cofactor or 1}")
-        return replace(f, basis=IDENTITY)
+    def order(f: RationalFunction) -> tuple[int, bool]:
+        return degree_of(f.numerator), _constant_term(f.denominator)
 
-    def _products_with(self, cofactor: RationalFunction, degree: int) -> list[Any]:
-        """Return independent products up to a degree that have a cofactor, and as polynomials."""
-        found: list[Any] = []
-        for f, c in self._products(degree, 0):
-            if c == cofactor:
-                P, _ = f.quotient_in(self.map.ring)
-                if rank([P, *(Q for _, Q in found)]) > len(found):
-                    found.append((f, P))
-        return found
-
-    def _products(self, degree: int, first: int) -> Iterator[tuple[Any, RationalFunction]]:
-        """Yield the products of generators up to a degree, each once, and their cofactors."""
-        yield RationalFunction((), basis=IDENTITY), RationalFunction(())
-        for i, g in enumerate(self.generators[first:], start=first):
-            if (remaining := degree - g.degree) >= 0:
-                for f, c in self._products(remaining, i):
-                    yield f * g, c * g.cofactor
-
-    def add_hamiltonian(self, H: Any) -> None:
-        """Add the integral H + grad H (x~ - x) / 3 of a field with a Hamiltonian, and 1/det A."""
-        map = self.map
-        *x, one = map.variables
-        *above, F = map.forms
-        self.known.append(quotient_of(one, map.denominator, IDENTITY))
-        numerator = 3 * H * F
-        for i, (f, y) in enumerate(zip(above, x, strict=True), map.has_letter):
-            numerator += H.derivative(i) * (f - y * F)
-        modified = self._checked(quotient_of(numerator, 3 * F, MODULAR))
-        if modified.degree:
-            self.quotients.append(modified)
-            if modified.basis == IDENTITY:
-                self.add(modified.quotient_in())
-
-    def _power_product(self, powers: Sequence[int]) -> RationalFunction:
-        chosen = (g**e for g, e in zip(self.generators, powers, strict=True) if e)
-        return math.prod(chosen, start=RationalFunction((), basis=IDENTITY))
+    return max((f, f**-1), key=order)
 
 
 def _constant_term(P: Any) -> bool:
@@ -153,7 +177,7 @@ def _constant_term(P: Any) -> bool:
     return any(not any(e[first:]) for e in P.monoms())
 
 
-def _multiplicative_relations(cofactors: Sequence[RationalFunction]) -> list[list[int]]:
+def _multiplicative_relations(cofactors: Sequence[Any]) -> list[list[int]]:
     """Return short exponents with which products of cofactors are 1, a basis of all."""
     exponents = []
     for cofactor in cofactors:

@@ -16,7 +16,7 @@ from ..bodies.field import QuadraticField
 from ..checks import wrong
 from .arithmetic import degree_of, matrix, step_size
 from .functions import RationalFunction, factored
-from .maps import TERMS, RationalMap, coprime, cramer
+from .maps import LONGEST, TERMS, RationalMap, coprime, cramer
 
 _POINTS = 3  # whose common roots are those of all points
 
@@ -114,11 +114,18 @@ class KahanMap(RationalMap):
         found = RationalFunction((), whole.constant) / factored(self.denominator)
         found /= factored(self.forms[-1]) ** whole.degree
         for f, e in whole.factors:
-            P = self.pullback(f, degree_of(f)) if self.writes_out(degree_of(f)) else None
-            if P is None or len(P) > 3 * TERMS:
+            if self.cost_of_pullback(f, degree_of(f)) > LONGEST:
+                return None
+            P = self.pullback(f, degree_of(f))
+            if len(P) > TERMS:
                 return None
             found *= factored(P) ** e
         return found
+
+    @property
+    def cost_of_factors(self) -> float:
+        """An estimate of the seconds that `factors` takes: those of a pullback like det A."""
+        return min(LONGEST, self.cost_of_pullback(self.denominator, degree_of(self.denominator)))
 
     @cached_property
     def degenerate_eps(self) -> tuple[Fraction, ...]:

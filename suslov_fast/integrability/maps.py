@@ -17,8 +17,8 @@ from .arithmetic import Point, degree_of, value_at
 from .functions import RationalFunction, factored
 from .reconstruction import polynomials_with
 
-TERMS = 100_000  # of the largest polynomial that is written out
-_SPARSE = 100  # terms of a component; of sparse maps all polynomials are
+TERMS = 300_000  # of the largest polynomial that is factored
+LONGEST = 30.0  # seconds that a pullback may take, as estimated
 _SHAPES = {0: "a point", 1: "a curve", 2: "a surface"}  # by dimension
 
 
@@ -136,11 +136,33 @@ class RationalMap:
         """The degree of the map of projective space."""
         return max(map(degree_of, self.forms))
 
-    def writes_out(self, degree: int) -> bool:
-        """Return True if the pullback of a polynomial is not too long to be written out."""
-        terms = math.comb(self.dimension + degree * self.degree, self.dimension)
+    def terms_of_degree(self, degree: int) -> int:
+        """Return the number of terms of a polynomial of a degree in x, and in eps."""
         eps = 1 + max(int(F.degrees()[0]) for F in self.forms) if self.has_letter else 1
-        return terms * eps <= TERMS or max(map(len, self.forms)) <= _SPARSE
+        return math.comb(self.dimension + degree, self.dimension) * eps
+
+    @cached_property
+    def _density(self) -> float:
+        """The part of all monomials of its degree that the map has."""
+        k = int(self.has_letter)
+        found = {e[k:] for F in self.forms for e in F.monoms()}
+        return len(found) / math.comb(self.dimension + self.degree, self.dimension)
+
+    def cost_of_pullback(self, P: Any, degree: int) -> float:
+        """Return an estimate of the seconds that the pullback of P and its factors take.
+
+        Each term of P adds the product of a power and a form, sums of as many terms as there are
+        monomials of their degree, if the map had all of its own degree, or less if it is sparse.
+        """
+        k, most = int(self.has_letter), self.terms_of_degree(degree * self.degree) * self._density
+        exponents = ((*e[k:], degree - sum(e[k:])) for e in P.monoms())
+        lengths = [len(F) for F in self.forms]
+        powers = (zip(lengths, e, strict=True) for e in exponents)
+        # The power t^n of t terms has as many as there are monomials of degree n in t variables.
+        terms = sum(
+            min(most, math.prod(math.comb(t + n - 1, n) for t, n in each)) for each in powers
+        )
+        return 5e-9 * terms * max(lengths)
 
     def pullback(self, P: Any, degree: int, at: Sequence[Any] | None = None) -> Any:
         """Return F_0^degree P(F / F_0), with F or with other polynomials `at`."""
@@ -169,6 +191,11 @@ class RationalMap:
     def jacobian_cofactor(self) -> RationalFunction | None:
         """The determinant of the derivative, in factors; None if they are too long."""
         return self._determinant() if self.is_invertible else None
+
+    @property
+    def cost_of_factors(self) -> float:
+        """An estimate of the seconds that `factors` takes."""
+        return 2e-6 * self.terms_of_degree((self.dimension + 1) * (self.degree - 1))
 
     @cached_property
     def factors(self) -> list[Any] | None:

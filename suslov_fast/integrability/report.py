@@ -1,6 +1,6 @@
 """Reports on maps: degrees, first integrals, invariant measures, Darboux polynomials.
 
-`search` fills it part by part.
+`process` fills it fact by fact.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .kahan import KahanMap, kahan
 from .maps import RationalMap, check_map
-from .search import search, search_until
+from .process import search, search_until
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
@@ -203,7 +203,7 @@ def report(
     if progress is not None and not callable(progress):
         expected = "None or a callable (done, parts)"
         raise wrong("progress", expected, type(progress).__name__, TypeError)
-    found, most = Report(map, degree, notes=notes), 2 * degree + 3
+    found = Report(map, degree, notes=notes)
     if time_limit is None:
         parts: Any = search(found, seed)
     else:
@@ -213,10 +213,10 @@ def report(
         parts = search_until(time.monotonic() + seconds, found, seed)
     with closing(parts):
         try:
-            for k, part in enumerate(parts, start=1):
-                found = part
+            for now, done, known in parts:
+                found = now
                 if progress is not None:
-                    progress(min(k, most), most)
+                    progress(done, known)
         except KeyboardInterrupt as error:
             error.report = found  # type: ignore[attr-defined]
             raise

@@ -1,148 +1,398 @@
-"""The search of a report: cheap parts first, until it has as many integrals as orbits show.
+"""The search of a report: facts about a map, each found by a task of a queue.
 
-It finds the degrees of iterates on random lines (`growth`), the number of integrals that relations
-along orbits show (`relations`), the polynomials with the cofactors 1 and det DPhi, and then with
-all products of factors of the map (`darboux`), with the integrals and measures that follow from
-them and are checked as identities (`invariants`).
+A kind of fact is a method that returns its first tasks; `_KINDS` lists them. Tasks tell one another
+what they find through `Search`: a new Darboux polynomial leads to tasks for the cofactors of its
+products with those before it, and to its proof.
 """
 
+from __future__ import annotations
+
 import math
-import pickle
 import random
-import signal
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from . import arithmetic
-from .functions import RationalFunction, independent
+from .arithmetic import PRIME, Polynomials, degree_of, factors, rank, size
+from .darboux import candidates, nullity, space_of, with_constants
+from .functions import (
+    IDENTITY,
+    MODULAR,
+    RationalFunction,
+    factored,
+    quotient_of,
+    without_content,
+)
 from .growth import degrees_on_a_line, growth
 from .invariants import Invariants
-from .maps import RationalMap
+from .maps import LONGEST, RationalMap
 from .relations import counts, integrals_of
+from .tasks import Queue, Task
 
 _FEW = 80  # coefficients, at most, of a polynomial of higher degree than that of the report
 _ENOUGH, _DEGREES = 10, 24  # iterates: enough if a recurrence holds, and at most
 _SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees: cheap; costly; too costly
+_LATE = 1.0  # seconds by which proofs come after searches that cost as much
 
-_START = "import sys; sys.path[:] = {}; from suslov_fast.integrability.search import serve; serve()"
-
-
-def search(found: Any, seed: int) -> Iterator[Any]:
-    """Fill a `Report`, and yield it after each part."""
-    invariants, done = Invariants(found.map), {}
-    for kind, text in _parts(found, invariants, seed):
-        done[kind] = text
-        found.searched = [*done.values()]
-        found.integrals = independent(invariants.integrals)
-        found.measures = tuple(invariants.measures)
-        found.polynomials = tuple(invariants.polynomials)
-        if found.map.has_letter:
-            formulas = [*found.integrals, *found.measures, *found.polynomials]
-            special = {eps for f in formulas for eps in f.special}
-            found.special_eps = tuple(sorted(special.union(found.map.degenerate_eps)))
-        yield found
-    found.finished = True
-    yield found
+ONE = RationalFunction(())
+Tasks = Iterable[Task]
 
 
-def _is_complete(found: Any) -> bool:
-    """Return True if the integrals are as many as the relations show, and there is a measure."""
-    return bool(found.relations and found.measures) and len(found.integrals) >= found.relations
+class Search:
+    """What is known of a map, and the tasks that find more."""
 
+    def __init__(self, map: RationalMap, degree: int, seed: int, only_integrals: bool = False):
+        self.map, self.degree, self.seed = map, degree, seed
+        self._only_integrals = only_integrals
+        self.invariants = Invariants(map, degree)
+        self.degrees: list[int] = []
+        self.relations: int | None = None
+        self.version = 0  # of the polynomials, from which integrals and measures follow
+        self._lines = _Lines(map, seed)
+        self._levels: dict[int, int] = {}  # the degree of the latest task of each cofactor
+        self._unknown: list[Polynomials] = []  # spaces whose cofactors wait for factors of the map
+        self._seen = -1
+        self._integrals: tuple[RationalFunction, ...] = ()
+        self._measures: tuple[RationalFunction, ...] = ()
+        self._polynomials: tuple[RationalFunction, ...] = ()
+        self.queue = Queue(self._first(), self._is_wanted)
 
-def _parts(found: Any, invariants: Invariants, seed: int) -> Iterator[tuple[str, str]]:
-    """Search part by part, and yield the kind and the description of each part."""
-    map, d, D = found.map, found.degree, found.map.dimension
-    found.degrees = _degrees(map, seed)
-    yield "degrees", f"degrees of {len(found.degrees)} iterates"
-    if not map.is_invertible:
-        yield "end", "nothing else: the map has no inverse, since det DPhi = 0"
-        return
-    if (H := getattr(map, "hamiltonian", None)) is not None:
-        invariants.add_hamiltonian(H)
-        yield "hamiltonian", "the modified energy and 1/det A of the Hamiltonian"
-    for k in range(1, d + 1):
-        exponents = arithmetic.exponents_up_to(k, D)
-        found.relations = counts(map, exponents, seed)[1]
-        if len(found.integrals) < found.relations:
-            invariants.add(integrals_of(map, exponents, seed))
-        yield "relations", f"relations between the {len(exponents)} monomials up to degree {k}"
-    if not _is_complete(found):
-        for cofactor in (RationalFunction(()), None):
-            invariants.of_cofactor(cofactor, d)
-        yield "simple", f"polynomials up to degree {d} with the cofactors 1 and det DPhi"
-    if map.factors is None:
-        yield "end", "no other Darboux polynomials, since det DPhi is too long"
-        return
-    cofactors = "products of powers of the factors of det DPhi as cofactors"
-    for k in range(1, 2 * d + 1):
-        unknowns, highest = math.comb(D + k, D), max((f.degree for f in found.integrals), default=0)
-        if _is_complete(found) and (k >= highest or unknowns > _FEW):
-            yield "end", "no more, since as many integrals as relations show are known"
+    def fill(self, report: Any) -> None:
+        """Put what is known into a report."""
+        report.degrees, report.relations = self.degrees, self.relations
+        report.integrals, report.measures = self.integrals, self.measures
+        report.polynomials = self._polynomials
+        report.searched = [*self._searched()]
+
+    def _update(self) -> None:
+        if self._seen != self.version:
+            self._seen = self.version
+            self._integrals = self.invariants.integrals
+            self._measures = self.invariants.measures
+            self._polynomials = self.invariants.polynomials
+
+    @property
+    def integrals(self) -> tuple[RationalFunction, ...]:
+        """The independent first integrals that are known."""
+        self._update()
+        return self._integrals
+
+    @property
+    def measures(self) -> tuple[RationalFunction, ...]:
+        """The densities that are known."""
+        self._update()
+        return self._measures
+
+    @property
+    def is_complete(self) -> bool:
+        """True if there are as many integrals as the relations show, and a measure."""
+        known = len(self.integrals)
+        return bool(self.measures) and known >= (self.relations or self.map.dimension)
+
+    def _is_wanted(self, task: Task) -> bool:
+        """Return True if a task for polynomials of some degree is expected to add something.
+
+        Once all is known that relations show, polynomials of lower degree than the integrals can
+        still replace them. Integrals with irrational coefficients have rational norms, of a degree
+        above that of the report.
+        """
+        is_small = self._unknowns(task.level) <= _FEW
+        if task.level > self.degree:
+            return is_small and self.relations is not None and len(self.integrals) < self.relations
+        highest = max((f.degree for f in self.integrals), default=0)
+        if self.is_complete:
+            return highest > self.degree or (is_small and task.level <= highest)
+        return True
+
+    def _unknowns(self, degree: int) -> int:
+        return math.comb(self.map.dimension + degree, degree)
+
+    # The tasks, by kind.
+
+    def _first(self) -> Iterator[Task]:
+        if not self._only_integrals:
+            yield self._next_degree()
+        if not self.map.is_invertible:
             return
-        # Integrals with irrational coefficients have rational norms, of a higher degree.
-        if k > d and (unknowns > _FEW or len(found.integrals) >= found.relations):
+        for kind in _KINDS:
+            yield from kind(self)
+
+    def _next_degree(self) -> Task:
+        n, degree = self.map.dimension, self._following
+        return Task(1e-7 * n**3 * degree + 2e-8 * n * degree**2, self._degree, "degrees")
+
+    @property
+    def _following(self) -> float:
+        """The degree that is expected next."""
+        last = self.degrees[-2:] or [1]
+        return last[-1] ** 2 / max(1, last[0]) if len(last) > 1 else last[0] * self.map.degree
+
+    def _degree(self) -> Tasks:
+        self.degrees = self._lines.next()
+        last, following = self.degrees[-1], self._following
+        settled = (len(self.degrees) >= _ENOUGH and last > _SMALL) or following > _LARGE
+        if settled and growth(self.degrees).entropy_error == 0:
+            return []
+        if following > _LARGEST or len(self.degrees) == _DEGREES:
+            return []
+        return [self._next_degree()]
+
+    def _hamiltonian(self) -> Iterator[Task]:
+        if getattr(self.map, "hamiltonian", None) is not None:
+            yield Task(0.0, self._modified_energy, "hamiltonian")
+
+    def _modified_energy(self) -> Tasks:
+        """Add the integral H + grad H (x~ - x) / 3 of a field with a Hamiltonian, and 1/det A."""
+        map: Any = self.map
+        *x, one = map.variables
+        *above, F = map.forms
+        self.invariants.densities.append(quotient_of(one, map.denominator, IDENTITY))
+        numerator = 3 * map.hamiltonian * F
+        for i, (f, y) in enumerate(zip(above, x, strict=True), map.has_letter):
+            numerator += map.hamiltonian.derivative(i) * (f - y * F)
+        modified = quotient_of(numerator, 3 * F, MODULAR)
+        self.version += 1
+        return self._add(modified.quotient_in(map.ring)) if modified.degree else []
+
+    def _relations(self) -> Iterator[Task]:
+        for k in range(1, self.degree + 1):
+            n = self._unknowns(k)
+            cost = 1e-8 * n**3 * (1 + self.map.dimension / 2)
+            yield Task(cost, partial(self._count, k), "relations", k)
+
+    def _count(self, k: int) -> Tasks:
+        exponents = arithmetic.exponents_up_to(k, self.map.dimension)
+        _, independent = counts(self.map, exponents, self.seed)
+        self.relations = max(self.relations or 0, independent)
+        if independent:
+            cost = 1e-6 * self._unknowns(k) ** 3
+            yield Task(cost, partial(self._quotients, k), "quotients of relations", k)
+
+    def _quotients(self, k: int) -> Tasks:
+        if len(self.integrals) >= (self.relations or 0):
+            return []
+        exponents = arithmetic.exponents_up_to(k, self.map.dimension)
+        return self._add(integrals_of(self.map, exponents, self.seed))
+
+    def _simple(self) -> Iterator[Task]:
+        for cofactor in (ONE, None):
+            for sign in (1, -1):
+                yield self._polynomials_of(cofactor, sign, 1, "simple")
+
+    def _factors(self) -> Iterator[Task]:
+        yield Task(self.map.cost_of_factors, self._find_factors, "factors")
+
+    def _find_factors(self) -> Tasks:
+        if self.map.factors is None:
+            for space in self._unknown:
+                yield from self._proof_of_quotients(space)
             return
-        invariants.of_degree(k)
-        yield "all", f"Darboux polynomials up to degree {k} with {cofactors}"
+        self.invariants.has_factors = True
+        self.version += 1
+        self.invariants.spaces.clear()
+        self.invariants.raw.clear()
+        for space in self._unknown:
+            yield from self._add(space)
+        for k in range(1, 2 * self.degree + 1):
+            if k <= self.degree or self._unknowns(k) <= _FEW:
+                each = candidates(self.map, k)
+                yield self._candidates(each, k)
 
+    def _candidates(self, each: Iterator[RationalFunction | None], k: int, steps: int = 1) -> Task:
+        """Return the task that looks at the next product of factors, and queues the one after.
 
-def _degrees(map: RationalMap, seed: int) -> list[int]:
-    """Return degrees of iterates, as many as a recurrence needs, and more if they cost little."""
+        There may be many: a step costs as much as all before it, so that they leave time to others.
+        """
 
-    def compute(p: int, eps: int) -> list[int]:
-        found: list[int] = []
-        for each in degrees_on_a_line(map, p, eps):
-            found.append(each)
-            following = each**2 / max(1, found[-2:][0])
-            settled = (len(found) >= _ENOUGH and each > _SMALL) or following > _LARGE
-            if settled and growth(found).entropy_error == 0:
-                break
-            if following > _LARGEST or len(found) == _DEGREES:
-                break
-        return found
+        def run() -> Tasks:
+            for cofactor in each:
+                if cofactor is not None:
+                    find = partial(self._constants, cofactor, k)
+                    yield Task(steps * 4 * self._cost(k), find, "all", k, needed=False)
+                yield self._candidates(each, k, steps + 1)
+                return
 
-    return list(arithmetic.confirmed(random.Random(seed), compute))
+        return Task(steps * self._cost(k), run, "all", k, needed=False)
 
+    def _constants(self, candidate: RationalFunction, k: int) -> Tasks:
+        for cofactor in with_constants(self.map, k, candidate):
+            yield self._polynomials_of(cofactor, 1, k, "all", k)
 
-def search_until(deadline: float, found: Any, seed: int) -> Iterator[Any]:
-    """Yield what `search` yields, until `time.monotonic()` reaches the deadline.
+    def _cost(self, degree: int) -> float:
+        """Return the cost of the null space of a matrix with as many rows as unknowns."""
+        n = self._unknowns(degree)
+        letter = 20 if self.map.has_letter else 1  # values of eps to interpolate
+        return letter * (1e-6 * n**2 + 4e-9 * n**3)
 
-    It runs in another process, since python-flint cannot be interrupted.
-    """
-    pipe, command = subprocess.PIPE, [sys.executable, "-c", _START.format(sys.path)]
-    process: Any = subprocess.Popen(command, stdin=pipe, stdout=pipe)
-    left = min(deadline - time.monotonic(), threading.TIMEOUT_MAX)
-    timer = threading.Timer(left, process.kill)
-    with process:
+    def _polynomials_of(
+        self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
+    ) -> Task:
+        """Return the task for the polynomials of a cofactor up to degree k, and then `last`."""
+
+        def run() -> Tasks:
+            yield from self._find(cofactor, sign, k)
+            if k < (last or self.degree):
+                yield self._polynomials_of(cofactor, sign, k + 1, kind, last)
+
+        return Task(self._cost(k), run, kind, k, needed=False)
+
+    def _find(self, cofactor: RationalFunction | None, sign: int, k: int) -> Tasks:
+        """Find the polynomials up to degree k of a cofactor, None for det DPhi."""
+        if cofactor is None and self.invariants.has_factors:
+            cofactor = self.map.jacobian_cofactor
+        known: list[Any] = []
+        if cofactor is not None:
+            cofactor, sign = sign * cofactor, 1
+            value = self.invariants.value(cofactor)
+            if self._levels.get(value, 0) >= k:
+                return []
+            self._levels[value] = k
+            known = self.invariants.products.get(value, [])
         try:
-            timer.start()
-            with process.stdin:
-                pickle.dump((found, seed), process.stdin)
-            while not found.finished:
-                found = pickle.load(process.stdout)
-                if isinstance(found, Exception):
-                    raise found
-                yield found
-        except (EOFError, BrokenPipeError, pickle.UnpicklingError):
-            if time.monotonic() < deadline:
-                raise RuntimeError("the process of the search ended") from None
-        finally:
-            timer.cancel()
-            process.kill()
+            dimension = nullity(self.map, k, cofactor, sign)
+            if dimension <= min(1, len(known)):
+                return []
+            if cofactor is not None and dimension == len(self.invariants.elements(value, k)):
+                return []
+            space = space_of(self.map, k, cofactor, sign, seed=self.seed)
+        except ArithmeticError:  # the coefficients are too long, or a number is special
+            return []
+        if cofactor is None and sign == 1 and space:
+            self.invariants.raw += [factored(P) ** -1 for P in sorted(space, key=size)]
+            self.version += 1
+        return self._add(space, cofactor)
+
+    # Polynomials that were found.
+
+    def _add(self, space: Polynomials, cofactor: RationalFunction | None = None) -> Tasks:
+        """Add polynomials of one cofactor, by default unknown."""
+        if not space:
+            return []
+        space = tuple(sorted(map(without_content, space), key=size))
+        self.version += 1
+        if not self.invariants.has_factors:
+            self._unknown.append(space)
+            self.invariants.spaces.append([replace(factored(P), basis=MODULAR) for P in space])
+            return []
+        tasks: list[Task] = []
+        for f in (f for P in space for f, _ in factors(P) if degree_of(f)):
+            if (own := self.map.cofactor(f)) is not None:
+                tasks += self._add_generator(f, own)
+        if cofactor is None:
+            cofactor = self.map.cofactor(space[0])
+        if cofactor is None:
+            self.invariants.spaces.append([replace(factored(P), basis=MODULAR) for P in space])
+            return [*tasks, *self._proof_of_quotients(space)]
+        for P in space:
+            tasks += self._add_generator(P, cofactor)
+        return tasks
+
+    def _add_generator(self, P: Any, cofactor: RationalFunction) -> Tasks:
+        """Add a Darboux polynomial, unless it is a combination of products of others."""
+        known = self.invariants
+        elements = known.elements(known.value(cofactor), degree_of(P))
+        if degree_of(P) == 0 or rank([*map(known.polynomial, elements), P]) == len(elements):
+            return
+        g = replace(factored(P), basis=MODULAR, cofactor=cofactor)
+        added = known.add(g)
+        self.version += 1
+        if not self._only_integrals:
+            yield self._proof(g)
+        lowest: dict[int, int] = {}
+        for value, degree in added:
+            lowest[value] = min(degree, lowest.get(value, degree))
+        for value, degree in lowest.items():
+            for sign in (1, -1):
+                if self._levels.get(sign * value % PRIME, 0) < degree <= self.degree:
+                    yield self._polynomials_of(known.cofactors[value], sign, degree, "products")
+
+    def _proof(self, g: RationalFunction) -> Task:
+        """Return the task that checks the cofactor of a generator as an identity."""
+        map, P = self.map, self.invariants.polynomial(g)
+        cost = map.cost_of_pullback(P, g.degree)
+
+        def run() -> Tasks:
+            if cost <= LONGEST and g in self.invariants.generators:
+                scale = g.cofactor * factored(map.forms[-1]) ** g.degree
+                above, below = scale.quotient_in(map.ring)
+                if map.pullback(P, g.degree) * below != P * above:
+                    raise ArithmeticError(f"{g}: expected the cofactor {g.cofactor}")
+                number = self.invariants.generators.index(g)
+                self.invariants.generators[number] = replace(g, basis=IDENTITY)
+                self.version += 1
+            return []
+
+        return Task(_LATE + cost, run, "proofs")
+
+    def _proof_of_quotients(self, space: Polynomials) -> Tasks:
+        """Yield the task that checks quotients of unknown cofactor as identities."""
+        map, degree = self.map, max(degree_of(P) for P in space)
+        cost = sum(map.cost_of_pullback(P, degree) for P in space)
+
+        def run() -> Tasks:
+            if cost <= LONGEST:
+                images = [map.pullback(P, degree) for P in space]
+                pairs = zip(images, space, strict=True)
+                if any(image * space[0] != images[0] * P for image, P in pairs):
+                    raise ArithmeticError(f"{space}: expected equal cofactors")
+                proved = [replace(factored(P), basis=IDENTITY) for P in space]
+                for number, each in enumerate(self.invariants.spaces):
+                    if each and str(each) == str(proved):
+                        self.invariants.spaces[number] = proved
+                self.version += 1
+            return []
+
+        yield Task(_LATE + cost, run, "proofs")
+
+    def _searched(self) -> Iterator[str]:
+        """Yield what was searched, in words."""
+        levels = self.queue.finished()
+        if self.degrees:
+            yield f"degrees of {len(self.degrees)} iterates"
+        if not self.map.is_invertible:
+            yield "nothing else: the map has no inverse, since det DPhi = 0"
+        for kind, text in _TEXTS.items():
+            if (k := levels.get(kind)) is not None:
+                count = self._unknowns(k)
+                yield text.format(k=k, count=count)
+        if "factors" in levels and not self.invariants.has_factors:
+            yield "no other Darboux polynomials, since det DPhi is too long"
+        if self.is_complete and self.queue.has_refused:
+            yield "no more, since as many integrals as relations show are known"
 
 
-def serve() -> None:
-    """Run the search with arguments from stdin, and write what it yields to stdout."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits
-    out = sys.stdout.buffer
-    try:
-        for found in search(*pickle.load(sys.stdin.buffer)):
-            pickle.dump(found, out)
-            out.flush()
-    except Exception as error:
-        pickle.dump(error, out)
+_KINDS = (Search._hamiltonian, Search._relations, Search._simple, Search._factors)
+_TEXTS = {
+    "hamiltonian": "the modified energy and 1/det A of the Hamiltonian",
+    "relations": "relations between the {count} monomials up to degree {k}",
+    "simple": "polynomials up to degree {k} with the cofactors 1, -1, det DPhi and -det DPhi",
+    "products": "polynomials up to degree {k} with products of known cofactors, and minus these",
+    "all": "Darboux polynomials up to degree {k} with products of powers of the factors of "
+    "det DPhi as cofactors",
+}
+
+
+class _Lines:
+    """Degrees of iterates on random lines modulo primes, two of which agree."""
+
+    def __init__(self, map: RationalMap, seed: int) -> None:
+        self._map, self._rng = map, random.Random(seed)
+        self._runs: list[tuple[Iterator[int], list[int]]] = []
+
+    def next(self) -> list[int]:
+        """Return one degree more."""
+        count = 1 + max((len(found) for _, found in self._runs), default=0)
+        for _ in range(arithmetic.DRAWS):
+            for each, found in self._runs:
+                found += [next(each) for _ in range(count - len(found))]
+            results = [found for _, found in self._runs]
+            for found in results:
+                if results.count(found) > 1:
+                    self._runs = [run for run in self._runs if run[1] == found][:2]
+                    return [*found]
+            p = arithmetic.random_prime(self._rng)
+            eps = self._rng.randrange(2, p)
+            self._runs.append((degrees_on_a_line(self._map, p, eps), []))
+        raise ArithmeticError("the iterates reach poles of the map")

@@ -1,0 +1,96 @@
+"""A queue of tasks, of which the cheapest goes first."""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+Run = Callable[[], "Iterable[Task]"]
+
+
+@dataclass(frozen=True)
+class Task:
+    """A fact to find out: a degree, the polynomials of a cofactor, a proof.
+
+    `run` does the work, and returns the tasks that its result leads to. The cost is an estimate
+    from the sizes of the problem, never a time that was measured, so that a search takes the same
+    path on each machine. `kind` and `level`, a degree of polynomials, say what was searched when
+    all tasks that have them are done. A task that is not `needed` can be left out when nothing more
+    is expected of its level.
+    """
+
+    cost: float  # in seconds on a usual machine, roughly
+    run: Run
+    kind: str = ""
+    level: int = 0
+    needed: bool = True
+
+
+class Queue:
+    """Tasks that wait; it knows nothing of what they find.
+
+    Iteration runs them, the cheapest first and equal ones in the order in which they came, and
+    yields each task when it is done. `is_wanted` is asked before each task that is not `needed`;
+    those it refuses wait aside until it wants them.
+    """
+
+    def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[Task], bool]) -> None:
+        self.done = 0
+        self._is_wanted = is_wanted
+        self._heap: list[tuple[float, int, Task]] = []
+        self._aside: list[Task] = []
+        self._open = Counter[tuple[str, int]]()  # tasks that are not done, by kind and level
+        self._levels: dict[str, set[int]] = {}
+        self._number = 0
+        self._add(tasks)
+
+    def __len__(self) -> int:
+        return len(self._heap) + len(self._aside)
+
+    def __iter__(self) -> Iterator[Task]:
+        while self._heap:
+            _, _, task = heapq.heappop(self._heap)
+            if task.needed or self._is_wanted(task):
+                self._add(task.run())
+                self._open[task.kind, task.level] -= 1
+                self.done += 1
+                yield task
+            else:
+                self._aside.append(task)
+            self._take_back()
+
+    def _take_back(self) -> None:
+        refused = []
+        for task in self._aside:
+            if self._is_wanted(task):
+                self._push(task)
+            else:
+                refused.append(task)
+        self._aside = refused
+
+    def _add(self, tasks: Iterable[Task]) -> None:
+        for task in tasks:
+            self._open[task.kind, task.level] += 1
+            self._levels.setdefault(task.kind, set()).add(task.level)
+            self._push(task)
+
+    def _push(self, task: Task) -> None:
+        self._number += 1
+        heapq.heappush(self._heap, (task.cost, self._number, task))
+
+    @property
+    def has_refused(self) -> bool:
+        """True if tasks wait aside."""
+        return bool(self._aside)
+
+    def finished(self) -> dict[str, int]:
+        """Return, for each kind, the level up to which all its tasks are done."""
+        levels: dict[str, int] = {}
+        for kind, known in self._levels.items():
+            for level in sorted(known):
+                if self._open[kind, level]:
+                    break
+                levels[kind] = level
+        return levels

@@ -8,8 +8,10 @@ import shutil
 from pathlib import Path
 
 import children
+import numpy as np
 import pytest
 
+from suslov_fast.core import elimination, orientations, quantities, steps_3d
 from suslov_fast.core import numba as core_numba
 
 pytestmark = pytest.mark.compiled
@@ -153,6 +155,81 @@ def test_without_a_writable_folder(folder):
     places = {"HOME": str(blocked), "XDG_CACHE_HOME": str(blocked), "LOCALAPPDATA": str(blocked)}
     assert call(folder, *RESULTS, PYTHONDONTWRITEBYTECODE="1", **places) == 0
     assert blocked.read_text() == "not a folder"
+
+
+# Names of Numba that are not public, and where they are. Numba itself needs them: they are hidden
+# from the package alone.
+PRIVATE = {
+    "_cache": "numba.core.dispatcher.Dispatcher",
+    "get_compile_result": "numba.core.dispatcher.Dispatcher",
+    "_cres": "numba.np.ufunc.ufuncbuilder.GUFuncBuilder",
+    "build": "numba.np.ufunc.ufuncbuilder.GUFuncBuilder",
+    "gufunc_builder": "numba.np.ufunc.gufunc.GUFunc",
+    "meminfo": "numba.core.cgutils._StructProxy",
+    "_getvalue": "numba.core.cgutils._StructProxy",
+    "FunctionCache": "numba.core.caching",
+    "CompileResultWAP": "numba.types",
+}
+HIDE = """
+import sys, numba
+from numba.core import ccallback, cgutils, dispatcher
+from numba.np.ufunc import gufunc, ufuncbuilder
+
+def hide(place, name):
+    if isinstance(place, type(sys)):
+        return delattr(place, name)
+    get, put = place.__getattribute__, place.__setattr__
+    def check(asked):
+        if asked == name and sys._getframe(2).f_globals["__name__"].startswith("package."):
+            raise AttributeError(name)
+    place.__getattribute__ = lambda self, asked: check(asked) or get(self, asked)
+    place.__setattr__ = lambda self, asked, value: check(asked) or put(self, asked, value)
+"""
+
+
+def test_every_kind_can_be_called_at_a_prompt(rng):
+    """Formulas, functions, kernels and universal functions: compiled, and as Python functions."""
+    x, y, w = rng.normal(size=16), np.zeros(32), rng.normal(size=(1, 2))
+    body, eps = (4.0, 1.0, -0.5, -0.3, 0.0), 0.2
+    for take in (steps_3d.plain_step, steps_3d.plain_step.py_func):
+        assert np.allclose(take(0.1, 0.2), (6 / 41, 7 / 41), rtol=1e-15)
+    gram = np.empty((3, 3, 8))
+    for clean in (orientations.clean, orientations.clean.py_func):
+        turned = np.repeat(np.eye(3)[:, :, None], 8, axis=2) * (1 + 1e-12)
+        clean(turned, gram, np.empty_like(gram))
+        assert abs(turned[..., 0] - np.eye(3)).max() < 1e-15
+    for memory_of_one in (elimination.memory_of_one, elimination.memory_of_one.py_func):
+        assert len(memory_of_one(3)) == 2
+    states = []
+    for steps in (steps_3d.steps, steps_3d.steps.py_func):
+        carry, saved, final = np.empty((1, steps_3d.CARRIED)), np.empty((6, 1, 2)), np.empty((1, 2))
+        given = tuple(np.array([number]) for number in (*body, eps)), w, carry, (0, 1, 0, 5, 1, 0)
+        with np.errstate(all="ignore"):
+            steps(0, 1, *given, saved, final, np.zeros(1, np.int8), np.zeros(1, np.int64))
+        states.append(saved)
+    np.testing.assert_array_equal(*states)
+    value = np.empty(1)
+    quantities.energy.py_func(*body, eps, w[0], value)
+    assert value == quantities.energy(*body, eps, w[0])
+    lead = -(y.ctypes.data // 8) % core_numba.LINE
+    for write in (core_numba.write, core_numba.write.py_func):
+        write(x, y, lead, 16, lead)
+        assert (y[lead : lead + 16] == x).all()
+        y[:] = 0
+    assert core_numba.borrowed(x) is x
+
+
+@pytest.mark.parametrize(
+    "names", [[*PRIVATE], *(pytest.param([name], marks=pytest.mark.slow) for name in PRIVATE)]
+)
+def test_without_private_names_of_numba(folder, names):
+    """What takes the place of these names is slower, and gives the same results."""
+    hidden = "\n".join(f"hide({PRIVATE[name]}, {name!r})" for name in names)
+    code = f"{HIDE}\n{hidden}\n{CALL}"
+    for _ in range(2):  # with an empty cache, and with what the first process wrote
+        output = children.run(code, folder, *RESULTS, NUMBA_CACHE_DIR="")
+        lines = [text.partition("result ")[2] for text in output.splitlines() if "result" in text]
+        assert lines == [*RESULTS.values()]
 
 
 @pytest.mark.slow

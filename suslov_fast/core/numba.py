@@ -15,6 +15,8 @@ NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other. A lo
   need not test whether arrays overlap; indices that do not begin at 0 are unsigned,
 - it calls formulas without branches (`select`), and nothing of the C library.
 
+All of them can be called from Python; `.py_func` is the Python function that was compiled.
+
 A constant integer has a type of its own: a function that takes one is compiled for each value.
 """
 
@@ -28,8 +30,12 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import config, prange, types
-from numba.core.caching import FunctionCache
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload, typeof_impl
+
+try:
+    from numba.core.caching import FunctionCache
+except ImportError:
+    FunctionCache = None
 
 LINE = 8  # numbers of a cache line
 
@@ -61,22 +67,37 @@ def _delete_stale_files(folder):
             path.unlink(missing_ok=True)
 
 
-class _Cache(FunctionCache):
-    """Files of a function. If one cannot be read or written, the process compiles for itself."""
+# Private names of Numba are used in four functions, each of which does without where they are
+# missing: slower, and with the same results.
+def _use_cache(compiled, py_function):
+    """Give a function its files: `FunctionCache`, `_cache`.
 
-    def load_overload(self, signature, target_context):
-        with suppress(Exception):
-            found = super().load_overload(signature, target_context)
-            # Two processes that write at once may exchange the code of two signatures.
-            return found if found and tuple(found.signature.args) == tuple(signature) else None
-        with suppress(Exception):
-            self.flush()  # the index: `save_overload` would read it
-        return None
+    Numba's own cache fails where a file is damaged, or where there is no folder for files. Without
+    these names each process compiles for itself.
+    """
+    if FunctionCache is None or not hasattr(compiled, "_cache"):
+        return
 
-    def save_overload(self, signature, data):
-        with suppress(Exception):
-            super().save_overload(signature, data)
-            _delete_stale_files(self.cache_path)
+    class Cache(FunctionCache):
+        """Files of a function. If one cannot be read or written, the process compiles."""
+
+        def load_overload(self, signature, target_context):
+            with suppress(Exception):
+                code = super().load_overload(signature, target_context)
+                # Two processes that write at once may exchange the code of two signatures.
+                is_ours = code and tuple(code.signature.args) == tuple(signature)
+                return code if is_ours else None
+            with suppress(Exception):
+                self.flush()  # the index: `save_overload` would read it
+            return None
+
+        def save_overload(self, signature, data):
+            with suppress(Exception):
+                super().save_overload(signature, data)
+                _delete_stale_files(self.cache_path)
+
+    with suppress(RuntimeError, TypeError, AttributeError):  # no writable folder
+        compiled._cache = Cache(py_function)
 
 
 def _cached(compile_with, py_function):
@@ -85,15 +106,38 @@ def _cached(compile_with, py_function):
     compiled = compile_with(py_function)
     # Numba would cache code with and without checks of bounds under one name.
     if not (config.BOUNDSCHECK or config.DISABLE_JIT):
-        with suppress(RuntimeError):  # no writable folder: each process compiles
-            compiled._cache = _Cache(py_function)
+        _use_cache(compiled, py_function)
     return compiled
 
 
-function = functools.partial(_cached, numba.njit(**_FUNCTION))
-formula = functools.partial(_cached, numba.njit(**_FORMULA))
+class Function:
+    """A function that compiled code calls.
+
+    A call from Python would end the process, as there is no wrapper; it compiles another one, with
+    a wrapper: those of all functions would take a fifth of the time of first calls.
+    """
+
+    def __init__(self, options, py_func):
+        self.py_func = py_func
+        self.compiled = _cached(numba.njit(**options), py_func)
+
+    @functools.cached_property
+    def _for_calls(self):
+        return numba.njit(**_OPTIONS)(self.py_func)
+
+    def __call__(self, *arguments):
+        return self._for_calls(*arguments)
+
+
+@typeof_impl.register(Function)
+def _type_of_function(function, context):
+    return numba.typeof(function.compiled)
+
+
+function = functools.partial(Function, _FUNCTION)
+formula = functools.partial(Function, _FORMULA)
 for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
-inlined = numba.njit(inline="always", **_FUNCTION)
+inlined = numba.njit(inline="always", **_FOR_USERS | {"forceinline": False})
 
 
 # ---------------------------------------------------------------------------------------- kernels
@@ -101,18 +145,26 @@ class Kernel:
     """A compiled kernel, whose arguments are numbers, arrays and tuples of them."""
 
     def __init__(self, py_function):
+        self.py_func = py_function
         self.compiled = _cached(numba.njit(**_OPTIONS), py_function)
         if config.DISABLE_JIT:  # compiled code does not warn
             self.compiled = np.errstate(all="ignore")(py_function)
         self.serial = functools.partial(self.compiled, 0, 1)
 
+    def __call__(self, part, parts, *arguments):
+        return self.compiled(part, parts, *arguments)
+
     def parallel(self, threads, *arguments):
-        if config.BOUNDSCHECK or config.DISABLE_JIT:  # exceptions do not leave a parallel loop
+        kernel = loop = None
+        # Exceptions do not leave a parallel loop.
+        if not (config.BOUNDSCHECK or config.DISABLE_JIT):
+            kernel = _address(self.compiled, *map(numba.typeof, (0, 0, *arguments)))
+            loop = _address(_loop, *[types.int64] * 4)
+        if kernel is None or loop is None:
             for part in range(threads):
                 self.compiled(part, threads, *arguments)
-            return
-        address = _address(self.compiled, *map(numba.typeof, (0, 0, *arguments)))
-        _start(_address(_loop, *[types.int64] * 4), address, threads, arguments)
+        else:
+            _start(loop, kernel, threads, arguments)
 
 
 kernel = Kernel  # the decorator
@@ -136,9 +188,15 @@ def _start(loop, kernel, parts, arguments):
 
 @functools.cache
 def _address(compiled, *kinds):
-    """Return the address of a function for arguments of these types."""
+    """Return an address for arguments of these types: `get_compile_result`, `CompileResultWAP`.
+
+    The parallel loop calls kernels by it. Without these names it is None, and parts run serially.
+    """
     compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
-    return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
+    try:
+        return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
+    except AttributeError:
+        return None
 
 
 def _emit_call(context, builder, address, *values):
@@ -186,11 +244,16 @@ def _pack(typing, arguments):
 
 
 def _uncounted(context, builder, kind, value):
-    """Return an argument whose arrays have no reference counts: threads would wait for them."""
+    """Return an argument whose arrays have no reference counts: `meminfo`, `_getvalue`.
+
+    Threads wait for each other to count. Without these names arrays have their counts.
+    """
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
-        array.meminfo = ir.Constant(array.meminfo.type, None)
-        return array._getvalue()
+        with suppress(AttributeError):
+            array.meminfo = ir.Constant(array.meminfo.type, None)
+            return array._getvalue()
+        return value
     for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
         element = _uncounted(context, builder, each, builder.extract_value(value, k))
         value = builder.insert_value(value, element, k)
@@ -206,7 +269,7 @@ class Universal:
     """
 
     def __init__(self, layout, py_function):
-        self.layout, self.py_function = layout, py_function
+        self.layout, self.py_func = layout, py_function
         sides = [re.findall(r"\(([^)]*)\)", side) for side in layout.split("->")]
         self.inputs, self.outputs = [[re.findall(r"\w+", each) for each in side] for side in sides]
 
@@ -222,22 +285,30 @@ class Universal:
         dimensions = [*map(len, self.inputs), *(len(axes) or 1 for axes in self.outputs)]
         kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
         build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
-        self.py_function.__qualname__ += f"_{_digest()}"
+        self.py_func.__qualname__ += f"_{_digest()}"
         with suppress(Exception):  # no writable folder, or a file that cannot be read
-            found = build(cache=not config.BOUNDSCHECK)(self.py_function)
-            [code] = found.gufunc_builder._cres.values()
-            # The address is 0 if two processes wrote at once and the wrapper is of other code.
-            if found.gufunc_builder.build(code)[1]:
-                return found
-        return build(cache=False)(self.py_function)
+            compiled = build(cache=not config.BOUNDSCHECK)(self.py_func)
+            if _is_whole(compiled):
+                return compiled
+        return build(cache=False)(self.py_func)
 
     def _interpreted(self, *arguments):
         arguments, sizes = [np.asarray(each, float)[()] for each in arguments], {}
         for axes, each in zip(self.inputs, arguments, strict=True):
             sizes |= zip(axes, np.shape(each), strict=True)
         results = [np.empty([sizes[axis] for axis in axes]) for axes in self.outputs]
-        self.py_function(*arguments, *map(np.atleast_1d, results))
+        self.py_func(*arguments, *map(np.atleast_1d, results))
         return tuple(results) if len(results) > 1 else results[0]
+
+
+def _is_whole(compiled):
+    """True if a universal function can be called: `gufunc_builder`, `_cres`, `build`.
+
+    If two processes wrote to the cache at once, its wrapper may be of other code: then the address
+    is 0. Without these names nothing is told, and the process compiles for itself.
+    """
+    [code] = compiled.gufunc_builder._cres.values()
+    return bool(compiled.gufunc_builder.build(code)[1])
 
 
 def universal(layout):
@@ -252,9 +323,14 @@ def select(condition, first, second):
     return first if condition else second
 
 
-@intrinsic
-def stream_line(typing, target, i, source, j):
+def stream_line(target, i, source, j):
     """Copy source[j:j+8] to the cache line target[i:i+8], past the caches: 2.1 times faster."""
+    target[i : i + LINE] = source[j : j + LINE]
+
+
+@intrinsic
+def _stream_line(typing, target, i, source, j):
+    """That of compiled code."""
 
     def emit(context, builder, signature, arguments):
         def line(k):
@@ -270,9 +346,19 @@ def stream_line(typing, target, i, source, j):
     return types.void(target, types.intp, source, types.intp), emit
 
 
-@intrinsic
-def borrowed(typing, arrays):
+@overload(stream_line, jit_options=_FORMULA)
+def _compiled_stream_line(target, i, source, j):
+    return lambda target, i, source, j: _stream_line(target, i, source, j)
+
+
+def borrowed(arrays):
     """Return an array, or a tuple of arrays, without the reference counts that slow threads."""
+    return arrays
+
+
+@intrinsic
+def _borrowed(typing, arrays):
+    """That of compiled code."""
 
     def emit(context, builder, signature, arguments):
         return _uncounted(context, builder, signature.args[0], arguments[0])
@@ -280,10 +366,9 @@ def borrowed(typing, arrays):
     return arrays(arrays), emit
 
 
-if config.DISABLE_JIT:
-
-    def borrowed(arrays):
-        return arrays
+@overload(borrowed, jit_options=_FORMULA)
+def _compiled_borrowed(arrays):
+    return lambda arrays: _borrowed(arrays)
 
 
 @formula

@@ -33,6 +33,15 @@ def pytest_collection_modifyitems(items):
                 item.add_marker("slow")
 
 
+def pytest_addoption(parser):
+    parser.addoption("--seed", type=int, default=7, help="of the adversarial problems")
+
+
+@pytest.fixture
+def seed(request):
+    return request.config.getoption("--seed")
+
+
 @pytest.fixture
 def rng():
     return np.random.default_rng(20261120)

@@ -92,6 +92,19 @@ def kahan_step(f, eps, x):
     return solve_affine(residual, len(x))
 
 
+def quadratic(tables, x):
+    """The field of coefficients (q, l, c), lists; q[i][j][k] is that of x_j x_k in component i."""
+    q, l, c = tables
+    D = range(len(x))
+    of_squares = [[(j, k) for j in D for k in D if q[i][j][k]] for i in D]
+    return [
+        sum(mpf(q[i][j][k]) * x[j] * x[k] for j, k in of_squares[i])
+        + sum(mpf(l[i][j]) * x[j] for j in D if l[i][j])
+        + mpf(c[i])
+        for i in D
+    ]
+
+
 def step_full(I1, I2, I13, I23, eps, I3, omega):
     parameters, state = exactly(I1, I2, I13, I23, eps, I3), exactly(*omega)
     return solve_affine(lambda v: ds(*parameters, state, v), 3)
@@ -271,10 +284,10 @@ def orbit_nd(J, I, eps, omega, steps):
 
 
 def solution_with_rotor(I1, I2, I13, I23, k, eps, w1, w2, n, flows=False):
-    """State n of the map for an integer n of any sign, or the state of the flow at time n.
+    """State n of the map, or the state of the flow at time n.
 
     With z = sqrt(I1) w1 + i sqrt(I2) w2, half its angle (p, q) is multiplied by 1 + e G in a step,
-    G = ((0, A + k), (A - k, 0)), and by exp(t G / (2 sqrt(I1 I2))) in time t.
+    G = ((0, A + k), (A - k, 0)), and by exp(t G / (2 sqrt(I1 I2))) in time t. None at a pole.
     """
     root1, root2 = mpmath.sqrt(I1), mpmath.sqrt(I2)
     z, g = mpmath.mpc(root1 * w1, root2 * w2), mpmath.mpc(I13 / root1, I23 / root2)
@@ -284,23 +297,65 @@ def solution_with_rotor(I1, I2, I13, I23, k, eps, w1, w2, n, flows=False):
     A, direction = R * size, g / size if size else mpf(1)
     half = mpmath.sqrt(zeta / direction / R) if R else mpf(1)  # exp(i psi / 2)
     q, p = half.real, half.imag
-    G = mpmath.matrix([[0, A + k], [A - k, 0]])
-    if flows:
-        power = mpmath.expm(n / (2 * root1 * root2) * G)
-    else:  # (1 + e G)**-1 is a multiple of 1 - e G, and factors do not matter
-        power = (mpmath.eye(2) + mpmath.sign(n) * e * G) ** abs(n)
-    p, q = power * mpmath.matrix([p, q])
+    square = A * A - k * k
+    c, s = exponential(square, n / (2 * root1 * root2)) if flows else power_of_step(square, e, n)
+    p, q = c * p + s * (A + k) * q, c * q + s * (A - k) * p
     turned = mpmath.mpc(1, -e * k) * mpmath.mpc(q, p) ** 2 - mpmath.mpc(0, e * A * (p**2 + q**2))
-    z = R * direction * turned / (p**2 + q**2 - 2 * e * A * p * q)
+    below = p**2 + q**2 - 2 * e * A * p * q
+    if not below:
+        return None
+    z = R * direction * turned / below
     return z.real / root1, z.imag / root2
 
 
+def power_of_step(square, e, n):
+    """(c, s) of c + s G, a multiple of (1 + e G)**n, with G**2 = square."""
+    if n != int(n):
+        root = mpmath.sqrt(mpmath.mpc(square))  # imaginary where powers turn
+        up, down = (1 + e * root) ** n, (1 - e * root) ** n
+        return ((up + down) / 2).real, ((up - down) / (2 * root)).real
+    c, s, n = mpf(1), mpf(0), int(n)
+    by, of, left = e if n > 0 else -e, mpf(1), abs(n)  # (1 + e G)**-1 is a multiple of 1 - e G
+    while left:
+        if left % 2:
+            c, s = c * of + square * s * by, c * by + s * of
+        of, by, left = of * of + square * by * by, 2 * of * by, left // 2
+    return c, s
+
+
+def exponential(square, t):
+    """(c, s) of c + s G, a multiple of exp(t G), with G**2 = square."""
+    root = mpmath.sqrt(abs(square))
+    if square > 0:
+        small = mpmath.exp(-2 * root * abs(t))
+        return (1 + small) / 2, mpmath.sign(t) * (1 - small) / (2 * root)
+    return mpmath.cos(root * t), mpmath.sin(root * t) / root if root else t
+
+
+def limits_with_rotor(I1, I2, I13, I23, k, eps, w1, w2):
+    """The steady states conj(g) z = -k +- i L to which an orbit tends, four numbers, or None."""
+    root1, root2 = mpmath.sqrt(I1), mpmath.sqrt(I2)
+    z, g = mpmath.mpc(root1 * w1, root2 * w2), mpmath.mpc(I13 / root1, I23 / root2)
+    e = eps / (2 * root1 * root2)
+    R = abs(z) / abs(mpmath.mpc(1, e * (I13 * w1 + I23 * w2 + k)))
+    square = (R * abs(g)) ** 2 - k * k
+    if square < 0:
+        return None
+    L = mpmath.sign(eps) * mpmath.sqrt(square)
+    ends = [g * mpmath.mpc(-k, sign * L) / abs(g) ** 2 for sign in (-1, 1)]
+    return [part for end in ends for part in (end.real / root1, end.imag / root2)]
+
+
 def condition(solution, problem, distance):
-    """The solution for exact inputs, and the sum of its changes if each changes by half an ulp."""
+    """The solution for exact inputs, and the sum of its changes if each changes by half an ulp.
+
+    The condition is inf where one of these solutions does not exist.
+    """
     half_ulp, problem = mpf(2) ** -53, exactly(*problem)
     want, total = solution(*problem), half_ulp
     for i, number in enumerate(problem):
         if number:
-            changed = [*problem[:i], number * (1 + half_ulp), *problem[i + 1 :]]
-            total += distance(solution(*changed), want)
+            changed = solution(*problem[:i], number * (1 + half_ulp), *problem[i + 1 :])
+            exist = want is not None and changed is not None
+            total += distance(changed, want) if exist else mpmath.inf
     return want, float(total)

@@ -215,6 +215,10 @@ def test_out_of_range_there_is_a_warning_and_no_number(body):
             found = function(body, huge, *eps)
         assert np.isnan(found[1]).all()
         assert np.isfinite(found[0]).all()
+    still = sf.SuslovND([2.0, 2.0, 2.0], [0.5, -0.75, 0.25])
+    small = np.array([[1.0, 0.5, 2.0], [1e-200, 0.5e-200, 2e-200]])
+    slow, slower = sf.criticality(still, small, 1e-30)
+    assert abs(slower / slow / 1e-200 - 1) < 1e-15
     for size in (1e-155, 1e155):  # of which the criticality is in range: eps size / 2
         assert abs(sf.criticality(sf.Suslov3D(1, 1, 1, 0), [0, size], 0.4) / size - 0.2) < 1e-15
 

@@ -150,7 +150,10 @@ def orbit(b, l, discrete):
 
     # gap = L - y and minus = 2 (L**2 + k x - L y), for both signs of y.
     total = root + abs(y)
-    difference = (x * (x * (less * more) - k * (2.0 + K * X))) * below / total
+    by_x, by_k = x * (x * (less * more)) * below, k * (x * (2.0 + K * X)) * below
+    # Next to |k| = A their terms cancel, and what is exact is the difference from L.
+    cancel = abs(by_x) + abs(by_k) > total * total
+    difference = select(cancel, root - abs(y), (by_x - by_k) / total)
     S, product = root * root + k * x, root * abs(y)
     larger = S + select(S < 0.0, -product, product)
     smaller = x * (x / larger) * ((u * u + y * y) * below * one_minus_square)

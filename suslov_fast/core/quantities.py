@@ -242,23 +242,25 @@ def force(I, w, i, largest, p, square):
 
 
 @formula
-def twice_energy(J, w):
+def twice_energy(J, w, unit):
+    """The sum of J_i (w_i / unit)**2."""
     total = 0.0
     for j in range(len(w)):
-        total += J[j] * w[j] * w[j]
+        number = w[j] / unit
+        total += J[j] * number * number
     return total
 
 
 @universal(IN_ND + "()")
 def energy_nd(J, I, eps, w, out):
-    out[0] = 0.5 * twice_energy(J, w)
+    out[0] = 0.5 * twice_energy(J, w, 1.0)
 
 
 @universal(IN_ND + "()")
 def modified_energy_nd(J, I, eps, w, out):
     """E**2 / (E + eps**2 f.Jf / 8)."""
     largest, p, square = sums_of_others(I, w)
-    of_slope, of_state = 0.0, twice_energy(J, w)
+    of_slope, of_state = 0.0, twice_energy(J, w, 1.0)
     for i in range(len(w)):
         Jf = force(I, w, i, largest, p, square)
         of_slope += Jf * (Jf / J[i])
@@ -285,15 +287,19 @@ def solved_at(J, I, eps, w):
 def first_integral_nd(J, I, eps, w, out):
     """2 E / (4 a b + eps**2 x**2)."""
     ab, step = solved_at(J, I, eps, w)
-    out[0] = twice_energy(J, w) / in_range(4.0 * ab + step)
+    out[0] = twice_energy(J, w, 1.0) / in_range(4.0 * ab + step)
 
 
 @universal(IN_ND + "()")
 def criticality_nd(J, I, eps, w, out):
     """t = eps sqrt(h / (a b)), h = b |I|**2 F."""
     ab, step = solved_at(J, I, eps, w)
-    level = eps * eps * twice_energy(J, w) * (twice_energy(J, I) / ab)
-    T = np.sqrt(in_range(level) / in_range(4.0 * ab + step))
+    largest = 0.0
+    for j in range(len(w)):
+        largest = select(abs(w[j]) > largest, abs(w[j]), largest)
+    unit = unit_of(largest, 0.0, 0.0)
+    level = twice_energy(J, w, unit) * (twice_energy(J, I, 1.0) / ab)
+    T = in_range(abs(eps) * (unit * np.sqrt(level))) / np.sqrt(in_range(4.0 * ab + step))
     out[0] = select(eps < 0.0, -T, T)
 
 

@@ -207,6 +207,14 @@ for key, label, function in (
         arguments = work.fields, function, partial(sparse_field, n), 1, 60_000 // n, reference
         add("one orbit of a field", key, OURS, label, *arguments, x=n, one_thread=True)
 
+for key, whose, label, kept in (
+    ("crossings", OURS, "`crossings`", "crossings"),
+    ("states", NUMPY, "all states by `iterate(..., out=out)`, then NumPy", "states"),
+    ("last", OURS, "`iterate(..., save_every=None)`: no crossings", "last"),
+):
+    for batch, steps in ((4096, 1000), (1, 1_000_000)):
+        add("crossings", key, whose, label, work.sections, kept, batch, steps, x=batch)
+
 
 def orientations(what, n, size):
     """A function of a run of 4096 bodies in n dimensions, 100 steps, and of its states."""

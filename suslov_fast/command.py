@@ -112,10 +112,9 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
 
 def fraction(text: str) -> Fraction:
     """Return a number, which may be written as 1/3 or 1e6."""
-    try:
-        return Fraction(text)
-    except ZeroDivisionError as error:
-        raise ValueError from error
+    from .bodies.polynomials import from_text
+
+    return from_text(text)
 
 
 def integer(text: str) -> int:
@@ -308,7 +307,7 @@ def _facts_of(found: Any, start: Any) -> dict[str, Any]:
         **_counts(found.status),
         "steps": found.steps,
         "saved_states": len(found),
-        "method": found.method,
+        **({"method": found.method} if len(found.map.methods) > 1 else {}),
         "drift": {} if start is None else _drift(found, start),
     }
 

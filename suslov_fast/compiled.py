@@ -39,6 +39,7 @@ from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
 from .core import quantities, steps_3d, steps_field, steps_nd
 from .core.elimination import memory_of_one
 from .core.numba import borrowed, for_users, select
+from .core.operations import plan_step
 from .maps import map_of
 
 __all__ = [
@@ -81,11 +82,15 @@ class NDSystem(NamedTuple):
 
 
 class FieldSystem(NamedTuple):
-    """A quadratic field and a step size: the block of one lane of `steps_field`."""
+    """A quadratic field and a step size: half of it times the values of the terms, their indices,
+    and the operations of a step.
+    """
 
-    fixed: FloatArray
     half: FloatArray
     indices: NDArray[np.int64]
+    operations: NDArray[np.uint32]
+    rows: int
+    dimension: int
 
 
 # Numba resolves the length of a tuple as it compiles, and drops the branch for the other kind.
@@ -233,23 +238,23 @@ def system(body: Body, /, eps: ArrayLike) -> NDSystem | FieldSystem:
     instance("body", body, Body)
     number = _single(body, eps)
     kernel = map_of(body).methods["auto"].kernel
-    if kernel not in (steps_nd.steps, steps_3d.steps, steps_field.steps):
+    if kernel not in (steps_nd.steps, steps_3d.steps, steps_field.field_steps):
         expected = "a body with the steps of the package"
         raise wrong("body", expected, type(body).__name__, TypeError)
     if kernel is steps_nd.steps:
         near = (1.0 - steps_nd.FAR_FROM_0) * float(np.min(body.J))
         return NDSystem(np.array(body.J), np.array(body.I), number, near)
     indices, values = map(np.array, body.terms)
-    half, fixed = 0.5 * number * values, np.eye(body.dimension, body.dimension + 1)
-    linear = indices[2] == body.dimension
-    np.subtract.at(fixed, tuple(indices[:2, linear]), half[linear])
-    return FieldSystem(fixed[:, :, None], half[:, None], indices)
+    plan = plan_step(indices, body.dimension)
+    return FieldSystem(0.5 * number * values, indices, *plan, body.dimension)
 
 
 @for_users
 def work(system: NDSystem | FieldSystem) -> tuple[Any, ...]:
     """Return the memory that :func:`step_system` needs in one thread; nothing else allocates."""
-    m = len(system[0])  # fields need no more than bodies
+    if len(system) == _FIELD:
+        return np.empty((system.rows, 1)), steps_field.memory_of_lane(system.dimension, 1)
+    m = len(system[0])
     block, numbers = np.empty((4, m + m % 2, 1)), np.empty((steps_nd.ROWS, 1))
     return block, numbers, memory_of_one(m)
 
@@ -265,8 +270,8 @@ def step_system(
     """
     _check(x, out)
     constants, memory = borrowed(system), borrowed(work)
-    m = len(constants[0])
-    if (len(x) != m) | (len(out) != m) | (len(memory[2][0]) != m):
+    m = system.dimension if len(system) == _FIELD else len(system[0])
+    if (len(x) != m) | (len(out) != m) | (len(memory[-1][0]) != m):
         raise ValueError("step_system: expected x, out and work of the dimension of the system")
     if len(system) == _FIELD:
         return steps_field.step_of_one(constants, borrowed(x), borrowed(out), memory)

@@ -16,7 +16,8 @@ from .bodies.nd import check_known
 from .bodies.rigid import Suslov3D
 from .checks import FloatArray, wrong
 from .core import quantities, quantities_field, tangent
-from .core.numba import Universal
+from .core.numba import Kernel, Universal
+from .core.operations import plan_tangent
 from .engine.arguments import Problem, by_field, flat_arrays
 from .engine.stretches import states_after
 from .engine.threads import call_kernel
@@ -90,10 +91,40 @@ def _rates(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     return np.linalg.eigvals(slopes).astype(complex)
 
 
+def _tangent_arguments(problem: Problem) -> Any:
+    """Return the arguments of the kernels of `core.tangent`."""
+    indices, values, eps = by_field(problem.body, problem.eps, problem.batch)
+    return indices, tuple(plan_tangent(indices, problem.body.dimension)), values, eps
+
+
+def _at_states(kernel: Kernel, problem: Problem, shape: tuple[int, ...], cost: int) -> FloatArray:
+    """Return what a kernel of `core.tangent` computes, of this shape for each state.
+
+    The batch is divided, so that Ctrl-C is heard; the cost of a state is in operations.
+    """
+    indices, plan, values, eps = _tangent_arguments(problem)
+    x, width = flat_arrays(problem.omega, problem.batch), max(_STRETCH // cost, 1)
+    out = np.empty((len(x), *shape))
+    for begin in range(0, len(x), width):
+        part = slice(begin, begin + width)
+        own = [each[part] if len(each) > 1 else each for each in (values, eps)]
+        call_kernel(kernel, 0, 1, (indices, plan, *own), x[part], out[part])
+    return out.reshape(*problem.batch, *shape)
+
+
+def _jacobian(problem: Problem) -> FloatArray:
+    D = problem.body.dimension
+    return _at_states(tangent.jacobians, problem, (D, D), 4 * D**3)
+
+
+def _density(problem: Problem) -> FloatArray:
+    return _at_states(tangent.densities, problem, (), problem.body.dimension**3)
+
+
 def _growth(problem: Problem, start: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
     """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
     start = flat_arrays(start, problem.batch)
-    arguments, (B, D) = by_field(problem.body, problem.eps, problem.batch), start.shape
+    arguments, (B, D) = _tangent_arguments(problem), start.shape
     sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, D + D * D))
     after = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
     cost = 4 * D**3 + arguments[0].shape[-1]
@@ -110,14 +141,12 @@ def _growth(problem: Problem, start: FloatArray, steps: int) -> tuple[FloatArray
 KAHAN = {
     "vector_field": Formula(partial(by_terms, quantities_field.vector_field)),
     "matrix": Formula(partial(by_terms, quantities_field.matrix)),
-    "jacobian": Formula(partial(by_terms, quantities_field.jacobian)),
+    "jacobian": Formula(_jacobian),
     "multipliers": Formula(_rates),
     "lyapunov_exponents": Formula(_growth),
     "energy": Formula(_energy, _check_hamiltonian),
     "modified_energy": Formula(_modified_energy, _check_hamiltonian),
-    "invariant_density": Formula(
-        partial(by_terms, quantities_field.invariant_density), _check_hamiltonian, poles=True
-    ),
+    "invariant_density": Formula(_density, _check_hamiltonian, poles=True),
 }
 
 

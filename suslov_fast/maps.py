@@ -14,7 +14,7 @@ from .bodies.nd import SuslovND
 from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .core import steps_3d, steps_field, steps_nd
 from .engine import arguments
-from .engine.arguments import Arguments, Problem, by_constants, by_field
+from .engine.arguments import Arguments, Problem, by_constants, by_plan
 from .engine.stretches import Steps
 from .formulas import GYROSTAT, IN_3D, IN_ND, KAHAN, Formula
 
@@ -189,7 +189,7 @@ def _cost_of_field(D: int, arguments: Arguments) -> float:
 
 
 # Kahan's map of the field of any body.
-FIELD = Steps(steps_field.steps, by_field, 0, _cost_of_field, 32)
+FIELD = Steps(steps_field.field_steps, by_plan, 0, _cost_of_field, 32)
 # Costs lie between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
 _ND = Steps(steps_nd.steps, by_constants, 0, lambda D, arguments: 16.0 * D + D**3 / 30.0, 32)
 _GAUSS = Steps(steps_nd.gauss_steps, by_constants, 0, lambda D, arguments: D**3 / 3.0, 32)

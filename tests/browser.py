@@ -67,12 +67,18 @@ class Browser:
             self.call(f"{domain}.enable")
 
     def close(self):
-        self._socket.close()
-        while self._loop.run_sync(self._socket.read_message, TIMEOUT):
+        """End the browser, whatever has failed before."""
+        try:
+            self._loop.run_sync(self._end, TIMEOUT)
+            self._loop.close(all_fds=True)
+        finally:
+            self._process.kill()
+            self._process.wait()
+
+    async def _end(self):
+        self._socket.close()  # inside the loop: it schedules the closing handshake
+        while await self._socket.read_message():
             pass
-        self._loop.close(all_fds=True)
-        self._process.kill()
-        self._process.wait()
 
     def call(self, method, **parameters):
         number = next(self._numbers)

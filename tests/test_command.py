@@ -192,6 +192,8 @@ MISTAKES = """
 2 | run --save-every 3 | --save-every .* expected -o FILE
 2 | run -o o.csv | -o/--output: expected FILE.npz or FILE.zarr, got 'o.csv'
 2 | report --body good.json --eps 1/0 | --eps: invalid fraction value: '1/0'
+2 | report --body good.json --eps 1e99999999 | --eps: invalid fraction value: '1e99999999'
+2 | run --steps 1e-99999999 | --steps: invalid integer value: '1e-99999999'
 1 | run --omega0 1,2,3 | --omega0: expected shape
 1 | run --J 1,-2 --I 1,1 --eps 1 | J: .* -2
 1 | run --trajectories 0 | --trajectories: expected .* 0

@@ -219,4 +219,4 @@ def test_frames_and_systems_are_plain_data():
         assert (made.I1, made.eps) == (made[0], EPS)
     nd = system(ND, 0.4)
     assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
-    assert repr(system(FIELD, 0.1)).startswith("FieldSystem(fixed=array(")
+    assert repr(system(FIELD, 0.1)).startswith("FieldSystem(half=array(")

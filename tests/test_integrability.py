@@ -219,6 +219,8 @@ def test_growth_of_sequences(sequence, kind, entropy, error):
         ([2, 3, 5, 7, 10, 14, 18, 23, 30, 39, 49, 60, 71, 83, 95, 108], "quadratic"),
         ([3, 7, 13, 20, 27, 34, 43, 54], "quadratic"),
         ([2, 2, 3, 4, 4, 5, 6, 7, 7, 8, 8], "linear"),
+        # The recurrence of four-dimensional Lyness: of order 16.
+        ([2, 3, 4, 4, 5, 7, 10, 13, 16, 19, 22, 26, 31, 36, 40, 44, 50, 57, 64, 70], "quadratic"),
     ],
 )
 def test_bounded_second_differences_without_a_period(sequence, order):

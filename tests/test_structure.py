@@ -86,7 +86,8 @@ def test_the_core_is_pure_numerics():
         if path.parent.name == "core" and path not in COMPILING:
             assert not any(isinstance(node, ast.Raise) for node in NODES[path]), path
             modules = {each.split(".")[0] for each in importing(path)}
-            assert modules <= {"suslov_fast", "math", "typing", "numpy", "numba", "collections"}
+            pure = {"math", "typing", "numpy", "numba", "collections", "functools"}
+            assert modules <= {"suslov_fast", *pure}
 
 
 def test_files_can_be_read_at_once():

@@ -1,12 +1,15 @@
 """`Trajectories`: attributes, methods, orientations, and conversion to labelled arrays."""
 
+import pickle
 import re
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast.core import orientations, steps_3d
 
 BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 FOUR = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -30,6 +33,11 @@ RUNS = {
     "hamiltonian": (HENON, [0.1, 0.05], 0.1, 6, {"save_every": 2}),
     "exact field": (THIRDS, [0.1], 0.1, 3, {}),
 }
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "run.npz"
 
 
 def run_of(name):
@@ -93,6 +101,40 @@ def test_a_run_as_an_array():
     for index in (2, -1, slice(None, None, 2), (..., 1), (slice(2), 0), run.n % 2 == 0, [0, 3]):
         np.testing.assert_array_equal(run[index], run.states[index])
     np.testing.assert_array_equal([*run], run.states)
+
+
+ARRAYS = "states omega eps status failed_at final attitude n time".split()
+
+
+def test_arrays_of_a_run_are_read_only(path):
+    """In-place arithmetic fails before it changes a number, in copies and files, too."""
+    run, out = run_of("last"), np.empty((8, 5, 2))
+    run.save(path)
+    written = sf.iterate(BODY, STARTS, 0.2, 7, out=out)
+    copies = [pickle.loads(pickle.dumps(run)), deepcopy(run), replace(run), run.extend(2)]
+    for each in (run, *copies, sf.Trajectories.load(path)):
+        for name in ARRAYS:
+            before = getattr(each, name).copy()
+            with pytest.raises(ValueError, match=r"read-only|output array"):
+                exec(f"each.{name} *= 2")
+            np.testing.assert_array_equal(getattr(each, name), before)
+    with pytest.raises(ValueError, match=r"read-only|output array"):
+        written.omega *= 2
+    given = run.states.copy()
+    assert not replace(run, states=given).states.flags.writeable
+    given[0] = out[0] = 1.0  # arrays of the caller
+    assert written.omega.base is out
+
+
+@pytest.mark.compiled
+def test_read_only_arrays_compile_nothing():
+    run = sf.iterate(BODY, STARTS, np.full(5, 0.2), 7, attitude=True)
+    compiled = [steps_3d.steps.compiled, orientations.turn.compiled]
+    before = [len(each.signatures) for each in compiled]
+    assert all(before)
+    sf.iterate(BODY, run.final, run.eps, 3, attitude=run.attitude[-1]).extend(2)
+    sf.attitude(BODY, run.omega, run.eps)
+    assert [len(each.signatures) for each in compiled] == before
 
 
 def test_an_extended_run_stays_as_it_is():

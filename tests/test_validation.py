@@ -7,6 +7,7 @@ import inspect
 import json
 import math
 import re
+from decimal import Decimal
 from fractions import Fraction
 
 import numpy as np
@@ -93,6 +94,9 @@ BODIES = [
     (lambda: sf.body_from_dict(json.dumps(BODY.to_dict())), TypeError, r"parameters: .*json.loads"),
     (lambda: Suslov3D.from_dict("body.json"), TypeError, r"parameters: .*json.loads"),
     (lambda: sf.body_from_dict({"body": "Other"}), ValueError, "body"),
+    (lambda: sf.body_from_dict({"body": "QuadraticField", "quadratic": [[["1e99999999"]]]}), ValueError, "quadratic"),
+    (lambda: QuadraticField([[[Decimal("1e99999999")]]]), ValueError, "quadratic"),
+    (lambda: QuadraticField([[[Decimal("1e-99999999")]]]), ValueError, "quadratic"),
 ]  # fmt: skip
 
 FIELDS = [

@@ -28,6 +28,7 @@ RESERVED = frozenset(
     "functions dims coords chunk client progress crossing before after fraction count states "
     "crossings surface direction transient most of self cls".split()
 )
+_LARGEST_EXPONENT = 400  # of a decimal
 _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 
 
@@ -38,6 +39,8 @@ def exact(name: str, value: Any) -> Fraction:
         received = f"{short(value)} of type {type(value).__name__}"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     try:
+        if not is_ratio and value and float(value) in (0.0, math.inf, -math.inf):
+            raise OverflowError  # a decimal such as 1e99999999, whose ratio would take minutes
         ratio = (value.numerator, value.denominator) if is_ratio else value.as_integer_ratio()
         return Fraction(*map(int, ratio))
     except (OverflowError, ValueError):
@@ -97,9 +100,23 @@ def from_lists(name: str, value: Any) -> Any:
     if isinstance(value, list):
         return [from_lists(name, each) for each in value]
     try:
-        return Fraction(value) if isinstance(value, str) else value
-    except (ValueError, ZeroDivisionError):
+        return from_text(value) if isinstance(value, str) else value
+    except ValueError:
         raise wrong(name, 'numbers or strings "p/q"', short(value)) from None
+
+
+def from_text(text: str) -> Fraction:
+    """Return the number that a text is, as 1/3, 0.1 or 1e6; ValueError if it is none.
+
+    Nor is one that no float comes near: the fraction of 1e99999999 would take minutes and memory.
+    """
+    exponent = re.search(r"e([-+]?[\d_]+)", text, re.IGNORECASE)
+    if exponent and abs(int(exponent[1])) > _LARGEST_EXPONENT:
+        raise ValueError(text)
+    try:
+        return Fraction(text)
+    except ZeroDivisionError as error:
+        raise ValueError(text) from error
 
 
 class Polynomial(NDArrayOperatorsMixin):

@@ -2,179 +2,286 @@
 
 x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x). A field is a list of terms: with one
 more component, x_D = 1, all are quadratic, and f_i is the sum of its v x_j x_k, j <= k. So one
-kernel serves all fields. Where the increment cancels the state, or elimination loses digits, a lane
-solves A(x) x_next = x + (eps/2) l x + eps c, where l and c are the linear and constant parts.
+kernel serves all fields: it carries out a list of operations, planned from the indices of the terms
+(`operations`). Where the increment cancels the state, or elimination loses digits, a lane solves
+A(x) x_next = x + (eps/2) l x + eps c, where l and c are the linear and constant parts.
 
-parameters   indices (3, T), the i, j and k of terms; values (1 or B, T); eps (1 or B,)
-final        (B, D), the states that a run continues from; there is no carry
+arguments   indices (3, T), the i, j and k of terms; operations (n, 7) and the number of rows;
+            values (1 or B, T); eps (1 or B,)
+final       (B, D), the states that a run continues from; there is no carry
 
-A block of lanes is four arrays:
-
-x       (D, lanes)   the states, NaN after the end of a trajectory
-a       (D, D + 1, lanes)   A, and minus half the step size times f as the right side
-fixed   (D, D + 1, lanes)   the part of `a` that does not depend on the state
-half    (T, lanes)   half the step size times v
+A block is b[row, lane], with the rows of `operations`: tests, 1, the states x, half the step size
+times the values, and what is computed. After its end a trajectory has NaN as states.
 """
 
 import numpy as np
 
 from .codes import NONFINITE, OK
-from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
+from .elimination import LEAST_PIVOT, larger, smaller, solve
 from .numba import formula, function, inlined, kernel, lesser, select, share
+from .operations import (
+    ADD,
+    ADD_2,
+    ADVANCE,
+    ENDED,
+    FAR,
+    FIRST,
+    INVERSE,
+    LARGEST,
+    LEAST,
+    MUL,
+    MUL_2,
+    NEAR,
+    ONE,
+)
 
 # A state has lost digits if one component falls below the small part of half its increment, or if
 # all fall below the large part.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
+FEW = 3  # orbits that are faster one by one
 
 
 @formula
-def lanes_of(D, count):
-    """Return how many trajectories go side by side: the matrices stay in the caches."""
-    lanes = 128 if D <= 8 else 64 if D <= 24 else 32
-    return lesser(lanes, ((count or 1) + 7) // 8 * 8)
+def lanes_of_fields(rows, count):
+    """Return how many trajectories go side by side: their rows stay in the caches."""
+    lanes = 128 if rows <= 40 else 64 if rows <= 2000 else 32
+    return 1 if count <= FEW else lesser(lanes, (count + 7) // 8 * 8)
 
 
 @formula
-def fill(indices, half, fixed, x, a, begin, lanes):
-    """Fill A(x), and in column D minus half the step size times f(x), for lanes from `begin` on."""
-    D = len(fixed)
-    for i in range(D):
-        for j in range(D + 1):
-            for l in range(begin, begin + lanes):
-                a[i, j, l - begin] = fixed[i, j, l]
-    for t in range(indices.shape[1]):
-        i, j, k = indices[0, t], indices[1, t], indices[2, t]
-        if j < D:  # for k = D a term of f
-            for l in range(begin, begin + lanes):
-                a[i, k, l - begin] -= half[t, l] * x[j, l]
-        if k < D:
-            for l in range(begin, begin + lanes):
-                a[i, j, l - begin] -= half[t, l] * x[k, l]
-            for l in range(begin, begin + lanes):
-                a[i, D, l - begin] -= half[t, l] * x[k, l] * x[j, l]
-
-
-@formula
-def next_component(x, half):
-    """Return a component of the next state, from minus half its increment; and 0 if it keeps its
-    digits, 1 if it loses some, which is accepted unless all components do, else infinity.
+def divide(diagonal, original, least, largest):
+    """Return 1 / (1 - diagonal); and the least and the largest of the pivots and of what was there
+    before elimination.
     """
-    following = x - 2.0 * half
+    pivot = 1.0 - diagonal
+    size = abs(pivot)
+    return 1.0 / pivot, smaller(size, least), larger(larger(size, abs(1.0 - original)), largest)
+
+
+@formula
+def advance_component(x, half, near, far):
+    """Return a component of the next state, from half its increment; and how far it is, with those
+    before, from the small part, at least, and in all from the large part. (NaN and inf stay.)
+    """
+    following = x + 2.0 * half
     size, part = abs(following), abs(half)
-    loss = select(size >= LARGE_PART * part, 0.0, select(size >= SMALL_PART * part, 1.0, np.inf))
-    return following, select(size < np.inf, loss, np.inf)
+    beyond = size - LARGE_PART * part
+    return (
+        following,
+        smaller(size - SMALL_PART * part, near),
+        far + select(beyond < 0.0, 0.0, beyond),
+    )
 
 
-@inlined
-def advance(a, x, b, lanes):
-    """Take the step where the next states are finite and accurate; return how many are not."""
-    D = len(a)
-    eliminate(a, b, lanes)
+@formula
+def keeps_digits(b, l):
+    """True if the step of a lane is finite and accurate, or if its trajectory has ended."""
+    near, far = b[NEAR, l], b[FAR, l]
+    accurate = (near >= 0.0) & ((far > 0.0) | (near == 0.0)) & (far < np.inf)
+    return accurate & (b[LEAST, l] > LEAST_PIVOT * b[LARGEST, l]) | (b[ENDED, l] > 0.0)
+
+
+@function
+def execute(operations, first, last, b):
+    """Carry out operations from `first` to before `last`, for all lanes of a block."""
+    lanes = b.shape[1]
+    for n in range(first, last):
+        code, d, s = operations[n, 0], operations[n, 1], operations[n, 2]
+        a, c = operations[n, 3], operations[n, 4]
+        e, g = operations[n, 5], operations[n, 6]
+        if code == ADD_2:
+            for l in range(lanes):
+                b[d, l] = b[s, l] + b[a, l] * b[c, l] + b[e, l] * b[g, l]
+        elif code == ADD:
+            for l in range(lanes):
+                b[d, l] = b[s, l] + b[a, l] * b[c, l]
+        elif code == MUL_2:
+            for l in range(lanes):
+                b[d, l] = b[a, l] * b[c, l] + b[e, l] * b[g, l]
+        elif code == MUL:
+            for l in range(lanes):
+                b[d, l] = b[a, l] * b[c, l]
+        elif code == INVERSE:
+            for l in range(lanes):
+                b[d, l], b[LEAST, l], b[LARGEST, l] = divide(
+                    b[a, l], b[s, l], b[LEAST, l], b[LARGEST, l]
+                )
+        elif code == ADVANCE:
+            for l in range(lanes):
+                x = b[d, l]
+                b[d, l], b[NEAR, l], b[FAR, l] = advance_component(
+                    x, b[s, l], b[NEAR, l], b[FAR, l]
+                )
+                b[s, l] = x
+        else:
+            for l in range(lanes):
+                b[LEAST, l] = np.inf if s == 0 else 1.0
+                b[NEAR, l] = np.inf if a == 0 else 0.0
+                b[LARGEST, l], b[FAR, l] = 1.0, 0.0
+
+
+@function
+def execute_one(operations, first, last, b):
+    """Carry out operations for a block of one lane: as `execute`, without loops."""
+    for n in range(first, last):
+        code, d, s = operations[n, 0], operations[n, 1], operations[n, 2]
+        a, c = operations[n, 3], operations[n, 4]
+        e, g = operations[n, 5], operations[n, 6]
+        if code == ADD_2:
+            b[d, 0] = b[s, 0] + b[a, 0] * b[c, 0] + b[e, 0] * b[g, 0]
+        elif code == ADD:
+            b[d, 0] = b[s, 0] + b[a, 0] * b[c, 0]
+        elif code == MUL_2:
+            b[d, 0] = b[a, 0] * b[c, 0] + b[e, 0] * b[g, 0]
+        elif code == MUL:
+            b[d, 0] = b[a, 0] * b[c, 0]
+        elif code == INVERSE:
+            b[d, 0], b[LEAST, 0], b[LARGEST, 0] = divide(
+                b[a, 0], b[s, 0], b[LEAST, 0], b[LARGEST, 0]
+            )
+        elif code == ADVANCE:
+            x = b[d, 0]
+            b[d, 0], b[NEAR, 0], b[FAR, 0] = advance_component(x, b[s, 0], b[NEAR, 0], b[FAR, 0])
+            b[s, 0] = x
+        else:
+            b[LEAST, 0] = np.inf if s == 0 else 1.0
+            b[NEAR, 0] = np.inf if a == 0 else 0.0
+            b[LARGEST, 0], b[FAR, 0] = 1.0, 0.0
+
+
+@formula
+def advance_block(operations, count, b):
+    """Carry out the `count` operations of a step; return how many lanes lose digits by it."""
+    lanes, to_solve = b.shape[1], 0
+    if lanes == 1:
+        execute_one(operations, 0, count, b)
+    else:
+        execute(operations, 0, count, b)
     for l in range(lanes):
-        b[TO_SOLVE, l] = 0.0
-    for i in range(D):
-        for l in range(lanes):
-            a[i, D, l], loss = next_component(x[i, l], a[i, D, l])
-            b[TO_SOLVE, l] += loss
-    return accept(a, x, b, lanes)
+        to_solve += select(keeps_digits(b, l), 0, 1)
+    return to_solve
 
 
 @inlined
-def advance_one(indices, x, fixed, half, l, one):
-    """Take the step of lane l by `solve`, as in the head of this file; return its status."""
-    a, units = one
-    D = len(a)
-    fill(indices, half, fixed, x, a, l, 1)
+def memory_of_lane(D, columns):
+    """Return a system with these right sides, units and a state: the memory of `solve_lane`."""
+    return np.empty((D, D + columns, 1)), np.empty((2, D)), np.empty(D)
+
+
+@function
+def restore(operations, count, b, l, x):
+    """Fill x with the state of lane l before the `count` operations of a step."""
+    for i in range(len(x)):
+        x[i] = b[FIRST + i, l]
+    n = count - 1
+    while operations[n, 0] == ADVANCE:
+        x[operations[n, 1] - FIRST] = b[operations[n, 2], l]
+        n -= 1
+
+
+@function
+def fill_system(indices, b, l, sign, x, system):
+    """Fill A(x), for eps or, if the sign is -1, for -eps; of the field and step size of lane l."""
+    D = len(x)
     for i in range(D):
-        right = x[i, l] - 2.0 * fixed[i, D, l]
         for j in range(D):
-            right -= (fixed[i, j, l] - (1.0 if i == j else 0.0)) * x[j, l]
-        a[i, D, 0] = right
-    status = solve(a, units)
+            system[i, j, 0] = 1.0 if i == j else 0.0
+    for t in range(indices.shape[1]):
+        i, j, k, half = indices[0, t], indices[1, t], indices[2, t], sign * b[FIRST + D + t, l]
+        if j < D:
+            system[i, j, 0] -= half * (x[k] if k < D else 1.0)
+        if k < D:
+            system[i, k, 0] -= half * x[j]
+
+
+@function
+def solve_lane(indices, operations, count, b, l, memory):
+    """Take the step of lane l, after its `count` operations, by `solve`; return its status."""
+    system, units, x = memory
+    D = len(x)
+    restore(operations, count, b, l, x)
+    fill_system(indices, b, l, 1.0, x, system)
     for i in range(D):
-        x[i, l] = a[i, D, 0] if status == OK else np.nan
+        system[i, D, 0] = x[i]
+    for t in range(indices.shape[1]):
+        i, j, k, half = indices[0, t], indices[1, t], indices[2, t], b[FIRST + D + t, l]
+        if k == D:
+            system[i, D, 0] += half * x[j] if j < D else 2.0 * half
+    status = solve(system, units)
+    for i in range(D):
+        b[FIRST + i, l] = system[i, D, 0] if status == OK else np.nan
+    b[ENDED, l] = 0.0 if status == OK else 1.0
     return status
-
-
-@inlined
-def advance_failed(indices, x, fixed, half, b, one, begin, end, n, status, failed_at):
-    """Take step n in the lanes where `advance` did not; record the trajectories that fail."""
-    for l in range(x.shape[1]):
-        if b[TO_SOLVE, l] > 0.0:
-            code = advance_one(indices, x, fixed, half, l, one)
-            if code != OK and begin + l < end:
-                status[begin + l], failed_at[begin + l] = code, n
 
 
 @function
 def step_of_one(system, given, out, memory):
     """Write the state that follows `given` to `out`; return its status. For `compiled`."""
-    (fixed, half, indices), (block, b, one) = system, memory
-    D, x, status = len(fixed), block[0], OK
+    half, indices, operations, _, _ = system
+    b, one = memory
+    D, count, status = len(given), len(operations), OK
+    b[ONE, 0], b[ENDED, 0] = 1.0, 0.0
     for i in range(D):
-        x[i, 0] = given[i]
-    fill(indices, half, fixed, x, one[0], 0, 1)
-    if advance(one[0], x, b, 1) > 0 or np.isnan(given[0]):
-        status = advance_one(indices, x, fixed, half, 0, one)
+        b[FIRST + i, 0] = given[i]
+    for t in range(len(half)):
+        b[FIRST + D + t, 0] = half[t]
+    execute_one(operations, 0, count, b)
+    if not keeps_digits(b, 0):
+        status = solve_lane(indices, operations, count, b, 0, one)
     for i in range(D):
-        out[i] = x[i, 0]
+        out[i] = b[FIRST + i, 0]
     return status
 
 
 @function
-def enter(parameters, x0, x, fixed, half, begin, end, start, status, failed_at):
+def enter_fields(values, eps, states, b, begin, end, start, status, failed_at):
     """Fill a block with trajectories, fields and step sizes; lanes beyond the last repeat it."""
-    indices, values, eps = parameters
-    for l in range(x.shape[1]):
+    D, T = states.shape[1], values.shape[1]
+    for l in range(b.shape[1]):
         k, undefined = lesser(begin + l, end - 1), 0.0
-        for i in range(len(x)):
-            x[i, l] = x0[k, i]
-            undefined += 0.0 * x[i, l]
-            for j in range(len(x) + 1):
-                fixed[i, j, l] = 1.0 if i == j else 0.0
-        for t in range(len(half)):
-            i, j = indices[0, t], indices[1, t]
-            half[t, l] = 0.5 * eps[k % len(eps)] * values[k % len(values), t]
-            if indices[2, t] == len(x):
-                fixed[i, j, l] -= half[t, l]
+        for i in range(D):
+            b[FIRST + i, l] = states[k, i]
+            undefined += 0.0 * states[k, i]
+        half, of_field = 0.5 * eps[k % len(eps)], k % len(values)
+        for t in range(T):
+            b[FIRST + D + t, l] = half * values[of_field, t]
         if start == 0 and np.isnan(undefined):
             status[k], failed_at[k] = NONFINITE, 0
-        for i in range(len(x) if status[k] < 0 else 0):
-            x[i, l] = np.nan
+        b[ONE, l], b[ENDED, l] = 1.0, 1.0 if status[k] < 0 else 0.0
+        for i in range(D if status[k] < 0 else 0):
+            b[FIRST + i, l] = np.nan
 
 
 @kernel
-def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+def field_steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part, as `steps_3d.steps`."""
-    indices = parameters[0]
+    indices, (operations, rows), values, eps = arguments
     first, last, start, stop, every, next_row = span
-    T, D = indices.shape[1], omega0.shape[1]
-    lanes = lanes_of(D, last - first)
-    x, b = np.empty((D, lanes)), np.empty((TO_SOLVE + 1, lanes))
-    a, fixed, half = np.empty((D, D + 1, lanes)), np.empty((D, D + 1, lanes)), np.empty((T, lanes))
-    one = memory_of_one(D)
+    count, D = len(operations), omega0.shape[1]
+    lanes = lanes_of_fields(rows, last - first)
+    b, one = np.empty((rows, lanes)), memory_of_lane(D, 1)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
         end = lesser(begin + lanes, last)
         states = omega0 if start == 0 else final
-        enter(parameters, states, x, fixed, half, begin, end, start, status, failed_at)
+        enter_fields(values, eps, states, b, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
-            if n > start:
-                fill(indices, half, fixed, x, a, 0, lanes)
-                if advance(a, x, b, lanes) > 0:
-                    advance_failed(
-                        indices, x, fixed, half, b, one, begin, end, n, status, failed_at
-                    )
+            if n > start and advance_block(operations, count, b) > 0:
+                for l in range(lanes):
+                    if not keeps_digits(b, l):
+                        code = solve_lane(indices, operations, count, b, l, one)
+                        if code != OK and begin + l < end:
+                            status[begin + l], failed_at[begin + l] = code, n
             if every > 0 and n % every == 0 and (n > start or start == 0):
-                write(x, begin, end, saved[row])
+                write_states(b[FIRST:], begin, end, saved[row])
                 row += 1
-        write(x, begin, end, final)
+        write_states(b[FIRST:], begin, end, final)
 
 
 @function
-def write(x, begin, end, target):
-    """Write the states of a block to target (B, D)."""
+def write_states(x, begin, end, target):
+    """Write the states of a block, the first rows of x, to target (B, D)."""
     for l in range(end - begin):
         for i in range(target.shape[1]):
             target[begin + l, i] = x[i, l]

@@ -31,7 +31,7 @@ import numpy as np
 from .codes import NONFINITE, OK
 from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
 from .numba import formula, function, inlined, kernel, lesser, select, share
-from .steps_field import write
+from .steps_field import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
 # Rows after those of `elimination`: p, |w|**2 and h p; the sums; the factors of w / d and I / d in
@@ -243,9 +243,9 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
                 if a is None:
                     add_increments(c, b, lanes)
             if every > 0 and n % every == 0 and (n > start or start == 0):
-                write(c[W], begin, end, saved[row])
+                write_states(c[W], begin, end, saved[row])
                 row += 1
-        write(c[W], begin, end, final)
+        write_states(c[W], begin, end, final)
 
 
 @function

@@ -16,6 +16,7 @@ from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, common_shape, integer, positive, real_number, wrong
+from ..core.operations import plan_step
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
@@ -204,6 +205,12 @@ def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Argu
     """Return the arguments of kernels that take the field of a body: its terms, and eps."""
     indices, values = body.terms
     return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
+
+
+def by_plan(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
+    """Return the arguments of the kernel of fields: indices, the plan of a step, values and eps."""
+    indices, values, steps = by_field(body, eps, batch)
+    return indices, tuple(plan_step(indices, body.dimension)), values, steps
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:

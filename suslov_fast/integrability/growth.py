@@ -189,19 +189,19 @@ def _suggested(d: list[int]) -> str:
     """
     differences = [np.diff(np.array(d, object), power) for power in range(3)]
     second = differences[2]
-    if not _is_bounded(second) or _is_periodic(second):
+    if not _is_bounded(second, slack=1) or _is_periodic(second):
         return ""
-    order = next(power for power in range(3) if _is_bounded(differences[power]))
+    order = next((power for power in range(2) if _is_bounded(differences[power])), 2)
     return (
         f"their second differences, from {min(second)} to {max(second)}, are bounded but not yet "
         f"periodic, which suggests that the growth is {_kind(order)}"
     )
 
 
-def _is_bounded(sequence: Any) -> bool:
+def _is_bounded(sequence: Any, slack: int = 0) -> bool:
     """Return True if the last third of a sequence is no larger than what comes before."""
     sizes, begin = abs(sequence), len(sequence) - -(-len(sequence) // 3)
-    return bool(max(sizes[begin:]) <= max(sizes[:begin]))
+    return bool(max(sizes[begin:]) <= max(sizes[:begin]) + slack)
 
 
 def _is_periodic(sequence: Any) -> bool:

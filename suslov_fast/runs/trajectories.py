@@ -98,7 +98,8 @@ class Trajectories:
     -----
     ``len(run)`` is the number of saved states, ``run[k]`` is ``run.states[k]`` for any index of
     NumPy, and a run iterates over its states. Runs are equal if all of the above is equal, where
-    NaN equals NaN; they are not hashable.
+    NaN equals NaN; they are not hashable. All arrays are read-only; a copy, as
+    ``run.states.copy()``, is not. An array that was passed as `out` stays writeable.
 
     Examples
     --------
@@ -126,10 +127,21 @@ class Trajectories:
     _carry: FloatArray | None = field(init=False, default=None, compare=False)
     _turned: FloatArray | None = field(init=False, default=None, compare=False)
 
+    def __post_init__(self) -> None:  # arrays that a caller may go on to use
+        arrays = {name: each for name, each in vars(self).items() if isinstance(each, np.ndarray)}
+        vars(self).update({name: _read_only(each.view()) for name, each in arrays.items()})
+
+    def __setstate__(self, attributes: dict[str, Any]) -> None:  # of copies, which own their arrays
+        for value in attributes.values():
+            if type(value) is np.ndarray:
+                value.setflags(write=False)
+        object.__setattr__(self, "__dict__", attributes)
+
     @classmethod
     def _of(cls, attributes: dict[str, Any]) -> Trajectories:
+        """Return a run with these attributes, whose arrays belong to it."""
         run = cls.__new__(cls)
-        object.__setattr__(run, "__dict__", attributes)  # faster than a call of the class
+        run.__setstate__(attributes)  # faster than a call of the class
         return run
 
     def extend(
@@ -230,14 +242,14 @@ class Trajectories:
     def n(self) -> NDArray[np.int64]:
         """Step numbers of the saved states, shape (n_saved,)."""
         if self.save_every is None:
-            return np.array([self.steps])
-        return self.save_every * np.arange(self.steps // self.save_every + 1)
+            return _read_only(np.array([self.steps]))
+        return _read_only(self.save_every * np.arange(self.steps // self.save_every + 1))
 
     @property
     def time(self) -> FloatArray:
         """Times n eps of the saved states, (n_saved,), or (n_saved, ...) if eps varies."""
         n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
-        times: FloatArray = n * np.asarray(self.eps)
+        times: FloatArray = _read_only(n * np.asarray(self.eps))
         return times
 
     @property
@@ -351,6 +363,8 @@ def run_to_end(
         march.omega0 = march.omega0.copy()
     with reports as report:
         saved, turns = march.to(steps, every, out, report)
+    if out is not None:
+        saved = saved.view()  # that of the run becomes read-only, `out` stays as it is
     if every and earlier is not None and start > 0:
         saved = np.concatenate([earlier.states, saved])
         turns = None if turns is None else np.concatenate([earlier.attitude, turns])
@@ -372,6 +386,11 @@ def run_to_end(
     run = Trajectories._of(found)
     report_failures(run, on_singular, start + 1 if earlier else 0)
     return run
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array.setflags(write=False)
+    return array
 
 
 def equal(a: Any, b: Any) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 
 from .codes import NONFINITE, OK
 from .elimination import LEAST_PIVOT, larger, smaller, solve
-from .numba import formula, function, inlined, kernel, lesser, select, share
+from .numba import formula, function, inlined, kernel, lesser, pick, select, share
 from .operations import (
     ADD,
     ADD_2,
@@ -38,14 +38,13 @@ from .operations import (
 # A state has lost digits if one component falls below the small part of half its increment, or if
 # all fall below the large part.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
-FEW = 3  # orbits that are faster one by one
 
 
 @formula
 def lanes_of_fields(rows, count):
-    """Return how many trajectories go side by side: their rows stay in the caches."""
-    lanes = 128 if rows <= 40 else 64 if rows <= 2000 else 32
-    return 1 if count <= FEW else lesser(lanes, (count + 7) // 8 * 8)
+    """Return how many of these trajectories go side by side: their rows stay in the caches."""
+    lanes = 128 if rows <= 1200 else 64 if rows <= 4000 else 32
+    return lesser(lanes, count if count <= 8 else (count + 7) // 8 * 8)
 
 
 @formula
@@ -242,14 +241,16 @@ def enter_fields(values, eps, states, b, begin, end, start, status, failed_at):
         for i in range(D):
             b[FIRST + i, l] = states[k, i]
             undefined += 0.0 * states[k, i]
-        half, of_field = 0.5 * eps[k % len(eps)], k % len(values)
-        for t in range(T):
-            b[FIRST + D + t, l] = half * values[of_field, t]
         if start == 0 and np.isnan(undefined):
             status[k], failed_at[k] = NONFINITE, 0
         b[ONE, l], b[ENDED, l] = 1.0, 1.0 if status[k] < 0 else 0.0
         for i in range(D if status[k] < 0 else 0):
             b[FIRST + i, l] = np.nan
+    for t in range(T):
+        for l in range(b.shape[1]):
+            k = lesser(begin + l, end - 1)
+            v = values[k if len(values) > 1 else 0, t]
+            b[FIRST + D + t, l] = 0.5 * pick(eps, k) * v
 
 
 @kernel
@@ -258,7 +259,7 @@ def field_steps(part, parts, arguments, omega0, carry, span, saved, final, statu
     indices, (operations, rows), values, eps = arguments
     first, last, start, stop, every, next_row = span
     count, D = len(operations), omega0.shape[1]
-    lanes = lanes_of_fields(rows, last - first)
+    lanes = lanes_of_fields(rows, (last - first + parts - 1) // parts)
     b, one = np.empty((rows, lanes)), memory_of_lane(D, 1)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):

@@ -46,7 +46,7 @@ def memory_of_tangents(rows, D, count):
     """Return b and g, numbers of lanes; w, where w[i] is row i of q, and w[D + i] row i of v; and
     the memory of `solve_lane` and of `derive`.
     """
-    lanes = lanes_of_fields(rows, count)
+    lanes = lanes_of_fields(rows + 2 * D * D, count)
     b, g, w = np.empty((rows, lanes)), np.empty((LENGTHS + D, lanes)), np.empty((2 * D, D, lanes))
     return b, g, w, memory_of_lane(D, 1), memory_of_lane(D, D)
 
@@ -129,12 +129,13 @@ def tangent_step(indices, plan, b, g, w, of_step):
 @function
 def enter_tangents(values, eps, states, b, begin, end, start, status, failed_at):
     """Fill a block as `enter_fields`; and the rows of -h v and of -1."""
-    minus_half, T = FIRST + states.shape[1] + values.shape[1], values.shape[1]
+    half, T, lanes = FIRST + states.shape[1], values.shape[1], b.shape[1]
     enter_fields(values, eps, states, b, begin, end, start, status, failed_at)
-    for l in range(b.shape[1]):
-        for t in range(T):
-            b[minus_half + t, l] = -b[minus_half - T + t, l]
-        b[minus_half + T, l] = -1.0
+    for t in range(half, half + T):
+        for l in range(lanes):
+            b[t + T, l] = -b[t, l]
+    for l in range(lanes):
+        b[half + 2 * T, l] = -1.0
 
 
 @kernel
@@ -204,7 +205,8 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     operations, rows, split, _, pivots = plan
     first, last, start, stop = span
     D = x0.shape[1]
-    b, g, w, of_step, of_tangent = memory_of_tangents(rows, D, last - first)
+    count = (last - first + parts - 1) // parts
+    b, g, w, of_step, of_tangent = memory_of_tangents(rows, D, count)
     lanes = b.shape[1]
     length, along = np.empty(lanes), np.empty(lanes)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)

@@ -109,7 +109,7 @@ def _at_states(kernel: Kernel, problem: Problem, shape: tuple[int, ...], cost: i
         part = slice(begin, begin + width)
         own = [each[part] if len(each) > 1 else each for each in (values, eps)]
         call_kernel(kernel, 0, 1, (indices, plan, *own), x[part], out[part])
-    return out.reshape(*problem.batch, *shape)
+    return out.reshape((*problem.batch, *shape))
 
 
 def _jacobian(problem: Problem) -> FloatArray:

@@ -63,8 +63,8 @@ class Map:
         turn a body, `AXIAL` or `IN_ROWS`; without it they turn none.
     random : tuple of callables
         ``random(rng, shape)`` returns a batch of bodies for tests, which test each of them.
-    pole : tuple
-        A body, and a state that has no next one for eps = 1.
+    pole : tuple or None
+        A body, and a state that has no next one for eps = 1; None if every state has one.
     conserved : tuple of str
         Names of formulas; the first one that a body has is (nearly) conserved.
     variable : {"omega", "x"}
@@ -72,18 +72,19 @@ class Map:
 
     Notes
     -----
-    A kernel of steps is a function, decorated with `core.numba.kernel`,
+    A kernel of steps is a function of numbers and arrays, decorated with `core.numba.kernel`,
 
         steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at)
 
-    of numbers and C-contiguous arrays alone. `core/steps_field.py` is the shortest example. It
-    neither validates nor raises, and allocates nothing inside loops over steps.
+    `tests/own.py` has a short one, one trajectory after the other. A kernel neither validates nor
+    raises, and allocates nothing inside loops over steps; formulas that it calls are decorated with
+    `core.numba.formula` or `core.numba.function`.
 
     1. `arguments` is what `Steps.arguments(body, eps, batch)` returned, called once for a run: a
        tuple of arrays, of which each has one row if it is common to all B trajectories, else B:
-       ``pick(array, i)`` is that of trajectory i. `by_constants` passes ``body.constants`` and
-       eps (1 or B,), `by_field` the terms of the field, indices (3, T) and values (1 or B, T),
-       and eps.
+       ``array[i % len(array)]`` is that of trajectory i. `by_constants` passes ``body.constants``
+       and eps (1 or B,), `by_field` the terms v x_j x_k of the field, with x_D = 1: indices (3, T),
+       the i, j and k, values (1 or B, T), and eps.
     2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
        begin <= i < end, of which ``share`` gives a part of `parts` its own, from state `start` to
        state `stop`.
@@ -112,7 +113,7 @@ class Map:
     methods: Mapping[str, Steps]
     formulas: Mapping[str, Formula]
     random: tuple[Callable[[np.random.Generator, tuple[int, ...]], Any], ...]
-    pole: tuple[Any, tuple[float, ...]]
+    pole: tuple[Any, tuple[float, ...]] | None
     conserved: tuple[str, ...] = ()
     variable: str = "omega"
     meaning: str = "angular velocity"
@@ -172,6 +173,13 @@ def _random_3d(rng: np.random.Generator, shape: tuple[int, ...]) -> dict[str, An
     }
 
 
+def _random_with_I3(rng: np.random.Generator, shape: tuple[int, ...]) -> Suslov3D:
+    """Return bodies with a third moment of inertia that they can have."""
+    moments, products = rng.uniform(2, 4, (2, *shape)), rng.uniform(-0.1, 0.1, (2, *shape))
+    I3 = rng.uniform(2.7, 3.3, shape)
+    return Suslov3D(moments[0], moments[1], products[0], products[1], I3)
+
+
 def _random_nd(
     rng: np.random.Generator, shape: tuple[int, ...], m: int = 4, equal: bool = False
 ) -> SuslovND:
@@ -226,7 +234,7 @@ for _record in (
         formulas=IN_3D,
         random=(
             lambda rng, shape: Suslov3D(**_random_3d(rng, shape)),
-            lambda rng, shape: Suslov3D(**_random_3d(rng, shape), I3=rng.uniform(1, 5, shape)),
+            _random_with_I3,
         ),
         pole=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
         conserved=("first_integral",),
@@ -238,7 +246,7 @@ for _record in (
         methods={"auto": _ND, "gauss": _GAUSS, "rank2": _ND},
         formulas=IN_ND,
         random=(_random_nd, lambda rng, shape: _random_nd(rng, shape, 3, equal=True)),
-        pole=(SuslovND([1.0, 1.0, 2.0], [0.5, -0.75, 0.5]), (1.0, -1.0, 1.5)),
+        pole=(SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
         conserved=("first_integral", "modified_energy"),
     ),
     Map(

@@ -1,7 +1,7 @@
 """Promises of the public functions of states and steps: one table of functions, a test for each.
 
-A row is a function with the classes of bodies that it accepts. Values have the axes of the batch
-first, then time, then components.
+Each is tested for the random bodies of all records that have it (`maps.MAPS`): a new record is
+tested by being there. Values have the axes of the batch first, then time, then components.
 """
 
 import inspect
@@ -14,42 +14,23 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.engine import stretches, threads
+from suslov_fast.maps import MAPS, map_of
 from suslov_fast.runs import solution
 
-# No body has the I3 of some samples.
-pytestmark = pytest.mark.filterwarnings("ignore:I3")
 LANES = 128
 SIZE, STEPS = LANES + 13, 12
 
 
-def body_3d(rng, shape, kind=sf.Suslov3D, more=()):
-    products = rng.uniform(-1, 1, (2, *shape)) * [rng.choice([0, 1, 1], shape), np.ones(shape)]
-    return kind(*rng.uniform(0.5, 4, (2, *shape)), *products, *more)
-
-
-def nd(rng, shape, J, m):
-    return sf.SuslovND(J * np.ones(m), rng.uniform(-1, 1, (*shape, m)))
-
-
-# Functions of (rng, shape) that make sample bodies, and the number of components of a state.
-KINDS = {
-    "3D": (body_3d, 2),
-    "full": (lambda r, s: body_3d(r, s, more=[r.uniform(1, 5, s)]), 3),
-    "gyrostat": (lambda r, s: body_3d(r, s, sf.SuslovGyrostat, [r.uniform(-1, 1, s)]), 2),
-    "nD": (lambda r, s: nd(r, s, r.uniform(0.5, 4, (*s, 4)), 4), 4),
-    "solved": (lambda r, s: nd(r, s, r.uniform(0.5, 4, (*s, 1)), 3), 3),
-    "field": (
-        lambda r, s: sf.QuadraticField(*(r.normal(size=(*s, *(5,) * k)) / 10 for k in (3, 2, 1))),
-        5,
-    ),
-}
+# Functions of (rng, shape) that make bodies, by the name of a record and a number.
+KINDS = {f"{name} {k}": make for name, map in MAPS.items() for k, make in enumerate(map.random)}
+# A body of each, with which the functions that it has are looked up.
+SAMPLES = {kind: make(np.random.default_rng(0), ()) for kind, make in KINDS.items()}
 
 
 class Row(NamedTuple):
     """`call(body, omega, eps, **options)` returns results; those in `timed` have time first."""
 
     call: Callable[..., Any]
-    kinds: str
     timed: tuple[int, ...] = ()
     eps: bool = True  # an argument
     threads: bool = False
@@ -68,7 +49,7 @@ class Row(NamedTuple):
         return np.broadcast_shapes(body.shape, np.shape(omega)[:-1], of_eps)
 
 
-def runs(kinds, **options):
+def runs(**options):
     """Row of saved and last states, with the orientation if the run has it."""
 
     def call(body, omega, eps, **others):
@@ -76,7 +57,7 @@ def runs(kinds, **options):
         more = (run.attitude,) if run.attitude is not None else ()
         return run.states, run.final, run.status, run.failed_at, *more
 
-    return Row(call, kinds, timed=(0, 4), threads=True)
+    return Row(call, timed=(0, 4), threads=True)
 
 
 def first_crossings(body, omega, eps, **options):
@@ -97,56 +78,69 @@ def solutions(body, omega, eps, **options):
     return tuple(sf.exact(body, omega, eps, n, **options) for n in (7, TIMES))
 
 
-TIMES, EVERY = np.array([3, -1e9, -3, 0, 7, 700, 1e9]), "3D gyrostat nD solved field"
+TIMES = np.array([3, -1e9, -3, 0, 7, 700, 1e9])
+# A row that needs another function or a method has its name after a colon.
 ROWS = {
-    "energy": Row(sf.energy, "3D gyrostat nD", eps=False),
-    "first_integral": Row(sf.first_integral, "3D gyrostat solved"),
-    "modified_energy": Row(sf.modified_energy, "3D gyrostat nD"),
-    "criticality": Row(sf.criticality, "3D gyrostat solved"),
-    "rotation_number": Row(sf.rotation_number, "3D gyrostat"),
-    "invariant_density": Row(sf.invariant_density, "3D gyrostat"),
-    "to_xy": Row(sf.to_xy, "3D", eps=False),
-    "from_xy": Row(sf.from_xy, "3D", eps=False),
-    "vector_field": Row(sf.vector_field, EVERY, eps=False),
-    "reaction": Row(sf.reaction, "3D gyrostat nD"),
-    "jacobian": Row(sf.jacobian, EVERY),
-    "matrix": Row(sf.matrix, EVERY),
-    "closed_form": Row(sf.closed_form, "3D"),
-    "limits": Row(sf.limits, "3D gyrostat solved"),
-    "step": Row(sf.step, EVERY, threads=True),
-    "step_full": Row(sf.step_full, "full"),
-    "iterate": runs(EVERY, save_every=3),
-    "iterate: last states": runs(EVERY, save_every=None),
-    "iterate: orientation": runs("3D gyrostat nD", attitude=True, save_every=2),
-    "iterate: gauss": runs("nD", method="gauss"),
-    "crossings": Row(first_crossings, EVERY, threads=True),
-    "exact": Row(solutions, "3D gyrostat solved", timed=(1,), threads=True),
+    "energy": Row(sf.energy, eps=False),
+    "first_integral": Row(sf.first_integral),
+    "modified_energy": Row(sf.modified_energy),
+    "criticality": Row(sf.criticality),
+    "rotation_number": Row(sf.rotation_number),
+    "invariant_density": Row(sf.invariant_density),
+    "to_xy": Row(sf.to_xy, eps=False),
+    "from_xy": Row(sf.from_xy, eps=False),
+    "vector_field": Row(sf.vector_field, eps=False),
+    "reaction": Row(sf.reaction),
+    "jacobian": Row(sf.jacobian),
+    "matrix": Row(sf.matrix),
+    "closed_form": Row(sf.closed_form),
+    "limits": Row(sf.limits),
+    "step": Row(sf.step, threads=True),
+    "step_full": Row(sf.step_full),
+    "iterate": runs(save_every=3),
+    "iterate: last states": runs(save_every=None),
+    "iterate: attitude": runs(attitude=True, save_every=2),
+    "iterate: gauss": runs(method="gauss"),
+    "crossings": Row(first_crossings, threads=True),
+    "exact": Row(solutions, timed=(1,), threads=True),
     "flow": Row(
-        lambda b, w, **o: sf.flow(b, w, TIMES / 8, **o),
-        "3D gyrostat solved", timed=(0,), eps=False, threads=True,
+        lambda b, w, **o: sf.flow(b, w, TIMES / 8, **o), timed=(0,), eps=False, threads=True
     ),
-    "attitude": Row(orientations, "3D gyrostat nD", timed=(0,), threads=True),
+    "attitude": Row(orientations, timed=(0,), threads=True),
     "lyapunov_exponents": Row(
-        lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o), EVERY, threads=True
+        lambda b, w, e, **o: sf.lyapunov_exponents(b, w, e, STEPS, **o), threads=True
     ),
-    "to_matrix": Row(sf.to_matrix, "3D gyrostat nD", eps=False),
-    "to_vector": Row(sf.to_vector, "3D gyrostat", eps=False),
-    "momentum": Row(sf.momentum, "3D gyrostat nD", eps=False),
-}  # fmt: skip
+    "to_matrix": Row(sf.to_matrix, eps=False),
+    "to_vector": Row(sf.to_vector, eps=False),
+    "momentum": Row(sf.momentum, eps=False),
+}
+
+
+def has(kind, name):
+    """True if a record has the function of a row."""
+    body = SAMPLES[kind]
+    map, (function, _, of) = map_of(body), name.partition(": ")
+    if function == "step_full":
+        return function in map.formulas and body.I3 is not None
+    if of == "gauss":
+        return of in map.methods
+    if of == "attitude":
+        return of in map.formulas
+    return function in ("step", "iterate", "crossings") or function in map.functions(body)
 
 
 def cases(threaded=False):
     rows = {name: row for name, row in ROWS.items() if row.threads or not threaded}
-    every = [(name, kind) for name, row in rows.items() for kind in row.kinds.split()]
+    every = [(name, kind) for name in rows for kind in KINDS if has(kind, name)]
     ids = [f"{name}, {kind}" for name, kind in every]
     return pytest.mark.parametrize(("name", "kind"), every, ids=ids)
 
 
-def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,)):
+def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,), name="iterate"):
     """Bodies, states and step sizes of these shapes: t below and above 1, eps of both signs."""
-    make, D = KINDS[kind]
-    size = 10 ** rng.uniform(-1, 1, (*omega, 1))
-    return make(rng, body), rng.normal(size=(*omega, D)) * size, rng.uniform(-0.5, 0.5, eps)
+    D, size = SAMPLES[kind].dimension + (name == "step_full"), 10 ** rng.uniform(-1, 1, (*omega, 1))
+    states = rng.normal(size=(*omega, D)) * size
+    return KINDS[kind](rng, body), states, rng.uniform(-0.5, 0.5, eps)
 
 
 def part(body, index, batch):
@@ -179,7 +173,7 @@ SHAPES = [((SIZE,),) * 3, ((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), 
 def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
     row = ROWS[name]
     for shapes in SHAPES:
-        body, omega, eps = sample(rng, kind, *shapes)
+        body, omega, eps = sample(rng, kind, *shapes, name=name)
         batch, values = row.batch(body, omega, eps), list(row.values(body, omega, eps))
         state = np.broadcast_to(omega, (*batch, omega.shape[-1]))
         step = np.broadcast_to(eps if row.eps else 0.0, batch)
@@ -193,7 +187,7 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
 @pytest.mark.compiled
 @cases(threaded=True)
 def test_threads_and_stretches(rng, monkeypatch, name, kind):
-    row, problem = ROWS[name], sample(rng, kind)
+    row, problem = ROWS[name], sample(rng, kind, name=name)
     alone = list(row.values(*problem, threads=1))
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     same(alone, row.values(*problem, threads=2))
@@ -205,7 +199,7 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
 @cases()
 def test_any_input(rng, name, kind):
     """Lists, other memory and integers; nothing that is passed in changes; NaN gives NaN."""
-    row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (3, 4), ())
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (3, 4), (), name)
     omega = np.round(omega * 4)
     kept, expected = omega.copy(), list(row.values(body, omega, eps))
     strided = np.zeros((4, 3, 2 * omega.shape[-1])).swapaxes(0, 1)[..., ::2]
@@ -223,8 +217,8 @@ def test_any_input(rng, name, kind):
 
 @cases()
 def test_bad_input(rng, name, kind):
-    row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (2,), ())
-    state = "x" if kind == "field" else "omega0?|xy"
+    row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (2,), (), name)
+    state = "x" if map_of(SAMPLES[kind]).variable == "x" else "omega0?|xy"
     omega[1, 1] = -np.inf
     with pytest.raises(ValueError, match=rf"^({state}): .* -inf at index \(1, 1\)"):
         list(row.values(body, omega, eps))
@@ -246,7 +240,7 @@ def test_bad_input(rng, name, kind):
 def hard(rng, kind):
     body, omega, eps = sample(rng, kind, (SIZE,), (SIZE,), (SIZE,))
     omega[3, 0], eps[4], omega[7::9] = np.nan, 0.0, omega[7::9] * 1e4
-    if kind == "3D":  # poles of the unit body, after none, one and two steps
+    if kind == "Suslov3D 0":  # poles of the unit body, after none, one and two steps
         values = {name: np.array(each) for name, each in body._arrays.items()}
         for each, value in zip(values.values(), (1, 1, 1, 0), strict=True):
             each[11:14] = value
@@ -257,9 +251,9 @@ def hard(rng, kind):
 
 
 OPTIONS = [
-    *((kind, {}) for kind in EVERY.split()), ("nD", {"method": "gauss"}),
-    *((kind, {"attitude": True}) for kind in ("3D", "gyrostat", "nD")),
-]  # fmt: skip
+    *((kind, {"method": method}) for kind in KINDS for method in map_of(SAMPLES[kind]).methods),
+    *((kind, {"attitude": True}) for kind in KINDS if has(kind, "iterate: attitude")),
+]
 
 
 @pytest.mark.parametrize(("kind", "options"), OPTIONS, ids=str)
@@ -268,7 +262,7 @@ def test_runs_in_parts(rng, kind, options):
     problem, options = hard(rng, kind), options | {"on_singular": "ignore"}
     whole = sf.iterate(*problem, 40, **options)
     assert {-2, 0} <= {*whole.status}
-    if kind == "3D":
+    if kind == "Suslov3D 0":
         assert whole.failed_at[11:14].tolist() == [1, 2, 3]
         assert (whole.status[11:14] == sf.Status.SINGULAR).all()
     for save_every in (1, 7, None):
@@ -283,30 +277,34 @@ def test_runs_in_parts(rng, kind, options):
             assert extended == run
 
 
-@pytest.mark.parametrize("kind", EVERY.split())
+@pytest.mark.parametrize("kind", KINDS)
 def test_out(rng, kind):
     """States are written to `out`, also if it overlaps the arguments."""
     body, omega, _ = sample(rng, kind, (), (2, 3), ())
     expected, D = sf.iterate(body, omega, 0.1, 33, save_every=2), omega.shape[-1]
     out, last = np.full((17, 2, 3, D), 7.0), np.empty((1, 2, 3, D))
     given = sf.iterate(body, omega, 0.1, 33, save_every=2, out=out)
-    assert given.states is out
+    assert np.shares_memory(given.states, out)
+    assert not given.states.flags.writeable
+    assert out.flags.writeable
     assert given == expected
-    assert sf.iterate(body, omega, 0.1, 33, out=last, save_every=None).states is last
+    assert np.shares_memory(
+        sf.iterate(body, omega, 0.1, 33, out=last, save_every=None).states, last
+    )
     same([last[0]], [expected.final])
     over = rng.normal(size=6 * D) / 10
     expected = sf.iterate(body, over[:D].copy(), over[D : D + 2].copy(), 2)
     assert sf.iterate(body, over[:D], over[D : D + 2], 2, out=over.reshape(3, 2, D)) == expected
 
 
-@pytest.mark.parametrize("kind", EVERY.split())
+@pytest.mark.parametrize("kind", KINDS)
 def test_units_and_inverse(rng, kind):
     """Units change states to rounding; a step of -eps goes back."""
     body, omega, eps = sample(rng, kind, (9,), (9,), (9,))
     omega, eps = np.clip(omega, -2, 2), eps / 4
     there = sf.step(body, omega, eps)
     np.testing.assert_allclose(sf.step(body, there, -eps), omega, rtol=1e-11, atol=1e-12)
-    if kind in ("3D", "nD", "solved"):
+    if kind.startswith(("Suslov3D", "SuslovND")):
         for unit in (1e-30, 3.7, 1e25):
             found = sf.step(body, omega * unit, eps / unit) / unit
             np.testing.assert_allclose(found, there, rtol=1e-12, atol=1e-13)
@@ -314,8 +312,23 @@ def test_units_and_inverse(rng, kind):
     np.testing.assert_allclose(sf.step(field, omega, eps), there, rtol=1e-11, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", MAPS)
+def test_a_state_at_a_pole_has_no_next_one(name):
+    """Its neighbours have one, and no function of such a state returns a number beside it."""
+    body, pole = MAPS[name].pole
+    run = sf.iterate(body, [pole, np.multiply(pole, 1.01)], 1.0, 3, on_singular="ignore")
+    assert run.status.tolist()[0] == sf.Status.SINGULAR
+    assert run.failed_at.tolist()[0] == 1
+    assert np.isnan(run.states[1:, 0]).all()
+    assert np.isfinite(run.states[1, 1]).all()
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.step(body, pole, 1.0)).all()
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.jacobian(body, pole, 1.0)).all()
+
+
 def test_three_dimensions_are_n_dimensions(rng):
-    body, omega, eps = sample(rng, "3D", (9,), (9,), (9,))
+    body, omega, eps = sample(rng, "Suslov3D 0", (9,), (9,), (9,))
     J, I = np.stack([body.I2, body.I1], axis=-1), np.stack([-body.I13, -body.I23], axis=-1)
     turned = np.stack([omega[:, 1], -omega[:, 0]], axis=-1)
     expected = sf.exact(body, omega, eps, [1, 5])

@@ -105,6 +105,9 @@ class Map:
        map (about 1 ns on one thread). Calls are made so long that Ctrl-C is heard after 0.1 s; an
        estimate that is too low makes it wait.
     9. `Steps.lanes` trajectories, a multiple of 8, are what a thread takes at a time.
+
+    Kernels of the package use `share`, `pick`, `lesser` and `write` of `core.numba`; the walk over
+    blocks of lanes and the rule for state 0 (items 2 and 3) are written in each of them.
     """
 
     name: str

@@ -40,5 +40,7 @@ def call_all() -> None:
             if wanted.keys() >= more.keys():
                 given = {name: (known | more)[name] for name in wanted if name in known | more}
                 first = [given.pop(name) for name in ("body", *_STATES) if name in given]
+                if "I3" in wanted:  # the scheme in three components
+                    first[1] = np.pad(states, [(0, 0), (0, 1)], constant_values=0.5)
                 with suppress(ValueError, TypeError):  # not of this body
                     function(*first, **given)

@@ -4,19 +4,14 @@ Of a linear field x' = (1 - A) x and eps = 2 the matrix of a step is A, so that 
 what each rule of elimination is for.
 """
 
-from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import naive
 import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast import maps
-from suslov_fast.bodies.base import Body
 from suslov_fast.core import operations as plans
-from suslov_fast.formulas import KAHAN
 
 of_function = sf.QuadraticField.from_function
 
@@ -248,40 +243,3 @@ def test_a_hamiltonian_with_three_factors():
     run = sf.iterate(field, [0.3, -0.2, 0.5, 0.7], 0.2, 10)
     assert np.ptp(run.modified_energy()) < 1e-15
     assert np.ptp(run.energy()) > 1e-5
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Sleigh(Body):
-    """A Chaplygin sleigh, whose state is its speed and its angular velocity."""
-
-    mass: Any
-    J: Any
-    b: Any
-
-    def field(self):
-        mass, J, b = np.broadcast_arrays(self.mass, self.J, self.b)
-        q = np.zeros((*self.shape, 2, 2, 2))
-        q[..., 0, 1, 1], q[..., 1, 0, 1] = b, -mass * b / (J + mass * b * b)
-        return sf.QuadraticField(q)
-
-
-def test_a_body_with_a_record_steps_as_its_field(monkeypatch, tmp_path):
-    monkeypatch.setattr(maps, "MAPS", dict(maps.MAPS))
-    record = maps.Map(
-        name="Sleigh",
-        title="Sleigh",
-        body=Sleigh,
-        methods={"auto": maps.FIELD},
-        formulas=KAHAN,
-        random=(lambda rng, shape: Sleigh(*rng.uniform(1, 2, (3, *shape))),),
-        pole=(Sleigh(1, 1, 1), (1.0, 1.0)),
-    )
-    maps.register(record)
-    bodies, starts = Sleigh([1, 2, 3], 1.5, 0.4), [[1.0, 0.5]] * 3
-    suslov = sf.Suslov3D(bodies.mass, 1.5 + 0.16 * bodies.mass, 0, -0.4 * bodies.mass)
-    found = sf.iterate(bodies, starts, 0.3, 50)
-    assert abs(found.omega - sf.iterate(suslov, starts, 0.3, 50).omega).max() < 1e-14
-    assert np.array_equal(sf.iterate(bodies[1], starts[1], 0.3, 50).omega, found.omega[:, 1])
-    assert found.extend(5) == sf.iterate(bodies, starts, 0.3, 55)
-    for f in (sf.matrix, sf.jacobian):
-        np.testing.assert_array_equal(f(bodies, starts, 0.3), f(bodies.field(), starts, 0.3))

@@ -212,7 +212,7 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
     quantities.energy.py_func(*body, eps, w[0], value)
     assert value == quantities.energy(*body, eps, w[0])
     lead = -(y.ctypes.data // 8) % core_numba.LINE
-    for write in (core_numba.write, core_numba.write.py_func):
+    for write in (core_numba.write_tile, core_numba.write_tile.py_func):
         write(x, y, lead, 16, lead)
         assert (y[lead : lead + 16] == x).all()
         y[:] = 0

@@ -1,58 +1,63 @@
 """The closed form: state n of an orbit, in steps or in time, with a rotor or without.
 
-Letters as in `steps_3d`: z, g, e, l, X = e l, Y = -e Im(conj(g) z), K = e k; x = l, u = x - k and
-y = -Im(conj(g) z), so that conj(g) z = u - i y. With R = |z| / sqrt(1 + X**2) and A = R |g|, which
-are conserved, let psi = arg(z / (1 - i X)) - arg g and (p, q) = (sin(psi / 2), cos(psi / 2)).
-Then a step is linear,
+Letters as in `steps_3d`: z, g, e, ell, X = e ell, Y = e nu and K = e k, with nu = -Im(conj(g) z),
+so that conj(g) z = x - i nu, x = ell - k. (x and sqrt(I1 I2) nu are x and y of equation (7).) With
+R = |z| / sqrt(1 + X**2) and A = R |g|, which are conserved, let psi = arg(z / (1 - i X)) - arg g
+and (p, q) = (sin(psi / 2), cos(psi / 2)). Then a step is linear,
 
     (p, q) -> (1 + e G) (p, q),    G = ((0, A + k), (A - k, 0)),    G**2 = A**2 - k**2,
 
 and the flow is exp(t G / (2 sqrt(I1 I2))) with the R, A, psi of e = 0. State n is a quotient of
-quadratic forms in the numbers c and s of (1 + e G)**n = c + s G, up to a factor. Two pairs
-(rho, sigma) stand for (c, s):
+quadratic forms in the numbers c and s of (1 + e G)**n = c + s e G, up to a factor. Two pairs
+(rho, sigma) stand for (c, e s):
 
-passes    A**2 > k**2: rho = c - L s = r**n and sigma = s = (1 - rho) / (2 L), where
-          L = sqrt(A**2 - k**2), r = (1 - h L) / (1 + h L): from one steady state to another
-turns     A**2 <= k**2: rho = cos(n a), sigma = sin(n a) / M, M = sqrt(k**2 - A**2), tan(a) = h M
+passes    A**2 > k**2, root = sqrt(A**2 - k**2), L = e root: rho = c - L s = r**n and
+          sigma = e s = (1 - rho) / (2 root), r = (1 - L) / (1 + L): orbits go from one steady
+          state to another
+turns     A**2 <= k**2, root = sqrt(k**2 - A**2): rho = cos(n a), sigma = sin(n a) / root,
+          tan(a) = e root
 
-with h = e for the map. For the flow h = 0, n is the time, e = 1 / (2 sqrt(I1 I2)), log r = -2 e L
-and a = e M. The state is (z rho**2 + b rho sigma + c sigma**2) / (rho**2 + d12 rho sigma + d22
-sigma**2), where z, b and c are complex numbers, and for eps > 0 and n >= 0
+For the flow e = 0 in X, Y and K (`e_map`); n is the time, log r = -2 L and a = L with
+e = 1 / (2 sqrt(I1 I2)). The state is (z rho**2 + b rho sigma + c sigma**2) / (rho**2 + d12 rho
+sigma + d22 sigma**2), where z, b and c are complex numbers, and for eps > 0 and n >= 0
 
-passes    d12 = 2 (L - y), d22 = 2 (L**2 + k x - L y),
-          conj(g) b = 2 (L x - k (L - y)) + i d22, conj(g) c = d22 (i L - k)
-turns     d12 = -2 y, d22 = 2 k x + A**2 - k**2,
-          conj(g) b = 2 k y + 2 i (d22 - k x), conj(g) c = -k d22 - (A**2 - k**2) (x + i y)
+passes    d12 = 2 (root - nu), d22 = 2 (root**2 + k ell - root nu),
+          conj(g) b = 2 (root ell - k (root - nu)) + i d22, conj(g) c = d22 (i root - k)
+turns     d12 = -2 nu, d22 = 2 k ell + A**2 - k**2,
+          conj(g) b = 2 k nu + 2 i (d22 - k ell), conj(g) c = -k d22 - (A**2 - k**2) (ell + i nu)
 
-Backward in time conj(g) z, conj(g) b and conj(g) c are conjugated: y -> -y. Differences that cancel
-next to a steady state, next to |k| = A and next to the critical level e L = 1 are formed by
-identities, in `orbit`:
+Backward in time conj(g) z, conj(g) b and conj(g) c are conjugated: nu -> -nu. Differences that
+cancel next to a steady state, next to |k| = A and next to the critical level L = 1 are formed by
+identities, in `fill_orbit`:
 
-(L - y) (L + y) = x (x (1 - Y**2) - k (2 + K X)) / (1 + X**2)
-(L**2 + k x - L y) (L**2 + k x + L y) = x**2 (u**2 + y**2) (1 - (e L)**2) / (1 + X**2)
-1 - (e L)**2 = (1 - Y + K X) (1 + Y + K X) / (1 + X**2)
-A**2 - k**2 = (y**2 + x (u - k) - (K x)**2) / (1 + X**2)
-2 k x + A**2 - k**2 = (y**2 + x**2 (1 + K (2 X - K))) / (1 + X**2)
+(root - nu) (root + nu) = ell (ell (1 - Y**2) - k (2 + K X)) / (1 + X**2)
+(root**2 + k ell)**2 - (root nu)**2 = ell**2 (x**2 + nu**2) (1 - L**2) / (1 + X**2)
+1 - L**2 = (1 - Y + K X) (1 + Y + K X) / (1 + X**2)
+A**2 - k**2 = (nu**2 + ell (x - k) - (K ell)**2) / (1 + X**2)
+2 k ell + A**2 - k**2 = (nu**2 + ell**2 (1 + K (2 X - K))) / (1 + X**2)
 
-Far from l = 0, an orbit that turns has b = 2 i (k z + R**2 g) and c = -k**2 z - R**2 g (g conj(z) +
-2 k), which hold for g = 0, too, but are differences of large numbers next to l = 0.
+Far from ell = 0, an orbit that turns has b = 2 i (k z + R**2 g) and c = -k**2 z - R**2 g
+(g conj(z) + 2 k), which hold for g = 0, too, but are differences of large numbers next to ell = 0.
+
+For k = 0 and T < 1 this is Theorem 1: rho = r**n are the powers of exp(eps k1), equation (12), and
+(11) is a step of (p, q).
 """
 
 import math
 
 import numpy as np
 
-from .numba import alignment, formula, kernel, lesser, pick, select, share, universal, write
+from .numba import alignment, formula, kernel, lesser, pick, select, share, universal, write_tile
 from .steps_3d import RANGE, ZERO_TO_ROUNDING, one_step
 
 LANES = 128
-# In place of a factor that is 0 exactly on the critical level e L = 1: all that vanish with it stay
+# In place of a factor that is 0 exactly on the critical level L = 1: all that vanish with it stay
 # in proportion, so that state 1 and the collapse onto the steady state come out.
 TINY = 2.0**-100
 CRITICAL = 2.0**-90  # r below this is 0, or negative: no real power
 NO_SQUARE = 1e-300  # |A**2 - k**2| below this: its root is replaced, and sin(n a) / M is n h
 PARITY_KNOWN = 2.0**53
-FAINT = 1e-140  # of x / y, on the way from a steady state: squares below that are subnormal
+FAINT = 1e-140  # of ell / nu, on the way from a steady state: squares below that are subnormal
 VANISHES = -350.0  # exp(t) below this is 0: its square would be subnormal
 
 # Rows of a block: a problem and its orbit. From B1 on they are for n >= 0, from B1 + BACK on for
@@ -85,93 +90,93 @@ def nonzero(v):
 
 @formula
 def coordinates(I1, I2, I13, I23, k, w1, w2):
-    """x, u, y and sqrt(I1 I2)."""
-    s, u = np.sqrt(I1 * I2), I13 * w1 + I23 * w2
-    return u + k, u, s * ((I23 / I2) * w1 - (I13 / I1) * w2), s
+    """ell, x, nu and sqrt(I1 I2): equation (7), with its y divided by sqrt(I1 I2)."""
+    root_a, x = np.sqrt(I1 * I2), I13 * w1 + I23 * w2
+    return x + k, x, root_a * ((I23 / I2) * w1 - (I13 / I1) * w2), root_a
 
 
 @formula
-def steady(I1, I2, I13, I23, u, y):
-    """The state with these u and y, times |g|**2."""
-    s = np.sqrt(I1 * I2)
-    return (I13 / I1) * u + (I23 / s) * y, (I23 / I2) * u - (I13 / s) * y
+def steady(I1, I2, I13, I23, x, nu):
+    """The state with these x and nu, times |g|**2."""
+    root_a = np.sqrt(I1 * I2)
+    return (I13 / I1) * x + (I23 / root_a) * nu, (I23 / I2) * x - (I13 / root_a) * nu
 
 
 @formula
-def difference_of_squares(x, u, y, k, X, K):
+def difference_of_squares(ell, x, nu, k, X, K):
     """A**2 - k**2."""
-    return (y * y + x * (u - k) - (K * x) * (K * x)) / (1.0 + X * X)
+    return (nu * nu + ell * (x - k) - (K * ell) * (K * ell)) / (1.0 + X * X)
 
 
 @formula
-def fill(b, l, ahead, passes, root, gap, minus, around, R2, square):
+def fill_coefficients(b, l, ahead, passes, root, gap, minus, around, R2, square):
     """Fill the rows of one direction of time: forward for `ahead` = 1, backward for -1."""
     row = B1 if ahead > 0.0 else B1 + BACK
     I1, I2, I13, I23, k = b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l]
     w1, w2 = b[W1, l], b[W2, l]
-    x, _, y, s = coordinates(I1, I2, I13, I23, k, w1, w2)
+    ell, _, nu, root_a = coordinates(I1, I2, I13, I23, k, w1, w2)
     per_g = 1.0 / (I13 * (I13 / I1) + I23 * (I23 / I2))
     # conj(g) b and conj(g) c, of an orbit that passes and of one that turns
-    b_u = select(passes, 2.0 * (root * x - k * gap), 2.0 * ahead * k * y)
-    b_y = -ahead * select(passes, minus, 2.0 * (around - k * x))
-    c_u = -select(passes, k * minus, k * around + square * x)
-    c_y = select(passes, -ahead * root * minus, square * y)
-    b1, b2 = steady(I1, I2, I13, I23, b_u, b_y)
-    c1, c2 = steady(I1, I2, I13, I23, c_u, c_y)
-    # Multiples of i z and i g; of z, and of conj(z) g: for any g, but they cancel next to l = 0.
-    i1 = -2.0 * ahead * ((k * s / I1) * w2 + R2 * (I23 / s))
-    i2 = 2.0 * ahead * ((k * s / I2) * w1 + R2 * (I13 / s))
-    back1, back2 = steady(I1, I2, I13, I23, R2 * (x + k), -(R2 * y))
-    by_g = passes | (2.0 * abs(x) < abs(k))
+    b_x = select(passes, 2.0 * (root * ell - k * gap), 2.0 * ahead * k * nu)
+    b_nu = -ahead * select(passes, minus, 2.0 * (around - k * ell))
+    c_x = -select(passes, k * minus, k * around + square * ell)
+    c_nu = select(passes, -ahead * root * minus, square * nu)
+    b1, b2 = steady(I1, I2, I13, I23, b_x, b_nu)
+    c1, c2 = steady(I1, I2, I13, I23, c_x, c_nu)
+    # Multiples of i z and i g; of z, and of conj(z) g: for any g, but they cancel next to ell = 0.
+    i1 = -2.0 * ahead * ((k * root_a / I1) * w2 + R2 * (I23 / root_a))
+    i2 = 2.0 * ahead * ((k * root_a / I2) * w1 + R2 * (I13 / root_a))
+    back1, back2 = steady(I1, I2, I13, I23, R2 * (ell + k), -(R2 * nu))
+    by_g = passes | (2.0 * abs(ell) < abs(k))
     b[row, l], b[row + 1, l] = select(by_g, b1 * per_g, i1), select(by_g, b2 * per_g, i2)
     b[row + 2, l] = select(by_g, c1 * per_g, -(k * k * w1) - back1)
     b[row + 3, l] = select(by_g, c2 * per_g, -(k * k * w2) - back2)
-    b[row + 4, l] = select(passes, 2.0 * gap, -2.0 * ahead * y)
+    b[row + 4, l] = select(passes, 2.0 * gap, -2.0 * ahead * nu)
     b[row + 5, l] = select(passes, minus, around)
 
 
 @formula
-def orbit(b, l, discrete):
-    """Fill the rows of an orbit; row RATE receives e L or e M."""
+def fill_orbit(b, l, discrete):
+    """Fill the rows of an orbit; row RATE receives e root."""
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
-    x, u, y, s = coordinates(b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], k, w1, w2)
-    e = 0.5 * select(discrete > 0.0, abs(b[EPS, l]), 1.0) / s
-    h = discrete * e
-    X, Y, K = h * x, h * y, h * k
+    ell, x, nu, root_a = coordinates(b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], k, w1, w2)
+    e = 0.5 * select(discrete > 0.0, abs(b[EPS, l]), 1.0) / root_a
+    e_map = discrete * e
+    X, Y, K = e_map * ell, e_map * nu, e_map * k
     below = 1.0 / (1.0 + X * X)
-    square = difference_of_squares(x, u, y, k, X, K)
+    square = difference_of_squares(ell, x, nu, k, X, K)
     passes = square > NO_SQUARE
     root = np.sqrt(select(passes, square, select(square < -NO_SQUARE, -square, NO_SQUARE)))
 
     less, more = nonzero(1.0 - Y), nonzero(1.0 + Y)
-    one_minus_square = (nonzero(less + K * X) * nonzero(more + K * X)) * below  # 1 - (h L)**2
-    one_more = 1.0 / (1.0 + h * root)
+    one_minus_square = (nonzero(less + K * X) * nonzero(more + K * X)) * below  # 1 - L**2
+    one_more = 1.0 / (1.0 + e_map * root)
     b[R, l] = select(discrete > 0.0, one_minus_square * one_more * one_more, 1.0)
 
-    # gap = L - y and minus = 2 (L**2 + k x - L y), for both signs of y.
-    total = root + abs(y)
-    by_x, by_k = x * (x * (less * more)) * below, k * (x * (2.0 + K * X)) * below
-    # Next to |k| = A their terms cancel, and what is exact is the difference from L.
+    # gap = root - nu, minus = 2 (root**2 + k ell - root nu), for both signs of nu.
+    total = root + abs(nu)
+    by_x, by_k = ell * (ell * (less * more)) * below, k * (ell * (2.0 + K * X)) * below
+    # Next to |k| = A their terms cancel, and what is exact is the difference from root.
     cancel = abs(by_x) + abs(by_k) > total * total
-    difference = select(cancel, root - abs(y), (by_x - by_k) / total)
-    S, product = root * root + k * x, root * abs(y)
-    larger = S + select(S < 0.0, -product, product)
-    smaller = x * (x / larger) * ((u * u + y * y) * below * one_minus_square)
-    high, low = select(S < 0.0, smaller, larger), select(S < 0.0, larger, smaller)
-    # 2 k x + A**2 - k**2, by the sum with the smaller terms.
-    near = (y * y + (x * x) * (1.0 + K * (2.0 * X - K))) * below
-    terms = (y * y + (x * x) * (1.0 + K * K + 2.0 * abs(K * X))) * below
-    around = select(terms < abs(2.0 * k * x), near, 2.0 * k * x + square)
-    R2, falls = (b[I1_, l] * w1 * w1 + b[I2_, l] * w2 * w2) * below, y < 0.0
+    difference = select(cancel, root - abs(nu), (by_x - by_k) / total)
+    sum_of_two, product = root * root + k * ell, root * abs(nu)
+    larger = sum_of_two + select(sum_of_two < 0.0, -product, product)
+    smaller = ell * (ell / larger) * ((x * x + nu * nu) * below * one_minus_square)
+    high, low = select(sum_of_two < 0.0, smaller, larger), select(sum_of_two < 0.0, larger, smaller)
+    # around = 2 k ell + A**2 - k**2, by the sum with the smaller terms.
+    near = (nu * nu + (ell * ell) * (1.0 + K * (2.0 * X - K))) * below
+    terms = (nu * nu + (ell * ell) * (1.0 + K * K + 2.0 * abs(K * X))) * below
+    around = select(terms < abs(2.0 * k * ell), near, 2.0 * k * ell + square)
+    R2, falls = (b[I1_, l] * w1 * w1 + b[I2_, l] * w2 * w2) * below, nu < 0.0
     gap, minus = select(falls, total, difference), 2.0 * select(falls, high, low)
-    fill(b, l, 1.0, passes, root, gap, minus, around, R2, square)
+    fill_coefficients(b, l, 1.0, passes, root, gap, minus, around, R2, square)
     gap, minus = select(falls, difference, total), 2.0 * select(falls, low, high)
-    fill(b, l, -1.0, passes, root, gap, minus, around, R2, square)
+    fill_coefficients(b, l, -1.0, passes, root, gap, minus, around, R2, square)
 
-    rests = x == 0.0
+    rests = ell == 0.0
     in_range = (abs(X) <= RANGE) & (abs(Y) <= RANGE) & (abs(K) <= RANGE)
     undefined = abs(1.0 - abs(Y)) < ZERO_TO_ROUNDING * (1.0 + abs(Y))  # 0 / 0, if it is at rest
-    missing = select(rests, undefined, abs(x) < FAINT * abs(y))
+    missing = select(rests, undefined, abs(ell) < FAINT * abs(nu))
     b[PASSES, l] = select(rests, 0.0, select(passes, 1.0, 0.0))
     b[ROOT, l], b[RATE, l] = select(in_range, root, np.nan), select(rests, 0.0, e * root)
     b[MISSING, l] = select(missing, select(falls, -1.0, 1.0), 0.0)
@@ -179,7 +184,7 @@ def orbit(b, l, discrete):
 
 @formula
 def rate(passes, L, r, discrete):
-    """log|r|, or the angle a; less a quarter turn if it is more than half of one."""
+    """log|r|, or the angle a, of L = e root; less a quarter turn if it is more than half of one."""
     if discrete == 0.0:
         return -2.0 * L if passes > 0.0 else L
     if passes == 0.0:
@@ -229,7 +234,7 @@ def state(b, l):
 
 @formula
 def adjacent(b, l):
-    """State 1 or -1 of a lane, by a step: for large K both forms above may be almost 0 there."""
+    """State 1 or -1 of a lane, by a step: both forms of `state` may almost vanish for large K."""
     eps = abs(b[EPS, l]) * b[TIME, l]
     w1, w2 = one_step(
         b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l], eps, b[W1, l], b[W2, l]
@@ -252,7 +257,7 @@ def reason(b, l):
 
 
 @formula
-def enter(b, first, width, used, parameters, omega0, discrete):
+def start_orbits(b, first, width, used, parameters, omega0, discrete):
     """Fill the first `used` lanes with `width` orbits from trajectory `first` on, repeated."""
     I1, I2, I13, I23, k, eps = parameters
     i = first
@@ -264,7 +269,7 @@ def enter(b, first, width, used, parameters, omega0, discrete):
         b[W1, l], b[W2, l] = omega0[i, 0] * inverse, omega0[i, 1] * inverse
         i = i + 1 if i + 1 < first + width else first
     for l in range(np.uint64(used)):
-        orbit(b, l, discrete)
+        fill_orbit(b, l, discrete)
     for l in range(used):
         b[RATE, l] = rate(b[PASSES, l], b[RATE, l], b[R, l], discrete)
 
@@ -286,7 +291,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     """
     B, N, flat = len(omega0), len(n), out.reshape(out.size)
     b, tile = np.ones((ROWS, LANES)), np.empty(2 * LANES)
-    abreast, entered = LANES // B if 0 < B < LANES else 1, -1
+    abreast, started = LANES // B if 0 < B < LANES else 1, -1
     lead, shift = alignment(out, 0, B, LANES)
     blocks, rows = (B + shift + LANES - 1) // LANES, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
@@ -295,9 +300,9 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
         first = block * LANES - shift if block > 0 else 0
         width, count = lesser((block + 1) * LANES - shift, B) - first, lesser(abreast, N - row)
         used = width * count
-        if block != entered:
-            enter(b, first, width, used, parameters, omega0, discrete)
-            entered = block
+        if block != started:
+            start_orbits(b, first, width, used, parameters, omega0, discrete)
+            started = block
         for j in range(count):
             for l in range(j * width, (j + 1) * width):
                 forward = discrete == 0.0 or b[EPS, l] >= 0.0
@@ -315,29 +320,29 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
             if not exists and abs(b[W1, l] + b[W2, l]) < np.inf:
                 tile[2 * l], tile[2 * l + 1] = np.nan, np.nan
                 reasons[reason(b, l), first + l % width] = True
-        write(tile, flat, 2 * (row * B + first), 2 * used, lead)
+        write_tile(tile, flat, 2 * (row * B + first), 2 * used, lead)
 
 
 @universal("(),(),(),(),(),(),(d)->(d),(d)")
 def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
     """The states to which an orbit tends for n to -infinity and +infinity.
 
-    They are the steady states u = -k, y = +- L; NaN for an orbit that turns, and itself, twice, for
-    one that rests.
+    They are the steady states x = -k, nu = +- root; NaN for an orbit that turns, and itself,
+    twice, for one that rests.
     """
     unit = unit_of(omega[0], omega[1], k)
     w1, w2, k, eps = omega[0] / unit, omega[1] / unit, k / unit, eps * unit
-    x, u, y, s = coordinates(I1, I2, I13, I23, k, w1, w2)
-    e = 0.5 * eps / s
-    X, Y, K = e * x, e * y, e * k
-    square = difference_of_squares(x, u, y, k, X, K)
+    ell, x, nu, root_a = coordinates(I1, I2, I13, I23, k, w1, w2)
+    e = 0.5 * eps / root_a
+    X, Y, K = e * ell, e * nu, e * k
+    square = difference_of_squares(ell, x, nu, k, X, K)
     in_range = abs(X) <= RANGE and abs(Y) <= RANGE and abs(K) <= RANGE
     per_g = 1.0 / (I13 * (I13 / I1) + I23 * (I23 / I2))
     L = np.copysign(np.sqrt(square), eps) if in_range and square >= 0.0 else np.nan
-    rests = eps == 0.0 or x == 0.0 or (w1 == 0.0 and w2 == 0.0)
+    rests = eps == 0.0 or ell == 0.0 or (w1 == 0.0 and w2 == 0.0)
     for out, sign in ((minus, 1.0), (plus, -1.0)):
         v1, v2 = steady(I1, I2, I13, I23, -k, sign * L)
         out[0], out[1] = (w1, w2) if rests else (v1 * per_g, v2 * per_g)
         out[0], out[1] = out[0] * unit, out[1] * unit
-        if x == 0.0 and abs(1.0 + sign * Y) < 2.0 * ZERO_TO_ROUNDING:  # 0 / 0
+        if ell == 0.0 and abs(1.0 + sign * Y) < 2.0 * ZERO_TO_ROUNDING:  # 0 / 0
             out[0], out[1] = np.nan, np.nan

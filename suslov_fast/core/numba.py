@@ -407,7 +407,7 @@ def alignment(out, begin, batch, lanes):
 
 
 @formula
-def write(tile, flat, place, count, lead):
+def write_tile(tile, flat, place, count, lead):
     """Copy tile[:count] to flat[place : place + count]."""
     head = lesser((lead - place) % LINE, count) if lead >= 0 else count
     for j in range(head):

@@ -3,7 +3,8 @@
 All take the same arguments, used or not: in three dimensions I1, I2, I13, I23, k (0 without a
 rotor), eps and the state w; in n dimensions J, I, eps and w. Those of fields: `quantities_field`.
 
-X, Y, K, e, l, g and z are those of `steps_3d`, x, u and y those of `closed_form`.
+X, Y, K, e, ell, g and z are those of `steps_3d`, nu that of `closed_form`, x and y those of
+equation (7), and `half` is eps / 2. Numbers of equations are those of the paper.
 """
 
 import math
@@ -12,7 +13,7 @@ import numpy as np
 
 from .closed_form import coordinates, difference_of_squares, unit_of
 from .numba import formula, select, universal
-from .steps_3d import ZERO_TO_ROUNDING, enter, is_supercritical, length, one_step
+from .steps_3d import ZERO_TO_ROUNDING, is_supercritical, length, one_step, scale_state
 
 IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
 
@@ -32,16 +33,16 @@ def energy_at(I1, I2, w1, w2):
 
 @formula
 def first_integral_at(I1, I2, I13, I23, k, eps, w1, w2):
-    """F of Lemma 1, (I1 w1**2 + I2 w2**2) / (4 I1 I2 + eps**2 l**2)."""
+    """F of Lemma 1, equation (6): (I1 w1**2 + I2 w2**2) / (4 I1 I2 + eps**2 ell**2)."""
     step = eps * (I13 * w1 + I23 * w2 + k)
     return 2.0 * energy_at(I1, I2, w1, w2) / in_range(4.0 * I1 * I2 + step * step)
 
 
 @formula
 def vector_field_at(I1, I2, I13, I23, k, w1, w2):
-    """-l w2 / I1 and l w1 / I2."""
-    l = I13 * w1 + I23 * w2 + k
-    return -(l * w2) / I1, (l * w1) / I2
+    """Equation (2) without Omega3 and lambda: -ell w2 / I1 and ell w1 / I2."""
+    ell = I13 * w1 + I23 * w2 + k
+    return -(ell * w2) / I1, (ell * w1) / I2
 
 
 @universal(IN_3D + "()")
@@ -62,10 +63,10 @@ def modified_energy(I1, I2, I13, I23, k, eps, w, out):
 
 @universal(IN_3D + "()")
 def invariant_density(I1, I2, I13, I23, k, eps, w, out):
-    """1 / (l (4 I1 I2 + eps**2 l**2))."""
-    l = I13 * w[0] + I23 * w[1] + k
-    step = eps * l
-    out[0] = 1.0 / in_range(l * (4.0 * I1 * I2 + step * step))
+    """1 / (ell (4 I1 I2 + eps**2 ell**2))."""
+    ell = I13 * w[0] + I23 * w[1] + k
+    step = eps * ell
+    out[0] = 1.0 / in_range(ell * (4.0 * I1 * I2 + step * step))
 
 
 @formula
@@ -76,7 +77,7 @@ def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
     size = np.sqrt(2.0 * energy_at(I1, I2, w1 / unit, w2 / unit) * of_g)
     T = in_range(abs(eps) * (size * unit)) / length(2.0 * np.sqrt(I1 * I2), step)
     if k != 0.0 or abs(T - 1.0) < 1e-6:
-        frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)  # as steps do, to the bit
+        frame, X, Y = scale_state(I1, I2, I13, I23, k, eps, w1, w2)  # as steps do, to the bit
         beyond = is_supercritical(frame, X, Y)
         T = select(beyond & (T < 1.0), 1.0, select((T >= 1.0) & ~beyond, 1.0 - 2.0**-53, T))
     return select(eps < 0.0, -T, T)
@@ -90,16 +91,16 @@ def criticality(I1, I2, I13, I23, k, eps, w, out):
 @universal(IN_3D + "()")
 def rotation_number(I1, I2, I13, I23, k, eps, w, out):
     """sign(k) arctan(e mu) / pi with mu**2 = k**2 - A**2, and 0 where that is negative."""
-    x, u, y, s = coordinates(I1, I2, I13, I23, k, w[0], w[1])
-    e = 0.5 * eps / s
-    square = -difference_of_squares(x, u, y, k, e * x, e * k)
+    ell, x, nu, root_a = coordinates(I1, I2, I13, I23, k, w[0], w[1])
+    e = 0.5 * eps / root_a
+    square = -difference_of_squares(ell, x, nu, k, e * ell, e * k)
     turns = math.atan(abs(e) * np.sqrt(select(square < 0.0, 0.0, square))) / math.pi
     out[0] = select(e * k < 0.0, -turns, turns)
 
 
 @universal(IN_3D + "(d)")
 def to_xy(I1, I2, I13, I23, k, eps, w, out):
-    """x = I13 w1 + I23 w2 and y = I23 I1 w1 - I13 I2 w2."""
+    """Equation (7): x = I13 w1 + I23 w2 and y = I23 I1 w1 - I13 I2 w2."""
     out[0], out[1] = I13 * w[0] + I23 * w[1], I23 * I1 * w[0] - I13 * I2 * w[1]
 
 
@@ -114,19 +115,20 @@ def from_xy(I1, I2, I13, I23, k, eps, xy, out):
 def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
     """h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.
 
-    k1 = -(2 / eps) artanh t and sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
+    Equation (9): h = D F = (I1 I2 x**2 + y**2) / (4 I1 I2 + eps**2 x**2). Equation (12), with its
+    sign: k1 = -(2 / eps) artanh t. sinh k2 = y / (|x| sqrt(I1 I2 (1 - t**2))).
     """
     unit = unit_of(w[0], w[1], 0.0)
     w1, w2, eps = w[0] / unit, w[1] / unit, eps * unit
-    _, X, Y = enter(I1, I2, I13, I23, 0.0, eps, w1, w2)
-    x, _, y, _ = coordinates(I1, I2, I13, I23, 0.0, w1, w2)
+    _, X, Y = scale_state(I1, I2, I13, I23, 0.0, eps, w1, w2)
+    x, _, nu, _ = coordinates(I1, I2, I13, I23, 0.0, w1, w2)
     t[0] = criticality_at(I1, I2, I13, I23, 0.0, eps, w1, w2)
-    h[0], k1[0], k2[0] = 0.25 * (x * x + y * y) / (1.0 + X * X), np.nan, np.nan
+    h[0], k1[0], k2[0] = 0.25 * (x * x + nu * nu) / (1.0 + X * X), np.nan, np.nan
     if abs(Y) < 1.0:
         T, complement = abs(t[0]), (1.0 - Y) * (1.0 + Y) / (1.0 + X * X)  # 1 - T**2
         angle = math.atanh(T) if T < 0.5 else -0.5 * math.log(complement / (1.0 + T) ** 2)
         k1[0] = -2.0 * unit * np.sqrt(h[0] / (I1 * I2)) * (angle / T if T > 0.0 else 1.0)
-        k2[0] = 0.0 if h[0] == 0.0 else math.asinh(y / (abs(x) * np.sqrt(complement)))
+        k2[0] = 0.0 if h[0] == 0.0 else math.asinh(nu / (abs(x) * np.sqrt(complement)))
     h[0] *= unit * unit
 
 
@@ -136,14 +138,14 @@ def vector_field(I1, I2, I13, I23, k, eps, w, out):
 
 
 @formula
-def matrix_at(I1, I2, I13, I23, k, h, w1, w2):
-    """Entries (11, 12, 21, 22) of 1 - h f'."""
-    l = I13 * w1 + I23 * w2 + k
+def matrix_at(I1, I2, I13, I23, k, half, w1, w2):
+    """Entries (11, 12, 21, 22) of 1 - half f', the matrix before equation (5)."""
+    ell = I13 * w1 + I23 * w2 + k
     return (
-        1.0 + h * (I13 * w2) / I1,
-        h * (l + I23 * w2) / I1,
-        -h * (l + I13 * w1) / I2,
-        1.0 - h * (I23 * w1) / I2,
+        1.0 + half * (I13 * w2) / I1,
+        half * (ell + I23 * w2) / I1,
+        -half * (ell + I13 * w1) / I2,
+        1.0 - half * (I23 * w1) / I2,
     )
 
 
@@ -154,11 +156,11 @@ def matrix(I1, I2, I13, I23, k, eps, w, out):
 
 
 @formula
-def inverse_determinant(I1, I2, I13, I23, k, h, w1, w2):
+def inverse_determinant(I1, I2, I13, I23, k, half, w1, w2):
     """1 / det A, where det A = 1 - Y + 2 X**2 - K X; NaN at poles."""
-    Y, l = h * (I23 / I2 * w1 - I13 / I1 * w2), I13 * w1 + I23 * w2 + k
-    part = h * l / (I1 * I2)
-    square, KX = 2.0 * h * l * part, h * k * part
+    Y, ell = half * (I23 / I2 * w1 - I13 / I1 * w2), I13 * w1 + I23 * w2 + k
+    part = half * ell / (I1 * I2)
+    square, KX = 2.0 * half * ell * part, half * k * part
     D = ((1.0 - Y) - KX) + square
     pole = abs(D) <= ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
     return 1.0 / select(pole, np.nan, in_range(D))
@@ -167,12 +169,12 @@ def inverse_determinant(I1, I2, I13, I23, k, h, w1, w2):
 @universal(IN_3D + "(d,d)")
 def jacobian(I1, I2, I13, I23, k, eps, w, out):
     """A(w; eps)**-1 A(w_next; -eps) with w_next = A(w; eps)**-1 A(0; -eps) w, by the adjugate."""
-    h = 0.5 * eps
-    first, second = w[0] - h * k * w[1] / I1, w[1] + h * k * w[0] / I2
-    inverse = inverse_determinant(I1, I2, I13, I23, k, h, w[0], w[1])
-    a11, a12, a21, a22 = matrix_at(I1, I2, I13, I23, k, h, w[0], w[1])
+    half = 0.5 * eps
+    first, second = w[0] - half * k * w[1] / I1, w[1] + half * k * w[0] / I2
+    inverse = inverse_determinant(I1, I2, I13, I23, k, half, w[0], w[1])
+    a11, a12, a21, a22 = matrix_at(I1, I2, I13, I23, k, half, w[0], w[1])
     next1, next2 = (a22 * first - a12 * second) * inverse, (a11 * second - a21 * first) * inverse
-    b11, b12, b21, b22 = matrix_at(I1, I2, I13, I23, k, -h, next1, next2)
+    b11, b12, b21, b22 = matrix_at(I1, I2, I13, I23, k, -half, next1, next2)
     out[0, 0], out[0, 1] = (a22 * b11 - a12 * b21) * inverse, (a22 * b12 - a12 * b22) * inverse
     out[1, 0], out[1, 1] = (a11 * b21 - a21 * b11) * inverse, (a11 * b22 - a21 * b12) * inverse
 
@@ -185,11 +187,11 @@ def step(I1, I2, I13, I23, k, eps, w, out):
 @universal("(),(),(),(),(),(),(d)->(d)")
 def step_full(I1, I2, I13, I23, I3, eps, w, out):
     """Equations (3), the first two solved for the increments, with w3_next = -w3."""
-    h, x = 0.5 * eps, I13 * w[0] + I23 * w[1]
-    a11, a12 = I1 + h * (I13 * w[1]), h * (x + I23 * w[1] + (I3 - I2) * w[2])
-    a21, a22 = h * ((I1 - I3) * w[2] - x - I13 * w[0]), I2 - h * (I23 * w[0])
-    b1 = 2.0 * (I13 * w[2] - h * (I23 * w[2] * w[2] + w[1] * x))
-    b2 = 2.0 * (I23 * w[2] + h * (I13 * w[2] * w[2] + w[0] * x))
+    half, x = 0.5 * eps, I13 * w[0] + I23 * w[1]
+    a11, a12 = I1 + half * (I13 * w[1]), half * (x + I23 * w[1] + (I3 - I2) * w[2])
+    a21, a22 = half * ((I1 - I3) * w[2] - x - I13 * w[0]), I2 - half * (I23 * w[0])
+    b1 = 2.0 * (I13 * w[2] - half * (I23 * w[2] * w[2] + w[1] * x))
+    b2 = 2.0 * (I23 * w[2] + half * (I13 * w[2] * w[2] + w[0] * x))
     det, size = a11 * a22 - a12 * a21, abs(a11 * a22) + abs(a12 * a21)
     inverse = 1.0 / select(abs(det) > ZERO_TO_ROUNDING * size, det, np.nan)
     out[0] = w[0] + (a22 * b1 - a12 * b2) * inverse
@@ -199,21 +201,21 @@ def step_full(I1, I2, I13, I23, I3, eps, w, out):
 
 @universal(IN_3D + "()")
 def reaction(I1, I2, I13, I23, k, eps, w, out):
-    """(l_next - l) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2; eps = 0: the derivatives.
+    """(ell_next - ell) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2; eps = 0: the derivatives.
 
     Both are rational functions with the denominator det A, and what cancels in these does so in
     the result.
     """
-    a, h, u = I1 * I2, 0.5 * eps, I13 * w[0] + I23 * w[1]
-    l, y = u + k, I23 * I1 * w[0] - I13 * I2 * w[1]
+    a, half, x = I1 * I2, 0.5 * eps, I13 * w[0] + I23 * w[1]
+    ell, y = x + k, I23 * I1 * w[0] - I13 * I2 * w[1]
     if eps == 0.0:
-        out[0] = l * y / a - (I1 - I2) * (w[0] * w[1])
+        out[0] = ell * y / a - (I1 - I2) * (w[0] * w[1])
         return
-    inverse = inverse_determinant(I1, I2, I13, I23, k, h, w[0], w[1])
+    inverse = inverse_determinant(I1, I2, I13, I23, k, half, w[0], w[1])
     of_1 = I1 * w[0] * w[0] * (I13 * w[0] + k)
     of_2 = I2 * w[1] * w[1] * (I23 * w[1] + k)
-    mean = w[0] * w[1] * (1.0 - h * h * k * l / a) + h * (of_1 - of_2) / a
-    out[0] = (l * (y - h * l * u) / a - (I1 - I2) * mean) * inverse
+    mean = w[0] * w[1] * (1.0 - half * half * k * ell / a) + half * (of_1 - of_2) / a
+    out[0] = (ell * (y - half * ell * x) / a - (I1 - I2) * mean) * inverse
 
 
 # ---------------------------------------------------------------------------------- n dimensions
@@ -221,7 +223,8 @@ def reaction(I1, I2, I13, I23, k, eps, w, out):
 def sums_of_others(I, w):
     """The index of the largest component, and the sums of I_j w_j and w_j**2 over the others.
 
-    f_i = (p w_i - I_i |w|**2) / J_i holds no term with w_i**2, which would outweigh all others.
+    f_i = (p w_i - I_i |w|**2) / J_i, equation (14), holds no term with w_i**2, which would outweigh
+    all others.
     """
     largest, p, square = 0, 0.0, 0.0
     for j in range(len(w)):
@@ -307,27 +310,29 @@ def criticality_nd(J, I, eps, w, out):
 def invariant_density_nd(J, I, eps, w, out):
     """That of n = 3, and that of n = 4 with I along axis a; b and c are the others.
 
-    Its inverse is w_b w_c (1 - h**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)),
-    h = eps I_a / 2.
+    Its inverse is, with rate = eps I_a / 2,
+    w_b w_c (1 - rate**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)).
     """
     if len(w) == 2:
-        l = I[0] * w[1] - I[1] * w[0]
-        step = eps * l
-        out[0] = 1.0 / in_range(l * (4.0 * J[0] * J[1] + step * step))
+        ell = I[0] * w[1] - I[1] * w[0]
+        step = eps * ell
+        out[0] = 1.0 / in_range(ell * (4.0 * J[0] * J[1] + step * step))
     else:
         a = 0
         for i in range(3):
             a = i if abs(I[i]) > abs(I[a]) else a
-        b, c, h = (a + 1) % 3, (a + 2) % 3, 0.5 * eps * I[a]
-        along = (h * w[a] / J[b]) * (h * w[a] / J[c])
-        across = (w[b] - w[c]) * (w[b] + w[c]) * (h / J[a]) * (h / J[b]) * ((J[c] - J[b]) / J[c])
+        b, c, rate = (a + 1) % 3, (a + 2) % 3, 0.5 * eps * I[a]
+        along = (rate * w[a] / J[b]) * (rate * w[a] / J[c])
+        across = (
+            (w[b] - w[c]) * (w[b] + w[c]) * (rate / J[a]) * (rate / J[b]) * ((J[c] - J[b]) / J[c])
+        )
         below = in_range(w[b] * w[c] * (1.0 - along + across))
         out[0] = np.inf if below == 0.0 else 1.0 / below
 
 
 @universal(IN_ND + "(d)")
 def vector_field_nd(J, I, eps, w, out):
-    """(p w_i - I_i |w|**2) / J_i."""
+    """Equation (14): (p w_i - I_i |w|**2) / J_i."""
     largest, p, square = sums_of_others(I, w)
     for i in range(len(w)):
         out[i] = force(I, w, i, largest, p, square) / J[i]

@@ -3,23 +3,25 @@
 With w = (Omega1, Omega2), let
 
     z = sqrt(I1) w1 + i sqrt(I2) w2,    g = I13 / sqrt(I1) + i I23 / sqrt(I2),
-    e = eps / (2 sqrt(I1 I2)),          l = I13 w1 + I23 w2 + k = Re(conj(g) z) + k,
-    X = e l,    Y = -e Im(conj(g) z),    K = e k.
+    e = eps / (2 sqrt(I1 I2)),          ell = I13 w1 + I23 w2 + k = Re(conj(g) z) + k,
+    X = e ell,    Y = -e Im(conj(g) z),    K = e k.
 
-Kahan's equations are z_next - z = i e (l z_next + l_next z). Solved, with s = 1 - Y - K X,
+Kahan's equations, (4) of the paper, are z_next - z = i e (ell z_next + ell_next z). Solved, which
+is (5), with D = 1 - Y - K X + 2 X**2,
 
-    z_next = z (s + 2 i X) / (s + 2 X**2),    X_next = X (2 - s) / (s + 2 X**2).
+    z_next = z (D - 2 X**2 + 2 i X) / D,    X_next = X (1 + Y + K X) / D.
 
-Zeros of s + 2 X**2 are poles. A state with l = 0 is fixed. R**2 = |z|**2 / (1 + X**2) is conserved,
+Zeros of D are poles. A state with ell = 0 is fixed. R**2 = |z|**2 / (1 + X**2) is conserved,
 and so is T = e R |g|, the criticality. Two forms are iterated:
 
 plain     (X, Y), for k = 0 and T < 1 (that is |Y| < 1), where no pole is met. No parameter enters:
-          X_next = X (1 + Y) / (1 - Y + 2 X**2), Y_next = Y - 2 X X_next
+          X_next = X (1 + Y) / (1 - Y + 2 X**2), Y_next = Y - 2 X X_next, equations (8)
 general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X is a number of its own, because
-          l = I13 w1 + I23 w2 + k loses its digits next to a steady state, and so are u and v,
+          ell = I13 w1 + I23 w2 + k loses its digits next to a steady state, and so are u and v,
           because K may outweigh X - K and Y
 
-Other modules use `enter`, `is_supercritical`, `turn` and `one_step`, which are formulas of floats.
+Other modules use `scale_state`, `is_supercritical`, `turn` and `one_step`, which are formulas of
+floats.
 """
 
 from typing import NamedTuple
@@ -27,11 +29,11 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .numba import alignment, formula, kernel, lesser, pick, select, share, write
+from .numba import alignment, formula, kernel, lesser, pick, select, share, write_tile
 
 ONE, LANES = np.int64(1), np.int64(128)  # typed: as literals they compile `take_steps` twice
 FEW = 6  # so few trajectories take less time one by one than all lanes
-RESTORED = 512  # steps after which `restore` is called
+PROJECTED = 512  # steps after which R is restored
 ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
 NEGLIGIBLE = (
     1e-150  # of X / Y: X that decays and is below this is 0, for subnormal numbers are slow
@@ -55,15 +57,15 @@ class Frame(NamedTuple):
 
 
 @formula
-def enter(I1, I2, I13, I23, k, eps, w1, w2):
-    """The frame of a body, and X and Y of a state; X = 0 where l, as floats give it, is 0.
+def scale_state(I1, I2, I13, I23, k, eps, w1, w2):
+    """The frame of a body, and X and Y of a state; X = 0 where ell, as floats give it, is 0.
 
     For g = 0 or eps = 0 the last two numbers of the frame are not finite.
     """
-    s = np.sqrt(I1 * I2)
-    e, back = 0.5 * eps / s, s / I2
+    root_a = np.sqrt(I1 * I2)
+    e, back = 0.5 * eps / root_a, root_a / I2
     per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
-    a1, a2, m1, m2 = e * I13, e * (I23 * back), (I13 / I1) * per_g, (I23 / s) * per_g
+    a1, a2, m1, m2 = e * I13, e * (I23 * back), (I13 / I1) * per_g, (I23 / root_a) * per_g
     X, Y = e * ((I13 * w1 + I23 * w2) + k), a2 * w1 - a1 * (w2 / back)
     return Frame(e * k, a1, a2, back, m1, m2), X, Y
 
@@ -83,7 +85,7 @@ def is_lost(frame, X, Y):
 
 @formula
 def plain_step(X, Y):
-    """X and Y of the next state, without a rotor and for T < 1."""
+    """X and Y of the next state, without a rotor and for T < 1: equations (8)."""
     square = X * (2.0 * X)
     ratio = (1.0 + Y) / ((1.0 - Y) + square)
     X = X * ratio
@@ -98,21 +100,21 @@ def leave_plain(frame, X, Y):
 
 @formula
 def turn(X, Y, K):
-    """along, across and ratio of a step of any orbit, NaN if there is none, and 0.5 for a pole:
+    """along, across and ratio of a step of any orbit, NaN if there is none, and 1 for a pole:
     z_next = along z + across i z and X_next = ratio X.
     """
     KX, square = K * X, X * (2.0 * X)
-    s = (1.0 - Y) - KX
-    D, least = s + square, ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
+    linear = (1.0 - Y) - KX
+    D, least = linear + square, ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
     inverse = 1.0 / select(abs(D) > least, D, np.nan)
-    part = square * inverse  # 1 - part is 1 for a state at rest, where s (1 / s) may be 1 - ulp / 2
-    along = select(abs(part) < 0.5, 1.0 - part, s * inverse)
-    return along, (2.0 * X) * inverse, ((1.0 + Y) + KX) * inverse, select(abs(D) < least, 0.5, 0.0)
+    part = square * inverse  # 1 - part is 1 at rest, where D (1 / D) may be 1 - ulp / 2
+    along = select(abs(part) < 0.5, 1.0 - part, linear * inverse)
+    return along, (2.0 * X) * inverse, ((1.0 + Y) + KX) * inverse, select(abs(D) < least, 1.0, 0.0)
 
 
 @formula
 def general_step(frame, X, u, v):
-    """X and the state after a step of any orbit, and 0.5 if the state was a pole, else 0."""
+    """X and the state after a step of any orbit, and 1 if the state was a pole, else 0."""
     Y = frame.a2 * u - frame.a1 * v
     along, across, ratio, pole = turn(X, Y, frame.K)
     X = X * ratio
@@ -131,7 +133,7 @@ def length(u, v):
 
 
 @formula
-def restore(frame, R, X, u, v):
+def project_on_level(frame, R, X, u, v):
     """X and the state with R as at first, and with X of the state where no digits cancel:
     roundings of one sign would add up. A state at rest is unchanged.
     """
@@ -144,7 +146,7 @@ def restore(frame, R, X, u, v):
 
 @formula
 def form_of(frame, X, Y):
-    """Return GENERAL, PLAIN or RESTS: a state with l = 0 rests, and keeps all its bits."""
+    """Return GENERAL, PLAIN or RESTS: a state with ell = 0 rests, and keeps all its bits."""
     known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGEST) & (X != 0.0)
     # X and Y of a state that hardly moves may be subnormal: it is carried as it is.
     plain = known & (frame.K == 0.0) & (abs(Y) < 1.0) & (abs(X) + abs(Y) > LEAST)
@@ -155,7 +157,7 @@ def form_of(frame, X, Y):
 @formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
     """The next state, bit-identical to that of `steps`; NaN where there is none."""
-    frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)
+    frame, X, Y = scale_state(I1, I2, I13, I23, k, eps, w1, w2)
     form = form_of(frame, X, Y)
     if form == RESTS:
         return w1, w2
@@ -170,10 +172,11 @@ def one_step(I1, I2, I13, I23, k, eps, w1, w2):
     return select(exists, next1, np.nan), select(exists, next2, np.nan)
 
 
-# Rows of a block: the numbers of the plain form; those of the general one, with R and how many
-# of its states exist (and a half after a pole); the frame.
-KIND, X_, Y_, XG, U, V, R, ALIVE, FRAME = range(9)
-CARRIED = ALIVE  # the rows before it are the numbers that a trajectory continues from
+# Rows of a block. KIND is a form; X_ and Y_ are the numbers of the plain one, XG, U and V those of
+# the general one, whose R is restored. They are what a trajectory continues from. Then come how
+# many states of the general form exist, 1 after a state on a pole, and the frame.
+KIND, X_, Y_, XG, U, V, R, EXIST, POLE, FRAME = range(10)
+CARRIED = EXIST
 ROWS = FRAME + 6
 
 
@@ -212,14 +215,14 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
     for l in range(LANES):
         I1, I2, I13, I23, k, eps = frame_at(b, l)  # until it is replaced by the frame, below
         w1, w2 = b[U, l], b[V, l]
-        frame, X, Y = enter(I1, I2, I13, I23, k, eps, w1, w2)
+        frame, X, Y = scale_state(I1, I2, I13, I23, k, eps, w1, w2)
         if start == 0:
             b[KIND, l] = form_of(frame, X, Y)
             v = select(b[KIND, l] == RESTS, w2, w2 / frame.back)
             b[X_, l], b[Y_, l], b[V, l] = X, Y, v
             b[XG, l] = select(is_lost(frame, X, Y), np.nan, X)  # there is no next state
             b[R, l] = length(w1, v) / np.sqrt(1.0 + X * X)
-            b[ALIVE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
+            b[POLE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
         rests = b[KIND, l] == RESTS
         b[FRAME, l], b[FRAME + 1, l] = select(rests, 0.0, frame.K), select(rests, 0.0, frame.a1)
         b[FRAME + 2, l] = select(rests, 0.0, frame.a2)
@@ -228,11 +231,11 @@ def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status
     plains = 0.0
     for l in range(lanes):
         i = first + (l if l < width else 0)
-        if start == 0 and b[ALIVE, l] > 0.0:
+        if start == 0 and b[POLE, l] > 0.0:
             status[i] = SUPERCRITICAL
         if start == 0 and not abs(b[U, l]) + abs(b[V, l]) < np.inf:
             status[i], failed_at[i] = NONFINITE, 0
-        b[ALIVE, l] = 0.0
+        b[EXIST, l], b[POLE, l] = 0.0, 0.0
         plains += select(b[KIND, l] == PLAIN, 1.0, 0.0)
     return plains
 
@@ -251,10 +254,11 @@ def take_steps(b, lanes, plains, n, pause):
             b[XG, l], b[U, l], b[V, l], pole = general_step(
                 frame_at(b, l), b[XG, l], b[U, l], b[V, l]
             )
-            b[ALIVE, l] += select(abs(b[U, l]) + abs(b[V, l]) < np.inf, 1.0, pole)
-    if pause % RESTORED == 0:
+            b[EXIST, l] += select(abs(b[U, l]) + abs(b[V, l]) < np.inf, 1.0, 0.0)
+            b[POLE, l] += pole
+    if pause % PROJECTED == 0:
         for l in range(lanes):
-            b[XG, l], b[U, l], b[V, l] = restore(
+            b[XG, l], b[U, l], b[V, l] = project_on_level(
                 frame_at(b, l), b[R, l], b[XG, l], b[U, l], b[V, l]
             )
 
@@ -298,21 +302,21 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 for l in range(abreast):
                     tile[2 * l], tile[2 * l + 1] = state_at(b, l)
             if n == due:
-                write(tile, flat, 2 * (row * B + first), 2 * width, lead)
+                write_tile(tile, flat, 2 * (row * B + first), 2 * width, lead)
                 due, row = due + every, row + 1
             if n == stop:
                 break
-            pause = lesser(lesser(stop, due), (n // RESTORED + 1) * RESTORED)
+            pause = lesser(lesser(stop, due), (n // PROJECTED + 1) * PROJECTED)
             if few:
                 take_steps(b, ONE, plains, n, pause)
             else:
                 take_steps(b, LANES, plains, n, pause)
             n = pause
         for l in range(width):
-            i, alive = first + l, np.floor(b[ALIVE, l])
+            i, exist = first + l, b[EXIST, l]
             final[i, 0], final[i, 1] = tile[2 * l], tile[2 * l + 1]
             for j in range(CARRIED):
                 carry[i, j] = b[j, l]
-            if b[KIND, l] != PLAIN and alive < stop - start and status[i] >= 0:
-                status[i] = SINGULAR if b[ALIVE, l] > alive else NONFINITE
-                failed_at[i] = start + alive + 1
+            if b[KIND, l] != PLAIN and exist < stop - start and status[i] >= 0:
+                status[i] = SINGULAR if b[POLE, l] > 0.0 else NONFINITE
+                failed_at[i] = start + exist + 1

@@ -124,31 +124,29 @@ def execute_one(operations, first, last, b):
     """Carry out operations for a block of one lane: as `execute`, without loops."""
     for n in range(first, last):
         code, d, s = operations[n, 0], operations[n, 1], operations[n, 2]
-        a, c = operations[n, 3], operations[n, 4]
-        e, g = operations[n, 5], operations[n, 6]
+        given, left, right = b[s, 0], b[operations[n, 3], 0], b[operations[n, 4], 0]
+        more = b[operations[n, 5], 0] * b[operations[n, 6], 0]  # rows that do not count are 0
         if code == ADD_2:
-            b[d, 0] = b[s, 0] + b[a, 0] * b[c, 0] + b[e, 0] * b[g, 0]
+            value = given + left * right + more
         elif code == ADD:
-            b[d, 0] = b[s, 0] + b[a, 0] * b[c, 0]
+            value = given + left * right
         elif code == MUL_2:
-            b[d, 0] = b[a, 0] * b[c, 0] + b[e, 0] * b[g, 0]
+            value = left * right + more
         elif code == MUL:
-            b[d, 0] = b[a, 0] * b[c, 0]
+            value = left * right
         elif code == INVERSE:
-            b[d, 0], b[LEAST, 0], b[LARGEST, 0] = divide(
-                b[a, 0], b[s, 0], b[LEAST, 0], b[LARGEST, 0]
-            )
+            value, b[LEAST, 0], b[LARGEST, 0] = divide(left, given, b[LEAST, 0], b[LARGEST, 0])
         elif code == ADVANCE:
-            x = b[d, 0]
-            b[d, 0], b[NEAR, 0], b[FAR, 0] = advance_component(x, b[s, 0], b[NEAR, 0], b[FAR, 0])
-            b[s, 0] = x
+            b[s, 0] = b[d, 0]
+            value, b[NEAR, 0], b[FAR, 0] = advance_component(b[d, 0], given, b[NEAR, 0], b[FAR, 0])
         else:
-            b[LEAST, 0] = np.inf if s == 0 else 1.0
-            b[NEAR, 0] = np.inf if a == 0 else 0.0
+            value = np.inf if s == 0 else 1.0
+            b[NEAR, 0] = np.inf if operations[n, 3] == 0 else 0.0
             b[LARGEST, 0], b[FAR, 0] = 1.0, 0.0
+        b[d, 0] = value
 
 
-@formula
+@inlined
 def advance_block(operations, count, b):
     """Carry out the `count` operations of a step; return how many lanes lose digits by it."""
     lanes, to_solve = b.shape[1], 0
@@ -167,7 +165,7 @@ def memory_of_lane(D, columns):
     return np.empty((D, D + columns, 1)), np.empty((2, D)), np.empty(D)
 
 
-@function
+@inlined
 def restore(operations, count, b, l, x):
     """Fill x with the state of lane l before the `count` operations of a step."""
     for i in range(len(x)):
@@ -178,7 +176,7 @@ def restore(operations, count, b, l, x):
         n -= 1
 
 
-@function
+@inlined
 def fill_system(indices, b, l, sign, x, system):
     """Fill A(x), for eps or, if the sign is -1, for -eps; of the field and step size of lane l."""
     D = len(x)
@@ -193,7 +191,7 @@ def fill_system(indices, b, l, sign, x, system):
             system[i, k, 0] -= half * x[j]
 
 
-@function
+@inlined
 def solve_lane(indices, operations, count, b, l, memory):
     """Take the step of lane l, after its `count` operations, by `solve`; return its status."""
     system, units, x = memory

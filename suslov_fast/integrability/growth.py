@@ -11,7 +11,7 @@ import flint
 import numpy as np
 
 from ..checks import integer, short, wrong
-from .arithmetic import confirmed
+from .arithmetic import DRAWS, confirmed, random_prime
 from .maps import RationalMap, check_map, random_line
 
 
@@ -55,6 +55,30 @@ def degrees_on_a_line(map: RationalMap, p: int, eps: int) -> Iterator[int]:
     while True:
         line = map.reduced(line)
         yield max(each.degree() for each in line)
+
+
+class Lines:
+    """Degrees of iterates on random lines modulo primes, two of which agree."""
+
+    def __init__(self, map: RationalMap, seed: int) -> None:
+        self._map, self._rng = map, random.Random(seed)
+        self._runs: list[tuple[Iterator[int], list[int]]] = []
+
+    def next(self) -> list[int]:
+        """Return one degree more."""
+        count = 1 + max((len(found) for _, found in self._runs), default=0)
+        for _ in range(DRAWS):
+            for each, found in self._runs:
+                found += [next(each) for _ in range(count - len(found))]
+            results = [found for _, found in self._runs]
+            for found in results:
+                if results.count(found) > 1:
+                    self._runs = [run for run in self._runs if run[1] == found][:2]
+                    return [*found]
+            p = random_prime(self._rng)
+            eps = self._rng.randrange(2, p)
+            self._runs.append((degrees_on_a_line(self._map, p, eps), []))
+        raise ArithmeticError("the iterates reach poles of the map")
 
 
 class Growth(NamedTuple):

@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import flint
 
 from . import arithmetic
 from .arithmetic import EPS, PRIME, degree_of, modulo, rank, size
-from .functions import IDENTITY, RationalFunction, independent
+from .functions import (
+    IDENTITY,
+    MODULAR,
+    RationalFunction,
+    factored,
+    independent,
+    quotient_of,
+    without_content,
+)
 from .maps import RationalMap
+from .normal_form import with_independent_limits, with_positive_denominator
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice
+_HIGHEST = 8  # degree of functions whose limits for eps to 0 are looked at
 _PRODUCTS = 20_000  # of generators that are looked at
 
 Powers = tuple[int, ...]  # of the generators; those that are left out are 0
@@ -42,6 +53,10 @@ class Invariants:
         # Products of generators up to the degree, by the values of their cofactors.
         self.products: dict[int, list[Product]] = {1: [Product(0, ())]}
         self.cofactors: dict[int, RationalFunction] = {1: RationalFunction(())}
+        # Integrals in normal form, by the value of the cofactor of numerator and denominator.
+        self.forms: dict[int, list[RationalFunction]] = {}
+        # Generators with the letter eps in place of its number, by formula.
+        self.lifts: dict[str, Any] = {}
         # Polynomials of equal cofactor, without one that is known.
         self.spaces: list[list[RationalFunction]] = []
         self.densities: list[RationalFunction] = []  # of a theorem
@@ -93,6 +108,32 @@ class Invariants:
                 degree, power, now = degree + generator.degree, power + 1, now * value % PRIME
         return added
 
+    def replace(self, value: int, polynomials: list[Any], basis: str) -> list[RationalFunction]:
+        """Replace the generators of a cofactor by others of the same degrees; return these."""
+        numbers = [k for k, g in enumerate(self.generators) if self.value(g.cofactor) == value]
+        numbers.sort(key=lambda k: self.generators[k].degree)
+        polynomials = sorted(polynomials, key=degree_of)
+        old = [self.generators[k].degree for k in numbers]
+        if old != [degree_of(P) for P in polynomials]:
+            return []
+        new = []
+        for k, P in zip(numbers, polynomials, strict=True):
+            known = self.generators[k]
+            g = replace(factored(P), constant=Fraction(1), basis=basis, cofactor=known.cofactor)
+            if str(g) != str(known):
+                self.generators[k] = g
+                new.append(g)
+        return new
+
+    def highest(self, value: int) -> int:
+        """Return the highest degree of generators with a cofactor."""
+        degrees = (g.degree for g in self.generators if self.value(g.cofactor) == value)
+        return max(degrees, default=0)
+
+    def texts(self, value: int) -> set[str]:
+        """Return the formulas of the generators with a cofactor."""
+        return {str(g) for g in self.generators if self.value(g.cofactor) == value}
+
     def elements(self, value: int, degree: int) -> list[RationalFunction]:
         """Return independent products up to a degree with a cofactor, the shortest first."""
         products = [each for each in self.products.get(value, ()) if each.degree <= degree]
@@ -122,21 +163,37 @@ class Invariants:
         They are quotients, and products of powers whose cofactors multiply to 1.
         """
         relations = _multiplicative_relations([g.cofactor for g in self.generators])
-        products = [_upright(f) for f in map(self._power_product, relations)]
-        products.sort(key=_length)
+        products = sorted(map(self._product_in_normal_form, relations), key=_length)
         return independent([*sorted(self._quotients(), key=_length), *products])
+
+    def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
+        """Return the integral of a relation, if possible that with the letter eps at its number."""
+        product = self._power_product(powers)
+        pairs = [(str(g), e) for g, e in zip(self.generators, powers, strict=True) if e]
+        if pairs and all(name in self.lifts for name, _ in pairs):
+            powers_of = (factored(self.lifts[name]) ** e for name, e in pairs)
+            lifted = math.prod(powers_of, start=RationalFunction(()))
+            map: Any = self.map
+            return _with_limit(_upright(replace(lifted, basis=product.basis))).subs(map.eps)
+        return _with_limit(_upright(product))
 
     def _quotients(self) -> Iterator[RationalFunction]:
         """Yield quotients of polynomials of one cofactor: over one of least degree, not 0 at 0."""
-        own: dict[int, int] = {}  # the highest degree of a generator of each cofactor
-        for g in self.generators:
-            value = self.value(g.cofactor)
-            own[value] = max(own.get(value, 0), g.degree)
-        spaces = [self.elements(value, degree) for value, degree in own.items()]
-        for functions in (*spaces, *self.spaces):
-            lowest = [f for f in functions if f.degree == functions[0].degree]
-            below = next((f for f in lowest if _constant_term(f.numerator)), functions[0])
-            yield from (f / below for f in functions if f is not below)
+        for value in dict.fromkeys(self.value(g.cofactor) for g in self.generators):
+            functions = self.elements(value, self.highest(value))
+            forms = self.forms.get(value, [])
+            if len(forms) == len(functions) - 1:
+                basis = max((f.basis for f in functions), key=lambda basis: basis == MODULAR)
+                yield from (replace(f, basis=basis) for f in forms)
+            else:
+                yield from self._over_one(functions)
+        for functions in self.spaces:
+            yield from self._over_one(functions)
+
+    def _over_one(self, functions: list[RationalFunction]) -> Iterator[RationalFunction]:
+        lowest = [f for f in functions if f.degree == functions[0].degree]
+        below = next((f for f in lowest if _constant_term(f.numerator)), functions[0])
+        yield from (_with_limit(f / below) for f in functions if f is not below)
 
     @property
     def measures(self) -> tuple[RationalFunction, ...]:
@@ -151,7 +208,7 @@ class Invariants:
             single = [row for row in rows if abs(row[0]) == 1]
             found += [self._power_product([a * b for b in row]) for a, *row in single[:1]]
         different = {str(f): f for f in found}.values()
-        return tuple(sorted(different, key=_length))
+        return tuple(sorted(different, key=_order))
 
     @property
     def polynomials(self) -> tuple[RationalFunction, ...]:
@@ -170,6 +227,22 @@ def _upright(f: RationalFunction) -> RationalFunction:
         return degree_of(f.numerator), _constant_term(f.denominator)
 
     return max((f, f**-1), key=order)
+
+
+def _with_limit(f: RationalFunction) -> RationalFunction:
+    """Return a function of f whose limit for eps to 0 is not constant."""
+    if not f.degree or not f.has_letter or f.degree > _HIGHEST:
+        return with_positive_denominator(f)
+    above, below = (without_content(P) for P in f.quotient_in())
+    below, above = with_independent_limits([below, above])
+    return with_positive_denominator(quotient_of(above, below, f.basis))
+
+
+def _order(f: RationalFunction) -> tuple[Any, ...]:
+    """Return the key of densities: a zero of the denominator at 0 is of low order."""
+    P = f.denominator
+    first = int(arithmetic.has_letter(P))
+    return f.degree, min(sum(e[first:]) for e in P.monoms()), *_length(f)
 
 
 def _constant_term(P: Any) -> bool:

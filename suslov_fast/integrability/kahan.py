@@ -15,7 +15,7 @@ import numpy as np
 from ..bodies.field import QuadraticField
 from ..checks import wrong
 from .arithmetic import degree_of, matrix, step_size
-from .functions import RationalFunction, factored
+from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap, coprime, cramer
 
 _POINTS = 3  # whose common roots are those of all points
@@ -155,6 +155,18 @@ class KahanMap(RationalMap):
             return None
         (H, _), x = _integers(self.field.H.tensor), np.fromiter(self.variables, object)
         return H @ x @ x @ x
+
+    @cached_property
+    def modified_energy(self) -> RationalFunction | None:
+        """The integral H + grad H (x~ - x) / 3 of a field K grad H; None if it is constant."""
+        if (H := self.hamiltonian) is None:
+            return None
+        *above, F = self.forms
+        numerator = 3 * H * F
+        for i, (f, y) in enumerate(zip(above, self.variables, strict=False), self.has_letter):
+            numerator += H.derivative(i) * (f - y * F)
+        found = quotient_of(numerator, 3 * F, MODULAR)
+        return found if found.degree else None
 
 
 def _integers(table: Any) -> tuple[Any, int]:

@@ -48,7 +48,7 @@ def rational_map(
     >>> degrees(map, 10)
     [2, 2, 3, 4, 5, 7, 9, 11, 14, 16]
     >>> report(map).integrals
-    ((x1^2*x2 + x1*x2^2 + x1^2 + x2^2 + 4*x1 + 4*x2 + 3)/(x1*x2),)
+    ((x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2),)
     """
     n = integer("dimension", dimension, 1)
     forms = _traced("f", f, n)

@@ -188,10 +188,12 @@ def report(
     >>> from suslov_fast import Suslov3D
     >>> from suslov_fast.integrability import report
     >>> found = report(Suslov3D(4, 1, -0.5, -0.25), eps=0.25)
-    >>> found.growth.kind, found.integrals, found.measures[0]
-    ('linear', ((4*x1^2 + x2^2)/(x1*x2 + 1024),), 1/((2*x1 + x2)*(x1*x2 + 1024)))
+    >>> found.growth.kind, found.integrals
+    ('linear', (16*(4*x1^2 + x2^2)/(4*x1^2 + 4*x1*x2 + x2^2 + 4096),))
+    >>> found.measures[0]
+    1/((2*x1 + x2)*(4*x1^2 + 4*x1*x2 + x2^2 + 4096))
     >>> report(Suslov3D(4, 1, -0.5, -0.25)).integrals
-    ((4*x1^2 + x2^2)/(eps^2*x1*x2 + 64),)
+    ((4*x1^2 + x2^2)/(4*eps^2*x1^2 + 4*eps^2*x1*x2 + eps^2*x2^2 + 256),)
     """
     degree, seed = integer("degree", degree, 1), integer("seed", seed, 0)
     map, notes = _map_of(field, eps, decimals)

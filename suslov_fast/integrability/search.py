@@ -8,7 +8,6 @@ products with those before it, and to its proof.
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -17,6 +16,7 @@ from typing import Any
 from . import arithmetic
 from .arithmetic import PRIME, Polynomials, degree_of, factors, rank, size
 from .darboux import candidates, nullity, space_of, with_constants
+from .forms import Forms
 from .functions import (
     IDENTITY,
     MODULAR,
@@ -25,7 +25,7 @@ from .functions import (
     quotient_of,
     without_content,
 )
-from .growth import degrees_on_a_line, growth
+from .growth import Lines, growth
 from .invariants import Invariants
 from .maps import LONGEST, RationalMap
 from .relations import counts, integrals_of
@@ -50,7 +50,8 @@ class Search:
         self.degrees: list[int] = []
         self.relations: int | None = None
         self.version = 0  # of the polynomials, from which integrals and measures follow
-        self._lines = _Lines(map, seed)
+        self._lines = Lines(map, seed)
+        self._forms = Forms(self.invariants)
         self._levels: dict[int, int] = {}  # the degree of the latest task of each cofactor
         self._unknown: list[Polynomials] = []  # spaces whose cofactors wait for factors of the map
         self._seen = -1
@@ -91,19 +92,19 @@ class Search:
         known = len(self.integrals)
         return bool(self.measures) and known >= (self.relations or self.map.dimension)
 
-    def _is_wanted(self, task: Task) -> bool:
-        """Return True if a task for polynomials of some degree is expected to add something.
+    def _is_wanted(self, level: int) -> bool:
+        """Return True if polynomials up to a degree are expected to add something.
 
         Once all is known that relations show, polynomials of lower degree than the integrals can
         still replace them. Integrals with irrational coefficients have rational norms, of a degree
         above that of the report.
         """
-        is_small = self._unknowns(task.level) <= _FEW
-        if task.level > self.degree:
+        is_small = self._unknowns(level) <= _FEW
+        if level > self.degree:
             return is_small and self.relations is not None and len(self.integrals) < self.relations
         highest = max((f.degree for f in self.integrals), default=0)
         if self.is_complete:
-            return highest > self.degree or (is_small and task.level <= highest)
+            return highest > self.degree or (is_small and level <= highest)
         return True
 
     def _unknowns(self, degree: int) -> int:
@@ -144,17 +145,13 @@ class Search:
             yield Task(0.0, self._modified_energy, "hamiltonian")
 
     def _modified_energy(self) -> Tasks:
-        """Add the integral H + grad H (x~ - x) / 3 of a field with a Hamiltonian, and 1/det A."""
+        """Add the modified energy of a field with a Hamiltonian, and the density 1/det A."""
         map: Any = self.map
-        *x, one = map.variables
-        *above, F = map.forms
+        one = map.ring.constant(1)
         self.invariants.densities.append(quotient_of(one, map.denominator, IDENTITY))
-        numerator = 3 * map.hamiltonian * F
-        for i, (f, y) in enumerate(zip(above, x, strict=True), map.has_letter):
-            numerator += map.hamiltonian.derivative(i) * (f - y * F)
-        modified = quotient_of(numerator, 3 * F, MODULAR)
         self.version += 1
-        return self._add(modified.quotient_in(map.ring)) if modified.degree else []
+        modified = map.modified_energy
+        return self._add(modified.quotient_in(map.ring)) if modified else []
 
     def _relations(self) -> Iterator[Task]:
         for k in range(1, self.degree + 1):
@@ -289,6 +286,12 @@ class Search:
             tasks += self._add_generator(P, cofactor)
         return tasks
 
+    def _normal_form(self, value: int) -> Tasks:
+        """Bring the polynomials of a cofactor into normal form."""
+        new = self._forms.find(value)
+        self.version += 1
+        return [self._proof(g) for g in new if g.basis != IDENTITY]
+
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> Tasks:
         """Add a Darboux polynomial, unless it is a combination of products of others."""
         known = self.invariants
@@ -300,6 +303,10 @@ class Search:
         self.version += 1
         if not self._only_integrals:
             yield self._proof(g)
+            values = {known.value(each.cofactor) for each in known.generators}
+            for value in values & {value for value, _ in added}:
+                cost = _LATE + 20 * self._cost(known.highest(value)) + self.map.cost_of_factors
+                yield Task(cost, partial(self._normal_form, value), "forms")
         lowest: dict[int, int] = {}
         for value, degree in added:
             lowest[value] = min(degree, lowest.get(value, degree))
@@ -372,27 +379,3 @@ _TEXTS = {
     "all": "Darboux polynomials up to degree {k} with products of powers of the factors of "
     "det DPhi as cofactors",
 }
-
-
-class _Lines:
-    """Degrees of iterates on random lines modulo primes, two of which agree."""
-
-    def __init__(self, map: RationalMap, seed: int) -> None:
-        self._map, self._rng = map, random.Random(seed)
-        self._runs: list[tuple[Iterator[int], list[int]]] = []
-
-    def next(self) -> list[int]:
-        """Return one degree more."""
-        count = 1 + max((len(found) for _, found in self._runs), default=0)
-        for _ in range(arithmetic.DRAWS):
-            for each, found in self._runs:
-                found += [next(each) for _ in range(count - len(found))]
-            results = [found for _, found in self._runs]
-            for found in results:
-                if results.count(found) > 1:
-                    self._runs = [run for run in self._runs if run[1] == found][:2]
-                    return [*found]
-            p = arithmetic.random_prime(self._rng)
-            eps = self._rng.randrange(2, p)
-            self._runs.append((degrees_on_a_line(self._map, p, eps), []))
-        raise ArithmeticError("the iterates reach poles of the map")

@@ -32,43 +32,39 @@ class Queue:
     """Tasks that wait; it knows nothing of what they find.
 
     Iteration runs them, the cheapest first and equal ones in the order in which they came, and
-    yields each task when it is done. `is_wanted` is asked before each task that is not `needed`;
-    those it refuses wait aside until it wants them.
+    yields each task when it is done. `is_wanted` is asked for the level of each task that is not
+    `needed`; those it refuses wait aside until it wants their level.
     """
 
-    def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[Task], bool]) -> None:
+    def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[int], bool]) -> None:
         self.done = 0
         self._is_wanted = is_wanted
         self._heap: list[tuple[float, int, Task]] = []
-        self._aside: list[Task] = []
+        self._aside: dict[int, list[Task]] = {}  # by level
         self._open = Counter[tuple[str, int]]()  # tasks that are not done, by kind and level
         self._levels: dict[str, set[int]] = {}
         self._number = 0
         self._add(tasks)
 
     def __len__(self) -> int:
-        return len(self._heap) + len(self._aside)
+        return len(self._heap) + sum(map(len, self._aside.values()))
 
     def __iter__(self) -> Iterator[Task]:
         while self._heap:
             _, _, task = heapq.heappop(self._heap)
-            if task.needed or self._is_wanted(task):
+            if task.needed or self._is_wanted(task.level):
                 self._add(task.run())
                 self._open[task.kind, task.level] -= 1
                 self.done += 1
                 yield task
             else:
-                self._aside.append(task)
+                self._aside.setdefault(task.level, []).append(task)
             self._take_back()
 
     def _take_back(self) -> None:
-        refused = []
-        for task in self._aside:
-            if self._is_wanted(task):
+        for level in [level for level in self._aside if self._is_wanted(level)]:
+            for task in self._aside.pop(level):
                 self._push(task)
-            else:
-                refused.append(task)
-        self._aside = refused
 
     def _add(self, tasks: Iterable[Task]) -> None:
         for task in tasks:

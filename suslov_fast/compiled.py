@@ -238,10 +238,10 @@ def system(body: Body, /, eps: ArrayLike) -> NDSystem | FieldSystem:
     instance("body", body, Body)
     number = _single(body, eps)
     kernel = map_of(body).methods["auto"].kernel
-    if kernel not in (steps_nd.steps, steps_3d.steps, steps_field.field_steps):
+    if kernel not in (steps_nd.nd_steps, steps_3d.steps, steps_field.field_steps):
         expected = "a body with the steps of the package"
         raise wrong("body", expected, type(body).__name__, TypeError)
-    if kernel is steps_nd.steps:
+    if kernel is steps_nd.nd_steps:
         near = (1.0 - steps_nd.FAR_FROM_0) * float(np.min(body.J))
         return NDSystem(np.array(body.J), np.array(body.I), number, near)
     indices, values = map(np.array, body.terms)
@@ -274,8 +274,8 @@ def step_system(
     if (len(x) != m) | (len(out) != m) | (len(memory[-1][0]) != m):
         raise ValueError("step_system: expected x, out and work of the dimension of the system")
     if len(system) == _FIELD:
-        return steps_field.step_of_one(constants, borrowed(x), borrowed(out), memory)
-    return steps_nd.step_of_one(constants, borrowed(x), borrowed(out), memory)
+        return steps_field.field_step_of_one(constants, borrowed(x), borrowed(out), memory)
+    return steps_nd.nd_step_of_one(constants, borrowed(x), borrowed(out), memory)
 
 
 def _check(x, out):

@@ -203,7 +203,7 @@ def _cost_of_field(D: int, arguments: Arguments) -> float:
 # Kahan's map of the field of any body.
 FIELD = Steps(steps_field.field_steps, by_plan, 0, _cost_of_field, 32)
 # Costs lie between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
-_ND = Steps(steps_nd.steps, by_constants, 0, lambda D, arguments: 16.0 * D + D**3 / 30.0, 32)
+_ND = Steps(steps_nd.nd_steps, by_constants, 0, lambda D, arguments: 16.0 * D + D**3 / 30.0, 32)
 _GAUSS = Steps(steps_nd.gauss_steps, by_constants, 0, lambda D, arguments: D**3 / 3.0, 32)
 
 MAPS: dict[str, Map] = {}  # by name

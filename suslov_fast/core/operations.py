@@ -32,7 +32,7 @@ import numpy as np
 MUL, MUL_2, ADD, ADD_2, INVERSE, ADVANCE, BEGIN = range(7)
 SCALE = INVERSE  # of columns: d *= a
 # Rows: the least and largest pivots; how far components are from losing digits; 1 if the trajectory
-# has ended (see `steps_field.keeps_digits`); 1. Then the components, x (D), from FIRST on, h v of
+# has ended (see `steps_field.is_accurate`); 1. Then the components, x (D), from FIRST on, h v of
 # the terms (T), and what is computed.
 LEAST, LARGEST, NEAR, FAR, ENDED, ONE, FIRST = range(7)
 COLUMNS = 7  # numbers of an operation
@@ -333,7 +333,7 @@ def _plan_tangent(places, D):
         operations,
         rows,
         split,
-        columns.in_rows(row_of),
+        columns.array(row_of),
         np.ascontiguousarray(table.reshape(-1, 4).T),
     )
 
@@ -352,12 +352,14 @@ class _Columns:
             self.list.append((code, d, 0, *numbers, *[0] * (4 - len(numbers))))
 
     def coefficients(self):
+        """Yield the values by which columns are multiplied."""
         for code, _, _, a, _, e, _ in self.list:
             yield a
             if code in (MUL_2, ADD_2):
                 yield e
 
-    def in_rows(self, row_of):
+    def array(self, row_of):
+        """Return the operations (n, 7), with rows in place of values."""
         array = np.array(self.list, np.int64).reshape(-1, COLUMNS)
         for n, (code, _, _, a, _, e, _) in enumerate(self.list):
             array[n, 3] = row_of[a]

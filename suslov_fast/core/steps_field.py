@@ -73,7 +73,7 @@ def advance_component(x, half, near, far):
 
 
 @formula
-def keeps_digits(b, l):
+def is_accurate(b, l):
     """True if the step of a lane is finite and accurate, or if its trajectory has ended."""
     near, far = b[NEAR, l], b[FAR, l]
     accurate = (near >= 0.0) & ((far > 0.0) | (near == 0.0)) & (far < np.inf)
@@ -155,7 +155,7 @@ def advance_block(operations, count, b):
     else:
         execute(operations, 0, count, b)
     for l in range(lanes):
-        to_solve += select(keeps_digits(b, l), 0, 1)
+        to_solve += select(is_accurate(b, l), 0, 1)
     return to_solve
 
 
@@ -212,7 +212,7 @@ def solve_lane(indices, operations, count, b, l, memory):
 
 
 @function
-def step_of_one(system, given, out, memory):
+def field_step_of_one(system, given, out, memory):
     """Write the state that follows `given` to `out`; return its status. For `compiled`."""
     half, indices, operations, _, _ = system
     b, one = memory
@@ -223,7 +223,7 @@ def step_of_one(system, given, out, memory):
     for t in range(len(half)):
         b[FIRST + D + t, 0] = half[t]
     execute_one(operations, 0, count, b)
-    if not keeps_digits(b, 0):
+    if not is_accurate(b, 0):
         status = solve_lane(indices, operations, count, b, 0, one)
     for i in range(D):
         out[i] = b[FIRST + i, 0]
@@ -268,7 +268,7 @@ def field_steps(part, parts, arguments, omega0, carry, span, saved, final, statu
         for n in range(start, stop + 1):
             if n > start and advance_block(operations, count, b) > 0:
                 for l in range(lanes):
-                    if not keeps_digits(b, l):
+                    if not is_accurate(b, l):
                         code = solve_lane(indices, operations, count, b, l, one)
                         if code != OK and begin + l < end:
                             status[begin + l], failed_at[begin + l] = code, n

@@ -1,7 +1,8 @@
 """The map of a body in n dimensions (theory, section 3), m = n - 1 components, lanes side by side.
 
-The field is f_i = (p w_i - |w|**2 I_i) / J_i with p = I.w. A step solves A(w) w_next = w, where
-A = 1 - h f'(w), h = eps / 2, is diagonal plus rank two,
+The field, equation (14) of the paper, is f_i = (p w_i - |w|**2 I_i) / J_i with p = I.w. A step of
+the map (15) solves A(w) w_next = w, which is (16). There A = 1 - h f'(w), h = eps / 2, is diagonal
+plus rank two,
 
 A_ij = (2 h I_i w_j - h w_i I_j) / J_i  for j != i,   A_ii = 1 - h (p - I_i w_i) / J_i.
 
@@ -46,7 +47,7 @@ FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 
 
 @formula
-def lanes_of(m, count):
+def lanes_of_nd(m, count):
     """Return how many trajectories go side by side."""
     return lesser(LANES if m <= 24 else LANES // 2, ((count or 1) + 7) // 8 * 8)
 
@@ -77,8 +78,8 @@ def solve_two(eps, p, square, alpha, beta, gamma):
 
 
 @formula
-def fill(c, b, a, begin, lanes):
-    """Fill A(w), and w as the right side, for lanes from `begin` on."""
+def fill_nd(c, b, a, begin, lanes):
+    """Fill A(w) of equation (16), and w as the right side, for lanes from `begin` on."""
     m = len(a)
     for i in range(m):
         for l in range(begin, begin + lanes):
@@ -140,7 +141,7 @@ def add_increments(c, b, lanes):
     for i in range(M):
         for l in range(lanes):
             along = b[OF_W, l] * c[W, i, l] + b[OF_I, l] * c[I_, i, l]
-            c[W, i, l] = c[W, i, l] + along * c[INVERSE, i, l]
+            c[W, i, l] = c[W, i, l] + along * c[INVERSE, i, l]  # equation (15), solved
     for l in range(lanes):
         b[P, l], b[SQUARE, l] = 0.0, 0.0
     for i in range(pairs):
@@ -157,8 +158,8 @@ def eliminate_one(c, b, l, one):
     status.
     """
     a, units = one
-    fill(c, b, a, l, 1)
-    status = solve(a, units)
+    fill_nd(c, b, a, l, 1)
+    status = solve(a, units)  # equation (16)
     b[OF_W, l], b[OF_I, l] = 0.0, 0.0
     for i in range(len(a)):
         c[W, i, l], c[INVERSE, i, l] = a[i, len(a), 0], 0.0
@@ -171,7 +172,7 @@ def eliminate_one(c, b, l, one):
 def eliminate_all(c, b, a, lanes):
     """Take the step of all lanes by elimination; return how many need `solve`."""
     m = len(a)
-    fill(c, b, a, 0, lanes)
+    fill_nd(c, b, a, 0, lanes)
     eliminate(a, b, lanes)
     for l in range(lanes):
         b[TO_SOLVE, l] = 0.0
@@ -182,7 +183,7 @@ def eliminate_all(c, b, a, lanes):
 
 
 @function
-def step_of_one(system, given, out, memory):
+def nd_step_of_one(system, given, out, memory):
     """Write the state that follows `given` to `out`; return its status. For `compiled`."""
     (J, I, eps, near), (c, b, one) = system, memory
     status = OK
@@ -201,26 +202,26 @@ def step_of_one(system, given, out, memory):
 
 
 @kernel
-def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
+def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part, as `steps_3d.steps`, in O(n) where that keeps digits."""
     arrays = omega0, saved, final, status, failed_at
-    iterate(part, parts, parameters, span, arrays, None)
+    iterate_nd(part, parts, parameters, span, arrays, None)
 
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part by elimination."""
     arrays = omega0, saved, final, status, failed_at
-    iterate(part, parts, parameters, span, arrays, True)
+    iterate_nd(part, parts, parameters, span, arrays, True)
 
 
 @inlined
-def iterate(part, parts, parameters, span, arrays, by_elimination):
+def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
     """Iterate the trajectories of a part. (Numba compiles one branch of what is None or not.)"""
     omega0, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
-    lanes = lanes_of(m, last - first)
+    lanes = lanes_of_nd(m, last - first)
     c, b, one = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
     a = None if by_elimination is None else np.empty((m, m + 1, lanes))
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
@@ -228,7 +229,7 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
         begin, row = first + block * lanes, next_row
         end = lesser(begin + lanes, last)
         states = omega0 if start == 0 else final
-        enter(c, b, parameters, states, begin, end, start, status, failed_at)
+        enter_nd(c, b, parameters, states, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
             if n > start:
                 if a is None:
@@ -249,7 +250,7 @@ def iterate(part, parts, parameters, span, arrays, by_elimination):
 
 
 @function
-def enter(c, b, parameters, states, begin, end, start, status, failed_at):
+def enter_nd(c, b, parameters, states, begin, end, start, status, failed_at):
     """Fill a block with trajectories; lanes beyond the last repeat it."""
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):

@@ -27,7 +27,7 @@ from .steps_field import (
     execute,
     execute_one,
     fill_system,
-    keeps_digits,
+    is_accurate,
     lanes_of_fields,
     memory_of_lane,
     restore,
@@ -77,7 +77,7 @@ def multiply_columns(operations, b, w):
                     w[d, r, l] *= b[a, l]
 
 
-@function
+@inlined
 def derive(indices, operations, split, b, w, l, memory):
     """Replace v of lane l by -DPhi q, with partial pivoting; return det DPhi."""
     system, units, x = memory
@@ -106,7 +106,7 @@ def derive(indices, operations, split, b, w, l, memory):
     return determinant / np.float64(determinant_of(system, units))
 
 
-@function
+@inlined
 def tangent_step(indices, plan, b, g, w, of_step):
     """Take the step of all lanes, and compute v = -DPhi q where this keeps digits."""
     operations, _, split, columns, _ = plan
@@ -114,7 +114,7 @@ def tangent_step(indices, plan, b, g, w, of_step):
     to_solve = advance_block(operations, split, b)
     for l in range(lanes):
         g[TO_SOLVE, l], g[CODE, l] = 0.0, OK
-        if to_solve > 0 and not keeps_digits(b, l):
+        if to_solve > 0 and not is_accurate(b, l):
             g[CODE, l] = solve_lane(indices, operations, split, b, l, of_step)
             g[TO_SOLVE, l] = 1.0
     if lanes == 1:
@@ -122,11 +122,11 @@ def tangent_step(indices, plan, b, g, w, of_step):
     else:
         execute(operations, split, len(operations), b)
     for l in range(lanes):
-        g[TO_SOLVE, l] = select(keeps_digits(b, l), g[TO_SOLVE, l], 1.0)
+        g[TO_SOLVE, l] = select(is_accurate(b, l), g[TO_SOLVE, l], 1.0)
     multiply_columns(columns, b, w)
 
 
-@function
+@inlined
 def enter_tangents(values, eps, states, b, begin, end, start, status, failed_at):
     """Fill a block as `enter_fields`; and the rows of -h v and of -1."""
     half, T, lanes = FIRST + states.shape[1], values.shape[1], b.shape[1]
@@ -176,7 +176,7 @@ def densities(part, parts, arguments, x, out):
         advance_block(operations, split, b)
         for l in range(end - begin):
             density = 1.0
-            if keeps_digits(b, l):
+            if is_accurate(b, l):
                 for k in range(pivots.shape[1]):
                     density *= b[pivots[2, k], l]
             else:

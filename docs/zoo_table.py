@@ -17,8 +17,9 @@ def row(name):
     found = report(map, eps, {2: 6, 3: 4, 4: 3}.get(map.dimension, 2))
     own = ", ".join(str(each.degree) for each in found.integrals)
     integrals = f"{len(found.integrals)} of degree {own}" if own else f"none to {found.degree}"
-    if found.relations > len(found.integrals):
-        integrals += f"; {found.relations} in relations"
+    if found.implicit:
+        others = ", ".join(str(each.degree) for each in found.implicit)
+        integrals += f"; {len(found.implicit)} too long to write, of degree {others}"
     cells = (
         name,
         map.dimension,

@@ -1,5 +1,6 @@
 """First integrals given by relations between few monomials, and their formulas."""
 
+import json
 import pickle
 import random
 from fractions import Fraction as F
@@ -15,7 +16,7 @@ pytest.importorskip("flint")
 
 import flint
 
-from suslov_fast.integrability import ImplicitIntegral, kahan, rational_map, zoo
+from suslov_fast.integrability import ImplicitIntegral, kahan, rational_map, report, zoo
 from suslov_fast.integrability.arithmetic import exponents_up_to
 from suslov_fast.integrability.implicit import (
     circuits,
@@ -167,6 +168,38 @@ def test_short_formulas_are_written_out():
     candidates = implicit_integrals(long.map, QUADRATIC)
     (rest,) = independent_of(formulas, candidates)
     assert rest.degree == long.degree
+
+
+def test_reports_hold_the_integrals_that_are_too_long():
+    """Those that are short are written; with the others they are as many as relations show."""
+    found = report(*SYSTEMS["Clebsch"], degree=2, time_limit=200)
+    assert [each.degree for each in found.integrals] == [2]
+    assert [each.degree for each in found.implicit] == [6, 8, 10]
+    assert len([*independent_of(found.integrals, found.implicit)]) == 3
+    assert "4 integrals: 1 written, 3 of degree 6, 8 and 10 by their bases." in repr(found)
+    assert "Relations along orbits" not in repr(found)
+    assert found.dimension == 2
+    x = [F(k * k - 7, 5) for k in range(1, 7)]
+    (y,) = steps(*SYSTEMS["Clebsch"], x, 1)
+    assert all(f(x) == f(y) for f in (*found.integrals, *found.implicit))
+    plain = json.loads(json.dumps(found.to_dict()))["implicit"][0]
+    assert plain["relation"].startswith("c(x1*x4)/c(x2*x5) of the relation between 1, x1*x4")
+    assert (plain["degree"], plain["basis"]) == (6, "modulo a prime, at random points")
+
+
+@pytest.mark.parametrize(
+    ("name", "written", "implicit", "sentence"),
+    [
+        ("Lagrange", [1, 3, 4], [8], "4 integrals: 3 written, 1 of degree 8 by their bases."),
+        ("Kirchhoff", [1, 2], [8, 8], "4 integrals: 2 written, 2 of degree 8 by their bases."),
+        ("three waves", [2, 2], [], "dimension 4 of 6. These may not be all: a larger degree"),
+    ],
+)
+def test_sentences_of_reports(name, written, implicit, sentence):
+    found = report(*SYSTEMS[name], degree=2)
+    assert [each.degree for each in found.integrals] == written
+    assert [each.degree for each in found.implicit] == implicit
+    assert sentence in repr(found)
 
 
 def test_eps_as_a_letter():

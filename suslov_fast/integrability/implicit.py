@@ -45,6 +45,18 @@ class ImplicitIntegral:
     Called with a point, D rational numbers or floats, it returns its exact value, a fraction, from
     as many points of the orbit as there are monomials but one. If eps is a letter, it needs its
     value, as in ``integral(x, eps=Fraction(1, 3))``.
+
+    Examples
+    --------
+    >>> from suslov_fast.integrability import kahan, report, zoo
+    >>> field, eps = zoo()["Clebsch"]
+    >>> found = report(field, eps, degree=2)
+    >>> integral = found.implicit[0]
+    >>> integral.degree, len(integral.monomials)
+    (6, 6)
+    >>> x = [1, 2, 3, 4, 5, 6]
+    >>> integral(x) == integral(found.map(x))
+    True
     """
 
     map: RationalMap
@@ -252,11 +264,17 @@ def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[Impli
             yield ImplicitIntegral(map, circuit, circuit[above], circuit[below], degree)
 
 
+def is_short(integral: ImplicitIntegral) -> bool:
+    """Return True if the formula of an integral may be short enough to be written out."""
+    D = integral.map.dimension
+    return math.comb(D + integral.degree, D) <= _TERMS
+
+
 def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     """Return the formula of an integral, if it is not too long, else None."""
-    map, D = integral.map, integral.map.dimension
-    if math.comb(D + integral.degree, D) > _TERMS:
+    if not is_short(integral):
         return None
+    map, D = integral.map, integral.map.dimension
     exponents = arithmetic.exponents_up_to(integral.degree, D)
 
     def search(p: int, eps: int) -> arithmetic.Residues:

@@ -21,6 +21,7 @@ from ..checks import integer, real_number, wrong
 from . import arithmetic
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
+from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
 from .maps import RationalMap, check_map
 from .process import search, search_until
@@ -42,7 +43,8 @@ class Report:
     Each of `integrals`, `measures` (densities) and `polynomials` (Darboux polynomials, with their
     cofactors) can be called with a point; `str` gives its formula, and its `basis` says what it
     rests on: "identity", checked as an identity of rational functions, or "modulo a prime, at
-    random points". A growth is evidence. If eps is a letter, formulas are functions of x and eps,
+    random points". Independent integrals whose formulas are too long are in `implicit`, and can be
+    called as well. A growth is evidence. If eps is a letter, formulas are functions of x and eps,
     and `special_eps` has the rational eps at which one of them has no meaning, there is no map, or
     det DPhi is 0 everywhere.
     """
@@ -51,6 +53,7 @@ class Report:
     degree: int  # the largest that was searched
     degrees: list[int] = dataclasses.field(default_factory=list)
     integrals: Functions = ()  # independent
+    implicit: tuple[ImplicitIntegral, ...] = ()  # independent of these
     measures: Functions = ()
     polynomials: Functions = ()
     relations: int | None = None  # the number of independent integrals that orbits show
@@ -67,7 +70,8 @@ class Report:
     @property
     def dimension(self) -> int:
         """The dimension of the level sets of all integrals."""
-        return self.map.dimension - max(len(self.integrals), self.relations or 0)
+        known = len(self.integrals) + len(self.implicit)
+        return self.map.dimension - max(known, self.relations or 0)
 
     def __repr__(self) -> str:
         d, D = self.degree, self.map.dimension
@@ -93,11 +97,16 @@ class Report:
             _listed("Densities of measures", self.measures, 1, none),
             _listed("Darboux polynomials", self.polynomials, 6, none),
         ]
-        if (self.relations or 0) > len(self.integrals):
+        if self.implicit:
+            lines.insert(4, f"{self._count_of_integrals()}.")
+        if (self.relations or 0) > len(self.integrals) + len(self.implicit):
             text = f"{self.relations} independent integrals, {MODULAR}"
             lines.append(f"Relations along orbits up to degree {d} show {text}.")
         if self.integrals or self.relations:
-            lines.append(f"Level sets of the integrals have dimension {self.dimension} of {D}.")
+            more = ". These may not be all: a larger degree may show more" * (self.dimension > 1)
+            lines.append(
+                f"Level sets of the integrals have dimension {self.dimension} of {D}{more}."
+            )
         if self.special_eps:
             listed = ", ".join(map(str, self.special_eps))
             lines.append(
@@ -106,6 +115,16 @@ class Report:
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
+
+    def _count_of_integrals(self) -> str:
+        """Return how many integrals are written, and the degrees of the others."""
+        *first, last = (f.degree for f in self.implicit)
+        degrees = " and ".join([", ".join(map(str, first))] * bool(first) + [str(last)])
+        if len({*first, last}) == 1:
+            degrees = str(last)
+        total, written = len(self.integrals) + len(self.implicit), len(self.integrals)
+        others = f"{len(self.implicit)} of degree {degrees} by their bases"
+        return f"{total} integrals: {written} written, {others}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as numbers, strings, lists and dictionaries, for JSON."""
@@ -119,6 +138,8 @@ class Report:
 def _plain(value: Any) -> Any:
     if isinstance(value, QuadraticField):
         return value.to_dict()
+    if isinstance(value, ImplicitIntegral):
+        return {"relation": str(value), "degree": value.degree, "basis": value.basis}
     if not isinstance(value, RationalFunction):
         return str(value)
     plain = {"formula": str(value), "degree": value.degree, "basis": value.basis}

@@ -11,9 +11,10 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import islice
 from typing import Any
 
-from . import arithmetic
+from . import arithmetic, implicit
 from .arithmetic import PRIME, Polynomials, degree_of, factors, rank, size
 from .darboux import candidates, nullity, space_of, with_constants
 from .forms import Forms
@@ -26,6 +27,7 @@ from .functions import (
     without_content,
 )
 from .growth import Lines, growth
+from .implicit import ImplicitIntegral
 from .invariants import Invariants
 from .maps import LONGEST, RationalMap
 from .relations import counts, integrals_of
@@ -34,6 +36,7 @@ from .tasks import Queue, Task
 _FEW = 80  # coefficients, at most, of a polynomial of higher degree than that of the report
 _ENOUGH, _DEGREES = 10, 24  # iterates: enough if a recurrence holds, and at most
 _SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees: cheap; costly; too costly
+_FEW_MONOMIALS = 0.1  # the least cost of integrals of relations between these
 _LATE = 1.0  # seconds by which proofs come after searches that cost as much
 
 ONE = RationalFunction(())
@@ -58,13 +61,15 @@ class Search:
         self._integrals: tuple[RationalFunction, ...] = ()
         self._measures: tuple[RationalFunction, ...] = ()
         self._polynomials: tuple[RationalFunction, ...] = ()
+        self._of_relations: list[ImplicitIntegral] = []  # between few monomials
+        self._implicit: tuple[ImplicitIntegral, ...] = ()
         self.queue = Queue(self._first(), self._is_wanted)
 
     def fill(self, report: Any) -> None:
         """Put what is known into a report."""
         report.degrees, report.relations = self.degrees, self.relations
         report.integrals, report.measures = self.integrals, self.measures
-        report.polynomials = self._polynomials
+        report.polynomials, report.implicit = self._polynomials, self._implicit
         report.searched = [*self._searched()]
 
     def _update(self) -> None:
@@ -73,6 +78,7 @@ class Search:
             self._integrals = self.invariants.integrals
             self._measures = self.invariants.measures
             self._polynomials = self.invariants.polynomials
+            self._implicit = tuple(implicit.independent_of(self._integrals, self._of_relations))
 
     @property
     def integrals(self) -> tuple[RationalFunction, ...]:
@@ -85,6 +91,12 @@ class Search:
         """The densities that are known."""
         self._update()
         return self._measures
+
+    @property
+    def implicit(self) -> tuple[ImplicitIntegral, ...]:
+        """The integrals of relations that are independent of those written."""
+        self._update()
+        return self._implicit
 
     @property
     def is_complete(self) -> bool:
@@ -162,6 +174,9 @@ class Search:
     def _count(self, k: int) -> Tasks:
         exponents = arithmetic.exponents_up_to(k, self.map.dimension)
         _, independent = counts(self.map, exponents, self.seed)
+        if independent > (self.relations or 0):
+            cost = _FEW_MONOMIALS + 1e-7 * self._unknowns(k) ** 3
+            yield Task(cost, partial(self._few_monomials, k), "implicit", k)
         self.relations = max(self.relations or 0, independent)
         if independent:
             cost = 1e-6 * self._unknowns(k) ** 3
@@ -172,6 +187,26 @@ class Search:
             return []
         exponents = arithmetic.exponents_up_to(k, self.map.dimension)
         return self._add(integrals_of(self.map, exponents, self.seed))
+
+    def _few_monomials(self, k: int) -> Tasks:
+        """Find integrals of relations between few monomials, if some are not written yet."""
+        missing = (self.relations or 0) - len(self.integrals)
+        exponents = arithmetic.exponents_up_to(k, self.map.dimension)
+        if missing <= len(self.implicit):
+            return
+        candidates = implicit.implicit_integrals(self.map, exponents)
+        chosen = implicit.independent_of(self.integrals, candidates)
+        self._of_relations = [*islice(chosen, missing)]
+        self.version += 1
+        # Darboux polynomials, which come with the factors, give nicer formulas.
+        for each in filter(implicit.is_short, self._of_relations):
+            cost = _LATE + 2 * (self.map.cost_of_factors + self._cost(each.degree))
+            yield Task(cost, partial(self._write, each), "formulas", each.degree)
+
+    def _write(self, integral: ImplicitIntegral) -> Tasks:
+        """Write out the formula of an integral of a relation, if it is still needed."""
+        formula = implicit.written_out(integral) if integral in self.implicit else None
+        return [] if formula is None else self._add(formula.quotient_in(self.map.ring))
 
     def _simple(self) -> Iterator[Task]:
         for cofactor in (ONE, None):

@@ -35,6 +35,11 @@ def lorenz(rho):
     )
 
 
+def call(function, body, omega0, **options):
+    """Call a function with all arguments by name, also those that it takes by position alone."""
+    return function(body, omega0, **options)
+
+
 @pytest.fixture
 def store(tmp_path):
     return tmp_path / "run.zarr"
@@ -165,10 +170,10 @@ def oscillator(constant):
     ],
 )
 def test_stores_of_other_runs_are_refused_in_words(store, asked, change, words):
-    ensemble(**asked, store=store)
+    call(ensemble, **asked, store=store)
     before = contents(store)
     with pytest.raises(ValueError, match=words) as raised:
-        ensemble(**{**asked, **change}, store=store)
+        call(ensemble, **{**asked, **change}, store=store)
     assert "sha256" not in str(raised.value)
     assert contents(store) == before
 
@@ -195,7 +200,7 @@ BAD = [
 @pytest.mark.parametrize(("change", "error", "message"), BAD)
 def test_bad_arguments_leave_nothing_behind(store, change, error, message):
     with pytest.raises(error, match=message):
-        ensemble(**{"store": store, **ASKED, **change})
+        call(ensemble, **{"store": store, **ASKED, **change})
     assert list(store.parent.iterdir()) == []
 
 
@@ -203,13 +208,13 @@ def test_places_that_cannot_hold_a_store(store):
     (store.parent / "file").write_text("1")
     for place in ("file", "file/run.zarr"):
         with pytest.raises((NotADirectoryError, FileExistsError), match="file"):
-            ensemble(**ASKED, store=store.parent / place)
+            call(ensemble, **ASKED, store=store.parent / place)
     (store.parent / "thesis").mkdir()
     (store.parent / "thesis" / "thesis.tex").touch()
     with pytest.raises(ValueError, match=r"store: .*thesis\.tex"):
-        ensemble(**ASKED, store=store.parent / "thesis")
+        call(ensemble, **ASKED, store=store.parent / "thesis")
     zarr.open_group(store, mode="w").attrs.update({"source": "suslov_fast 0.5.0", "steps": 3})
-    for call in (open_ensemble, lambda store: ensemble(**ASKED, store=store)):
+    for call in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
         with pytest.raises(ValueError, match=r"store: .*0\.5\.0"):
             call(store)
     with pytest.raises(FileNotFoundError, match="store"):
@@ -217,16 +222,16 @@ def test_places_that_cannot_hold_a_store(store):
 
 
 def test_a_finished_store_needs_no_space(store, monkeypatch):
-    ensemble(**ASKED, store=store)
+    call(ensemble, **ASKED, store=store)
     monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=0))
-    ensemble(**ASKED, store=store)
+    call(ensemble, **ASKED, store=store)
 
 
 def test_other_kinds_of_stores():
-    orbits = iterate(**ASKED)
+    orbits = call(iterate, **ASKED)
     for place in (zarr.storage.MemoryStore(), "memory://run.zarr"):
         for _ in range(2):
-            assert_same(ensemble(**ASKED, store=place), orbits)
+            assert_same(call(ensemble, **ASKED, store=place), orbits)
 
 
 def test_an_interrupted_run_goes_on(store, rng):
@@ -239,13 +244,13 @@ def test_an_interrupted_run_goes_on(store, rng):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        ensemble(**run, **ours, progress=stop)
+        call(ensemble, **run, **ours, progress=stop)
     unfinished, tile = open_ensemble(store), store / "omega/c/0/0/0"
     missing = unfinished.status.values == PENDING
     assert missing.sum() in (20, 30)
     assert np.isnan(unfinished.final.values[missing]).all()
     written = tile.stat().st_mtime_ns
-    assert_same(ensemble(**run, **ours), iterate(**run, save_every=2))
+    assert_same(call(ensemble, **run, **ours), call(iterate, **run, save_every=2))
     assert tile.stat().st_mtime_ns == written
 
 
@@ -275,7 +280,7 @@ def test_a_killed_run_is_finished(store):
 
 
 def test_a_run_killed_while_its_store_is_made_is_finished(store):
-    ensemble(**ASKED, store=store)
+    call(ensemble, **ASKED, store=store)
     whole = contents(store)
     made = json.loads(whole["zarr.json"])
     del made["consolidated_metadata"]  # which is written last
@@ -283,7 +288,7 @@ def test_a_run_killed_while_its_store_is_made_is_finished(store):
     for unmade in ("status", "n/c"):
         shutil.rmtree(store / unmade)
     (store / "zarr.0.partial").touch()
-    ensemble(**ASKED, store=store)
+    call(ensemble, **ASKED, store=store)
     assert contents(store) == whole
 
 
@@ -291,7 +296,7 @@ def test_a_run_killed_while_its_store_is_made_is_finished(store):
     "name", ["omega/c/0/0/0", "final/c/0/0", "status/c/0", "n/c/0", "zarr.json"]
 )
 def test_damage_is_an_error(store, name):
-    ensemble(**ASKED, store=store)
+    call(ensemble, **ASKED, store=store)
     path = store / name
     whole = path.read_bytes()
     for damaged in (whole[:-3], bytes([whole[0] ^ 1]) + whole[1:], b""):
@@ -300,16 +305,16 @@ def test_damage_is_an_error(store, name):
             open_ensemble(store).load()
         if name in ("status/c/0", "zarr.json"):
             with pytest.raises(ValueError, match=r"checksum|char \d+"):
-                ensemble(**ASKED, store=store)
+                call(ensemble, **ASKED, store=store)
 
 
 def test_two_at_once_write_the_same(store):
     seen, run = [], {**ASKED, "omega0": RandomStarts(200, 1.0)}
     ours = {"store": store, "chunk": 5, "progress": lambda *done: seen.append(done)}
     with ThreadPoolExecutor(2) as pool:
-        for each in [pool.submit(ensemble, **run, **ours) for _ in range(2)]:
+        for each in [pool.submit(call, ensemble, **run, **ours) for _ in range(2)]:
             each.result()
-    assert_same(open_ensemble(store), iterate(**run))
+    assert_same(open_ensemble(store), call(iterate, **run))
     assert seen[-1] == max(seen) == (4000, 4000)
 
 
@@ -327,7 +332,7 @@ def test_workers_of_a_cluster(store):
 
 def test_attributes_are_plain(store):
     """They can be written to NetCDF, and the dataset is read by xarray alone."""
-    dataset = ensemble(**FIELD, store=store, functions={"radius": radius})
+    dataset = call(ensemble, **FIELD, store=store, functions={"radius": radius})
     assert xarray.open_zarr(store).attrs == dataset.attrs
     assert json.loads(json.dumps(dataset.attrs)) == dataset.attrs
     assert dataset.attrs["rho"] == FAMILY.parameters["rho"].tolist()

@@ -1,23 +1,16 @@
 """Runs larger than memory: tiles of the batch, each written to its part of a Zarr store.
 
-A store exists once its metadata are consolidated, a tile once its `status` is written.
+What a store holds, and what it lacks, is answered by `stores`.
 """
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import inspect
+import json
 import math
-import os
-import shutil
-import threading
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-from functools import partial
-from itertools import islice, product
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +21,7 @@ from ..checks import FloatArray, wrong
 from ..engine.arguments import Problem, RandomStarts, check, require
 from ..engine.stretches import March, Progress, reporter
 from ..maps import map_of
+from . import stores
 from .iterate import checked_counts
 from .trajectories import Trajectories
 
@@ -35,12 +29,11 @@ if TYPE_CHECKING:
     import distributed
     import xarray
 
-# Version of the format, and the status of trajectories that are not computed.
-FORMAT, PENDING = 8, -128
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
 # least number of trajectories that keep a processor busy; tiles queued per thread of a worker.
 _CHUNK, _WORK, _FEWEST, _WAITING = 2**23, 2**31, 2**12, 4
-_ONE_AT_A_TIME = threading.Lock()
+# Up to this number of tiles, their statuses are read before others are computed.
+_FEW_TILES = 1000
 
 Where = tuple[slice, ...]  # a tile: a part of each axis of the batch
 Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
@@ -109,7 +102,8 @@ def ensemble(
     ...     print(dict(runs.final.sizes), int((runs.status < 0).sum()))
     {'trajectory': 9, 'component': 2} 0
     """
-    zarr = checks.extra("zarr", "large")
+    for module in ("zarr", "xarray", "dask"):  # before anything is computed
+        checks.extra(module, "large")
     if client is not None and not hasattr(client, "nthreads"):
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
     map = map_of(body, method)
@@ -126,30 +120,24 @@ def ensemble(
     checks.instance("functions", functions, Mapping)
     steps, save_every = checked_counts(steps, save_every)
     options = method, steps, save_every, functions
-    whole, store = whole._replace(omega=omega0, batch=batch), _resolved(store)
-    data, done = _template(whole, options, dims, coords), 0
-    sizes, reports = _sizes(data, chunk), reporter(progress, math.prod(batch) * steps)
-    _prepare(store, data, sizes)
-    with zarr.config.set({"array.write_empty_chunks": True}):  # to look for them takes time
-        arrays = dict(zarr.open_group(store, mode="r+").arrays())
+    whole, store = whole._replace(omega=omega0, batch=batch), stores.resolved(store)
+    data = _template(whole, options, dims, coords)
+    reports = reporter(progress, math.prod(batch) * steps)
+    missing = stores.prepare(store, data, _sizes(data, chunk))
+    arrays = stores.opened(store)
     status = arrays["status"]
-    axes = zip(status.shape, status.chunks, strict=True)
-    tiles = product(*([slice(k, min(k + m, n)) for k in range(0, n, m)] for n, m in axes))
-    compute: Any = _compute
-    abreast = 1
-    if client is not None:
-        compute = partial(client.submit, _compute, pure=False)
-        abreast = _WAITING * max(1, sum(client.nthreads().values()))
+    if status.nchunks <= _FEW_TILES:
+        np.asarray(status[...])  # damage is an error early, where to look takes little time
+    tiles = {tile: _where(tile, status.shape, status.chunks) for tile in missing}
+    done = math.prod(batch) - sum(_count(where) for where in tiles.values())
     with reports as report:
-        while group := [(where, np.asarray(status[where])) for where in islice(tiles, abreast)]:
-            missing = [where for where, found in group if (found == PENDING).any()]
-            jobs = [compute(_tile(whole, where), options, where, arrays) for where in missing]
-            for job in jobs if client else ():
-                job.result()  # `gather` would log the tiles that an error cancels
-            done += sum(found.size for _, found in group)
+        if report is not None:
+            report(done * steps)
+        for where in _finished(tiles, whole, options, arrays, client, store):
+            done += _count(where)
             if report is not None:
                 report(done * steps)
-    return open_ensemble(store)
+    return _dataset(store, is_finished=True)
 
 
 def open_ensemble(store: Any) -> xarray.Dataset:
@@ -177,19 +165,27 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     ...     open_ensemble(f"{folder}/runs.zarr").attrs["eps"]
     0.2
     """
-    xarray, store = checks.extra("xarray", "large"), _resolved(store)
-    if not _opened(store)[1]:
+    for module in ("zarr", "xarray", "dask"):
+        checks.extra(module, "large")
+    return _dataset(stores.resolved(store), is_finished=False)
+
+
+def _dataset(store: Any, is_finished: bool) -> xarray.Dataset:
+    """Open a store that lacks nothing, and no tile if `is_finished`."""
+    import xarray
+
+    found = stores.contents(store)
+    if found is None or not found.arrays:
         raise wrong("store", "a store of ensemble", f"none at {store}", FileNotFoundError)
-    data = xarray.open_zarr(store, consolidated=True, chunks={})
+    lost = stores.lost(store, found)
+    if lost.chunks:
+        received = f"{store} without {lost}: ensemble, called again, computes them anew"
+        raise wrong("store", "all chunks of its tiles", received)
+    if is_finished and lost.pending:
+        received = f"{store} without {len(lost.pending)} of the tiles that were computed"
+        raise wrong("client", "workers that write to the store", received)
+    data = xarray.open_zarr(store, consolidated=True, zarr_format=3, chunks={})
     return data.assign_coords(time=data.n * data.eps)
-
-
-def _resolved(store: Any) -> Any:
-    """Return a store that other processes can open: folders as absolute paths."""
-    Store = checks.extra("zarr.abc.store", "large").Store
-    checks.instance("store", store, (str, os.PathLike, Store))
-    elsewhere = isinstance(store, Store) or "://" in os.fspath(store)
-    return store if elsewhere else Path(store).absolute()
 
 
 def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
@@ -200,8 +196,8 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     fills: dict[str, Any] = {
         "states": np.broadcast_to(np.nan, (rows, *batch, D)),
         "final": np.broadcast_to(np.nan, (*batch, D)),
-        "failed_at": np.broadcast_to(np.int64(PENDING), batch),
-        "status": np.broadcast_to(np.int8(PENDING), batch),
+        "failed_at": np.broadcast_to(np.int64(stores.PENDING), batch),
+        "status": np.broadcast_to(np.int8(stores.PENDING), batch),
     }
     arrays = {**body._arrays, "eps": np.asarray(eps)}
     if turns is not None:
@@ -218,6 +214,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     data = Trajectories._of(fills | about).to_xarray(dims, coords).drop_vars("time")
     sources = {}
     for name, function in functions.items():
+        checks.instance("functions, a name", name, str)
         if name in (*data.variables, "time"):
             raise wrong("functions", "names that the dataset does not have", repr(name))
         try:
@@ -227,40 +224,27 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
             raise wrong("functions", "functions with a source", received, TypeError) from error
         _values(name, function, np.full((3, D), 0.5))  # errors come before anything is stored
         data[name] = (("n", *data.status.dims), np.broadcast_to(np.nan, (rows, *batch)))
-    if any("/" in str(name) for name in data.variables):
-        raise wrong("dims, coords and functions", "names without /", ", ".join(map(str, data)))
-    for name in {map.variable, *fills, *functions} & {*data}:
-        data[name].encoding["fill_value"] = PENDING if data[name].dtype.kind == "i" else np.nan
-    identity = {name: _described(name, each) for name, each in arrays.items()}
-    identity["omega0"] = _described("omega0", omega0, few=0)
+    if refused := [str(name) for name in (*data.variables, *data.dims) if not _is_storable(name)]:
+        expected = "names that a store can have, without / and other than '', '.' and 'zarr.json'"
+        raise wrong("dims, coords and functions", expected, ", ".join(map(repr, refused)))
+    identity = {name: stores.described(name, each) for name, each in arrays.items()}
+    identity["omega0"] = stores.described("omega0", omega0, few=0)
     labels = {name: data[name].values.tolist() for name in coords or ()}
     for name, texts in (("functions", sources), ("coords", labels)):
         digest = hashlib.sha256(repr(sorted(texts.items())).encode()).hexdigest()
         identity |= {name: f"{', '.join(texts)}, sha256 {digest}"} if texts else {}
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
-    return data.assign_attrs(identity, format=FORMAT)
+    tiled = sorted({map.variable, *fills, *functions} & {*data.variables})
+    return data.assign_attrs(identity, tiled=json.dumps(tiled), format=stores.FORMAT)
 
 
-def _described(name: str, array: Any, few: int = 1000) -> Any:
-    """Return few numbers as they are, and of many their count, range and digest."""
-    if isinstance(array, RandomStarts):
-        return repr(array)
-    if array.size <= few:
-        return array.tolist()
-    digest, low, high = hashlib.sha256(str(array.shape).encode()), np.inf, -np.inf
-    step = max(1, 2**21 // max(1, math.prod(array.shape[1:])))  # 16 MiB
-    for k in range(0, len(array), step):
-        part = checks.real_array(name, np.asarray(array[k : k + step]), allow_nan=True)
-        low = np.fmin.reduce(part, axis=None, initial=low)
-        high = np.fmax.reduce(part, axis=None, initial=high)
-        digest.update(np.ascontiguousarray(part).data)
-    return f"{array.size} values from {low:g} to {high:g}, sha256 {digest.hexdigest()}"
-
-
-def _in_words(value: Any) -> str:
-    """Return an attribute without the digest, and an array by number and range."""
-    text = str(_described("store", np.array(value), 0) if isinstance(value, list) else value)
-    return text.partition(", sha256")[0]
+def _is_storable(name: Any) -> bool:
+    """Return whether an array of a store can have a name, which is that of a folder, too."""
+    text = str(name)
+    is_reserved = text in ("", ".", "..", "zarr.json") or text.startswith("__")
+    if is_reserved or any(each in text for each in "/\\\0"):
+        return False
+    return text.isprintable() and len(text.encode()) <= 200
 
 
 def _values(name: str, function: Any, points: FloatArray) -> Any:
@@ -292,77 +276,64 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
     return sizes
 
 
-def _opened(store: Any) -> tuple[dict[str, Any], bool]:
-    """Return the attributes of a store, {} if there is none, and whether all of it was made."""
-    import zarr
+def _finished(
+    tiles: dict[stores.Tile, Where],
+    whole: Problem,
+    options: Options,
+    arrays: Any,
+    client: Any,
+    store: Any,
+) -> Iterator[Where]:
+    """Compute tiles, and yield each when it is finished."""
+    if client is None:
+        for where in tiles.values():
+            _compute(_tile(whole, where), options, where, arrays)
+            yield where
+        return
+    from distributed import as_completed
+
+    waiting = iter(tiles.items())
+    under_way: dict[Any, tuple[stores.Tile, Where]] = {}
+    finished, known = as_completed(loop=client.loop), set()  # workers that write to the store
+
+    def submit() -> None:
+        """Keep all workers busy, of which there may be more by now."""
+        most = _WAITING * max(1, sum(client.nthreads().values()))
+        for tile, where in islice(waiting, max(0, most - len(under_way))):
+            given = _tile(whole, where), options, where, arrays
+            job = client.submit(_compute_on_worker, *given, pure=False)
+            under_way[job] = tile, where
+            finished.add(job)
 
     try:
-        root = zarr.open_group(store, mode="r")
-    except FileNotFoundError:
-        return {}, False
-    if root.attrs.get("format") != FORMAT:
-        version = root.attrs.get("version") or root.attrs.get("source")
-        of = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
-        raise wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {of}")
-    return dict(root.attrs), root.metadata.consolidated_metadata is not None
+        submit()
+        for job in finished:
+            tile, where = under_way.pop(job)
+            worker = job.result()
+            if worker not in known and not stores.has_tile(store, tile):
+                received = f"{worker}, whose tile is not at {store}"
+                raise wrong("client", "workers that write to the store", received)
+            known.add(worker)
+            yield where
+            submit()
+    finally:
+        client.cancel([*under_way])
 
 
-def _prepare(store: Any, data: Any, sizes: dict[str, int]) -> None:
-    """Create the store of a run, or check that it holds this run."""
-    (stored, is_made), texts = _opened(store), []
-    for name in {**data.attrs, **stored} if stored else ():
-        if name not in ("version", "coordinates") and data.attrs.get(name) != stored.get(name):
-            ours, theirs = (_in_words(each.get(name)) for each in (data.attrs, stored))
-            texts.append(f"{name}: {ours}, the store has {'others' if ours == theirs else theirs}")
-    if texts:
-        received = f"{store} of another run: {'; '.join(texts)}"
-        raise wrong("store", "a new name, or the store of this run", received)
-    if not stored and isinstance(store, Path):
-        there = {path.name for path in store.glob("*") if path.suffix != ".partial"}
-        if others := there - {"zarr.json", *map(str, data.variables)}:  # which another process made
-            raise wrong("store", "a new name or a store", f"{store} with {min(others)} in it")
-        free = shutil.disk_usage(next(each for each in store.parents if each.exists())).free
-        if data.nbytes > free:
-            received = f"{free:,} bytes, fewer than the {data.nbytes:,} of the run"
-            message = f"expected space for the run, got {received}: raise save_every"
-            raise OSError(errno.ENOSPC, message, str(store))
-    if not is_made:
-        _create(store, data, sizes)
+def _compute_on_worker(*arguments: Any) -> str:
+    """Compute a tile, and return the address of the worker."""
+    from distributed import get_worker
 
-
-def _create(store: Any, data: Any, sizes: dict[str, int]) -> None:
-    """Make the arrays of a store, which an interrupted call or another process may have begun."""
-    import zarr
-
-    labels = " ".join(str(name) for name in data.coords if name not in data.dims)
-    about = {**data.attrs, "coordinates": labels}  # as xarray reads it
-    with suppress(zarr.errors.ContainsGroupError):
-        zarr.create_group(store, zarr_format=3, attributes=about)
-    root = zarr.open_group(store, mode="r+", use_consolidated=False)
-    for name, variable in data.variables.items():
-        fill = variable.encoding.get("fill_value")
-        lengths = data.sizes if fill is None else {**data.sizes, **sizes}
-        with suppress(zarr.errors.ContainsArrayError):
-            root.create_array(
-                name,
-                shape=variable.shape,
-                dtype=str if variable.dtype.kind in "OU" else variable.dtype,
-                chunks=tuple(max(1, lengths[dim]) for dim in variable.dims),
-                fill_value=fill,
-                compressors=zarr.codecs.Crc32cCodec(),
-                dimension_names=variable.dims,
-                attributes=variable.attrs,
-            )
-        if fill is None:
-            root[name][...] = variable.values
-    with _ONE_AT_A_TIME, warnings.catch_warnings():  # filters of warnings are those of all threads
-        warnings.simplefilter("ignore", UserWarning)  # on this format and on unfinished files
-        zarr.consolidate_metadata(store)
+    _compute(*arguments)
+    return str(get_worker().address)
 
 
 def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> None:
     """Compute and write a tile, in pieces that fill a chunk, its `status` last."""
     (method, steps, every, functions), map, row = options, tile.map, 0
+    if isinstance(tile.omega, RandomStarts):  # computed where they are needed
+        part = tile.omega._part(_along(tile.omega.shape, where), tile.body.dimension)
+        tile = tile._replace(omega=part)
     march, rows = March(tile, method), arrays[map.variable].chunks[0]
     for saved, turns in march.pieces(steps, every or 0, rows):
         found = {map.variable: saved} if turns is None else {map.variable: saved, "attitude": turns}
@@ -375,13 +346,11 @@ def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> None
 
 
 def _tile(whole: Problem, where: Where) -> Problem:
-    """Return a part of the batch, whose initial states are read."""
+    """Return a part of the batch; initial states in arrays are read."""
     _, body, omega0, eps, *_, turns = whole
     for axis, part in enumerate(_along(body.shape, where)):
         body = body._part(axis, part)
-    if isinstance(omega0, RandomStarts):
-        omega0 = omega0._part(_along(omega0.shape, where), body.dimension)
-    else:
+    if not isinstance(omega0, RandomStarts):
         omega0 = np.asarray(omega0[_along(omega0.shape[:-1], where)])
         omega0 = checks.states("omega0", omega0, body._labels)
     if turns is not None:
@@ -389,6 +358,16 @@ def _tile(whole: Problem, where: Where) -> Problem:
     batch, eps = tuple(part.stop - part.start for part in where), np.asarray(eps)
     eps = eps[_along(eps.shape, where)]
     return whole._replace(body=body, omega=omega0, eps=eps, batch=batch, orientation=turns)
+
+
+def _where(tile: stores.Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> Where:
+    """Return the part of the batch that a tile is."""
+    axes = zip(tile, shape, chunks, strict=True)
+    return tuple(slice(k * m, min(k * m + m, n)) for k, n, m in axes)
+
+
+def _count(where: Where) -> int:
+    return math.prod(part.stop - part.start for part in where)
 
 
 def _along(shape: tuple[int, ...], where: Where) -> Where:

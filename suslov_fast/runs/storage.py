@@ -4,13 +4,17 @@ import errno
 import json
 import os
 import secrets
+import zipfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from glob import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..checks import extra, instance, wrong
+from ..checks import MOMENTS, common_shape, extra, instance, integer, real_array, within, wrong
+from ..engine.arguments import require
 from ..engine.status import Status
 from ..maps import body_from_dict, class_named, map_of, named
 
@@ -18,6 +22,7 @@ PathLike = str | os.PathLike[str]
 
 FORMAT = 9
 _ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"
+_TEXTS, _OLD = ("about", "body"), ("format", "version")  # the latter in files of 0.5
 _NUMBERS = "method", "steps", "save_every"
 # Axes of a parameter of a body after those of the batch; the first is also that of states.
 _COMPONENTS = "component", "component_j", "component_k"
@@ -40,44 +45,140 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
         raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
     arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
-    new = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
     try:
-        with open(new, "xb") as file:
-            np.savez(file, **arrays)
-        os.replace(new, target)
+        new, file = _part(target)
+        try:
+            with file:
+                np.savez(file, **arrays)
+            os.replace(new, target)
+        finally:
+            new.unlink(missing_ok=True)
     except OSError as error:  # it names the new file, which the caller does not know
         raise OSError(error.errno, error.strerror, os.fspath(path)) from error
-    finally:
-        new.unlink(missing_ok=True)
+
+
+def _part(target: Path) -> tuple[Path, Any]:
+    """Return a new file beside `target`; delete those that killed processes left there.
+
+    A process holds a lock on its own. Windows deletes no file that is open.
+    """
+    for left in target.parent.glob(f".{escape(target.name)}.*.part"):
+        with suppress(OSError), open(left, "rb+") as old:
+            _lock(old)
+            left.unlink()
+    while True:
+        new = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+        file = open(new, "xb")  # noqa: SIM115  (closed by the caller)
+        with suppress(BlockingIOError):
+            _lock(file)
+            if new.exists():  # else another call deleted it, before the lock
+                return new, file
+        file.close()
+
+
+def _lock(file: Any) -> None:
+    """Lock a file until it is closed; BlockingIOError if another one has the lock."""
+    with suppress(ImportError):
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def load(path: PathLike) -> dict[str, Any]:
-    """Return the attributes of the run in a file of `save`; errors name the file."""
+    """Return the attributes of the run in a file of `save`; errors name the file.
+
+    Only entries that a run has are read, and arrays only if their types and shapes are right.
+    """
     name = os.fspath(_checked(path))
     try:
-        with open(name, "rb") as file, np.lib.npyio.NpzFile(file) as entries:
-            found = {each: entries[each] for each in entries.files}
-        about = json.loads(str(found.get("about", "{}")))
-        written = {each: str(found.get(each, "")) for each in ("format", "version")} | about
-        if written["format"] not in ("", FORMAT):
-            how = f"one of suslov_fast {written['version']}: compute the run again"
-            raise wrong("format", f"{FORMAT}, that of this version", how)
-        run: dict[str, Any] = {each: found.get(each) for each in _ARRAYS}
-        run |= {each: about[each] for each in _NUMBERS}
-        body, eps = body_from_dict(json.loads(str(found["body"]))), found["eps"]
-        map = named(about["map"])
-        if map_of(body, about["method"]) is not map:
-            raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
-        rows = run["steps"] // run["save_every"] + 1 if run["save_every"] else 1
-        shape = rows, *run["status"].shape, body.dimension
-        if run["states"].shape != shape:
-            raise wrong("states", f"shape {shape}", run["states"].shape)
-        return run | {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
+        with open(name, "rb") as file, zipfile.ZipFile(file) as entries:
+            return _read(entries)
     except (OSError, MemoryError):
         raise
     except Exception as error:  # from NumPy, zipfile or json
         expected = "a file that Trajectories.save wrote"
         raise wrong(name, expected, f"another, or a damaged one: {error}") from error
+
+
+def _read(entries: zipfile.ZipFile) -> dict[str, Any]:
+    kinds = {name: _kind(entries, name) for name in (*_ARRAYS, *_TEXTS, *_OLD)}
+    given = {name: kind for name, kind in kinds.items() if kind is not None}
+    texts = {name: str(_entry(entries, name)) for name in (*_TEXTS, *_OLD) if name in given}
+    about = json.loads(texts.get("about", "{}"))
+    version = about.get("version", texts.get("version"))
+    if about.get("format", texts.get("format", FORMAT)) != FORMAT:
+        how = f"one of suslov_fast {version}: compute the run again"
+        raise wrong("format", f"{FORMAT}, that of this version", how)
+    method, steps, every = (about[name] for name in _NUMBERS)
+    integer("steps", steps, 0)
+    rows = 1 if every is None else steps // integer("save_every", every, 1) + 1
+    body, map = body_from_dict(json.loads(texts["body"])), named(about["map"])
+    if map_of(body, method) is not map:
+        raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
+    # All other shapes follow from that of `status`.
+    batch, D = given["status"][1], body.dimension
+    size, turns = int(np.prod(batch)), "attitude" in given or "_turned" in given
+    expected = arrays_of_a_run("states", batch, rows, D, turns)
+    expected["_carry"] = "float64", (size, map.methods[method].carried)
+    if turns:
+        expected["_turned"] = "float64", (size, D + 1, D + 1)
+    if "eps" in given:  # it broadcasts to the batch
+        expected["eps"] = "float64", given["eps"][1]
+        shapes = {"body": body.shape, "eps": given["eps"][1], "status": batch}
+        if common_shape(shapes) != batch:
+            raise wrong("status", f"shape {common_shape(shapes)}", batch)
+    check_arrays({name: given[name] for name in given if name in _ARRAYS}, expected)
+    run: dict[str, Any] = dict.fromkeys(_ARRAYS)
+    run |= {name: _entry(entries, name) for name in expected}
+    eps = within("eps", real_array("eps", run["eps"]), MOMENTS)
+    if not np.isin(run["status"], [*Status]).all():
+        raise wrong("status", "values of Status", "others")
+    run |= {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
+    return run | {"method": method, "steps": steps, "save_every": every}
+
+
+def _kind(entries: zipfile.ZipFile, name: str) -> tuple[str, tuple[int, ...]] | None:
+    """Return type and shape of an entry, without its numbers; None if there is none."""
+    if f"{name}.npy" not in entries.namelist():
+        return None
+    with entries.open(f"{name}.npy") as file:
+        read = np.lib.format.read_array_header_1_0
+        if np.lib.format.read_magic(file) != (1, 0):
+            read = np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(file)
+    return dtype.newbyteorder("=").name, shape
+
+
+def _entry(entries: zipfile.ZipFile, name: str) -> Any:
+    """Return the array of an entry, in native and contiguous memory."""
+    require(entries.getinfo(f"{name}.npy").file_size, "this file needs as many")
+    with entries.open(f"{name}.npy") as file:
+        array = np.lib.format.read_array(file)
+    return np.asarray(array, array.dtype.newbyteorder("="), order="C")
+
+
+def arrays_of_a_run(
+    states: str, batch: tuple[int, ...], rows: int, D: int, turns: bool
+) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """Return the types and shapes of the arrays of a run, whose states have the name `states`."""
+    found: dict[str, tuple[str, tuple[int, ...]]] = {
+        states: ("float64", (rows, *batch, D)),
+        "final": ("float64", (*batch, D)),
+        "status": ("int8", batch),
+        "failed_at": ("int64", batch),
+    }
+    if turns:
+        found["attitude"] = "float64", (rows, *batch, D + 1, D + 1)
+    return found
+
+
+def check_arrays(given: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
+    """Check types and shapes of the arrays of a file or a store, by name."""
+    for name, (kind, shape) in expected.items():
+        if name not in given:
+            raise wrong(name, f"{kind} of shape {shape}", "none")
+        if given[name] != (kind, shape):
+            raise wrong(name, f"{kind} of shape {shape}", "{} of shape {}".format(*given[name]))
 
 
 def _checked(path: PathLike) -> Path:

@@ -1,0 +1,379 @@
+"""Zarr stores of runs: what is in one, and what one lacks.
+
+A store exists once its metadata are consolidated, a tile once its `status` is written. Every chunk
+is written, one of fill values, too: a chunk that is not there is one that was lost.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import hashlib
+import json
+import math
+import os
+import shutil
+import warnings
+from collections.abc import Coroutine, Iterator
+from contextlib import suppress
+from itertools import product
+from pathlib import Path
+from threading import Lock
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from .. import checks
+from ..checks import wrong
+from ..engine.arguments import RandomStarts
+from ..maps import named
+from .storage import arrays_of_a_run, check_arrays
+
+T = TypeVar("T")
+
+# Version of the format, and the status of trajectories that are not computed.
+FORMAT, PENDING = 9, -128
+# The codecs that stores have. Metadata with others are not given to Zarr: codecs can run commands.
+_CODECS = {"bytes", "vlen-utf8", "crc32c"}
+# Requests at a time, for chunks that a listing lacks.
+_AT_A_TIME = 64
+# Settings of Zarr and filters of warnings are those of all threads.
+_ALONE = Lock()
+
+Tile = tuple[int, ...]  # the number of a tile along each axis of the batch
+
+
+class Stored(NamedTuple):
+    """The metadata of an array."""
+
+    shape: tuple[int, ...]
+    dtype: str
+    chunks: tuple[int, ...]
+    dims: tuple[str, ...]
+
+    def keys(self, name: str) -> Iterator[tuple[tuple[int, ...], str]]:
+        """Yield the index and the key of each chunk."""
+        counts = (math.ceil(n / m) for n, m in zip(self.shape, self.chunks, strict=True))
+        for index in product(*map(range, counts)):
+            yield index, "/".join([name, "c", *map(str, index)])
+
+
+class Contents(NamedTuple):
+    """The metadata of a store: attributes of the run, and its arrays, {} until all were made."""
+
+    attributes: dict[str, Any]
+    arrays: dict[str, Stored]
+
+    @property
+    def tiled(self) -> list[str]:
+        """Names of the arrays that are written tile by tile."""
+        names: list[str] = json.loads(self.attributes["tiled"])
+        return names
+
+
+class Lost(NamedTuple):
+    """What a store lacks."""
+
+    chunks: dict[str, int]  # by the name of an array, the number of those that were written
+    tiles: set[Tile]  # of which such a chunk is not there
+    pending: set[Tile]  # not computed yet
+
+    def __str__(self) -> str:
+        each = (f"{n} chunk{'s' * (n > 1)} of {name}" for name, n in self.chunks.items())
+        return ", ".join(each)
+
+
+def resolved(store: Any) -> Any:
+    """Return a store that other processes can open: folders as absolute paths."""
+    Store = checks.extra("zarr.abc.store", "large").Store
+    checks.instance("store", store, (str, os.PathLike, Store))
+    elsewhere = isinstance(store, Store) or "://" in os.fspath(store)
+    return store if elsewhere else Path(store).absolute()
+
+
+def contents(store: Any) -> Contents | None:
+    """Return the metadata of a store, None if there is none; ValueError if it is another one.
+
+    They are read before Zarr reads them: only format 3 is opened, and only codecs that stores have.
+    """
+    text = _run(_get(_reader(store), "zarr.json"))
+    if text is None:
+        old = [key for key in (".zgroup", ".zarray") if _run(_exist(_reader(store), [key]))]
+        if old:
+            raise _foreign(store, "data of Zarr format 2")
+        return None
+    try:
+        document = json.loads(text)
+        attributes = document["attributes"] | {}
+        if document["zarr_format"] != 3 or document["node_type"] != "group":
+            raise KeyError("zarr_format")
+    except (KeyError, TypeError):
+        raise _foreign(store, "other data") from None
+    except ValueError as error:
+        raise _foreign(store, f"damaged metadata: {error}") from error
+    if attributes.get("format") != FORMAT:
+        version = attributes.get("version") or attributes.get("source")
+        of = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
+        raise _foreign(store, of)
+    try:
+        consolidated = document.get("consolidated_metadata") or {"metadata": {}}
+        arrays = {name: _stored(name, each) for name, each in consolidated["metadata"].items()}
+        found = Contents(attributes, arrays)
+        if arrays:
+            _check(found)
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise _foreign(store, f"damaged metadata: {error}") from error
+    return found
+
+
+def _foreign(store: Any, what: str) -> Any:
+    return wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {what}")
+
+
+def _stored(name: str, metadata: dict[str, Any]) -> Stored:
+    """Return the metadata of an array, if Zarr may open it."""
+    codecs = {each["name"] for each in metadata["codecs"]}
+    separator = metadata["chunk_key_encoding"].get("configuration", {}).get("separator", "/")
+    grid = metadata["chunk_grid"]["configuration"]["chunk_shape"]
+    known = codecs <= _CODECS and separator == "/" and not metadata.get("storage_transformers")
+    if (metadata["zarr_format"], metadata["node_type"]) != (3, "array") or not known:
+        raise wrong(name, "an array as ensemble makes it", ", ".join(sorted(codecs)))
+    shape, dims = tuple(metadata["shape"]), tuple(metadata.get("dimension_names") or ())
+    if len(dims) != len(shape) or len(grid) != len(shape) or min((*grid, 1)) < 1:
+        raise wrong(name, "a size of chunks and a name for each axis", f"{shape}, {grid}, {dims}")
+    return Stored(shape, str(metadata["data_type"]), tuple(grid), dims)
+
+
+def _check(found: Contents) -> None:
+    """Check that a store has all arrays of its run, with their types and shapes."""
+    attributes, arrays = found
+    map = named(attributes["map"])
+    checks.one_of("method", attributes["method"], map.methods)
+    every = attributes.get("save_every")
+    rows = 1 if every is None else attributes["steps"] // every + 1
+    batch = arrays["status"]
+    (D,) = arrays["component"].shape
+    expected = dict.fromkeys(found.tiled, ("float64", (rows, *batch.shape)))  # functions of states
+    expected |= arrays_of_a_run(map.variable, batch.shape, rows, D, "attitude" in attributes)
+    expected |= {"n": ("int64", (rows,)), "component": ("string", (D,))}
+    check_arrays({name: (each.dtype, each.shape) for name, each in arrays.items()}, expected)
+    sizes = dict(zip(batch.dims, batch.shape, strict=True))
+    chunks = dict(zip(batch.dims, batch.chunks, strict=True))
+    if "eps" not in arrays:
+        raise wrong("eps", "an array", "none")
+    for name, each in arrays.items():
+        for dim, length, chunk in zip(each.dims, each.shape, each.chunks, strict=True):
+            if length != sizes.setdefault(dim, length):
+                raise wrong(name, f"length {sizes[dim]} along {dim}", length)
+            if name in found.tiled and chunk != chunks.setdefault(dim, chunk):
+                raise wrong(name, f"chunks of {chunks[dim]} along {dim}", chunk)
+
+
+def lost(store: Any, found: Contents) -> Lost:
+    """Return what a store lacks: the one answer for opening, summaries, and the end of a run."""
+    source = _reader(store)
+    there = _run(_list(source))
+    tiles = [name for name in found.tiled if name != "status"]
+    status = found.arrays["status"]
+    if "zarr.json" not in there:  # a source, as of HTTP, that does not list: ask for each chunk
+        every = [key for name, each in found.arrays.items() for _, key in each.keys(name)]
+        there = _run(_exist(source, every))
+    done = {tile for tile, key in status.keys("status") if key in there}
+    absent: dict[str, tuple[str, Tile | None]] = {}  # key: name of the array, tile
+    for name, each in found.arrays.items():
+        axes = [each.dims.index(dim) for dim in status.dims] if name in tiles else None
+        for index, key in each.keys(name) if name != "status" else ():
+            tile = None if axes is None else tuple(index[axis] for axis in axes)
+            if key not in there and (tile is None or tile in done):
+                absent[key] = name, tile
+    for key in _run(_exist(source, list(absent))):  # which a network folder may list late
+        del absent[key]
+    chunks: dict[str, int] = {}
+    for name, _ in absent.values():
+        chunks[name] = chunks.get(name, 0) + 1
+    whole = {tile for tile, _ in status.keys("status")}
+    return Lost(chunks, {tile for _, tile in absent.values() if tile is not None}, whole - done)
+
+
+def has_tile(store: Any, tile: Tile) -> bool:
+    """Return whether the status of a tile is in a store, seen from this process."""
+    return bool(_run(_exist(_reader(store), ["/".join(["status", "c", *map(str, tile)])])))
+
+
+def prepare(store: Any, data: Any, sizes: dict[str, int]) -> list[Tile]:
+    """Create the store of a run, or check that it holds this run; return what to compute."""
+    found = contents(store)
+    ours, theirs = data.attrs, {} if found is None else found.attributes
+    texts = []
+    for name in {**ours, **theirs} if theirs else ():
+        if name not in ("version", "coordinates") and ours.get(name) != theirs.get(name):
+            here, there = (_in_words(each.get(name)) for each in (ours, theirs))
+            texts.append(f"{name}: {here}, the store has {'others' if here == there else there}")
+    if texts:
+        received = f"{store} of another run: {'; '.join(texts)}"
+        raise wrong("store", "a new name, or the store of this run", received)
+    if found is None and isinstance(store, Path):
+        _check_folder(store, data)
+    if found is None or not found.arrays:
+        create(store, data, sizes)
+        found = contents(store)
+        assert found is not None
+    lacks = lost(store, found)
+    if shared := [name for name in lacks.chunks if name not in found.tiled]:
+        write(opened(store), data, shared)
+    return sorted(lacks.tiles | lacks.pending)
+
+
+def _check_folder(store: Path, data: Any) -> None:
+    """Check that a new store has a folder of its own, and space."""
+    there = {path.name for path in store.glob("*") if path.suffix != ".partial"}
+    if others := there - {"zarr.json", *map(str, data.variables)}:  # which another process made
+        raise wrong("store", "a new name or a store", f"{store} with {min(others)} in it")
+    free = shutil.disk_usage(next(each for each in store.parents if each.exists())).free
+    if data.nbytes > free:
+        received = f"{free:,} bytes, fewer than the {data.nbytes:,} of the run"
+        message = f"expected space for the run, got {received}: raise save_every"
+        raise OSError(errno.ENOSPC, message, str(store))
+
+
+def described(name: str, array: Any, few: int = 1000) -> Any:
+    """Return few numbers as they are, and of many their count, range and digest."""
+    if isinstance(array, RandomStarts):
+        return repr(array)
+    if array.size <= few:  # numbers in lists of lists as JSON: NetCDF has no such attributes
+        return array.tolist() if array.ndim < 2 else json.dumps(array.tolist())
+    digest, low, high = hashlib.sha256(str(array.shape).encode()), np.inf, -np.inf
+    step = max(1, 2**21 // max(1, math.prod(array.shape[1:])))  # 16 MiB
+    for k in range(0, len(array), step):
+        part = checks.real_array(name, np.asarray(array[k : k + step]), allow_nan=True)
+        low = np.fmin.reduce(part, axis=None, initial=low)
+        high = np.fmax.reduce(part, axis=None, initial=high)
+        digest.update(np.ascontiguousarray(part).data)
+    return f"{array.size} values from {low:g} to {high:g}, sha256 {digest.hexdigest()}"
+
+
+def _in_words(value: Any) -> str:
+    """Return an attribute without the digest, and an array by number and range."""
+    if isinstance(value, str) and value.startswith("[["):
+        value = json.loads(value)
+    text = str(described("store", np.array(value), 0) if isinstance(value, list) else value)
+    return text.partition(", sha256")[0]
+
+
+def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
+    """Make the arrays of a store, which an interrupted call or another process may have begun."""
+    import zarr
+
+    labels = " ".join(str(name) for name in data.coords if name not in data.dims)
+    about = {**data.attrs, "coordinates": labels}  # as xarray reads it
+    with suppress(zarr.errors.ContainsGroupError):
+        zarr.create_group(store, zarr_format=3, attributes=about)
+    root = zarr.open_group(store, mode="r+", zarr_format=3, use_consolidated=False)
+    sizes = dict(sizes)
+    tiled = json.loads(data.attrs["tiled"])
+    for name, begun in root.arrays():  # with the sizes of the call that began
+        if name in tiled:
+            sizes |= zip(begun.metadata.dimension_names, begun.chunks, strict=True)
+    for name, variable in data.variables.items():
+        lengths = {**data.sizes, **sizes} if name in tiled else data.sizes
+        kind = variable.dtype.kind
+        with suppress(zarr.errors.ContainsArrayError):
+            root.create_array(
+                name,
+                shape=variable.shape,
+                dtype=str if kind in "OU" else variable.dtype,
+                chunks=tuple(max(1, lengths[dim]) for dim in variable.dims),
+                fill_value=_fill(kind, name in tiled),
+                compressors=zarr.codecs.Crc32cCodec(),
+                dimension_names=variable.dims,
+                attributes=variable.attrs,
+            )
+    write(_writable(root), data, [name for name in data.variables if name not in tiled])
+    with _ALONE, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # on this format and on unfinished files
+        zarr.consolidate_metadata(store)
+
+
+def _fill(kind: str, is_tiled: bool) -> Any:
+    """Return the value of chunks that are not written yet, None for that of Zarr."""
+    if kind == "f":
+        return math.nan
+    return PENDING if is_tiled else None
+
+
+def opened(store: Any) -> dict[str, Any]:
+    """Return the arrays of a store, to be written to."""
+    import zarr
+
+    return _writable(zarr.open_group(store, mode="r+", zarr_format=3))
+
+
+def _writable(root: Any) -> dict[str, Any]:
+    """Return the arrays of a group; they write every chunk, one of fill values, too."""
+    import zarr
+
+    with _ALONE, zarr.config.set({"array.write_empty_chunks": True}):
+        return dict(root.arrays())
+
+
+def write(arrays: Any, data: Any, names: Any) -> None:
+    """Write the arrays that all tiles share: parameters, step sizes, labels."""
+    for name in names:
+        arrays[name][...] = data.variables[name].values
+
+
+# ------------------------------------------------------------------------------ requests to a store
+def _reader(store: Any) -> Any:
+    """Return the Zarr store object of a folder or a URL, to read what is there now."""
+    from zarr.storage import FsspecStore, LocalStore
+
+    if isinstance(store, Path):
+        return LocalStore(store, read_only=True)
+    if isinstance(store, (str, os.PathLike)):
+        store = FsspecStore.from_url(os.fspath(store), read_only=True)
+    if isinstance(store, FsspecStore):
+        store.fs.invalidate_cache()  # of listings, in which other processes' chunks are missing
+    return store
+
+
+def _run(requests: Coroutine[Any, Any, T]) -> T:
+    """Run requests on the event loop of Zarr, to which the connections of its stores belong.
+
+    Zarr's public functions are synchronous and take arrays; none lists or asks for keys.
+    """
+    from zarr.core.sync import sync
+
+    found: T = sync(requests)
+    return found
+
+
+async def _get(source: Any, key: str) -> str | None:
+    from zarr.buffer import default_buffer_prototype
+
+    try:
+        value = await source.get(key, default_buffer_prototype())
+    except FileNotFoundError:
+        return None
+    return None if value is None else value.to_bytes().decode("utf-8", "replace")
+
+
+async def _list(source: Any) -> set[str]:
+    try:
+        return {key async for key in source.list_prefix("")}
+    except (FileNotFoundError, NotImplementedError):
+        return set()
+
+
+async def _exist(source: Any, keys: list[str]) -> set[str]:
+    """Return the keys that exist."""
+    turn = asyncio.Semaphore(_AT_A_TIME)
+
+    async def ask(key: str) -> bool:
+        async with turn:
+            try:
+                return bool(await source.exists(key))
+            except FileNotFoundError:
+                return False
+
+    answers = await asyncio.gather(*map(ask, keys))
+    return {key for key, there in zip(keys, answers, strict=True) if there}

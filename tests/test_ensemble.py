@@ -185,7 +185,9 @@ BAD = [
     ({"omega0": dask.array.full((9, 2), np.inf)}, ValueError, "omega0"),
     ({"chunk": 0}, ValueError, "chunk"), ({"chunk": {"time": 3}}, ValueError, "chunk.*time"),
     ({"chunk": "many"}, TypeError, "chunk"), ({"dims": ("a", "b")}, ValueError, "dims"),
-    *[({"coords": {name: 3}}, ValueError, "coords") for name in ("a/b", "omega")],
+    *[({"coords": {name: 3}}, ValueError, "coords") for name in ("a/b", "omega", "zarr.json")],
+    *[({"functions": {name: radius}}, ValueError, "functions") for name in ("", ".", "..", "/r")],
+    *[({"dims": name}, ValueError, "dims") for name in ("", "..", "a/b")],
     *[({"functions": {name: radius}}, ValueError, "functions") for name in ("omega", "time")],
     ({"functions": {"r": np.sin}}, TypeError, "functions.*r"),
     ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
@@ -214,9 +216,9 @@ def test_places_that_cannot_hold_a_store(store):
     with pytest.raises(ValueError, match=r"store: .*thesis\.tex"):
         call(ensemble, **ASKED, store=store.parent / "thesis")
     zarr.open_group(store, mode="w").attrs.update({"source": "suslov_fast 0.5.0", "steps": 3})
-    for call in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
+    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
         with pytest.raises(ValueError, match=r"store: .*0\.5\.0"):
-            call(store)
+            opens(store)
     with pytest.raises(FileNotFoundError, match="store"):
         open_ensemble(store.with_name("missing.zarr"))
 
@@ -335,5 +337,72 @@ def test_attributes_are_plain(store):
     dataset = call(ensemble, **FIELD, store=store, functions={"radius": radius})
     assert xarray.open_zarr(store).attrs == dataset.attrs
     assert json.loads(json.dumps(dataset.attrs)) == dataset.attrs
-    assert dataset.attrs["rho"] == FAMILY.parameters["rho"].tolist()
+    assert json.loads(dataset.attrs["rho"]) == FAMILY.parameters["rho"].tolist()
     assert (dataset.attrs["eps"], dataset.attrs["steps"]) == (0.01, 9)
+
+
+def test_a_lost_chunk_is_an_error_and_computed_anew(store):
+    """One of each array in turn, of parameters, too, whose value is 0."""
+    body = Suslov3D(4, 1, 0.0, -0.3)
+    omega0 = np.linspace(-1.0, 1.0, 12).reshape(6, 2)
+    omega0[2:4] = np.nan  # a tile of fill values
+    ours = {"save_every": 1, "chunk": {"trajectory": 2, "n": 3}, "functions": {"radius": radius}}
+    orbits = iterate(body, omega0, 0.0, 4, on_singular="ignore")
+    ensemble(body, omega0, 0.0, 4, store=store, **ours)
+    whole = contents(store)
+    chunks = [name for name in whole if "/c" in name]
+    assert {name.partition("/")[0] for name in chunks} == {*open_ensemble(store).variables} - {
+        "time"
+    }
+    for lost in chunks:
+        (store / lost).unlink()
+        name = lost.partition("/")[0]
+        if name == "status":  # its tile counts as not computed
+            assert (open_ensemble(store).status == PENDING).sum() == 2
+        else:
+            with pytest.raises(ValueError, match=f"1 chunk of {name}: ensemble, called again"):
+                open_ensemble(store)
+        assert_same(ensemble(body, omega0, 0.0, 4, store=store, **ours), orbits)
+        assert contents(store) == whole
+    shutil.rmtree(store / "omega" / "c")
+    with pytest.raises(ValueError, match="6 chunks of omega"):
+        open_ensemble(store)
+
+
+def test_only_format_3_is_opened(store):
+    """Zarr reads no metadata of format 2, and no codecs that stores do not have."""
+    zarr.open_group(store, mode="w", zarr_format=2).attrs.update({"format": 9})
+    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
+        with pytest.raises(ValueError, match="store: .*format 2"):
+            opens(store)
+    shutil.rmtree(store)
+    call(ensemble, **ASKED, store=store)
+    made = json.loads((store / "zarr.json").read_text())
+    arrays = made["consolidated_metadata"]["metadata"]
+    for change in ({"zarr_format": 2}, {"codecs": [{"name": "numcodecs.lz4"}]}, {"shape": [3]}):
+        metadata = {**arrays, "final": arrays["final"] | change}
+        about = {**made, "consolidated_metadata": {"kind": "inline", "metadata": metadata}}
+        (store / "zarr.json").write_text(json.dumps(about))
+        with pytest.raises(ValueError, match="store: .*final"):
+            open_ensemble(store)
+
+
+def test_workers_that_do_not_share_the_store():
+    """The memory of another process: an error after the first tile."""
+    place = "memory://elsewhere.zarr"
+    with (
+        distributed.LocalCluster(1, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+        pytest.raises(ValueError, match="client: expected workers that write to the store"),
+    ):
+        ensemble(BODY, RandomStarts(50, 1.5), 0.2, 10, store=place, client=client, chunk=7)
+
+
+@pytest.mark.parametrize("eps", [0.2, [[0.1], [0.2]]])
+def test_a_store_as_netcdf(store, eps):
+    path = store.with_suffix(".nc")
+    data = ensemble(BODY, [[1.0, 0.5], [0.3, 0.4]], eps, 6, store=store, attitude=True)
+    data.to_netcdf(path)
+    with xarray.open_dataset(path) as again:
+        np.testing.assert_array_equal(again.final, data.final)
+    data.close()

@@ -224,9 +224,10 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
             raise wrong("functions", "functions with a source", received, TypeError) from error
         _values(name, function, np.full((3, D), 0.5))  # errors come before anything is stored
         data[name] = (("n", *data.status.dims), np.broadcast_to(np.nan, (rows, *batch)))
-    if refused := [str(name) for name in (*data.variables, *data.dims) if not _is_storable(name)]:
+    names = *data.variables, *data.dims
+    if refused := [repr(str(name)) for name in names if not _is_storable(name)]:
         expected = "names that a store can have, without / and other than '', '.' and 'zarr.json'"
-        raise wrong("dims, coords and functions", expected, ", ".join(map(repr, refused)))
+        raise wrong("dims, coords and functions", expected, ", ".join(refused))
     identity = {name: stores.described(name, each) for name, each in arrays.items()}
     identity["omega0"] = stores.described("omega0", omega0, few=0)
     labels = {name: data[name].values.tolist() for name in coords or ()}

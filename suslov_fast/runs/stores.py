@@ -14,7 +14,7 @@ import math
 import os
 import shutil
 import warnings
-from collections.abc import Coroutine, Iterator
+from collections.abc import Coroutine, Iterable, Iterator
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
@@ -271,9 +271,9 @@ def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
     root = zarr.open_group(store, mode="r+", zarr_format=3, use_consolidated=False)
     sizes = dict(sizes)
     tiled = json.loads(data.attrs["tiled"])
-    for name, begun in root.arrays():  # with the sizes of the call that began
-        if name in tiled:
-            sizes |= zip(begun.metadata.dimension_names, begun.chunks, strict=True)
+    for name in tiled:
+        if (begun := root.get(name)) is not None:  # with the sizes of the call that made it
+            sizes |= zip(data[name].dims, begun.chunks, strict=True)
     for name, variable in data.variables.items():
         lengths = {**data.sizes, **sizes} if name in tiled else data.sizes
         kind = variable.dtype.kind
@@ -288,7 +288,8 @@ def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
                 dimension_names=variable.dims,
                 attributes=variable.attrs,
             )
-    write(_writable(root), data, [name for name in data.variables if name not in tiled])
+    shared = [name for name in data.variables if name not in tiled]
+    write(_writable(root, shared), data, shared)
     with _ALONE, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # on this format and on unfinished files
         zarr.consolidate_metadata(store)
@@ -305,15 +306,16 @@ def opened(store: Any) -> dict[str, Any]:
     """Return the arrays of a store, to be written to."""
     import zarr
 
-    return _writable(zarr.open_group(store, mode="r+", zarr_format=3))
+    root = zarr.open_group(store, mode="r+", zarr_format=3)
+    return _writable(root, root.array_keys())
 
 
-def _writable(root: Any) -> dict[str, Any]:
-    """Return the arrays of a group; they write every chunk, one of fill values, too."""
+def _writable(root: Any, names: Iterable[str]) -> dict[str, Any]:
+    """Return arrays of a group; they write every chunk, one of fill values, too."""
     import zarr
 
     with _ALONE, zarr.config.set({"array.write_empty_chunks": True}):
-        return dict(root.arrays())
+        return {name: root[name] for name in names}
 
 
 def write(arrays: Any, data: Any, names: Any) -> None:

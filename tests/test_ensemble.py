@@ -373,7 +373,7 @@ def test_only_format_3_is_opened(store):
     """Zarr reads no metadata of format 2, and no codecs that stores do not have."""
     zarr.open_group(store, mode="w", zarr_format=2).attrs.update({"format": 9})
     for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
-        with pytest.raises(ValueError, match="store: .*format 2"):
+        with pytest.raises(ValueError, match=r"store: .*format 2"):
             opens(store)
     shutil.rmtree(store)
     call(ensemble, **ASKED, store=store)
@@ -383,7 +383,7 @@ def test_only_format_3_is_opened(store):
         metadata = {**arrays, "final": arrays["final"] | change}
         about = {**made, "consolidated_metadata": {"kind": "inline", "metadata": metadata}}
         (store / "zarr.json").write_text(json.dumps(about))
-        with pytest.raises(ValueError, match="store: .*final"):
+        with pytest.raises(ValueError, match=r"store: .*final"):
             open_ensemble(store)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.bodies.polynomials import RESERVED
+from suslov_fast.bodies.advice import RESERVED
 from suslov_fast.engine import threads
 from suslov_fast.maps import MAPS
 from suslov_fast.runs import surface as module

@@ -102,5 +102,7 @@ def test_multipliers_of_a_family():
         sf.multipliers(family, several, 0.1)
     with pytest.raises(ValueError, match=r"x: .* got 1 other states of member 1 \(a=1.0, b=2.0\)"):
         sf.multipliers(family, [points[0], points[1] + [[0, 0], [0, 1]], points[2]], 0.1)
+    with pytest.raises(ValueError, match=r"x: expected a list of 3 arrays, .*, got 2"):
+        sf.multipliers(family, points[:2], 0.1)
     with pytest.raises(ValueError, match=r"eps: expected a number, or one for each of 3"):
         sf.multipliers(family, points, [[0.1], [0.2]])

@@ -12,7 +12,7 @@ import children
 import pytest
 
 import suslov_fast
-from suslov_fast.bodies.polynomials import RESERVED
+from suslov_fast.bodies.advice import RESERVED
 from suslov_fast.runs.storage import TAKEN
 
 PACKAGE = Path(suslov_fast.__file__).parent

@@ -60,6 +60,10 @@ def run(**given):
     return lambda: sf.iterate(body, omega0, **arguments)
 
 
+def crossings(surface):
+    return lambda: sf.crossings(BODY, OMEGA, 0.2, 3, surface)
+
+
 BODIES = [
     (body(I2=[1, 2, -3]), ValueError, "I2"), (body(I13=[1, INF]), ValueError, "I13"),
     (body(I23=1j), TypeError, "I23"), (body(I23="0.3"), TypeError, "I23"),
@@ -147,6 +151,10 @@ FIELDS = [
     (field(lambda x, p: (sum(p), 1), p=[1, 2]), TypeError, "f: .* an array is a family"),
     (field(lambda x, a, t: (1, 2), a=1, t=1), ValueError, "'t': fields have no time.*cubic.md"),
     (lambda: sf.integrability.rational_map(lambda t, y: y, 2), TypeError, r"f: .*f\(0, x\)"),
+    (lambda: sf.integrability.kahan(lambda x: x), TypeError, "field: .*from_function"),
+    (lambda: sf.integrability.kahan(BODY), TypeError, r"field: .*QuadraticField.of\(body\)"),
+    (field(lambda x, *, a: x), TypeError, "f: .* pass a=28"),
+    (field(lambda x, eps: x), TypeError, "f: .* eps: a name that is in use"),
     (field(lambda x: x[0] * x[1]), ValueError, "f"),
     (field(lambda x: ("1", 1)), TypeError, "f"), (field(None), TypeError, "f"),
     (field(lambda x: (1,), 1.5), TypeError, "dimension"),
@@ -227,6 +235,9 @@ PLOTS = [
     (lambda: sf.animate_body(BODY, eps=[0.1, 0.2]), ValueError, "body, eps"),
     (lambda: sf.animate_body(BODY, R0=[ID]), ValueError, "omega0, R0"),
     (lambda: sf.animate_body(ND), TypeError, "body"),
+    (crossings(lambda t, x: x), TypeError, r"surface: .* as lambda x: x\[..., 2\] - 27, got one of t, x"),
+    (crossings(lambda x: x[2] - 27), IndexError, r"surface: .* last axis, as x\[..., 2\]"),
+    (crossings(lambda x: x[0] - 27), ValueError, r"surface: .* last axis, as x\[..., 2\]"),
     (lambda: sf.explore(ND), TypeError, "body"),
     (lambda: sf.explore(FIELD), TypeError, r"body: .*iterate\(...\).plot\(\)"), (lambda: sf.explore(BATCH), ValueError, "body"),
     (lambda: sf.explore(BODY, [1, 2, 3]), ValueError, "omega0"),
@@ -259,6 +270,7 @@ ATTRIBUTES = [
         r"suslov_fast.lyapunov_exponents\(run.body, run.omega, ...\)",
     ),
     (lambda: FAMILY.rho, r"parameters\['rho'\]"),
+    (lambda: FIELD.trajectory(100), r"suslov_fast.iterate\(body, ...\)"),
     (lambda: BODY.energy([1, 2]), r"suslov_fast.energy\(body, ...\)"),
 ]
 

@@ -15,54 +15,77 @@ _STATE = re.compile(r"[xyzuvwqps]\d*|[XYZUVW]|state|states|vec")
 PAGE = "docs/howto/cubic.md"
 
 
+# Names that a parameter may not have: those of runs, of their files and datasets, of variables,
+# and of arguments of functions that take parameters by name.
+RESERVED = frozenset(
+    "f H K x omega n t time eps dimension body space component component_j component_k trajectory "
+    "quadratic linear constant parameters states status failed_at final method steps save_every "
+    "attitude orientation carry ok first_integral energy modified_energy criticality to_xy "
+    "reaction extend to_xarray plot save load about format version map title omega0 store "
+    "functions dims coords chunk client progress crossing before after fraction count states "
+    "crossings surface direction transient most of self cls".split()
+)
+_NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
+
+
+def is_in_use(name: str) -> bool:
+    """Return whether runs, files, datasets or functions use a name for something else."""
+    return name in RESERVED or _NUMBERED.fullmatch(name) is not None
+
+
 def is_state(name: str) -> bool:
     """Return whether an argument is, by its name, a state, a part of one, or an array."""
     return name in _ARRAY or _STATE.fullmatch(name) is not None
 
 
-def check_arguments(name: str, f: Any, D: int, given: Mapping[str, Any]) -> None:
-    """Raise TypeError unless f takes the state alone, as one tuple, and parameters by name."""
+def arguments_of(f: Any) -> list[str]:
+    """Return the names of the arguments that a function needs, and of a time."""
     try:
         arguments = inspect.signature(f).parameters.values()
     except (TypeError, ValueError):  # some functions written in C have none
-        return
-    by_place = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    needed = [each.name for each in arguments if each.default is each.empty]
-    places = [each.name for each in arguments if each.kind in by_place]
-    places = [each for each in places if each in needed or each in TIME]
-    named = [each.name for each in arguments if each.kind is inspect.Parameter.KEYWORD_ONLY]
-    missing = [each for each in [*places[1:], *named] if each in needed and each not in given]
-    times = TIME.intersection(places)
-    states = [each for each in missing if is_state(each)]
+        return []
+    stars = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    named = [each for each in arguments if each.kind not in stars]
+    return [each.name for each in named if each.default is each.empty or each.name in TIME]
+
+
+def check_arguments(name: str, f: Any, D: int, given: Mapping[str, Any]) -> None:
+    """Raise TypeError unless f takes the state alone, as one tuple, and parameters by name."""
+    places = arguments_of(f)
+    missing = [each for each in places[1:] if each not in given]
+    is_timed = not TIME.isdisjoint(places)
     is_scalar = len(places) == D > 1 and missing and not is_state(places[0])
-    if not (times or states or is_scalar):
-        if missing:
-            expected = f"a function of x and of parameters by name, for {D} variables"
-            received = f"none, as {name} needs {missing[0]}: pass {missing[0]}=28, say"
-            raise wrong(name, expected, received, TypeError)
-        return
-    received = f"{name}({', '.join(places)})"
+    if is_timed or is_scalar or any(map(is_state, missing)):
+        expected = f"a function of the state alone, as one tuple of {D}, and of parameters by name"
+        received = f"{name}({', '.join(places)}): {_adapted(name, D, places, missing)}"
+        raise wrong(name, expected, received, TypeError)
+    if missing:
+        how = f"pass {missing[0]}=28, say"
+        if is_in_use(missing[0]):
+            how = "a name that is in use: choose another"
+        expected = f"a function of x and of parameters by name, for {D} variables"
+        raise wrong(name, expected, f"none, as {name} needs {missing[0]}: {how}", TypeError)
+
+
+def _adapted(name: str, D: int, places: list[str], missing: list[str]) -> str:
+    """Return how to make a function of the state from one written for another package."""
     if len(places) > 1 and places[0] == f"d{places[1]}":
-        how = f"return the {D} components, as a tuple"
-    elif times:
+        return f"return the {D} components, as a tuple"
+    if times := TIME.intersection(places):
         state, *others = [each for each in places if each not in TIME] or ["x"]
         inner = ["0" if each in TIME else "x" if each == state else each for each in places]
         outer = ", ".join(["x", *(each for each in others if not is_state(each))])
-        time = ", ".join(times)
-        how = f"pass lambda {outer}: {name}({', '.join(inner)}) if nothing depends on {time}"
-        how += f"; for a forcing see {PAGE}"
-    elif {*missing} <= _ARRAY and len(places) != D and places[0] != "q":
-        how = "pass each parameter by its own name, as in f(x, sigma, rho)"
-    elif len(places) == D:
-        how = f"pass lambda x: {name}(*x)"
-    elif D % len(places) == 0:
+        call = f"pass lambda {outer}: {name}({', '.join(inner)})"
+        return f"{call} if nothing depends on {', '.join(times)}; for a forcing see {PAGE}"
+    if {*missing} <= _ARRAY and len(places) != D and places[0] != "q":
+        return "pass each parameter by its own name, as in f(x, sigma, rho)"
+    if len(places) == D:
+        return f"pass lambda x: {name}(*x)"
+    if D % len(places) == 0:
         m = D // len(places)
         parts = ", ".join(f"x[{m * k}:{m * (k + 1)}]" for k in range(len(places)))
-        how = f"pass lambda x: {name}({parts})"
-    else:
-        how = "write a function of x"
-    expected = f"a function of the state alone, as one tuple of {D}, and of parameters by name"
-    raise wrong(name, expected, f"{received}: {how}", TypeError)
+        return f"pass lambda x: {name}({parts})"
+    return "write a function of x"
 
 
 def explained(error: Exception, is_family: bool) -> str:

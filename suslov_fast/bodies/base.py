@@ -16,6 +16,12 @@ from .polynomials import from_lists, to_lists
 
 Kind = TypeVar("Kind", bound="Body")
 
+# Names that systems of other packages have for functions of this one.
+_ELSEWHERE = {
+    "trajectory": "iterate",
+    "lyapunov": "lyapunov_exponents",
+    "poincare_section": "crossings",
+}
 # Attributes for other modules, which `dir` leaves out.
 _FOR_KERNELS = {"batch_of_one", "table", "terms"}
 
@@ -110,8 +116,8 @@ class Body:
             kind, instead = type(self).__name__, ""
             if name in vars(self).get("_coordinates", ()):
                 instead = f"parameters[{name!r}]"
-            elif name in import_module("suslov_fast").__all__:
-                instead = f"suslov_fast.{name}(body, ...), a function"
+            elif name in import_module("suslov_fast").__all__ or name in _ELSEWHERE:
+                instead = f"suslov_fast.{_ELSEWHERE.get(name, name)}(body, ...), a function"
             if instead:
                 raise AttributeError(f"{name}: expected {instead}, got an attribute of {kind}")
             text = f"{kind!r} object has no attribute {name!r}"

@@ -16,20 +16,9 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ..checks import OTHERS, common_shape, real_array, refuse, short, within, wrong
-from .advice import PAGE, TIME, check_arguments, explained
+from .advice import PAGE, TIME, check_arguments, explained, is_in_use
 
-# Names that a parameter may not have: those of runs, of their files and datasets, of variables,
-# and of arguments of functions that take parameters by name.
-RESERVED = frozenset(
-    "f H K x omega n t time eps dimension body space component component_j component_k trajectory "
-    "quadratic linear constant parameters states status failed_at final method steps save_every "
-    "attitude orientation carry ok first_integral energy modified_energy criticality to_xy "
-    "reaction extend to_xarray plot save load about format version map title omega0 store "
-    "functions dims coords chunk client progress crossing before after fraction count states "
-    "crossings surface direction transient most of self cls".split()
-)
 _LARGEST_EXPONENT = 400  # of a decimal
-_NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -68,7 +57,7 @@ def named(parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters by name: numbers as they are, and arrays of floats."""
     found: dict[str, Any] = {}
     for name, value in parameters.items():
-        if name in RESERVED or _NUMBERED.fullmatch(name) or not name.isidentifier():
+        if is_in_use(name) or not name.isidentifier():
             time = f": fields have no time; for a forcing see {PAGE}" if name in TIME else ""
             raise wrong("parameters", "names that are not in use, as a or rho", f"{name!r}{time}")
         array = as_given(name, value)

@@ -12,8 +12,9 @@ from typing import Any
 import flint
 import numpy as np
 
+from ..bodies.base import Body
 from ..bodies.field import QuadraticField
-from ..checks import wrong
+from ..checks import in_place_of, kind_of, wrong
 from .arithmetic import degree_of, matrix, step_size
 from .functions import MODULAR, RationalFunction, factored, quotient_of
 from .maps import LONGEST, TERMS, RationalMap, coprime, cramer
@@ -208,7 +209,8 @@ def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
     (-2/(2*eps - 1),)
     """
     if not isinstance(field, QuadraticField):
-        raise wrong("field", "QuadraticField", type(field).__name__, TypeError)
+        how = ": use QuadraticField.of(body)" if isinstance(field, Body) else in_place_of(field)
+        raise wrong("field", "QuadraticField", f"{kind_of(field)}{how}", TypeError)
     if field.shape:
         raise wrong("field", "a single field", f"a batch of shape {field.shape}")
     return KahanMap(field, None if eps is None else step_size(eps))

@@ -167,8 +167,10 @@ def multipliers(body: BodyOrField, x: ArrayLike | list[FloatArray], /, eps: Arra
     """
     points: Any = x
     map_of(body).formula("multipliers", body)
-    is_list = isinstance(points, list) and body.shape == (len(points),)
+    is_list = isinstance(points, list) and len(body.shape) == 1 and len(points) > 0
     if is_list and all(isinstance(each, np.ndarray) and each.ndim == 2 for each in points):
+        if len(points) != len(body):
+            raise wrong("x", f"a list of {len(body)} arrays, one for each member", len(points))
         in_list: OneOrEach = _of_each_member(body, points, eps)
         return in_list
     values: OneOrEach = _multipliers(*problem("multipliers", body, points, eps, name="x"))

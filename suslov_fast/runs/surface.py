@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
+from ..bodies.advice import arguments_of
 from ..checks import FloatArray, integer, one_of, wrong
 from ..core.crossings import keep, put
 from ..engine.arguments import BodyOrField, RandomStarts, check, require
@@ -26,6 +27,7 @@ from .crossings import Crossings
 _PIECE, _STATES, _LARGE = 2**17, 48, 2**22
 _FIRST = 64  # steps of the first piece where a run may end early; each next one has twice as many
 _WITHOUT_END = 2**62
+_LAST = "components on the last axis, as x[..., 2]"  # what surfaces of one state overlook
 
 Surface = Callable[[FloatArray], ArrayLike]
 
@@ -117,6 +119,9 @@ def crossings(
     reports = reporter(progress, transient + steps)
     if not callable(surface):
         raise wrong("surface", "a function of states", checks.kind_of(surface), TypeError)
+    if len(needed := arguments_of(surface)) > 1:
+        expected = "a function of the states alone, as lambda x: x[..., 2] - 27"
+        raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
     if type(problem.eps) is not float:  # a copy, for the result
         problem = problem._replace(eps=np.array(problem.eps))
     search = _Search(March(problem), surface, direction, most, steps)
@@ -151,7 +156,10 @@ class _Search:
         """Return the surface at states (rows, ..., D), as (rows, B), after checks."""
         states = states.view()
         states.flags.writeable = False
-        values = np.asarray(self.surface(states))
+        try:
+            values = np.asarray(self.surface(states))
+        except IndexError as error:  # of one who takes a single state for the argument
+            raise wrong("surface", _LAST, error, IndexError) from error
         if values.dtype.kind == "b":
             how = "pass the difference, not the comparison"
             raise wrong("surface", "real numbers", f"bool: {how}", TypeError)
@@ -159,7 +167,8 @@ class _Search:
             raise wrong("surface", "real numbers", f"values of dtype {values.dtype}", TypeError)
         if values.shape != states.shape[:-1]:
             received = f"values {values.shape} for states {states.shape}"
-            raise wrong("surface", "a number for each state, values (...) for (..., D)", received)
+            expected = f"a number for each state, values (...) for (..., D), with {_LAST}"
+            raise wrong("surface", expected, received)
         return values.reshape(len(states), -1).astype(np.float64, copy=False)
 
     def run(self, transient: int, steps: int, report: Report | None) -> Crossings:

@@ -19,7 +19,9 @@ from PIL import Image
 DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"
 SCRIPTS = {path.stem: path for path in sorted((DOCS / "examples").glob("*.py"))}
-PAGES = {name: DOCS / "howto" / f"{name}.md" for name in ("afternoon", "families", "cubic")}
+PAGES = {
+    name: DOCS / "howto" / f"{name}.md" for name in ("afternoon", "crossings", "families", "cubic")
+}
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 

@@ -58,8 +58,9 @@ for k in range(len(starts)):
     plane.plot(*kahan[:, k].T, "k.", markersize=4, label="this map" if k == 0 else None)
     name = "Fedorov and Zenkov, one root" if k == 0 else None
     plane.plot(*roots[:, k].T, "o", color="tab:blue", markersize=4, fillstyle="none", label=name)
-plane.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$", title=rf"three orbits, $\epsilon$ = {eps}")
-plane.legend(fontsize=7)
+plane.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$", ylim=(-2.4, 2.7))
+plane.set_title(rf"three orbits of both maps, $\epsilon$ = {eps}")
+plane.legend(fontsize=7, loc="upper center", ncols=2)
 
 
 def momentum_energy(omega):
@@ -78,6 +79,9 @@ for name, values, look in (
     change = np.maximum(abs(values / values[0] - 1), 1e-16)
     conserved.semilogy(change, look, linewidth=1, label=name)
 conserved.set(
-    xlabel="step", ylabel="relative change", title="along the outer orbit", ylim=(3e-17, 1e6)
+    xlabel="step",
+    ylabel="relative change",
+    title="quantities of the outer orbit",
+    ylim=(3e-17, 1e6),
 )
 conserved.legend(fontsize=7, loc="upper right")

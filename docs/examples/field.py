@@ -9,7 +9,7 @@ exceeds 0.01 per unit of time are red.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from suslov_fast import QuadraticField, iterate, lyapunov_exponents
+from suslov_fast import QuadraticField, crossings, iterate, lyapunov_exponents
 
 lorenz = QuadraticField.from_function(
     lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
@@ -35,15 +35,11 @@ axes[0].set_title(r"Lorenz system, $\epsilon = 1/64$", fontsize="small")
 
 eps = 1 / 16
 starts = at_energy(1 / 8, np.linspace(-0.36, 0.6, 17), 0.0)
-x = iterate(henon_heiles, starts, eps, 40_000).x
+section = crossings(henon_heiles, starts, eps, 40_000, lambda x: x[..., 0])
 chaotic = lyapunov_exponents(henon_heiles, starts, eps, 200_000)[:, 0] / eps > 0.01
 for k in range(len(starts)):
-    orbit = x[:, k]
-    (n,) = np.nonzero((orbit[:-1, 0] < 0) & (orbit[1:, 0] >= 0))
-    before, after = orbit[n], orbit[n + 1]
-    share = (before[:, 0] / (before[:, 0] - after[:, 0]))[:, np.newaxis]
-    crossings = before + share * (after - before)
+    points = section.of(k).states
     colour = "crimson" if chaotic[k] else plt.colormaps["viridis"](k / len(starts))
-    axes[1].plot(crossings[:, 1], crossings[:, 3], ".", color=colour, markersize=1.2)
+    axes[1].plot(points[:, 1], points[:, 3], ".", color=colour, markersize=1.2)
 axes[1].set(xlabel="$q_2$", ylabel="$p_2$")
 axes[1].set_title("Hénon-Heiles system, section at $q_1 = 0$", fontsize="small")

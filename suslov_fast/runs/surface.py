@@ -17,7 +17,7 @@ from ..bodies.advice import arguments_of
 from ..checks import FloatArray, integer, one_of, wrong
 from ..core.crossings import keep, put
 from ..engine.arguments import BodyOrField, RandomStarts, check, require
-from ..engine.status import ON_SINGULAR, OnSingular, report_failures
+from ..engine.status import ON_SINGULAR, OnSingular, Status, report_failures
 from ..engine.stretches import March, Progress, Report, reporter
 from ..maps import map_of
 from .crossings import Crossings
@@ -180,7 +180,7 @@ class _Search:
         if 0 < n < end:
             self.values[0] = self.values_of(self.states[:1])
         longest = self.rows if self.most == _WITHOUT_END else min(_FIRST, self.rows)
-        while n < end and not self.is_over():
+        while n < end and (march.status >= 0).any():
             rows = min(longest, end - n)
             longest = min(2 * longest, self.rows)
             states = self.states[: rows + 1]
@@ -190,14 +190,12 @@ class _Search:
                 self.values[1 : rows + 1] = self.values_of(states[1:])
             self.look(n, states, self.values[: rows + 1])
             self.states[0], self.values[0] = states[rows], self.values[rows]
+            # Kernels may leave out what has failed, and an orbit that has left may take long steps.
+            march.status.reshape(-1)[self.counts >= self.most] = Status.NONFINITE
             n += rows
             if report is not None:
                 report(n)
         return self.result(alive)
-
-    def is_over(self) -> bool:
-        """True if all trajectories have ended or failed."""
-        return bool(((self.counts >= self.most) | (self.march.status.ravel() < 0)).all())
 
     def look(self, n: int, states: FloatArray, values: FloatArray) -> None:
         """Keep the crossings between states (rows + 1, ..., D), from state n on."""

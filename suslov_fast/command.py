@@ -19,6 +19,8 @@ from typing import Any, NoReturn
 
 import suslov_fast as sf
 
+from .summary import facts_in, facts_of, lines_of
+
 # Modules that need Numba, which would delay `--help`, are imported where they are used.
 _PARAMETERS = ("I1", "I2", "I13", "I23", "I3", "k", "J", "I")
 
@@ -182,7 +184,7 @@ def run(options: argparse.Namespace) -> None:
         kept = "keeps its tiles; the same command goes on" if is_stored else "was not written"
         raise KeyboardInterrupt(f": {path} {kept}" if path else "") from None
     facts |= {"threads": numba.get_num_threads()} | ({"written": str(path)} if path else {})
-    print(_lines_of(facts, options.json), flush=True)
+    print(lines_of(facts, options.json), flush=True)
     if facts["trajectories"] and not facts["status"].keys() & {"OK", "SUPERCRITICAL"}:
         raise ArithmeticError("run: all trajectories failed")
 
@@ -256,7 +258,7 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
     seconds = time.perf_counter() - begin
     computed = (found.failed_at + (found.failed_at < 0) * (steps + 1)).sum()
     rate = {"seconds": seconds, "steps_per_second": float(computed) / seconds}
-    facts = _facts_of(found, starts) | rate
+    facts = facts_of(found, starts) | rate
     if path is not None:
         found.save(path, overwrite=force)
     return facts
@@ -269,7 +271,7 @@ def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]
         shutil.rmtree(path)
     begin = time.perf_counter()
     sf.ensemble(*work, store=path, **settings)
-    return _facts_in(path) | {"seconds": time.perf_counter() - begin}
+    return facts_in(path) | {"seconds": time.perf_counter() - begin}
 
 
 def _require_new(paths: Sequence[Path], force: bool) -> None:
@@ -282,76 +284,13 @@ def info(options: argparse.Namespace) -> int:
     failed = 0
     for path in options.file:
         try:
-            facts = {"file": str(path), **_facts_in(path)}
+            facts = {"file": str(path), **facts_in(path)}
         except Exception as error:
             _tell(_text_of(error, path))
             failed = 1
         else:
-            print(_lines_of(facts, options.json), flush=True)
+            print(lines_of(facts, options.json), flush=True)
     return failed
-
-
-def _facts_in(path: Path) -> dict[str, Any]:
-    if path.suffix == ".zarr":
-        data = sf.open_ensemble(path)
-        return {**data.attrs, **_counts(data.status)}
-    found = sf.Trajectories.load(path)
-    return _facts_of(found, found.states[0] if found.n[0] == 0 else None)
-
-
-def _facts_of(found: Any, start: Any) -> dict[str, Any]:
-    """Return the summary of a run; without its first state, the drift is empty."""
-    return {
-        "body": repr(found.body) if found.body.shape else found.body.to_dict(),
-        "eps": found.eps if isinstance(found.eps, float) else f"{found.eps.size} values",
-        **_counts(found.status),
-        "steps": found.steps,
-        "saved_states": len(found),
-        **({"method": found.method} if len(found.map.methods) > 1 else {}),
-        "drift": {} if start is None else _drift(found, start),
-    }
-
-
-def _counts(status: Any) -> dict[str, Any]:
-    """Return the number of trajectories, in all and of each status, or not computed yet."""
-    codes = {each.name: int(each) for each in sf.Status} | {"PENDING": -128}
-    counts = {name: int((status == code).sum()) for name, code in codes.items()}
-    return {"trajectories": status.size, "status": {k: n for k, n in counts.items() if n}}
-
-
-def _drift(found: Any, start: Any) -> dict[str, float]:
-    """Return the largest finite relative change of the conserved quantity, by its name."""
-    import numpy as np
-
-    name = found.map.conserves(found.body)
-    if name is None:
-        return {}
-    with np.errstate(all="ignore"):
-        last, first = (found._value(name, x) for x in (found.final, start))
-        change = np.asarray(abs(last / first - 1))
-    finite = change[np.isfinite(change)]
-    return {name: float(finite.max())} if finite.size else {}
-
-
-def _lines_of(facts: dict[str, Any], as_json: bool) -> str:
-    """Return a line for each fact, or one JSON object for programs."""
-    if as_json:
-        return json.dumps(facts)
-    rows = [(k.replace("_", " "), _spelled(each)) for k, each in facts.items() if k != "status"]
-    for name, count in facts["status"].items():
-        meaning = sf.Status[name].message if name in sf.Status.__members__ else "not computed yet"
-        rows.append(("status", f"{count:,} {name}: {meaning}"))
-    return "\n".join(f"{name:<17}{text}" for name, text in rows if text)
-
-
-def _spelled(value: Any) -> str:
-    """Return a number, or the parameters of a body, as people read them."""
-    if isinstance(value, dict):
-        names = [name for name in value if name != "body"]
-        return ", ".join(f"{name} = {_spelled(value[name])}" for name in names)
-    if isinstance(value, (int, float)):
-        return f"{value:,}" if isinstance(value, int) else f"{value:.4g}"
-    return str(value).partition(", sha256")[0]
 
 
 def report(options: argparse.Namespace) -> None:

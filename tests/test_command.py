@@ -159,6 +159,26 @@ def test_run_is_iterate(options):
         np.testing.assert_array_equal(stored[name], getattr(expected, name))
 
 
+@pytest.mark.parametrize("suffix", ["npz", "zarr"])
+def test_summaries_show_formulas_and_all_digits(suffix):
+    """A field is its equations; a method is shown where there are others."""
+
+    def f(x, a):
+        return x[1], -a * x[0] - x[0] ** 2
+
+    Path("b.json").write_text(json.dumps(sf.QuadraticField.from_function(f, 2, a=0.125).to_dict()))
+    line = f"run --body b.json --eps 1/128 --trajectories 9 --steps 3 -o r.{suffix} --extent 0.1"
+    for text in (succeed(line), succeed(f"info r.{suffix}")):
+        assert "QuadraticField(x1' = x2, x2' = -x1^2 - 1/8*x1)" in text
+        assert "a = 0.125" in text or "a                0.125\n" in text
+        assert "eps              0.0078125\n" in text
+        assert "quadratic" not in text.replace("of a quadratic field", "")
+        assert "method" not in text
+    line = f"run --J 5,6,7 --I -.4,-.7,.123456789 --eps 1 --trajectories 9 --steps 3 -o n.{suffix}"
+    assert "method           auto\n" in succeed(line)
+    assert "0.123456789" in succeed(f"info n.{suffix}")
+
+
 def test_a_store_is_finished_or_refused():
     line = "run --trajectories 100 --steps 40 --save-every 4 -o run.zarr"
     succeed(line)

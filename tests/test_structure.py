@@ -58,7 +58,8 @@ ARROWS = {
     "integrability": "checks bodies",
     "compiled": "core checks bodies maps",
     "warm_up": "maps",
-    "command": "checks bodies engine plots integrability warm_up",
+    "summary": "maps",
+    "command": "checks bodies engine plots integrability warm_up summary",
     "__main__": "command",
 }
 

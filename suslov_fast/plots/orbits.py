@@ -67,7 +67,7 @@ class _Colours(NamedTuple):
         if not self.is_parameter or len(few) > _IN_LEGEND:
             axes.figure.colorbar(drawn, ax=axes, label=self.label, shrink=0.8)
             return
-        square = {"marker": "s", "markersize": 5, "linestyle": "none"}
+        square: Any = {"marker": "s", "markersize": 5, "linestyle": "none"}
         pens = [Line2D([], [], color=COLOURS(self.norm(value)), **square) for value in few]
         axes.legend(pens, [f"{self.label} = {value:g}" for value in few], fontsize="small")
 

@@ -14,7 +14,7 @@ from .bodies.nd import SuslovND
 from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .core import steps_3d, steps_field, steps_nd
 from .engine import arguments
-from .engine.arguments import Arguments, Problem, by_constants, by_plan
+from .engine.arguments import Problem, by_constants, by_plan
 from .engine.stretches import Steps
 from .formulas import GYROSTAT, IN_3D, IN_ND, KAHAN, Formula
 
@@ -195,9 +195,10 @@ def _random_field(rng: np.random.Generator, shape: tuple[int, ...], D: int = 5) 
     return QuadraticField(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))
 
 
-def _cost_of_field(D: int, arguments: Arguments) -> float:
-    """Return a third of the time of a step with pivots, of a dense field."""
-    return float(D**3 + int(arguments[0].shape[-1]))
+def _cost_of_field(D: int, arguments: Any) -> float:
+    """Return the time of a step by `elimination.solve`, which may be that of all lanes."""
+    operations, _ = arguments[1]
+    return D**3 + 2.5 * len(operations)
 
 
 # Kahan's map of the field of any body.

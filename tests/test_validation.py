@@ -271,6 +271,8 @@ ATTRIBUTES = [
     ),
     (lambda: FAMILY.rho, r"parameters\['rho'\]"),
     (lambda: FIELD.trajectory(100), r"suslov_fast.iterate\(body, ...\)"),
+    (lambda: crossings(lambda x: x[..., 0])().x, "crossings.states"),
+    (lambda: crossings(lambda x: x[..., 0])().t_events, "crossings.time"),
     (lambda: BODY.energy([1, 2]), r"suslov_fast.energy\(body, ...\)"),
 ]
 

@@ -5,10 +5,10 @@ Veselov: W_k, the rotation from orientation k to k + 1, is about an axis orthogo
 
     W_k J - J W_k^T = J W_{k-1} - W_{k-1}^T J + a multiple of e3,    J = tr(I)/2 - I,
 
-determines W_k up to finitely many roots. The root next to W_{k-1} is followed here. Both maps go
-from one half of the line of steady states to the other; no explicit solution of theirs is known.
-Theirs keeps an energy, the kinetic energy of the first two components of the discrete momentum;
-this map keeps the first integral F.
+determines W_k up to finitely many roots: from (-0.8, 1.3), two with an angle below pi. The root
+next to W_{k-1} is followed here. Both maps go from one half of the line of steady states to the
+other; no explicit solution of theirs is known. Theirs keeps an energy, the kinetic energy of the
+first two components of the discrete momentum; this map keeps the first integral F.
 """
 
 import matplotlib.pyplot as plt

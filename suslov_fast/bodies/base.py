@@ -23,7 +23,7 @@ _ELSEWHERE = {
     "poincare_section": "crossings",
 }
 # Attributes for other modules, which `dir` leaves out.
-_FOR_KERNELS = {"batch_of_one", "table", "terms"}
+_FOR_KERNELS = {"batch_of_one", "constants", "table", "terms"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

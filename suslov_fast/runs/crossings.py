@@ -99,6 +99,15 @@ class Crossings:
         times.flags.writeable = False
         return times
 
+    if not TYPE_CHECKING:  # checkers know the attributes
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise an AttributeError that says where else a name is to be found."""
+            if name in _INSTEAD:
+                raise AttributeError(f"{name}: expected {_INSTEAD[name]}, got no such attribute")
+            text = f"crossings have no attribute {name!r}"
+            raise AttributeError(text, name=name, obj=self)
+
     @property
     def ok(self) -> bool:
         """True if no trajectory failed before its end."""
@@ -216,5 +225,13 @@ def varying(body: Any) -> dict[str, Any]:
     return {name: arrays[name] for name in names if arrays[name].ndim > axes.get(name, 0)}
 
 
+# Under which names users look for the points of a section, as those of a run are called.
+_INSTEAD = {
+    **dict.fromkeys(
+        ("x", "omega", "y", "u", "points", "y_events"),
+        "crossings.states, the points, or .before and .after",
+    ),
+    **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),
+}
 _OF_EACH = "trajectory", "n", "before", "after", "fraction"
 _OF_BATCH = "count", "status", "failed_at", "final"

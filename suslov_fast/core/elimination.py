@@ -105,24 +105,6 @@ def accept(a, x, b, lanes):
     return to_solve
 
 
-@function
-def substitute(a, right):
-    """Replace other right sides (m, r, lanes) by A**-1 b, after `eliminate`."""
-    m, columns, lanes = right.shape
-    for i in range(m):
-        for r in range(columns):
-            for k in range(i):
-                for l in range(lanes):
-                    right[i, r, l] -= a[i, k, l] * right[k, r, l]
-    for i in range(m - 1, -1, -1):
-        for r in range(columns):
-            for j in range(m - 1, i, -1):
-                for l in range(lanes):
-                    right[i, r, l] -= a[i, j, l] * right[j, r, l]
-            for l in range(lanes):
-                right[i, r, l] *= a[i, i, l]
-
-
 @inlined
 def memory_of_one(m):
     """Return `a` and `units` for `solve`, with one right side."""

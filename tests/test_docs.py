@@ -143,6 +143,26 @@ def test_text(path):
             assert place in anchors, (target, place)
 
 
+NEEDS = {
+    "plots": r"import matplotlib|\.plot\(",
+    "algebra": r"suslov_fast\.integrability import|fixed_points\(",
+    "xarray": r"to_xarray\(",
+    "large": r"ensemble\(|import distributed|from distributed",
+}
+
+
+@pytest.mark.parametrize(
+    "path", [path for path in PAGES if blocks(path, "python")], ids=attrgetter("name")
+)
+def test_pages_say_which_extras_they_need(path):
+    """Without an extra no page stops in the middle without having said so."""
+    text, code = path.read_text(encoding="utf-8"), "\n".join(blocks(path, "python"))
+    named = {name for group in re.findall(r"'\.\[([\w,]*)\]'", text) for name in group.split(",")}
+    named |= {"xarray"} if "large" in named else set()
+    for extra, use in NEEDS.items():
+        assert extra in named or not re.search(use, code), extra
+
+
 def test_pictures_are_committed_and_drawn_by_a_script():
     """Each is shown by a page, and named after a script or page; together they are small."""
     draw, images = script_of("draw"), sorted((DOCS / "images").glob("*.png"))

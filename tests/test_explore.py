@@ -216,7 +216,10 @@ def test_page_without_a_notebook_extra(monkeypatch):
     with contextlib.closing(sf.explore(body, [-0.9, 1.3], eps=0.2, steps=50)) as page:
         view = parse_query(urlsplit(page.url).query)
         assert (view.body, view[5:9], view.show) == (body, (0.2, -0.9, 1.3, 50), "F energy")
-        assert f'src="{page.url.replace("&", "&amp;")}"' in page._repr_mimebundle_()["text/html"]
+        frame = page._repr_mimebundle_()["text/html"]
+        assert f'src="{page.url.replace("&", "&amp;")}"' in frame
+        (height,) = re.findall(r'height="(\d+)"', frame)
+        assert f"height: {height}px" in (PAGE / "widget.js").read_text("utf-8")
         with urllib.request.urlopen(page.url, timeout=60) as reply:
             assert b"suslov_fast" in reply.read()
 
@@ -246,6 +249,18 @@ def test_every_case_is_drawn_without_an_error(page, server):
         shown = "F energy flow joined portrait"
         show(page, f"{server.url}?{query(parameters, show=shown)}")
         assert text(page, "status") == REGIMES.get(name, ("below", "OK"))[1]
+
+
+@pytest.mark.parametrize("name", ["weak rotor", "t > 1: jumps"])
+def test_everything_is_in_sight_in_a_notebook(page, server, name):
+    """The page fits into its frame at the width of a cell of JupyterLab, some 1,060 pixels."""
+    (height,) = re.findall(r"height: (\d+)px", (PAGE / "widget.js").read_text("utf-8"))
+    page.look(1060, int(height))
+    show(page, f"{server.url}?{query(CASES[name], show='F')}")
+    for panel in ("plane", "show", "space-panel", "numbers-panel"):
+        assert page.value(f"byId('{panel}').getBoundingClientRect().bottom") <= int(height), panel
+    assert page.value("document.documentElement.scrollHeight") <= int(height)
+    assert page.value("byId('plane').clientHeight") > int(height) / 2
 
 
 def test_the_start_follows_the_mouse(page):

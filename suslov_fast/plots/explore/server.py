@@ -125,7 +125,7 @@ class Page:
             self._widget = self._widget or Widget(query=self._query)
             return self._widget._repr_mimebundle_(**options)
         address = self.url.replace("&", "&amp;")
-        frame = f'<iframe src="{address}" width="100%" height="760" style="border: 0"></iframe>'
+        frame = f'<iframe src="{address}" width="100%" height="860" style="border: 0"></iframe>'
         return {"text/plain": repr(self), "text/html": frame}
 
 

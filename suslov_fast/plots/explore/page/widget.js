@@ -5,7 +5,7 @@ function render({ model, el }) {
   const frame = document.createElement("iframe");
   frame.sandbox = "allow-scripts allow-downloads";
   frame.title = "suslov_fast explore";
-  frame.style = "width: 100%; height: 760px; border: 0";
+  frame.style = "width: 100%; height: 860px; border: 0";
   frame.srcdoc = model.get("_html");
   const down = (message) => frame.contentWindow?.postMessage(message, "*");
   const begin = ({ id }) =>

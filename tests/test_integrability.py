@@ -5,7 +5,7 @@ import math
 import pickle
 import random
 from fractions import Fraction as F
-from itertools import pairwise, product
+from itertools import pairwise, permutations, product
 
 import numpy as np
 import pytest
@@ -771,6 +771,42 @@ def test_letter_and_number_print_the_same(field):
         back = [a - h * v for a, v in zip(x, slopes, strict=True)]
         assert abs(f(moved, 0) - f(back, 0)) / h < F(1, 10**15)
         assert f(x, 0) != f([a + 1 for a in x], 0)
+
+
+@pytest.mark.parametrize(
+    ("field", "symmetries"),
+    [
+        # Lines through 0 are reflected at those of steady states.
+        (of(BODY), ["(-x1, -x2)", "(1/2*x2, 2*x1)"]),
+        (ENERGY, ["(x1, -x2)"]),
+        (PREY, ["(x2, x1)"]),
+        (field_of(lambda x: (x[0] ** 2 - x[0],), 1), ["(-x1 + 1)"]),
+        (CYCLE, ["(x1, x3, x2)", "(x2, x1, x3)", "(x3, x2, x1)", "(-x1, -x2, -x3)"]),
+        (PLANAR, []),
+    ],
+)
+def test_reversing_symmetries(field, symmetries):
+    """They take the map to its inverse, and no other signed permutation does."""
+    found = report(field, EPS, 1)
+    assert [*map(str, found.symmetries)] == [f"x -> {text}" for text in symmetries]
+    assert ("Reversing symmetries: " in repr(found)) == bool(symmetries)
+    now, n = found.map, field.dimension
+    x = [F(2 * k + 3, 7) for k in range(n)]
+    assert all(now(R(now(x))) == R(x) and R(R(x)) == (*x,) for R in found.symmetries)
+    for order in permutations(range(n)):
+        for signs in product((1, -1), repeat=n):
+            S = [[s * (j == k) for j in range(n)] for s, k in zip(signs, order, strict=True)]
+            if any(
+                sum(S[i][k] * S[k][j] for k in range(n)) != (i == j)
+                for i in range(n)
+                for j in range(n)
+            ):
+                continue
+            y = [sum(map(math.prod, zip(row, x, strict=True))) for row in S]
+            image = [-sum(map(math.prod, zip(row, field(x), strict=True))) for row in S]
+            assert (list(field(y)) == image) == any(
+                [*map(list, R.S)] == S and not any(R.b) for R in found.symmetries
+            )
 
 
 def test_a_root_of_a_polynomial_is_no_density():

@@ -13,6 +13,10 @@ import numpy as np
 from ..checks import integer, short, wrong
 from .arithmetic import DRAWS, confirmed, random_prime
 from .maps import RationalMap, check_map, random_line
+from .tasks import Task
+
+_ENOUGH, _DEGREES = 10, 24  # iterates: enough if a recurrence holds, and at most
+_SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees: cheap; costly; too costly
 
 
 def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
@@ -79,6 +83,30 @@ class Lines:
             eps = self._rng.randrange(2, p)
             self._runs.append((degrees_on_a_line(self._map, p, eps), []))
         raise ArithmeticError("the iterates reach poles of the map")
+
+
+def degrees_of_iterates(search: Any) -> Iterator[Task]:
+    """Yield the task of a search for the next degree: as a recurrence needs it, or it is cheap."""
+    map, lines = search.map, Lines(search.map, search.seed)
+
+    def following() -> float:
+        """Return the degree that is expected next."""
+        first, *more = search.degrees[-2:] or [1]
+        return float(more[0] ** 2 / max(1, first) if more else first * map.degree)
+
+    def task() -> Task:
+        n, degree = map.dimension, following()
+        return Task(1e-7 * n**3 * degree + 2e-8 * n * degree**2, run, "degrees")
+
+    def run() -> list[Task]:
+        search.degrees = lines.next()
+        last, next_degree = search.degrees[-1], following()
+        settled = (len(search.degrees) >= _ENOUGH and last > _SMALL) or next_degree > _LARGE
+        if settled and growth(search.degrees).entropy_error == 0:
+            return []
+        return [] if next_degree > _LARGEST or len(search.degrees) == _DEGREES else [task()]
+
+    yield task()
 
 
 class Growth(NamedTuple):

@@ -18,7 +18,7 @@ from .functions import RationalFunction, factored
 from .reconstruction import polynomials_with
 
 TERMS = 300_000  # of the largest polynomial that is factored
-LONGEST = 30.0  # seconds that a pullback may take, as estimated
+LONGEST = 6.0  # seconds that a pullback may take, as estimated
 _SHAPES = {0: "a point", 1: "a curve", 2: "a surface"}  # by dimension
 
 
@@ -162,7 +162,7 @@ class RationalMap:
         terms = sum(
             min(most, math.prod(math.comb(t + n - 1, n) for t, n in each)) for each in powers
         )
-        return 5e-9 * terms * max(lengths)
+        return 1e-9 * terms * max(lengths)
 
     def pullback(self, P: Any, degree: int, at: Sequence[Any] | None = None) -> Any:
         """Return F_0^degree P(F / F_0), with F or with other polynomials `at`."""

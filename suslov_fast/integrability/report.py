@@ -25,6 +25,7 @@ from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
 from .maps import RationalMap, check_map
 from .process import search, search_until
+from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
@@ -56,6 +57,7 @@ class Report:
     implicit: tuple[ImplicitIntegral, ...] = ()  # independent of these
     measures: Functions = ()
     polynomials: Functions = ()
+    symmetries: tuple[Reversor, ...] = ()  # reversing ones, of a field
     relations: int | None = None  # the number of independent integrals that orbits show
     special_eps: tuple[Fraction, ...] = ()
     searched: list[str] = dataclasses.field(default_factory=list)
@@ -99,6 +101,8 @@ class Report:
         ]
         if self.implicit:
             lines.insert(4, f"{self._count_of_integrals()}.")
+        if self.symmetries:
+            lines.append(f"Reversing symmetries: {'; '.join(map(str, self.symmetries))}")
         if (self.relations or 0) > len(self.integrals) + len(self.implicit):
             text = f"{self.relations} independent integrals, {MODULAR}"
             lines.append(f"Relations along orbits up to degree {d} show {text}.")

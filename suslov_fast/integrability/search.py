@@ -1,14 +1,14 @@
 """The search of a report: facts about a map, each found by a task of a queue.
 
-A kind of fact is a method that returns its first tasks; `_KINDS` lists them. Tasks tell one another
-what they find through `Search`: a new Darboux polynomial leads to tasks for the cofactors of its
-products with those before it, and to its proof.
+A kind of fact is a function of the search that returns its first tasks; `_INTEGRALS` and `_OTHERS`
+list them. Tasks tell one another what they find through `Search`: a new Darboux polynomial leads to
+tasks for the cofactors of its products with those before it, and to its proof.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import islice
@@ -26,18 +26,16 @@ from .functions import (
     quotient_of,
     without_content,
 )
-from .growth import Lines, growth
+from .growth import degrees_of_iterates
 from .implicit import ImplicitIntegral
 from .invariants import Invariants
 from .maps import LONGEST, RationalMap
 from .relations import counts, integrals_of
-from .tasks import Queue, Task
+from .symmetries import Reversor, reversing_symmetries
+from .tasks import LATE, Queue, Task
 
 _FEW = 80  # coefficients, at most, of a polynomial of higher degree than that of the report
-_ENOUGH, _DEGREES = 10, 24  # iterates: enough if a recurrence holds, and at most
-_SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees: cheap; costly; too costly
 _FEW_MONOMIALS = 0.1  # the least cost of integrals of relations between these
-_LATE = 1.0  # seconds by which proofs come after searches that cost as much
 
 ONE = RationalFunction(())
 Tasks = Iterable[Task]
@@ -52,8 +50,8 @@ class Search:
         self.invariants = Invariants(map, degree)
         self.degrees: list[int] = []
         self.relations: int | None = None
+        self.symmetries: tuple[Reversor, ...] = ()
         self.version = 0  # of the polynomials, from which integrals and measures follow
-        self._lines = Lines(map, seed)
         self._forms = Forms(self.invariants)
         self._levels: dict[int, int] = {}  # the degree of the latest task of each cofactor
         self._unknown: list[Polynomials] = []  # spaces whose cofactors wait for factors of the map
@@ -70,6 +68,7 @@ class Search:
         report.degrees, report.relations = self.degrees, self.relations
         report.integrals, report.measures = self.integrals, self.measures
         report.polynomials, report.implicit = self._polynomials, self._implicit
+        report.symmetries = self.symmetries
         report.searched = [*self._searched()]
 
     def _update(self) -> None:
@@ -125,32 +124,10 @@ class Search:
     # The tasks, by kind.
 
     def _first(self) -> Iterator[Task]:
-        if not self._only_integrals:
-            yield self._next_degree()
-        if not self.map.is_invertible:
-            return
-        for kind in _KINDS:
+        for kind in () if self._only_integrals else _OTHERS:
             yield from kind(self)
-
-    def _next_degree(self) -> Task:
-        n, degree = self.map.dimension, self._following
-        return Task(1e-7 * n**3 * degree + 2e-8 * n * degree**2, self._degree, "degrees")
-
-    @property
-    def _following(self) -> float:
-        """The degree that is expected next."""
-        last = self.degrees[-2:] or [1]
-        return last[-1] ** 2 / max(1, last[0]) if len(last) > 1 else last[0] * self.map.degree
-
-    def _degree(self) -> Tasks:
-        self.degrees = self._lines.next()
-        last, following = self.degrees[-1], self._following
-        settled = (len(self.degrees) >= _ENOUGH and last > _SMALL) or following > _LARGE
-        if settled and growth(self.degrees).entropy_error == 0:
-            return []
-        if following > _LARGEST or len(self.degrees) == _DEGREES:
-            return []
-        return [self._next_degree()]
+        for kind in _INTEGRALS if self.map.is_invertible else ():
+            yield from kind(self)
 
     def _hamiltonian(self) -> Iterator[Task]:
         if getattr(self.map, "hamiltonian", None) is not None:
@@ -200,7 +177,7 @@ class Search:
         self.version += 1
         # Darboux polynomials, which come with the factors, give nicer formulas.
         for each in filter(implicit.is_short, self._of_relations):
-            cost = _LATE + 2 * (self.map.cost_of_factors + self._cost(each.degree))
+            cost = LATE + 2 * (self.map.cost_of_factors + self._cost(each.degree))
             yield Task(cost, partial(self._write, each), "formulas", each.degree)
 
     def _write(self, integral: ImplicitIntegral) -> Tasks:
@@ -340,7 +317,7 @@ class Search:
             yield self._proof(g)
             values = {known.value(each.cofactor) for each in known.generators}
             for value in values & {value for value, _ in added}:
-                cost = _LATE + 20 * self._cost(known.highest(value)) + self.map.cost_of_factors
+                cost = LATE + 20 * self._cost(known.highest(value)) + self.map.cost_of_factors
                 yield Task(cost, partial(self._normal_form, value), "forms")
         lowest: dict[int, int] = {}
         for value, degree in added:
@@ -366,7 +343,7 @@ class Search:
                 self.version += 1
             return []
 
-        return Task(_LATE + cost, run, "proofs")
+        return Task(LATE + cost, run, "proofs")
 
     def _proof_of_quotients(self, space: Polynomials) -> Tasks:
         """Yield the task that checks quotients of unknown cofactor as identities."""
@@ -386,7 +363,7 @@ class Search:
                 self.version += 1
             return []
 
-        yield Task(_LATE + cost, run, "proofs")
+        yield Task(LATE + cost, run, "proofs")
 
     def _searched(self) -> Iterator[str]:
         """Yield what was searched, in words."""
@@ -405,12 +382,14 @@ class Search:
             yield "no more, since as many integrals as relations show are known"
 
 
-_KINDS = (Search._hamiltonian, Search._relations, Search._simple, Search._factors)
+_INTEGRALS = Search._hamiltonian, Search._relations, Search._simple, Search._factors
+_OTHERS: tuple[Callable[[Any], Tasks], ...] = degrees_of_iterates, reversing_symmetries
 _TEXTS = {
     "hamiltonian": "the modified energy and 1/det A of the Hamiltonian",
     "relations": "relations between the {count} monomials up to degree {k}",
     "simple": "polynomials up to degree {k} with the cofactors 1, -1, det DPhi and -det DPhi",
     "products": "polynomials up to degree {k} with products of known cofactors, and minus these",
+    "symmetries": "affine involutions that take the map to its inverse",
     "all": "Darboux polynomials up to degree {k} with products of powers of the factors of "
     "det DPhi as cofactors",
 }

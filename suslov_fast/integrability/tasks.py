@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
+LATE = 1.0  # seconds by which proofs and forms come after searches that cost as much
+
 Run = Callable[[], "Iterable[Task]"]
 
 

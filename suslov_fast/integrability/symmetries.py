@@ -1,0 +1,196 @@
+"""Affine reversing symmetries of Kahan maps.
+
+R(x) = S x + b takes the Kahan map of a field f to that of S f(R^-1 x). So R takes the map to its
+inverse, for every eps, if f(S x + b) = -S f(x): quadratic equations in the entries of S and b.
+With those of an involution, S S = 1 and S b = -b, they are solved by linear algebra modulo a prime:
+products of equations and monomials up to some degree are linear in the monomials.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
+from typing import Any
+
+import flint
+import numpy as np
+
+from ..bodies.field import QuadraticField
+from . import arithmetic
+from .arithmetic import PRIME, Point
+from .kahan import KahanMap
+from .reconstruction import simplest_fraction
+from .tasks import LATE, Task
+
+DEGREES = {1: 5, 2: 5, 3: 4}  # of the products of equations, by dimension
+_AFFINE = 2  # the largest dimension with b; in three dimensions b = 0
+_MOST = 10**6  # numerators and denominators of entries
+
+
+@dataclass(frozen=True)
+class Reversor:
+    """A reversing symmetry x to S x + b: it takes the map to its inverse, and is an involution.
+
+    It can be called with a point, D rational numbers.
+    """
+
+    S: tuple[Point, ...]
+    b: Point
+
+    def __call__(self, x: Any) -> Point:
+        """Return the image of a point."""
+        given = arithmetic.rationals("x", x, len(self.b))
+        return tuple(_dot(row, given) + c for row, c in zip(self.S, self.b, strict=True))
+
+    def __repr__(self) -> str:
+        rows = (_text(row, c) for row, c in zip(self.S, self.b, strict=True))
+        return f"x -> ({', '.join(rows)})"
+
+
+def _dot(row: Any, x: Any) -> Any:
+    return sum((a * c for a, c in zip(row, x, strict=True)), Fraction(0))
+
+
+def _text(row: Point, constant: Fraction) -> str:
+    terms = [(a, f"x{i}") for i, a in enumerate(row, start=1)] + [(constant, "")]
+    text = ""
+    for a, name in terms:
+        if a:
+            size = "" if abs(a) == 1 and name else str(abs(a))
+            text += f"{' - ' if a < 0 else ' + '}{size}{'*' if size and name else ''}{name}"
+    return (text[1:2].replace("+", "") + text[3:]) if text else "0"
+
+
+def reversors(field: QuadraticField) -> list[Reversor]:
+    """Return the isolated involutions with rational entries that reverse a field."""
+    D = field.dimension
+    unknowns = arithmetic.ring(D * D + D * (D <= _AFFINE), False, flint.nmod_mpoly_ctx, PRIME)
+    equations = _equations(field, unknowns)
+    found = []
+    for solution in _solutions(equations, unknowns, DEGREES[D]):
+        values = [*solution, *[0] * D][: D * D + D]
+        entries = [simplest_fraction(int(a), PRIME) for a in values]
+        if all(max(abs(a.numerator), a.denominator) < _MOST for a in entries):
+            S = tuple(tuple(entries[D * i : D * i + D]) for i in range(D))
+            each = Reversor(S, tuple(entries[D * D :]))
+            if reverses(each, field):
+                found.append(each)
+    return sorted(found, key=lambda each: (len(repr(each)), repr(each)))
+
+
+def reversing_symmetries(search: Any) -> Iterator[Task]:
+    """Yield the task of a search for the reversing symmetries of the map of a field."""
+
+    def run() -> list[Task]:
+        search.symmetries = tuple(reversors(search.map.field))
+        return []
+
+    if isinstance(search.map, KahanMap) and search.map.dimension in DEGREES:
+        yield Task(LATE, run, "symmetries")
+
+
+def reverses(reversor: Reversor, field: QuadraticField) -> bool:
+    """Return True if f(S x + b) = -S f(x) and the symmetry is an involution.
+
+    The polynomials have degree 2, so it suffices to look at the points 0, e_i, and e_i + e_j,
+    and at -e_i.
+    """
+    D = field.dimension
+    units = [*np.eye(D, dtype=int)]
+    points = [0 * units[0], *units, *(-e for e in units)]
+    points += [a + b for a, b in product(units, units)]
+    for point in points:
+        x = [Fraction(int(a)) for a in point]
+        y = reversor(x)
+        right = [-_dot(row, field(x)) for row in reversor.S]
+        if list(field(y)) != right or list(reversor(y)) != x:
+            return False
+    return True
+
+
+def _equations(field: QuadraticField, unknowns: Any) -> list[Any]:
+    """Return the equations for the entries of S, and then of b, modulo a prime."""
+    D = field.dimension
+    entries = unknowns.gens()
+    S = [entries[D * i : D * i + D] for i in range(D)]
+    b = entries[D * D :] or [unknowns.constant(0)] * D
+    table = field.table  # f_i = table[i, j, k] x_j x_k with x_D = 1
+    residues = np.vectorize(lambda c: int(flint.nmod(arithmetic.fmpq(c), PRIME)), "O")(table)
+    # The coordinates of S x + b, and 1, as linear forms in x1, ..., xD, 1.
+    rows = [[*S[i], b[i]] for i in range(D)] + [[0] * D + [1]]
+    equations = []
+    for i in range(D):
+        for j in range(D + 1):
+            for k in range(j, D + 1):
+                whole = unknowns.constant(0)
+                for m, n in np.argwhere(residues[i] != 0):
+                    both = rows[m][j] * rows[n][k] + rows[m][k] * rows[n][j]
+                    whole += int(residues[i, m, n]) * both
+                for m in range(D):
+                    whole += 2 * int(residues[m, j, k]) * S[i][m]
+                equations.append(whole)
+    for i in range(D):
+        equations.append(sum(S[i][m] * b[m] for m in range(D)) + b[i])
+        for j in range(D):
+            equations.append(sum(S[i][m] * S[m][j] for m in range(D)) - int(i == j))
+    return [each for each in equations if each != 0]
+
+
+def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[list[Any]]:
+    """Yield the solutions of equations modulo a prime, if they are isolated.
+
+    A vector of the null space of all products is a combination of the monomials at the solutions;
+    multiplication by a variable acts on the values of monomials of lower degree.
+    """
+    n = unknowns.nvars()
+    monomials = arithmetic.exponents_up_to(degree, n)
+    column = {e: k for k, e in enumerate(monomials)}
+    rows = []
+    for equation in equations:
+        terms = equation.to_dict()
+        size = max(sum(e) for e in terms)
+        for shift in arithmetic.exponents_up_to(degree - size, n):
+            row = [0] * len(monomials)
+            for e, c in terms.items():
+                row[column[tuple(a + b for a, b in zip(e, shift, strict=True))]] = int(c)
+            rows.append(row)
+    space = arithmetic.null_space(flint.nmod_mat(rows, PRIME))
+    # Solutions at infinity are 0 in monomials of lower degree: there the rank stays the same.
+    sizes = [math.comb(n + d, n) for d in range(degree + 1)]
+    parts = [flint.nmod_mat([row[:k] for row in space] or [[0]], PRIME) for k in sizes]
+    ranks = [part.rank() for part in parts]
+    stable = [d for d in range(1, degree) if ranks[d] == ranks[d - 1]]
+    if not stable or (count := ranks[stable[-1]]) == 0:
+        return
+    reduced, _ = parts[stable[-1]].rref()
+    values = np.array(arithmetic.integer_rows(reduced)[:count], object).T  # by monomial
+    low = range(sizes[stable[-1] - 1])
+    rng = random.Random(0)
+    weights = [rng.randrange(PRIME) for _ in range(n)]
+    units = np.eye(n, dtype=int)
+    shifted = []
+    for k in low:
+        places = [column[tuple(np.add(monomials[k], unit))] for unit in units]
+        shifted.append(np.dot(np.array(weights, object), values[places]) % PRIME)
+    draws = [rng.randrange(PRIME) for _ in range(count * len(low))]
+    mix = flint.nmod_mat(count, len(low), draws, PRIME)
+    before = mix * flint.nmod_mat(values[: len(low)].tolist(), PRIME)
+    after = mix * flint.nmod_mat([[int(a) for a in row] for row in shifted], PRIME)
+    if before.rank() < count:
+        return
+    action = before.solve(after)
+    for factor, _ in action.charpoly().factor()[1]:
+        if factor.degree() != 1:
+            continue
+        root = -factor[0] / factor[1]
+        identity = flint.nmod_mat(np.eye(count, dtype=int).tolist(), PRIME)
+        kernel = arithmetic.null_space(action - identity * root)
+        if len(kernel) == 1:
+            whole = values.dot(np.array(kernel[0], object)) % PRIME
+            if whole[0]:  # the value of the monomial 1
+                scale = pow(int(whole[0]), -1, PRIME)
+                yield [int(whole[column[tuple(unit)]]) * scale % PRIME for unit in units]

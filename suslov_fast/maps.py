@@ -106,8 +106,9 @@ class Map:
        estimate that is too low makes it wait.
     9. `Steps.lanes` trajectories, a multiple of 8, are what a thread takes at a time.
 
-    Kernels of the package use `share`, `pick`, `lesser` and `write_tile` of `core.numba`; the walk
-    over blocks of lanes and the rule for state 0 (items 2 and 3) are written in each of them.
+    Kernels of the package use `share`, `pick` and `lesser` of `core.numba`; those of pairs of
+    numbers use `write_pairs` of `core.rows`. The walk over blocks of lanes and the rule for state 0
+    (items 2 and 3) are written in each of them.
     """
 
     name: str

@@ -11,7 +11,7 @@ import children
 import numpy as np
 import pytest
 
-from suslov_fast.core import elimination, orientations, quantities, steps_3d
+from suslov_fast.core import elimination, orientations, quantities, rows, steps_3d
 from suslov_fast.core import numba as core_numba
 
 pytestmark = pytest.mark.compiled
@@ -212,9 +212,10 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
     quantities.energy.py_func(*body, eps, w[0], value)
     assert value == quantities.energy(*body, eps, w[0])
     lead = -(y.ctypes.data // 8) % core_numba.LINE
-    for write in (core_numba.write_tile, core_numba.write_tile.py_func):
-        write(x, y, lead, 16, lead)
-        assert (y[lead : lead + 16] == x).all()
+    for write in (rows.write_pairs, rows.write_pairs.py_func):
+        write(x, 0, 8, y, lead, 8, lead)
+        assert (y[lead : lead + 16 : 2] == x[:8]).all()
+        assert (y[lead + 1 : lead + 16 : 2] == x[8:]).all()
         y[:] = 0
     assert core_numba.borrowed(x) is x
 

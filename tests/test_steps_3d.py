@@ -154,6 +154,18 @@ def test_large_outputs(mixture, size):
     same([sf.exact(*whole, n)[:, :100]], [sf.exact(*few, n)])
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("offset", [0, 1, 2, 3, 7])
+def test_outputs_at_any_address(rng, offset):
+    """Pairs that straddle cache lines, for an odd offset, leave by plain stores."""
+    numbers, body = np.empty(1601 * 333 * 2 + 8), sf.Suslov3D(*PICTURE)
+    out = numbers[offset : offset + 1601 * 333 * 2].reshape(1601, 333, 2)
+    omega = rng.normal(size=(333, 2))
+    few = [run(body, omega[:5], 0.2, 1600).states, run(body, omega[-5:], 0.2, 1600).states]
+    saved = sf.iterate(body, omega, 0.2, 1600, out=out).states
+    same([saved[:, :5], saved[:, -5:]], few)
+
+
 def test_statuses():
     """For eps = 2, the denominator is 1 + Omega2 + 2 Omega1**2. The first failure counts."""
     before = np.array(naive.step(1, 1, 1, 0, -2.0, (1.0, -3.0)), float)

@@ -47,7 +47,8 @@ import math
 
 import numpy as np
 
-from .numba import alignment, formula, kernel, lesser, pick, select, share, universal, write_tile
+from .numba import formula, kernel, lesser, pick, select, share, universal
+from .rows import alignment, write_pairs
 from .steps_3d import RANGE, ZERO_TO_ROUNDING, one_step
 
 LANES = 128
@@ -66,8 +67,8 @@ VANISHES = -350.0  # exp(t) below this is 0: its square would be subnormal
 I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)
 B1, B2, C1, C2, D12, D22 = range(8, 14)
 BACK = 6
-PASSES, ROOT, R, RATE, MISSING, TIME, RHO, SIGMA, UNIT = range(20, 29)
-ROWS = 29
+PASSES, ROOT, R, RATE, MISSING, TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(20, 31)
+ROWS = 31
 
 
 @formula
@@ -290,7 +291,8 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     A block is `width` trajectories at `abreast` n, so that few trajectories fill the lanes, too.
     """
     B, N, flat = len(omega0), len(n), out.reshape(out.size)
-    b, tile = np.ones((ROWS, LANES)), np.empty(2 * LANES)
+    b = np.ones((ROWS, LANES))
+    numbers = b.reshape(b.size)
     abreast, started = LANES // B if 0 < B < LANES else 1, -1
     lead, shift = alignment(out, 0, B, LANES)
     blocks, rows = (B + shift + LANES - 1) // LANES, (N + abreast - 1) // abreast
@@ -312,15 +314,16 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
                 if b[TIME, l] * b[MISSING, l] > 0.0:
                     b[RHO, l] = np.nan
         for l in range(LANES):
-            tile[2 * l], tile[2 * l + 1] = state(b, l)
+            b[OUT1, l], b[OUT2, l] = state(b, l)
         for l in range(used):
             if discrete > 0.0 and abs(b[TIME, l]) == 1.0:
-                tile[2 * l], tile[2 * l + 1] = adjacent(b, l)
-            exists = abs(tile[2 * l]) + abs(tile[2 * l + 1]) < np.inf
+                b[OUT1, l], b[OUT2, l] = adjacent(b, l)
+            exists = abs(b[OUT1, l]) + abs(b[OUT2, l]) < np.inf
             if not exists and abs(b[W1, l] + b[W2, l]) < np.inf:
-                tile[2 * l], tile[2 * l + 1] = np.nan, np.nan
+                b[OUT1, l], b[OUT2, l] = np.nan, np.nan
                 reasons[reason(b, l), first + l % width] = True
-        write_tile(tile, flat, 2 * (row * B + first), 2 * used, lead)
+        place = 2 * (row * B + first)
+        write_pairs(numbers, OUT1 * LANES, OUT2 * LANES, flat, place, used, lead)
 
 
 @universal("(),(),(),(),(),(),(d)->(d),(d)")

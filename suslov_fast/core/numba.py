@@ -323,32 +323,45 @@ def select(condition, first, second):
     return first if condition else second
 
 
-def stream_line(target, i, source, j):
-    """Copy source[j:j+8] to the cache line target[i:i+8], past the caches: 2.1 times faster."""
-    target[i : i + LINE] = source[j : j + LINE]
+def stream_pairs(target, i, source, j, k):
+    """Copy source[j:j+8] and source[k:k+8], in turns, to the two cache lines target[i:i+16], past
+    the caches: twice as fast. Stores retire in order, and rows of lanes are full before pairs are.
+    """
+    target[i : i + 2 * LINE : 2] = source[j : j + LINE]
+    target[i + 1 : i + 2 * LINE : 2] = source[k : k + LINE]
 
 
 @intrinsic
-def _stream_line(typing, target, i, source, j):
+def _stream_pairs(typing, target, i, source, j, k):
     """That of compiled code."""
 
     def emit(context, builder, signature, arguments):
-        def line(k):
-            array = context.make_array(signature.args[k])(context, builder, arguments[k])
-            place = builder.gep(array.data, [arguments[k + 1]])
-            return builder.bitcast(place, ir.VectorType(ir.DoubleType(), LINE).as_pointer())
+        word = ir.IntType(32)
+        vector = ir.VectorType(ir.DoubleType(), LINE)
 
-        store = builder.store(builder.load(line(2), align=8), line(0), align=64)
-        one = ir.Constant(ir.IntType(32), 1)
-        store.set_metadata("nontemporal", builder.module.add_metadata([one]))
+        def line(which, index):
+            array = context.make_array(signature.args[which])(context, builder, arguments[which])
+            return builder.bitcast(builder.gep(array.data, [index]), vector.as_pointer())
+
+        first = builder.load(line(2, arguments[3]), align=8)
+        second = builder.load(line(2, arguments[4]), align=8)
+        nontemporal = builder.module.add_metadata([ir.Constant(word, 1)])
+        for part in range(2):
+            order = [LINE // 2 * part + lane // 2 + LINE * (lane % 2) for lane in range(LINE)]
+            pairs = ir.Constant(ir.VectorType(word, LINE), order)
+            place = builder.add(arguments[1], ir.Constant(arguments[1].type, LINE * part))
+            store = builder.store(
+                builder.shuffle_vector(first, second, pairs), line(0, place), align=64
+            )
+            store.set_metadata("nontemporal", nontemporal)
         return context.get_dummy_value()
 
-    return types.void(target, types.intp, source, types.intp), emit
+    return types.void(target, types.intp, source, types.intp, types.intp), emit
 
 
-@overload(stream_line, jit_options=_FORMULA)
-def _compiled_stream_line(target, i, source, j):
-    return lambda target, i, source, j: _stream_line(target, i, source, j)
+@overload(stream_pairs, jit_options=_FORMULA)
+def _compiled_stream_pairs(target, i, source, j, k):
+    return lambda target, i, source, j, k: _stream_pairs(target, i, source, j, k)
 
 
 def borrowed(arrays):
@@ -393,27 +406,3 @@ STREAM_FROM = np.inf if config.DISABLE_JIT else 2**20
 def pick(parameter, i):
     """Return the parameter of trajectory i: there is one for each, or one for all."""
     return parameter[i if i < parameter.size else 0]
-
-
-@formula
-def alignment(out, begin, batch, lanes):
-    """Return how many numbers of `out` lie before its first cache line, -1 if it is small; and by
-    how many trajectories, of two numbers each, the block of lanes from trajectory `begin` on is
-    shorter, so that all others begin at a line. (Large arrays begin 16 bytes after one.)
-    """
-    lead = -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
-    aligned = lead >= 0 and batch % 4 == 0 and batch > lanes > 1
-    return lead, (begin - lead // 2) % 4 if aligned else 0
-
-
-@formula
-def write_tile(tile, flat, place, count, lead):
-    """Copy tile[:count] to flat[place : place + count]."""
-    head = lesser((lead - place) % LINE, count) if lead >= 0 else count
-    for j in range(head):
-        flat[place + j] = tile[j]
-    lines = (count - head) // LINE
-    for line in range(lines):
-        stream_line(flat, place + head + LINE * line, tile, head + LINE * line)
-    for j in range(head + LINE * lines, count):
-        flat[place + j] = tile[j]

@@ -29,7 +29,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .numba import alignment, formula, kernel, lesser, pick, select, share, write_tile
+from .numba import formula, kernel, lesser, pick, select, share
+from .rows import alignment, write_pairs
 
 ONE, LANES = np.int64(1), np.int64(128)  # typed: as literals they compile `take_steps` twice
 FEW = 6  # so few trajectories take less time one by one than all lanes
@@ -57,17 +58,27 @@ class Frame(NamedTuple):
 
 
 @formula
-def scale_state(I1, I2, I13, I23, k, eps, w1, w2):
-    """The frame of a body, and X and Y of a state; X = 0 where ell, as floats give it, is 0.
-
-    For g = 0 or eps = 0 the last two numbers of the frame are not finite.
-    """
+def frame_of(I1, I2, I13, I23, k, eps):
+    """The frame of a body, and e. For g = 0 or eps = 0 its last two numbers are not finite."""
     root_a = np.sqrt(I1 * I2)
     e, back = 0.5 * eps / root_a, root_a / I2
     per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
     a1, a2, m1, m2 = e * I13, e * (I23 * back), (I13 / I1) * per_g, (I23 / root_a) * per_g
-    X, Y = e * ((I13 * w1 + I23 * w2) + k), a2 * w1 - a1 * (w2 / back)
-    return Frame(e * k, a1, a2, back, m1, m2), X, Y
+    return Frame(e * k, a1, a2, back, m1, m2), e
+
+
+@formula
+def scaled(frame, e, I13, I23, k, w1, w2):
+    """X and Y of a state; X = 0 where ell, as floats give it, is 0."""
+    return e * ((I13 * w1 + I23 * w2) + k), frame.a2 * w1 - frame.a1 * (w2 / frame.back)
+
+
+@formula
+def scale_state(I1, I2, I13, I23, k, eps, w1, w2):
+    """The frame of a body, and X and Y of a state."""
+    frame, e = frame_of(I1, I2, I13, I23, k, eps)
+    X, Y = scaled(frame, e, I13, I23, k, w1, w2)
+    return frame, X, Y
 
 
 @formula
@@ -172,12 +183,14 @@ def one_step(I1, I2, I13, I23, k, eps, w1, w2):
     return select(exists, next1, np.nan), select(exists, next2, np.nan)
 
 
-# Rows of a block. KIND is a form; X_ and Y_ are the numbers of the plain one, XG, U and V those of
-# the general one, whose R is restored. They are what a trajectory continues from. Then come how
-# many states of the general form exist, 1 after a state on a pole, and the frame.
-KIND, X_, Y_, XG, U, V, R, EXIST, POLE, FRAME = range(10)
-CARRIED = EXIST
-ROWS = FRAME + 6
+# Rows of a block. KIND is a form; X_ and Y_ are the numbers of the plain one; XG, U and V those of
+# the general one, whose R is restored. They are what a trajectory continues from, the first three
+# if all of its block have the plain form, and U and V the state of one that rests. Then come how
+# many states of the general form exist; 1 after a state on a pole; the state; the frame; what gives
+# X.
+KIND, X_, Y_, XG, U, V, R, EXIST, POLE, W1, W2, FRAME = range(12)
+E_, I13_, I23_, K_ = range(FRAME + 6, FRAME + 10)
+CARRIED, CARRIED_BY_PLAIN, ROWS = EXIST, XG, K_ + 1
 
 
 @formula
@@ -191,63 +204,85 @@ def frame_at(b, l):
 def state_at(b, l):
     """The state of a lane; NaN where there is none."""
     plain1, plain2 = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
-    plain = b[KIND, l] == PLAIN
-    w1, w2 = select(plain, plain1, b[U, l]), select(plain, plain2, b[V, l] * b[FRAME + 3, l])
+    plain, rests = b[KIND, l] == PLAIN, b[KIND, l] == RESTS
+    w1 = select(plain, plain1, select(rests, b[W1, l], b[U, l]))
+    w2 = select(plain, plain2, select(rests, b[W2, l], b[V, l] * b[FRAME + 3, l]))
     exists = abs(w1) + abs(w2) < np.inf
     return select(exists, w1, np.nan), select(exists, w2, np.nan)
 
 
 @formula
-def start_lanes(b, lanes, first, width, parameters, omega0, carry, start, status, failed_at):
-    """Fill lanes with trajectories from `first` on, at state 0 or where they stopped; return how
-    many have the plain form. Lanes beyond `width` repeat the first.
-    """
+def fill_frames(b, lanes, first, width, parameters):
+    """Fill the frames of lanes; those beyond `width` repeat the first."""
     for l in range(lanes):
         i = first + (l if l < width else 0)
-        b[FRAME, l], b[FRAME + 1, l] = pick(parameters[0], i), pick(parameters[1], i)
-        b[FRAME + 2, l], b[FRAME + 3, l] = pick(parameters[2], i), pick(parameters[3], i)
-        b[FRAME + 4, l], b[FRAME + 5, l] = pick(parameters[4], i), pick(parameters[5], i)
-        if start == 0:
-            b[U, l], b[V, l] = omega0[i, 0], omega0[i, 1]
-        else:
-            for j in range(CARRIED):
-                b[j, l] = carry[i, j]
+        # KIND, X_ and E_ hold I1, I2 and eps until the loop below.
+        b[KIND, l], b[X_, l] = pick(parameters[0], i), pick(parameters[1], i)
+        b[I13_, l], b[I23_, l] = pick(parameters[2], i), pick(parameters[3], i)
+        b[K_, l], b[E_, l] = pick(parameters[4], i), pick(parameters[5], i)
     for l in range(LANES):
-        I1, I2, I13, I23, k, eps = frame_at(b, l)  # until it is replaced by the frame, below
-        w1, w2 = b[U, l], b[V, l]
-        frame, X, Y = scale_state(I1, I2, I13, I23, k, eps, w1, w2)
-        if start == 0:
-            b[KIND, l] = form_of(frame, X, Y)
-            v = select(b[KIND, l] == RESTS, w2, w2 / frame.back)
-            b[X_, l], b[Y_, l], b[V, l] = X, Y, v
-            b[XG, l] = select(is_lost(frame, X, Y), np.nan, X)  # there is no next state
-            b[R, l] = length(w1, v) / np.sqrt(1.0 + X * X)
-            b[POLE, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
-        rests = b[KIND, l] == RESTS
-        b[FRAME, l], b[FRAME + 1, l] = select(rests, 0.0, frame.K), select(rests, 0.0, frame.a1)
-        b[FRAME + 2, l] = select(rests, 0.0, frame.a2)
-        b[FRAME + 3, l] = select(rests, 1.0, frame.back)
-        b[FRAME + 4, l], b[FRAME + 5, l] = frame.m1, frame.m2
-    plains = 0.0
+        frame, e = frame_of(b[KIND, l], b[X_, l], b[I13_, l], b[I23_, l], b[K_, l], b[E_, l])
+        b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l] = frame.K, frame.a1, frame.a2
+        b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l] = frame.back, frame.m1, frame.m2
+        b[E_, l] = e
+
+
+@formula
+def start_lanes(b, lanes, first, width, omega0, status, failed_at):
+    """Fill lanes with trajectories from `first` on, at state 0; return how many have the plain
+    form, all if it is one trajectory. Lanes beyond `width` repeat the first.
+    """
+    plains, flagged = 0, 0
     for l in range(lanes):
         i = first + (l if l < width else 0)
-        if start == 0 and b[POLE, l] > 0.0:
-            status[i] = SUPERCRITICAL
-        if start == 0 and not abs(b[U, l]) + abs(b[V, l]) < np.inf:
-            status[i], failed_at[i] = NONFINITE, 0
-        b[EXIST, l], b[POLE, l] = 0.0, 0.0
-        plains += select(b[KIND, l] == PLAIN, 1.0, 0.0)
+        b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
+    for l in range(LANES):
+        frame, w1, w2 = frame_at(b, l), b[W1, l], b[W2, l]
+        X, Y = scaled(frame, b[E_, l], b[I13_, l], b[I23_, l], b[K_, l], w1, w2)
+        form, v = form_of(frame, X, Y), w2 / frame.back
+        rests = form == RESTS
+        b[KIND, l], b[U, l], b[V, l] = form, select(rests, 0.0, w1), select(rests, 0.0, v)
+        b[X_, l], b[Y_, l] = X, Y
+        b[XG, l] = select(is_lost(frame, X, Y), np.nan, X)  # there is no next state
+        b[EXIST, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
+        flagged += select((b[EXIST, l] > 0.0) | ~(abs(w1) + abs(v) < np.inf), 1, 0)
+        plains += select(form == PLAIN, 1, 0)
+    if lanes == 1:  # the others are of no trajectory
+        plains, flagged = LANES if b[KIND, 0] == PLAIN else 0, 1
+    if plains < LANES:
+        for l in range(LANES):
+            X = b[XG, l]
+            b[R, l] = length(b[U, l], b[V, l]) / np.sqrt(1.0 + X * X)
+    for l in range(width if flagged > 0 else 0):
+        if b[EXIST, l] > 0.0:
+            status[first + l] = SUPERCRITICAL
+        if not abs(b[U, l]) + abs(b[V, l]) < np.inf:
+            status[first + l], failed_at[first + l] = NONFINITE, 0
     return plains
+
+
+@formula
+def continue_lanes(b, lanes, first, width, carry):
+    """Fill lanes with trajectories from `first` on where they stopped; return as `start_lanes`."""
+    plains = 0
+    for l in range(lanes):
+        for j in range(CARRIED):
+            b[j, l] = carry[first + (l if l < width else 0), j]
+        b[W1, l], b[W2, l] = b[U, l], b[V, l]
+        if b[KIND, l] == RESTS:
+            b[U, l], b[V, l] = 0.0, 0.0
+        plains += 1 if b[KIND, l] == PLAIN else 0
+    return plains * (LANES // lanes)
 
 
 @formula
 def take_steps(b, lanes, plains, n, pause):
     """Take lanes from state n to state `pause`: a constant number of lanes, for SIMD."""
-    if plains > 0.0:
+    if plains > 0:
         for _ in range(n, pause):
             for l in range(lanes):
                 b[X_, l], b[Y_, l] = plain_step(b[X_, l], b[Y_, l])
-    if plains == lanes:
+    if plains == LANES:
         return
     for _ in range(n, pause):
         for l in range(lanes):
@@ -277,45 +312,59 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     """
     begin, end, start, stop, every, first_row = span
     B, flat = len(omega0), saved.reshape(saved.size)
-    b, tile = np.ones((ROWS, LANES)), np.empty(2 * LANES)
+    b = np.ones((ROWS, LANES))
+    rows = b.reshape(b.size)
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
     abreast = ONE if few else LANES
+    common = parameters[0].size == 1
+    for parameter in parameters[1:]:
+        common = common and parameter.size == 1
     lead, shift = alignment(saved, begin, B, abreast)
     first_block, last_block = share((end - begin + shift + abreast - 1) // abreast, part, parts)
     for block in range(first_block, last_block):
         first = begin + (block * abreast - shift if block > 0 else 0)
         width = lesser(begin + (block + 1) * abreast - shift, end) - first
-        plains = start_lanes(
-            b, abreast, first, width, parameters, omega0, carry, start, status, failed_at
-        )
+        if not common or block == first_block:
+            fill_frames(b, abreast, first, width, parameters)
+        if start == 0:
+            plains = start_lanes(b, abreast, first, width, omega0, status, failed_at)
+        else:
+            plains = continue_lanes(b, abreast, first, width, carry)
+        for l in range(LANES):
+            b[EXIST, l], b[POLE, l] = 0.0, 0.0
+        all_plain = plains == LANES and not few
         n, due, row = start, first_due, first_row
         while True:
+            stepped = False
             if n == 0:
-                for l in range(width):
-                    tile[2 * l], tile[2 * l + 1] = omega0[first + l, 0], omega0[first + l, 1]
-            elif plains == LANES:
+                pass  # W1 and W2 are state 0
+            elif all_plain and every == 1 and n < stop:  # a step, too: in one loop
                 for l in range(LANES):
-                    w = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
-                    tile[2 * l], tile[2 * l + 1] = w
+                    b[W1, l], b[W2, l] = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
+                    b[X_, l], b[Y_, l] = plain_step(b[X_, l], b[Y_, l])
+                stepped = True
             else:
                 for l in range(abreast):
-                    tile[2 * l], tile[2 * l + 1] = state_at(b, l)
+                    b[W1, l], b[W2, l] = state_at(b, l)
             if n == due:
-                write_tile(tile, flat, 2 * (row * B + first), 2 * width, lead)
+                place = 2 * (row * B + first)
+                write_pairs(rows, W1 * LANES, W2 * LANES, flat, place, width, lead)
                 due, row = due + every, row + 1
             if n == stop:
                 break
             pause = lesser(lesser(stop, due), (n // PROJECTED + 1) * PROJECTED)
             if few:
                 take_steps(b, ONE, plains, n, pause)
-            else:
+            elif not stepped:
                 take_steps(b, LANES, plains, n, pause)
             n = pause
         for l in range(width):
             i, exist = first + l, b[EXIST, l]
-            final[i, 0], final[i, 1] = tile[2 * l], tile[2 * l + 1]
-            for j in range(CARRIED):
+            final[i, 0], final[i, 1] = b[W1, l], b[W2, l]
+            if b[KIND, l] == RESTS:
+                b[U, l], b[V, l] = b[W1, l], b[W2, l]
+            for j in range(CARRIED_BY_PLAIN if plains == LANES else CARRIED):
                 carry[i, j] = b[j, l]
             if b[KIND, l] != PLAIN and exist < stop - start and status[i] >= 0:
                 status[i] = SINGULAR if b[POLE, l] > 0.0 else NONFINITE

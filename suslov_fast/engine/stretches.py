@@ -91,7 +91,7 @@ class March:
             self.turned = None if earlier.turned is None else earlier.turned.copy()
             return
         self.n = 0
-        self.carry = np.empty((size, self.steps.carried))
+        self.carry = np.zeros((size, self.steps.carried))
         if problem.orientation is not None:
             self.turned = flat_arrays(problem.orientation, problem.batch, 2).copy()
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan

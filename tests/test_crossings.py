@@ -250,12 +250,12 @@ def test_the_surface_is_called_once_with_the_initial_states_and_then_with_pieces
     np.testing.assert_array_equal(np.concatenate([x for x, _, _ in calls]), run.x[:6])
 
 
-class Unlucky(Exception):
+class Unlucky(IndexError):
     pass
 
 
 def unlucky(x):
-    raise Unlucky
+    raise Unlucky("mine")
 
 
 def overwrite(x):
@@ -274,7 +274,8 @@ def overwrite(x):
         (lambda x: x, ValueError, r"surface: .* \(1, 2, 3\) for states \(1, 2, 3\)"),
         (lambda x: 1.0, ValueError, r"surface: .* \(\)"),
         (lambda x: x[..., :1], ValueError, "surface: "),
-        (unlucky, Unlucky, ""),
+        (unlucky, Unlucky, "mine"),
+        (lambda x: x[..., 7], IndexError, "surface: expected components on the last axis"),
         (overwrite, ValueError, "read-only"),
     ],
 )
@@ -338,7 +339,9 @@ def test_results(rng):
     for value in (*vars(points).values(), points.states, points.time):
         if isinstance(value, np.ndarray):
             assert not value.flags.writeable
-    assert points == pickle.loads(pickle.dumps(points))
+    again = pickle.loads(pickle.dumps(points))
+    assert again == points
+    assert not again.before.flags.writeable
     assert points != sf.crossings(family, starts, [[0.1], [0.2], [0.1]], 201, first, direction=-1)
     assert points != 1
     assert len({type(points).__hash__}) == 1

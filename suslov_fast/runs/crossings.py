@@ -122,6 +122,9 @@ class Crossings:
     def __len__(self) -> int:
         return len(self.n)
 
+    def __reduce__(self) -> Any:  # NumPy's pickles forget what is read-only
+        return type(self), tuple(getattr(self, item.name) for item in fields(self))
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Crossings):
             return NotImplemented

@@ -1,7 +1,10 @@
 """Runs in files."""
 
 import contextlib
+import json
 import os
+import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ import xarray
 from test_trajectories import RUNS, run_of
 
 import suslov_fast as sf
+from suslov_fast.runs import storage
 
 
 @pytest.fixture
@@ -90,3 +94,55 @@ def test_damaged_files(path):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 255]) + whole[place + 1 :])
         with contextlib.suppress(ValueError):
             assert sf.Trajectories.load(path) == run_of("batch")
+
+
+def test_an_entry_that_no_run_has_is_not_read(path):
+    """One of 1 MB may need gigabytes, and has no header that NumPy reads."""
+    run_of("batch").save(path)
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("junk.npy", b"no array")
+    assert sf.Trajectories.load(path) == run_of("batch")
+
+
+@pytest.mark.parametrize("name", ["turning", "last", "field"])
+def test_arrays_of_other_types_and_shapes(path, name):
+    """They are refused by their headers, before they are read."""
+    run_of(name).save(path)
+    found = entries(path)
+    for array in found.keys() - {"about", "body"}:
+        values = found[array]
+        others = [values.astype(np.float32), values.astype(complex)]
+        if values.ndim:  # one step size may have any axes
+            others.append(values[..., np.newaxis])
+        for other in others:
+            np.savez(path, **(found | {array: other}))
+            with pytest.raises(ValueError, match=r"run\.npz: .*: expected|broadcast"):
+                sf.Trajectories.load(path)
+    changes = [
+        ("steps", -1),
+        ("steps", 6),
+        ("save_every", 0),
+        ("method", "gauss"),
+        ("map", "other"),
+    ]
+    about = json.loads(str(found["about"]))
+    for key, value in changes:
+        if about[key] != value:
+            np.savez(path, **(found | {"about": json.dumps(about | {key: value})}))
+            with pytest.raises(ValueError, match=r"run\.npz: "):
+                sf.Trajectories.load(path)
+
+
+def test_parts_of_killed_processes_are_deleted(path):
+    """Those of processes that live are not: they hold a lock."""
+    left = path.with_name(".run.npz.0123abcd.part")
+    left.write_bytes(b"half")
+    other = path.with_name(".other.npz.0123abcd.part")
+    other.touch()
+    new, file = storage._part(path)
+    with file:
+        assert not left.exists()
+        run_of("one").save(path)
+        assert new.exists() or sys.platform == "win32"
+    run_of("one").save(path, overwrite=True)
+    assert sorted(os.listdir(path.parent)) == [other.name, path.name]

@@ -116,6 +116,31 @@ class Problem(NamedTuple):
     orientation: FloatArray | None = None  # (..., n, n)
 
 
+Where = tuple[slice, ...]  # a part of each axis of a batch
+
+
+def part_of(problem: Problem, where: Where) -> Problem:
+    """Return the problem of a part of the batch, without copies; it keeps `RandomStarts`."""
+    _, body, omega, eps, *_, turns = problem
+    for axis, part in enumerate(along(body.shape, where)):
+        body = body._part(axis, part)
+    if not isinstance(omega, RandomStarts):
+        omega = omega[along(omega.shape[:-1], where)]
+    if type(eps) is not float:
+        eps = np.asarray(eps)
+        eps = eps[along(eps.shape, where)]
+    if turns is not None:
+        turns = turns[along(turns.shape[:-2], where)]
+    batch = tuple(part.stop - part.start for part in where)
+    return problem._replace(body=body, omega=omega, eps=eps, batch=batch, orientation=turns)
+
+
+def along(shape: tuple[int, ...], where: Where) -> Where:
+    """Return the slices, for a part of the batch, of an array that broadcasts to the batch."""
+    last = where[len(where) - len(shape) :]
+    return tuple(slice(0, 1) if n == 1 else each for n, each in zip(shape, last, strict=True))
+
+
 def check(
     map: Any,
     body: Any,

@@ -1,14 +1,18 @@
 """Evaluation of functions of a state: checked arguments, a formula of the map, missing values."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ..checks import FloatArray, first_index, real_array, spell, warn
-from ..engine.arguments import Problem, check
+from ..engine.arguments import Problem, check, part_of
 from ..engine.status import SingularStepWarning
 from ..maps import Map, map_of
+
+# Operations of a part of a batch, some 0.1 s: for each state those of elimination, D**3.
+_PART = 2**27
 
 
 def evaluate(
@@ -22,7 +26,30 @@ def evaluate(
     map = map or map_of(body)
     formula = map.formula(name, body)
     problem = check(map, body, omega, eps, later=True)
-    return reported(problem, formula.compute(problem), formula.poles)
+    return reported(problem, in_parts(formula.compute, problem), formula.poles)
+
+
+def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:
+    """Return the values for a problem; Ctrl-C is heard between parts of a large batch."""
+    batch, D = problem.batch, problem.body.dimension
+    work = math.prod(batch) * D**3
+    if work <= _PART:
+        return compute(problem)
+    axis = int(np.argmax(batch))
+    length = batch[axis]
+    width = min(max(length * _PART // work, 1), length)
+    if width == length:
+        return compute(problem)
+    where = [slice(0, n) for n in batch]
+    values: FloatArray | None = None
+    for begin in range(0, length, width):
+        where[axis] = slice(begin, min(begin + width, length))
+        found = in_parts(compute, part_of(problem, tuple(where)))
+        if values is None:
+            values = np.empty((*batch, *found.shape[len(batch) :]), found.dtype)
+        values[tuple(where)] = found
+    assert values is not None
+    return values
 
 
 def reported(problem: Problem, values: FloatArray, poles: bool = False) -> FloatArray:

@@ -18,7 +18,15 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from ..engine.arguments import Problem, RandomStarts, check, require
+from ..engine.arguments import (
+    Problem,
+    RandomStarts,
+    Where,
+    along,
+    check,
+    part_of,
+    require,
+)
 from ..engine.stretches import March, Progress, reporter
 from ..maps import map_of
 from . import stores
@@ -35,7 +43,6 @@ _CHUNK, _WORK, _FEWEST, _WAITING = 2**23, 2**31, 2**12, 4
 # Up to this number of tiles, their statuses are read before others are computed.
 _FEW_TILES = 1000
 
-Where = tuple[slice, ...]  # a tile: a part of each axis of the batch
 Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
 Options = tuple[str, int, int | None, Functions]  # method, steps, save_every, functions
 
@@ -137,7 +144,7 @@ def ensemble(
             done += _count(where)
             if report is not None:
                 report(done * steps)
-    return _dataset(store, is_finished=True)
+    return _dataset(store, is_finished=True, is_known=not tiles)
 
 
 def open_ensemble(store: Any) -> xarray.Dataset:
@@ -167,17 +174,17 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     """
     for module in ("zarr", "xarray", "dask"):
         checks.extra(module, "large")
-    return _dataset(stores.resolved(store), is_finished=False)
+    return _dataset(stores.resolved(store))
 
 
-def _dataset(store: Any, is_finished: bool) -> xarray.Dataset:
-    """Open a store that lacks nothing, and no tile if `is_finished`."""
+def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> xarray.Dataset:
+    """Open a store that lacks nothing, and no tile if `is_finished`; `is_known` spares the look."""
     import xarray
 
     found = stores.contents(store)
     if found is None or not found.arrays:
         raise wrong("store", "a store of ensemble", f"none at {store}", FileNotFoundError)
-    lost = stores.lost(store, found)
+    lost = stores.Lost({}, set(), set()) if is_known else stores.lost(store, found)
     if lost.chunks:
         received = f"{store} without {lost}: ensemble, called again, computes them anew"
         raise wrong("store", "all chunks of its tiles", received)
@@ -333,7 +340,7 @@ def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> None
     """Compute and write a tile, in pieces that fill a chunk, its `status` last."""
     (method, steps, every, functions), map, row = options, tile.map, 0
     if isinstance(tile.omega, RandomStarts):  # computed where they are needed
-        part = tile.omega._part(_along(tile.omega.shape, where), tile.body.dimension)
+        part = tile.omega._part(along(tile.omega.shape, where), tile.body.dimension)
         tile = tile._replace(omega=part)
     march, rows = March(tile, method), arrays[map.variable].chunks[0]
     for saved, turns in march.pieces(steps, every or 0, rows):
@@ -347,18 +354,11 @@ def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> None
 
 
 def _tile(whole: Problem, where: Where) -> Problem:
-    """Return a part of the batch; initial states in arrays are read."""
-    _, body, omega0, eps, *_, turns = whole
-    for axis, part in enumerate(_along(body.shape, where)):
-        body = body._part(axis, part)
-    if not isinstance(omega0, RandomStarts):
-        omega0 = np.asarray(omega0[_along(omega0.shape[:-1], where)])
-        omega0 = checks.states("omega0", omega0, body._labels)
-    if turns is not None:
-        turns = turns[_along(turns.shape[:-2], where)]
-    batch, eps = tuple(part.stop - part.start for part in where), np.asarray(eps)
-    eps = eps[_along(eps.shape, where)]
-    return whole._replace(body=body, omega=omega0, eps=eps, batch=batch, orientation=turns)
+    """Return a part of the batch, whose initial states in an array are read and checked."""
+    tile = part_of(whole, where)
+    if isinstance(tile.omega, RandomStarts):
+        return tile
+    return tile._replace(omega=checks.states("omega0", np.asarray(tile.omega), tile.body._labels))
 
 
 def _where(tile: stores.Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> Where:
@@ -369,9 +369,3 @@ def _where(tile: stores.Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -
 
 def _count(where: Where) -> int:
     return math.prod(part.stop - part.start for part in where)
-
-
-def _along(shape: tuple[int, ...], where: Where) -> Where:
-    """Return the slices, for a part of the batch, of an array that broadcasts to the batch."""
-    last = where[len(where) - len(shape) :]
-    return tuple(slice(0, 1) if n == 1 else each for n, each in zip(shape, last, strict=True))

@@ -7,10 +7,14 @@ from typing import Any
 import suslov_fast as sf
 
 
+_OF_STORES = "tiled", "shared"  # attributes with the names of arrays
+
+
 def facts_in(path: Path) -> dict[str, Any]:
     if path.suffix == ".zarr":
         data = sf.open_ensemble(path)
-        return {**data.attrs, **_counts(data.status)}
+        about = {name: each for name, each in data.attrs.items() if name not in _OF_STORES}
+        return {**about, **_counts(data.status.to_numpy())}  # read once
     found = sf.Trajectories.load(path)
     return facts_of(found, found.states[0] if found.n[0] == 0 else None)
 

@@ -243,7 +243,9 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
         identity |= {name: f"{', '.join(texts)}, sha256 {digest}"} if texts else {}
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
     tiled = sorted({map.variable, *fills, *functions} & {*data.variables})
-    return data.assign_attrs(identity, tiled=json.dumps(tiled), format=stores.FORMAT)
+    shared = sorted({*data.variables} - {*tiled})
+    identity |= {"tiled": json.dumps(tiled), "shared": json.dumps(shared)}
+    return data.assign_attrs(identity, format=stores.FORMAT)
 
 
 def _is_storable(name: Any) -> bool:

@@ -67,8 +67,12 @@ class Contents(NamedTuple):
     @property
     def tiled(self) -> list[str]:
         """Names of the arrays that are written tile by tile."""
-        names: list[str] = json.loads(self.attributes["tiled"])
-        return names
+        return [*json.loads(self.attributes["tiled"])]
+
+    @property
+    def shared(self) -> list[str]:
+        """Names of the others: parameters, step sizes, labels."""
+        return [*json.loads(self.attributes["shared"])]
 
 
 class Lost(NamedTuple):
@@ -104,7 +108,7 @@ def contents(store: Any) -> Contents | None:
         return None
     try:
         document = json.loads(text)
-        attributes = document["attributes"] | {}
+        attributes = dict(document["attributes"])
         if document["zarr_format"] != 3 or document["node_type"] != "group":
             raise KeyError("zarr_format")
     except (KeyError, TypeError):
@@ -132,11 +136,12 @@ def _foreign(store: Any, what: str) -> Any:
 
 def _stored(name: str, metadata: dict[str, Any]) -> Stored:
     """Return the metadata of an array, if Zarr may open it."""
+    if (metadata["zarr_format"], metadata["node_type"]) != (3, "array"):
+        raise wrong(name, "an array of Zarr format 3", metadata["zarr_format"])
     codecs = {each["name"] for each in metadata["codecs"]}
     separator = metadata["chunk_key_encoding"].get("configuration", {}).get("separator", "/")
     grid = metadata["chunk_grid"]["configuration"]["chunk_shape"]
-    known = codecs <= _CODECS and separator == "/" and not metadata.get("storage_transformers")
-    if (metadata["zarr_format"], metadata["node_type"]) != (3, "array") or not known:
+    if not codecs <= _CODECS or separator != "/" or metadata.get("storage_transformers"):
         raise wrong(name, "an array as ensemble makes it", ", ".join(sorted(codecs)))
     shape, dims = tuple(metadata["shape"]), tuple(metadata.get("dimension_names") or ())
     if len(dims) != len(shape) or len(grid) != len(shape) or min((*grid, 1)) < 1:
@@ -159,8 +164,8 @@ def _check(found: Contents) -> None:
     check_arrays({name: (each.dtype, each.shape) for name, each in arrays.items()}, expected)
     sizes = dict(zip(batch.dims, batch.shape, strict=True))
     chunks = dict(zip(batch.dims, batch.chunks, strict=True))
-    if "eps" not in arrays:
-        raise wrong("eps", "an array", "none")
+    if absent := {*found.shared, "eps"} - {*arrays}:
+        raise wrong(min(absent), "an array", "none")
     for name, each in arrays.items():
         for dim, length, chunk in zip(each.dims, each.shape, each.chunks, strict=True):
             if length != sizes.setdefault(dim, length):
@@ -269,8 +274,8 @@ def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
     with suppress(zarr.errors.ContainsGroupError):
         zarr.create_group(store, zarr_format=3, attributes=about)
     root = zarr.open_group(store, mode="r+", zarr_format=3, use_consolidated=False)
+    tiled, shared = (json.loads(data.attrs[name]) for name in ("tiled", "shared"))
     sizes = dict(sizes)
-    tiled = json.loads(data.attrs["tiled"])
     for name in tiled:
         if (begun := root.get(name)) is not None:  # with the sizes of the call that made it
             sizes |= zip(data[name].dims, begun.chunks, strict=True)
@@ -288,7 +293,6 @@ def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
                 dimension_names=variable.dims,
                 attributes=variable.attrs,
             )
-    shared = [name for name in data.variables if name not in tiled]
     write(_writable(root, shared), data, shared)
     with _ALONE, warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # on this format and on unfinished files

@@ -6,7 +6,6 @@ from typing import Any
 
 import suslov_fast as sf
 
-
 _OF_STORES = "tiled", "shared"  # attributes with the names of arrays
 
 

@@ -136,7 +136,7 @@ def _foreign(store: Any, what: str) -> Any:
 
 def _stored(name: str, metadata: dict[str, Any]) -> Stored:
     """Return the metadata of an array, if Zarr may open it."""
-    if (metadata["zarr_format"], metadata["node_type"]) != (3, "array"):
+    if (metadata["zarr_format"], metadata.get("node_type")) != (3, "array"):
         raise wrong(name, "an array of Zarr format 3", metadata["zarr_format"])
     codecs = {each["name"] for each in metadata["codecs"]}
     separator = metadata["chunk_key_encoding"].get("configuration", {}).get("separator", "/")

@@ -267,10 +267,7 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
 def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]:
     """Compute what a store lacks of a run, and return its summary."""
     if force and path.exists():
-        from .runs import stores
-
-        if stores.contents(path.absolute()) is None:  # an error of its own for other data
-            raise FileExistsError(f"{path}: expected a store of a run, got another folder")
+        sf.open_ensemble(path)  # an error, unless it is the store of a run
         shutil.rmtree(path)
     begin = time.perf_counter()
     sf.ensemble(*work, store=path, **settings)

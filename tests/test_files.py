@@ -120,7 +120,7 @@ def test_arrays_of_other_types_and_shapes(path, name):
                 sf.Trajectories.load(path)
     changes = [
         ("steps", -1),
-        ("steps", 6),
+        ("steps", "6"),
         ("save_every", 0),
         ("method", "gauss"),
         ("map", "other"),

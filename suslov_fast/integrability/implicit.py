@@ -28,7 +28,7 @@ from .maps import RationalMap
 from .reconstruction import over_rationals, polynomials_with
 
 _ORDERS = 200  # random orders of the monomials, each of which gives circuits
-_QUOTIENTS = 10_000  # of coefficients, whose degrees are compared
+_QUOTIENTS = 4_000  # of coefficients, whose degrees are compared
 _DEGREES = 5, 11, 23  # quotients of a higher degree than the last are left out
 _TERMS = 300  # of a formula that is written out, at most
 

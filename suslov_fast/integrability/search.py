@@ -36,6 +36,7 @@ from .tasks import LATE, Queue, Task
 
 _FEW = 80  # coefficients, at most, of a polynomial of higher degree than that of the report
 _FEW_MONOMIALS = 0.1  # the least cost of integrals of relations between these
+_SOON = 5.0  # seconds, at most, that formulas from relations wait for Darboux polynomials
 
 ONE = RationalFunction(())
 Tasks = Iterable[Task]
@@ -175,9 +176,10 @@ class Search:
         chosen = implicit.independent_of(self.integrals, candidates)
         self._of_relations = [*islice(chosen, missing)]
         self.version += 1
-        # Darboux polynomials, which come with the factors, give nicer formulas.
+        # Darboux polynomials, which come with the factors, give nicer formulas, if they come soon.
+        later = min(2 * self.map.cost_of_factors, _SOON)
         for each in filter(implicit.is_short, self._of_relations):
-            cost = LATE + 2 * (self.map.cost_of_factors + self._cost(each.degree))
+            cost = LATE + later + 2 * self._cost(each.degree)
             yield Task(cost, partial(self._write, each), "formulas", each.degree)
 
     def _write(self, integral: ImplicitIntegral) -> Tasks:

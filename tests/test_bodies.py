@@ -144,6 +144,8 @@ def test_selection_by_value():
     assert bodies.sel(I1=slice(7, None)).shape == (0, 3)
     decreasing = QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=[3, 1, 2])
     assert decreasing.sel(a=slice(2, 9)).parameters["a"].tolist() == [3, 2]
+    with pytest.raises(ValueError, match=r"^I1: .* 4.0, or method="):  # equal, not close
+        bodies.sel(I1=np.nextafter(4.0, 5.0))
 
 
 def test_an_I3_that_no_body_has():
@@ -244,6 +246,15 @@ def test_from_mass_tensor(rng):
         assert abs(rotation @ axis / np.linalg.norm(axis) - np.eye(n)[-1]).max() < 1e-14
         block = turned[:-1, :-1]
         assert abs(block - np.diag(np.diag(block))).max() < 1e-14 * abs(matter).max()
+
+
+def test_adapted_bases_are_right_handed(rng):
+    """Axes with eigenvectors of positive diagonal may be left-handed from dimension 4 on."""
+    for n in (4, 5):
+        roots = rng.normal(size=(100, n, n))
+        matter = roots @ roots.swapaxes(-2, -1) + np.eye(n)
+        _, rotation = SuslovND.from_mass_tensor(matter, rng.normal(size=(100, n)))
+        np.testing.assert_allclose(np.linalg.det(rotation), 1.0, rtol=1e-13)
 
 
 def test_which_bodies_are_solved():

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
+from suslov_fast.runs.stores import described
 
 BODY = Suslov3D(4, 1, -0.5, -0.3)
 BODY_4D = sf.SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
@@ -125,6 +126,23 @@ def test_sources_of_initial_states(tmp_path):
     # A run is identified by its initial states: those of an array, a map and Dask are the same.
     for name in ("array", "dask"):
         ensemble(BODY, sources[name], 0.2, 20, store=tmp_path / "map.zarr")
+
+
+def test_every_initial_state_identifies_a_run(tmp_path):
+    """Of many states there is a digest, of all of their parts."""
+    array, store = np.linspace(-1.0, 1.0, 1400).reshape(700, 2), tmp_path / "run.zarr"
+    ensemble(BODY, array, 0.2, 2, store=store)
+    for place in ((0, 0), (350, 1), (699, 1)):
+        other = array.copy()
+        other[place] = np.nextafter(other[place], 0.0)
+        with pytest.raises(ValueError, match=r"omega0: .*, the store has others"):
+            ensemble(BODY, other, 0.2, 2, store=store)
+    large = np.arange(2.0**21 + 5)[:, None]  # in two parts
+    text = described("omega0", large)
+    assert text.startswith("2097157 values from 0 to 2.09716e+06, sha256 ")
+    large[-1] += 0.5
+    assert described("omega0", large) != text
+    assert described("I1", array[:3, 0]) == array[:3, 0].tolist()
 
 
 def radius(x):

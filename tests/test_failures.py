@@ -66,6 +66,15 @@ def test_states_that_do_not_exist(body, unit):
     assert all(each.message for each in sf.Status)
 
 
+def test_each_failure_is_told_once(unit):
+    """A run that goes on tells what fails from its next state on, and raises for nothing else."""
+    with pytest.warns(sf.SingularStepWarning, match="at step 1$"):
+        run = sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 1)
+    assert run.extend(2, on_singular="raise").failed_at.tolist() == [-1, 1]
+    with pytest.warns(sf.SingularStepWarning, match=r"^1 of 2 .* 1 at step 1$"):
+        sf.iterate(unit, [HEALTHY, ON_THE_POLE], 1, 0).extend(2)
+
+
 def test_raise_and_ignore(unit):
     """The error carries the run and survives pickling."""
     with pytest.raises(sf.SingularStepError, match=r"^1 of 2 ") as caught:

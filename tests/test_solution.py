@@ -37,6 +37,21 @@ def test_reasons_for_missing_states(unit):
     assert np.isnan(states).any(axis=-1).tolist() == [True, False]
 
 
+def test_states_on_the_way_from_rest_that_cannot_be_told(unit):
+    """Next to a steady state, at l below 1e-140 of it, squares of l are lost: it is left for NaN,
+    and approached in all digits.
+    """
+    for sign in (1.0, -1.0):
+        with pytest.warns(RuntimeWarning, match="range"):
+            states = sf.exact(unit, [1e-150, 0.5 * sign], 1, [-700 * sign, -sign, 0, 3 * sign])
+        assert np.isnan(states[0]).all()
+        expected = [[5e-150 / 3, 0.5 * sign], [1e-150, 0.5 * sign], [2.16e-151, 0.5 * sign]]
+        np.testing.assert_allclose(states[1:], expected, rtol=1e-14, atol=0.0)
+        left, reached = sf.exact(unit, [1e-130, 0.5 * sign], 1, [-700 * sign, 700 * sign])
+        np.testing.assert_allclose(left, [0.0, -0.5 * sign], atol=1e-13)
+        np.testing.assert_allclose(reached, [0.0, 0.5 * sign], atol=1e-13)
+
+
 def state_on_the_pole(I1, I2, I13, I23, x):
     """Return the state with this x and y = 2 I1 I2 + x**2, a pole for eps = 1."""
     y, D = 2 * I1 * I2 + x * x, I13 * I13 * I2 + I23 * I23 * I1

@@ -27,6 +27,9 @@ BATCH = Suslov3D([[4.0], [2.0]], [1, 2, 3], -0.5, -0.3)
 FIELD = QuadraticField([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
 FAMILY = QuadraticField.from_function(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
 HENON = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
+# Symmetric in its last two axes alone: 3 x2**2 is at [0][1][1], and nowhere else.
+LOPSIDED = np.zeros((3, 3, 3)).tolist()
+LOPSIDED[0][1][1] = 3.0
 
 
 def body(**given):
@@ -116,6 +119,8 @@ FIELDS = [
     (lambda: FIELD([True, 1]), TypeError, "x"), (lambda: HENON.H([1, 2, 3]), ValueError, "x"),
     (changed(linear=[["a"]]), ValueError, "linear"), (changed(q=1), ValueError, "q"),
     (changed(quadratic=[[["1/0"]]]), ValueError, "quadratic"),
+    (changed(HENON, H=LOPSIDED), ValueError, "H: .*symmetric"),
+    (changed(HENON, H=np.swapaxes(LOPSIDED, 0, 2).tolist()), ValueError, "H: .*symmetric"),
     (changed(HENON, H=[1.0]), ValueError, "H"), (changed(HENON, body="Suslov3D"), ValueError, "body"),
     (changed(HENON, K=[[0, 2], [2, 0]]), ValueError, "K"), (changed(HENON, k=1), ValueError, "k"),
     (changed(HENON, constant=[1.0, 0.0]), ValueError, "parameters"),

@@ -687,6 +687,26 @@ def test_a_larger_degree_shows_no_less(given):
         assert len(both) == len(more.integrals)
 
 
+@pytest.mark.parametrize("field", [EULER, CYCLE, ISHII])
+def test_a_permutation_of_the_variables(field):
+    """Reports of the same field in other variables show as much, of the same degrees."""
+    n, table = field.dimension, field.table
+
+    def permuted(y):
+        """The equations of y_i = x_(i + 1)."""
+        x = [*y[-1:], *y[:-1], 1]
+        f = [sum(c * x[j] * x[k] for (j, k), c in np.ndenumerate(table[i]) if c) for i in range(n)]
+        return [*f[1:], f[0]]
+
+    first, second = report(field, EPS, 2), report(field_of(permuted, n), EPS, 2)
+    for name in ("integrals", "polynomials"):
+        degrees = [sorted(f.degree for f in getattr(each, name)) for each in (first, second)]
+        assert degrees[0] == degrees[1]
+    for name in ("measures", "symmetries"):
+        assert len(getattr(first, name)) == len(getattr(second, name))
+    assert (first.relations, first.growth) == (second.relations, second.growth)
+
+
 # Somos-5, reduced by its symmetries.
 SOMOS = rational_map(
     lambda x: (x[1], x[2], (2 + 5 * x[1] * x[2]) / (x[0] * x[1] ** 2 * x[2] ** 2)),

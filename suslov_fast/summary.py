@@ -12,10 +12,16 @@ _OF_STORES = "tiled", "shared"  # attributes with the names of arrays
 def facts_in(path: Path) -> dict[str, Any]:
     if path.suffix == ".zarr":
         data = sf.open_ensemble(path)
-        about = {name: each for name, each in data.attrs.items() if name not in _OF_STORES}
+        about = {name: _value(each) for name, each in data.attrs.items() if name not in _OF_STORES}
         return {**about, **_counts(data.status.to_numpy())}  # read once
     found = sf.Trajectories.load(path)
     return facts_of(found, found.states[0] if found.n[0] == 0 else None)
+
+
+def _value(attribute: Any) -> Any:
+    """Return an attribute of a store; numbers in lists of lists are stored as JSON."""
+    is_text_of_lists = isinstance(attribute, str) and attribute.startswith("[[")
+    return json.loads(attribute) if is_text_of_lists else attribute
 
 
 def facts_of(found: Any, start: Any) -> dict[str, Any]:

@@ -424,3 +424,35 @@ def test_a_store_as_netcdf(store, eps):
     with xarray.open_dataset(path) as again:
         np.testing.assert_array_equal(again.final, data.final)
     data.close()
+
+
+class Counting(zarr.storage.WrapperStore):
+    """Counts requests; on object storage each takes some 30 ms."""
+
+    count = 0
+
+    async def get(self, *arguments, **options):
+        Counting.count += 1
+        return await self._store.get(*arguments, **options)
+
+    async def exists(self, *arguments, **options):
+        Counting.count += 1
+        return await self._store.exists(*arguments, **options)
+
+
+def test_a_finished_store_takes_few_requests(monkeypatch):
+    """One listing, and none for each tile."""
+    monkeypatch.setattr("suslov_fast.runs.ensemble._FEW_TILES", 10)
+    place, run = Counting(zarr.storage.MemoryStore()), (BODY, RandomStarts(200, 1.0), 0.2, 3)
+    ensemble(*run, store=place, chunk=1)
+    Counting.count = 0
+    dataset = ensemble(*run, store=place)
+    assert Counting.count < 20
+    assert_same(dataset, iterate(*run, save_every=None))
+
+
+def test_without_dask_nothing_is_computed(store, monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask", None)
+    with pytest.raises(ImportError, match="expected the package dask"):
+        call(ensemble, **ASKED, store=store)
+    assert not store.exists()

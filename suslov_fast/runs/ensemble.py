@@ -300,8 +300,11 @@ def _finished(
             _compute(_tile(whole, where), options, where, arrays)
             yield where
         return
+    from dask import config
     from distributed import as_completed
 
+    # What a tile needs is at most some chunks, which a graph may hold.
+    sizes = {"distributed.admin.large-graph-warning-threshold": 16 * _CHUNK}
     waiting = iter(tiles.items())
     under_way: dict[Any, tuple[stores.Tile, Where]] = {}
     finished, known = as_completed(loop=client.loop), set()  # workers that write to the store
@@ -311,7 +314,8 @@ def _finished(
         most = _WAITING * max(1, sum(client.nthreads().values()))
         for tile, where in islice(waiting, max(0, most - len(under_way))):
             given = _tile(whole, where), options, where, arrays
-            job = client.submit(_compute_on_worker, *given, pure=False)
+            with config.set(sizes):
+                job = client.submit(_compute_on_worker, *given, pure=False)
             under_way[job] = tile, where
             finished.add(job)
 

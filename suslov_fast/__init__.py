@@ -15,7 +15,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-__version__ = "0.6.0"
+__version__ = "0.7.0"
 
 # The imports in `__init__.pyi` list the public names.
 _MODULE_OF = {

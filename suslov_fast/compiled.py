@@ -24,22 +24,20 @@ Examples
 218
 """
 
-import math
-from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
 from numba.extending import overload, typeof_impl
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .bodies.base import Body
 from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
-from .core import quantities, steps_3d, steps_field, steps_nd
-from .core.elimination import memory_of_one
-from .core.numba import borrowed, for_users, select
-from .core.operations import plan_step
+from .core import quantities, steps_3d
+from .core.numba import borrowed, for_users, formula, of_kind, select
+from .core.steps_field import FieldSystem
+from .core.steps_nd import NDSystem
 from .maps import map_of
 
 __all__ = [
@@ -65,36 +63,102 @@ def __dir__() -> list[str]:
     return __all__
 
 
-# Constants of a body and a step size: u = u1 omega1 + u2 omega2, v = v1 omega1 + v2 omega2; m is
-# the inverse of this matrix. Without a rotor, u and v are X and Y of the theory pages; with one
-# u + i v = eps / 2 (omega1 + i sqrt(I2 / I1) omega2), X = K + a u + b v and Y = b u - a v.
-Frame = namedtuple("Frame", "I1 I2 I13 I23 k eps u1 u2 v1 v2 m11 m12 m21 m22")
-GyrostatFrame = namedtuple("GyrostatFrame", (*Frame._fields, "K", "a", "b"))
+# Without a rotor u and v are X and Y of `core.steps_3d`: steps of T < 1 have the bits of its plain
+# form. With one, X = K + ... would lose the digits of ell where K is large: u + i v is eps / 2
+# times the state (omega1, omega2 / back) of the general form, whose frame is that of the same body
+# in the unit of time eps / 2.
 
 
-class NDSystem(NamedTuple):
-    """A body in n dimensions and a step size."""
+@formula
+def enter_body(frame, omega1, omega2):
+    """X and Y of a state."""
+    f = frame
+    _, X, Y = steps_3d.scale_state(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
+    return X, Y
 
-    J: FloatArray
-    I: FloatArray
-    eps: float
-    near: float  # a bound, see `steps_nd`
+
+@formula
+def advance_body(frame, X, Y):
+    """X and Y of the next state, of any orbit."""
+    square = X * (2.0 * X)
+    D, least = (1.0 - Y) + square, steps_3d.ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
+    ratio = (1.0 + Y) / select(abs(D) > least, D, np.nan)
+    following, change = X * ratio, square * ratio
+    decayed = abs(following) < -steps_3d.NEGLIGIBLE * Y
+    # (1 + Y_next) / (1 - Y) = X_next / X, where the difference cancels; never for T < 1.
+    turned = select((abs(Y) < 1.0) | (square < 1.0), Y - change, (1.0 - Y) * ratio - 1.0)
+    return select(decayed, 0.0, following), turned
 
 
-class FieldSystem(NamedTuple):
-    """A quadratic field and a step size: half of it times the values of the terms, their indices,
-    and the operations of a step.
+@formula
+def enter_gyrostat(frame, omega1, omega2):
+    """The state in the unit of time eps / 2."""
+    half = 0.5 * frame.eps
+    return half * omega1, half * (omega2 / frame.back)
+
+
+@formula
+def advance_gyrostat(frame, u, v):
+    """The next state, NaN if it has too few digits."""
+    X, Y = frame.K + (frame.a1 * u + frame.a2 * v), frame.a2 * u - frame.a1 * v
+    along, across, _, _ = steps_3d.turn(X, Y, frame.K)
+    return along * u - across * v, along * v + across * u
+
+
+@formula
+def leave_gyrostat(frame, u, v):
+    """(omega1, omega2)."""
+    half = 0.5 * frame.eps
+    return u / half, v / half * frame.back
+
+
+class Frame(NamedTuple):
+    """A body without a rotor and a step size: its constants, and its numbers of `steps_3d.Frame`.
+
+    It is equal to others as a tuple is.
     """
 
-    half: FloatArray
-    indices: NDArray[np.int64]
-    operations: NDArray[np.uint32]
-    rows: int
-    dimension: int
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    k: float
+    eps: float
+    K: float
+    a1: float
+    a2: float
+    back: float
+    m1: float
+    m2: float
+
+    enter_state = enter_body
+    advance_state = advance_body
+    leave_state = steps_3d.leave_plain
 
 
-# Numba resolves the length of a tuple as it compiles, and drops the branch for the other kind.
-_BODY, _FIELD = len(Frame._fields), len(FieldSystem._fields)
+class GyrostatFrame(NamedTuple):
+    """A gyrostat and a step size: its constants, and its numbers of `steps_3d.Frame` in the unit of
+    time eps / 2, without those of the inverse, which it may lack.
+    """
+
+    I1: float
+    I2: float
+    I13: float
+    I23: float
+    k: float
+    eps: float
+    K: float
+    a1: float
+    a2: float
+    back: float
+
+    enter_state = enter_gyrostat
+    advance_state = advance_gyrostat
+    leave_state = leave_gyrostat
+
+
+_enter, _advance, _leave = map(of_kind, ("enter_state", "advance_state", "leave_state"))
+_memory, _one_step = of_kind("memory"), of_kind("one_step")
 
 
 def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | GyrostatFrame:
@@ -130,19 +194,19 @@ def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | Gyrosta
     """
     map_of(body).formula("frame", body)
     number = _single(body, eps)
-    given = I1, I2, I13, I23, k = tuple(map(float, body.constants))
-    if number == 0.0 or not any((I13, I23, k)):
+    given = tuple(map(float, body.constants))
+    *inertia, k = given
+    if number == 0.0 or not any((*inertia[2:], k)):
         expected = "eps != 0, and I13, I23 or k != 0"
         raise wrong("body, eps", expected, f"{body!r}, eps = {number!r}: the map is the identity")
-    half, s = 0.5 * number, math.sqrt(I1 * I2)
-    e, ratio = half / s, s / I2
-    if "k" in body.parameters:
-        scales = half, 0.0, 0.0, half / ratio, 1.0 / half, 0.0, 0.0, ratio / half
-        return GyrostatFrame(*given, number, *scales, e * k, I13 / s, I23 * ratio / s)
-    scales = e * I13, e * I23, e * I23 * ratio, -e * I13 / ratio
-    per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
-    inverse = I13 / I1 * per_g, I23 / s * per_g, I23 / I2 * per_g, -I13 / s * per_g
-    return Frame(*given, number, *scales, *inverse)
+    make: Any = steps_3d.frame_of.py_func
+    with np.errstate(all="ignore"):
+        if "k" in body.parameters:
+            # k is an inverse time, too.
+            numbers, _ = make(*inertia, 0.5 * number * k, 2.0)
+            return GyrostatFrame(*given, number, *map(float, numbers[:4]))
+        numbers, _ = make(*given, number)
+    return Frame(*given, number, *map(float, numbers))
 
 
 def _single(body: Any, eps: ArrayLike) -> float:
@@ -157,28 +221,19 @@ def _single(body: Any, eps: ArrayLike) -> float:
 @for_users
 def enter(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[float, float]:
     """Return the numbers u and v of a state, dimensionless and linear in omega."""
-    return frame.u1 * omega1 + frame.u2 * omega2, frame.v1 * omega1 + frame.v2 * omega2
+    return _enter(frame, omega1, omega2)
 
 
 @for_users
 def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return u and v one step further, with one division; NaN where there is no next state."""
-    if len(frame) == _BODY:
-        _, _, ratio, _ = steps_3d.turn(u, v, 0.0)
-        following = u * ratio
-        decayed = abs(following) < -steps_3d.NEGLIGIBLE * v
-        # (1 + Y_next) / (1 - Y) = X_next / X: the difference would cancel for large v.
-        turned = select(abs(v) < 1.0, v - 2.0 * u * following, (1.0 - v) * ratio - 1.0)
-        return select(decayed, 0.0, following), turned
-    X, Y = frame.K + (frame.a * u + frame.b * v), frame.b * u - frame.a * v
-    along, across, _, _ = steps_3d.turn(X, Y, frame.K)
-    return along * u - across * v, along * v + across * u
+    return _advance(frame, u, v)
 
 
 @for_users
 def leave(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return (omega1, omega2), the inverse of :func:`enter`."""
-    return frame.m11 * u + frame.m12 * v, frame.m21 * u + frame.m22 * v
+    return _leave(frame, u, v)
 
 
 @for_users
@@ -237,26 +292,19 @@ def system(body: Body, /, eps: ArrayLike) -> NDSystem | FieldSystem:
     """
     instance("body", body, Body)
     number = _single(body, eps)
-    kernel = map_of(body).methods["auto"].kernel
-    if kernel not in (steps_nd.nd_steps, steps_3d.steps, steps_field.field_steps):
-        expected = "a body with the steps of the package"
-        raise wrong("body", expected, type(body).__name__, TypeError)
-    if kernel is steps_nd.nd_steps:
-        near = (1.0 - steps_nd.FAR_FROM_0) * float(np.min(body.J))
-        return NDSystem(np.array(body.J), np.array(body.I), number, near)
-    indices, values = map(np.array, body.terms)
-    plan = plan_step(indices, body.dimension)
-    return FieldSystem(0.5 * number * values, indices, *plan, body.dimension)
+    map = map_of(body)
+    make = map.methods["auto"].system
+    if make is None:
+        expected = "a body whose map has compiled steps"
+        received = f"{type(body).__name__}: {map.title} has none"
+        raise wrong("body", expected, received, TypeError)
+    return make(body, number)
 
 
 @for_users
 def work(system: NDSystem | FieldSystem) -> tuple[Any, ...]:
     """Return the memory that :func:`step_system` needs in one thread; nothing else allocates."""
-    if len(system) == _FIELD:
-        return np.empty((system.rows, 1)), steps_field.memory_of_lane(system.dimension, 1)
-    m = len(system[0])
-    block, numbers = np.empty((4, m + m % 2, 1)), np.empty((steps_nd.ROWS, 1))
-    return block, numbers, memory_of_one(m)
+    return system.dimension, _memory(system)
 
 
 @for_users
@@ -269,13 +317,10 @@ def step_system(
     raise a ValueError; of another type than float64, a TypeError when the loop is compiled.
     """
     _check(x, out)
-    constants, memory = borrowed(system), borrowed(work)
-    m = system.dimension if len(system) == _FIELD else len(system[0])
-    if (len(x) != m) | (len(out) != m) | (len(memory[-1][0]) != m):
+    m, (of_work, memory) = system.dimension, work
+    if (len(x) != m) | (len(out) != m) | (of_work != m):
         raise ValueError("step_system: expected x, out and work of the dimension of the system")
-    if len(system) == _FIELD:
-        return steps_field.field_step_of_one(constants, borrowed(x), borrowed(out), memory)
-    return steps_nd.nd_step_of_one(constants, borrowed(x), borrowed(out), memory)
+    return _one_step(borrowed(system), borrowed(x), borrowed(out), borrowed(memory))
 
 
 def _check(x, out):

@@ -14,7 +14,13 @@ from .bodies.nd import SuslovND
 from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .core import steps_3d, steps_field, steps_nd
 from .engine import arguments
-from .engine.arguments import Problem, by_constants, by_plan
+from .engine.arguments import (
+    Problem,
+    by_constants,
+    by_plan,
+    field_system,
+    nd_system,
+)
 from .engine.stretches import Steps
 from .formulas import GYROSTAT, IN_3D, IN_ND, KAHAN, Formula
 
@@ -54,7 +60,7 @@ class Map:
         The class of the bodies, derived from `Body`; a subclass without a record has this one, too.
     methods : mapping of str to Steps
         Ways to compute the steps, by the values of the argument `method`, the default first.
-        `Steps(kernel, arguments, carried, cost, lanes)` is described below.
+        `Steps(kernel, arguments, carried, cost, lanes, system)` is described below.
     formulas : mapping of str to Formula
         What public functions need of this map, by their names, see `formulas`: ``{**KAHAN}`` for
         Kahan's map of the field of any body, ``{}`` for a map of which nothing else is known.
@@ -105,6 +111,9 @@ class Map:
        map (about 1 ns on one thread). Calls are made so long that Ctrl-C is heard after 0.1 s; an
        estimate that is too low makes it wait.
     9. `Steps.lanes` trajectories, a multiple of 8, are what a thread takes at a time.
+    10. `Steps.system(body, eps)` returns what `compiled.step_system` takes: `field_system`, if the
+        steps are those of Kahan's map of the field of the body. Without it `compiled.system`
+        refuses the body; loops of your own call the formulas of your kernel.
 
     Kernels of the package use `share`, `pick` and `lesser` of `core.numba`; those of pairs of
     numbers use `write_pairs` of `core.rows`. The walk over blocks of lanes and the rule for state 0
@@ -202,10 +211,15 @@ def _cost_of_field(D: int, arguments: Any) -> float:
     return D**3 + 2.5 * len(operations)
 
 
+def _cost_in_nd(D: int, arguments: Any) -> float:
+    """Return a time between those of usual steps and of steps by elimination, for Ctrl-C."""
+    return 16.0 * D + D**3 / 30.0
+
+
+_STEPS_3D = Steps(steps_3d.steps, by_constants, steps_3d.CARRIED, system=field_system)
 # Kahan's map of the field of any body.
-FIELD = Steps(steps_field.field_steps, by_plan, 0, _cost_of_field, 32)
-# Costs lie between those of usual steps and of steps by elimination with pivots, for Ctrl-C.
-_ND = Steps(steps_nd.nd_steps, by_constants, 0, lambda D, arguments: 16.0 * D + D**3 / 30.0, 32)
+FIELD = Steps(steps_field.field_steps, by_plan, 0, _cost_of_field, 32, field_system)
+_ND = Steps(steps_nd.nd_steps, by_constants, 0, _cost_in_nd, 32, nd_system)
 _GAUSS = Steps(steps_nd.gauss_steps, by_constants, 0, lambda D, arguments: D**3 / 3.0, 32)
 
 MAPS: dict[str, Map] = {}  # by name
@@ -235,7 +249,7 @@ for _record in (
         name="Suslov3D",
         title="Discrete Suslov problem",
         body=Suslov3D,
-        methods={"auto": Steps(steps_3d.steps, by_constants, steps_3d.CARRIED)},
+        methods={"auto": _STEPS_3D},
         formulas=IN_3D,
         random=(
             lambda rng, shape: Suslov3D(**_random_3d(rng, shape)),
@@ -258,9 +272,7 @@ for _record in (
         name="SuslovGyrostat",
         title="Discrete Suslov gyrostat",
         body=SuslovGyrostat,
-        methods={
-            "auto": Steps(steps_3d.steps, by_constants, steps_3d.CARRIED, lambda D, arguments: 2.0)
-        },
+        methods={"auto": _STEPS_3D._replace(cost=lambda D, arguments: 2.0)},
         formulas=GYROSTAT,
         random=(
             lambda rng, shape: SuslovGyrostat(

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numba import njit, prange
 from numba.core.errors import TypingError
+from numba.typed import List
 
 import suslov_fast as sf
 from suslov_fast import compiled
@@ -113,6 +114,74 @@ def test_loops_of_users_follow_orbits(body, rng):
         assert compiled.first_integral(constants, *w) == pytest.approx(integral, rel=1e-15)
 
 
+def test_loops_of_users_have_the_bits_of_runs(rng):
+    """Of bodies with T < 1. Next to the line X is small, and beyond T = 1 only digits agree."""
+    for body in (BODY, sf.Suslov3D(1, 1, 1, 0), sf.Suslov3D(0.3, 7, 1e-3, 2)):
+        constants, omega = frame(body, EPS), rng.normal(size=(65, 2))
+        omega /= 1.01 * np.maximum(1.0, abs(sf.criticality(body, omega, EPS)))[:, None]
+        omega[0] = body.I23, -body.I13 * (1 - 1e-12)
+        for steps in (0, 1, 300):
+            run = sf.iterate(body, omega, EPS, steps)
+            assert (run.status == sf.Status.OK).all()
+            expected = run.final
+            if steps == 0:
+                np.testing.assert_allclose(after(constants, omega, 0)[:, :2], omega, rtol=1e-13)
+            else:
+                np.testing.assert_array_equal(after(constants, omega, steps)[:, :2], expected)
+
+
+@pytest.mark.parametrize("body", [BODY, GYROSTAT, *OTHERS], ids=repr)
+def test_enter_advance_and_leave_are_a_step(body, rng):
+    """To the digits that two numbers carry: `step` has the bits of runs."""
+    for eps in (0.2, -1.5):
+        omega = rng.normal(size=(20, 2))
+        constants, expected = frame(body, eps), sf.step(body, omega, eps)
+        for before, exact in zip(omega, expected, strict=True):
+            assert (np.array(compiled.step(constants, *before)) == exact).all()
+            two = leave(constants, *advance(constants, *enter(constants, *before)))
+            size = condition(body, before, eps, exact)
+            assert naive.relative_error(two, exact) < 64 * 2.0**-52 * size
+
+
+def test_states_at_rest_stay_at_rest():
+    constants = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)
+    for Y in (5.0, -5.0, 1.5, -1.5, 0.3, -0.7):
+        u, v = 0.0, Y
+        for _ in range(50):
+            u, v = advance(constants, u, v)
+        assert (u, v) == (0.0, Y)
+
+
+@njit(parallel=True)
+def members_after(systems, x, steps):
+    for k in prange(len(systems)):
+        member = systems[np.int64(k)]  # lists refuse the unsigned integers of prange
+        memory = work(member)
+        for _ in range(steps):
+            step_system(member, x[k], x[k], memory)
+    return x
+
+
+@pytest.mark.compiled  # interpreted lists of Numba are empty
+def test_a_family_in_a_loop_of_a_user():
+    family = sf.QuadraticField.from_function(
+        lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 2.5 * x[2]),
+        3,
+        rho=[20.0, 24.0, 28.0, 32.0],
+    )
+    systems = List([system(member, 0.01) for member in family])
+    states = members_after(systems, np.ones((4, 3)), 200)
+    np.testing.assert_array_equal(states, sf.iterate(family, [1.0] * 3, 0.01, 200).final)
+
+
+def test_kinds_are_told_by_type():
+    """A tuple of the same length and numbers is of no kind."""
+    numbers = tuple(frame(BODY, EPS))
+    with pytest.raises((TypingError, AttributeError)):
+        advance(numbers, 0.1, 0.2)
+    assert {*compiled.__all__} == {*dir(compiled)}
+
+
 def test_steps_of_long_vectors_keep_their_digits():
     for X, Y in ((1e3, 1e6), (-30.0, 1e8), (1e5, -1e4)):  # next states are near (0, -1)
         constants = frame(sf.Suslov3D(1, 1, 1, 0), 2.0)
@@ -217,6 +286,8 @@ def test_frames_and_systems_are_plain_data():
         assert pickle.loads(pickle.dumps(made)) == made
         assert all(type(number) is float for number in made)
         assert (made.I1, made.eps) == (made[0], EPS)
+        assert np.isfinite(made).all()
+    assert np.isfinite(frame(sf.SuslovGyrostat(2.3, 1.4, 0, 0, 3), EPS)).all()
     nd = system(ND, 0.4)
     assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
     assert repr(system(FIELD, 0.1)).startswith("FieldSystem(half=array(")

@@ -15,6 +15,8 @@ import suslov_fast as sf
 from suslov_fast import compiled, ensemble, iterate, maps
 from suslov_fast.command import main
 from suslov_fast.engine import threads
+from suslov_fast.engine.arguments import by_field
+from suslov_fast.engine.stretches import Steps
 
 HENON = sf.QuadraticField.from_hamiltonian(
     lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
@@ -145,6 +147,16 @@ def test_a_body_that_turns_nothing(tmp_path):
             f(SLEIGHS[0], 0.3, *(2.0,) * (f is sf.plot_phase))
     with pytest.raises(TypeError, match=r"^body: .*got Sleigh"):
         sf.scattering_angle(SLEIGHS)
+
+
+def test_compiled_steps_are_those_of_the_map_or_refused():
+    class Midpoint(own.Sleigh):
+        """A sleigh with the steps of another map."""
+
+    methods = {"auto": Steps(own.midpoint_steps, by_field)}
+    maps.register(dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods))
+    with pytest.raises(TypeError, match=r"^body: expected .*compiled steps, got Midpoint: Sleigh"):
+        compiled.system(Midpoint(1.0, 1.5, 0.4), 0.1)
 
 
 def test_a_state_at_a_pole_of_the_sleigh():

@@ -15,9 +15,8 @@ NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other. A lo
   need not test whether arrays overlap; indices that do not begin at 0 are unsigned,
 - it calls formulas without branches (`select`), and nothing of the C library.
 
-All of them can be called from Python; `.py_func` is the Python function that was compiled.
-
-A constant integer has a type of its own: a function that takes one is compiled for each value.
+All of them can be called from Python; `.py_func` is the Python function that was compiled. Constant
+integers have types of their own: a function that takes one is compiled for each value.
 """
 
 import functools
@@ -244,9 +243,8 @@ def _pack(typing, arguments):
 
 
 def _uncounted(context, builder, kind, value):
-    """Return an argument whose arrays have no reference counts: `meminfo`, `_getvalue`.
-
-    Threads wait for each other to count. Without these names arrays have their counts.
+    """Return an argument whose arrays have no reference counts, for which threads wait: `meminfo`,
+    `_getvalue`. Without these names arrays have their counts.
     """
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
@@ -362,6 +360,20 @@ def _stream_pairs(typing, target, i, source, j, k):
 @overload(stream_pairs, jit_options=_FORMULA)
 def _compiled_stream_pairs(target, i, source, j, k):
     return lambda target, i, source, j, k: _stream_pairs(target, i, source, j, k)
+
+
+def of_kind(name):
+    """Return the function `name` of the class of its first argument, a named tuple."""
+
+    def call(first, *others):
+        return getattr(type(first), name)(first, *others)
+
+    @overload(call, jit_options=_FORMULA, strict=False)
+    def choose(first, *others):
+        chosen = getattr(getattr(first, "instance_class", None), name, None)
+        return chosen and chosen.py_func
+
+    return call
 
 
 def borrowed(arrays):

@@ -14,6 +14,8 @@ A block is b[row, lane], with the rows of `operations`: tests, 1, the states x, 
 times the values, and what is computed. After its end a trajectory has NaN as states.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from .codes import NONFINITE, OK
@@ -228,6 +230,28 @@ def field_step_of_one(system, given, out, memory):
     for i in range(D):
         out[i] = b[FIRST + i, 0]
     return status
+
+
+@function
+def field_memory(system):
+    """The memory of `field_step_of_one`."""
+    return np.empty((system.rows, 1)), memory_of_lane(system.dimension, 1)
+
+
+class FieldSystem(NamedTuple):
+    """A field and a step size: half of it times the values of the terms, their indices, and the
+    operations of a step. For `compiled`.
+    """
+
+    half: Any  # (T,)
+    indices: Any  # (3, T)
+    operations: Any
+    rows: int
+    dimension: int
+
+
+# What `compiled` calls for a system of this kind.
+FieldSystem.memory, FieldSystem.one_step = field_memory, field_step_of_one
 
 
 @function

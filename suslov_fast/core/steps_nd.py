@@ -27,6 +27,8 @@ there is one more, with J = inf and I = w = 0; and b[row, lane], numbers of lane
 trajectory has NaN as states and step size, and is never eliminated.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from .codes import NONFINITE, OK
@@ -185,7 +187,7 @@ def eliminate_all(c, b, a, lanes):
 @function
 def nd_step_of_one(system, given, out, memory):
     """Write the state that follows `given` to `out`; return its status. For `compiled`."""
-    (J, I, eps, near), (c, b, one) = system, memory
+    (J, I, eps, near, _), (c, b, one) = system, memory
     status = OK
     b[EPS, 0], b[NEAR, 0], b[OF_W, 0], b[OF_I, 0] = eps, near, 0.0, 0.0
     for i in range(c.shape[1]):
@@ -199,6 +201,27 @@ def nd_step_of_one(system, given, out, memory):
     for i in range(len(J)):
         out[i] = c[W, i, 0]
     return status
+
+
+@function
+def nd_memory(system):
+    """The memory of `nd_step_of_one`."""
+    m = system.dimension
+    return np.empty((4, m + m % 2, 1)), np.empty((ROWS, 1)), memory_of_one(m)
+
+
+class NDSystem(NamedTuple):
+    """A body and a step size. For `compiled`."""
+
+    J: Any  # (m,)
+    I: Any
+    eps: float
+    near: float  # a bound, see row NEAR
+    dimension: int
+
+
+# What `compiled` calls for a system of this kind.
+NDSystem.memory, NDSystem.one_step = nd_memory, nd_step_of_one
 
 
 @kernel

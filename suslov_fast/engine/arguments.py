@@ -17,6 +17,8 @@ from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, common_shape, integer, positive, real_number, wrong
 from ..core.operations import plan_step
+from ..core.steps_field import FieldSystem
+from ..core.steps_nd import FAR_FROM_0, NDSystem
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
@@ -236,6 +238,19 @@ def by_plan(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
     """Return the arguments of the kernel of fields: indices, the plan of a step, values and eps."""
     indices, values, steps = by_field(body, eps, batch)
     return indices, tuple(plan_step(indices, body.dimension)), values, steps
+
+
+def nd_system(body: Any, eps: float) -> NDSystem:
+    """Return the constants of a single body in n dimensions, for `compiled`."""
+    near = (1.0 - FAR_FROM_0) * float(np.min(body.J))
+    return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
+
+
+def field_system(body: Any, eps: float) -> FieldSystem:
+    """Return the constants of a single body with a field, for `compiled`."""
+    indices, values = map(np.array, body.terms)
+    operations, rows = plan_step(indices, body.dimension)
+    return FieldSystem(0.5 * eps * values, indices, operations, rows, body.dimension)
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:

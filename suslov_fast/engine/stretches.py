@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from ..checks import FloatArray, extra, wrong
 from ..core import orientations
 from ..core.numba import Kernel
+from ..core.steps_field import FieldSystem
+from ..core.steps_nd import NDSystem
 from .arguments import Arguments, Problem, flat_arrays, flat_parameter, require
 from .threads import call_kernel
 
@@ -56,6 +58,8 @@ class Steps(NamedTuple):
     # Of a step of D components, relative to the 3D map, from the arguments of the kernel.
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
+    # Makes the constants of `compiled.step_system`, of (body, eps); without it that has no steps.
+    system: Callable[[Any, float], NDSystem | FieldSystem] | None = None
 
 
 class Progressed(NamedTuple):
@@ -149,9 +153,9 @@ class March:
         divided only if few trajectories take long. A block of lanes takes the time of all lanes,
         and is not worth a second thread.
         """
-        kernel, _, _, cost_of, lanes = self.steps
+        kernel, lanes = self.steps.kernel, self.steps.lanes
         (size, D), n, threads = self.omega0.shape, self.n, self.problem.threads
-        step = cost_of(D, self.arguments)
+        step = self.steps.cost(D, self.arguments)
         cost = step + (_SAVING / every if every else 0.0)
         width, length = max(-(-size // lanes), 1) * lanes, max(stop - n, 1)
         if width * length * cost > _STRETCH:

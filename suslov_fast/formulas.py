@@ -19,7 +19,7 @@ from .core import quantities, quantities_field, tangent
 from .core.numba import Kernel, Universal
 from .core.operations import plan_tangent
 from .engine.arguments import Problem, by_field, flat_arrays
-from .engine.stretches import states_after
+from .engine.stretches import March, states_after
 from .engine.threads import call_kernel
 
 # Work between two stretches of a run, where Ctrl-C is heard, in operations.
@@ -137,6 +137,32 @@ def _growth(problem: Problem, start: FloatArray, steps: int) -> tuple[FloatArray
     return sums, of_det
 
 
+def _growth_by_jacobian(
+    problem: Problem, start: FloatArray, steps: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return what `_growth` does, of any map: along its states, by its formula of the Jacobian."""
+    compute = problem.map.formulas["jacobian"].compute
+    start = np.broadcast_to(start, (*problem.batch, problem.body.dimension))
+    march = March(problem._replace(omega=start))
+    B, D = march.omega0.shape
+    sums, of_det, Q = np.zeros((B, D)), np.zeros(B), np.eye(D)
+    rows = max(_STRETCH // max(B * D**3, 1) // 16, 1)  # NumPy takes longer than a kernel
+    for states, _ in march.pieces(steps - 1, 1, rows):
+        piece = problem._replace(omega=states, batch=(len(states), *problem.batch))
+        for slopes in compute(piece).reshape(len(states), B, D, D):
+            of_det += np.linalg.slogdet(slopes)[1]
+            Q, R = np.linalg.qr(slopes @ Q)
+            sums += np.log(abs(np.diagonal(R, axis1=1, axis2=2)))
+    march.to(steps)
+    sums[march.status.reshape(B) < 0] = np.nan
+    return sums, of_det
+
+
+# What a map with a formula `jacobian` has without others.
+BY_JACOBIAN = {
+    "lyapunov_exponents": Formula(_growth_by_jacobian),
+    "multipliers": Formula(None),  # there are no rates: eigenvalues of the Jacobian
+}
 # Those of Kahan's map of any field; a body has the terms of its field.
 KAHAN = {
     "vector_field": Formula(partial(by_terms, quantities_field.vector_field)),

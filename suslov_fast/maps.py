@@ -22,7 +22,7 @@ from .engine.arguments import (
     nd_system,
 )
 from .engine.stretches import Steps
-from .formulas import GYROSTAT, IN_3D, IN_ND, KAHAN, Formula
+from .formulas import BY_JACOBIAN, GYROSTAT, IN_3D, IN_ND, KAHAN, Formula
 
 # What errors of functions say, for bodies whose map has none.
 _INSTEAD = {
@@ -66,7 +66,8 @@ class Map:
         Kahan's map of the field of any body, ``{}`` for a map of which nothing else is known.
         `Formula(compute, check, poles)`: `compute` takes a `Problem` and returns the values (...),
         `check` raises an error for a body that lacks the quantity. ``"attitude"`` says how states
-        turn a body, `AXIAL` or `IN_ROWS`; without it they turn none.
+        turn a body, `AXIAL` or `IN_ROWS`; without it they turn none. A map with ``"jacobian"`` has
+        ``"lyapunov_exponents"`` and ``"multipliers"``, too.
     random : tuple of callables
         ``random(rng, shape)`` returns a batch of bodies for tests, which test each of them.
     pole : tuple or None
@@ -130,6 +131,10 @@ class Map:
     conserved: tuple[str, ...] = ()
     variable: str = "omega"
     meaning: str = "angular velocity"
+
+    def __post_init__(self) -> None:
+        if "jacobian" in self.formulas:
+            vars(self)["formulas"] = {**BY_JACOBIAN, **self.formulas}
 
     def functions(self, body: Any) -> list[str]:
         """Return the names of the public functions that need a formula and have it for a body."""

@@ -17,6 +17,7 @@ from suslov_fast.command import main
 from suslov_fast.engine import threads
 from suslov_fast.engine.arguments import by_field
 from suslov_fast.engine.stretches import Steps
+from suslov_fast.formulas import KAHAN, Formula
 
 HENON = sf.QuadraticField.from_hamiltonian(
     lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
@@ -157,6 +158,63 @@ def test_compiled_steps_are_those_of_the_map_or_refused():
     maps.register(dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods))
     with pytest.raises(TypeError, match=r"^body: expected .*compiled steps, got Midpoint: Sleigh"):
         compiled.system(Midpoint(1.0, 1.5, 0.4), 0.1)
+
+
+def test_exponents_of_a_map_with_a_jacobian(monkeypatch):
+    """Those of Kahan's map by its formula of the Jacobian alone, and of the midpoint rule."""
+
+    class Alone(own.Sleigh):
+        """A sleigh of which nothing but the Jacobian is known."""
+
+    class Midpoint(own.Sleigh):
+        """A sleigh with the steps of another map."""
+
+    def of_midpoint(problem):
+        f, x, h = problem.body.field(), problem.omega, np.asarray(problem.eps)[..., None, None]
+        slopes = [(np.eye(2) - sf.matrix(f, y, 1.0)) * 2.0 for y in (x, x + 0.5 * h[..., 0] * f(x))]
+        return np.eye(2) + h * slopes[1] @ (np.eye(2) + 0.5 * h * slopes[0])
+
+    jacobian = {"jacobian": KAHAN["jacobian"]}
+    new = dataclasses.replace(own.SLEIGH, name="alone", body=Alone, formulas=jacobian)
+    maps.register(new)
+    methods = {"auto": Steps(own.midpoint_steps, by_field)}
+    own_jacobian = {"jacobian": Formula(of_midpoint)}
+    other = {"name": "other", "body": Midpoint, "methods": methods, "formulas": own_jacobian}
+    maps.register(dataclasses.replace(own.SLEIGH, **other))
+    given = [2.0, 3.0], 1.5, 0.4
+    starts, eps = [[1.0, 0.5], [np.nan, 0.5]], [0.3, 0.2]
+    expected = sf.lyapunov_exponents(own.Sleigh(*given), starts, eps, 200, 5)
+    rates = sf.lyapunov_exponents(Alone(*given), starts, eps, 200, 5)
+    np.testing.assert_allclose(rates, expected, atol=1e-13)
+    assert np.isnan(rates[1]).all()
+    monkeypatch.setattr("suslov_fast.formulas._STRETCH", 0)  # one state at a time
+    np.testing.assert_array_equal(sf.lyapunov_exponents(Alone(*given), starts, eps, 200, 5), rates)
+    x, Q, sums = np.array([1.0, 0.5]), np.eye(2), 0.0
+    body = Midpoint(2.0, 1.5, 0.4)
+    for state in iterate(body, x, 0.1, 49).omega:
+        Q, R = np.linalg.qr(sf.jacobian(body, state, 0.1) @ Q)
+        sums += np.log(abs(np.diag(R)))
+    rates = sf.lyapunov_exponents(body, x, 0.1, 50)
+    np.testing.assert_allclose(rates, -np.sort(-sums / 50), rtol=1e-12)
+    step = 1e-6
+    by_difference = [
+        (sf.step(body, x + d, 0.1) - sf.step(body, x - d, 0.1)) / (2 * step)
+        for d in step * np.eye(2)
+    ]
+    np.testing.assert_allclose(sf.jacobian(body, x, 0.1).T, by_difference, atol=1e-9)
+    rest = [[2.0, 0.0], [np.nan, 0.0]]
+    values = sf.multipliers(Alone(*given), rest, eps)
+    np.testing.assert_allclose(values, sf.multipliers(own.Sleigh(*given), rest, eps), rtol=1e-13)
+    values = sf.multipliers(body, [2.0, 0.0], 0.1)  # f' has -c v on its diagonal
+    slope = 0.1 * -2.0 * 0.4 * 2.0 / (1.5 + 2.0 * 0.16)
+    np.testing.assert_allclose(values, [1.0, 1.0 + slope + slope**2 / 2], rtol=1e-13)
+    with pytest.raises(ValueError, match=r"^x: expected fixed points of the map, got 1 other"):
+        sf.multipliers(body, [2.0, 0.1], 0.1)
+    with pytest.raises(TypeError, match=r"^body: .*got Alone"):
+        sf.energy(Alone(*given), starts)
+    with pytest.warns(sf.SingularStepWarning):
+        pole = sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), own.SLEIGH.pole[1], 1.0, 1)
+    assert np.isnan(pole).all()
 
 
 def test_a_state_at_a_pole_of_the_sleigh():

@@ -193,11 +193,15 @@ def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike) -> An
 def _multipliers(given: Problem, rates_of: Formula, member: str = "") -> Any:
     """Return the multipliers (..., D); `member` is for messages."""
     with np.errstate(all="ignore"):
-        slopes = _slopes_at_fixed_points(given, member)
+        is_kahan = rates_of.compute is not None
+        slopes = (_slopes_at_fixed_points if is_kahan else _jacobian_at_fixed_points)(given, member)
         known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
-        rates = rates_of.compute(given, np.where(known[..., np.newaxis], slopes, 0.0))
-        Y = 0.5 * np.asarray(given.eps)[..., np.newaxis] * rates
-        values = np.where(Y == 1.0, np.inf, (1.0 + Y) / (1.0 - Y))
+        slopes = np.where(known[..., np.newaxis], slopes, 0.0)
+        if is_kahan:
+            Y = 0.5 * np.asarray(given.eps)[..., np.newaxis] * rates_of.compute(given, slopes)
+            values = np.where(Y == 1.0, np.inf, (1.0 + Y) / (1.0 - Y))
+        else:
+            values = np.linalg.eigvals(slopes).astype(complex)
         values = np.where(np.broadcast_to(known, (*given.batch, 1)), values, np.nan)
         order = np.lexsort((-values.imag, -abs(values)), axis=-1)
     return np.take_along_axis(values, order, axis=-1)
@@ -213,7 +217,21 @@ def _slopes_at_fixed_points(given: Problem, member: str) -> FloatArray:
     half_slopes = np.einsum("...ijk,...k->...ij", table, y)
     f = np.einsum("...ij,...j->...i", half_slopes, y)
     terms = np.einsum("...ijk,...j,...k->...i", abs(table), abs(y), abs(y))
-    moves = ~(abs(f) <= _FIXED * terms) & ~np.isnan(x)
+    _refuse_moving(given, ~(abs(f) <= _FIXED * terms) & ~np.isnan(x), member)
+    return np.asarray(2.0 * half_slopes[..., :-1])
+
+
+def _jacobian_at_fixed_points(given: Problem, member: str) -> FloatArray:
+    """Return DPhi (..., D, D) of any map, or raise ValueError if its step moves a state."""
+    x = np.broadcast_to(given.omega, (*given.batch, given.body.dimension))
+    size = abs(x).max(axis=-1, keepdims=True)
+    _refuse_moving(given, ~(abs(states_after(given) - x) <= _FIXED * size) & ~np.isnan(x), member)
+    values: FloatArray = given.map.formulas["jacobian"].compute(given)
+    return values
+
+
+def _refuse_moving(given: Problem, moves: Any, member: str) -> None:
+    """Raise ValueError if components (..., D) of states move."""
     if moves.any():
         moves = np.broadcast_to(moves.any(axis=-1), given.batch)
         where = f", first: {spell(first_index(moves))}" if given.batch else ""
@@ -221,7 +239,6 @@ def _slopes_at_fixed_points(given: Problem, member: str) -> FloatArray:
             f"{given.name}: expected fixed points of the map, got {np.count_nonzero(moves)} other "
             f"states{member}{where}: use jacobian for the derivative at these"
         )
-    return np.asarray(2.0 * half_slopes[..., :-1])
 
 
 def lyapunov_exponents(

@@ -3,6 +3,7 @@
 import inspect
 import re
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 from ..checks import wrong
@@ -15,22 +16,23 @@ _STATE = re.compile(r"[xyzuvwqps]\d*|[XYZUVW]|state|states|vec")
 PAGE = "docs/howto/cubic.md"
 
 
-# Names that a parameter may not have: those of runs, of their files and datasets, of variables,
-# and of arguments of functions that take parameters by name.
-RESERVED = frozenset(
+# Names that a parameter may not have, beside those of public functions, which runs have as methods:
+# those of runs, of their files and datasets, of variables, and of arguments of functions that take
+# parameters by name.
+_RESERVED = frozenset(
     "f H K x omega n t time eps dimension body space component component_j component_k trajectory "
     "quadratic linear constant parameters states status failed_at final method steps save_every "
-    "attitude orientation carry ok first_integral energy modified_energy criticality to_xy "
-    "reaction extend to_xarray plot save load about format version map title omega0 store "
-    "functions dims coords chunk client progress crossing before after fraction count states "
-    "crossings surface direction transient most of self cls".split()
+    "attitude orientation carry ok extend to_xarray plot save load about format version map title "
+    "omega0 store functions dims coords chunk client progress crossing before after fraction count "
+    "states surface direction transient most of self cls".split()
 )
+_FUNCTIONS = import_module("..", __package__).__all__
 _NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
 
 
 def is_in_use(name: str) -> bool:
     """Return whether runs, files, datasets or functions use a name for something else."""
-    return name in RESERVED or _NUMBERED.fullmatch(name) is not None
+    return name in _RESERVED or name in _FUNCTIONS or _NUMBERED.fullmatch(name) is not None
 
 
 def is_state(name: str) -> bool:

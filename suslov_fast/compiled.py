@@ -35,7 +35,7 @@ from .bodies.base import Body
 from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
 from .core import quantities, steps_3d
-from .core.numba import borrowed, for_users, formula, of_kind, select
+from .core.numba import for_users, formula, of_kind, select, uncounted
 from .core.steps_field import FieldSystem
 from .core.steps_nd import NDSystem
 from .maps import map_of
@@ -320,7 +320,7 @@ def step_system(
     m, (of_work, memory) = system.dimension, work
     if (len(x) != m) | (len(out) != m) | (of_work != m):
         raise ValueError("step_system: expected x, out and work of the dimension of the system")
-    return _one_step(borrowed(system), borrowed(x), borrowed(out), borrowed(memory))
+    return _one_step(uncounted(system), uncounted(x), uncounted(out), uncounted(memory))
 
 
 def _check(x, out):

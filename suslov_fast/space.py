@@ -204,7 +204,7 @@ def attitude(
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
     given = flat, arguments.flat_parameter(first.eps, batch), axial.compute
     after = turns[0].copy(), 0, 1, 1, turns
-    call_kernel(orientations.turn, turns.size, first.threads, *given, *after)
+    call_kernel(orientations.turn_along, turns.size, first.threads, *given, *after)
     return turns.reshape((len(path), *batch, D + 1, D + 1))
 
 

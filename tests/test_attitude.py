@@ -71,7 +71,7 @@ def test_nan_from_the_first_nan_on(case):
 
 def test_states_that_are_not_consecutive(case):
     body, omega0 = case
-    omega = states(body, [omega0, np.multiply(1.1, omega0)], 0.2, 60)
+    omega = states(body, [omega0, np.multiply(1.1, omega0)], 0.2, 60).copy()
     for wrong in (omega[::2], omega[::-1], omega[::59], 2 * omega):
         with pytest.raises(ValueError, match=r"states 0 and 1 of trajectory 0 that are not"):
             sf.attitude(body, wrong, 0.2)

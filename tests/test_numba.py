@@ -217,7 +217,7 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
         assert (y[lead : lead + 16 : 2] == x[:8]).all()
         assert (y[lead + 1 : lead + 16 : 2] == x[8:]).all()
         y[:] = 0
-    assert core_numba.borrowed(x) is x
+    assert core_numba.uncounted(x) is x
 
 
 @pytest.mark.parametrize(

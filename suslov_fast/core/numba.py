@@ -376,7 +376,7 @@ def of_kind(name):
     return call
 
 
-def borrowed(arrays):
+def uncounted(arrays):
     """Return an array, or a tuple of arrays, without the reference counts that slow threads."""
     return arrays
 
@@ -391,7 +391,7 @@ def _borrowed(typing, arrays):
     return arrays(arrays), emit
 
 
-@overload(borrowed, jit_options=_FORMULA)
+@overload(uncounted, jit_options=_FORMULA)
 def _compiled_borrowed(arrays):
     return lambda arrays: _borrowed(arrays)
 

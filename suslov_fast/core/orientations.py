@@ -19,7 +19,7 @@ HALF_TURN = 2.0**500  # a longer b is as good as one of this length, whose squar
 
 
 @kernel
-def turn(part, parts, omega, eps, axial, R, start, every, next_row, turns):
+def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns):
     """Turn orientations along states that follow each other.
 
     omega   (rows + 1, B, D), the states from `start` on: of bodies in three dimensions (`axial`)

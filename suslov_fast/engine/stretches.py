@@ -200,7 +200,7 @@ class March:
                     turns[0], first = turned, 1
             work, given = states.size * (D + 1), (states, eps, axial, turned)
             threads = self.problem.threads
-            call_kernel(orientations.turn, work, threads, *given, start, every, first, turns)
+            call_kernel(orientations.turn_along, work, threads, *given, start, every, first, turns)
             if report is not None:
                 report(until - n)
 

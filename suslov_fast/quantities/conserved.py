@@ -11,7 +11,7 @@ from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, wrong
 from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField
 from ..maps import map_of, problem
-from .evaluation import evaluate, reported
+from .evaluation import evaluate, mask_and_warn
 
 
 def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
@@ -230,7 +230,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
     if np.any((body.I13 == 0) & (body.I23 == 0)):
         raise wrong("body", "I13 or I23 other than 0", "both 0")
     given, formula = problem("from_xy", body, xy, name="xy", components=("x", "y"), later=True)
-    return reported(given, formula.compute(given))
+    return mask_and_warn(given, formula.compute(given))
 
 
 class ClosedForm(NamedTuple):

@@ -21,7 +21,7 @@ from ..engine.arguments import AnyBody, BodyOrField, Problem
 from ..engine.stretches import states_after
 from ..formulas import Formula
 from ..maps import map_of, problem
-from .evaluation import evaluate, reported
+from .evaluation import evaluate, mask_and_warn
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.
 _FIXED = 1e-8
@@ -289,4 +289,4 @@ def lyapunov_exponents(
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
     exponents = -np.sort(-sums / steps, axis=1).reshape((*given.batch, body.dimension))
-    return reported(given, exponents, poles=True)
+    return mask_and_warn(given, exponents, poles=True)

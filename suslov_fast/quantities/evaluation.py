@@ -26,7 +26,7 @@ def evaluate(
     map = map or map_of(body)
     formula = map.formula(name, body)
     problem = check(map, body, omega, eps, later=True)
-    return reported(problem, in_parts(formula.compute, problem), formula.poles)
+    return mask_and_warn(problem, in_parts(formula.compute, problem), formula.poles)
 
 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:
@@ -52,7 +52,7 @@ def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> Floa
     return values
 
 
-def reported(problem: Problem, values: FloatArray, poles: bool = False) -> FloatArray:
+def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> FloatArray:
     """Return values, NaN where the state is NaN; a warning counts the other missing values.
 
     With `poles`, infinite values are values, else missing ones. Formulas are not finite at states

@@ -14,7 +14,7 @@ from ..engine.arguments import BodyOrField, RandomStarts, check
 from ..engine.status import OnSingular, report_failures
 from ..engine.stretches import March, Progress
 from ..maps import map_of
-from ..quantities.evaluation import reported
+from ..quantities.evaluation import mask_and_warn
 from .trajectories import Trajectories, run_to_end
 
 Method = Literal["auto", "gauss", "rank2"]
@@ -50,7 +50,7 @@ def step(
     map = map_of(body)
     problem = check(map, body, omega, eps, threads)
     if "step" in map.formulas:
-        return reported(problem, map.formulas["step"].compute(problem))
+        return mask_and_warn(problem, map.formulas["step"].compute(problem))
     march = March(problem)
     march.to(1)
     report_failures(march, "warn", since=1)  # those at step 0 are NaN as given
@@ -184,4 +184,4 @@ def step_full(
     labels = "Omega1", "Omega2", "Omega3"
     problem = check(map, body, omega, eps, components=labels)
     values = scheme.compute(*body.constants[:4], body.I3, problem.eps, problem.omega)
-    return reported(problem, values)
+    return mask_and_warn(problem, values)

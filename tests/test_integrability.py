@@ -31,6 +31,7 @@ from suslov_fast.integrability import (
 )
 from suslov_fast.integrability import growth as growth_of
 from suslov_fast.integrability.invariants import Invariants
+from suslov_fast.integrability.search import Search
 from suslov_fast.integrability.tasks import Queue, Task
 
 BODY = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25)
@@ -455,8 +456,15 @@ def test_degenerate_step_sizes(field, eps, message):
         degrees(kahan(LINES, 1), 3)
 
 
-def test_integrals_with_irrational_coefficients():
-    """Those of degree 2 have irrational coefficients; those of degree 4 are norms of them."""
+@pytest.mark.parametrize("with_relations", [True, False])
+def test_integrals_with_irrational_coefficients(monkeypatch, with_relations):
+    """Those of degree 2 have irrational coefficients; those of degree 4 are norms of them.
+
+    Relations between monomials give them, and so do Darboux polynomials of higher degree.
+    """
+    if not with_relations:
+        monkeypatch.setattr(Search, "_quotients", lambda self, k: ())
+        monkeypatch.setattr(Search, "_few_monomials", lambda self, k: ())
 
     def nambu(x):
         a, b = (2 * x[0], 4 * x[1], 6 * x[2]), (x[1], x[0], 2 * x[2] + 1)

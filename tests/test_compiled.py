@@ -130,6 +130,7 @@ def test_loops_of_users_have_the_bits_of_runs(rng):
                 np.testing.assert_array_equal(after(constants, omega, steps)[:, :2], expected)
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of interpreted code
 @pytest.mark.parametrize("body", [BODY, GYROSTAT, *OTHERS], ids=repr)
 def test_enter_advance_and_leave_are_a_step(body, rng):
     """To the digits that two numbers carry: `step` has the bits of runs."""

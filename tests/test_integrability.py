@@ -736,7 +736,7 @@ def bogoyavlensky(x):
             6,
             {
                 "(x1^2*x2^2*x3^2 + 5*x1*x2 + 5*x1*x3 + 5*x2*x3 + 2)/(x1*x2*x3)",
-                "(x1^2*x2^3*x3 + x1*x2^3*x3^2 + 5*x1*x2 + 5*x2*x3 + 2)/(x1*x2^2*x3)",
+                "(5*x1*x2 + 5*x2*x3 + 2)*(x1*x2^2*x3 + 5)/(x1*x2^2*x3)",
             },
         ),
         (kahan(field_of(bogoyavlensky, 5), 1), 5, {"x1 + x2 + x3 + x4 + x5"}),

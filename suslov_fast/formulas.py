@@ -1,7 +1,7 @@
-"""What public functions of a state need of a map: a `Formula` for each, which records name.
+"""What public functions need from a map: a `Formula` for each, by the name of the function.
 
-A formula of a function that returns one value for each state takes a checked problem and returns
-the values; what the others take and return is said where they are made.
+The records of `maps.py` list the formulas of each map. A formula of a function with one value for
+each state takes a checked problem and returns the values; comments say what the others take.
 """
 
 from collections.abc import Callable
@@ -22,18 +22,18 @@ from .engine.arguments import Problem, by_field, flat_arrays
 from .engine.stretches import March, states_after
 from .engine.threads import call_kernel
 
-# Work between two stretches of a run, where Ctrl-C is heard, in operations.
+# Operations of a call of a kernel; Ctrl-C is handled between calls.
 _STRETCH = 2**26
 # How states turn a body, the formula of `attitude`: they are Omega1 and Omega2, or Omega_in.
 AXIAL, IN_ROWS = True, False
 
 
 class Formula(NamedTuple):
-    """What a public function needs of a map."""
+    """What a public function needs from a map."""
 
     compute: Any
     check: Callable[[Any], None] | None = None  # raises an error for a body without the quantity
-    poles: bool = False  # infinite values are values, else missing ones
+    poles: bool = False  # True if infinite values are meant; else they are returned as NaN
 
 
 def by_constants(formula: Universal, problem: Problem) -> Any:
@@ -44,10 +44,10 @@ def by_constants(formula: Universal, problem: Problem) -> Any:
 def by_terms(
     formula: Universal, problem: Problem, terms: Any = None, after: FloatArray | None = None
 ) -> FloatArray:
-    """Return the values of a formula of the terms of a field, or of others.
+    """Return the values of a formula of the terms of a field, or of other `terms`.
 
-    It takes the states, and those `after` them. A single field takes the states along the last axis
-    of the batch in one call.
+    The formula takes eps, the states, and those `after` them if given. For a single field one call
+    takes all states along the last axis of the batch.
     """
     body, batch = problem.body, problem.batch
     states = [problem.omega] if after is None else [problem.omega, after]
@@ -61,10 +61,7 @@ def by_terms(
 
 
 def of_constants(names: str, **options: Any) -> dict[str, Formula]:
-    """Return formulas of the constants of a body, by the names of public functions.
-
-    In `core.quantities` they have these names.
-    """
+    """Return the formulas with these names in `core.quantities`, by the names of the functions."""
     functions = {name: getattr(quantities, name) for name in names.split()}
     return {n: Formula(partial(by_constants, f), **options) for n, f in functions.items()}
 
@@ -98,9 +95,9 @@ def _tangent_arguments(problem: Problem) -> Any:
 
 
 def _at_states(kernel: Kernel, problem: Problem, shape: tuple[int, ...], cost: int) -> FloatArray:
-    """Return what a kernel of `core.tangent` computes, of this shape for each state.
+    """Return the values of a kernel of `core.tangent`, of this shape for each state.
 
-    The batch is divided, so that Ctrl-C is heard; the cost of a state is in operations.
+    The batch is divided, so that Ctrl-C is handled; `cost` is the number of operations of a state.
     """
     indices, plan, values, eps = _tangent_arguments(problem)
     x, width = flat_arrays(problem.omega, problem.batch), max(_STRETCH // cost, 1)
@@ -140,7 +137,7 @@ def _growth(problem: Problem, start: FloatArray, steps: int) -> tuple[FloatArray
 def _growth_by_jacobian(
     problem: Problem, start: FloatArray, steps: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what `_growth` does, of any map: along its states, by its formula of the Jacobian."""
+    """Return the sums of `_growth` for any map, from its formula of the Jacobian."""
     compute = problem.map.formulas["jacobian"].compute
     start = np.broadcast_to(start, (*problem.batch, problem.body.dimension))
     march = March(problem._replace(omega=start))
@@ -158,12 +155,12 @@ def _growth_by_jacobian(
     return sums, of_det
 
 
-# What a map with a formula `jacobian` has without others.
+# The formulas that follow from `jacobian`.
 BY_JACOBIAN = {
     "lyapunov_exponents": Formula(_growth_by_jacobian),
     "multipliers": Formula(None),  # there are no rates: eigenvalues of the Jacobian
 }
-# Those of Kahan's map of any field; a body has the terms of its field.
+# The formulas of Kahan's map of any field; for a body they use the terms of its field.
 KAHAN = {
     "vector_field": Formula(partial(by_terms, quantities_field.vector_field)),
     "matrix": Formula(partial(by_terms, quantities_field.matrix)),
@@ -178,7 +175,7 @@ KAHAN = {
 
 # ------------------------------------------------------------------------------ in three dimensions
 def _rates_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
-    """Return those of `_rates`, of which that along a line of steady states is 0."""
+    """Return the eigenvalues of `_rates`; that along a line of steady states is exactly 0."""
     (I1, I2, _, _, k), x = problem.body.constants, problem.omega
     trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
     root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
@@ -190,7 +187,7 @@ def _rates_in_3d(problem: Problem, slopes: FloatArray) -> FloatArray:
 
 
 def whole_states(problem: Problem) -> FloatArray:
-    """Return the states of the whole batch, with 0 for the constrained component."""
+    """Return the states of the whole batch, with the constrained component, which is 0."""
     free = np.broadcast_to(problem.omega, (*problem.batch, problem.body.dimension))
     return np.concatenate([free, abs(0.0 * free[..., :1])], axis=-1)
 
@@ -213,7 +210,7 @@ def _momentum_in_3d(problem: Problem) -> FloatArray:
 
 
 def _itself(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
-    """Return the problem of a body in three dimensions with these states, and the way back."""
+    """Return a problem in three dimensions as it is, and the function that maps states back."""
     return problem, lambda states: states
 
 
@@ -254,10 +251,10 @@ def _reaction_nd(problem: Problem) -> FloatArray:
 
 
 def _rates_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """Return those of `_rates`: of f' = (I.x) J**-1 P they are those of (I.x) B^T B.
+    """Return the eigenvalues of `_rates`: those of f' = (I.x) J**-1 P.
 
-    B = P J**-1/2, and P projects on the vectors orthogonal to I: singular values of B keep their
-    digits, beside large ones.
+    P projects onto the vectors orthogonal to I. With B = P J**-1/2 they are (I.x) times the squares
+    of the singular values of B, of which small ones keep their digits beside large ones.
     """
     body, x = problem.body, problem.omega
     length = np.linalg.norm(body.I, axis=-1, keepdims=True)
@@ -280,7 +277,7 @@ def _momentum_nd(problem: Problem) -> FloatArray:
 
 
 def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
-    """Return the problem of a body in three dimensions, and the function that undoes this.
+    """Return an equivalent problem in three dimensions, and the function that maps states back.
 
     States stay in the plane of I and omega0. With the values b of J along I and a across it, the
     component s of omega along I, and the length r of the remainder, whose direction is constant,
@@ -310,7 +307,7 @@ def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatAr
 
 
 def _nd(name: str, compute: Any = None, **options: Any) -> dict[str, Formula]:
-    """Return the formula of a function, by its name; some are known for some bodies only."""
+    """Return the formula of a function that some bodies may lack, by its name."""
     if compute is None:
         compute = partial(by_constants, getattr(quantities, f"{name}_nd"))
     return {name: Formula(compute, partial(check_known, function=name), **options)}

@@ -1,4 +1,4 @@
-"""A record of each map: all that depends on it. Lookup of maps by body, and of bodies by name."""
+"""One record for each map, with all that depends on it; lookup of maps and of classes of bodies."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -24,7 +24,7 @@ from .engine.arguments import (
 from .engine.stretches import Steps
 from .formulas import BY_JACOBIAN, GYROSTAT, IN_3D, IN_ND, KAHAN, Formula
 
-# What errors of functions say, for bodies whose map has none.
+# What errors say where the map of a body lacks a function, by its name.
 _INSTEAD = {
     **dict.fromkeys(("exact", "flow", "limits"), ", which has no closed form: use iterate"),
     "closed_form": ": use exact, or iterate where there is no closed form",
@@ -46,72 +46,76 @@ class Map:
     """A map: a discretization of the equations of motion of one class of bodies or fields.
 
     Runs, files, stores, plots and functions of a state ask this record for all that depends on the
-    map, and refuse what it lacks. `register` makes a record known. Several records may have the
-    same class; the argument `method` of a run decides between them. Functions of a body alone, as
-    `jacobian`, are those of the map of the method "auto".
+    map; what it lacks raises an error. `register` makes a record known. Several records may have
+    the same class; the argument `method` of a run decides between them. Functions without this
+    argument, such as `jacobian`, are those of the map with the method "auto".
 
     Attributes
     ----------
     name : str
-        For files; no other record has it.
+        The unique name that files contain.
     title : str
-        For people, in plots and datasets.
+        The name that plots and datasets show.
     body : type
-        The class of the bodies, derived from `Body`; a subclass without a record has this one, too.
+        The class of the bodies, derived from `Body`; subclasses without a record use this one.
     methods : mapping of str to Steps
         Ways to compute the steps, by the values of the argument `method`, the default first.
         `Steps(kernel, arguments, carried, cost, lanes, system)` is described below.
     formulas : mapping of str to Formula
-        What public functions need of this map, by their names, see `formulas`: ``{**KAHAN}`` for
-        Kahan's map of the field of any body, ``{}`` for a map of which nothing else is known.
-        `Formula(compute, check, poles)`: `compute` takes a `Problem` and returns the values (...),
-        `check` raises an error for a body that lacks the quantity. ``"attitude"`` says how states
-        turn a body, `AXIAL` or `IN_ROWS`; without it they turn none. A map with ``"jacobian"`` has
-        ``"lyapunov_exponents"`` and ``"multipliers"``, too.
+        What public functions need from this map, by their names (see `formulas.py`):
+        ``{**KAHAN}`` for Kahan's map of the field of any body, ``{}`` for a map of which only the
+        steps are known. In `Formula(compute, check, poles)`, `compute` takes a `Problem` and
+        returns the values (...), `check` raises an error for a body that lacks the quantity, and
+        `poles` is True where infinite values are meant. ``"attitude"`` is `AXIAL` or `IN_ROWS`: how
+        states turn a body; without it `attitude` raises an error. A map with ``"jacobian"`` also
+        has ``"lyapunov_exponents"`` and ``"multipliers"``.
     random : tuple of callables
-        ``random(rng, shape)`` returns a batch of bodies for tests, which test each of them.
+        Functions ``random(rng, shape)`` that return a batch of bodies for tests; each is tested.
     pole : tuple or None
         A body, and a state that has no next one for eps = 1; None if every state has one.
     conserved : tuple of str
-        Names of formulas; the first one that a body has is (nearly) conserved.
+        Names of formulas; the first that a body has is conserved, exactly or nearly.
     variable : {"omega", "x"}
-        The name of a state, and `meaning` what it is.
+        The name of states in runs and datasets.
+    meaning : str
+        What a state is, for datasets: "angular velocity" or "state".
 
     Notes
     -----
-    A kernel of steps is a function of numbers and arrays, decorated with `core.numba.kernel`,
+    A kernel of steps is a function of numbers and arrays, decorated with `core.numba.kernel`:
 
         steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at)
 
-    `tests/own.py` has a short one, one trajectory after the other. A kernel neither validates nor
-    raises, and allocates nothing inside loops over steps; formulas that it calls are decorated with
-    `core.numba.formula` or `core.numba.function`.
+    `tests/own.py` has a short one, which steps one trajectory after the other. A kernel neither
+    validates nor raises, and allocates nothing inside loops over steps; formulas that it calls are
+    decorated with `core.numba.formula` or `core.numba.function`.
 
     1. `arguments` is what `Steps.arguments(body, eps, batch)` returned, called once for a run: a
-       tuple of arrays, of which each has one row if it is common to all B trajectories, else B:
+       tuple of arrays. Each has one row if it is common to all B trajectories, else B rows:
        ``array[i % len(array)]`` is that of trajectory i. `by_constants` passes ``body.constants``
        and eps (1 or B,), `by_field` the terms v x_j x_k of the field, with x_D = 1: indices (3, T),
        the i, j and k, values (1 or B, T), and eps.
     2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
-       begin <= i < end, of which ``share`` gives a part of `parts` its own, from state `start` to
-       state `stop`.
-    3. State 0 is `omega0` (B, D), which is read if start = 0 alone. It counts as a saved state and,
+       begin <= i < end from state `start` to state `stop`; ``share`` returns those of part number
+       `part` of `parts`, which a thread computes.
+    3. State 0 is `omega0` (B, D), which is read only if start = 0. It counts as a saved state and,
        if it is NaN, as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do
        nothing else.
     4. A run is cut into calls anywhere, in time and in the batch, and all cuts give the same bits.
-       What steps continue from is `final` (B, D) and, of the kernel's own choice, `carry`
-       (B, carried): read if start > 0, written at `stop`.
+       Steps continue from `final` (B, D) and from `carry` (B, carried), whose contents the kernel
+       chooses: both are read if start > 0, and written at `stop`.
     5. If every > 0, state n is saved if start < n <= stop, or n = start = 0, and n is a multiple of
-       `every`: the first to saved[row], and so on; `saved` is (rows, B, D).
+       `every`: the first of them to saved[row], the next to saved[row + 1]; `saved` is
+       (rows, B, D).
     6. `final` receives the states at `stop`, saved or not.
     7. A trajectory that fails at state n gets status[i] < 0 (`core.codes`: SINGULAR where there is
        no next state, NONFINITE beyond float64), failed_at[i] = n, and NaN from there on, in `saved`
        and in `final`. One with status[i] < 0 at the beginning of a call stays NaN. No other
        trajectory is touched: its bits do not depend on the batch, its order, or `parts`.
     8. `Steps.cost(D, arguments)` is the time of a step relative to that of the three-dimensional
-       map (about 1 ns on one thread). Calls are made so long that Ctrl-C is heard after 0.1 s; an
-       estimate that is too low makes it wait.
-    9. `Steps.lanes` trajectories, a multiple of 8, are what a thread takes at a time.
+       map (about 1 ns on one thread). It decides how many steps a call takes, so that Ctrl-C
+       is handled within about 0.1 s; with an estimate that is too low, it takes longer.
+    9. A thread takes `Steps.lanes` trajectories at a time, a multiple of 8.
     10. `Steps.system(body, eps)` returns what `compiled.step_system` takes: `field_system`, if the
         steps are those of Kahan's map of the field of the body. Without it `compiled.system`
         refuses the body; loops of your own call the formulas of your kernel.
@@ -233,8 +237,8 @@ MAPS: dict[str, Map] = {}  # by name
 def register(record: Map) -> None:
     """Make a map known, for runs, files and functions of a state.
 
-    A record of a class that has none takes the method "auto", that of runs by default; a further
-    map of a class has other methods.
+    The first record of a class has the method "auto", the default of runs; further records of the
+    same class have methods of other names.
     """
     checks.instance("record", record, Map)
     if record.name in MAPS:
@@ -305,9 +309,9 @@ for _record in (
 
 # ------------------------------------------------------------------------------------------- lookup
 def map_of(body: Any, method: str = "auto") -> Map:
-    """Return the map of a method for a body; that of "auto" is meant where none is named.
+    """Return the map of a method for a body.
 
-    A class comes before the classes that it derives from.
+    Records of a class come before those of the classes that it derives from.
     """
     classes = type(body).__mro__
     records = [record for each in classes for record in MAPS.values() if record.body is each]
@@ -320,7 +324,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
 
 
 def named(name: str) -> Map:
-    """Return the map of a name, as files and pickles hold it."""
+    """Return the map with this name, which files and pickles contain."""
     if name not in MAPS:
         expected = f"{' or '.join(MAPS)}, or a map that `maps.register` made known before"
         raise checks.wrong("map", expected, repr(name))
@@ -358,7 +362,7 @@ def class_named(name: Any) -> type[Any]:
 
 
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:
-    """Return the body that its method `to_dict` described, of any class.
+    """Return the body, of any class, that a dictionary from `to_dict` describes.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """First integrals that are too long to write out, from relations between few monomials.
 
-A relation ``sum_i c_i m_i = 0`` between monomials along an orbit has coefficients that depend on
-the orbit alone. If no monomial can be left out, it is unique up to a factor, so each quotient
-c_i / c_j is a rational first integral. Its formula may have thousands of terms; its value at a
-point follows from a few points of the orbit.
+The coefficients of a relation ``sum_i c_i m_i = 0`` between monomials along an orbit depend on the
+orbit alone. If there is no relation between fewer of these monomials, it is unique up to a factor,
+so each quotient c_i / c_j is a rational first integral. Its formula may have thousands of terms;
+its value at a point follows from a few points of the orbit.
 """
 
 from __future__ import annotations
@@ -38,13 +38,14 @@ class ImplicitIntegral:
     """A first integral of a map, given by a relation between monomials along orbits.
 
     Between the `monomials`, given by their exponents, there is one relation along the orbit of a
-    generic point. The integral is the quotient of its coefficients of two of them, `numerator` and
-    `denominator`. As a rational function of the point it has the degree `degree`: that of numerator
-    and denominator on a generic line.
+    generic point, up to a factor. The integral is the quotient of the coefficients of two of these
+    monomials, `numerator` and `denominator`. It is a rational function of the point; `degree` is
+    the larger of the degrees of its numerator and denominator on a generic line.
 
-    Called with a point, D rational numbers or floats, it returns its exact value, a fraction, from
-    as many points of the orbit as there are monomials but one. If eps is a letter, it needs its
-    value, as in ``integral(x, eps=Fraction(1, 3))``.
+    Called with a point, D rational numbers or floats, it returns its exact value, a `Fraction`,
+    computed from one point of the orbit fewer than there are monomials. If eps is a letter, pass
+    its value, as in ``integral(x, eps=Fraction(1, 3))``. A point at which the relation is not
+    unique, or the denominator is 0, raises a `ZeroDivisionError`.
 
     Examples
     --------
@@ -113,7 +114,7 @@ def _text(exponents: Sequence[int]) -> str:
 
 
 def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:
-    """Return points of an orbit, if possible before and after x, where numbers are shorter."""
+    """Return points of an orbit around x, as numbers are shorter there; after x without inverse."""
     before = 0 if map.inverse is None else (length - 1) // 2
     backward = [*islice(map.inverse.orbit(x, before + 1), before + 1)] if before else [x]
     forward = islice(map.orbit(x, length - before), length - before)
@@ -132,7 +133,8 @@ def _values(map: RationalMap, monomials: Exponents, x: Sequence[Any], length: in
 def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list[Exponents]:
     """Return circuits among monomials, those of few monomials first.
 
-    With the monomials in any order, each row of the reduced relations belongs to a circuit.
+    Whatever the order of the monomials, each row of the reduced row echelon form of the relations
+    belongs to a circuit.
     """
     x = arithmetic.random_point(map.dimension, PRIME, rng)
     relations = arithmetic.null_space(_values(map.at(EPS), monomials, x, len(monomials) + MORE))
@@ -151,7 +153,7 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
 
 
 class _Line:
-    """The relations of circuits on a random line, at more and more of its points."""
+    """The relations of circuits at points of a random line, of which `extend` adds more."""
 
     def __init__(self, map: RationalMap, circuits: list[Exponents], rng: random.Random) -> None:
         self.map, self.circuits, self.rng = map.at(EPS), circuits, rng
@@ -163,7 +165,7 @@ class _Line:
         self.coefficients: list[list[list[int]]] = []  # by point, circuit and monomial
 
     def extend(self, count: int) -> None:
-        """Compute relations until there are those of so many points."""
+        """Compute relations at further points, until there are `count` points."""
         length = max(map(len, self.circuits))
         while len(self.parameters) < count:
             t = flint.nmod(self.rng.randrange(PRIME), PRIME)
@@ -183,7 +185,7 @@ class _Line:
         """Return the degree of the quotient of two coefficients; None if more points are needed.
 
         A quotient N / D of polynomials in the parameter is determined by deg N + deg D + 1 points;
-        two more must agree.
+        two more must agree with it.
         """
         coefficients = [each[circuit] for each in self.coefficients]
         quotients = [[flint.nmod(c[above], PRIME) / c[below]] for c in coefficients]
@@ -204,8 +206,8 @@ class _Line:
 def _gradients(map: RationalMap, circuit: Exponents) -> dict[tuple[int, ...], Any]:
     """Return the gradients of the logarithms of the coefficients of a relation, by monomial.
 
-    They are those at the random point of `arithmetic`, and follow from the derivatives of
-    ``sum_i c_i m_i(x_k) = 0`` for each k by x_0. The first coefficient is taken as constant.
+    They are evaluated at the random point x_0 of `arithmetic`, and follow from the derivatives of
+    ``sum_i c_i m_i(x_k) = 0`` with respect to x_0, for each k. The first coefficient is 1.
     """
     n, now, x = map.dimension, map.at(EPS), arithmetic.random_point(map.dimension)
     others = circuit[1:]
@@ -229,7 +231,7 @@ def _gradients(map: RationalMap, circuit: Exponents) -> dict[tuple[int, ...], An
 def independent_of(
     known: Sequence[RationalFunction], candidates: Iterable[ImplicitIntegral]
 ) -> Iterator[ImplicitIntegral]:
-    """Yield the integrals that are independent of those known and of those before."""
+    """Yield the candidates that are independent of known integrals and of earlier candidates."""
     rows = [gradient_of_logarithm(f) for f in known]
     rank = len(rows)
     for each in candidates:
@@ -244,7 +246,7 @@ def independent_of(
 def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[ImplicitIntegral]:
     """Yield integrals from relations between few of the monomials, those of least degree first.
 
-    Most of them are functions of others: `independent_of` chooses.
+    Most of them are functions of others: `independent_of` selects independent ones.
     """
     rng = random.Random(0)
     chosen = circuits(map, monomials, rng)
@@ -265,7 +267,7 @@ def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[Impli
 
 
 def is_short(integral: ImplicitIntegral) -> bool:
-    """Return True if the formula of an integral may be short enough to be written out."""
+    """Return True if a formula of this degree has few enough terms to be written out."""
     D = integral.map.dimension
     return math.comb(D + integral.degree, D) <= _TERMS
 

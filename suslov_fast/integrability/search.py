@@ -1,8 +1,8 @@
 """The search of a report: facts about a map, each found by a task of a queue.
 
-A kind of fact is a function of the search that returns its first tasks; `_INTEGRALS` and `_OTHERS`
-list them. Tasks tell one another what they find through `Search`: a new Darboux polynomial leads to
-tasks for the cofactors of its products with those before it, and to its proof.
+A kind of fact is a function that takes the `Search` and yields its first tasks; `_INTEGRALS` and
+`_OTHERS` list these functions. Tasks share their results through `Search`: a new Darboux polynomial
+leads to tasks for the cofactors of its products with earlier ones, and to a task for its proof.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from .relations import counts, integrals_of
 from .symmetries import Reversor, reversing_symmetries
 from .tasks import LATE, Queue, Task
 
-_FEW = 80  # coefficients, at most, of a polynomial of higher degree than that of the report
-_FEW_MONOMIALS = 0.1  # the least cost of integrals of relations between these
+_FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
+_FEW_MONOMIALS = 0.1  # the least cost of integrals from relations between few monomials
 _SOON = 5.0  # seconds, at most, that formulas from relations wait for Darboux polynomials
 
 ONE = RationalFunction(())
@@ -43,7 +43,7 @@ Tasks = Iterable[Task]
 
 
 class Search:
-    """What is known of a map, and the tasks that find more."""
+    """What is known about a map, and the tasks that find more."""
 
     def __init__(self, map: RationalMap, degree: int, seed: int, only_integrals: bool = False):
         self.map, self.degree, self.seed = map, degree, seed
@@ -94,22 +94,22 @@ class Search:
 
     @property
     def implicit(self) -> tuple[ImplicitIntegral, ...]:
-        """The integrals of relations that are independent of those written."""
+        """The integrals from relations that are independent of those written out."""
         self._update()
         return self._implicit
 
     @property
     def is_complete(self) -> bool:
-        """True if there are as many integrals as the relations show, and a measure."""
+        """True if as many integrals as the relations show are known, and a measure."""
         known = len(self.integrals)
         return bool(self.measures) and known >= (self.relations or self.map.dimension)
 
     def _is_wanted(self, level: int) -> bool:
-        """Return True if polynomials up to a degree are expected to add something.
+        """Return True if polynomials up to a degree may add integrals or replace known ones.
 
-        Once all is known that relations show, polynomials of lower degree than the integrals can
-        still replace them. Integrals with irrational coefficients have rational norms, of a degree
-        above that of the report.
+        When as many integrals are known as relations show, polynomials of lower degree than these
+        can still replace them. Degrees above that of the report are searched for norms: products
+        of conjugate polynomials with irrational coefficients, which have rational ones.
         """
         is_small = self._unknowns(level) <= _FEW
         if level > self.degree:
@@ -167,7 +167,7 @@ class Search:
         return self._add(integrals_of(self.map, exponents, self.seed))
 
     def _few_monomials(self, k: int) -> Tasks:
-        """Find integrals of relations between few monomials, if some are not written yet."""
+        """Find integrals from relations between few monomials, if formulas are missing."""
         missing = (self.relations or 0) - len(self.integrals)
         exponents = arithmetic.exponents_up_to(k, self.map.dimension)
         if missing <= len(self.implicit):
@@ -212,9 +212,9 @@ class Search:
                 yield self._candidates(each, k)
 
     def _candidates(self, each: Iterator[RationalFunction | None], k: int, steps: int = 1) -> Task:
-        """Return the task that looks at the next product of factors, and queues the one after.
+        """Return the task that takes the next product of factors, and returns the task after it.
 
-        There may be many: a step costs as much as all before it, so that they leave time to others.
+        There may be many products, so costs grow with their number, which leaves time to others.
         """
 
         def run() -> Tasks:
@@ -232,7 +232,7 @@ class Search:
             yield self._polynomials_of(cofactor, 1, k, "all", k)
 
     def _cost(self, degree: int) -> float:
-        """Return the cost of the null space of a matrix with as many rows as unknowns."""
+        """Return the cost of a null space for polynomials of a degree."""
         n = self._unknowns(degree)
         letter = 20 if self.map.has_letter else 1  # values of eps to interpolate
         return letter * (1e-6 * n**2 + 4e-9 * n**3)
@@ -240,7 +240,7 @@ class Search:
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
     ) -> Task:
-        """Return the task for the polynomials of a cofactor up to degree k, and then `last`."""
+        """Return the task for polynomials of a cofactor up to degree k, later up to `last`."""
 
         def run() -> Tasks:
             yield from self._find(cofactor, sign, k)
@@ -250,7 +250,7 @@ class Search:
         return Task(self._cost(k), run, kind, k, needed=False)
 
     def _find(self, cofactor: RationalFunction | None, sign: int, k: int) -> Tasks:
-        """Find the polynomials up to degree k of a cofactor, None for det DPhi."""
+        """Find the polynomials up to degree k of a cofactor; None stands for det DPhi."""
         if cofactor is None and self.invariants.has_factors:
             cofactor = self.map.jacobian_cofactor
         known: list[Any] = []
@@ -278,7 +278,7 @@ class Search:
     # Polynomials that were found.
 
     def _add(self, space: Polynomials, cofactor: RationalFunction | None = None) -> Tasks:
-        """Add polynomials of one cofactor, by default unknown."""
+        """Add polynomials of one cofactor, which is unknown by default."""
         if not space:
             return []
         space = tuple(sorted(map(without_content, space), key=size))

@@ -1,4 +1,4 @@
-"""A queue of tasks, of which the cheapest goes first."""
+"""A queue of tasks, of which the cheapest runs first."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-LATE = 1.0  # seconds by which proofs and forms come after searches that cost as much
+LATE = 1.0  # seconds added to the costs of proofs and normal forms: searches run before them
 
 Run = Callable[[], "Iterable[Task]"]
 
 
 @dataclass(frozen=True)
 class Task:
-    """A fact to find out: a degree, the polynomials of a cofactor, a proof.
+    """The search for one fact: a degree, the polynomials of a cofactor, a proof.
 
-    `run` does the work, and returns the tasks that its result leads to. The cost is an estimate
-    from the sizes of the problem, never a time that was measured, so that a search takes the same
-    path on each machine. `kind` and `level`, a degree of polynomials, say what was searched when
-    all tasks that have them are done. A task that is not `needed` can be left out when nothing more
-    is expected of its level.
+    `run` does the work, and returns the tasks that follow from its result. The cost is an estimate
+    from the sizes of the problem, never a measured time, so that a search takes the same path on
+    every machine. When all tasks of a `kind` and a `level`, a degree of polynomials, are done, the
+    report lists this kind as searched up to this degree. A task that is not `needed` may be left
+    out when tasks of its level are not expected to find more.
     """
 
     cost: float  # in seconds on a usual machine, roughly
@@ -31,11 +31,11 @@ class Task:
 
 
 class Queue:
-    """Tasks that wait; it knows nothing of what they find.
+    """Waiting tasks; the queue does not depend on what they find.
 
-    Iteration runs them, the cheapest first and equal ones in the order in which they came, and
-    yields each task when it is done. `is_wanted` is asked for the level of each task that is not
-    `needed`; those it refuses wait aside until it wants their level.
+    Iteration runs them, the cheapest first, tasks of equal cost in the order in which they were
+    added, and yields each task when it is done. A task that is not `needed` runs only while
+    ``is_wanted(level)`` is True; until then it is set aside.
     """
 
     def __init__(self, tasks: Iterable[Task], is_wanted: Callable[[int], bool]) -> None:
@@ -80,11 +80,11 @@ class Queue:
 
     @property
     def has_refused(self) -> bool:
-        """True if tasks wait aside."""
+        """True if tasks are set aside."""
         return bool(self._aside)
 
     def finished(self) -> dict[str, int]:
-        """Return, for each kind, the level up to which all its tasks are done."""
+        """Return, for each kind, the level up to which all tasks are done."""
         levels: dict[str, int] = {}
         for kind, known in self._levels.items():
             for level in sorted(known):

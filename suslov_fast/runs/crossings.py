@@ -41,17 +41,18 @@ class Crossings:
     count : ndarray(int, shape=(...))
         The number of crossings of each trajectory.
     status, failed_at, final : ndarray, shape=(...), (...) and (..., D)
-        As of a run of transient + steps steps. Of a trajectory that ended at its last crossing
-        wanted, `final` is the state after it, and the others tell of nothing later.
+        Those of a run of transient + steps steps. For a trajectory that ended at its crossing
+        number `most`, `final` is the state after this crossing, and `status` and `failed_at` do
+        not report later failures.
     body, eps
         The arguments of :func:`crossings`.
     map : Map
-        The record of the map.
+        The record of the map, an instance of `maps.Map`.
 
     Notes
     -----
-    ``len(points)`` is K. Crossings are equal if all of the above is equal, where NaN equals NaN;
-    they are not hashable.
+    ``len(points)`` is K. Two objects are equal if all attributes above are equal, where NaN equals
+    NaN; they are not hashable.
 
     Examples
     --------
@@ -84,8 +85,9 @@ class Crossings:
 
     @cached_property
     def states(self) -> FloatArray:
-        """The points where straight lines from state n to n + 1 meet the surface, shape (K, D):
-        ``before + fraction (after - before)``.
+        """The points ``before + fraction * (after - before)``, shape (K, D).
+
+        There the linear interpolation of the surface's values between states n and n + 1 is 0.
         """
         share = self.fraction[:, np.newaxis]
         points: FloatArray = self.before + share * (self.after - self.before)
@@ -110,11 +112,11 @@ class Crossings:
 
     @property
     def ok(self) -> bool:
-        """True if no trajectory failed before its end."""
+        """True if no trajectory failed before it ended."""
         return bool((self.status >= 0).all())
 
     def _at_crossings(self, values: Any) -> Any:
-        """Return numbers that broadcast to the batch, for each crossing: (K,)."""
+        """Return, for each crossing, the value of its trajectory; values broadcast to the batch."""
         if values.size == 1:
             return np.full(len(self), values.item())
         return np.broadcast_to(values, self.count.shape).ravel()[self.trajectory]
@@ -166,10 +168,11 @@ class Crossings:
         return Crossings(**parts, body=body, eps=eps, map=self.map)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the crossings as an `xarray.Dataset`, with the dimensions "crossing", "component".
+        """Return the crossings as an `xarray.Dataset` of dimensions "crossing" and "component".
 
-        Along "crossing" lie the coordinates `trajectory`, `n`, `time`, `eps`, and each parameter
-        of the body that varies, so that ``data.where(data.rho > 24, drop=True)`` selects.
+        The coordinates `trajectory`, `n`, `time` and `eps`, and each parameter of the body that
+        varies, have the dimension "crossing": ``data.where(data.rho > 24, drop=True)`` selects
+        crossings by a parameter.
 
         Returns
         -------
@@ -204,7 +207,7 @@ class Crossings:
     ) -> Any:
         """Draw the crossings in the plane of two components, and return Matplotlib axes.
 
-        `components` are their indices or labels. `color` is the name of what gives the colours:
+        `components` are indices or labels. `color` is the name of the quantity that colours them:
         a parameter that varies, "eps", "trajectory", "n" or "time"; or numbers, one for each
         crossing. By default it is the named parameter of a family. `ax` are axes to draw on.
         """
@@ -223,12 +226,12 @@ class Crossings:
 
 
 def varying(body: Any) -> dict[str, Any]:
-    """Return the parameters of a body that vary along its batch: of a field those with a name."""
+    """Return the parameters of a body, for fields the named ones, that vary along its batch."""
     arrays, axes, names = body._arrays, body._axes, body.parameters
     return {name: arrays[name] for name in names if arrays[name].ndim > axes.get(name, 0)}
 
 
-# Under which names users look for the points of a section, as those of a run are called.
+# Names that users of runs or of SciPy may try, and what to use instead.
 _INSTEAD = {
     **dict.fromkeys(
         ("x", "omega", "y", "u", "points", "y_events"),

@@ -1,7 +1,7 @@
-"""Zarr stores of runs: what is in one, and what one lacks.
+"""Zarr stores of runs: what a store contains, and what is missing.
 
 A store exists once its metadata are consolidated, a tile once its `status` is written. Every chunk
-is written, one of fill values, too: a chunk that is not there is one that was lost.
+is written, even one that has only fill values: so a chunk that is not there was lost.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ T = TypeVar("T")
 
 # Version of the format, and the status of trajectories that are not computed.
 FORMAT, PENDING = 9, -128
-# The codecs that stores have. Metadata with others are not given to Zarr: codecs can run commands.
+# The codecs of our stores. Zarr does not get metadata with others: codecs can run commands.
 _CODECS = {"bytes", "vlen-utf8", "crc32c"}
-# Requests at a time, for chunks that a listing lacks.
+# The number of simultaneous requests for chunks that are not in a listing.
 _AT_A_TIME = 64
-# Settings of Zarr and filters of warnings are those of all threads.
+# Settings of Zarr and filters of warnings apply to all threads.
 _ALONE = Lock()
 
 Tile = tuple[int, ...]  # the number of a tile along each axis of the batch
@@ -59,7 +59,7 @@ class Stored(NamedTuple):
 
 
 class Contents(NamedTuple):
-    """The metadata of a store: attributes of the run, and its arrays, {} until all were made."""
+    """The metadata of a store: attributes of the run, and its arrays, {} until all are created."""
 
     attributes: dict[str, Any]
     arrays: dict[str, Stored]
@@ -76,10 +76,10 @@ class Contents(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """What a store lacks."""
+    """What is missing in a store."""
 
-    chunks: dict[str, int]  # by the name of an array, the number of those that were written
-    tiles: set[Tile]  # of which such a chunk is not there
+    chunks: dict[str, int]  # the number of chunks that were lost, by the name of their array
+    tiles: set[Tile]  # tiles with such a chunk
     pending: set[Tile]  # not computed yet
 
     def __str__(self) -> str:
@@ -96,9 +96,9 @@ def resolved(store: Any) -> Any:
 
 
 def contents(store: Any) -> Contents | None:
-    """Return the metadata of a store, None if there is none; ValueError if it is another one.
+    """Return the metadata of a store, None if there is no store; ValueError for other data.
 
-    They are read before Zarr reads them: only format 3 is opened, and only codecs that stores have.
+    The metadata are checked before Zarr reads them: only format 3 and our own codecs are accepted.
     """
     text = _run(_get(_reader(store), "zarr.json"))
     if text is None:
@@ -135,7 +135,7 @@ def _foreign(store: Any, what: str) -> Any:
 
 
 def _stored(name: str, metadata: dict[str, Any]) -> Stored:
-    """Return the metadata of an array, if Zarr may open it."""
+    """Return the metadata of an array, after checks that Zarr may open it."""
     if (metadata["zarr_format"], metadata.get("node_type")) != (3, "array"):
         raise wrong(name, "an array of Zarr format 3", metadata["zarr_format"])
     codecs = {each["name"] for each in metadata["codecs"]}
@@ -175,12 +175,12 @@ def _check(found: Contents) -> None:
 
 
 def lost(store: Any, found: Contents) -> Lost:
-    """Return what a store lacks: the one answer for opening, summaries, and the end of a run."""
+    """Return what is missing in a store; opening, summaries and the end of a run all ask here."""
     source = _reader(store)
     there = _run(_list(source))
     tiles = [name for name in found.tiled if name != "status"]
     status = found.arrays["status"]
-    if "zarr.json" not in there:  # a source, as of HTTP, that does not list: ask for each chunk
+    if "zarr.json" not in there:  # a source that cannot list, such as HTTP: ask for each chunk
         every = [key for name, each in found.arrays.items() for _, key in each.keys(name)]
         there = _run(_exist(source, every))
     done = {tile for tile, key in status.keys("status") if key in there}
@@ -191,7 +191,7 @@ def lost(store: Any, found: Contents) -> Lost:
             tile = None if axes is None else tuple(index[axis] for axis in axes)
             if key not in there and (tile is None or tile in done):
                 absent[key] = name, tile
-    for key in _run(_exist(source, list(absent))):  # which a network folder may list late
+    for key in _run(_exist(source, list(absent))):  # a network folder may list keys late
         del absent[key]
     chunks: dict[str, int] = {}
     for name, _ in absent.values():
@@ -201,7 +201,7 @@ def lost(store: Any, found: Contents) -> Lost:
 
 
 def has_tile(store: Any, tile: Tile) -> bool:
-    """Return whether the status of a tile is in a store, seen from this process."""
+    """Return True if this process finds the status of a tile in a store."""
     return bool(_run(_exist(_reader(store), ["/".join(["status", "c", *map(str, tile)])])))
 
 
@@ -242,7 +242,7 @@ def _check_folder(store: Path, data: Any) -> None:
 
 
 def described(name: str, array: Any, few: int = 1000) -> Any:
-    """Return few numbers as they are, and of many their count, range and digest."""
+    """Return an array of at most `few` numbers as it is, else its count, range and digest."""
     if isinstance(array, RandomStarts):
         return repr(array)
     if array.size <= few:  # numbers in lists of lists as JSON: NetCDF has no such attributes
@@ -258,7 +258,7 @@ def described(name: str, array: Any, few: int = 1000) -> Any:
 
 
 def _in_words(value: Any) -> str:
-    """Return an attribute without the digest, and an array by number and range."""
+    """Return an attribute as text, without the digest; of arrays the count and range."""
     if isinstance(value, str) and value.startswith("[["):
         value = json.loads(value)
     text = str(described("store", np.array(value), 0) if isinstance(value, list) else value)
@@ -266,7 +266,7 @@ def _in_words(value: Any) -> str:
 
 
 def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
-    """Make the arrays of a store, which an interrupted call or another process may have begun."""
+    """Create the arrays of a store; an interrupted call or another process may have made some."""
     import zarr
 
     labels = " ".join(str(name) for name in data.coords if name not in data.dims)
@@ -315,7 +315,7 @@ def opened(store: Any) -> dict[str, Any]:
 
 
 def _writable(root: Any, names: Iterable[str]) -> dict[str, Any]:
-    """Return arrays of a group; they write every chunk, one of fill values, too."""
+    """Return arrays of a group that write every chunk, even one that has only fill values."""
     import zarr
 
     with _ALONE, zarr.config.set({"array.write_empty_chunks": True}):

@@ -1,7 +1,7 @@
 """Where orbits cross a surface: sections, maxima, exits, returns.
 
-The march writes pieces of the orbits that stay in the caches; the user's function gives a value
-for each state, and the changes of its sign are looked for. No other state is kept.
+The march computes the orbits in pieces that fit into the caches. The user's function returns a
+value for each state of a piece; only the states on both sides of a change of sign are kept.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from ..engine.stretches import March, Progress, Report, reporter
 from ..maps import map_of
 from .crossings import Crossings
 
-# Numbers in a piece, which stays in the caches. As each call of a kernel takes the time of some
-# steps, it has at least so many states of each trajectory, unless it becomes too large.
+# Numbers in a piece, which stays in the caches. A call of a kernel costs as much as some steps, so
+# a piece has at least _STATES states of each trajectory, if these are at most _LARGE numbers.
 _PIECE, _STATES, _LARGE = 2**17, 48, 2**22
 _FIRST = 64  # steps of the first piece where a run may end early; each next one has twice as many
 _WITHOUT_END = 2**62
-_LAST = "components on the last axis, as x[..., 2]"  # what surfaces of one state overlook
+_LAST = "components on the last axis, as x[..., 2]"  # advice, for surfaces of a single state
 
 Surface = Callable[[FloatArray], ArrayLike]
 
@@ -48,12 +48,12 @@ def crossings(
     on_singular: OnSingular = "warn",
     progress: Progress = None,
 ) -> Crossings:
-    """Find where orbits cross a surface s(x) = 0, and keep no other state.
+    """Find where orbits cross a surface s(x) = 0, and keep no other states.
 
-    States are those of :func:`iterate` with method "auto", bit for bit. An orbit crosses where s
-    changes its sign from state n to state n + 1: where it has a = s(x_n) and b = s(x_{n+1}), and
-    a < 0 <= b upwards, or b < 0 <= a downwards. So 0 counts as positive: an orbit that starts on
-    the surface does not cross it upwards, and crosses it downwards, at once, if b < 0.
+    States are those of :func:`iterate` with method "auto", bit for bit. With a = s(x_n) and
+    b = s(x_{n+1}), an orbit crosses between states n and n + 1 upwards if a < 0 <= b, and downwards
+    if b < 0 <= a. So 0 counts as positive: an orbit that starts on the surface does not cross it
+    upwards there, and crosses it downwards at once if b < 0.
 
     Parameters
     ----------
@@ -62,19 +62,21 @@ def crossings(
     steps : int
         Number of steps after the transient, 0 or more: transient <= n < transient + steps.
     surface : callable
-        s, a function of states (..., D) to real numbers (...), of each from its own state alone:
-        NumPy, or a compiled function of your own. A section, ``lambda x: x[..., 2] - 27``; a
-        maximum of a component, ``lambda x: -vector_field(field, x)[..., 2]``; an exit,
-        ``lambda x: (x**2).sum(-1) - 4``. It is called in this thread, once with the initial
-        states before any step, then with read-only pieces (rows, ..., D) of the run, in which the
-        batch keeps its shape. A value that is NaN or infinite makes no crossing.
+        The function s, which takes states (..., D) and returns real numbers (...), each from its
+        own state alone, with NumPy or compiled by Numba. A section:
+        ``lambda x: x[..., 2] - 27``; a maximum of a component:
+        ``lambda x: -vector_field(field, x)[..., 2]``; an exit: ``lambda x: (x**2).sum(-1) - 4``.
+        It is called in the calling thread, once with the initial states before any step, then with
+        read-only pieces (rows, ..., D) of the run, in which the batch keeps its shape. There is no
+        crossing next to a value that is NaN or infinite.
     direction : {1, -1, 0}
-        Crossings upwards, downwards, or both; along n, for a negative step size, too.
+        Crossings upwards, downwards, or both, in the order of n, also for a negative step size.
     transient : int
-        Number of steps that are taken first and not looked at.
+        Number of steps that are taken first, in which crossings are ignored.
     most : int, optional
-        A trajectory ends at this crossing, 1 or more: ``most=1`` for first returns, times of
-        escape and basins. The run ends when all trajectories have ended or failed.
+        The number of crossings, 1 or more, at which a trajectory ends: ``most=1`` for first
+        returns, times of escape and basins. The run ends when all trajectories have ended or
+        failed.
     on_singular : {"warn", "raise", "ignore"}
         What to do if trajectories fail: one :class:`SingularStepWarning` for all, a
         :class:`SingularStepError` that holds the result as `crossings`, or nothing.
@@ -88,10 +90,10 @@ def crossings(
 
     Notes
     -----
-    A point of :attr:`Crossings.states` lies on the straight line between two states of a map. If
-    the map follows a flow, it differs from the point where the flow crosses by O(eps**2), as
-    states of the map do. If it does not, an orbit has nothing between two states: use `before` or
-    `after`.
+    The points :attr:`Crossings.states` lie on the straight line between two states of the map. If
+    eps is so small that the map approximates the flow, a point differs from the crossing of the
+    flow by O(eps**2), as a state of the map at a fixed time does. For larger eps points between two
+    states have no meaning: use `before` or `after`.
 
     Memory is that of the crossings and of one piece, some 4 MB, or a few states of each trajectory.
 
@@ -188,12 +190,12 @@ class _Search:
             longest = min(2 * longest, self.rows)
             states = self.states[: rows + 1]
             march.to(n + rows, 1, states[n > 0 :])  # the first piece begins with state 0
-            # States beyond the end of an orbit may be as large as they like.
+            # States beyond the end of a trajectory may overflow in the surface, without a warning.
             with np.errstate(over="ignore", invalid="ignore"):
                 self.values[1 : rows + 1] = self.values_of(states[1:])
             self.look(n, states, self.values[: rows + 1])
             self.states[0], self.values[0] = states[rows], self.values[rows]
-            # Kernels may leave out what has failed, and an orbit that has left may take long steps.
+            # Trajectories that have ended are marked as failed: kernels may then leave them out.
             march.status.reshape(-1)[self.counts >= self.most] = Status.NONFINITE
             n += rows
             if report is not None:
@@ -201,7 +203,7 @@ class _Search:
         return self.result(alive)
 
     def look(self, n: int, states: FloatArray, values: FloatArray) -> None:
-        """Keep the crossings between states (rows + 1, ..., D), from state n on."""
+        """Keep the crossings between these states (rows + 1, ..., D), which begin with state n."""
         is_positive = values >= 0.0
         places = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
         if places.size:

@@ -129,7 +129,7 @@ def test_arrays_of_a_run_are_read_only(path):
 @pytest.mark.compiled
 def test_read_only_arrays_compile_nothing():
     run = sf.iterate(BODY, STARTS, np.full(5, 0.2), 7, attitude=True)
-    compiled = [steps_3d.steps.compiled, orientations.turn.compiled]
+    compiled = [steps_3d.steps.compiled, orientations.turn_along.compiled]
     before = [len(each.signatures) for each in compiled]
     assert all(before)
     sf.iterate(BODY, run.final, run.eps, 3, attitude=run.attitude[-1]).extend(2)

@@ -528,7 +528,10 @@ PAPERS = {
 }
 
 
-@pytest.mark.parametrize("name", PAPERS)
+LONG = pytest.param("Lagrange", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("name", [*(name for name in PAPERS if name != "Lagrange"), LONG])
 def test_formulas_in_eps(name):
     field, degree, integrals, density = PAPERS[name]
     found = report(field, degree=degree)
@@ -683,6 +686,7 @@ def test_the_cheapest_task_goes_first():
     assert (len(queue), queue.has_refused, queue.finished()) == (1, True, {"a": 4, "b": 1})
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("given", [BODY, CYCLE, PREY, SIR, ISHII, TODD, HENON_HEILES_FIELD])
 def test_a_larger_degree_shows_no_less(given):
     is_map = isinstance(given, RationalMap)
@@ -785,6 +789,7 @@ def test_formulas_of_papers():
     }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("field", [EULER, CYCLE, CUBIC, ISHII, ZOO["Nambu"][0]])
 def test_letter_and_number_print_the_same(field):
     """And the limit for eps to 0 is an integral of the field."""

@@ -1,8 +1,8 @@
-"""A step of a field as a list of operations on rows of numbers, planned from its zeros.
+"""A step of a field as a list of operations on rows of numbers, planned from its pattern of zeros.
 
 With h = eps / 2 and N(x) = h f'(x) a step solves (1 - N) delta = h f(x), x_next = x + 2 delta
 (theory, section 7). Which entries of N are zero is known from the terms of the field alone, so
-elimination is done once, here, on the pattern. For a pivot k, in an order that fills few zeros,
+elimination is planned once, here, on the pattern. For pivots k, in an order with little fill-in,
 
 pivot_k = 1 - N_kk,   m_ik = N_ik / pivot_k,   N_ij += m_ik N_kj,   g_i += m_ik g_k,
 
@@ -10,14 +10,14 @@ for i and j that come later, where g = h f(x) at first; then, backwards,
 
 delta_k = (g_k + sum_j N_kj delta_j) / pivot_k.
 
-What is left are sums of products of numbers, the same for all states:
+All of these are sums of products, the same for all states. They become a list of
 
-operations   (code, d, s, a, c, e, g), a code and the rows that it writes and reads
+operations   (code, d, s, a, c, e, g): a code, the row d that it writes, and rows that it reads.
 
 One kernel carries them out for all fields, each operation as a loop over a row of lanes; nothing is
-compiled for a field. An operation never writes to a row that it reads: then LLVM uses SIMD. A row
-is used again after the last use of what it holds: then all remain in the caches. The Lorenz system
-takes 28 operations on 25 rows, three of them divisions.
+compiled for a field. An operation never writes to a row that it reads, so LLVM vectorizes it. A row
+is reused after the last use of its value, so all rows remain in the caches. The Lorenz system
+takes 28 operations, three of them divisions, on 25 rows.
 """
 
 from collections import defaultdict
@@ -147,7 +147,7 @@ class _Matrix:
 
 
 class _Factors:
-    """The values of elimination in a matrix 1 - N: pivots, multipliers and what is above them.
+    """The values of elimination in a matrix 1 - N: pivots, multipliers and upper triangle.
 
     With `right` the right sides h f are eliminated, too.
     """
@@ -195,7 +195,7 @@ class _Factors:
 
 
 def elimination_order(pattern, D):
-    """Return an order of pivots that fills few zeros: next is always one of least degree.
+    """Return an order of pivots with little fill-in: the next pivot is always one of least degree.
 
     The degree is the number of unknowns that occur in equations together with the pivot's.
     """
@@ -216,7 +216,7 @@ def elimination_order(pattern, D):
 
 
 def filled(pattern, order):
-    """Return for each row the columns of earlier and of later pivots, after elimination."""
+    """Return the columns of earlier and of later pivots that each row has after elimination."""
     place = {k: n for n, k in enumerate(order)}
     rows, columns = defaultdict(set), defaultdict(set)
     for i, j in pattern:
@@ -240,7 +240,8 @@ def filled(pattern, order):
 def in_rows(values, kept):
     """Return operations on rows (n, 7), the number of rows, and the row of each value.
 
-    A row is free after its last use. Values in `kept` are needed until this operation, at least.
+    A row is reused after the last use of its value. `kept` has values that are needed longer, with
+    the number of the operation until which they are.
     """
     last = {}
     for n, (_, number, sources) in enumerate(values.operations):

@@ -1,13 +1,16 @@
-"""Rows of lanes leave a block: pairs of numbers, whole cache lines at a time."""
+"""Copy rows of lanes from a block to saved states: pairs of numbers, by whole cache lines."""
 
 from .numba import LINE, STREAM_FROM, formula, lesser, stream_pairs
 
 
 @formula
 def alignment(out, begin, batch, lanes):
-    """Return how many numbers of `out` lie before its first cache line, -1 if it is small; and by
-    how many trajectories, of two numbers each, the block of lanes from trajectory `begin` on is
-    shorter, so that all others begin at a line. (Large arrays begin 16 bytes after one.)
+    """Return two numbers that align the writing of `out` with cache lines.
+
+    The first is how many numbers of `out` lie before its first cache line, -1 if `out` is small.
+    The second is by how many trajectories, of two numbers each, the block of lanes from trajectory
+    `begin` on must be shorter for later blocks to begin at a line. (Large arrays of NumPy begin 16
+    bytes after one.)
     """
     lead = -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
     aligned = lead >= 0 and batch % 4 == 0 and batch > lanes > 1
@@ -16,8 +19,9 @@ def alignment(out, begin, batch, lanes):
 
 @formula
 def write_pairs(source, first, second, flat, place, count, lead):
-    """Copy source[first : first + count] and source[second : second + count], in turns, to flat
-    from `place` on.
+    """Interleave two rows into flat[place : place + 2 * count], by whole cache lines if possible.
+
+    They are source[first : first + count] and source[second : second + count].
     """
     ahead = (lead - place) % LINE if lead >= 0 else 1
     head = count if ahead % 2 == 1 else lesser(ahead // 2, count)  # pairs before a cache line

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -313,14 +314,25 @@ def map_of(body: Any, method: str = "auto") -> Map:
 
     Records of a class come before those of the classes that it derives from.
     """
-    classes = type(body).__mro__
-    records = [record for each in classes for record in MAPS.values() if record.body is each]
-    if not records:
+    kind: Any = type(body)
+    by_method = _by_method(kind, tuple(MAPS.values()))
+    if not by_method:
         kinds = [record.body.__name__ for record in MAPS.values()]
         received = checks.kind_of(body) + checks.in_place_of(body)
         raise checks.wrong("body", " or ".join(dict.fromkeys(kinds)), received, TypeError)
-    checks.one_of("method", method, [name for record in records for name in record.methods])
-    return next(record for record in records if method in record.methods)
+    return by_method[checks.one_of("method", method, by_method)]
+
+
+@lru_cache(maxsize=64)  # for small calls
+def _by_method(kind: type[Any], records: tuple[Map, ...]) -> dict[str, Map]:
+    """Return the maps of a class of bodies by the names of their methods."""
+    found: dict[str, Map] = {}
+    for each in kind.__mro__:
+        for record in records:
+            if record.body is each:
+                for method in record.methods:
+                    found.setdefault(method, record)
+    return found
 
 
 def named(name: str) -> Map:

@@ -42,7 +42,7 @@ class _In3D(Body):
     def constants(self) -> tuple[Any, ...]:
         """I1, I2, I13, I23 and k, 0 without a rotor. I1 has the batch shape, which I3 may give."""
         I1 = np.broadcast_to(self.I1, self.shape) if self.shape else self.I1
-        return I1, self.I2, self.I13, self.I23, getattr(self, "k", 0.0)
+        return I1, self.I2, self.I13, self.I23, vars(self).get("k", 0.0)
 
     def _inertia(self, I3: Any) -> FloatArray:
         I1, I2, I13, I23, I3, zero = np.broadcast_arrays(*self.constants[:4], I3, 0.0)

@@ -73,9 +73,14 @@ def invariant_density(I1, I2, I13, I23, k, eps, w, out):
 def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
     """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 that the status of runs tells."""
     of_g = I13 * (I13 / I1) + I23 * (I23 / I2)
-    unit, step = unit_of(w1, w2, 0.0), eps * (I13 * w1 + I23 * w2 + k)
-    size = np.sqrt(2.0 * energy_at(I1, I2, w1 / unit, w2 / unit) * of_g)
-    T = in_range(abs(eps) * (size * unit)) / length(2.0 * np.sqrt(I1 * I2), step)
+    step, twice = eps * (I13 * w1 + I23 * w2 + k), 2.0 * energy_at(I1, I2, w1, w2)
+    square = twice * of_g
+    if 1e-280 < twice < 1e280 and 1e-280 < square < 1e280 and abs(step) < 1e140:
+        T = abs(eps) * np.sqrt(square) / np.sqrt(4.0 * (I1 * I2) + step * step)
+    else:  # squares leave the range of floats
+        unit = unit_of(w1, w2, 0.0)
+        size = np.sqrt(2.0 * energy_at(I1, I2, w1 / unit, w2 / unit) * of_g)
+        T = in_range(abs(eps) * (size * unit)) / length(2.0 * np.sqrt(I1 * I2), step)
     if k != 0.0 or abs(T - 1.0) < 1e-6:
         frame, X, Y = scale_state(I1, I2, I13, I23, k, eps, w1, w2)  # as steps do, to the bit
         beyond = is_supercritical(frame, X, Y)

@@ -1,4 +1,4 @@
-"""What public functions need from a map: a `Formula` for each, by the name of the function.
+"""Formulas of a map for public functions: a `Formula` for each, by the name of the function.
 
 The records of `maps.py` list the formulas of each map. A formula of a function with one value for
 each state takes a checked problem and returns the values; comments say what the others take.
@@ -29,7 +29,7 @@ AXIAL, IN_ROWS = True, False
 
 
 class Formula(NamedTuple):
-    """What a public function needs from a map."""
+    """The part of a map that a public function needs."""
 
     compute: Any
     check: Callable[[Any], None] | None = None  # raises an error for a body without the quantity

@@ -1,4 +1,4 @@
-"""What the command prints of a run: its facts, for people or as JSON."""
+"""Facts of a run, as the command prints them: for people or as JSON."""
 
 import json
 from pathlib import Path

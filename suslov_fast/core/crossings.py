@@ -1,4 +1,4 @@
-"""Where orbits cross a surface s(x) = 0: changes of sign of s from one state to the next.
+"""Crossings of a surface s(x) = 0: changes of sign of s from one state to the next.
 
 A value of 0 counts as positive. With a = s(x_n) and b = s(x_{n+1}), an orbit crosses upwards if
 a < 0 <= b, and downwards if b < 0 <= a. The straight line from x_n to x_{n+1} meets the surface, to

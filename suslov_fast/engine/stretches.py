@@ -63,7 +63,7 @@ class Steps(NamedTuple):
 
 
 class Progressed(NamedTuple):
-    """Where a run stands: what continues it, beside its problem."""
+    """The data that continue a run, beside its problem."""
 
     n: int  # the steps that it has taken
     final: FloatArray  # (..., D), the states there

@@ -182,7 +182,7 @@ class RationalMap:
 
     @property
     def shape_of_image(self) -> str:
-        """What the image is by its dimension, the rank of DPhi at a random point."""
+        """The kind of the image, by its dimension: the rank of DPhi at a random point."""
         derivative = self.at(arithmetic.EPS).derivative(arithmetic.random_point(self.dimension))
         rank = int(derivative.rank())
         return _SHAPES.get(rank, f"of dimension {rank}")

@@ -43,7 +43,7 @@ Tasks = Iterable[Task]
 
 
 class Search:
-    """What is known about a map, and the tasks that find more."""
+    """The facts known about a map, and the tasks that find more."""
 
     def __init__(self, map: RationalMap, degree: int, seed: int, only_integrals: bool = False):
         self.map, self.degree, self.seed = map, degree, seed

@@ -76,7 +76,7 @@ class Contents(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """What is missing in a store."""
+    """The parts that a store lacks."""
 
     chunks: dict[str, int]  # the number of chunks that were lost, by the name of their array
     tiles: set[Tile]  # tiles with such a chunk

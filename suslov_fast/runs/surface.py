@@ -1,4 +1,4 @@
-"""Where orbits cross a surface: sections, maxima, exits, returns.
+"""Crossings of a surface by orbits: sections, maxima, exits, returns.
 
 The march computes the orbits in pieces that fit into the caches. The user's function returns a
 value for each state of a piece; only the states on both sides of a change of sign are kept.

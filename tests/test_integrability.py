@@ -699,6 +699,7 @@ def test_a_larger_degree_shows_no_less(given):
         assert len(both) == len(more.integrals)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("field", [EULER, CYCLE, ISHII])
 def test_a_permutation_of_the_variables(field):
     """Reports of the same field in other variables show as much, of the same degrees."""

@@ -133,7 +133,9 @@ RUNS = {
     "--J 5,6,7 --I -0.4,-0.7,5e-1 --eps 1 --method gauss": {
         "body": sf.SuslovND([5, 6, 7], [-0.4, -0.7, 0.5]), "eps": 1.0, "method": "gauss",
     },
-    "--body b.json --eps 1": {"body": lotka(), "eps": 1.0},
+    "--body b.json --eps 1 --trajectories 300": {
+        "body": lotka(), "eps": 1.0, "omega0": sf.RandomStarts(300, 2.0),
+    },
     "--omega0 -1,.5 --omega0 2,-3": {"omega0": [[-1.0, 0.5], [2.0, -3.0]]},
     "--trajectories 3 --extent 0.5 --seed 4": {"omega0": sf.RandomStarts(3, 0.5, 4)},
     "--initial s.npy --picture 1 --threads 1 --save-every 2 --attitude": {

@@ -431,6 +431,9 @@ class Counting(zarr.storage.WrapperStore):
 
     count = 0
 
+    def with_read_only(self, read_only=False):  # stores that wrap another lack it in Zarr 3.1.3
+        return Counting(self._store.with_read_only(read_only))
+
     async def get(self, *arguments, **options):
         Counting.count += 1
         return await self._store.get(*arguments, **options)

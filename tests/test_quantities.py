@@ -123,6 +123,14 @@ def test_densities_are_those_of_invariant_measures(rng, body):
     np.testing.assert_allclose(after * det, before, rtol=1e-11)
 
 
+def test_a_density_where_a_pivot_is_small():
+    """For eps = 2 the matrix A is [[0, -1], [-1, 2]]; its determinant is 1 - eps**2 / 2."""
+    H = lambda x: x[0] * x[1] + (x[1] ** 2 - x[0] ** 2) / 2  # noqa: E731
+    field, eps = sf.QuadraticField.from_hamiltonian(H, 2), np.array([2, 2 - 2.0**-28, 1, -0.5])
+    density = sf.invariant_density(field, [0.25, -3.0], eps)
+    np.testing.assert_allclose(density, 1 / (1 - eps**2 / 2), rtol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("J", "I"), [([2.0] * 4, [0.3, -0.4, 0.2, 0.1]), ([1.5, 1.5, 1.5, 4.0], [0, 0, 0, -0.7])]
 )
@@ -223,15 +231,27 @@ def test_out_of_range_there_is_a_warning_and_no_number(body):
         assert abs(sf.criticality(sf.Suslov3D(1, 1, 1, 0), [0, size], 0.4) / size - 0.2) < 1e-15
 
 
-def test_criticality_agrees_with_the_status(unit):
+def test_criticality_agrees_with_the_status(unit, rng):
     """Criticality and status agree, also next to t = 1, where |y| = 2 I1 I2 / |eps|."""
     x, y = np.meshgrid([0, 1e-9, 1e-3, 1, 1e6], [2 - 2e-15, 2 - 2.4e-16, 2, 2 + 4.6e-16, 2 + 2e-15])
     omega = np.stack([x, y], axis=-1)
     for eps in (1, -1):
         t = eps * sf.criticality(unit, omega, eps)
         assert ((t >= 1) == (y >= 2)).all()
+        assert (abs(t - 1) < 3e-15).all()
         status = sf.iterate(unit, omega, eps, 0).status
         assert ((t >= 1) == (status == sf.Status.SUPERCRITICAL)).all()
+    # States at t = 1 to rounding: there the formula of t is often on the other side of 1.
+    I1, I2, I13, I23 = *rng.uniform(1, 4, (2, 300)), *rng.uniform(-0.9, 0.9, (2, 300))
+    bodies, near = sf.Suslov3D(I1, I2, I13, I23), rng.normal(size=(300, 2))
+    squares = I1 * near[:, 0] ** 2 + I2 * near[:, 1] ** 2
+    x = I13 * near[:, 0] + I23 * near[:, 1]
+    rest = squares * (I13**2 / I1 + I23**2 / I2) - x**2
+    near *= np.sqrt(4 * I1 * I2 / rest)[:, np.newaxis]
+    t = sf.criticality(bodies, near, 1.0)
+    assert (abs(t - 1) < 3e-15).all()
+    status = sf.iterate(bodies, near, 1.0, 0).status
+    assert ((t >= 1) == (status == sf.Status.SUPERCRITICAL)).all()
     gyrostat, states = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, [0.05, 3.0]), omega.reshape(-1, 1, 2)
     status = sf.iterate(gyrostat, states, 0.7, 0).status
     is_large = abs(sf.criticality(gyrostat, states, 0.7)) >= 1

@@ -1,5 +1,6 @@
 """Steps and closed form of bodies and gyrostats: one table, then what holds to the bit."""
 
+from itertools import product
 from typing import NamedTuple
 
 import naive
@@ -8,7 +9,7 @@ import pytest
 from test_promises import same
 
 import suslov_fast as sf
-from suslov_fast.core import steps_3d
+from suslov_fast.core import rows, steps_3d
 from suslov_fast.core.codes import NONFINITE, OK, SINGULAR, SUPERCRITICAL
 
 
@@ -125,7 +126,7 @@ def run(body, omega, eps, steps, save_every=1):
     return sf.iterate(body, omega, eps, steps, save_every=save_every, on_singular="ignore")
 
 
-@pytest.mark.parametrize("size", [1, 3, steps_3d.FEW, steps_3d.FEW + 1, 140])
+@pytest.mark.parametrize("size", [1, 3, steps_3d.FEW, steps_3d.FEW + 1, steps_3d.LANES + 1])
 def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
     """A few trajectories are stepped one by one, others in blocks; all are restored at times."""
     whole = run(*mixture, 560, 7)
@@ -141,6 +142,19 @@ def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
 @pytest.mark.filterwarnings("ignore")  # of missing states
 def test_a_step_is_the_first_of_a_run(mixture):
     same([sf.step(*mixture)], [run(*mixture, 1).final])
+
+
+def test_pairs_are_written_by_whole_cache_lines(rng):
+    """From every place, and of all numbers of pairs before, in and after the lines."""
+    source, flat = rng.normal(size=80), np.empty(80)
+    lead = -(flat.ctypes.data // 8) % 8  # numbers before the first line
+    for place, count in product(range(10), (0, 1, 7, 8, 9, 30)):
+        flat[:] = 0.0
+        rows.write_pairs(source, 1, 41, flat, place, count, lead)
+        expected = np.zeros(80)
+        pairs = np.stack([source[1 : 1 + count], source[41 : 41 + count]], axis=-1)
+        expected[place : place + 2 * count] = pairs.ravel()
+        np.testing.assert_array_equal(flat, expected)
 
 
 @pytest.mark.compiled

@@ -153,6 +153,18 @@ def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
     assert max(operations) < 2**26
 
 
+def test_a_jacobian_of_a_large_field_takes_several_calls(monkeypatch):
+    widths, D = [], 40
+
+    def count(kernel, work, threads, parameters, states, out):
+        widths.append(len(states))
+
+    monkeypatch.setattr(formulas, "call_kernel", count)
+    sf.jacobian(sf.QuadraticField(np.ones((D, D, D))), np.ones((1500, D)), 0.1)
+    assert sum(widths) == 1500
+    assert 2**24 < max(widths) * 4 * D**3 <= 2**26
+
+
 def test_progress(body, capsys, monkeypatch):
     for name in ("_STRETCH", "_TURNING"):
         monkeypatch.setattr(stretches, name, 2**8)

@@ -206,7 +206,7 @@ def pair(n, passes, root, r, rate):
     t = rate * n if n > 0.0 and rate != 0.0 else 0.0
     if passes == 0.0:
         t += 0.5 * np.pi * (n % 2.0) if rate < 0.0 else 0.0
-        return math.cos(t), math.sin(t) / root
+        return np.cos(t), np.sin(t) / root  # those of `math` raise an error at infinity
     if not has_power(r, n):
         return np.nan, np.nan
     less = math.expm1(t)

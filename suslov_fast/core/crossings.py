@@ -35,8 +35,8 @@ def keep(places, n, values, states, most, counts, integers, numbers):
         for j in range(D):
             numbers[count, j] = states[k, i, j]
             numbers[count, D + j] = states[k + 1, i, j]
-        # Of halves where the difference is not finite.
-        scale = 1.0 if abs(a - b) < np.inf else 0.5
+        # Of halves where the difference may be beyond the range.
+        scale = 1.0 if max(abs(a), abs(b)) < 2.0**1023 else 0.5
         numbers[count, 2 * D] = scale * a / (scale * a - scale * b)
         counts[i] += 1
         count += 1

@@ -46,6 +46,8 @@ SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 def lanes_of_fields(rows, count):
     """Return how many of these trajectories go side by side: their rows stay in the caches."""
     lanes = 128 if rows <= 1200 else 64 if rows <= 4000 else 32
+    if count == 0:
+        return 1  # of an empty batch, too, the number of blocks is a quotient
     return lesser(lanes, count if count <= 8 else (count + 7) // 8 * 8)
 
 

@@ -292,7 +292,8 @@ def test_ctrl_c():
             finally:
                 process.kill()  # one that does not end
         assert process.returncode == 130
-        assert errors.startswith("suslov-fast: interrupted: ")
+        # Zarr 3.1.3 tells first that it uses the old crc32c.
+        assert "suslov-fast: interrupted: " in errors
         assert words in errors
     assert os.listdir() == ["o.zarr"]
 

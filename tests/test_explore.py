@@ -4,6 +4,7 @@ import contextlib
 import http.client
 import json
 import re
+import socket
 import threading
 import urllib.request
 from concurrent.futures import ThreadPoolExecutor
@@ -130,6 +131,17 @@ def ask(server, path, headers=None):
         connection.request("GET", path, headers=headers or {})
         reply = connection.getresponse()
         return reply, reply.read()
+
+
+def test_a_port_is_free_at_once():
+    port = 0
+    for _ in range(2):
+        with serve(Server(port)) as server:
+            port = server.port
+            with socket.create_connection(("127.0.0.1", port), timeout=60) as connection:
+                connection.sendall(b"GET /missing HTTP/1.0\r\n\r\n")
+                while connection.recv(1024):  # the server ends it, and its end waits
+                    pass
 
 
 def test_the_page_is_served_and_refers_to_nothing_else(server):

@@ -141,6 +141,8 @@ def test_what_is_printed():
     H = "x1^2*x2 - 1/3*x2^3 + 1/2*x1^2 + 1/2*x2^2 + 1/2*x3^2 + 1/2*x4^2"
     assert repr(HENON).endswith(f"H = {H})")
     assert repr(QuadraticField([[[0]]], constant=[0])) == "QuadraticField(x1' = 0)"
+    square = of_function(lambda x: (x[0] ** 2 + x[1], 1 - x[0] * x[1]), 2)
+    assert repr(square) == "QuadraticField(x1' = x1^2 + x2, x2' = -x1*x2 + 1)"
     assert repr(FAMILY) == "<QuadraticField of shape (11,): D=3, rho=(11,)>"
     assert len(repr(QuadraticField(np.ones((9, 9, 9))))) < 320
 

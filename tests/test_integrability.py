@@ -635,6 +635,9 @@ def test_decimals():
     found = report(cubic, 0.1, 1, decimals=True)
     assert str(found.map.field.H) == "1/30*x1^3 + 1/2*x2^2 + 7/10*x1"
     assert found.map.field.parameters == {"a": F(1, 10)}
+    binary = F(47205641, 2**19)  # its digits are too many to be a decimal
+    short = QuadraticField([[[0.0]]], [[float(binary)]])
+    assert report(short, 1, 1, decimals=True).map.field.table[0, 0, 1] == binary / 2
     assert_holds(found)
 
 

@@ -5,6 +5,7 @@ A small package with a copy of `core/numba.py` compiles fast.
 
 import re
 import shutil
+from itertools import product
 from pathlib import Path
 
 import children
@@ -212,8 +213,8 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
     quantities.energy.py_func(*body, eps, w[0], value)
     assert value == quantities.energy(*body, eps, w[0])
     lead = -(y.ctypes.data // 8) % core_numba.LINE
-    for write in (rows.write_pairs, rows.write_pairs.py_func):
-        write(x, 0, 8, y, lead, 8, lead)
+    for write, lanes in product((rows.write_pairs, rows.write_pairs.py_func), (8, 16)):
+        write(x, 0, 8, y, lead, 8, lead, lanes)
         assert (y[lead : lead + 16 : 2] == x[:8]).all()
         assert (y[lead + 1 : lead + 16 : 2] == x[8:]).all()
         y[:] = 0

@@ -48,7 +48,7 @@ import math
 import numpy as np
 
 from .numba import formula, kernel, lesser, pick, select, share, universal
-from .rows import alignment, write_pairs
+from .rows import alignment, ones_at_line, write_pairs
 from .steps_3d import RANGE, ZERO_TO_ROUNDING, one_step
 
 LANES = 128
@@ -291,8 +291,8 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     A block is `width` trajectories at `abreast` n, so that few trajectories fill the lanes, too.
     """
     B, N, flat = len(omega0), len(n), out.reshape(out.size)
-    b = np.ones((ROWS, LANES))
-    numbers = b.reshape(b.size)
+    numbers = ones_at_line(ROWS * LANES)
+    b = numbers.reshape((ROWS, LANES))
     abreast, started = LANES // B if 0 < B < LANES else 1, -1
     lead, shift = alignment(out, 0, B, LANES)
     blocks, rows = (B + shift + LANES - 1) // LANES, (N + abreast - 1) // abreast
@@ -323,7 +323,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
                 b[OUT1, l], b[OUT2, l] = np.nan, np.nan
                 reasons[reason(b, l), first + l % width] = True
         place = 2 * (row * B + first)
-        write_pairs(numbers, OUT1 * LANES, OUT2 * LANES, flat, place, used, lead)
+        write_pairs(numbers, OUT1 * LANES, OUT2 * LANES, flat, place, used, lead, LANES)
 
 
 @universal("(),(),(),(),(),(),(d)->(d),(d)")

@@ -30,7 +30,7 @@ import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
 from .numba import formula, kernel, lesser, pick, select, share
-from .rows import alignment, write_pairs
+from .rows import alignment, ones_at_line, write_pairs
 
 ONE, LANES = np.int64(1), np.int64(128)  # typed: as literals they compile `take_steps` twice
 FEW = 6  # so few trajectories take less time one by one than all lanes
@@ -312,8 +312,8 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     """
     begin, end, start, stop, every, first_row = span
     B, flat = len(omega0), saved.reshape(saved.size)
-    b = np.ones((ROWS, LANES))
-    rows = b.reshape(b.size)
+    rows = ones_at_line(ROWS * LANES)
+    b = rows.reshape((ROWS, LANES))
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
     abreast = ONE if few else LANES
@@ -334,14 +334,14 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
         for l in range(LANES):
             b[EXIST, l], b[POLE, l] = 0.0, 0.0
         all_plain = plains == LANES and not few
-        n, due, row = start, first_due, first_row
+        n, due, row, frame = start, first_due, first_row, frame_at(b, 0)
         while True:
             stepped = False
             if n == 0:
                 pass  # W1 and W2 are state 0
-            elif all_plain and every == 1 and n < stop:  # a step, too: in one loop
+            elif all_plain and common and every == 1 and n < stop:  # a step, too: in one loop
                 for l in range(LANES):
-                    b[W1, l], b[W2, l] = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
+                    b[W1, l], b[W2, l] = leave_plain(frame, b[X_, l], b[Y_, l])
                     b[X_, l], b[Y_, l] = plain_step(b[X_, l], b[Y_, l])
                 stepped = True
             else:
@@ -349,7 +349,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                     b[W1, l], b[W2, l] = state_at(b, l)
             if n == due:
                 place = 2 * (row * B + first)
-                write_pairs(rows, W1 * LANES, W2 * LANES, flat, place, width, lead)
+                write_pairs(rows, W1 * LANES, W2 * LANES, flat, place, width, lead, LANES)
                 due, row = due + every, row + 1
             if n == stop:
                 break

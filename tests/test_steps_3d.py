@@ -150,7 +150,7 @@ def test_pairs_are_written_by_whole_cache_lines(rng):
     lead = -(flat.ctypes.data // 8) % 8  # numbers before the first line
     for place, count in product(range(10), (0, 1, 7, 8, 9, 30)):
         flat[:] = 0.0
-        rows.write_pairs(source, 1, 41, flat, place, count, lead)
+        rows.write_pairs(source, 1, 41, flat, place, count, lead, 8)
         expected = np.zeros(80)
         pairs = np.stack([source[1 : 1 + count], source[41 : 41 + count]], axis=-1)
         expected[place : place + 2 * count] = pairs.ravel()

@@ -330,3 +330,20 @@ IN_ND = {
     "to_matrix": Formula(_matrix_nd),
     "momentum": Formula(_momentum_nd),
 }
+
+
+# What errors say where the map of a body lacks a function, by its name.
+INSTEAD = {
+    **dict.fromkeys(("exact", "flow", "limits"), ", which has no closed form: use iterate"),
+    "closed_form": ": use exact, or iterate where there is no closed form",
+    "frame": ": call system(body, eps)",
+    **dict.fromkeys(
+        ("first_integral", "criticality"), ": suslov_fast.integrability.report looks for integrals"
+    ),
+    **dict.fromkeys(
+        ("attitude", "momentum", "reaction", "to_matrix"), ", whose states turn no body"
+    ),
+    "to_vector": ": in n dimensions use to_matrix",
+    **dict.fromkeys(("explore", "plot_phase", "animate_body"), ": use iterate(...).plot()"),
+    "step_full": ": use step",
+}

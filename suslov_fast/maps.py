@@ -13,33 +13,11 @@ from .bodies.base import Body
 from .bodies.field import QuadraticField
 from .bodies.nd import SuslovND
 from .bodies.rigid import Suslov3D, SuslovGyrostat
-from .core import steps_3d, steps_field, steps_nd
 from .engine import arguments
-from .engine.arguments import (
-    Problem,
-    by_constants,
-    by_plan,
-    field_system,
-    nd_system,
-)
-from .engine.stretches import Steps
-from .formulas import BY_JACOBIAN, GYROSTAT, IN_3D, IN_ND, KAHAN, Formula
-
-# What errors say where the map of a body lacks a function, by its name.
-_INSTEAD = {
-    **dict.fromkeys(("exact", "flow", "limits"), ", which has no closed form: use iterate"),
-    "closed_form": ": use exact, or iterate where there is no closed form",
-    "frame": ": call system(body, eps)",
-    **dict.fromkeys(
-        ("first_integral", "criticality"), ": suslov_fast.integrability.report looks for integrals"
-    ),
-    **dict.fromkeys(
-        ("attitude", "momentum", "reaction", "to_matrix"), ", whose states turn no body"
-    ),
-    "to_vector": ": in n dimensions use to_matrix",
-    **dict.fromkeys(("explore", "plot_phase", "animate_body"), ": use iterate(...).plot()"),
-    "step_full": ": use step",
-}
+from .engine.arguments import Problem
+from .engine.methods import FIELD, GAUSS, STEPS_3D, STEPS_ND, STEPS_WITH_ROTOR
+from .engine.stretches import Steps, check_steps
+from .formulas import BY_JACOBIAN, GYROSTAT, IN_3D, IN_ND, INSTEAD, KAHAN, Formula
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +36,8 @@ class Map:
     title : str
         The name that plots and datasets show.
     body : type
-        The class of the bodies, derived from `Body`; subclasses without a record use this one.
+        The class of the bodies, derived from `Body`. Subclasses without a record use this one,
+        unless they define equations of their own (`field` or `constants`).
     methods : mapping of str to Steps
         Ways to compute the steps, by the values of the argument `method`, the default first.
         `Steps(kernel, arguments, carried, cost, lanes, system)` is described below.
@@ -94,8 +73,9 @@ class Map:
     1. `arguments` is what `Steps.arguments(body, eps, batch)` returned, called once for a run: a
        tuple of arrays. Each has one row if it is common to all B trajectories, else B rows:
        ``array[i % len(array)]`` is that of trajectory i. `by_constants` passes ``body.constants``
-       and eps (1 or B,), `by_field` the terms v x_j x_k of the field, with x_D = 1: indices (3, T),
-       the i, j and k, values (1 or B, T), and eps.
+       and eps (1 or B,): I1, I2, I13, I23, k, eps in three dimensions, J, I, eps in n. `by_field`
+       passes the terms v x_j x_k of the field, with x_D = 1: indices (3, T), the i, j and k, values
+       (1 or B, T), and eps.
     2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
        begin <= i < end from state `start` to state `stop`; ``share`` returns those of part number
        `part` of `parts`, which a thread computes.
@@ -114,12 +94,18 @@ class Map:
        and in `final`. One with status[i] < 0 at the beginning of a call stays NaN. No other
        trajectory is touched: its bits do not depend on the batch, its order, or `parts`.
     8. `Steps.cost(D, arguments)` is the time of a step relative to that of the three-dimensional
-       map (about 1 ns on one thread). It decides how many steps a call takes, so that Ctrl-C
-       is handled within about 0.1 s; with an estimate that is too low, it takes longer.
+       map (about 1 ns on one thread), 1 by default. It decides how many steps a call takes, so that
+       Ctrl-C is handled within about 0.1 s; with an estimate that is too low, it takes longer: a
+       kernel that takes 200 ns a step needs ``cost=lambda D, arguments: 200.0``.
     9. A thread takes `Steps.lanes` trajectories at a time, a multiple of 8.
     10. `Steps.system(body, eps)` returns what `compiled.step_system` takes: `field_system`, if the
         steps are those of Kahan's map of the field of the body. Without it `compiled.system`
         refuses the body; loops of your own call the formulas of your kernel.
+
+    Before the first run of a kernel that is not of the package, `engine.trial` tries it on a few
+    trajectories, and refuses one that breaks items 1 to 7. What it cannot see, the formulas of a
+    step, ``pytest tests/test_promises.py --maps MODULE`` tests: they agree with "vector_field" for
+    small eps.
 
     Kernels of the package use `share`, `pick` and `lesser` of `core.numba`; those of pairs of
     numbers use `write_pairs` of `core.rows`. The walk over blocks of lanes and the rule for state 0
@@ -148,14 +134,15 @@ class Map:
     def formula(self, name: str, body: Any) -> Formula:
         """Return the formula of a public function; an error if there is none for this body."""
         if name not in self.formulas:
-            names = {
-                record.body.__name__: None for record in MAPS.values() if name in record.formulas
-            }
+            having = [record.body for record in MAPS.values() if name in record.formulas]
+            names = dict.fromkeys(kind.__name__ for kind in having)
             received = checks.kind_of(body)
             if self is not map_of(body):
                 received = f"{self.title}, which has no {name}"
+            elif isinstance(body, tuple(having)):
+                received += f", whose map ({self.title}) has no {name}"
             else:
-                received += getattr(body, "_instead", "") or _INSTEAD.get(name, "")
+                received += getattr(body, "_instead", "") or INSTEAD.get(name, "")
             raise checks.wrong("body", " or ".join(names) or "another", received, TypeError)
         formula = self.formulas[name]
         if formula.check is not None:
@@ -185,53 +172,7 @@ def _has(formula: Formula, body: Any) -> bool:
     return True
 
 
-# ---------------------------------------------------------------------------------- of the package
-def _random_3d(rng: np.random.Generator, shape: tuple[int, ...]) -> dict[str, Any]:
-    """Return parameters of bodies in three dimensions, some with I13 = 0."""
-    return {
-        "I1": rng.uniform(0.5, 4, shape),
-        "I2": rng.uniform(0.5, 4, shape),
-        "I13": rng.uniform(-1, 1, shape) * rng.choice([0, 1, 1], shape),
-        "I23": rng.uniform(-1, 1, shape),
-    }
-
-
-def _random_with_I3(rng: np.random.Generator, shape: tuple[int, ...]) -> Suslov3D:
-    """Return bodies with a third moment of inertia that they can have."""
-    moments, products = rng.uniform(2, 4, (2, *shape)), rng.uniform(-0.1, 0.1, (2, *shape))
-    I3 = rng.uniform(2.7, 3.3, shape)
-    return Suslov3D(moments[0], moments[1], products[0], products[1], I3)
-
-
-def _random_nd(
-    rng: np.random.Generator, shape: tuple[int, ...], m: int = 4, equal: bool = False
-) -> SuslovND:
-    """Return bodies, with a closed form if all J of a body are equal."""
-    J = rng.uniform(0.5, 4, (*shape, 1 if equal else m))
-    return SuslovND(J * np.ones(m), rng.uniform(-1, 1, (*shape, m)))
-
-
-def _random_field(rng: np.random.Generator, shape: tuple[int, ...], D: int = 5) -> QuadraticField:
-    return QuadraticField(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))
-
-
-def _cost_of_field(D: int, arguments: Any) -> float:
-    """Return the time of a step by `elimination.solve`, which may be that of all lanes."""
-    operations, _ = arguments[1]
-    return D**3 + 2.5 * len(operations)
-
-
-def _cost_in_nd(D: int, arguments: Any) -> float:
-    """Return a time between those of usual steps and of steps by elimination, for Ctrl-C."""
-    return 16.0 * D + D**3 / 30.0
-
-
-_STEPS_3D = Steps(steps_3d.steps, by_constants, steps_3d.CARRIED, system=field_system)
-# Kahan's map of the field of any body.
-FIELD = Steps(steps_field.field_steps, by_plan, 0, _cost_of_field, 32, field_system)
-_ND = Steps(steps_nd.nd_steps, by_constants, 0, _cost_in_nd, 32, nd_system)
-_GAUSS = Steps(steps_nd.gauss_steps, by_constants, 0, lambda D, arguments: D**3 / 3.0, 32)
-
+# ------------------------------------------------------------------------------------------ records
 MAPS: dict[str, Map] = {}  # by name
 
 
@@ -240,9 +181,15 @@ def register(record: Map) -> None:
 
     The first record of a class has the method "auto", the default of runs; further records of the
     same class have methods of other names.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the name or a method is taken, or a part of the record has another type than `Map` says.
     """
     checks.instance("record", record, Map)
-    if record.name in MAPS:
+    checks.instance("name", record.name, str)
+    if record.name in MAPS or not record.name:
         raise checks.wrong("name", "a new one", repr(record.name))
     if not (isinstance(record.body, type) and issubclass(record.body, Body)):
         raise checks.wrong("body", "a class derived from Body", repr(record.body), TypeError)
@@ -251,76 +198,47 @@ def register(record: Map) -> None:
     if not record.methods or (clashing := {*record.methods} & {*taken}):
         received = ", ".join(sorted(clashing)) if record.methods else "none"
         raise checks.wrong("methods", f"other names than {', '.join(taken) or 'none'}", received)
+    if "auto" not in {*record.methods, *_methods_of(record.body)}:
+        expected = f"one with the name auto, as {record.body.__name__} has no other map"
+        raise checks.wrong("methods", expected, ", ".join(record.methods))
+    for method, steps in record.methods.items():
+        check_steps(f"methods[{method!r}]", steps)
+    for name, formula in record.formulas.items():
+        checks.instance(f"formulas[{name!r}]", formula, Formula)
+    if isinstance(record.conserved, str) or not {*record.conserved} <= {*record.formulas}:
+        expected = f"a tuple of names of formulas, of {', '.join(record.formulas) or 'none'}"
+        raise checks.wrong("conserved", expected, repr(record.conserved))
+    if not isinstance(record.random, tuple) or not all(map(callable, record.random)):
+        raise checks.wrong("random", "a tuple of functions", repr(record.random), TypeError)
+    if record.pole is not None and not isinstance(record.pole[0], record.body):
+        expected = f"a {record.body.__name__} and a state, or None"
+        raise checks.wrong("pole", expected, repr(record.pole), TypeError)
     MAPS[record.name] = record
-
-
-for _record in (
-    Map(  # equation (4) of the paper
-        name="Suslov3D",
-        title="Discrete Suslov problem",
-        body=Suslov3D,
-        methods={"auto": _STEPS_3D},
-        formulas=IN_3D,
-        random=(
-            lambda rng, shape: Suslov3D(**_random_3d(rng, shape)),
-            _random_with_I3,
-        ),
-        pole=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
-        conserved=("first_integral",),
-    ),
-    Map(  # equation (15)
-        name="SuslovND",
-        title="Discrete Suslov problem in n dimensions",
-        body=SuslovND,
-        methods={"auto": _ND, "gauss": _GAUSS, "rank2": _ND},
-        formulas=IN_ND,
-        random=(_random_nd, lambda rng, shape: _random_nd(rng, shape, 3, equal=True)),
-        pole=(SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
-        conserved=("first_integral", "modified_energy"),
-    ),
-    Map(
-        name="SuslovGyrostat",
-        title="Discrete Suslov gyrostat",
-        body=SuslovGyrostat,
-        methods={"auto": _STEPS_3D._replace(cost=lambda D, arguments: 2.0)},
-        formulas=GYROSTAT,
-        random=(
-            lambda rng, shape: SuslovGyrostat(
-                **_random_3d(rng, shape), k=rng.uniform(-1, 1, shape)
-            ),
-        ),
-        pole=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
-        conserved=("first_integral",),
-    ),
-    Map(
-        name="Kahan",
-        title="Kahan map of a quadratic field",
-        body=QuadraticField,
-        methods={"auto": FIELD},
-        formulas=KAHAN,
-        random=(_random_field,),
-        pole=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
-        conserved=("modified_energy",),
-        variable="x",
-        meaning="state",
-    ),
-):
-    register(_record)
 
 
 # ------------------------------------------------------------------------------------------- lookup
 def map_of(body: Any, method: str = "auto") -> Map:
     """Return the map of a method for a body.
 
-    Records of a class come before those of the classes that it derives from.
+    Records of a class come before those of the classes that it derives from, which hold as far as
+    the class has their equations.
     """
-    kind: Any = type(body)
-    by_method = _by_method(kind, tuple(MAPS.values()))
+    by_method = _methods_of(type(body))
     if not by_method:
         kinds = [record.body.__name__ for record in MAPS.values()]
         received = checks.kind_of(body) + checks.in_place_of(body)
+        if isinstance(body, Body):
+            received += ", a class without a record of its own: see maps.register"
         raise checks.wrong("body", " or ".join(dict.fromkeys(kinds)), received, TypeError)
     return by_method[checks.one_of("method", method, by_method)]
+
+
+def _methods_of(kind: Any) -> dict[str, Map]:
+    return _by_method(kind, tuple(MAPS.values()))
+
+
+# What a class defines that has equations of its own.
+_EQUATIONS = {"field", "_field", "terms", "constants"}
 
 
 @lru_cache(maxsize=64)  # for small calls
@@ -332,6 +250,8 @@ def _by_method(kind: type[Any], records: tuple[Map, ...]) -> dict[str, Map]:
             if record.body is each:
                 for method in record.methods:
                     found.setdefault(method, record)
+        if not _EQUATIONS.isdisjoint(vars(each)):
+            break  # maps of the classes before have other equations
     return found
 
 
@@ -370,7 +290,10 @@ def class_named(name: Any) -> type[Any]:
     kinds: dict[Any, type[Any]] = {}
     for each in _classes():
         kinds.setdefault(each.__name__, each)
-    return kinds[checks.one_of("body", name, kinds)]
+    if name not in kinds:
+        expected = f"{' or '.join(kinds)}, or a class whose module was imported before"
+        raise checks.wrong("body", expected, repr(name))
+    return kinds[name]
 
 
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:
@@ -393,3 +316,87 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     """
     checks.instance("parameters", parameters, Mapping)
     return class_named(parameters.get("body")).from_dict(parameters)
+
+
+# ---------------------------------------------------------------------------------- of the package
+def _random_3d(rng: np.random.Generator, shape: tuple[int, ...]) -> dict[str, Any]:
+    """Return parameters of bodies in three dimensions, some with I13 = 0."""
+    return {
+        "I1": rng.uniform(0.5, 4, shape),
+        "I2": rng.uniform(0.5, 4, shape),
+        "I13": rng.uniform(-1, 1, shape) * rng.choice([0, 1, 1], shape),
+        "I23": rng.uniform(-1, 1, shape),
+    }
+
+
+def _random_with_I3(rng: np.random.Generator, shape: tuple[int, ...]) -> Suslov3D:
+    """Return bodies with a third moment of inertia that they can have."""
+    moments, products = rng.uniform(2, 4, (2, *shape)), rng.uniform(-0.1, 0.1, (2, *shape))
+    I3 = rng.uniform(2.7, 3.3, shape)
+    return Suslov3D(moments[0], moments[1], products[0], products[1], I3)
+
+
+def _random_nd(
+    rng: np.random.Generator, shape: tuple[int, ...], m: int = 4, equal: bool = False
+) -> SuslovND:
+    """Return bodies, with a closed form if all J of a body are equal."""
+    J = rng.uniform(0.5, 4, (*shape, 1 if equal else m))
+    return SuslovND(J * np.ones(m), rng.uniform(-1, 1, (*shape, m)))
+
+
+def _random_field(rng: np.random.Generator, shape: tuple[int, ...], D: int = 5) -> QuadraticField:
+    return QuadraticField(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))
+
+
+for _record in (
+    Map(  # equation (4) of the paper
+        name="Suslov3D",
+        title="Discrete Suslov problem",
+        body=Suslov3D,
+        methods={"auto": STEPS_3D},
+        formulas=IN_3D,
+        random=(
+            lambda rng, shape: Suslov3D(**_random_3d(rng, shape)),
+            _random_with_I3,
+        ),
+        pole=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
+        conserved=("first_integral",),
+    ),
+    Map(  # equation (15)
+        name="SuslovND",
+        title="Discrete Suslov problem in n dimensions",
+        body=SuslovND,
+        methods={"auto": STEPS_ND, "gauss": GAUSS, "rank2": STEPS_ND},
+        formulas=IN_ND,
+        random=(_random_nd, lambda rng, shape: _random_nd(rng, shape, 3, equal=True)),
+        pole=(SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
+        conserved=("first_integral", "modified_energy"),
+    ),
+    Map(
+        name="SuslovGyrostat",
+        title="Discrete Suslov gyrostat",
+        body=SuslovGyrostat,
+        methods={"auto": STEPS_WITH_ROTOR},
+        formulas=GYROSTAT,
+        random=(
+            lambda rng, shape: SuslovGyrostat(
+                **_random_3d(rng, shape), k=rng.uniform(-1, 1, shape)
+            ),
+        ),
+        pole=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
+        conserved=("first_integral",),
+    ),
+    Map(
+        name="Kahan",
+        title="Kahan map of a quadratic field",
+        body=QuadraticField,
+        methods={"auto": FIELD},
+        formulas=KAHAN,
+        random=(_random_field,),
+        pole=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
+        conserved=("modified_energy",),
+        variable="x",
+        meaning="state",
+    ),
+):
+    register(_record)

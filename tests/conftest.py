@@ -1,3 +1,4 @@
+import importlib
 import signal
 import sys
 from collections import defaultdict
@@ -35,6 +36,17 @@ def pytest_collection_modifyitems(items):
 
 def pytest_addoption(parser):
     parser.addoption("--seed", type=int, default=7, help="of the adversarial problems")
+    parser.addoption(
+        "--maps", action="append", default=[], help="a module that registers maps, for promises"
+    )
+
+
+def pytest_configure(config):
+    for name in config.getoption("--maps"):
+        try:
+            importlib.import_module(name)
+        except ImportError as error:
+            raise pytest.UsageError(f"--maps {name}: {error}") from None
 
 
 @pytest.fixture

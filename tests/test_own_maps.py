@@ -1,6 +1,7 @@
 """Maps and bodies of a user's own: each function is right for them, or refuses them."""
 
 import dataclasses
+import inspect
 import itertools
 import json
 import pickle
@@ -14,10 +15,11 @@ import pytest
 import suslov_fast as sf
 from suslov_fast import compiled, ensemble, iterate, maps
 from suslov_fast.command import main
+from suslov_fast.core.numba import kernel
 from suslov_fast.engine import threads
 from suslov_fast.engine.arguments import by_field
 from suslov_fast.engine.stretches import Steps
-from suslov_fast.formulas import KAHAN, Formula
+from suslov_fast.formulas import AXIAL, KAHAN, Formula
 
 HENON = sf.QuadraticField.from_hamiltonian(
     lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
@@ -155,7 +157,9 @@ def test_compiled_steps_are_those_of_the_map_or_refused():
         """A sleigh with the steps of another map."""
 
     methods = {"auto": Steps(own.midpoint_steps, by_field)}
-    maps.register(dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods))
+    maps.register(
+        dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods, pole=None)
+    )
     with pytest.raises(TypeError, match=r"^body: expected .*compiled steps, got Midpoint: Sleigh"):
         compiled.system(Midpoint(1.0, 1.5, 0.4), 0.1)
 
@@ -175,11 +179,17 @@ def test_exponents_of_a_map_with_a_jacobian(monkeypatch):
         return np.eye(2) + h * slopes[1] @ (np.eye(2) + 0.5 * h * slopes[0])
 
     jacobian = {"jacobian": KAHAN["jacobian"]}
-    new = dataclasses.replace(own.SLEIGH, name="alone", body=Alone, formulas=jacobian)
+    new = dataclasses.replace(own.SLEIGH, name="alone", body=Alone, formulas=jacobian, pole=None)
     maps.register(new)
     methods = {"auto": Steps(own.midpoint_steps, by_field)}
     own_jacobian = {"jacobian": Formula(of_midpoint)}
-    other = {"name": "other", "body": Midpoint, "methods": methods, "formulas": own_jacobian}
+    other = {
+        "name": "other",
+        "body": Midpoint,
+        "methods": methods,
+        "formulas": own_jacobian,
+        "pole": None,
+    }
     maps.register(dataclasses.replace(own.SLEIGH, **other))
     given = [2.0, 3.0], 1.5, 0.4
     starts, eps = [[1.0, 0.5], [np.nan, 0.5]], [0.3, 0.2]
@@ -234,7 +244,7 @@ def test_a_subclass_comes_back_as_itself(tmp_path):
     assert type(sf.body_from_dict(field.to_dict())) is Named
     code = "import sys, suslov_fast as sf; sf.Trajectories.load(sys.argv[1])"
     done = children.attempt(code, tmp_path / "run.npz")
-    assert "body: expected one of" in done.stderr
+    assert "a class whose module was imported before" in done.stderr
     assert "'Named'" in done.stderr
 
 
@@ -248,6 +258,12 @@ def changed(**changes):
     return lambda: maps.register(dataclasses.replace(own.MIDPOINT, **{"name": "new"} | changes))
 
 
+def with_steps(**changes):
+    of_record = {name: changes.pop(name) for name in [*changes] if name in vars(own.MIDPOINT)}
+    steps = own.MIDPOINT.methods["midpoint"]._replace(**changes)
+    return changed(methods={"new": steps}, **of_record)
+
+
 @pytest.mark.parametrize(
     ("register", "error", "words"),
     [
@@ -257,6 +273,20 @@ def changed(**changes):
         (changed(body=int), TypeError, "body: "),
         (changed(variable="y"), ValueError, "variable: "),
         (lambda: maps.register("midpoint"), TypeError, "record: "),
+        (changed(name=""), ValueError, "name: "),
+        (changed(name=5), TypeError, "name: "),
+        (changed(body=own.Body), ValueError, "methods: expected one with the name auto"),
+        (with_steps(kernel=own.midpoint_steps.py_func), TypeError, r"methods\['new'\].kernel: "),
+        (with_steps(arguments=None), TypeError, r"methods\['new'\].arguments: "),
+        (with_steps(cost=2.0), TypeError, r"methods\['new'\].cost: "),
+        (with_steps(carried=-1), ValueError, r"methods\['new'\].carried: "),
+        (with_steps(lanes=0), ValueError, r"methods\['new'\].lanes: "),
+        (with_steps(lanes=12), ValueError, r"methods\['new'\].lanes: .*multiple of 8"),
+        (with_steps(formulas={"energy": KAHAN}), TypeError, r"formulas\['energy'\]: "),
+        (with_steps(conserved="energy"), ValueError, "conserved: "),
+        (with_steps(conserved=("jacobian",)), ValueError, "conserved: .*vector_field, energy"),
+        (with_steps(random=iter), TypeError, "random: "),
+        (with_steps(pole=own.SLEIGH.pole), TypeError, "pole: expected a QuadraticField"),
     ],
 )
 def test_records_are_checked(register, error, words):
@@ -270,3 +300,109 @@ def test_a_class_without_a_record_is_refused():
 
     with pytest.raises(TypeError, match=r"^body: expected Suslov3D or .*got Other"):
         iterate(Other(), [0.5, 1.0], 0.1, 5)
+
+
+class Faster(own.Sleigh):
+    """A sleigh with equations of its own, and no map."""
+
+    def field(self):
+        return sf.QuadraticField(2 * np.asarray(own.Sleigh.field(self).quadratic, float))
+
+
+def test_a_class_with_other_equations_needs_a_record():
+    given = 2.0, 1.5, 0.4
+    with pytest.raises(TypeError, match=r"^body: .*got Faster, a class without a record"):
+        iterate(Faster(*given), SPEEDS[0], 0.1, 5)
+    maps.register(dataclasses.replace(own.SLEIGH, name="faster", body=Faster, pole=None))
+    run = iterate(Faster(*given), SPEEDS[0], 0.1, 5)
+    np.testing.assert_array_equal(run.omega, iterate(own.Sleigh(*given), SPEEDS[0], 0.2, 5).omega)
+
+
+def test_another_discretization_as_the_map_of_a_class():
+    """A class of its own gives all functions to a map, and refuses those it lacks."""
+
+    class Field(sf.QuadraticField):
+        """A field that the midpoint rule discretizes."""
+
+    steps = {"auto": own.MIDPOINT.methods["midpoint"]}
+    maps.register(dataclasses.replace(own.MIDPOINT, name="other", body=Field, methods=steps))
+    field = Field.from_dict(HENON.to_dict() | {"body": "Field"})
+    np.testing.assert_array_equal(iterate(field, START[:2], 0.1, 40).x, midpoint().x[:, :2])
+    with pytest.raises(
+        TypeError, match=r"got Field, whose map \(Explicit midpoint rule\) has no jac"
+    ):
+        sf.jacobian(field, START[0], 0.1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"field": lambda body: 5}, r"^field\(\): expected a body or a field, got int"),
+        ({"dimension": 3}, "^_labels: expected 3 labels, the dimension of Wrong"),
+        ({"dimension": 1, "_labels": ("x",)}, "^field: expected 1 components"),
+        ({"field": lambda body: SLEIGHS.field()}, r"^field: expected the shape \(\) of the body"),
+    ],
+)
+def test_bodies_that_contradict_themselves(changes, words):
+    kind = type("Wrong", (own.Sleigh,), {"field": own.Sleigh.field} | changes)
+    maps.register(dataclasses.replace(own.SLEIGH, name="new", body=kind, pole=None))
+    with pytest.raises((TypeError, ValueError), match=words):
+        iterate(kind(2.0, 1.5, 0.4), [1.0] * changes.get("dimension", 2), 0.1, 5)
+
+
+def test_orientations_of_other_states_than_two_are_refused():
+    kind = type("Wrong", (own.Sleigh,), {"dimension": 3, "_labels": ("a", "b", "c")})
+    formulas = {"attitude": Formula(AXIAL)}
+    new = {"name": "new", "body": kind, "formulas": formulas, "conserved": (), "pole": None}
+    maps.register(dataclasses.replace(own.SLEIGH, **new))
+    with pytest.raises(ValueError, match=r"^attitude: expected IN_ROWS"):
+        iterate(kind(2.0, 1.5, 0.4), [1.0, 0.5, 0.2], 0.1, 5, attitude=True)
+
+
+SOURCE = inspect.getsource(own.midpoint_steps.py_func).partition("\n")[2]
+WRONG = [
+    ("share(end - begin, part, parts)", "(0, end - begin)", 2),
+    ("begin + first, begin + last", "first, last", 2),
+    ("else final[i, d]", "else omega0[i, d]", 4),
+    ("failed_at[i] = NONFINITE, 0", "failed_at[i] = NONFINITE, -1", 7),
+    ("failed_at[i] = NONFINITE, n", "failed_at[i] = 0, -1", 7),
+    ("failed_at[i] = NONFINITE, n", "failed_at[i] = -7, n", 7),
+    ("x[:D] = np.nan", "pass", 7),
+    ("n % every == 0 and (n > start or start == 0)", "n > start", 5),
+    ("eps[i % len(eps)]", "eps[0]", 7),
+    ("saved[row, i, d] = x[d]", "saved[row, i - begin, d] = x[d]", 2),
+    ("final[i, d] = x[d]", "final[(i + 1) % len(final), d] = x[d]", 6),
+    ("final[i, d] = x[d]", "final[i, d] = omega0[i, d] = x[d]", 3),
+    ("row += 1", "row += 0", 5),
+    ("first, last = share", "carry.base[-1] = 0.5; first, last = share", 5),
+]
+
+
+@pytest.mark.parametrize(("right", "wrong", "item"), WRONG)
+def test_kernels_that_break_the_contract_do_not_run(right, wrong, item):
+    """Each with advice: the item of the contract; here as Python functions."""
+    assert right in SOURCE
+    names = dict(vars(own))
+    exec(SOURCE.replace(right, wrong), names)
+    broken = kernel(names["midpoint_steps"])
+    broken.compiled = broken.py_func
+    with pytest.raises(ValueError, match=rf"^kernel: .*\(item {item} of maps.Map\)"):
+        registered(kernel=broken)
+
+
+def registered(**changes):
+    """Run one step by changed steps."""
+    with_steps(**changes)()
+    return iterate(HENON, START[:1], 0.1, 1, method="new")
+
+
+def test_arguments_of_kernels_are_checked():
+    wrong = {
+        "a tuple of arrays, got list": lambda *given: [*by_field(*given)],
+        "1 or 19 rows.*got 3": lambda *given: (np.ones(3), *by_field(*given)),
+        "an array of float64, got float32": lambda *given: (np.float32([1]), *by_field(*given)),
+    }
+    for words, arguments in wrong.items():
+        with pytest.raises((TypeError, ValueError), match=words):
+            registered(arguments=arguments)
+        maps.MAPS.pop("new")

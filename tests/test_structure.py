@@ -50,7 +50,7 @@ ARROWS = {
     "bodies": "checks",
     "engine": "core checks bodies",
     "formulas": "core checks bodies engine",
-    "maps": "core checks bodies engine formulas",
+    "maps": "checks bodies engine formulas",
     "quantities": "checks bodies engine formulas maps",
     "space": "core checks bodies engine maps",
     "runs": "core checks bodies engine maps quantities",

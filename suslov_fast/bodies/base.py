@@ -82,7 +82,14 @@ class Body:
     @property
     def terms(self) -> Any:
         """The terms v x_j x_k of the components i: indices i, j <= k (3, T), values v (..., T)."""
-        return self.field().terms
+        field = self.field()
+        checks.instance("field()", field, Body)
+        if field.dimension != self.dimension:
+            expected = f"{self.dimension} components, the dimension of {type(self).__name__}"
+            raise wrong("field", expected, field.dimension)
+        if np.broadcast_shapes(field.shape, self.shape) != self.shape:
+            raise wrong("field", f"the shape {self.shape} of the body", field.shape)
+        return field.terms
 
     @property
     def parameters(self) -> dict[str, Any]:

@@ -162,6 +162,9 @@ def check(
     `checks.states`.
     """
     labels, turns = components or body._labels, None
+    if components is None and len(labels) != body.dimension:
+        expected = f"{body.dimension} labels, the dimension of {type(body).__name__}"
+        raise wrong("_labels", expected, checks.short(labels))
     if map.variable == "x":
         name = "x"
     if isinstance(omega, RandomStarts):
@@ -176,6 +179,8 @@ def check(
             expected = "False, as states of this map have no orientation"
             raise wrong("attitude", expected, checks.short(attitude), TypeError)
         n = body.dimension + 1
+        if map.formulas["attitude"].compute is True and n != 3:
+            raise wrong("attitude", "IN_ROWS, as states have not two components", "AXIAL")
         turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]
     return Problem(map, body, omega, eps, common_shape(shapes), thread_count(threads), name, turns)

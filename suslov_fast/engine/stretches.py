@@ -11,13 +11,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, extra, wrong
+from ..checks import FloatArray, extra, instance, integer, wrong
 from ..core import orientations
 from ..core.numba import Kernel
 from ..core.steps_field import FieldSystem
 from ..core.steps_nd import NDSystem
 from .arguments import Arguments, Problem, flat_arrays, flat_parameter, require
 from .threads import call_kernel
+from .trial import check_arguments, try_once
 
 # Work of a thread in a stretch, and cost of saving a state, in steps of the three-dimensional map.
 _STRETCH, _SAVING = 2**26, 8.0
@@ -62,6 +63,18 @@ class Steps(NamedTuple):
     system: Callable[[Any, float], NDSystem | FieldSystem] | None = None
 
 
+def check_steps(name: str, steps: Any) -> None:
+    """Raise an error unless these are steps that a run can take."""
+    instance(name, steps, Steps)
+    instance(f"{name}.kernel", steps.kernel, Kernel)
+    for each in ("arguments", "cost"):
+        if not callable(getattr(steps, each)):
+            raise wrong(f"{name}.{each}", "a function", repr(getattr(steps, each)), TypeError)
+    integer(f"{name}.carried", steps.carried, 0)
+    if integer(f"{name}.lanes", steps.lanes, 1) % 8:
+        raise wrong(f"{name}.lanes", "a multiple of 8", steps.lanes)
+
+
 class Progressed(NamedTuple):
     """The data that continue a run, beside its problem."""
 
@@ -84,8 +97,10 @@ class March:
     ) -> None:
         methods = problem.map.methods
         self.problem, self.steps = problem, methods[method or next(iter(methods))]
+        try_once(problem, self.steps)
         self.arguments = self.steps.arguments(problem.body, problem.eps, problem.batch)
         self.omega0 = flat_arrays(problem.omega, problem.batch)
+        check_arguments(self.arguments, len(self.omega0))
         size, D = self.omega0.shape
         self.turned: FloatArray | None = None
         if earlier is not None:

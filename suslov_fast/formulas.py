@@ -105,7 +105,7 @@ def _at_states(kernel: Kernel, problem: Problem, shape: tuple[int, ...], cost: i
     for begin in range(0, len(x), width):
         part = slice(begin, begin + width)
         own = [each[part] if len(each) > 1 else each for each in (values, eps)]
-        call_kernel(kernel, 0, 1, (indices, plan, *own), x[part], out[part])
+        kernel.serial((indices, plan, *own), x[part], out[part])
     return out.reshape((*problem.batch, *shape))
 
 

@@ -140,7 +140,7 @@ def test_ctrl_c():
 @pytest.mark.parametrize("function", [sf.iterate, sf.lyapunov_exponents])
 def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
     """Ctrl-C is heard between calls: their operations are counted, and not done."""
-    operations, D = [], 40
+    operations, D = [], 20
 
     def count(kernel, work, threads, parameters, states, carry, span, *results):
         begin, end, start, stop = span[:4]
@@ -148,21 +148,21 @@ def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
 
     for module in (stretches, formulas):
         monkeypatch.setattr(module, "call_kernel", count, raising=False)
-    function(sf.QuadraticField(np.ones((D, D, D))), np.ones((1500, D)), 0.1, 5, threads=1)
-    assert sum(operations) == 1500 * 5 * D**3
+    function(sf.QuadraticField(np.ones((D, D, D))), np.ones((12_000, D)), 0.1, 5, threads=1)
+    assert sum(operations) == 12_000 * 5 * D**3
     assert max(operations) < 2**26
 
 
 def test_a_jacobian_of_a_large_field_takes_several_calls(monkeypatch):
-    widths, D = [], 40
+    widths, D = [], 20
 
     def count(parameters, states, out):
         widths.append(len(states))
         out[:] = 0.0
 
     monkeypatch.setattr(formulas.tangent, "jacobians", SimpleNamespace(serial=count))
-    sf.jacobian(sf.QuadraticField(np.ones((D, D, D))), np.ones((1500, D)), 0.1)
-    assert sum(widths) == 1500
+    sf.jacobian(sf.QuadraticField(np.ones((D, D, D))), np.ones((12_000, D)), 0.1)
+    assert sum(widths) == 12_000
     assert 2**24 < max(widths) * 4 * D**3 <= 2**26
 
 

@@ -13,7 +13,12 @@ def facts_in(path: Path) -> dict[str, Any]:
     if path.suffix == ".zarr":
         data = sf.open_ensemble(path)
         about = {name: _value(each) for name, each in data.attrs.items() if name not in _OF_STORES}
-        return {**about, **_counts(data.status.to_numpy())}  # read once
+        try:
+            status = data.status.to_numpy()  # read once
+        except ValueError as error:
+            advice = "delete it, and the same run computes its tile anew"
+            raise ValueError(f"a chunk of status is damaged ({error}): {advice}") from error
+        return {**about, **_counts(status)}
     found = sf.Trajectories.load(path)
     return facts_of(found, found.states[0] if found.n[0] == 0 else None)
 

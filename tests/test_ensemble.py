@@ -313,19 +313,70 @@ def test_a_run_killed_while_its_store_is_made_is_finished(store):
 
 
 @pytest.mark.parametrize(
-    "name", ["omega/c/0/0/0", "final/c/0/0", "status/c/0", "n/c/0", "zarr.json"]
+    "name", ["omega/c/0/0/0", "final/c/0/0", "status/c/0", "n/c/0", "eps/c", "zarr.json"]
 )
 def test_damage_is_an_error(store, name):
+    """Bytes that differ are never a number; a file of another size is written again."""
     call(ensemble, **ASKED, store=store)
-    path = store / name
-    whole = path.read_bytes()
-    for damaged in (whole[:-3], bytes([whole[0] ^ 1]) + whole[1:], b""):
-        path.write_bytes(damaged)
-        with pytest.raises(ValueError, match=r"checksum|char \d+"):
+    whole, array = contents(store), name.partition("/")[0]
+    damaged = bytes([whole[name][0] ^ 1]) + whole[name][1:]
+    (store / name).write_bytes(damaged)
+    with pytest.raises(ValueError, match=r"checksum|char \d+"):
+        open_ensemble(store).load()
+    for damaged in (whole[name][:-3], whole[name] + b"0", b""):
+        (store / name).write_bytes(damaged)
+        with pytest.raises(ValueError, match=rf"1 chunk of {array}:|checksum|char \d+"):
             open_ensemble(store).load()
-        if name in ("status/c/0", "zarr.json"):
-            with pytest.raises(ValueError, match=r"checksum|char \d+"):
+        if name == "zarr.json":
+            with pytest.raises(ValueError, match=r"damaged metadata: .* \(char \d+\)"):
                 call(ensemble, **ASKED, store=store)
+        else:
+            call(ensemble, **ASKED, store=store)
+            assert contents(store) == whole
+
+
+def test_parameters_and_metadata_are_those_of_the_run(store):
+    """Metadata have a digest; parameters, labels and step sizes are compared with the run's."""
+    call(ensemble, **ASKED, store=store)
+    whole = contents(store)
+    for name, other in (("I1/c", "I2/c"), ("eps/c", "I23/c")):
+        (store / name).write_bytes(whole[other])
+        call(ensemble, **ASKED, store=store)
+        assert contents(store) == whole
+    made = whole["zarr.json"].decode()
+    for change in (('"steps": 20', '"steps": 21'), ('"eps": 0.2', '"eps": 0.3')):
+        assert made.count(change[0]) == 1
+        (store / "zarr.json").write_text(made.replace(*change))
+        with pytest.raises(ValueError, match="damaged metadata: sha256"):
+            open_ensemble(store)
+    # Zarr writes metadata anew, and without a digest, when a user adds to them.
+    (store / "zarr.json").write_text(made)
+    zarr.open_group(store, mode="r+").attrs["note"] = "mine"
+    assert open_ensemble(store).attrs["note"] == "mine"
+
+
+def test_tiles_without_metadata_are_of_no_run(store):
+    """Statuses of another run do not make tiles of a new one."""
+    call(ensemble, **ASKED, store=store)
+    for path in store.rglob("zarr.json"):
+        path.unlink()
+    with pytest.raises(ValueError, match="with tiles, but without zarr"):
+        call(ensemble, **ASKED | {"eps": 0.3}, store=store)
+
+
+@pytest.mark.parametrize("place", ["omega/c/0/0/0", "omega/c", "status/c/0"])
+def test_folders_and_files_in_places_of_the_other_are_named(store, place):
+    call(ensemble, **ASKED, store=store)
+    path = store / place
+    if path.is_file():
+        path.unlink()
+        path.mkdir()
+    else:
+        shutil.rmtree(path)
+        path.touch()
+    for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
+        with pytest.raises(ValueError, match=f"store: .*{place}: remove it"):
+            opens(store)
 
 
 def test_two_at_once_write_the_same(store):
@@ -442,16 +493,31 @@ class Counting(zarr.storage.WrapperStore):
         Counting.count += 1
         return await self._store.exists(*arguments, **options)
 
+    def list_prefix(self, prefix):
+        Counting.count += 1
+        return self._store.list_prefix(prefix)
 
-def test_a_finished_store_takes_few_requests(monkeypatch):
-    """One listing, and none for each tile."""
-    monkeypatch.setattr("suslov_fast.runs.ensemble._FEW_TILES", 10)
+
+def test_a_finished_store_takes_few_requests():
+    """One listing, and no request for each tile; statuses are read in one task, many at a time."""
     place, run = Counting(zarr.storage.MemoryStore()), (BODY, RandomStarts(200, 1.0), 0.2, 3)
     ensemble(*run, store=place, chunk=1)
     Counting.count = 0
     dataset = ensemble(*run, store=place)
     assert Counting.count < 20
+    assert dataset.status.data.npartitions == 1
     assert_same(dataset, iterate(*run, save_every=None))
+
+
+def test_tasks_read_as_many_chunks_as_fill_one(store, monkeypatch):
+    """Along the last axis first; a task reads at most one chunk, or the bytes of a large one."""
+    monkeypatch.setattr("suslov_fast.runs.ensemble._CHUNK", 16 * 24)
+    starts, chunk = RandomStarts((6, 8), 1.0), {"batch_0": 1, "batch_1": 2, "n": 5}
+    dataset = ensemble(BODY, starts, 0.2, 9, store=store, chunk=chunk, save_every=1)
+    assert dataset.status.chunks == ((6,), (8,))
+    assert dataset.final.chunks == ((2,) * 3, (8,), (2,))
+    assert dataset.omega.chunks == ((5, 5), (1,) * 6, (4, 4), (2,))
+    assert_same(dataset, iterate(BODY, starts, 0.2, 9))
 
 
 def test_without_dask_nothing_is_computed(store, monkeypatch):

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,8 +41,6 @@ if TYPE_CHECKING:
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
 # least number of trajectories that keep a processor busy; tiles queued per thread of a worker.
 _CHUNK, _WORK, _FEWEST, _WAITING = 2**23, 2**31, 2**12, 4
-# Up to this number of tiles, their statuses are read before others are computed.
-_FEW_TILES = 1000
 
 Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
 Options = tuple[str, int, int | None, Functions]  # method, steps, save_every, functions
@@ -133,8 +132,6 @@ def ensemble(
     missing = stores.prepare(store, data, _sizes(data, chunk))
     arrays = stores.opened(store)
     status = arrays["status"]
-    if status.nchunks <= _FEW_TILES:
-        np.asarray(status[...])  # damage is an error early, where to look takes little time
     tiles = {tile: _where(tile, status.shape, status.chunks) for tile in missing}
     done = math.prod(batch) - sum(_count(where) for where in tiles.values())
     with reports as report:
@@ -187,12 +184,29 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     lost = stores.Lost({}, set(), set()) if is_known else stores.lost(store, found)
     if lost.chunks:
         received = f"{store} without {lost}: ensemble, called again, computes them anew"
-        raise wrong("store", "all chunks of its tiles", received)
+        raise wrong("store", "whole chunks of all its tiles", received)
     if is_finished and lost.pending:
         received = f"{store} without {len(lost.pending)} of the tiles that were computed"
         raise wrong("client", "workers that write to the store", received)
-    data = xarray.open_zarr(store, consolidated=True, zarr_format=3, chunks={})
+    data = xarray.open_zarr(store, consolidated=True, zarr_format=3, chunks=None)
+    for name, array in found.arrays.items():
+        if array.shape and name not in data.indexes:
+            data[name] = data[name].chunk(_parts(array), token=uuid4().hex)
     return data.assign_coords(time=data.n * data.eps)
+
+
+def _parts(array: stores.Stored) -> dict[Any, int]:
+    """Return the lengths of Dask's chunks, each of which reads as many of the store as fill one.
+
+    So an array of small chunks takes few tasks, and each makes several requests at a time.
+    """
+    parts: dict[Any, int] = {}
+    left = _CHUNK // (array.nbytes or _CHUNK)
+    for dim, length, chunk in reversed([*zip(array.dims, array.shape, array.chunks, strict=True)]):
+        count = max(1, min(left, math.ceil(length / chunk)))
+        parts[dim] = count * chunk
+        left //= count
+    return parts
 
 
 def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:

@@ -1,7 +1,9 @@
 """Zarr stores of runs: what a store contains, and what is missing.
 
 A store exists once its metadata are consolidated, a tile once its `status` is written. Every chunk
-is written, even one that has only fill values: so a chunk that is not there was lost.
+is written, even one that has only fill values: so a chunk that is not there was lost. There are no
+shards, which several tiles would share: each writer replaces a shard as a whole, and loses what
+others wrote to it at the same time.
 """
 
 from __future__ import annotations
@@ -13,13 +15,13 @@ import json
 import math
 import os
 import shutil
-import warnings
-from collections.abc import Coroutine, Iterable, Iterator
+import stat
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
 from threading import Lock
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,17 +29,16 @@ from .. import checks
 from ..checks import wrong
 from ..engine.arguments import RandomStarts
 from ..maps import named
+from . import access
 from .storage import arrays_of_a_run, check_arrays
-
-T = TypeVar("T")
 
 # Version of the format, and the status of trajectories that are not computed.
 FORMAT, PENDING = 9, -128
 # The codecs of our stores. Zarr does not get metadata with others: codecs can run commands.
 _CODECS = {"bytes", "vlen-utf8", "crc32c"}
-# The number of simultaneous requests for chunks that are not in a listing.
-_AT_A_TIME = 64
-# Settings of Zarr and filters of warnings apply to all threads.
+# Bytes of a number. The files of chunks have these and a checksum of 4 bytes.
+_BYTES, _CHECKSUM = {"float64": 8, "int64": 8, "int8": 1}, 4
+# Settings of Zarr apply to all threads.
 _ALONE = Lock()
 
 Tile = tuple[int, ...]  # the number of a tile along each axis of the batch
@@ -50,6 +51,12 @@ class Stored(NamedTuple):
     dtype: str
     chunks: tuple[int, ...]
     dims: tuple[str, ...]
+
+    @property
+    def nbytes(self) -> int | None:
+        """The size of the file of a chunk; None for types of which it is not known."""
+        width = _BYTES.get(self.dtype)
+        return None if width is None else width * math.prod(self.chunks) + _CHECKSUM
 
     def keys(self, name: str) -> Iterator[tuple[tuple[int, ...], str]]:
         """Yield the index and the key of each chunk."""
@@ -100,9 +107,13 @@ def contents(store: Any) -> Contents | None:
 
     The metadata are checked before Zarr reads them: only format 3 and our own codecs are accepted.
     """
-    text = _run(_get(_reader(store), "zarr.json"))
+    text = access.run(access.get(access.reader(store), "zarr.json"))
     if text is None:
-        old = [key for key in (".zgroup", ".zarray") if _run(_exist(_reader(store), [key]))]
+        old = [
+            key
+            for key in (".zgroup", ".zarray")
+            if access.run(access.existing(access.reader(store), [key]))
+        ]
         if old:
             raise _foreign(store, "data of Zarr format 2")
         return None
@@ -113,7 +124,7 @@ def contents(store: Any) -> Contents | None:
             raise KeyError("zarr_format")
     except (KeyError, TypeError):
         raise _foreign(store, "other data") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise _foreign(store, f"damaged metadata: {error}") from error
     if attributes.get("format") != FORMAT:
         version = attributes.get("version") or attributes.get("source")
@@ -121,13 +132,22 @@ def contents(store: Any) -> Contents | None:
         raise _foreign(store, of)
     try:
         consolidated = document.get("consolidated_metadata") or {"metadata": {}}
-        arrays = {name: _stored(name, each) for name, each in consolidated["metadata"].items()}
-        found = Contents(attributes, arrays)
-        if arrays:
+        metadata = consolidated["metadata"]
+        digest = _digest(document["attributes"], metadata)
+        # Zarr leaves the digest out when it writes metadata anew, for another array, say.
+        if consolidated.get("sha256", digest) != digest:
+            raise wrong("sha256", "the digest of what was written", "another")
+        found = Contents(attributes, {name: _stored(name, each) for name, each in metadata.items()})
+        if metadata:
             _check(found)
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
         raise _foreign(store, f"damaged metadata: {error}") from error
     return found
+
+
+def _digest(attributes: Any, arrays: Any) -> str:
+    """Return the digest of metadata, which have no checksum of Zarr."""
+    return hashlib.sha256(json.dumps([attributes, arrays], sort_keys=True).encode()).hexdigest()
 
 
 def _foreign(store: Any, what: str) -> Any:
@@ -176,13 +196,11 @@ def _check(found: Contents) -> None:
 
 def lost(store: Any, found: Contents) -> Lost:
     """Return what is missing in a store; opening, summaries and the end of a run all ask here."""
-    source = _reader(store)
-    there = _run(_list(source))
+    is_folder = isinstance(store, Path)
+    there = _whole(store, found.arrays) if is_folder else _listed(store, found.arrays)
     tiles = [name for name in found.tiled if name != "status"]
     status = found.arrays["status"]
-    if "zarr.json" not in there:  # a source that cannot list, such as HTTP: ask for each chunk
-        every = [key for name, each in found.arrays.items() for _, key in each.keys(name)]
-        there = _run(_exist(source, every))
+    whole = {tile for tile, _ in status.keys("status")}
     done = {tile for tile, key in status.keys("status") if key in there}
     absent: dict[str, tuple[str, Tile | None]] = {}  # key: name of the array, tile
     for name, each in found.arrays.items():
@@ -191,18 +209,58 @@ def lost(store: Any, found: Contents) -> Lost:
             tile = None if axes is None else tuple(index[axis] for axis in axes)
             if key not in there and (tile is None or tile in done):
                 absent[key] = name, tile
-    for key in _run(_exist(source, list(absent))):  # a network folder may list keys late
-        del absent[key]
+    if not is_folder:  # which may list new keys late
+        for key in access.run(access.existing(access.reader(store), list(absent))):
+            del absent[key]
     chunks: dict[str, int] = {}
     for name, _ in absent.values():
         chunks[name] = chunks.get(name, 0) + 1
-    whole = {tile for tile, _ in status.keys("status")}
     return Lost(chunks, {tile for _, tile in absent.values() if tile is not None}, whole - done)
+
+
+def _whole(folder: Path, arrays: Mapping[str, Stored]) -> set[str]:
+    """Return the keys of the chunks in a folder whose files have their size."""
+    return {
+        key
+        for name, each in arrays.items()
+        for _, key in each.keys(name)
+        if _is_whole(f"{folder}/{key}", each.nbytes)
+    }
+
+
+def _is_whole(path: str, nbytes: int | None) -> bool:
+    try:
+        about = os.stat(path)
+    except FileNotFoundError:
+        return False
+    except NotADirectoryError:
+        place = next(each for each in Path(path).parents if each.is_file())
+        raise wrong("store", "a folder of chunks", f"the file {place}: remove it") from None
+    if stat.S_ISDIR(about.st_mode):
+        raise wrong("store", "a file for each chunk", f"the folder {path}: remove it")
+    return nbytes is None or about.st_size == nbytes
+
+
+def _listed(store: Any, arrays: Mapping[str, Stored]) -> set[str]:
+    """Return the keys that a store lists; of one that cannot list, such as HTTP, those it has."""
+    source = access.reader(store)
+    there = access.run(access.keys_of(source))
+    if "zarr.json" in there:
+        return there
+    return access.run(
+        access.existing(
+            source, [key for name, each in arrays.items() for _, key in each.keys(name)]
+        )
+    )
 
 
 def has_tile(store: Any, tile: Tile) -> bool:
     """Return True if this process finds the status of a tile in a store."""
-    return bool(_run(_exist(_reader(store), ["/".join(["status", "c", *map(str, tile)])])))
+    return bool(
+        access.run(
+            access.existing(access.reader(store), ["/".join(["status", "c", *map(str, tile)])])
+        )
+    )
 
 
 def prepare(store: Any, data: Any, sizes: dict[str, int]) -> list[Tile]:
@@ -217,20 +275,35 @@ def prepare(store: Any, data: Any, sizes: dict[str, int]) -> list[Tile]:
     if texts:
         received = f"{store} of another run: {'; '.join(texts)}"
         raise wrong("store", "a new name, or the store of this run", received)
-    if found is None and isinstance(store, Path):
-        _check_folder(store, data)
+    if found is None:
+        _check_new(store, data)
     if found is None or not found.arrays:
         create(store, data, sizes)
         found = contents(store)
         assert found is not None
-    lacks = lost(store, found)
-    if shared := [name for name in lacks.chunks if name not in found.tiled]:
-        write(opened(store), data, shared)
+    lacks, arrays = lost(store, found), opened(store)
+    for name in found.shared:
+        values = data.variables[name].values
+        if name in lacks.chunks or not _holds(arrays[name], values):
+            arrays[name][...] = values
     return sorted(lacks.tiles | lacks.pending)
 
 
-def _check_folder(store: Path, data: Any) -> None:
-    """Check that a new store has a folder of its own, and space."""
+def _holds(array: Any, values: Any) -> bool:
+    """Return False if an array has other values, or is damaged."""
+    try:
+        stored = np.asarray(array[...], values.dtype)
+    except ValueError:  # of a checksum
+        return False
+    return np.array_equal(stored, values, equal_nan=values.dtype.kind == "f")
+
+
+def _check_new(store: Any, data: Any) -> None:
+    """Check that a new store has no tiles; in a folder that this is its own, and has space."""
+    if access.run(access.keys_of(access.reader(store), "status/c/")) and contents(store) is None:
+        raise wrong("store", "a new name or a store", f"{store} with tiles, but without zarr.json")
+    if not isinstance(store, Path):
+        return
     there = {path.name for path in store.glob("*") if path.suffix != ".partial"}
     if others := there - {"zarr.json", *map(str, data.variables)}:  # which another process made
         raise wrong("store", "a new name or a store", f"{store} with {min(others)} in it")
@@ -294,9 +367,21 @@ def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
                 attributes=variable.attrs,
             )
     write(_writable(root, shared), data, shared)
-    with _ALONE, warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # on this format and on unfinished files
-        zarr.consolidate_metadata(store)
+    access.run(_consolidate(root.store, sorted(map(str, data.variables))))
+
+
+async def _consolidate(target: Any, names: list[str]) -> None:
+    """Write the metadata of all arrays, as Zarr consolidates them, and their digest."""
+    from zarr.buffer import default_buffer_prototype
+
+    keys = ["zarr.json", *(f"{name}/zarr.json" for name in names)]
+    texts = await asyncio.gather(*(access.get(target, key) for key in keys))
+    group, *each = (json.loads(text or "") for text in texts)
+    arrays = dict(zip(names, each, strict=True))
+    digest = _digest(group["attributes"], arrays)
+    about = {"kind": "inline", "must_understand": False, "sha256": digest, "metadata": arrays}
+    text = json.dumps(group | {"consolidated_metadata": about}, indent=2)
+    await target.set("zarr.json", default_buffer_prototype().buffer.from_bytes(text.encode()))
 
 
 def _fill(kind: str, is_tiled: bool) -> Any:
@@ -326,60 +411,3 @@ def write(arrays: Any, data: Any, names: Any) -> None:
     """Write the arrays that all tiles share: parameters, step sizes, labels."""
     for name in names:
         arrays[name][...] = data.variables[name].values
-
-
-# ------------------------------------------------------------------------------ requests to a store
-def _reader(store: Any) -> Any:
-    """Return the Zarr store object of a folder or a URL, to read what is there now."""
-    from zarr.storage import FsspecStore, LocalStore
-
-    if isinstance(store, Path):
-        return LocalStore(store, read_only=True)
-    if isinstance(store, (str, os.PathLike)):
-        store = FsspecStore.from_url(os.fspath(store), read_only=True)
-    if isinstance(store, FsspecStore):
-        store.fs.invalidate_cache()  # of listings, in which other processes' chunks are missing
-    return store
-
-
-def _run(requests: Coroutine[Any, Any, T]) -> T:
-    """Run requests on the event loop of Zarr, to which the connections of its stores belong.
-
-    Zarr's public functions are synchronous and take arrays; none lists or asks for keys.
-    """
-    from zarr.core.sync import sync
-
-    found: T = sync(requests)
-    return found
-
-
-async def _get(source: Any, key: str) -> str | None:
-    from zarr.buffer import default_buffer_prototype
-
-    try:
-        value = await source.get(key, default_buffer_prototype())
-    except FileNotFoundError:
-        return None
-    return None if value is None else value.to_bytes().decode("utf-8", "replace")
-
-
-async def _list(source: Any) -> set[str]:
-    try:
-        return {key async for key in source.list_prefix("")}
-    except (FileNotFoundError, NotImplementedError):
-        return set()
-
-
-async def _exist(source: Any, keys: list[str]) -> set[str]:
-    """Return the keys that exist."""
-    turn = asyncio.Semaphore(_AT_A_TIME)
-
-    async def ask(key: str) -> bool:
-        async with turn:
-            try:
-                return bool(await source.exists(key))
-            except FileNotFoundError:
-                return False
-
-    answers = await asyncio.gather(*map(ask, keys))
-    return {key for key, there in zip(keys, answers, strict=True) if there}

@@ -47,8 +47,8 @@ import math
 
 import numpy as np
 
-from .numba import formula, kernel, lesser, pick, select, share, universal
-from .rows import alignment, ones_at_line, write_pairs
+from .numba import formula, inlined, kernel, lesser, pick, select, share, universal
+from .rows import alignment, write_pairs
 from .steps_3d import RANGE, ZERO_TO_ROUNDING, one_step
 
 LANES = 128
@@ -60,15 +60,25 @@ NO_SQUARE = 1e-300  # |A**2 - k**2| below this: its root is replaced, and sin(n 
 PARITY_KNOWN = 2.0**53
 FAINT = 1e-140  # of ell / nu, on the way from a steady state: squares below that are subnormal
 VANISHES = -350.0  # exp(t) below this is 0: its square would be subnormal
+ORDINARY = 2.0**32  # states up to this, and from 1 / ORDINARY on, need no unit
 
 # Rows of a block: a problem and its orbit. From B1 on they are for n >= 0, from B1 + BACK on for
 # n < 0, if eps > 0. MISSING has the sign of the n for which no state is known. Momenta, states and
-# inverse times are in the unit UNIT.
+# inverse times are in the unit UNIT. The last rows are those of a body: e > 0, sqrt(I1 I2), and
+# I13 / I1, I23 / I2, I13 / ROOT_A, I23 / ROOT_A, 1 / |g|**2, ROOT_A / I1, ROOT_A / I2.
 I1_, I2_, I13_, I23_, K_, EPS, W1, W2 = range(8)
 B1, B2, C1, C2, D12, D22 = range(8, 14)
 BACK = 6
 PASSES, ROOT, R, RATE, MISSING, TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(20, 31)
-ROWS = 31
+E_, ROOT_A, G1, G2, H1, H2, PER_G, TURN1, TURN2 = range(31, 40)
+ROWS = 40
+
+
+@formula
+def is_ordinary(w1, w2):
+    """True for a state whose powers, as far as they occur, are in the range of floats."""
+    size = select(abs(w1) > abs(w2), abs(w1), abs(w2))
+    return (size <= ORDINARY) & (size >= 1.0 / ORDINARY)
 
 
 @formula
@@ -90,17 +100,23 @@ def nonzero(v):
 
 
 @formula
-def coordinates(I1, I2, I13, I23, k, w1, w2):
-    """ell, x, nu and sqrt(I1 I2): equation (7), with its y divided by sqrt(I1 I2)."""
-    root_a, x = np.sqrt(I1 * I2), I13 * w1 + I23 * w2
-    return x + k, x, root_a * ((I23 / I2) * w1 - (I13 / I1) * w2), root_a
+def constants_of(I1, I2, I13, I23):
+    """ROOT_A, G1, G2, H1, H2 and PER_G of a body."""
+    root_a, g1, g2 = np.sqrt(I1 * I2), I13 / I1, I23 / I2
+    return root_a, g1, g2, I13 / root_a, I23 / root_a, 1.0 / (I13 * g1 + I23 * g2)
 
 
 @formula
-def steady(I1, I2, I13, I23, x, nu):
+def coordinates(I13, I23, k, root_a, g1, g2, w1, w2):
+    """ell, x and nu: equation (7), with its y divided by sqrt(I1 I2)."""
+    x = I13 * w1 + I23 * w2
+    return x + k, x, root_a * (g2 * w1 - g1 * w2)
+
+
+@formula
+def steady(g1, g2, h1, h2, x, nu):
     """The state with these x and nu, times |g|**2."""
-    root_a = np.sqrt(I1 * I2)
-    return (I13 / I1) * x + (I23 / root_a) * nu, (I23 / I2) * x - (I13 / root_a) * nu
+    return g1 * x + h2 * nu, g2 * x - h1 * nu
 
 
 @formula
@@ -113,21 +129,20 @@ def difference_of_squares(ell, x, nu, k, X, K):
 def fill_coefficients(b, l, ahead, passes, root, gap, minus, around, R2, square):
     """Fill the rows of one direction of time: forward for `ahead` = 1, backward for -1."""
     row = B1 if ahead > 0.0 else B1 + BACK
-    I1, I2, I13, I23, k = b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l]
-    w1, w2 = b[W1, l], b[W2, l]
-    ell, _, nu, root_a = coordinates(I1, I2, I13, I23, k, w1, w2)
-    per_g = 1.0 / (I13 * (I13 / I1) + I23 * (I23 / I2))
+    k, w1, w2, root_a = b[K_, l], b[W1, l], b[W2, l], b[ROOT_A, l]
+    g1, g2, h1, h2, per_g = b[G1, l], b[G2, l], b[H1, l], b[H2, l], b[PER_G, l]
+    ell, _, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, g1, g2, w1, w2)
     # conj(g) b and conj(g) c, of an orbit that passes and of one that turns
     b_x = select(passes, 2.0 * (root * ell - k * gap), 2.0 * ahead * k * nu)
     b_nu = -ahead * select(passes, minus, 2.0 * (around - k * ell))
     c_x = -select(passes, k * minus, k * around + square * ell)
     c_nu = select(passes, -ahead * root * minus, square * nu)
-    b1, b2 = steady(I1, I2, I13, I23, b_x, b_nu)
-    c1, c2 = steady(I1, I2, I13, I23, c_x, c_nu)
+    b1, b2 = steady(g1, g2, h1, h2, b_x, b_nu)
+    c1, c2 = steady(g1, g2, h1, h2, c_x, c_nu)
     # Multiples of i z and i g; of z, and of conj(z) g: for any g, but they cancel next to ell = 0.
-    i1 = -2.0 * ahead * ((k * root_a / I1) * w2 + R2 * (I23 / root_a))
-    i2 = 2.0 * ahead * ((k * root_a / I2) * w1 + R2 * (I13 / root_a))
-    back1, back2 = steady(I1, I2, I13, I23, R2 * (ell + k), -(R2 * nu))
+    i1 = -2.0 * ahead * ((k * b[TURN1, l]) * w2 + R2 * h2)
+    i2 = 2.0 * ahead * ((k * b[TURN2, l]) * w1 + R2 * h1)
+    back1, back2 = steady(g1, g2, h1, h2, R2 * (ell + k), -(R2 * nu))
     by_g = passes | (2.0 * abs(ell) < abs(k))
     b[row, l], b[row + 1, l] = select(by_g, b1 * per_g, i1), select(by_g, b2 * per_g, i2)
     b[row + 2, l] = select(by_g, c1 * per_g, -(k * k * w1) - back1)
@@ -140,8 +155,8 @@ def fill_coefficients(b, l, ahead, passes, root, gap, minus, around, R2, square)
 def fill_orbit(b, l, discrete):
     """Fill the rows of an orbit; row RATE receives e root."""
     k, w1, w2 = b[K_, l], b[W1, l], b[W2, l]
-    ell, x, nu, root_a = coordinates(b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], k, w1, w2)
-    e = 0.5 * select(discrete > 0.0, abs(b[EPS, l]), 1.0) / root_a
+    root_a, e = b[ROOT_A, l], b[E_, l]
+    ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, b[G1, l], b[G2, l], w1, w2)
     e_map = discrete * e
     X, Y, K = e_map * ell, e_map * nu, e_map * k
     below = 1.0 / (1.0 + X * X)
@@ -209,8 +224,12 @@ def pair(n, passes, root, r, rate):
         return np.cos(t), np.sin(t) / root  # those of `math` raise an error at infinity
     if not has_power(r, n):
         return np.nan, np.nan
-    less = math.expm1(t)
-    rho = 0.0 if t < VANISHES else 1.0 + less if t > -1.0 else math.exp(t)
+    if t > -1.0:
+        less = math.expm1(t)
+        rho = 1.0 + less
+    else:
+        rho = 0.0 if t < VANISHES else math.exp(t)
+        less = rho - 1.0
     if r < 0.0 and n % 2.0 == 1.0:
         rho, less = -rho, -2.0 - less
     return rho, -0.5 * less / root
@@ -233,7 +252,7 @@ def state(b, l):
     return (w1 * inverse) * b[UNIT, l], (w2 * inverse) * b[UNIT, l]
 
 
-@formula
+@inlined
 def adjacent(b, l):
     """State 1 or -1 of a lane, by a step: both forms of `state` may almost vanish for large K."""
     eps = abs(b[EPS, l]) * b[TIME, l]
@@ -244,7 +263,7 @@ def adjacent(b, l):
     return w1 * in_range, w2 * in_range
 
 
-@formula
+@inlined
 def reason(b, l):
     """Why a lane has no state: 0, 1 or 2 as in `states`."""
     if b[PASSES, l] > 0.0 and not has_power(b[R, l], abs(b[TIME, l])):
@@ -257,22 +276,56 @@ def reason(b, l):
     return 2 if abs(total) < np.inf else 1
 
 
-@formula
-def start_orbits(b, first, width, used, parameters, omega0, discrete):
-    """Fill the first `used` lanes with `width` orbits from trajectory `first` on, repeated."""
-    I1, I2, I13, I23, k, eps = parameters
+@inlined
+def fill_bodies(b, first, width, lanes, parameters, discrete):
+    """Fill the rows of bodies, `width` from trajectory `first` on, repeated; their unit is 1."""
+    i = first
+    for l in range(lanes):
+        b[I1_, l], b[I2_, l] = pick(parameters[0], i), pick(parameters[1], i)
+        b[I13_, l], b[I23_, l] = pick(parameters[2], i), pick(parameters[3], i)
+        b[K_, l], b[EPS, l] = pick(parameters[4], i), pick(parameters[5], i)
+        i = i + 1 if i + 1 < first + width else first
+    for l in range(LANES):
+        I1, I2 = b[I1_, l], b[I2_, l]
+        root_a, g1, g2, h1, h2, per_g = constants_of(I1, I2, b[I13_, l], b[I23_, l])
+        b[ROOT_A, l], b[G1, l], b[G2, l], b[H1, l], b[H2, l] = root_a, g1, g2, h1, h2
+        b[PER_G, l], b[TURN1, l], b[TURN2, l] = per_g, root_a / I1, root_a / I2
+        b[E_, l] = 0.5 * select(discrete > 0.0, abs(b[EPS, l]), 1.0) / root_a
+        b[UNIT, l] = 1.0
+
+
+@inlined
+def rescale(b, lanes, discrete):
+    """Take each lane whose state is not ordinary to the unit of its state."""
+    for l in range(lanes):
+        if not is_ordinary(b[W1, l], b[W2, l]):
+            unit = unit_of(b[W1, l], b[W2, l], b[K_, l])
+            inverse = 1.0 / unit
+            b[UNIT, l], b[K_, l], b[EPS, l] = unit, b[K_, l] * inverse, b[EPS, l] * unit
+            b[W1, l], b[W2, l] = b[W1, l] * inverse, b[W2, l] * inverse
+            if discrete > 0.0:
+                b[E_, l] = 0.5 * abs(b[EPS, l]) / b[ROOT_A, l]
+
+
+@inlined
+def start_orbits(b, first, width, used, omega0, discrete):
+    """Fill the first `used` lanes with `width` orbits from trajectory `first` on, repeated; return
+    True if the rows of their bodies have units other than 1.
+    """
     i = first
     for l in range(used):
-        unit = unit_of(omega0[i, 0], omega0[i, 1], pick(k, i))
-        b[UNIT, l], inverse = unit, 1.0 / unit
-        b[I1_, l], b[I2_, l], b[K_, l] = pick(I1, i), pick(I2, i), pick(k, i) * inverse
-        b[I13_, l], b[I23_, l], b[EPS, l] = pick(I13, i), pick(I23, i), pick(eps, i) * unit
-        b[W1, l], b[W2, l] = omega0[i, 0] * inverse, omega0[i, 1] * inverse
+        b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
         i = i + 1 if i + 1 < first + width else first
-    for l in range(np.uint64(used)):
+    others = 0
+    for l in range(LANES):
+        others += select(is_ordinary(b[W1, l], b[W2, l]), 0, 1)
+    if others > 0:
+        rescale(b, used, discrete)
+    for l in range(LANES):
         fill_orbit(b, l, discrete)
     for l in range(used):
         b[RATE, l] = rate(b[PASSES, l], b[RATE, l], b[R, l], discrete)
+    return others > 0
 
 
 @kernel
@@ -291,20 +344,26 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     A block is `width` trajectories at `abreast` n, so that few trajectories fill the lanes, too.
     """
     B, N, flat = len(omega0), len(n), out.reshape(out.size)
-    numbers = ones_at_line(ROWS * LANES)
-    b = numbers.reshape((ROWS, LANES))
+    b = np.ones((ROWS, LANES))
+    numbers = b.reshape(b.size)
     abreast, started = LANES // B if 0 < B < LANES else 1, -1
     lead, shift = alignment(out, 0, B, LANES)
     blocks, rows = (B + shift + LANES - 1) // LANES, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
+    common, filled = parameters[0].size == 1, False
+    for parameter in parameters[1:]:
+        common = common and parameter.size == 1
     for task in range(begin, end):
         block, row = task // rows, task % rows * abreast
         first = block * LANES - shift if block > 0 else 0
         width, count = lesser((block + 1) * LANES - shift, B) - first, lesser(abreast, N - row)
         used = width * count
         if block != started:
-            start_orbits(b, first, width, used, parameters, omega0, discrete)
-            started = block
+            if not filled:
+                lanes = LANES if common and B > LANES else used
+                fill_bodies(b, first, width, lanes, parameters, discrete)
+            scaled = start_orbits(b, first, width, used, omega0, discrete)
+            started, filled = block, common and not scaled
         for j in range(count):
             for l in range(j * width, (j + 1) * width):
                 forward = discrete == 0.0 or b[EPS, l] >= 0.0
@@ -313,9 +372,13 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
                 b[RHO, l], b[SIGMA, l] = pair(steps, b[PASSES, l], b[ROOT, l], b[R, l], b[RATE, l])
                 if b[TIME, l] * b[MISSING, l] > 0.0:
                     b[RHO, l] = np.nan
+        flagged = 0
         for l in range(LANES):
-            b[OUT1, l], b[OUT2, l] = state(b, l)
-        for l in range(used):
+            w1, w2 = state(b, l)
+            b[OUT1, l], b[OUT2, l] = w1, w2
+            plain = (abs(w1) + abs(w2) < np.inf) & (abs(b[TIME, l]) != 1.0)
+            flagged += select(plain, 0, 1)
+        for l in range(used if flagged > 0 else 0):
             if discrete > 0.0 and abs(b[TIME, l]) == 1.0:
                 b[OUT1, l], b[OUT2, l] = adjacent(b, l)
             exists = abs(b[OUT1, l]) + abs(b[OUT2, l]) < np.inf
@@ -335,16 +398,16 @@ def limits(I1, I2, I13, I23, k, eps, omega, minus, plus):
     """
     unit = unit_of(omega[0], omega[1], k)
     w1, w2, k, eps = omega[0] / unit, omega[1] / unit, k / unit, eps * unit
-    ell, x, nu, root_a = coordinates(I1, I2, I13, I23, k, w1, w2)
+    root_a, g1, g2, h1, h2, per_g = constants_of(I1, I2, I13, I23)
+    ell, x, nu = coordinates(I13, I23, k, root_a, g1, g2, w1, w2)
     e = 0.5 * eps / root_a
     X, Y, K = e * ell, e * nu, e * k
     square = difference_of_squares(ell, x, nu, k, X, K)
     in_range = abs(X) <= RANGE and abs(Y) <= RANGE and abs(K) <= RANGE
-    per_g = 1.0 / (I13 * (I13 / I1) + I23 * (I23 / I2))
     L = np.copysign(np.sqrt(square), eps) if in_range and square >= 0.0 else np.nan
     rests = eps == 0.0 or ell == 0.0 or (w1 == 0.0 and w2 == 0.0)
     for out, sign in ((minus, 1.0), (plus, -1.0)):
-        v1, v2 = steady(I1, I2, I13, I23, -k, sign * L)
+        v1, v2 = steady(g1, g2, h1, h2, -k, sign * L)
         out[0], out[1] = (w1, w2) if rests else (v1 * per_g, v2 * per_g)
         out[0], out[1] = out[0] * unit, out[1] * unit
         if ell == 0.0 and abs(1.0 + sign * Y) < 2.0 * ZERO_TO_ROUNDING:  # 0 / 0

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from .closed_form import coordinates, difference_of_squares, unit_of
+from .closed_form import constants_of, coordinates, difference_of_squares, unit_of
 from .numba import formula, select, universal
 from .steps_3d import ZERO_TO_ROUNDING, is_supercritical, length, one_step, scale_state
 
@@ -96,7 +96,8 @@ def criticality(I1, I2, I13, I23, k, eps, w, out):
 @universal(IN_3D + "()")
 def rotation_number(I1, I2, I13, I23, k, eps, w, out):
     """sign(k) arctan(e mu) / pi with mu**2 = k**2 - A**2, and 0 where that is negative."""
-    ell, x, nu, root_a = coordinates(I1, I2, I13, I23, k, w[0], w[1])
+    root_a, g1, g2, _, _, _ = constants_of(I1, I2, I13, I23)
+    ell, x, nu = coordinates(I13, I23, k, root_a, g1, g2, w[0], w[1])
     e = 0.5 * eps / root_a
     square = -difference_of_squares(ell, x, nu, k, e * ell, e * k)
     turns = math.atan(abs(e) * np.sqrt(select(square < 0.0, 0.0, square))) / math.pi
@@ -126,7 +127,8 @@ def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
     unit = unit_of(w[0], w[1], 0.0)
     w1, w2, eps = w[0] / unit, w[1] / unit, eps * unit
     _, X, Y = scale_state(I1, I2, I13, I23, 0.0, eps, w1, w2)
-    x, _, nu, _ = coordinates(I1, I2, I13, I23, 0.0, w1, w2)
+    root_a, g1, g2, _, _, _ = constants_of(I1, I2, I13, I23)
+    x, _, nu = coordinates(I13, I23, 0.0, root_a, g1, g2, w1, w2)
     t[0] = criticality_at(I1, I2, I13, I23, 0.0, eps, w1, w2)
     h[0], k1[0], k2[0] = 0.25 * (x * x + nu * nu) / (1.0 + X * X), np.nan, np.nan
     if abs(Y) < 1.0:

@@ -26,6 +26,11 @@ assert all((result == expected).all() for result in results)
 FORKS = """
 import os, sys, threading, warnings
 warnings.simplefilter("ignore", DeprecationWarning)
+child = os.fork()
+if child == 0:  # before its parent has threads, which children would be without
+    from suslov_fast.engine import threads
+    os._exit(threads._threads_are_gone)
+assert os.waitpid(child, 0)[1] == 0
 assert (run() == expected).all()
 stop = threading.Event()
 def compute():

@@ -359,12 +359,17 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             elif not stepped:
                 take_steps(b, LANES, plains, n, pause)
             n = pause
-        for l in range(width):
+        for l in range(width if plains == LANES else 0):  # without branches
+            i = first + l
+            final[i, 0], final[i, 1] = b[W1, l], b[W2, l]
+            for j in range(CARRIED_BY_PLAIN):
+                carry[i, j] = b[j, l]
+        for l in range(width if plains < LANES else 0):
             i, exist = first + l, b[EXIST, l]
             final[i, 0], final[i, 1] = b[W1, l], b[W2, l]
             if b[KIND, l] == RESTS:
                 b[U, l], b[V, l] = b[W1, l], b[W2, l]
-            for j in range(CARRIED_BY_PLAIN if plains == LANES else CARRIED):
+            for j in range(CARRIED):
                 carry[i, j] = b[j, l]
             if b[KIND, l] != PLAIN and exist < stop - start and status[i] >= 0:
                 status[i] = SINGULAR if b[POLE, l] > 0.0 else NONFINITE

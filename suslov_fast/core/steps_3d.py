@@ -29,10 +29,11 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .numba import formula, kernel, lesser, pick, select, share
+from .numba import formula, inlined, kernel, lesser, pick, select, share
 from .rows import alignment, ones_at_line, write_pairs
 
-ONE, LANES = np.int64(1), np.int64(128)  # typed: as literals they compile `take_steps` twice
+# Typed: as literals they compile `take_steps` and `frame_at` twice.
+FIRST, ONE, LANES = np.int64(0), np.int64(1), np.int64(128)
 FEW = 6  # so few trajectories take less time one by one than all lanes
 PROJECTED = 512  # steps after which R is restored
 ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
@@ -211,7 +212,7 @@ def state_at(b, l):
     return select(exists, w1, np.nan), select(exists, w2, np.nan)
 
 
-@formula
+@inlined
 def fill_frames(b, lanes, first, width, parameters):
     """Fill the frames of lanes; those beyond `width` repeat the first."""
     for l in range(lanes):
@@ -227,7 +228,7 @@ def fill_frames(b, lanes, first, width, parameters):
         b[E_, l] = e
 
 
-@formula
+@inlined
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
     """Fill lanes with trajectories from `first` on, at state 0; return how many have the plain
     form, all if it is one trajectory. Lanes beyond `width` repeat the first.
@@ -261,7 +262,7 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
     return plains
 
 
-@formula
+@inlined
 def continue_lanes(b, lanes, first, width, carry):
     """Fill lanes with trajectories from `first` on where they stopped; return as `start_lanes`."""
     plains = 0
@@ -334,7 +335,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
         for l in range(LANES):
             b[EXIST, l], b[POLE, l] = 0.0, 0.0
         all_plain = plains == LANES and not few
-        n, due, row, frame = start, first_due, first_row, frame_at(b, 0)
+        n, due, row, frame = start, first_due, first_row, frame_at(b, FIRST)
         while True:
             stepped = False
             if n == 0:

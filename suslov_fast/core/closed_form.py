@@ -49,9 +49,8 @@ import numpy as np
 
 from .numba import formula, inlined, kernel, lesser, pick, select, share, universal
 from .rows import alignment, write_pairs
-from .steps_3d import RANGE, ZERO_TO_ROUNDING, one_step
+from .steps_3d import FIRST, LANES, RANGE, ZERO_TO_ROUNDING, one_step
 
-LANES = 128
 # In place of a factor that is 0 exactly on the critical level L = 1: all that vanish with it stay
 # in proportion, so that state 1 and the collapse onto the steady state come out.
 TINY = 2.0**-100
@@ -347,7 +346,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     b = np.ones((ROWS, LANES))
     numbers = b.reshape(b.size)
     abreast, started = LANES // B if 0 < B < LANES else 1, -1
-    lead, shift = alignment(out, 0, B, LANES)
+    lead, shift = alignment(out, FIRST, B, LANES)
     blocks, rows = (B + shift + LANES - 1) // LANES, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
     common, filled = parameters[0].size == 1, False

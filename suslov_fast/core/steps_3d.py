@@ -32,7 +32,7 @@ from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
 from .numba import formula, inlined, kernel, lesser, pick, select, share
 from .rows import alignment, ones_at_line, write_pairs
 
-# Typed: as literals they compile `take_steps` and `frame_at` twice.
+# Typed: as literals they compile the functions that take them twice.
 FIRST, ONE, LANES = np.int64(0), np.int64(1), np.int64(128)
 FEW = 6  # so few trajectories take less time one by one than all lanes
 PROJECTED = 512  # steps after which R is restored

@@ -30,7 +30,9 @@ from suslov_fast.integrability import (
     zoo,
 )
 from suslov_fast.integrability import growth as growth_of
+from suslov_fast.integrability.functions import MODULAR
 from suslov_fast.integrability.invariants import Invariants
+from suslov_fast.integrability.report import Report
 from suslov_fast.integrability.search import Search
 from suslov_fast.integrability.tasks import Queue, Task
 
@@ -859,6 +861,18 @@ def test_a_root_of_a_polynomial_is_no_density():
         cofactor = RationalFunction((), F(c))
         invariants.add(RationalFunction(((P, 1),), cofactor=cofactor))
     assert [str(f) for f in invariants.measures] == ["1/x1"]
+
+
+def test_every_report_on_the_way_has_a_text():
+    """Also with a density that is found before the factors of det DPhi."""
+    map, _ = zoo()["McMillan"]
+    search, found = Search(map, 3, 0), Report(map, 3)
+    early = []
+    for _ in search.queue:
+        search.fill(found)
+        assert repr(found).startswith("Map of 2 variables")
+        early += search.invariants.raw
+    assert {f.basis for f in early} == {MODULAR}
 
 
 def test_a_search_that_cannot_be_interrupted(monkeypatch):

@@ -59,10 +59,7 @@ class Forms:
             lifted = self._lifted(value, max(degree_of(P) for P in space))
             if lifted and len(lifted) == len(space):
                 basis = chosen(lifted, _known(self._letter))
-                here = [factored(modulo(P, 0, arithmetic.fmpq(map.eps))) for P in basis]
-                polynomials = [
-                    replace(f, constant=Fraction(1)).quotient_in(map.ring)[0] for f in here
-                ]
+                polynomials = [self._here(P) for P in basis]
                 if rank(polynomials) == rank([*space, *polynomials]) == len(space):
                     names = (str(factored(P)) for P in polynomials)
                     self.invariants.lifts |= dict(zip(names, basis, strict=True))

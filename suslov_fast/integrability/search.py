@@ -271,7 +271,8 @@ class Search:
         except ArithmeticError:  # the coefficients are too long, or a number is special
             return []
         if cofactor is None and sign == 1 and space:
-            self.invariants.raw += [factored(P) ** -1 for P in sorted(space, key=size)]
+            densities = (factored(P) ** -1 for P in sorted(space, key=size))
+            self.invariants.raw += [replace(f, basis=MODULAR) for f in densities]
             self.version += 1
         return self._add(space, cofactor)
 

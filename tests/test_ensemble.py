@@ -399,6 +399,9 @@ def test_workers_of_a_cluster(store):
             dataset = ensemble(BODY, omega0, 0.2, 40, store=place, client=client, **settings)
             assert_same(dataset, orbits)
             assert np.array_equal(dataset.r, radius(orbits.omega))
+    with pytest.raises(ValueError, match="client: expected an open client"):
+        ensemble(BODY, random, 0.2, 40, store=store, client=client)
+    assert not store.exists()
 
 
 def test_attributes_are_plain(store):

@@ -112,6 +112,8 @@ def ensemble(
         checks.extra(module, "large")
     if client is not None and not hasattr(client, "nthreads"):
         raise wrong("client", "a distributed.Client", type(client).__name__, TypeError)
+    if client is not None and client.status in ("closing", "closed"):
+        raise wrong("client", "an open client", "one that is closed")
     map = map_of(body, method)
     threads = None if client is None else 1
     whole = check(map, body, RandomStarts((), 1.0), eps, threads, attitude=attitude)

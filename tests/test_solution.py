@@ -184,6 +184,7 @@ def test_state_1_is_a_step(rng):
         np.testing.assert_array_equal(found, sf.step(body, omega, 3.0 * n))
 
 
+@pytest.mark.compiled
 def test_units_of_neighbours(rng):
     """A state far from 1 has a unit of its own: its neighbours keep their bits."""
     omega, n = rng.normal(size=(300, 2)), [3.0, -1000.0]

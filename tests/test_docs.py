@@ -74,9 +74,18 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("howto")
 
 
+# Pages of long reports, each of which other tests have in a shorter form.
+LONG = "report.md", "cubic.md"
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize(
-    "path", [path for path in PAGES if blocks(path, "python")], ids=attrgetter("name")
+    "path",
+    [
+        pytest.param(path, marks=[pytest.mark.slow] * (path.name in LONG), id=path.name)
+        for path in PAGES
+        if blocks(path, "python")
+    ],
 )
 def test_page(path, folder, tmp_path, monkeypatch):
     """Run the Python blocks of a page in sequence; how-tos share a folder, as on one machine."""

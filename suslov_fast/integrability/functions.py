@@ -27,8 +27,8 @@ class RationalFunction:
     Called with a point, D rational numbers, it returns a fraction. Functions and numbers can be
     combined by ``+``, ``-``, ``*``, ``/`` and powers; ``sympy.sympify(str(f))`` converts one to
     SymPy. In a report, `basis` says what a function rests on, and `cofactor` is that of a Darboux
-    polynomial. If eps is a letter, `subs` replaces it by a number, and `special` holds the rational
-    values of eps for which a factor of the formula is 0 for all x.
+    polynomial, or -1 for a density up to sign. If eps is a letter, `subs` replaces it by a number,
+    and `special` holds the rational values of eps for which a factor of the formula is 0 for all x.
     """
 
     factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents

@@ -197,18 +197,29 @@ class Invariants:
 
     @property
     def measures(self) -> tuple[RationalFunction, ...]:
-        """Densities of invariant measures, from one cofactor or else from several."""
+        """Densities of invariant measures, from one cofactor or else from several.
+
+        If there is none, densities up to sign, which have the cofactor -1.
+        """
         found, det = [*self.densities, *self.raw], None
         if self.has_factors:
             det = self.map.jacobian_cofactor
         if det is not None:
-            found += [f**-1 for f in self.elements(self.value(det), self.map.degree * self.degree)]
+            found += self._densities(det)
         if not found and det is not None:
             rows = _multiplicative_relations([det, *(g.cofactor for g in self.generators)])
             single = [row for row in rows if abs(row[0]) == 1]
             found += [self._power_product([a * b for b in row]) for a, *row in single[:1]]
+        if not found and det is not None:
+            minus = RationalFunction((), Fraction(-1))
+            found = [replace(f, cofactor=minus) for f in self._densities(-det)]
         different = {str(f): f for f in found}.values()
         return tuple(sorted(different, key=_order))
+
+    def _densities(self, cofactor: RationalFunction) -> list[RationalFunction]:
+        """Return 1 / P for the products P with a cofactor."""
+        most = self.map.degree * self.degree
+        return [f**-1 for f in self.elements(self.value(cofactor), most)]
 
     @property
     def polynomials(self) -> tuple[RationalFunction, ...]:

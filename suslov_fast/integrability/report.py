@@ -44,10 +44,12 @@ class Report:
     Each of `integrals`, `measures` (densities) and `polynomials` (Darboux polynomials, with their
     cofactors) can be called with a point; `str` gives its formula, and its `basis` says what it
     rests on: "identity", checked as an identity of rational functions, or "modulo a prime, at
-    random points". Independent integrals whose formulas are too long are in `implicit`, and can be
-    called as well. A growth is evidence. If eps is a letter, formulas are functions of x and eps,
-    and `special_eps` has the rational eps at which one of them has no meaning, there is no map, or
-    det DPhi is 0 everywhere.
+    random points". For a density, rho(Phi) det DPhi = rho; if the only ones found are densities up
+    to sign, rho(Phi) det DPhi = -rho, their `cofactor` is -1, and abs(rho) is a density.
+    Independent integrals whose formulas are too long are in `implicit`, and can be called as well.
+    A growth is evidence. If eps is a letter, formulas are functions of x and eps, and `special_eps`
+    has the rational eps at which one of them has no meaning, there is no map, or det DPhi is 0
+    everywhere.
     """
 
     map: RationalMap
@@ -91,12 +93,13 @@ class Report:
         if self.finished and self.relations is None:
             none = "not sought"
         more = ", ..." if len(self.degrees) > 8 else ""
+        sign = ", up to sign" if any(f.cofactor for f in self.measures) else ""
         lines = [
             title,
             f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
             f"Growth: {kind}{rate}; evidence, not a proof: {based_on}",
             _listed("First integrals", self.integrals, 6, none),
-            _listed("Densities of measures", self.measures, 1, none),
+            _listed(f"Densities of measures{sign}", self.measures, 1, none),
             _listed("Darboux polynomials", self.polynomials, 6, none),
         ]
         if self.implicit:

@@ -122,13 +122,13 @@ def _growth(problem: Problem, start: FloatArray, steps: int) -> tuple[FloatArray
     """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
     start = flat_arrays(start, problem.batch)
     arguments, (B, D) = _tangent_arguments(problem), start.shape
-    sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, D + D * D))
+    sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, 2 * D + D * D + 3))
     after = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
     cost = 4 * D**3 + arguments[0].shape[-1]
     width = max(min(B, _STRETCH // cost), 1)
     length = max(_STRETCH // (cost * width), 1)
     for begin, first in product(range(0, B, width), range(0, steps, length)):
-        span = begin, min(begin + width, B), first, min(first + length, steps)
+        span = begin, min(begin + width, B), first, min(first + length, steps), steps
         before = arguments, start, carry, span
         call_kernel(tangent.growth, cost * width * length, problem.threads, *before, *after)
     return sums, of_det

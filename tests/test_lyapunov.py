@@ -141,13 +141,16 @@ def test_the_sum_is_that_of_determinants(start, eps, steps):
 
 
 @pytest.mark.parametrize(("body", "eps"), [(LORENZ, 1 / 64), (LORENZ, 0.5), (ND, 0.4), (ND, 30.0)])
-def test_stretches_change_rounding_alone(rng, monkeypatch, body, eps):
+def test_bits_do_not_depend_on_batches_and_stretches(rng, monkeypatch, body, eps):
+    """Also where columns are orthonormalised after some steps, lane by lane, or after every one."""
     x = rng.normal(size=(133, 3))
     whole = sf.lyapunov_exponents(body, x, eps, 20)
     for stretch in (2**9, 2**15):
         monkeypatch.setattr(formulas, "_STRETCH", stretch)
         found = sf.lyapunov_exponents(body, x, eps, 20)
-        np.testing.assert_allclose(found, whole, atol=1e-12)
+        np.testing.assert_array_equal(found, whole)
+    np.testing.assert_array_equal(sf.lyapunov_exponents(body, x[7], eps, 20), whole[7])
+    np.testing.assert_array_equal(sf.lyapunov_exponents(body, x[7:9], eps, 20), whole[7:9])
 
 
 def test_growth_over_many_orders_of_magnitude():
@@ -157,3 +160,33 @@ def test_growth_over_many_orders_of_magnitude():
     first, second = np.log(0.875 / 1.125), np.log(0.5 / 1.5)
     assert exponents.sum() == pytest.approx(first + second, rel=1e-12)
     np.testing.assert_allclose(exponents, [first, second], rtol=1e-3)
+
+
+def exponents_by_qr(field, x, eps, steps):
+    """Exponents by NumPy's QR of the derivative of each step."""
+    Q, total = np.eye(len(x)), np.zeros(len(x))
+    for state in sf.iterate(field, x, eps, steps - 1).states:
+        Q, R = np.linalg.qr(sf.jacobian(field, state, eps) @ Q)
+        total += np.log(abs(np.diag(R)))
+    return np.sort(total / steps)[::-1]
+
+
+@pytest.mark.parametrize(
+    ("linear", "eps", "tolerance"),
+    [
+        (-np.eye(4), 1 / 64, 1e-14),  # orthonormalised after every 16 steps
+        (-np.diag([0.1, 1.0, 10.0, 100.0]), 0.05, 1e-13),  # after some steps
+        (np.triu(np.full((4, 4), 30.0)) - 30 * np.eye(4), 0.5, 1e-9),  # far from normal
+        (-np.diag([1.0, 1.0, 1.0, 2 - 1e-9]), 1.0, 1e-13),  # a factor of 2.5e-10 at each step
+        (-np.diag([1.0, 1.0, 1.0, -2 + 1e-9]), 1.0, 1e-13),  # and of 4e9
+        (-1.9999999 * np.eye(4), 1.0, 1e-13),  # all columns shrink, and leave the range of floats
+    ],
+)
+def test_columns_are_orthonormalised_in_time(rng, linear, eps, tolerance):
+    """As by QR at each step, whether columns grow apart slowly or at once, or shrink together."""
+    quadratic = rng.normal(size=(4, 4, 4)) / 16 if eps < 1 else np.zeros((4, 4, 4))
+    field = sf.QuadraticField(quadratic, linear)
+    x = 0.1 * rng.normal(size=(20, 4)) if eps < 1 else np.zeros((20, 4))
+    found = sf.lyapunov_exponents(field, x, eps, 40)
+    for k in (0, 19):
+        np.testing.assert_allclose(found[k], exponents_by_qr(field, x[k], eps, 40), atol=tolerance)

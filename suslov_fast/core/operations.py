@@ -30,7 +30,6 @@ import numpy as np
 # elimination; d += 2 s, while s becomes what d was; new tests, where s = 1 if a pivot is 1, and
 # a = 1 if a component does not change.
 MUL, MUL_2, ADD, ADD_2, INVERSE, ADVANCE, BEGIN = range(7)
-SCALE = INVERSE  # of columns: d *= a
 # Rows: the least and largest pivots; how far components are from losing digits; 1 if the trajectory
 # has ended (see `steps_field.is_accurate`); 1. Then the components, x (D), from FIRST on, h v of
 # the terms (T), and what is computed.
@@ -49,15 +48,16 @@ class Plan(NamedTuple):
 class TangentPlan(NamedTuple):
     """A list of operations for a step and its derivative.
 
-    With M(x) = -h f'(x) the derivative is (1 - N(x))**-1 (1 - M(x_next)). `columns` are operations
-    (code, d, s, a, c, e, g) on q and v, D rows of columns each, with a and e of the other rows:
-    v = -DPhi q.
+    With M(x) = -h f'(x) the derivative is (1 - N(x))**-1 (1 - M(x_next)). Operations from `split`
+    on are M(x_next) and its elimination; those from `columns` on replace D columns q by -DPhi q.
+    Column r is in the D rows from `first` + D r on, its squared length in row `first` + D D + r.
     """
 
     operations: np.ndarray  # (n, 7)
     rows: int
-    split: int  # operations of the step; after them come M(x_next) and its elimination
-    columns: np.ndarray  # (n, 7)
+    split: int
+    columns: int
+    first: int
     pivots: np.ndarray  # (4, at most D): N_kk and M_kk after elimination, inverse pivots of both
 
 
@@ -73,6 +73,11 @@ class _Values:
         self.operations.append((code, self.count, sources))
         self.count += 1
         return self.count - 1
+
+    def redirect(self, number):
+        """Let the latest operation write to the row of a fixed value."""
+        code, _, sources = self.operations.pop()
+        self.operations.append((code, number, sources))
 
     def total(self, start, products):
         """Return the value start + sum of products (a, c), two at a time; start may be None."""
@@ -305,64 +310,60 @@ def _plan_tangent(places, D):
     indices = np.frombuffer(places, np.int64).reshape(3, -1)
     T = indices.shape[1]
     minus_one = FIRST + D + 2 * T
-    values = _Values(minus_one + 1)
+    first = minus_one + 1
+    values = _Values(first + D * D + D)
     step, increments = _step(_Matrix(indices, D, values, FIRST + D), values)
     split = len(values.operations)
     values.operations.append((BEGIN, LEAST, (1, 1)))
     matrix = _Matrix(indices, D, values, FIRST + D + T)
     back = _Factors(matrix, step.order)
-    columns = _Columns()
-    for i in range(D):
-        products = [(minus_one, i)]
-        products += [(matrix.entry(i, j)[0], j) for j in sorted(matrix.columns[i])]
-        columns.total(D + i, products, False)
-    for k in step.order:
-        columns.total(D + k, [(step.lower[k, i], D + i) for i in step.before[k]], True)
-    for k in reversed(step.order):
-        columns.total(D + k, [(step.upper[k, j], D + j) for j in step.after[k]], True)
-        if k in step.inverse:
-            columns.list.append((SCALE, D + k, 0, step.inverse[k], 0, 0, 0))
     pivots = [
         (step.diagonal[k], back.diagonal[k], step.inverse[k], back.inverse[k])
         for k in sorted(step.inverse)
     ]
-    needed = {*increments, *(row for each in pivots for row in each), *columns.coefficients()}
+    rows_of_M = [
+        [(matrix.entry(i, j)[0], first + j) for j in sorted(matrix.columns[i])] for i in range(D)
+    ]
+    columns, before = len(values.operations), values.count
+    _first_column(values, step, [[(minus_one, first + i), *rows_of_M[i]] for i in range(D)], first)
+    # All columns need the values that the first one reads.
+    coefficients = {
+        number
+        for _, _, sources in values.operations[columns:]
+        for number in sources
+        if number < before
+    }
+    needed = {*increments, *(number for each in pivots for number in each), *coefficients}
     kept = dict.fromkeys(needed, len(values.operations))
     operations, rows, row_of = in_rows(values, kept)
     table = np.array([[row_of[number] for number in each] for each in pivots], np.uint32)
+    parts = [operations[:columns]]
+    for r in range(D):
+        column = operations[columns:].copy()
+        numbers = column[:, 1:]
+        numbers[numbers == first + D * D] += r
+        numbers[(numbers >= first) & (numbers < first + D)] += D * r
+        parts.append(column)
     return TangentPlan(
-        operations,
+        np.concatenate(parts),
         rows,
         split,
-        columns.array(row_of),
+        columns,
+        first,
         np.ascontiguousarray(table.reshape(-1, 4).T),
     )
 
 
-class _Columns:
-    """Operations on columns: d = or d += sum of products of a value and a row of columns."""
-
-    def __init__(self):
-        self.list = []
-
-    def total(self, d, products, add):
-        for n in range(0, len(products), 2):
-            pair = products[n : n + 2]
-            code = (MUL, MUL_2)[len(pair) - 1] + (ADD - MUL if add or n else 0)
-            numbers = [number for product in pair for number in product]
-            self.list.append((code, d, 0, *numbers, *[0] * (4 - len(numbers))))
-
-    def coefficients(self):
-        """Yield the values by which columns are multiplied."""
-        for code, _, _, a, _, e, _ in self.list:
-            yield a
-            if code in (MUL_2, ADD_2):
-                yield e
-
-    def array(self, row_of):
-        """Return the operations (n, 7), with rows in place of values."""
-        array = np.array(self.list, np.int64).reshape(-1, COLUMNS)
-        for n, (code, _, _, a, _, e, _) in enumerate(self.list):
-            array[n, 3] = row_of[a]
-            array[n, 5] = row_of[e] if code in (MUL_2, ADD_2) else 0
-        return array.astype(np.uint32)
+def _first_column(values, step, products, first):
+    """Emit q = -DPhi q for the first column; `products` are those of the rows of 1 - M."""
+    D = len(products)
+    v = [values.total(None, products[i]) for i in range(D)]
+    for k in step.order:
+        v[k] = values.total(v[k], [(step.lower[k, i], v[i]) for i in step.before[k]])
+    for k in reversed(step.order):
+        value = values.total(v[k], [(step.upper[k, j], v[j]) for j in step.after[k]])
+        values.emit(MUL, value, step.inverse.get(k, ONE))
+        v[k] = first + k
+        values.redirect(v[k])
+    values.total(None, [(number, number) for number in v])
+    values.redirect(first + D * D)

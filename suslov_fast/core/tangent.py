@@ -20,7 +20,8 @@ import numpy as np
 from .codes import OK
 from .elimination import determinant_of, solve
 from .numba import function, inlined, kernel, lesser, select, share
-from .operations import ADD, ADD_2, FIRST, MUL, MUL_2
+from .operations import ENDED, FIRST
+from .rows import ones_at_line
 from .steps_field import (
     advance_block,
     enter_fields,
@@ -34,52 +35,32 @@ from .steps_field import (
     solve_lane,
 )
 
-# Rows of g: 1 if a lane is left to `derive`; the status of its step; the product of the factors of
-# |det DPhi| that are near 1, less 1; that of the others; and, from LENGTHS on, products of lengths.
-TO_SOLVE, CODE, NEAR_1, FAR_FROM_1, LENGTHS = range(5)
+# Rows of g: 1 if a lane is left to `derive`; the status of its step; |det DPhi| of that; 1 if its
+# columns are to be orthonormalised; two for the test whether they are. From VOLUME on they are
+# carried: |det| of the columns; the product of the factors of |det DPhi| that are near 1, less 1;
+# that of the others; and, from LENGTHS on, products of lengths.
+TO_SOLVE, CODE, SOLVED, DUE, SIZE, POWER, VOLUME, NEAR_1, FAR_FROM_1, LENGTHS = range(10)
 # Logarithms are taken of products that leave these ranges: what lies within keeps its digits.
 NEAR_1_LEAST, NEAR_1_LARGEST, LEAST_LENGTH, LARGEST_LENGTH = -0.999, 1e3, 1e-100, 1e100
+# Columns are orthonormalised after every INTERVAL steps, and earlier where they may lose digits. Of
+# D columns with |det| = d, whose squared lengths have the mean m, d**2 <= m**D, and equality means
+# that they are orthogonal and equally long. Below m**D = LIMIT**2 d**2 no column is longer than
+# about 2 LIMIT sqrt(D) times its part across the others, which multiplies errors of rounding.
+INTERVAL, LIMIT, LEAST_SIZE, LARGEST_SIZE = 16, 16.0, 1e-100, 1e100
 
 
 @inlined
 def memory_of_tangents(rows, D, count):
-    """Return b and g, numbers of lanes; w, where w[i] is row i of q, and w[D + i] row i of v; and
-    the memory of `solve_lane` and of `derive`.
-    """
-    lanes = lanes_of_fields(rows + 2 * D * D, count)
-    b, g, w = np.empty((rows, lanes)), np.empty((LENGTHS + D, lanes)), np.empty((2 * D, D, lanes))
-    return b, g, w, memory_of_lane(D, 1), memory_of_lane(D, D)
-
-
-@function
-def multiply_columns(operations, b, w):
-    """Carry out operations on columns: v = -DPhi q."""
-    _, D, lanes = w.shape
-    for n in range(len(operations)):
-        code, d = operations[n, 0], operations[n, 1]
-        a, c = operations[n, 3], operations[n, 4]
-        e, g = operations[n, 5], operations[n, 6]
-        for r in range(D):
-            if code == ADD_2:
-                for l in range(lanes):
-                    w[d, r, l] = w[d, r, l] + b[a, l] * w[c, r, l] + b[e, l] * w[g, r, l]
-            elif code == ADD:
-                for l in range(lanes):
-                    w[d, r, l] = w[d, r, l] + b[a, l] * w[c, r, l]
-            elif code == MUL_2:
-                for l in range(lanes):
-                    w[d, r, l] = b[a, l] * w[c, r, l] + b[e, l] * w[g, r, l]
-            elif code == MUL:
-                for l in range(lanes):
-                    w[d, r, l] = b[a, l] * w[c, r, l]
-            else:
-                for l in range(lanes):
-                    w[d, r, l] *= b[a, l]
+    """Return b and g, numbers of lanes; derivatives by `derive`; its memory and `solve_lane`'s."""
+    lanes = lanes_of_fields(rows, count)
+    b = ones_at_line(rows * lanes).reshape((rows, lanes))
+    g = ones_at_line((LENGTHS + D) * lanes).reshape((LENGTHS + D, lanes))
+    return b, g, np.empty((lanes, D, D)), memory_of_lane(D, 1), memory_of_lane(D, D)
 
 
 @inlined
-def derive(indices, operations, split, b, w, l, memory):
-    """Replace v of lane l by -DPhi q, with partial pivoting; return det DPhi."""
+def derive(indices, operations, split, first, b, l, memory, out):
+    """Fill out[r] with -DPhi q, for column r of lane l, by partial pivoting; return det DPhi."""
     system, units, x = memory
     D = len(x)
     for i in range(D):
@@ -87,43 +68,59 @@ def derive(indices, operations, split, b, w, l, memory):
     fill_system(indices, b, l, -1.0, x, system)
     for i in range(D):
         for r in range(D):
-            w[D + i, r, l] = 0.0
+            out[r, i] = 0.0
             system[i, D + r, 0] = 0.0
             for j in range(D):
-                w[D + i, r, l] -= system[i, j, 0] * w[j, r, l]
+                out[r, i] -= system[i, j, 0] * b[first + D * r + j, l]
     solve(system, units)
     determinant = determinant_of(system, units)
     restore(operations, split, b, l, x)
     fill_system(indices, b, l, 1.0, x, system)
     for i in range(D):
         for r in range(D):
-            system[i, D + r, 0] = w[D + i, r, l]
+            system[i, D + r, 0] = out[r, i]
     solve(system, units)
     for i in range(D):
         for r in range(D):
-            w[D + i, r, l] = system[i, D + r, 0]
+            out[r, i] = system[i, D + r, 0]
     # 1 / 0 is no error in Python, too
     return determinant / np.float64(determinant_of(system, units))
 
 
 @inlined
-def tangent_step(indices, plan, b, g, w, of_step):
-    """Take the step of all lanes, and compute v = -DPhi q where this keeps digits."""
-    operations, _, split, columns, _ = plan
-    lanes = b.shape[1]
+def carry_out(operations, begin, end, b):
+    """Carry out operations from `begin` to before `end`."""
+    if b.shape[1] == 1:
+        execute_one(operations, begin, end, b)
+    else:
+        execute(operations, begin, end, b)
+
+
+@inlined
+def tangent_step(indices, plan, b, g, solved, of_step, of_tangent):
+    """Take the step of all lanes, and replace their columns q by -DPhi q."""
+    operations, _, split, columns, first, _ = plan
+    lanes, D = b.shape[1], solved.shape[1]
     to_solve = advance_block(operations, split, b)
     for l in range(lanes):
         g[TO_SOLVE, l], g[CODE, l] = 0.0, OK
         if to_solve > 0 and not is_accurate(b, l):
             g[CODE, l] = solve_lane(indices, operations, split, b, l, of_step)
             g[TO_SOLVE, l] = 1.0
-    if lanes == 1:
-        execute_one(operations, split, len(operations), b)
-    else:
-        execute(operations, split, len(operations), b)
+    carry_out(operations, split, columns, b)
+    to_solve = 0
     for l in range(lanes):
         g[TO_SOLVE, l] = select(is_accurate(b, l), g[TO_SOLVE, l], 1.0)
-    multiply_columns(columns, b, w)
+        to_solve += select(g[TO_SOLVE, l] > 0.0, 1, 0)
+    for l in range(lanes if to_solve > 0 else 0):
+        if g[TO_SOLVE, l] > 0.0:
+            g[SOLVED, l] = abs(
+                derive(indices, operations, split, first, b, l, of_tangent, solved[l])
+            )
+    carry_out(operations, columns, len(operations), b)
+    for l in range(lanes if to_solve > 0 else 0):
+        for k in range(D * D if g[TO_SOLVE, l] > 0.0 else 0):
+            b[first + k, l] = solved[l, k // D, k % D]
 
 
 @inlined
@@ -142,31 +139,28 @@ def enter_tangents(values, eps, states, b, begin, end, start, status, failed_at)
 def jacobians(part, parts, arguments, x, out):
     """Fill out (B, D, D) with DPhi at the states x (B, D), NaN where it does not exist."""
     (indices, plan, values, eps), (B, D) = arguments, x.shape
-    operations, rows, split, _, _ = plan
-    b, g, w, of_step, of_tangent = memory_of_tangents(rows, D, B)
+    _, rows, _, _, first_row, _ = plan
+    b, g, solved, of_step, of_tangent = memory_of_tangents(rows, D, B)
     lanes, status, failed_at = b.shape[1], np.zeros(B, np.int8), np.empty(B, np.int64)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
     for begin in range(first_block * lanes, lesser(last_block * lanes, B), lanes):
         end = lesser(begin + lanes, B)
         enter_tangents(values, eps, x, b, begin, end, 0, status, failed_at)
-        for i in range(D):
-            for r in range(D):
-                for l in range(lanes):
-                    w[i, r, l] = 1.0 if i == r else 0.0
-        tangent_step(indices, plan, b, g, w, of_step)
+        for k in range(D * D):
+            for l in range(lanes):
+                b[first_row + k, l] = 1.0 if k % (D + 1) == 0 else 0.0
+        tangent_step(indices, plan, b, g, solved, of_step, of_tangent)
         for l in range(end - begin):
-            if g[TO_SOLVE, l] > 0.0:
-                derive(indices, operations, split, b, w, l, of_tangent)
             for i in range(D):
                 for r in range(D):
-                    out[begin + l, i, r] = 0.0 * b[FIRST + i, l] - w[D + i, r, l]
+                    out[begin + l, i, r] = 0.0 * b[FIRST + i, l] - b[first_row + D * r + i, l]
 
 
 @kernel
 def densities(part, parts, arguments, x, out):
     """Fill out (B,) with 1 / det A at the states x (B, D), infinite where it is 0 to rounding."""
     (indices, plan, values, eps), (B, D) = arguments, x.shape
-    operations, rows, split, _, pivots = plan
+    operations, rows, split, _, _, pivots = plan
     b, _, _, of_step, _ = memory_of_tangents(rows, D, B)
     lanes, status, failed_at = b.shape[1], np.zeros(B, np.int8), np.empty(B, np.int64)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
@@ -191,24 +185,27 @@ def densities(part, parts, arguments, x, out):
 def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed_at):
     """Add the logarithms of the growth of D lengths, and of |det DPhi|, along orbits.
 
-    The derivatives of the steps are multiplied, and the product is decomposed as Q R after each
-    step, beginning with Q = 1: these are the logarithms of the diagonal of R. (v = -DPhi q, as
-    signs of columns do not matter.)
+    The derivatives of the steps are multiplied, and the product is decomposed as Q R, beginning
+    with Q = 1: these are the logarithms of the diagonal of R. When that happens depends on the
+    trajectory and on the number of the step alone, and all that a trajectory needs is carried: its
+    bits do not depend on others, nor on where a run is divided. (Columns become -DPhi q, as their
+    signs do not matter.)
 
     arguments   indices (3, T); a `TangentPlan`; values (1 or B, T); eps (1 or B,)
-    x0, carry    (B, D), read if the steps begin at 0; (B, D + D D), read otherwise, and written
-    span         trajectories, from one to before the other, and steps, likewise
+    x0, carry    (B, D), read if the steps begin at 0; (B, 2 D + D D + 3), read otherwise, and
+                 written
+    span         trajectories, from one to before the other, and steps, likewise; the last of all
     sums, of_det   (B, D) and (B,), to which logarithms are added; NaN after a failure
     status, failed_at   (B,), as of `steps_field.field_steps`
     """
     indices, plan, values, eps = arguments
-    operations, rows, split, _, pivots = plan
-    first, last, start, stop = span
+    _, rows, _, _, first_row, pivots = plan
+    first, last, start, stop, steps = span
     D = x0.shape[1]
     count = (last - first + parts - 1) // parts
-    b, g, w, of_step, of_tangent = memory_of_tangents(rows, D, count)
-    lanes = b.shape[1]
-    length, along = np.empty(lanes), np.empty(lanes)
+    b, g, solved, of_step, of_tangent = memory_of_tangents(rows, D, count)
+    lanes, carried = b.shape[1], D + D * D
+    along = np.empty(lanes)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin = first + block * lanes
@@ -216,33 +213,33 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
         states = x0 if start == 0 else carry[:, :D]
         enter_tangents(values, eps, states, b, begin, end, start, status, failed_at)
         for l in range(lanes):
-            k = lesser(begin + l, end - 1)
-            g[NEAR_1, l], g[FAR_FROM_1, l] = 0.0, 1.0
-            for i in range(D):
-                g[LENGTHS + i, l] = 1.0
-                for r in range(D):
-                    unit = 1.0 if i == r else 0.0
-                    w[i, r, l] = unit if start == 0 else carry[k, D + D * i + r]
+            i = lesser(begin + l, end - 1)
+            for k in range(D * D):
+                unit = 1.0 if k % (D + 1) == 0 else 0.0
+                b[first_row + k, l] = unit if start == 0 else carry[i, D + k]
+            for k in range(VOLUME, LENGTHS + D):
+                one = 0.0 if k == NEAR_1 else 1.0
+                g[k, l] = one if start == 0 else carry[i, carried + k - VOLUME]
         for n in range(start + 1, stop + 1):
-            tangent_step(indices, plan, b, g, w, of_step)
+            tangent_step(indices, plan, b, g, solved, of_step, of_tangent)
             multiply_determinants(pivots, b, g)
-            for l in range(lanes):
-                if g[TO_SOLVE, l] > 0.0:
-                    det = derive(indices, operations, split, b, w, l, of_tangent)
-                    g[FAR_FROM_1, l] *= abs(det)
-                    if g[CODE, l] != OK and begin + l < end:
-                        status[begin + l], failed_at[begin + l] = int(g[CODE, l]), n
-            orthonormalise(w, g, length, along)
-            take_logarithms(g, sums, of_det, begin, end, False)
-        take_logarithms(g, sums, of_det, begin, end, True)
+            for l in range(end - begin):
+                if g[CODE, l] != OK:
+                    status[begin + l], failed_at[begin + l] = int(g[CODE, l]), n
+            is_last = n == steps
+            if count_due(b, first_row, D, g, is_last or n % INTERVAL == 0) > 0:
+                orthonormalise(b, first_row, D, g, along)
+            take_logarithms(g, sums, of_det, begin, end, is_last)
         for l in range(end - begin):
-            k = begin + l
-            of_det[k] += 0.0 * b[FIRST, l]
-            for i in range(D):
-                carry[k, i] = b[FIRST + i, l]
-                sums[k, i] += 0.0 * b[FIRST + i, l]
-                for r in range(D):
-                    carry[k, D + D * i + r] = w[i, r, l]
+            i = begin + l
+            of_det[i] += 0.0 * b[FIRST, l]
+            for k in range(D):
+                carry[i, k] = b[FIRST + k, l]
+                sums[i, k] += 0.0 * b[FIRST + k, l]
+            for k in range(D * D):
+                carry[i, D + k] = b[first_row + k, l]
+            for k in range(VOLUME, LENGTHS + D):
+                carry[i, carried + k - VOLUME] = g[k, l]
 
 
 @function
@@ -251,43 +248,77 @@ def multiply_determinants(pivots, b, g):
 
     Short steps need p_k / q_k - 1 = (N_kk - M_kk) / q_k, after elimination.
     """
+    lanes = b.shape[1]
     for k in range(pivots.shape[1]):
         N_kk, M_kk, per_q, per_p = pivots[0, k], pivots[1, k], pivots[2, k], pivots[3, k]
-        for l in range(b.shape[1]):
+        for l in range(lanes):
             change = (b[N_kk, l] - b[M_kk, l]) * b[per_q, l]
             near, good = abs(change) < 0.5, g[TO_SOLVE, l] == 0.0
-            quotient = select(good & ~near, b[per_q, l] / b[per_p, l], 1.0)
+            quotient = select(good & ~near, abs(b[per_q, l] / b[per_p, l]), 1.0)
             change = select(good & near, change, 0.0)
             g[NEAR_1, l] += change + g[NEAR_1, l] * change
-            g[FAR_FROM_1, l] *= abs(quotient)
+            g[FAR_FROM_1, l] *= quotient
+            g[VOLUME, l] *= quotient + quotient * change
+    for l in range(lanes):
+        g[FAR_FROM_1, l] *= select(g[TO_SOLVE, l] == 0.0, 1.0, g[SOLVED, l])
+        g[VOLUME, l] *= select(g[TO_SOLVE, l] == 0.0, 1.0, 0.0)
 
 
 @function
-def orthonormalise(w, g, length, along):
-    """Fill q with the orthonormalised columns of v; multiply the lengths. Columns may be 0."""
-    _, D, lanes = w.shape
+def count_due(b, first, D, g, always):
+    """Mark the lanes whose columns are to be orthonormalised, and count them."""
+    lanes, due = b.shape[1], 0
+    for l in range(lanes):
+        g[SIZE, l], g[POWER, l] = 0.0, 1.0
     for r in range(D):
+        for l in range(lanes):
+            g[SIZE, l] += b[first + D * D + r, l]
+    per_D = 1.0 / D
+    for _ in range(D):
+        for l in range(lanes):
+            g[POWER, l] *= per_D * g[SIZE, l]
+    for l in range(lanes):
+        size, most = g[SIZE, l], LIMIT * g[VOLUME, l]
+        good = (size > LEAST_SIZE) & (size < LARGEST_SIZE) & (g[POWER, l] < most * most)
+        g[DUE, l] = select((always | ~good) & (b[ENDED, l] == 0.0), 1.0, 0.0)
+        due += select(g[DUE, l] > 0.0, 1, 0)
+    return due
+
+
+@function
+def orthonormalise(b, first, D, g, along):
+    """Orthonormalise the columns of lanes that are due; multiply the lengths. Columns may be 0."""
+    lanes = b.shape[1]
+    for l in range(lanes):
+        g[VOLUME, l] = select(g[DUE, l] > 0.0, 1.0, g[VOLUME, l])
+    for r in range(D):
+        row = first + D * r
         for s in range(r):  # the modified Gram-Schmidt method
+            other = first + D * s
             for l in range(lanes):
                 along[l] = 0.0
             for i in range(D):
                 for l in range(lanes):
-                    along[l] += w[i, s, l] * w[D + i, r, l]
+                    along[l] += b[other + i, l] * b[row + i, l]
+            for l in range(lanes):
+                along[l] *= g[DUE, l]
             for i in range(D):
                 for l in range(lanes):
-                    w[D + i, r, l] -= along[l] * w[i, s, l]
+                    b[row + i, l] -= along[l] * b[other + i, l]
         for l in range(lanes):
             along[l] = 0.0
         for i in range(D):
             for l in range(lanes):
-                along[l] += w[D + i, r, l] * w[D + i, r, l]
+                along[l] += b[row + i, l] * b[row + i, l]
         for l in range(lanes):
-            length[l] = np.sqrt(along[l])
-            g[LENGTHS + r, l] *= length[l]
-            length[l] = select(length[l] == 0.0, 0.0, 1.0 / length[l])
+            length = select(g[DUE, l] > 0.0, np.sqrt(along[l]), 1.0)
+            g[LENGTHS + r, l] *= length
+            # No volume shows how columns beside one that is 0 grow together.
+            g[VOLUME, l] *= select(length == 0.0, 0.0, 1.0)
+            along[l] = select(length == 0.0, 0.0, 1.0 / length)
         for i in range(D):
             for l in range(lanes):
-                w[i, r, l] = w[D + i, r, l] * length[l]
+                b[row + i, l] *= along[l]
 
 
 @function

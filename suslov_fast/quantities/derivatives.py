@@ -253,8 +253,9 @@ def lyapunov_exponents(
 ) -> FloatArray:
     """Lyapunov exponents of orbits over a number of steps.
 
-    The product of the derivatives of the map along the orbit is decomposed as Q R after each step;
-    the exponents are the mean logarithms of the diagonal of R. Their sum is the mean of
+    The product of the derivatives of the map along the orbit is decomposed as Q R, again and again,
+    before columns lose digits; the exponents are the mean logarithms of the diagonals of R. They do
+    not depend on other orbits of the batch. Their sum is the mean of
     ``log |det DPhi|``, with an error below 1e-10 of the mean of its modulus.
 
     Parameters

@@ -41,6 +41,18 @@ def by_constants(formula: Universal, problem: Problem) -> Any:
     return formula(*problem.body.constants, problem.eps, problem.omega)
 
 
+def by_rows(formula: Universal, problem: Problem) -> Any:
+    """Return the values of a universal function of constants, eps and states in rows.
+
+    For a single body and step size one call takes all states along the last axis of the batch.
+    """
+    body, eps, omega = problem.body, problem.eps, problem.omega
+    if omega.ndim > 1 and not body.shape and type(eps) is float:
+        return formula(*body.constants, eps, omega)
+    values: FloatArray = formula(*body.constants, eps, omega[..., np.newaxis, :])
+    return values.squeeze(axis=len(problem.batch))
+
+
 def by_terms(
     formula: Universal, problem: Problem, terms: Any = None, after: FloatArray | None = None
 ) -> FloatArray:
@@ -221,9 +233,11 @@ def _constants(body: Any) -> Any:
 GYROSTAT = {
     **KAHAN,
     **of_constants(
-        "first_integral energy modified_energy criticality rotation_number reaction "
-        "vector_field matrix jacobian step"
+        "first_integral energy modified_energy rotation_number reaction "
+        "vector_field matrix jacobian"
     ),
+    "criticality": Formula(partial(by_rows, quantities.criticality)),
+    "step": Formula(partial(by_rows, quantities.step)),
     **of_constants("invariant_density", poles=True),
     **dict.fromkeys(("exact", "flow", "limits"), Formula(_itself)),
     **dict.fromkeys(("plot_phase", "animate_body", "explore", "frame"), Formula(_constants)),

@@ -13,9 +13,17 @@ import numpy as np
 
 from .closed_form import constants_of, coordinates, difference_of_squares, unit_of
 from .numba import formula, select, universal
-from .steps_3d import ZERO_TO_ROUNDING, is_supercritical, length, one_step, scale_state
+from .steps_3d import (
+    ZERO_TO_ROUNDING,
+    frame_of,
+    is_supercritical,
+    length,
+    scale_state,
+    step_in_frame,
+)
 
 IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
+STATES_IN_3D = "(),(),(),(),(),(),(b,d)->"  # B states of one body
 
 
 # ------------------------------------------------------------------------------- three dimensions
@@ -72,12 +80,15 @@ def invariant_density(I1, I2, I13, I23, k, eps, w, out):
 @formula
 def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
     """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 that the status of runs tells."""
-    of_g = I13 * (I13 / I1) + I23 * (I23 / I2)
     step, twice = eps * (I13 * w1 + I23 * w2 + k), 2.0 * energy_at(I1, I2, w1, w2)
-    square = twice * of_g
-    if 1e-280 < twice < 1e280 and 1e-280 < square < 1e280 and abs(step) < 1e140:
-        T = abs(eps) * np.sqrt(square) / np.sqrt(4.0 * (I1 * I2) + step * step)
+    # With the same denominator, for one division and one root.
+    above = (eps * eps * (I13 * I13 * I2 + I23 * I23 * I1)) * twice
+    below = (I1 * I2) * (4.0 * (I1 * I2) + step * step)
+    square = above / below
+    if twice > 1e-280 and 1e-280 < above < 1e280 and below < 1e280 and 1e-280 < square < 1e280:
+        T = np.sqrt(square)
     else:  # squares leave the range of floats
+        of_g = I13 * (I13 / I1) + I23 * (I23 / I2)
         unit = unit_of(w1, w2, 0.0)
         size = np.sqrt(2.0 * energy_at(I1, I2, w1 / unit, w2 / unit) * of_g)
         T = in_range(abs(eps) * (size * unit)) / length(2.0 * np.sqrt(I1 * I2), step)
@@ -88,9 +99,10 @@ def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
     return select(eps < 0.0, -T, T)
 
 
-@universal(IN_3D + "()")
+@universal(STATES_IN_3D + "(b)")
 def criticality(I1, I2, I13, I23, k, eps, w, out):
-    out[0] = criticality_at(I1, I2, I13, I23, k, eps, w[0], w[1])
+    for i in range(len(w)):
+        out[i] = criticality_at(I1, I2, I13, I23, k, eps, w[i, 0], w[i, 1])
 
 
 @universal(IN_3D + "()")
@@ -186,9 +198,12 @@ def jacobian(I1, I2, I13, I23, k, eps, w, out):
     out[1, 0], out[1, 1] = (a11 * b21 - a21 * b11) * inverse, (a11 * b22 - a21 * b12) * inverse
 
 
-@universal(IN_3D + "(d)")
+@universal(STATES_IN_3D + "(b,d)")
 def step(I1, I2, I13, I23, k, eps, w, out):
-    out[0], out[1] = one_step(I1, I2, I13, I23, k, eps, w[0], w[1])
+    """Next states of B states in rows: their frame takes most of the divisions."""
+    frame, e = frame_of(I1, I2, I13, I23, k, eps)
+    for i in range(len(w)):
+        out[i, 0], out[i, 1] = step_in_frame(frame, e, I13, I23, k, w[i, 0], w[i, 1])
 
 
 @universal("(),(),(),(),(),(),(d)->(d)")

@@ -20,8 +20,8 @@ general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X is a number o
           ell = I13 w1 + I23 w2 + k loses its digits next to a steady state, and so are u and v,
           because K may outweigh X - K and Y
 
-Other modules use `scale_state`, `is_supercritical`, `turn` and `one_step`, which are formulas of
-floats.
+Other modules use `frame_of`, `scale_state`, `is_supercritical`, `turn`, `one_step` and
+`step_in_frame`, which are formulas of floats.
 """
 
 from typing import NamedTuple
@@ -138,8 +138,9 @@ def general_step(frame, X, u, v):
 def length(u, v):
     """sqrt(u**2 + v**2), also of numbers whose squares are out of range."""
     size = abs(u) + abs(v)
-    unit = select(size < LEAST, LEAST, select(size > LARGEST, LARGEST, 1.0))
-    inverse = select(size < LEAST, LARGEST, select(size > LARGEST, LEAST, 1.0))
+    small, large = size < LEAST, size > LARGEST
+    unit = select(small, LEAST * LEAST, select(large, LARGEST * LARGEST, 1.0))
+    inverse = select(small, LARGEST * LARGEST, select(large, LEAST * LEAST, 1.0))
     u, v = u * inverse, v * inverse
     return np.sqrt(u * u + v * v) * unit
 
@@ -157,25 +158,42 @@ def project_on_level(frame, R, X, u, v):
 
 
 @formula
+def is_plain(frame, X, Y):
+    """True for a state that takes plain steps: without a rotor, T < 1, and not at rest.
+
+    X and Y of a state that hardly moves may be subnormal: it is carried as it is.
+    """
+    moves = (X != 0.0) & (abs(X) < LARGEST) & (abs(Y) < 1.0) & (abs(X) + abs(Y) > LEAST)
+    return moves & (frame.K == 0.0) & (abs(frame.m1) + abs(frame.m2) < np.inf)
+
+
+@formula
+def is_at_rest(X, Y):
+    """True for a state with ell = 0, which keeps all its bits, but the one that is a pole."""
+    return (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
+
+
+@formula
 def form_of(frame, X, Y):
-    """Return GENERAL, PLAIN or RESTS: a state with ell = 0 rests, and keeps all its bits."""
-    known = (abs(frame.m1) + abs(frame.m2) < np.inf) & (abs(X) < LARGEST) & (X != 0.0)
-    # X and Y of a state that hardly moves may be subnormal: it is carried as it is.
-    plain = known & (frame.K == 0.0) & (abs(Y) < 1.0) & (abs(X) + abs(Y) > LEAST)
-    rests = (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
-    return select(plain, PLAIN, select(rests, RESTS, GENERAL))
+    """Return GENERAL, PLAIN or RESTS."""
+    return select(is_plain(frame, X, Y), PLAIN, select(is_at_rest(X, Y), RESTS, GENERAL))
 
 
 @formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
     """The next state, bit-identical to that of `steps`; NaN where there is none."""
-    frame, X, Y = scale_state(I1, I2, I13, I23, k, eps, w1, w2)
-    form = form_of(frame, X, Y)
-    if form == RESTS:
+    frame, e = frame_of(I1, I2, I13, I23, k, eps)
+    return step_in_frame(frame, e, I13, I23, k, w1, w2)
+
+
+@formula
+def step_in_frame(frame, e, I13, I23, k, w1, w2):
+    """The next state of a body with this frame and e."""
+    X, Y = scaled(frame, e, I13, I23, k, w1, w2)
+    if is_plain(frame, X, Y):
+        next1, next2 = leave_plain(frame, *plain_step(X, Y))
+    elif is_at_rest(X, Y):
         return w1, w2
-    if form == PLAIN:
-        X, Y = plain_step(X, Y)
-        next1, next2 = leave_plain(frame, X, Y)
     else:
         X = select(is_lost(frame, X, Y), np.nan, X)
         _, next1, v, _ = general_step(frame, X, w1, w2 / frame.back)

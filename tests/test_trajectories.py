@@ -126,6 +126,16 @@ def test_arrays_of_a_run_are_read_only(path):
     assert written.omega.base is out
 
 
+def test_results_keep_their_step_sizes():
+    """Whoever changes the array that was passed changes no result."""
+    eps = np.full(5, 0.2)
+    run = sf.iterate(BODY, STARTS, eps, 3)
+    points = sf.crossings(BODY, STARTS, eps, 3, lambda omega: omega[..., 1])
+    eps[:] = 9.0
+    for result in (run, run.extend(1), points):
+        assert (result.eps == 0.2).all()
+
+
 @pytest.mark.compiled
 def test_read_only_arrays_compile_nothing():
     run = sf.iterate(BODY, STARTS, np.full(5, 0.2), 7, attitude=True)

@@ -1,11 +1,13 @@
 """Exact computations for Kahan maps and other birational maps, against published results."""
 
+import io
 import json
 import math
 import pickle
 import random
 from fractions import Fraction as F
 from itertools import pairwise, permutations, product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -894,6 +896,25 @@ def test_a_search_that_cannot_be_interrupted(monkeypatch):
     monkeypatch.setattr(process, "_START", "pass")
     with pytest.raises(RuntimeError):
         report(CYCLE, EPS, time_limit=1000)
+
+
+def test_a_search_ends_with_the_process_that_waits_for_it(monkeypatch):
+    """A process that is killed leaves none behind: the system gives its search another parent."""
+    from suslov_fast.integrability import process
+
+    def written_by(parents):
+        given = io.BytesIO(pickle.dumps((Report(MAP, 1), 0)))
+        written = io.BytesIO()
+        monkeypatch.setattr(process.sys, "stdin", SimpleNamespace(buffer=given))
+        monkeypatch.setattr(process.sys, "stdout", SimpleNamespace(buffer=written))
+        monkeypatch.setattr(process.os, "getppid", iter(parents).__next__)
+        monkeypatch.setattr(process.signal, "signal", lambda *how: None)
+        process.serve()
+        monkeypatch.undo()
+        return written.getvalue()
+
+    assert written_by([7, 1]) == b""
+    assert len(written_by([7] * 1000)) > 1000
 
 
 def test_linear_and_trivial_fields():

@@ -1,5 +1,6 @@
 """The search of a report, in this process or in one that a time limit ends."""
 
+import os
 import pickle
 import signal
 import subprocess
@@ -16,17 +17,18 @@ _START = "import sys; sys.path[:] = {}; import suslov_fast.integrability.process
 
 def search(found: Any, seed: int) -> Iterator[tuple[Any, int, int]]:
     """Fill a `Report`; yield it after each task, with the numbers of tasks done and known."""
-    each = Search(found.map, found.degree, seed)
-    for _ in each.queue:
-        each.fill(found)
+    facts = Search(found.map, found.degree, seed)
+    queue = facts.queue
+    for _ in queue:
+        facts.fill(found)
         if found.map.has_letter:
             formulas = [*found.integrals, *found.measures, *found.polynomials]
             special = {eps for f in formulas for eps in f.special}
             found.special_eps = tuple(sorted(special.union(found.map.degenerate_eps)))
-        yield found, each.queue.done, each.queue.done + len(each.queue)
+        yield found, queue.done, queue.done + len(queue)
     found.finished = True
-    every = each.queue.done + len(each.queue)
-    yield found, every, every
+    known = queue.done + len(queue)
+    yield found, known, known
 
 
 def search_until(deadline: float, found: Any, seed: int) -> Iterator[tuple[Any, int, int]]:
@@ -58,13 +60,19 @@ def search_until(deadline: float, found: Any, seed: int) -> Iterator[tuple[Any, 
 
 
 def serve() -> None:
-    """Run the search with arguments from stdin, and write what it yields to stdout."""
+    """Run the search with arguments from stdin, and write what it yields to stdout.
+
+    It ends with the process that waits for it, if this is killed.
+    """
+    parent = os.getppid()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits
     out = sys.stdout.buffer
     last = b""
     try:
         for result in search(*pickle.load(sys.stdin.buffer)):
             report, _, _ = result
+            if os.getppid() != parent:
+                return
             if (now := pickle.dumps(report)) != last or report.finished:
                 last = now
                 pickle.dump(result, out)

@@ -23,6 +23,8 @@ from .summary import facts_in, facts_of, lines_of
 
 # Modules that need Numba, which would delay `--help`, are imported where they are used.
 _PARAMETERS = ("I1", "I2", "I13", "I23", "I3", "k", "J", "I")
+# Seconds, more than any search takes.
+_NO_LIMIT = 1e9
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -301,9 +303,18 @@ def report(options: argparse.Namespace) -> None:
     """
     from .integrability import report as report_of
 
-    settings = {"time_limit": options.time_limit, "decimals": True}
-    found = report_of(_body_in(options.body), options.eps, options.degree, **settings)
-    print(json.dumps(found.to_dict()) if options.json else repr(found), flush=True)
+    def show(found: Any) -> None:
+        print(json.dumps(found.to_dict()) if options.json else repr(found), flush=True)
+
+    # With a limit the search runs in another process, so that Ctrl-C takes effect at once.
+    limit = _NO_LIMIT if options.time_limit is None else options.time_limit
+    try:
+        body = _body_in(options.body)
+        show(report_of(body, options.eps, options.degree, time_limit=limit, decimals=True))
+    except KeyboardInterrupt as error:
+        if hasattr(error, "report"):  # what was found so far
+            show(error.report)
+        raise
 
 
 def pictures(options: argparse.Namespace) -> None:

@@ -330,6 +330,21 @@ def test_report():
     assert facts_of(line)
 
 
+def test_a_report_that_is_interrupted(monkeypatch):
+    """Ctrl-C prints what was found so far."""
+    Path("b.json").write_text(json.dumps(lotka().to_dict()))
+
+    def stopped(*_, **__):
+        error = KeyboardInterrupt()
+        error.report = SimpleNamespace(to_dict=lambda: {"degrees": [2, 4]})
+        raise error
+
+    monkeypatch.setattr("suslov_fast.integrability.report", stopped)
+    done = run("report --body b.json --json")
+    assert (done.code, json.loads(done.out)) == (130, {"degrees": [2, 4]})
+    assert done.err == "suslov-fast: interrupted\n"
+
+
 @posix
 def test_explore():
     with start("explore --no-browser", stdout=subprocess.PIPE) as process:

@@ -92,13 +92,14 @@ class Report:
         none = f"none found up to degree {d}" if self.finished else "none found so far"
         if self.finished and self.relations is None:
             none = "not sought"
+        no_formula = "none written" if self.implicit else none
         more = ", ..." if len(self.degrees) > 8 else ""
         sign = ", up to sign" if any(f.cofactor for f in self.measures) else ""
         lines = [
             title,
             f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
             f"Growth: {kind}{rate}; evidence, not a proof: {based_on}",
-            _listed("First integrals", self.integrals, 6, none),
+            _listed("First integrals", self.integrals, 6, no_formula),
             _listed(f"Densities of measures{sign}", self.measures, 1, none),
             _listed("Darboux polynomials", self.polynomials, 6, none),
         ]

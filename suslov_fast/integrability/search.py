@@ -208,21 +208,22 @@ class Search:
             yield from self._add(space)
         for k in range(1, 2 * self.degree + 1):
             if k <= self.degree or self._unknowns(k) <= _FEW:
-                each = candidates(self.map, k)
-                yield self._candidates(each, k)
+                yield self._candidates(candidates(self.map, k), k)
 
-    def _candidates(self, each: Iterator[RationalFunction | None], k: int, steps: int = 1) -> Task:
+    def _candidates(
+        self, products: Iterator[RationalFunction | None], k: int, steps: int = 1
+    ) -> Task:
         """Return the task that takes the next product of factors, and returns the task after it.
 
         There may be many products, so costs grow with their number, which leaves time to others.
         """
 
         def run() -> Tasks:
-            for cofactor in each:
+            for cofactor in products:
                 if cofactor is not None:
                     find = partial(self._constants, cofactor, k)
                     yield Task(steps * 4 * self._cost(k), find, "all", k, needed=False)
-                yield self._candidates(each, k, steps + 1)
+                yield self._candidates(products, k, steps + 1)
                 return
 
         return Task(steps * self._cost(k), run, "all", k, needed=False)

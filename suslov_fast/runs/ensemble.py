@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
 # least number of trajectories that keep a processor busy; tiles queued per thread of a worker.
-_CHUNK, _WORK, _FEWEST, _WAITING = 2**23, 2**31, 2**12, 4
+_CHUNK, _WORK, _FEWEST, _WAITING = 2**24, 2**31, 2**12, 4
 
 Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
 Options = tuple[str, int, int | None, Functions]  # method, steps, save_every, functions

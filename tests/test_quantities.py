@@ -229,6 +229,9 @@ def test_out_of_range_there_is_a_warning_and_no_number(body):
     assert abs(slower / slow / 1e-200 - 1) < 1e-15
     for size in (1e-155, 1e155):  # of which the criticality is in range: eps size / 2
         assert abs(sf.criticality(sf.Suslov3D(1, 1, 1, 0), [0, size], 0.4) / size - 0.2) < 1e-15
+    for size in (1e20, 1e180, 1e300):  # where eps ell is large: |g| |z| / |ell|
+        t = sf.criticality(sf.Suslov3D(1, 1, 1, 1), [size, 0.0], 1e3)
+        assert abs(t / 2**0.5 - 1) < 1e-15
 
 
 def test_criticality_agrees_with_the_status(unit, rng):

@@ -18,7 +18,7 @@ from ..core.steps_field import FieldSystem
 from ..core.steps_nd import NDSystem
 from .arguments import Arguments, Problem, flat_arrays, flat_parameter, require
 from .threads import call_kernel
-from .trial import check_arguments, try_once
+from .trial import check_arguments, is_of_package, try_once
 
 # Work of a thread in a stretch, and cost of saving a state, in steps of the three-dimensional map.
 _STRETCH, _SAVING = 2**26, 8.0
@@ -97,10 +97,13 @@ class March:
     ) -> None:
         methods = problem.map.methods
         self.problem, self.steps = problem, methods[method or next(iter(methods))]
-        try_once(problem, self.steps)
+        is_foreign = not is_of_package(self.steps)
+        if is_foreign:
+            try_once(problem, self.steps)
         self.arguments = self.steps.arguments(problem.body, problem.eps, problem.batch)
         self.omega0 = flat_arrays(problem.omega, problem.batch)
-        check_arguments(self.arguments, len(self.omega0))
+        if is_foreign:
+            check_arguments(self.arguments, len(self.omega0))
         size, D = self.omega0.shape
         self.turned: FloatArray | None = None
         if earlier is not None:
@@ -117,7 +120,8 @@ class March:
         # Those of the run at state n, in the shape of the batch.
         self.final = np.empty((*problem.batch, D))
         self.status = np.zeros(problem.batch, np.int8)
-        self.failed_at = np.full(problem.batch, -1, np.int64)
+        self.failed_at = np.empty(problem.batch, np.int64)
+        self.failed_at.fill(-1)  # `np.full` takes longer, in small calls
 
     def to(
         self,

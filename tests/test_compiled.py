@@ -12,6 +12,7 @@ from numba.typed import List
 import suslov_fast as sf
 from suslov_fast import compiled
 from suslov_fast.compiled import advance, enter, frame, leave, step_system, system, work
+from suslov_fast.core import steps_3d
 
 BODY, EPS = sf.Suslov3D(4, 3, -0.4, -0.2), 0.2
 GYROSTAT = sf.SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
@@ -292,3 +293,10 @@ def test_frames_and_systems_are_plain_data():
     nd = system(ND, 0.4)
     assert (pickle.loads(pickle.dumps(nd)).J == nd.J).all()
     assert repr(system(FIELD, 0.1)).startswith("FieldSystem(half=array(")
+
+
+def test_frames_hold_the_numbers_of_those_of_the_core():
+    constants = "I1", "I2", "I13", "I23", "k", "eps"
+    core = steps_3d.Frame._fields
+    assert compiled.Frame._fields == (*constants, *core)
+    assert compiled.GyrostatFrame._fields == (*constants, *core[:4])

@@ -1,6 +1,6 @@
 """Kernels and universal functions: compiled, interpreted, parallel, with and without a cache.
 
-A small package with a copy of `core/numba.py` compiles fast.
+A small package with copies of `core/numba.py` and `core/llvm.py` compiles fast.
 """
 
 import re
@@ -12,7 +12,7 @@ import children
 import numpy as np
 import pytest
 
-from suslov_fast.core import elimination, orientations, quantities, rows, steps_3d
+from suslov_fast.core import elimination, llvm, orientations, quantities, rows, steps_3d
 from suslov_fast.core import numba as core_numba
 
 pytestmark = pytest.mark.compiled
@@ -96,7 +96,8 @@ def folder(tmp_path):
         path = tmp_path / "package" / name
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
-    shutil.copy(core_numba.__file__, tmp_path / "package" / "core")
+    for module in (core_numba, llvm):
+        shutil.copy(module.__file__, tmp_path / "package" / "core")
     return tmp_path
 
 
@@ -219,6 +220,13 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
         assert (y[lead + 1 : lead + 16 : 2] == x[8:]).all()
         y[:] = 0
     assert core_numba.uncounted(x) is x
+    # Arguments that a person gets wrong are errors: numbers beside a line, and beyond the end.
+    rows.write_pairs(x, 0, 8, y, lead, 8, lead + 1, 8)
+    assert (y[lead : lead + 16 : 2] == x[:8]).all()
+    with pytest.raises((IndexError, ValueError)):
+        rows.write_pairs(x, 0, 8, y, 25, 8, -1, 8)
+    with pytest.raises(IndexError):
+        orientations.clean(np.ones((3, 3, 8)), np.ones((2, 2, 8)), gram)
 
 
 @pytest.mark.parametrize(

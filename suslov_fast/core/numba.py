@@ -27,16 +27,15 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from llvmlite import ir
 from numba import config, prange, types
-from numba.extending import intrinsic, overload, typeof_impl
+from numba.extending import overload, typeof_impl
+
+from .llvm import LINE, call_address, pack, streamed_pairs, without_counts
 
 try:
     from numba.core.caching import FunctionCache
 except ImportError:
     FunctionCache = None
-
-LINE = 8  # numbers of a cache line
 
 # The default error model tests every divisor: that costs 30 % and prevents SIMD. Other threads of
 # Python run while a kernel does. Without fastmath no FMA is formed and no sum reordered: serial,
@@ -66,8 +65,8 @@ def _delete_stale_files(folder):
             path.unlink(missing_ok=True)
 
 
-# Private names of Numba are used in four functions, each of which does without where they are
-# missing: slower, and with the same results.
+# Private names of Numba are used in four functions, here and in `llvm.py`, each of which does
+# without where they are missing: slower, and with the same results.
 def _use_cache(compiled, py_function):
     """Give a function its files: `FunctionCache`, `_cache`.
 
@@ -113,7 +112,8 @@ class Function:
     """A function that compiled code calls.
 
     A call from Python would end the process, as there is no wrapper; it compiles another one, with
-    a wrapper: those of all functions would take a fifth of the time of first calls.
+    a wrapper and checks of indices: wrappers of all functions would take a fifth of the time of
+    first calls. `for_users` has a wrapper in the cache, as its functions are called from Python.
     """
 
     def __init__(self, options, py_func):
@@ -122,7 +122,7 @@ class Function:
 
     @functools.cached_property
     def _for_calls(self):
-        return numba.njit(**_OPTIONS)(self.py_func)
+        return numba.njit(boundscheck=True, **_OPTIONS)(self.py_func)
 
     def __call__(self, *arguments):
         return self._for_calls(*arguments)
@@ -175,14 +175,14 @@ kernel = Kernel  # the decorator
 @functools.partial(_cached, numba.njit(parallel=True, **_OPTIONS))
 def _loop(call_part, kernel, data, parts):
     for part in prange(parts):
-        _call(call_part, kernel, data, np.int64(part), parts)
+        call_address(call_part, kernel, data, np.int64(part), parts)
 
 
 @functools.partial(_cached, numba.njit(**_OPTIONS))
 def _start(loop, kernel, parts, arguments):
-    call_part, data = _pack(arguments)
+    call_part, data = pack(arguments)
     # By its address, too: a loop is loaded with its threads, the code of its callers without.
-    _call(loop, call_part, kernel, data, parts)
+    call_address(loop, call_part, kernel, data, parts)
 
 
 @functools.cache
@@ -196,66 +196,6 @@ def _address(compiled, *kinds):
         return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
     except AttributeError:
         return None
-
-
-def _emit_call(context, builder, address, *values):
-    kind = ir.FunctionType(context.get_value_type(types.none), [each.type for each in values])
-    builder.call(builder.inttoptr(address, kind.as_pointer()), values)
-
-
-@intrinsic
-def _call(typing, address, a, b, c, d):
-    """Call the function at an address with four integers; it returns None."""
-
-    def emit(context, builder, signature, arguments):
-        _emit_call(context, builder, *arguments)
-        return context.get_dummy_value()
-
-    return types.void(*[types.int64] * 5), emit
-
-
-@intrinsic
-def _pack(typing, arguments):
-    """Return the addresses of a function and of its data, for use while the caller runs.
-
-    function(kernel, data, part, parts) calls the kernel at an address with all arguments.
-    """
-    result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
-
-    def emit(context, builder, signature, values):
-        packed = _uncounted(context, builder, arguments, values[0])
-        with builder.goto_entry_block():
-            memory = builder.alloca(packed.type)
-        builder.store(packed, memory)
-        kind = ir.FunctionType(context.get_value_type(types.none), [word] * 4)
-        call_part = ir.Function(builder.module, kind, f"{builder.function.name}.part")
-        call_part.linkage = "internal"
-        kernel, data, part, parts = call_part.args
-        inner = ir.IRBuilder(call_part.append_basic_block())
-        packed = inner.load(inner.inttoptr(data, packed.type.as_pointer()))
-        numbers = [inner.extract_value(packed, k) for k in range(len(arguments))]
-        _emit_call(context, inner, kernel, part, parts, *numbers)
-        inner.ret(context.get_dummy_value())
-        addresses = [builder.ptrtoint(each, word) for each in (call_part, memory)]
-        return context.make_tuple(builder, result, addresses)
-
-    return result(arguments), emit
-
-
-def _uncounted(context, builder, kind, value):
-    """Return an argument whose arrays have no reference counts, for which threads wait: `meminfo`,
-    `_getvalue`. Without these names arrays have their counts.
-    """
-    if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value)
-        with suppress(AttributeError):
-            array.meminfo = ir.Constant(array.meminfo.type, None)
-            return array._getvalue()
-        return value
-    for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
-        element = _uncounted(context, builder, each, builder.extract_value(value, k))
-        value = builder.insert_value(value, element, k)
-    return value
 
 
 # ---------------------------------------------------------------------------- universal functions
@@ -329,37 +269,9 @@ def stream_pairs(target, i, source, j, k):
     target[i + 1 : i + 2 * LINE : 2] = source[k : k + LINE]
 
 
-@intrinsic
-def _stream_pairs(typing, target, i, source, j, k):
-    """That of compiled code."""
-
-    def emit(context, builder, signature, arguments):
-        word = ir.IntType(32)
-        vector = ir.VectorType(ir.DoubleType(), LINE)
-
-        def line(which, index):
-            array = context.make_array(signature.args[which])(context, builder, arguments[which])
-            return builder.bitcast(builder.gep(array.data, [index]), vector.as_pointer())
-
-        first = builder.load(line(2, arguments[3]), align=8)
-        second = builder.load(line(2, arguments[4]), align=8)
-        nontemporal = builder.module.add_metadata([ir.Constant(word, 1)])
-        for part in range(2):
-            order = [LINE // 2 * part + lane // 2 + LINE * (lane % 2) for lane in range(LINE)]
-            pairs = ir.Constant(ir.VectorType(word, LINE), order)
-            place = builder.add(arguments[1], ir.Constant(arguments[1].type, LINE * part))
-            store = builder.store(
-                builder.shuffle_vector(first, second, pairs), line(0, place), align=64
-            )
-            store.set_metadata("nontemporal", nontemporal)
-        return context.get_dummy_value()
-
-    return types.void(target, types.intp, source, types.intp, types.intp), emit
-
-
 @overload(stream_pairs, jit_options=_FORMULA)
 def _compiled_stream_pairs(target, i, source, j, k):
-    return lambda target, i, source, j, k: _stream_pairs(target, i, source, j, k)
+    return lambda target, i, source, j, k: streamed_pairs(target, i, source, j, k)
 
 
 def of_kind(name):
@@ -381,19 +293,9 @@ def uncounted(arrays):
     return arrays
 
 
-@intrinsic
-def _borrowed(typing, arrays):
-    """That of compiled code."""
-
-    def emit(context, builder, signature, arguments):
-        return _uncounted(context, builder, signature.args[0], arguments[0])
-
-    return arrays(arrays), emit
-
-
 @overload(uncounted, jit_options=_FORMULA)
 def _compiled_borrowed(arrays):
-    return lambda arrays: _borrowed(arrays)
+    return lambda arrays: without_counts(arrays)
 
 
 @formula

@@ -52,3 +52,7 @@ def write_pairs(source, first, second, flat, place, count, lead, lanes):
         stream_pairs(flat, place + 2 * l, source, first + l, second + l)
     for l in range(head + LINE * lines, count):
         flat[place + 2 * l], flat[place + 2 * l + 1] = source[first + l], source[second + l]
+
+
+# At a prompt it runs as Python does: a wrong `lead` or `place` is an error, not a crash.
+write_pairs._for_calls = write_pairs.py_func

@@ -46,15 +46,20 @@ NEAR_1_LEAST, NEAR_1_LARGEST, LEAST_LENGTH, LARGEST_LENGTH = -0.999, 1e3, 1e-100
 # D columns with |det| = d, whose squared lengths have the mean m, d**2 <= m**D, and equality means
 # that they are orthogonal and equally long. Below m**D = LIMIT**2 d**2 no column is longer than
 # about 2 LIMIT sqrt(D) times its part across the others, which multiplies errors of rounding.
-INTERVAL, LIMIT, LEAST_SIZE, LARGEST_SIZE = 16, 16.0, 1e-100, 1e100
+INTERVAL, LIMIT, LEAST_SIZE, LARGEST_SIZE = 16, 64.0, 1e-100, 1e100
+
+
+@function
+def aligned_block(rows, lanes):
+    """Return a block that begins at a cache line. (Inlined, it compiles twice.)"""
+    return ones_at_line(rows * lanes).reshape((rows, lanes))
 
 
 @inlined
 def memory_of_tangents(rows, D, count):
     """Return b and g, numbers of lanes; derivatives by `derive`; its memory and `solve_lane`'s."""
     lanes = lanes_of_fields(rows, count)
-    b = ones_at_line(rows * lanes).reshape((rows, lanes))
-    g = ones_at_line((LENGTHS + D) * lanes).reshape((LENGTHS + D, lanes))
+    b, g = aligned_block(rows, lanes), aligned_block(LENGTHS + D, lanes)
     return b, g, np.empty((lanes, D, D)), memory_of_lane(D, 1), memory_of_lane(D, D)
 
 

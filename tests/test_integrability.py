@@ -868,8 +868,8 @@ def test_a_root_of_a_polynomial_is_no_density():
 def test_a_density_up_to_sign():
     """The map of Lyness in three dimensions reverses the orientation: its measure is dx / |xyz|."""
     found = report(rational_map(lambda x: (x[1], x[2], (2 + x[1] + x[2]) / x[0]), 3), degree=3)
-    assert "Densities of measures, up to sign (3, proved): 1/(x1*x2*x3); 2 more" in repr(found)
-    assert [str(f.cofactor) for f in found.measures] == ["-1"] * 3
+    assert "Densities of measures, up to sign (1, proved): 1/(x1*x2*x3)\n" in repr(found)
+    assert str(found.measures[0].cofactor) == "-1"
     assert_holds(found)
 
 

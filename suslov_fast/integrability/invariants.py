@@ -199,7 +199,7 @@ class Invariants:
     def measures(self) -> tuple[RationalFunction, ...]:
         """Densities of invariant measures, from one cofactor or else from several.
 
-        If there is none, densities up to sign, which have the cofactor -1.
+        If there is none, one up to sign, which has the cofactor -1.
         """
         found, det = [*self.densities, *self.raw], None
         if self.has_factors:
@@ -212,7 +212,7 @@ class Invariants:
             found += [self._power_product([a * b for b in row]) for a, *row in single[:1]]
         if not found and det is not None:
             minus = RationalFunction((), Fraction(-1))
-            found = [replace(f, cofactor=minus) for f in self._densities(-det)]
+            found = [replace(f, cofactor=minus) for f in self._densities(-det)[:1]]
         different = {str(f): f for f in found}.values()
         return tuple(sorted(different, key=_order))
 

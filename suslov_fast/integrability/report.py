@@ -44,8 +44,8 @@ class Report:
     Each of `integrals`, `measures` (densities) and `polynomials` (Darboux polynomials, with their
     cofactors) can be called with a point; `str` gives its formula, and its `basis` says what it
     rests on: "identity", checked as an identity of rational functions, or "modulo a prime, at
-    random points". For a density, rho(Phi) det DPhi = rho; if the only ones found are densities up
-    to sign, rho(Phi) det DPhi = -rho, their `cofactor` is -1, and abs(rho) is a density.
+    random points". For a density, rho(Phi) det DPhi = rho; if none is found, but one up to sign,
+    rho(Phi) det DPhi = -rho, this is listed with the `cofactor` -1, and abs(rho) is a density.
     Independent integrals whose formulas are too long are in `implicit`, and can be called as well.
     A growth is evidence. If eps is a letter, formulas are functions of x and eps, and `special_eps`
     has the rational eps at which one of them has no meaning, there is no map, or det DPhi is 0

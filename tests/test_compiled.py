@@ -211,6 +211,7 @@ def test_what_does_not_exist_is_nan():
     assert np.isnan(advance(unit, *advance(unit, np.nan, 1.0))).all()
     rotor = frame(sf.SuslovGyrostat(1, 1, 1, 0, 0.5), 1.0)
     assert np.isnan(compiled.step(rotor, 1.0, -3.875)).all()
+    assert np.isnan(compiled.step(rotor, 1e9, 2e9)).all()  # too large: `advance` does not test it
     square = system(sf.QuadraticField([[[1]]]), 0.5)  # x' = x**2
     nd = system(sf.SuslovND([1.0, 1.0, 1.0], [0.5, -0.75, 0.5]), 1.0)
     for constants, x, status in (

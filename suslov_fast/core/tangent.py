@@ -44,8 +44,9 @@ TO_SOLVE, CODE, SOLVED, DUE, SIZE, POWER, VOLUME, NEAR_1, FAR_FROM_1, LENGTHS = 
 NEAR_1_LEAST, NEAR_1_LARGEST, LEAST_LENGTH, LARGEST_LENGTH = -0.999, 1e3, 1e-100, 1e100
 # Columns are orthonormalised after every INTERVAL steps, and earlier where they may lose digits. Of
 # D columns with |det| = d, whose squared lengths have the mean m, d**2 <= m**D, and equality means
-# that they are orthogonal and equally long. Below m**D = LIMIT**2 d**2 no column is longer than
-# about 2 LIMIT sqrt(D) times its part across the others, which multiplies errors of rounding.
+# that they are orthogonal and equally long. A column of length p with a part t across the others
+# has d**2 <= t**2 ((D m - p**2) / (D - 1))**(D - 1) <= m**D (t / p)**2. So while m**D is below
+# LIMIT**2 d**2, p / t is below LIMIT, by which errors of rounding are multiplied at most.
 INTERVAL, LIMIT, LEAST_SIZE, LARGEST_SIZE = 16, 64.0, 1e-100, 1e100
 
 

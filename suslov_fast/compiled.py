@@ -99,7 +99,7 @@ def enter_gyrostat(frame, omega1, omega2):
 
 @formula
 def advance_gyrostat(frame, u, v):
-    """The next state, with the digits that it has: the range of X, Y and K is not tested."""
+    """The next state; the range of X, Y and K is not tested."""
     X, Y = frame.K + (frame.a1 * u + frame.a2 * v), frame.a2 * u - frame.a1 * v
     along, across, _, _ = steps_3d.turn(X, Y, frame.K)
     return along * u - across * v, along * v + across * u
@@ -228,8 +228,8 @@ def enter(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[f
 def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
     """Return u and v one step further, with one division; NaN where there is no next state.
 
-    With a rotor, a state whose X, Y or K exceeds 1e8 in modulus has few digits, or none, after a
-    step: :func:`step` returns NaN for it, :func:`advance` does not test it.
+    With a rotor, :func:`step` returns NaN for a state whose X, Y or K exceeds 1e8 in modulus;
+    :func:`advance` does not test it, and the accuracy of what it returns is not promised.
     """
     return _advance(frame, u, v)
 

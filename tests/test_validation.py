@@ -192,7 +192,7 @@ RUNS = [
     (run(on_singular="stop"), ValueError, "on_singular"), (run(progress=0), TypeError, "progress"),
     (run(out=[[0, 0]]), TypeError, "out"), (run(out=np.zeros((4, 2, 2), "f4")), TypeError, "out"),
     (run(out=np.zeros((3, 2, 2))), ValueError, "out"),
-    (run(out=np.frombuffer(bytes(128)).reshape(4, 2, 2)), ValueError, "out"),
+    (run(out=np.frombuffer(bytes(128)).reshape(4, 2, 2)), ValueError, "read-only, as the states of runs are"),
     (run(out=np.zeros((4, 2, 4))[..., ::2]), ValueError, "out"),
     (run(body=Suslov3D), TypeError, "body"), (run(body=3), TypeError, "body"),
     (run(body=lambda x: x), TypeError, r"body: .*QuadraticField.from_function"),

@@ -264,5 +264,8 @@ def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
         raise wrong("out", "a NumPy array of dtype float64", received, TypeError)
     if out.shape != shape or not out.flags.carray:
         expected = f"a C-contiguous, writeable, aligned array of shape {shape}"
-        raise wrong("out", expected, f"shape {out.shape}, strides {out.strides}")
+        received = f"shape {out.shape}, strides {out.strides}"
+        if not out.flags.writeable:
+            received += ", read-only, as the states of runs are: pass an array of your own"
+        raise wrong("out", expected, received)
     return out

@@ -9,6 +9,7 @@ from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -137,7 +138,10 @@ def _growth(problem: Problem, start: FloatArray, steps: int) -> tuple[FloatArray
     sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, 2 * D + D * D + 3))
     after = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
     cost = 4 * D**3 + arguments[0].shape[-1]
-    width = max(min(B, _STRETCH // cost), 1)
+    # Few trajectories for some 64 steps, rather than many for few: what is carried is D**2 numbers.
+    block = 64 * (problem.threads or numba.get_num_threads())
+    width = max(block, _STRETCH // (64 * cost) // block * block)
+    width = max(min(B, width, _STRETCH // cost), 1)
     length = max(_STRETCH // (cost * width), 1)
     for begin, first in product(range(0, B, width), range(0, steps, length)):
         span = begin, min(begin + width, B), first, min(first + length, steps), steps

@@ -264,7 +264,7 @@ def adjacent(b, l):
 
 @inlined
 def reason(b, l):
-    """Why a lane has no state: 0, 1 or 2 as in `states`."""
+    """The reason for which a lane has no state: 0, 1 or 2 as in `states`."""
     if b[PASSES, l] > 0.0 and not has_power(b[R, l], abs(b[TIME, l])):
         return 0
     if b[PASSES, l] == 0.0 and b[TIME, l] * b[MISSING, l] > 0.0:

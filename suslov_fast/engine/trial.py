@@ -30,7 +30,7 @@ def _guarded(shape: tuple[int, ...], fill: float, dtype: Any = np.float64) -> An
 
 
 class _Trial:
-    """What a kernel wrote, from state 0 on."""
+    """The arrays that a kernel writes, from state 0 on."""
 
     def __init__(self, steps: Any, omega0: FloatArray, every: int = 1) -> None:
         (B, D), self.every, self.steps = omega0.shape, every, steps

@@ -118,7 +118,8 @@ def random_pattern(rng, D):
 
 def by_hand(operations, b):
     """Carry out operations on numbers b, as their codes say."""
-    for code, d, s, a, c, e, g in operations.tolist():
+    for code, d, s, a, c, e, g, times in operations.tolist():
+        assert times == 1
         if code == plans.ADVANCE:
             b[d], b[s] = b[d] + 2 * b[s], b[d]
         elif code == plans.INVERSE:

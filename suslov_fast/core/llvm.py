@@ -1,10 +1,14 @@
-"""What Numba cannot express, as code of LLVM: calls by address, uncounted arrays, wide stores."""
+"""What Numba cannot express, as code of LLVM: calls by address, uncounted arrays, wide stores,
+lines of lanes.
+"""
 
+import operator
 from contextlib import suppress
 
+import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 LINE = 8  # numbers of a cache line
 
@@ -105,3 +109,114 @@ def without_counts(typing, arrays):
         return uncounted_value(context, builder, signature.args[0], arguments[0])
 
     return arrays(arrays), emit
+
+
+def at_line(b):
+    """Return b from a cache line on, uncounted: its last LINE numbers are not to be used.
+
+    Memory as it is allocated begins anywhere, and rows that straddle lines take up to half longer.
+    """
+    return b
+
+
+type_callable(at_line)(lambda context: lambda b: b)
+
+
+@lower_builtin(at_line, types.Array)
+def _at_line(context, builder, signature, arguments):
+    """Move the data of an array to a line: `_getvalue`. Without this name they stay."""
+    [kind], word = signature.args, ir.IntType(64)
+    b = uncounted_value(context, builder, kind, arguments[0])
+    array = context.make_array(kind)(context, builder, b)
+    last = builder.add(builder.ptrtoint(array.data, word), ir.Constant(word, 8 * LINE - 1))
+    first = builder.and_(last, ir.Constant(word, -8 * LINE))
+    array.data = builder.inttoptr(first, array.data.type)
+    with suppress(AttributeError):
+        return array._getvalue()
+    return b
+
+
+# ------------------------------------------------------------------------------------------- lines
+# Eight lanes in a register: a loop over lines is SIMD whatever the number of lanes, and whatever
+# LLVM knows of the rows. Calls are typed and lowered here, as overloads would have to be compiled.
+class _Line(types.Type):
+    """The type of eight numbers in a register."""
+
+
+_LINE, _VECTOR = _Line("line"), ir.VectorType(ir.DoubleType(), LINE)
+
+
+@register_model(_Line)
+class _LineModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, _VECTOR)
+
+
+def load(b, row, l):
+    """Return the line that begins at b[row, l], for a C-contiguous b; l may be beyond the row."""
+    first = row * b.shape[1] + l
+    return b.reshape(-1)[first : first + LINE].copy()
+
+
+def store(b, row, l, line):
+    """Write a line to b, from b[row, l] on."""
+    first = row * b.shape[1] + l
+    b.reshape(-1)[first : first + LINE] = line
+
+
+def line_of(number):
+    """Return a line of equal numbers."""
+    return np.full(LINE, number)
+
+
+type_callable(load)(lambda context: lambda b, row, l: _LINE)
+type_callable(store)(lambda context: lambda b, row, l, line: types.none)
+type_callable(line_of)(lambda context: lambda number: _LINE)
+
+
+def _address(context, builder, kinds, b, row, l):
+    array = context.make_array(kinds[0])(context, builder, b)
+    row, l = (
+        context.cast(builder, each, kind, types.intp)
+        for each, kind in zip((row, l), kinds[1:3], strict=True)
+    )
+    lanes = builder.extract_value(array.shape, 1)
+    first = builder.gep(array.data, [builder.add(builder.mul(row, lanes), l)])
+    return builder.bitcast(first, _VECTOR.as_pointer())
+
+
+@lower_builtin(load, types.Array, types.Integer, types.Integer)
+def _load(context, builder, signature, arguments):
+    return builder.load(_address(context, builder, signature.args, *arguments), align=8)
+
+
+@lower_builtin(store, types.Array, types.Integer, types.Integer, _LINE)
+def _store(context, builder, signature, arguments):
+    *place, line = arguments
+    builder.store(line, _address(context, builder, signature.args, *place), align=8)
+    return context.get_dummy_value()
+
+
+@lower_builtin(line_of, types.Float)
+def _line_of(context, builder, signature, arguments):
+    nothing, word = ir.Constant(_VECTOR, ir.Undefined), ir.IntType(32)
+    first = builder.insert_element(nothing, arguments[0], ir.Constant(word, 0))
+    places = ir.Constant(ir.VectorType(word, LINE), [0] * LINE)
+    return builder.shuffle_vector(first, nothing, places)
+
+
+def _compute(operation, instruction):
+    """Let compiled code apply an operation to two lines."""
+
+    @type_callable(operation)
+    def choose(context):
+        return lambda a, b: _LINE if a == b == _LINE else None
+
+    @lower_builtin(operation, _LINE, _LINE)
+    def emit(context, builder, signature, arguments):
+        return getattr(builder, instruction)(*arguments)
+
+
+_compute(operator.add, "fadd")
+_compute(operator.sub, "fsub")
+_compute(operator.mul, "fmul")

@@ -15,6 +15,8 @@ NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other. A lo
   need not test whether arrays overlap; indices that do not begin at 0 are unsigned,
 - it calls formulas without branches (`select`), and nothing of the C library.
 
+Where numbers of rows or lanes are not constant, loops go by lines of lanes (`llvm`).
+
 All of them can be called from Python; `.py_func` is the Python function that was compiled. Constant
 integers have types of their own: a function that takes one is compiled for each value.
 """
@@ -65,7 +67,7 @@ def _delete_stale_files(folder):
             path.unlink(missing_ok=True)
 
 
-# Private names of Numba are used in four functions, here and in `llvm.py`, each of which does
+# Private names of Numba are used in five functions, here and in `llvm.py`, each of which does
 # without where they are missing: slower, and with the same results.
 def _use_cache(compiled, py_function):
     """Give a function its files: `FunctionCache`, `_cache`.
@@ -296,6 +298,11 @@ def uncounted(arrays):
 @overload(uncounted, jit_options=_FORMULA)
 def _compiled_borrowed(arrays):
     return lambda arrays: without_counts(arrays)
+
+
+@formula
+def keep(arrays):
+    """Let arrays live until here, where only `uncounted` ones were used before."""
 
 
 @formula

@@ -12,7 +12,8 @@ delta_k = (g_k + sum_j N_kj delta_j) / pivot_k.
 
 All of these are sums of products, the same for all states. They become a list of
 
-operations   (code, d, s, a, c, e, g): a code, the row d that it writes, and rows that it reads.
+operations   (code, d, s, a, c, e, g, times): a code, the row d that it writes, rows that it reads,
+             and for how many columns.
 
 One kernel carries them out for all fields, each operation as a loop over a row of lanes; nothing is
 compiled for a field. An operation never writes to a row that it reads, so LLVM vectorizes it. A row
@@ -34,30 +35,32 @@ MUL, MUL_2, ADD, ADD_2, INVERSE, ADVANCE, BEGIN = range(7)
 # has ended (see `steps_field.is_accurate`); 1. Then the components, x (D), from FIRST on, h v of
 # the terms (T), and what is computed.
 LEAST, LARGEST, NEAR, FAR, ENDED, ONE, FIRST = range(7)
-COLUMNS = 7  # numbers of an operation
+NUMBERS = 8  # of an operation
 PLANS = 32  # patterns whose plans are remembered
 
 
 class Plan(NamedTuple):
     """A list of operations, as arrays for kernels."""
 
-    operations: np.ndarray  # (n, 7)
+    operations: np.ndarray  # (n, 8)
     rows: int  # numbers of a lane
 
 
 class TangentPlan(NamedTuple):
-    """A list of operations for a step and its derivative.
+    """Lists of operations for a step and its derivative.
 
-    With M(x) = -h f'(x) the derivative is (1 - N(x))**-1 (1 - M(x_next)). Operations from `split`
-    on are M(x_next) and its elimination; those from `columns` on replace D columns q by -DPhi q.
-    Column r is in the D rows from `first` + D r on, its squared length in row `first` + D D + r.
+    With M(x) = -h f'(x) the derivative is (1 - N(x))**-1 (1 - M(x_next)). The operations of `step`
+    are followed by those of `back`, which are M(x_next) and its elimination. Those of `columns`
+    replace D columns q by -DPhi q, all columns by each: component i of column r is in the row
+    `first` + `width` i + r, and a `d`, `s`, `c` or `g` is the row of column 0.
     """
 
-    operations: np.ndarray  # (n, 7)
-    rows: int
-    split: int
-    columns: int
+    step: np.ndarray  # (n, 8)
+    back: np.ndarray
+    columns: np.ndarray
     first: int
+    width: int
+    rows: int
     pivots: np.ndarray  # (4, at most D): N_kk and M_kk after elimination, inverse pivots of both
 
 
@@ -243,7 +246,7 @@ def filled(pattern, order):
 
 
 def in_rows(values, kept):
-    """Return operations on rows (n, 7), the number of rows, and the row of each value.
+    """Return operations on rows (n, 8), the number of rows, and the row of each value.
 
     A row is reused after the last use of its value. `kept` has values that are needed longer, with
     the number of the operation until which they are.
@@ -253,13 +256,13 @@ def in_rows(values, kept):
         for each in (number, *sources):
             last[each] = max(n, kept.get(each, 0))
     rows, free, count = {each: each for each in range(values.fixed)}, [], values.fixed
-    array = np.zeros((len(values.operations), COLUMNS), np.uint32)
+    array = np.zeros((len(values.operations), NUMBERS), np.uint32)
     for n, (code, number, sources) in enumerate(values.operations):
         if number not in rows:
             rows[number] = free.pop() if free else count
             count = max(count, rows[number] + 1)
         where = slice(2, None) if code not in (MUL, MUL_2) else slice(3, None)
-        array[n, :2] = code, rows[number]
+        array[n, [0, 1, 7]] = code, rows[number], 1
         array[n, where][: len(sources)] = [rows[each] for each in sources]
         for each in {number, *sources}:
             if each >= values.fixed and last[each] == n:
@@ -310,8 +313,7 @@ def _plan_tangent(places, D):
     indices = np.frombuffer(places, np.int64).reshape(3, -1)
     T = indices.shape[1]
     minus_one = FIRST + D + 2 * T
-    first = minus_one + 1
-    values = _Values(first + D * D + D)
+    values = _Values(minus_one + 1)
     step, increments = _step(_Matrix(indices, D, values, FIRST + D), values)
     split = len(values.operations)
     values.operations.append((BEGIN, LEAST, (1, 1)))
@@ -321,49 +323,38 @@ def _plan_tangent(places, D):
         (step.diagonal[k], back.diagonal[k], step.inverse[k], back.inverse[k])
         for k in sorted(step.inverse)
     ]
-    rows_of_M = [
-        [(matrix.entry(i, j)[0], first + j) for j in sorted(matrix.columns[i])] for i in range(D)
-    ]
-    columns, before = len(values.operations), values.count
-    _first_column(values, step, [[(minus_one, first + i), *rows_of_M[i]] for i in range(D)], first)
-    # All columns need the values that the first one reads.
-    coefficients = {
-        number
-        for _, _, sources in values.operations[columns:]
-        for number in sources
-        if number < before
-    }
-    needed = {*increments, *(number for each in pivots for number in each), *coefficients}
-    kept = dict.fromkeys(needed, len(values.operations))
-    operations, rows, row_of = in_rows(values, kept)
+    M = {(i, j): matrix.entry(i, j)[0] for i, j in sorted(matrix.pattern)}
+    factors = step.inverse, step.lower, step.upper
+    parts = [increments, *pivots, M.values(), *(each.values() for each in factors)]
+    needed = {number for part in parts for number in part}
+    operations, first, row_of = in_rows(values, dict.fromkeys(needed, len(values.operations)))
+    factors = [{key: row_of[number] for key, number in each.items()} for each in factors]
+    products = [[(minus_one, first + i)] for i in range(D)]
+    for (i, j), number in M.items():
+        products[i].append((row_of[number], first + j))
+    columns, rows = _columns(step, *factors, products, first)
+    # Rows of an odd number of rows: components of a column do not compete for lines of a cache.
+    width = D | 1
+    columns[:, 7], numbers = D, columns[:, 1:7]
+    numbers[numbers >= first] = first + width * (numbers[numbers >= first] - first)
     table = np.array([[row_of[number] for number in each] for each in pivots], np.uint32)
-    parts = [operations[:columns]]
-    for r in range(D):
-        column = operations[columns:].copy()
-        numbers = column[:, 1:]
-        numbers[numbers == first + D * D] += r
-        numbers[(numbers >= first) & (numbers < first + D)] += D * r
-        parts.append(column)
-    return TangentPlan(
-        np.concatenate(parts),
-        rows,
-        split,
-        columns,
-        first,
-        np.ascontiguousarray(table.reshape(-1, 4).T),
-    )
+    pivots = np.ascontiguousarray(table.reshape(-1, 4).T)
+    rows = first + width * (rows - first)
+    return TangentPlan(operations[:split], operations[split:], columns, first, width, rows, pivots)
 
 
-def _first_column(values, step, products, first):
-    """Emit q = -DPhi q for the first column; `products` are those of the rows of 1 - M."""
-    D = len(products)
-    v = [values.total(None, products[i]) for i in range(D)]
+def _columns(step, inverse, lower, upper, products, first):
+    """Return operations for q = -DPhi q, with rows for one column, and their number.
+
+    All values are given by their rows; `products` are those of the rows of 1 - M.
+    """
+    values = _Values(first + len(products))
+    v = [values.total(None, each) for each in products]
     for k in step.order:
-        v[k] = values.total(v[k], [(step.lower[k, i], v[i]) for i in step.before[k]])
+        v[k] = values.total(v[k], [(lower[k, i], v[i]) for i in step.before[k]])
     for k in reversed(step.order):
-        value = values.total(v[k], [(step.upper[k, j], v[j]) for j in step.after[k]])
-        values.emit(MUL, value, step.inverse.get(k, ONE))
+        value = values.total(v[k], [(upper[k, j], v[j]) for j in step.after[k]])
+        values.emit(MUL, inverse.get(k, ONE), value)
         v[k] = first + k
         values.redirect(v[k])
-    values.total(None, [(number, number) for number in v])
-    values.redirect(first + D * D)
+    return in_rows(values, {})[:2]

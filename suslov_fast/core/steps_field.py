@@ -6,7 +6,7 @@ kernel serves all fields: it carries out a list of operations, planned from the 
 (`operations`). Where the increment cancels the state, or elimination loses digits, a lane solves
 A(x) x_next = x + (eps/2) l x + eps c, where l and c are the linear and constant parts.
 
-arguments   indices (3, T), the i, j and k of terms; operations (n, 7) and the number of rows;
+arguments   indices (3, T), the i, j and k of terms; operations (n, 8) and the number of rows;
             values (1 or B, T); eps (1 or B,)
 final       (B, D), the states that a run continues from; there is no carry
 
@@ -20,7 +20,8 @@ import numpy as np
 
 from .codes import NONFINITE, OK
 from .elimination import LEAST_PIVOT, larger, smaller, solve
-from .numba import formula, function, inlined, kernel, lesser, pick, select, share
+from .llvm import LINE, at_line, load, store
+from .numba import formula, function, inlined, keep, kernel, lesser, pick, select, share, uncounted
 from .operations import (
     ADD,
     ADD_2,
@@ -44,11 +45,10 @@ SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 
 @formula
 def lanes_of_fields(rows, count):
-    """Return how many of these trajectories go side by side: their rows stay in the caches."""
-    lanes = 128 if rows <= 1200 else 64 if rows <= 4000 else 32
-    if count == 0:
-        return 1  # of an empty batch, too, the number of blocks is a quotient
-    return lesser(lanes, count if count <= 8 else (count + 7) // 8 * 8)
+    """Return how many of these trajectories go side by side: one, or whole lines."""
+    lanes = 128 if rows <= 1200 else 64 if rows <= 4000 else 32  # their rows stay in the caches
+    # Of an empty batch, too, the number of blocks is a quotient.
+    return 1 if count <= 1 else lesser(lanes, (count + LINE - 1) // LINE * LINE)
 
 
 @formula
@@ -85,25 +85,36 @@ def is_accurate(b, l):
 
 
 @function
-def execute(operations, first, last, b):
-    """Carry out operations from `first` to before `last`, for all lanes of a block."""
+def execute(operations, b):
+    """Carry out operations for all lanes of a block, a multiple of LINE.
+
+    An operation on columns, which lie side by side, is for all of them: if column came after
+    column, each operation would wait for the one before it. Their lanes are a power of 2.
+    """
     lanes = b.shape[1]
-    for n in range(first, last):
+    for n in range(len(operations)):
         code, d, s = operations[n, 0], operations[n, 1], operations[n, 2]
         a, c = operations[n, 3], operations[n, 4]
         e, g = operations[n, 5], operations[n, 6]
+        width = operations[n, 7] * lanes
+        mask = -1 if width == lanes else lanes - 1  # a and e are the same for all columns
         if code == ADD_2:
-            for l in range(lanes):
-                b[d, l] = b[s, l] + b[a, l] * b[c, l] + b[e, l] * b[g, l]
+            for m in range(0, width, LINE):
+                product = load(b, a, m & mask) * load(b, c, m)
+                more = load(b, e, m & mask) * load(b, g, m)
+                store(b, d, m, load(b, s, m) + product + more)
         elif code == ADD:
-            for l in range(lanes):
-                b[d, l] = b[s, l] + b[a, l] * b[c, l]
+            for m in range(0, width, LINE):
+                product = load(b, a, m & mask) * load(b, c, m)
+                store(b, d, m, load(b, s, m) + product)
         elif code == MUL_2:
-            for l in range(lanes):
-                b[d, l] = b[a, l] * b[c, l] + b[e, l] * b[g, l]
+            for m in range(0, width, LINE):
+                product = load(b, a, m & mask) * load(b, c, m)
+                more = load(b, e, m & mask) * load(b, g, m)
+                store(b, d, m, product + more)
         elif code == MUL:
-            for l in range(lanes):
-                b[d, l] = b[a, l] * b[c, l]
+            for m in range(0, width, LINE):
+                store(b, d, m, load(b, a, m & mask) * load(b, c, m))
         elif code == INVERSE:
             for l in range(lanes):
                 b[d, l], b[LEAST, l], b[LARGEST, l] = divide(
@@ -124,9 +135,9 @@ def execute(operations, first, last, b):
 
 
 @function
-def execute_one(operations, first, last, b):
+def execute_one(operations, b):
     """Carry out operations for a block of one lane: as `execute`, without loops."""
-    for n in range(first, last):
+    for n in range(len(operations)):
         code, d, s = operations[n, 0], operations[n, 1], operations[n, 2]
         given, left, right = b[s, 0], b[operations[n, 3], 0], b[operations[n, 4], 0]
         more = b[operations[n, 5], 0] * b[operations[n, 6], 0]  # rows that do not count are 0
@@ -150,17 +161,13 @@ def execute_one(operations, first, last, b):
         b[d, 0] = value
 
 
-@inlined
-def advance_block(operations, count, b):
-    """Carry out the `count` operations of a step; return how many lanes lose digits by it."""
-    lanes, to_solve = b.shape[1], 0
-    if lanes == 1:
-        execute_one(operations, 0, count, b)
-    else:
-        execute(operations, 0, count, b)
-    for l in range(lanes):
-        to_solve += select(is_accurate(b, l), 0, 1)
-    return to_solve
+@formula
+def count_inaccurate(b):
+    """Return how many lanes have lost digits by a step."""
+    count = 0
+    for l in range(b.shape[1]):
+        count += select(is_accurate(b, l), 0, 1)
+    return count
 
 
 @inlined
@@ -170,11 +177,11 @@ def memory_of_lane(D, columns):
 
 
 @inlined
-def restore(operations, count, b, l, x):
-    """Fill x with the state of lane l before the `count` operations of a step."""
+def restore(operations, b, l, x):
+    """Fill x with the state of lane l before the operations of a step."""
     for i in range(len(x)):
         x[i] = b[FIRST + i, l]
-    n = count - 1
+    n = len(operations) - 1
     while operations[n, 0] == ADVANCE:
         x[operations[n, 1] - FIRST] = b[operations[n, 2], l]
         n -= 1
@@ -196,11 +203,11 @@ def fill_system(indices, b, l, sign, x, system):
 
 
 @inlined
-def solve_lane(indices, operations, count, b, l, memory):
-    """Take the step of lane l, after its `count` operations, by `solve`; return its status."""
+def solve_lane(indices, operations, b, l, memory):
+    """Take the step of lane l, after its operations, by `solve`; return its status."""
     system, units, x = memory
     D = len(x)
-    restore(operations, count, b, l, x)
+    restore(operations, b, l, x)
     fill_system(indices, b, l, 1.0, x, system)
     for i in range(D):
         system[i, D, 0] = x[i]
@@ -220,15 +227,15 @@ def field_step_of_one(system, given, out, memory):
     """Write the state that follows `given` to `out`; return its status. For `compiled`."""
     half, indices, operations, _, _ = system
     b, one = memory
-    D, count, status = len(given), len(operations), OK
+    D, status = len(given), OK
     b[ONE, 0], b[ENDED, 0] = 1.0, 0.0
     for i in range(D):
         b[FIRST + i, 0] = given[i]
     for t in range(len(half)):
         b[FIRST + D + t, 0] = half[t]
-    execute_one(operations, 0, count, b)
+    execute_one(operations, b)
     if not is_accurate(b, 0):
-        status = solve_lane(indices, operations, count, b, 0, one)
+        status = solve_lane(indices, operations, b, 0, one)
     for i in range(D):
         out[i] = b[FIRST + i, 0]
     return status
@@ -280,11 +287,12 @@ def enter_fields(values, eps, states, b, begin, end, start, status, failed_at):
 @kernel
 def field_steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part, as `steps_3d.steps`."""
-    indices, (operations, rows), values, eps = arguments
+    indices, (operations, rows), values, eps = uncounted(arguments)
     first, last, start, stop, every, next_row = span
-    count, D = len(operations), omega0.shape[1]
+    D = omega0.shape[1]
     lanes = lanes_of_fields(rows, (last - first + parts - 1) // parts)
-    b, one = np.empty((rows, lanes)), memory_of_lane(D, 1)
+    memory = np.empty((rows + LINE, lanes)), memory_of_lane(D, 1)
+    b, one = at_line(memory[0]), uncounted(memory[1])
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
@@ -292,16 +300,21 @@ def field_steps(part, parts, arguments, omega0, carry, span, saved, final, statu
         states = omega0 if start == 0 else final
         enter_fields(values, eps, states, b, begin, end, start, status, failed_at)
         for n in range(start, stop + 1):
-            if n > start and advance_block(operations, count, b) > 0:
-                for l in range(lanes):
+            if n > start:
+                if lanes == 1:
+                    execute_one(operations, b)
+                else:
+                    execute(operations, b)
+                for l in range(lanes if count_inaccurate(b) > 0 else 0):
                     if not is_accurate(b, l):
-                        code = solve_lane(indices, operations, count, b, l, one)
+                        code = solve_lane(indices, operations, b, l, one)
                         if code != OK and begin + l < end:
                             status[begin + l], failed_at[begin + l] = code, n
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write_states(b[FIRST:], begin, end, saved[row])
                 row += 1
         write_states(b[FIRST:], begin, end, final)
+    keep(memory)
 
 
 @function

@@ -19,27 +19,25 @@ import numpy as np
 
 from .codes import OK
 from .elimination import determinant_of, solve
-from .numba import function, inlined, kernel, lesser, select, share
+from .llvm import LINE, at_line, line_of, load, store
+from .numba import function, inlined, keep, kernel, lesser, select, share, uncounted
 from .operations import ENDED, FIRST
-from .rows import ones_at_line
 from .steps_field import (
-    advance_block,
+    count_inaccurate,
     enter_fields,
     execute,
-    execute_one,
     fill_system,
     is_accurate,
-    lanes_of_fields,
     memory_of_lane,
     restore,
     solve_lane,
 )
 
 # Rows of g: 1 if a lane is left to `derive`; the status of its step; |det DPhi| of that; 1 if its
-# columns are to be orthonormalised; two for the test whether they are. From VOLUME on they are
-# carried: |det| of the columns; the product of the factors of |det DPhi| that are near 1, less 1;
-# that of the others; and, from LENGTHS on, products of lengths.
-TO_SOLVE, CODE, SOLVED, DUE, SIZE, POWER, VOLUME, NEAR_1, FAR_FROM_1, LENGTHS = range(10)
+# columns are to be orthonormalised; two for the test whether they are; a length. From VOLUME on
+# they are carried: |det| of the columns; the product of the factors of |det DPhi| that are near 1,
+# less 1; that of the others; and, from LENGTHS on, products of lengths.
+TO_SOLVE, CODE, SOLVED, DUE, SIZE, POWER, LENGTH, VOLUME, NEAR_1, FAR_FROM_1, LENGTHS = range(11)
 # Logarithms are taken of products that leave these ranges: what lies within keeps its digits.
 NEAR_1_LEAST, NEAR_1_LARGEST, LEAST_LENGTH, LARGEST_LENGTH = -0.999, 1e3, 1e-100, 1e100
 # Columns are orthonormalised after every INTERVAL steps, and earlier where they may lose digits. Of
@@ -50,23 +48,20 @@ NEAR_1_LEAST, NEAR_1_LARGEST, LEAST_LENGTH, LARGEST_LENGTH = -0.999, 1e3, 1e-100
 INTERVAL, LIMIT, LEAST_SIZE, LARGEST_SIZE = 16, 64.0, 1e-100, 1e100
 
 
-@function
-def aligned_block(rows, lanes):
-    """Return a block that begins at a cache line. (Inlined, it compiles twice.)"""
-    return ones_at_line(rows * lanes).reshape((rows, lanes))
-
-
 @inlined
 def memory_of_tangents(rows, D, count):
     """Return b and g, numbers of lanes; derivatives by `derive`; its memory and `solve_lane`'s."""
-    lanes = lanes_of_fields(rows, count)
-    b, g = aligned_block(rows, lanes), aligned_block(LENGTHS + D, lanes)
+    most, lanes = 128 if rows <= 250 else 64 if rows <= 1200 else 32, LINE
+    while lanes < lesser(count, most):
+        lanes *= 2
+    b, g = np.empty((rows + LINE, lanes)), np.empty((LENGTHS + D + LINE, lanes))
     return b, g, np.empty((lanes, D, D)), memory_of_lane(D, 1), memory_of_lane(D, D)
 
 
 @inlined
-def derive(indices, operations, split, first, b, l, memory, out):
+def derive(indices, plan, b, l, memory, out):
     """Fill out[r] with -DPhi q, for column r of lane l, by partial pivoting; return det DPhi."""
+    step, _, _, first, width, _, _ = plan
     system, units, x = memory
     D = len(x)
     for i in range(D):
@@ -77,10 +72,10 @@ def derive(indices, operations, split, first, b, l, memory, out):
             out[r, i] = 0.0
             system[i, D + r, 0] = 0.0
             for j in range(D):
-                out[r, i] -= system[i, j, 0] * b[first + D * r + j, l]
+                out[r, i] -= system[i, j, 0] * b[first + width * j + r, l]
     solve(system, units)
     determinant = determinant_of(system, units)
-    restore(operations, split, b, l, x)
+    restore(step, b, l, x)
     fill_system(indices, b, l, 1.0, x, system)
     for i in range(D):
         for r in range(D):
@@ -94,39 +89,30 @@ def derive(indices, operations, split, first, b, l, memory, out):
 
 
 @inlined
-def carry_out(operations, begin, end, b):
-    """Carry out operations from `begin` to before `end`."""
-    if b.shape[1] == 1:
-        execute_one(operations, begin, end, b)
-    else:
-        execute(operations, begin, end, b)
-
-
-@inlined
 def tangent_step(indices, plan, b, g, solved, of_step, of_tangent):
     """Take the step of all lanes, and replace their columns q by -DPhi q."""
-    operations, _, split, columns, first, _ = plan
+    step, back, columns, first, width, _, _ = plan
     lanes, D = b.shape[1], solved.shape[1]
-    to_solve = advance_block(operations, split, b)
+    execute(step, b)
+    to_solve = count_inaccurate(b)
     for l in range(lanes):
         g[TO_SOLVE, l], g[CODE, l] = 0.0, OK
         if to_solve > 0 and not is_accurate(b, l):
-            g[CODE, l] = solve_lane(indices, operations, split, b, l, of_step)
+            g[CODE, l] = solve_lane(indices, step, b, l, of_step)
             g[TO_SOLVE, l] = 1.0
-    carry_out(operations, split, columns, b)
+    execute(back, b)
     to_solve = 0
     for l in range(lanes):
         g[TO_SOLVE, l] = select(is_accurate(b, l), g[TO_SOLVE, l], 1.0)
         to_solve += select(g[TO_SOLVE, l] > 0.0, 1, 0)
     for l in range(lanes if to_solve > 0 else 0):
         if g[TO_SOLVE, l] > 0.0:
-            g[SOLVED, l] = abs(
-                derive(indices, operations, split, first, b, l, of_tangent, solved[l])
-            )
-    carry_out(operations, columns, len(operations), b)
+            g[SOLVED, l] = abs(derive(indices, plan, b, l, of_tangent, solved[l]))
+    execute(columns, b)
     for l in range(lanes if to_solve > 0 else 0):
-        for k in range(D * D if g[TO_SOLVE, l] > 0.0 else 0):
-            b[first + k, l] = solved[l, k // D, k % D]
+        for i in range(D if g[TO_SOLVE, l] > 0.0 else 0):
+            for r in range(D):
+                b[first + width * i + r, l] = solved[l, r, i]
 
 
 @inlined
@@ -141,46 +127,53 @@ def enter_tangents(values, eps, states, b, begin, end, start, status, failed_at)
         b[half + 2 * T, l] = -1.0
 
 
+@inlined
+def enter_units(b, first, width, D):
+    """Let the columns be those of the identity."""
+    for i in range(D):
+        for r in range(D):
+            for l in range(b.shape[1]):
+                b[first + width * i + r, l] = 1.0 if i == r else 0.0
+
+
 @kernel
 def jacobians(part, parts, arguments, x, out):
     """Fill out (B, D, D) with DPhi at the states x (B, D), NaN where it does not exist."""
     (indices, plan, values, eps), (B, D) = arguments, x.shape
-    _, rows, _, _, first_row, _ = plan
+    _, _, _, first_row, width, rows, _ = plan
     b, g, solved, of_step, of_tangent = memory_of_tangents(rows, D, B)
     lanes, status, failed_at = b.shape[1], np.zeros(B, np.int8), np.empty(B, np.int64)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
     for begin in range(first_block * lanes, lesser(last_block * lanes, B), lanes):
         end = lesser(begin + lanes, B)
         enter_tangents(values, eps, x, b, begin, end, 0, status, failed_at)
-        for k in range(D * D):
-            for l in range(lanes):
-                b[first_row + k, l] = 1.0 if k % (D + 1) == 0 else 0.0
+        enter_units(b, first_row, width, D)
         tangent_step(indices, plan, b, g, solved, of_step, of_tangent)
         for l in range(end - begin):
             for i in range(D):
                 for r in range(D):
-                    out[begin + l, i, r] = 0.0 * b[FIRST + i, l] - b[first_row + D * r + i, l]
+                    out[begin + l, i, r] = 0.0 * b[FIRST + i, l] - b[first_row + width * i + r, l]
 
 
 @kernel
 def densities(part, parts, arguments, x, out):
     """Fill out (B,) with 1 / det A at the states x (B, D), infinite where it is 0 to rounding."""
     (indices, plan, values, eps), (B, D) = arguments, x.shape
-    operations, rows, split, _, _, pivots = plan
+    step, _, _, _, _, rows, pivots = plan
     b, _, _, of_step, _ = memory_of_tangents(rows, D, B)
     lanes, status, failed_at = b.shape[1], np.zeros(B, np.int8), np.empty(B, np.int64)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
     for begin in range(first_block * lanes, lesser(last_block * lanes, B), lanes):
         end = lesser(begin + lanes, B)
         enter_tangents(values, eps, x, b, begin, end, 0, status, failed_at)
-        advance_block(operations, split, b)
+        execute(step, b)
         for l in range(end - begin):
             density = 1.0
             if is_accurate(b, l):
                 for k in range(pivots.shape[1]):
                     density *= b[pivots[2, k], l]
             else:
-                solve_lane(indices, operations, split, b, l, of_step)
+                solve_lane(indices, step, b, l, of_step)
                 density = 1.0 / np.float64(determinant_of(of_step[0], of_step[1]))
             for i in range(D):
                 density += 0.0 * x[begin + l, i]
@@ -204,28 +197,33 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     sums, of_det   (B, D) and (B,), to which logarithms are added; NaN after a failure
     status, failed_at   (B,), as of `steps_field.field_steps`
     """
-    indices, plan, values, eps = arguments
-    _, rows, _, _, first_row, pivots = plan
+    indices, plan, values, eps = uncounted(arguments)
+    sums, of_det = uncounted((sums, of_det))
+    _, _, _, first_row, width, rows, pivots = plan
     first, last, start, stop, steps = span
     D = x0.shape[1]
     count = (last - first + parts - 1) // parts
-    b, g, solved, of_step, of_tangent = memory_of_tangents(rows, D, count)
+    memory = memory_of_tangents(rows, D, count)
+    b, g = at_line(memory[0]), at_line(memory[1])
+    solved, of_step, of_tangent = uncounted(memory[2:])
     lanes, carried = b.shape[1], D + D * D
-    along = np.empty(lanes)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin = first + block * lanes
         end = lesser(begin + lanes, last)
         states = x0 if start == 0 else carry[:, :D]
         enter_tangents(values, eps, states, b, begin, end, start, status, failed_at)
-        for l in range(lanes):
-            i = lesser(begin + l, end - 1)
-            for k in range(D * D):
-                unit = 1.0 if k % (D + 1) == 0 else 0.0
-                b[first_row + k, l] = unit if start == 0 else carry[i, D + k]
-            for k in range(VOLUME, LENGTHS + D):
-                one = 0.0 if k == NEAR_1 else 1.0
-                g[k, l] = one if start == 0 else carry[i, carried + k - VOLUME]
+        enter_units(b, first_row, width, D)
+        for k in range(VOLUME, LENGTHS + D):
+            for l in range(lanes):
+                g[k, l] = 0.0 if k == NEAR_1 else 1.0
+        for l in range(lanes if start > 0 else 0):
+            k = lesser(begin + l, end - 1)
+            for i in range(D):
+                for r in range(D):
+                    b[first_row + width * i + r, l] = carry[k, D + D * i + r]
+            for j in range(VOLUME, LENGTHS + D):
+                g[j, l] = carry[k, carried + j - VOLUME]
         for n in range(start + 1, stop + 1):
             tangent_step(indices, plan, b, g, solved, of_step, of_tangent)
             multiply_determinants(pivots, b, g)
@@ -233,19 +231,23 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                 if g[CODE, l] != OK:
                     status[begin + l], failed_at[begin + l] = int(g[CODE, l]), n
             is_last = n == steps
-            if count_due(b, first_row, D, g, is_last or n % INTERVAL == 0) > 0:
-                orthonormalise(b, first_row, D, g, along)
+            if count_due(b, first_row, width, D, g, is_last or n % INTERVAL == 0) > 0:
+                orthonormalise(b, first_row, width, D, g)
             take_logarithms(g, sums, of_det, begin, end, is_last)
         for l in range(end - begin):
             i = begin + l
             of_det[i] += 0.0 * b[FIRST, l]
             for k in range(D):
-                carry[i, k] = b[FIRST + k, l]
                 sums[i, k] += 0.0 * b[FIRST + k, l]
-            for k in range(D * D):
-                carry[i, D + k] = b[first_row + k, l]
-            for k in range(VOLUME, LENGTHS + D):
-                carry[i, carried + k - VOLUME] = g[k, l]
+        for l in range(end - begin if stop < steps else 0):
+            k = begin + l
+            for i in range(D):
+                carry[k, i] = b[FIRST + i, l]
+                for r in range(D):
+                    carry[k, D + D * i + r] = b[first_row + width * i + r, l]
+            for j in range(VOLUME, LENGTHS + D):
+                carry[k, carried + j - VOLUME] = g[j, l]
+    keep(memory)
 
 
 @function
@@ -271,18 +273,22 @@ def multiply_determinants(pivots, b, g):
 
 
 @function
-def count_due(b, first, D, g, always):
+def count_due(b, first, width, D, g, always):
     """Mark the lanes whose columns are to be orthonormalised, and count them."""
     lanes, due = b.shape[1], 0
-    for l in range(lanes):
-        g[SIZE, l], g[POWER, l] = 0.0, 1.0
-    for r in range(D):
-        for l in range(lanes):
-            g[SIZE, l] += b[first + D * D + r, l]
-    per_D = 1.0 / D
-    for _ in range(D):
-        for l in range(lanes):
-            g[POWER, l] *= per_D * g[SIZE, l]
+    for l in range(0, lanes, LINE):
+        size, power = line_of(0.0), line_of(1.0)
+        for r in range(D):
+            square = line_of(0.0)
+            for i in range(D):
+                x = load(b, first + width * i + r, l)
+                square = square + x * x
+            size = size + square
+        mean = line_of(1.0 / D) * size
+        for _ in range(D):
+            power = power * mean
+        store(g, SIZE, l, size)
+        store(g, POWER, l, power)
     for l in range(lanes):
         size, most = g[SIZE, l], LIMIT * g[VOLUME, l]
         good = (size > LEAST_SIZE) & (size < LARGEST_SIZE) & (g[POWER, l] < most * most)
@@ -292,39 +298,38 @@ def count_due(b, first, D, g, always):
 
 
 @function
-def orthonormalise(b, first, D, g, along):
+def orthonormalise(b, first, width, D, g):
     """Orthonormalise the columns of lanes that are due; multiply the lengths. Columns may be 0."""
     lanes = b.shape[1]
     for l in range(lanes):
         g[VOLUME, l] = select(g[DUE, l] > 0.0, 1.0, g[VOLUME, l])
     for r in range(D):
-        row = first + D * r
         for s in range(r):  # the modified Gram-Schmidt method
-            other = first + D * s
-            for l in range(lanes):
-                along[l] = 0.0
+            for l in range(0, lanes, LINE):
+                part = line_of(0.0)
+                for i in range(D):
+                    row = first + width * i
+                    part = part + load(b, row + s, l) * load(b, row + r, l)
+                part = part * load(g, DUE, l)
+                for i in range(D):
+                    row = first + width * i
+                    store(b, row + r, l, load(b, row + r, l) - part * load(b, row + s, l))
+        for l in range(0, lanes, LINE):
+            square = line_of(0.0)
             for i in range(D):
-                for l in range(lanes):
-                    along[l] += b[other + i, l] * b[row + i, l]
-            for l in range(lanes):
-                along[l] *= g[DUE, l]
-            for i in range(D):
-                for l in range(lanes):
-                    b[row + i, l] -= along[l] * b[other + i, l]
+                x = load(b, first + width * i + r, l)
+                square = square + x * x
+            store(g, LENGTH, l, square)
         for l in range(lanes):
-            along[l] = 0.0
-        for i in range(D):
-            for l in range(lanes):
-                along[l] += b[row + i, l] * b[row + i, l]
-        for l in range(lanes):
-            length = select(g[DUE, l] > 0.0, np.sqrt(along[l]), 1.0)
+            length = select(g[DUE, l] > 0.0, np.sqrt(g[LENGTH, l]), 1.0)
             g[LENGTHS + r, l] *= length
             # No volume shows how columns beside one that is 0 grow together.
             g[VOLUME, l] *= select(length == 0.0, 0.0, 1.0)
-            along[l] = select(length == 0.0, 0.0, 1.0 / length)
+            g[LENGTH, l] = select(length == 0.0, 0.0, 1.0 / length)
         for i in range(D):
-            for l in range(lanes):
-                b[row + i, l] *= along[l]
+            row = first + width * i + r
+            for l in range(0, lanes, LINE):
+                store(b, row, l, load(b, row, l) * load(g, LENGTH, l))
 
 
 @function

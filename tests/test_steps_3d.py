@@ -146,26 +146,40 @@ def test_a_step_is_the_first_of_a_run(mixture):
 
 def test_pairs_are_written_by_whole_cache_lines(rng):
     """From every place, and of all numbers of pairs before, in and after the lines."""
-    source, flat = rng.normal(size=80), np.empty(80)
+    source, flat = rng.normal(size=80), np.empty(100)
     lead = -(flat.ctypes.data // 8) % 8  # numbers before the first line
     for place, count in product(range(10), (0, 1, 7, 8, 9, 30)):
         flat[:] = 0.0
         rows.write_pairs(source, 1, 41, flat, place, count, lead, 8)
-        expected = np.zeros(80)
+        expected = np.zeros(100)
         pairs = np.stack([source[1 : 1 + count], source[41 : 41 + count]], axis=-1)
         expected[place : place + 2 * count] = pairs.ravel()
         np.testing.assert_array_equal(flat, expected)
+    for place, count in product(range(0, 10, 2), (16, 17, 23)):  # of blocks that share 8 pairs
+        flat[:] = 0.0
+        for first, after, before in ((1, False, True), (9, True, True), (17, True, False)):
+            size, at = 16 if before else count, place + 2 * (first - 1)
+            rows.write_pairs(source, first, 40 + first, flat, at, size, lead, 16, after, before)
+        pairs = np.stack([source[1 : 17 + count], source[41 : 57 + count]], axis=-1)
+        np.testing.assert_array_equal(flat[place : place + 2 * (16 + count)], pairs.ravel())
+        assert (flat[:place] == 0.0).all() and (flat[place + 2 * (16 + count) :] == 0.0).all()
 
 
 @pytest.mark.compiled
 @pytest.mark.filterwarnings("ignore")  # of missing states
-@pytest.mark.parametrize("size", [299, 300])
+@pytest.mark.parametrize("size", [297, 298, 299, 300])
 def test_large_outputs(mixture, size):
     """They leave past the caches, in whole cache lines, which begin within a trajectory."""
-    whole, few = ([each[:n] for each in mixture] for n in (size, 100))
-    same([run(*whole, 1800).states[:, :100]], [run(*few, 1800).states])
-    n = np.arange(1800)
-    same([sf.exact(*whole, n)[:, :100]], [sf.exact(*few, n)])
+    whole = [each[:size] for each in mixture]
+    n, parts = np.arange(1800), np.array_split(np.arange(size), 3)
+    few = [[each[part] for each in whole] for part in parts]
+    states = np.concatenate([run(*each, 1800).states for each in few], 1)
+    for threads in (1, 2):
+        saved = sf.iterate(*whole, 1800, threads=threads, on_singular="ignore").states
+        same([saved], [states])
+    same([sf.exact(*whole, n)], [np.concatenate([sf.exact(*each, n) for each in few], 1)])
+    run_of_parts = run(*whole, 5).extend(1795, on_singular="ignore")
+    same([run_of_parts.states, run_of_parts.status], [states, run(*whole, 1800, None).status])
 
 
 @pytest.mark.compiled

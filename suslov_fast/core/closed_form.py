@@ -346,16 +346,19 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     b = np.ones((ROWS, LANES))
     numbers = b.reshape(b.size)
     abreast, started = LANES // B if 0 < B < LANES else 1, -1
-    lead, shift = alignment(out, FIRST, B, LANES)
-    blocks, rows = (B + shift + LANES - 1) // LANES, (N + abreast - 1) // abreast
+    lead, shift, shared = alignment(out, FIRST, B, LANES)
+    own = LANES - shared
+    blocks, rows = (B + shift + own - 1) // own, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
     common, filled = parameters[0].size == 1, False
     for parameter in parameters[1:]:
         common = common and parameter.size == 1
     for task in range(begin, end):
         block, row = task // rows, task % rows * abreast
-        first = block * LANES - shift if block > 0 else 0
-        width, count = lesser((block + 1) * LANES - shift, B) - first, lesser(abreast, N - row)
+        first = block * own - shift if block > 0 else 0
+        last = lesser((block + 1) * own - shift, B)
+        width, count = lesser(last + shared, B) - first, lesser(abreast, N - row)
+        after, before = shared > 0 and block > 0, shared > 0 and last < B
         used = width * count
         if block != started:
             if not filled:
@@ -385,7 +388,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
                 b[OUT1, l], b[OUT2, l] = np.nan, np.nan
                 reasons[reason(b, l), first + l % width] = True
         place = 2 * (row * B + first)
-        write_pairs(numbers, OUT1 * LANES, OUT2 * LANES, flat, place, used, lead, LANES)
+        write_pairs(numbers, OUT1 * LANES, OUT2 * LANES, flat, place, used, lead, LANES, after, before)
 
 
 @universal("(),(),(),(),(),(),(d)->(d),(d)")

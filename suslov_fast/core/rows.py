@@ -19,35 +19,44 @@ def ones_at_line(size):
 
 @formula
 def alignment(out, begin, batch, lanes):
-    """Return two numbers that align the writing of `out` with cache lines.
+    """Return three numbers that align the writing of `out` with cache lines.
 
     The first is how many numbers of `out` lie before its first cache line, -1 if `out` is small.
     The second is by how many trajectories, of two numbers each, the block of lanes from trajectory
     `begin` on must be shorter for later blocks to begin at a line. (Large arrays of NumPy begin 16
-    bytes after one.)
+    bytes after one.) Where the rows of `out` begin at different places of a line, no block can: the
+    third is how many trajectories a block has in common with the next one, so that each line is
+    written whole, by one of them. A line of two blocks would be fetched first, in twice the time.
     """
     lead = -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
-    aligned = lead >= 0 and batch % 4 == 0 and batch > lanes > 1
-    return lead, (begin - lead // 2) % 4 if aligned else 0
+    if lead < 0 or lead % 2 == 1 or batch <= lanes or lanes == 1:
+        return lead, 0, 0
+    return (lead, (begin - lead // 2) % 4, 0) if batch % 4 == 0 else (lead, 0, LINE)
 
 
 @formula
-def write_pairs(source, first, second, flat, place, count, lead, lanes):
+def write_pairs(source, first, second, flat, place, count, lead, lanes, after=False, before=False):
     """Interleave two rows into flat[place : place + 2 * count], by whole cache lines if possible.
 
     They are source[first : first + count] and source[second : second + count], of blocks of `lanes`
-    lanes, a constant.
+    lanes, a constant. LINE pairs may be those of two blocks: a block after another one leaves the
+    pairs ahead of its first cache line to that one; a block before another one is full, and leaves
+    to that one what follows its last lines but one.
     """
     ahead = (lead - place) % LINE if lead >= 0 else 1
-    if ahead == 0 and count == lanes:  # a constant number of lines takes three quarters of the time
-        for l in range(0, lanes, LINE):
-            stream_pairs(flat, place + 2 * l, source, first + l, second + l)
-        return
-    head = count if ahead % 2 == 1 else lesser(ahead // 2, count)  # pairs before a cache line
-    lines = (count - head) // LINE
-    for l in range(head):
+    head = count if ahead % 2 == 1 else lesser(ahead // 2, count)  # pairs ahead of a cache line
+    for l in range(0 if after else head):
         flat[place + 2 * l], flat[place + 2 * l + 1] = source[first + l], source[second + l]
-    for j in range(lines):
+    lines, most = (count - head) // LINE, lanes // LINE - 1
+    written = 0
+    if lines >= most:  # a constant number of lines takes three quarters of the time
+        for j in range(most):
+            l = head + LINE * j
+            stream_pairs(flat, place + 2 * l, source, first + l, second + l)
+        written = most
+    if before:
+        return
+    for j in range(written, lines):
         l = head + LINE * j
         stream_pairs(flat, place + 2 * l, source, first + l, second + l)
     for l in range(head + LINE * lines, count):

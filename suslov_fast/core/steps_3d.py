@@ -339,11 +339,15 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     common = parameters[0].size == 1
     for parameter in parameters[1:]:
         common = common and parameter.size == 1
-    lead, shift = alignment(saved, begin, B, abreast)
-    first_block, last_block = share((end - begin + shift + abreast - 1) // abreast, part, parts)
+    lead, shift, shared = alignment(saved, begin, B, abreast)
+    own = abreast - shared
+    first_block, last_block = share((end - begin + shift + own - 1) // own, part, parts)
+    end = lesser(begin + last_block * own - shift, end)
     for block in range(first_block, last_block):
-        first = begin + (block * abreast - shift if block > 0 else 0)
-        width = lesser(begin + (block + 1) * abreast - shift, end) - first
+        first = begin + (block * own - shift if block > 0 else 0)
+        last = lesser(begin + (block + 1) * own - shift, end)
+        width = lesser(last + shared, end) - first
+        after, before = shared > 0 and block > first_block, shared > 0 and last < end
         if not common or block == first_block:
             fill_frames(b, abreast, first, width, parameters)
         if start == 0:
@@ -368,7 +372,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                     b[W1, l], b[W2, l] = state_at(b, l)
             if n == due:
                 place = 2 * (row * B + first)
-                write_pairs(rows, W1 * LANES, W2 * LANES, flat, place, width, lead, LANES)
+                write_pairs(rows, W1 * LANES, W2 * LANES, flat, place, width, lead, LANES, after, before)
                 due, row = due + every, row + 1
             if n == stop:
                 break
@@ -378,6 +382,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             elif not stepped:
                 take_steps(b, LANES, plains, n, pause)
             n = pause
+        width = last - first
         for l in range(width if plains == LANES else 0):  # without branches
             i = first + l
             final[i, 0], final[i, 1] = b[W1, l], b[W2, l]

@@ -83,7 +83,7 @@ class Map:
        if it is NaN, as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do
        nothing else.
     4. A run is cut into calls anywhere, in time and in the batch, and all cuts give the same bits.
-       Steps continue from `final` (B, D) and from `carry` (B, carried), whose contents the kernel
+       Steps continue from `final` (B, D) and from `carry` (carried, B), whose contents the kernel
        chooses: both are read if start > 0, and written at `stop`.
     5. If every > 0, state n is saved if start < n <= stop, or n = start = 0, and n is a multiple of
        `every`: the first of them to saved[row], the next to saved[row + 1]; `saved` is

@@ -204,7 +204,7 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
         assert len(memory_of_one(3)) == 2
     states = []
     for steps in (steps_3d.steps, steps_3d.steps.py_func):
-        carry, saved, final = np.empty((1, steps_3d.CARRIED)), np.empty((6, 1, 2)), np.empty((1, 2))
+        carry, saved, final = np.empty((steps_3d.CARRIED, 1)), np.empty((6, 1, 2)), np.empty((1, 2))
         given = tuple(np.array([number]) for number in (*body, eps)), w, carry, (0, 1, 0, 5, 1, 0)
         with np.errstate(all="ignore"):
             steps(0, 1, *given, saved, final, np.zeros(1, np.int8), np.zeros(1, np.int64))

@@ -135,8 +135,9 @@ def test_parts_of_a_batch_and_of_a_run_change_no_bit(mixture, size):
         part = run(*(each[some] for each in mixture), 100, 7)
         for more in (411, 2, 47):
             part = part.extend(more, on_singular="ignore")
-        expected = whole.states[:, some], *(each[some] for each in (whole.final, whole.status))
-        same([part.states, part.final, part.status], expected)
+        results = whole.final, whole.status, whole.failed_at
+        expected = whole.states[:, some], *(each[some] for each in results)
+        same([part.states, part.final, part.status, part.failed_at], expected)
 
 
 @pytest.mark.filterwarnings("ignore")  # of missing states

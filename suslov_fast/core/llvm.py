@@ -111,6 +111,16 @@ def without_counts(typing, arrays):
     return arrays(arrays), emit
 
 
+@intrinsic
+def address_of(typing, numbers):
+    """Return the address of the numbers of an array, for `carray`."""
+
+    def emit(context, builder, signature, arguments):
+        return context.make_array(signature.args[0])(context, builder, arguments[0]).data
+
+    return types.CPointer(types.float64)(numbers), emit
+
+
 def at_line(b):
     """Return b from a cache line on, uncounted: its last LINE numbers are not to be used.
 

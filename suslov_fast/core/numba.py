@@ -29,10 +29,10 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from numba import config, prange, types
+from numba import carray, config, prange, types
 from numba.extending import overload, typeof_impl
 
-from .llvm import LINE, call_address, pack, streamed_pairs, without_counts
+from .llvm import LINE, address_of, call_address, pack, streamed_pairs, without_counts
 
 try:
     from numba.core.caching import FunctionCache
@@ -298,6 +298,21 @@ def uncounted(arrays):
 @overload(uncounted, jit_options=_FORMULA)
 def _compiled_borrowed(arrays):
     return lambda arrays: without_counts(arrays)
+
+
+def block_of(rows, lanes):
+    """Return the function that makes a block (rows, lanes) of as many numbers, which it must not
+    outlive. The compiler knows its shape (not that of `reshape`): rows are known not to overlap.
+    """
+
+    def block(numbers):
+        return numbers.reshape((rows, lanes))
+
+    @overload(block, jit_options=_FORMULA)
+    def compiled(numbers):
+        return lambda numbers: carray(address_of(numbers), (rows, lanes))
+
+    return block
 
 
 @formula

@@ -29,9 +29,9 @@ def alignment(out, begin, batch, lanes):
     written whole, by one of them. A line of two blocks would be fetched first, in twice the time.
     """
     lead = -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
-    if lead < 0 or lead % 2 == 1 or batch <= lanes or lanes == 1:
-        return lead, 0, 0
-    return (lead, (begin - lead // 2) % 4, 0) if batch % 4 == 0 else (lead, 0, LINE)
+    in_lines = lead >= 0 and lead % 2 == 0 and batch > lanes > 1
+    shift = (begin - lead // 2) % 4 if in_lines and batch % 4 == 0 else 0
+    return lead, shift, LINE if in_lines and batch % 4 > 0 else 0
 
 
 @formula

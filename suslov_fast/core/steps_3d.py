@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .numba import formula, inlined, kernel, lesser, pick, select, share
+from .numba import block_of, formula, inlined, kernel, lesser, pick, select, share
 from .rows import alignment, ones_at_line, write_pairs
 
 # Typed: as literals they compile the functions that take them twice.
@@ -37,12 +37,11 @@ FIRST, ONE, LANES = np.int64(0), np.int64(1), np.int64(128)
 FEW = 6  # so few trajectories take less time one by one than all lanes
 PROJECTED = 512  # steps after which R is restored
 ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
-NEGLIGIBLE = (
-    1e-150  # of X / Y: X that decays and is below this is 0, for subnormal numbers are slow
-)
+NEGLIGIBLE = 1e-150  # of X / Y: below this X that decays is 0, for subnormal numbers are slow
 LEAST, LARGEST = 2.0**-300, 2.0**300  # of numbers whose squares are surely in range
 RANGE = 1e8  # of X, Y and K: beyond, their differences have too few digits
 GENERAL, PLAIN, RESTS = 0.0, 1.0, 2.0
+TO_FIND = -2  # in place of the step at which a trajectory failed
 
 
 class Frame(NamedTuple):
@@ -204,12 +203,13 @@ def step_in_frame(frame, e, I13, I23, k, w1, w2):
 
 # Rows of a block. KIND is a form; X_ and Y_ are the numbers of the plain one; XG, U and V those of
 # the general one, whose R is restored. They are what a trajectory continues from, the first three
-# if all of its block have the plain form, and U and V the state of one that rests. Then come how
-# many states of the general form exist; 1 after a state on a pole; the state; the frame; what gives
-# X.
+# if all of its block have the plain form, and U and V the state of one that rests. Then come, of a
+# single lane, how many states of the general form exist, and 1 after one on a pole; the state; the
+# frame; what gives X.
 KIND, X_, Y_, XG, U, V, R, EXIST, POLE, W1, W2, FRAME = range(12)
 E_, I13_, I23_, K_ = range(FRAME + 6, FRAME + 10)
 CARRIED, CARRIED_BY_PLAIN, ROWS = EXIST, XG, K_ + 1
+block_of_steps = block_of(ROWS, int(LANES))
 
 
 @formula
@@ -286,7 +286,7 @@ def continue_lanes(b, lanes, first, width, carry):
     plains = 0
     for l in range(lanes):
         for j in range(CARRIED):
-            b[j, l] = carry[first + (l if l < width else 0), j]
+            b[j, l] = carry[j, first + (l if l < width else 0)]
         b[W1, l], b[W2, l] = b[U, l], b[V, l]
         if b[KIND, l] == RESTS:
             b[U, l], b[V, l] = 0.0, 0.0
@@ -296,7 +296,10 @@ def continue_lanes(b, lanes, first, width, carry):
 
 @formula
 def take_steps(b, lanes, plains, n, pause):
-    """Take lanes from state n to state `pause`: a constant number of lanes, for SIMD."""
+    """Take lanes from state n to state `pause`: a constant number of lanes, for SIMD.
+
+    One lane stops where there is no next state; to test all lanes would take a third of the time.
+    """
     if plains > 0:
         for _ in range(n, pause):
             for l in range(lanes):
@@ -305,25 +308,30 @@ def take_steps(b, lanes, plains, n, pause):
         return
     for _ in range(n, pause):
         for l in range(lanes):
-            b[XG, l], b[U, l], b[V, l], pole = general_step(
-                frame_at(b, l), b[XG, l], b[U, l], b[V, l]
-            )
-            b[EXIST, l] += select(abs(b[U, l]) + abs(b[V, l]) < np.inf, 1.0, 0.0)
-            b[POLE, l] += pole
+            frame = frame_at(b, l)
+            b[XG, l], b[U, l], b[V, l], pole = general_step(frame, b[XG, l], b[U, l], b[V, l])
+            if lanes == 1:
+                b[POLE, l] += pole
+                if not abs(b[U, l]) + abs(b[V, l]) < np.inf:
+                    b[U, l], b[V, l] = np.nan, np.nan
+                    return
+                b[EXIST, l] += 1.0
     if pause % PROJECTED == 0:
         for l in range(lanes):
-            b[XG, l], b[U, l], b[V, l] = project_on_level(
-                frame_at(b, l), b[R, l], b[XG, l], b[U, l], b[V, l]
-            )
+            X, u, v = b[XG, l], b[U, l], b[V, l]
+            b[XG, l], b[U, l], b[V, l] = project_on_level(frame_at(b, l), b[R, l], X, u, v)
 
 
 @kernel
 def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Take trajectories from state `start` to state `stop`: blocks of lanes, or one by one.
 
+    Trajectories of a block that may have failed are taken once more, one by one, to find the step.
+    (As R is conserved, states were in range if the last one is far inside.)
+
     parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
     omega0       (B, 2), state 0, read where start = 0
-    carry        (B, CARRIED), written at the end and read where start > 0
+    carry        (CARRIED, B), written at the end and read where start > 0
     span         (begin, end, start, stop, every, row): trajectories begin to end - 1; from
                  saved[row] on, the states that are multiples of `every` are saved (0: none)
     saved, final (rows, B, 2) and (B, 2), the state at `stop`; NaN after a failure
@@ -332,7 +340,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     begin, end, start, stop, every, first_row = span
     B, flat = len(omega0), saved.reshape(saved.size)
     rows = ones_at_line(ROWS * LANES)
-    b = rows.reshape((ROWS, LANES))
+    b, w1, w2 = block_of_steps(rows), W1 * LANES, W2 * LANES
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
     abreast = ONE if few else LANES
@@ -340,39 +348,42 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     for parameter in parameters[1:]:
         common = common and parameter.size == 1
     lead, shift, shared = alignment(saved, begin, B, abreast)
-    own = abreast - shared
-    first_block, last_block = share((end - begin + shift + own - 1) // own, part, parts)
-    end = lesser(begin + last_block * own - shift, end)
-    for block in range(first_block, last_block):
-        first = begin + (block * own - shift if block > 0 else 0)
-        last = lesser(begin + (block + 1) * own - shift, end)
+    own, origin = abreast - shared, begin - shift
+    first_block, last_block = share((end - origin + own - 1) // own, part, parts)
+    begin = begin if first_block == 0 else origin + first_block * own
+    end = lesser(origin + last_block * own, end)
+    first, once_more, to_find = begin, False, 0
+    while first < end:
+        last = lesser(first + own - (first - origin) % own, end)
+        if once_more and failed_at[first] != TO_FIND:
+            first = last
+            continue
         width = lesser(last + shared, end) - first
-        after, before = shared > 0 and block > first_block, shared > 0 and last < end
-        if not common or block == first_block:
+        after, before = shared > 0 and first > begin, shared > 0 and last < end
+        if not common or first == begin:
             fill_frames(b, abreast, first, width, parameters)
         if start == 0:
             plains = start_lanes(b, abreast, first, width, omega0, status, failed_at)
         else:
             plains = continue_lanes(b, abreast, first, width, carry)
-        for l in range(LANES):
-            b[EXIST, l], b[POLE, l] = 0.0, 0.0
+        b[EXIST, FIRST], b[POLE, FIRST] = 0.0, 0.0
         all_plain = plains == LANES and not few
         n, due, row, frame = start, first_due, first_row, frame_at(b, FIRST)
         while True:
-            stepped = False
-            if n == 0:
-                pass  # W1 and W2 are state 0
-            elif all_plain and common and every == 1 and n < stop:  # a step, too: in one loop
+            stepped = all_plain and common and every == 1 and 0 < n < stop
+            if stepped:  # states and steps in one loop
                 for l in range(LANES):
                     b[W1, l], b[W2, l] = leave_plain(frame, b[X_, l], b[Y_, l])
                     b[X_, l], b[Y_, l] = plain_step(b[X_, l], b[Y_, l])
-                stepped = True
-            else:
+            elif n > 0:  # at first W1 and W2 are state 0
                 for l in range(abreast):
                     b[W1, l], b[W2, l] = state_at(b, l)
             if n == due:
                 place = 2 * (row * B + first)
-                write_pairs(rows, W1 * LANES, W2 * LANES, flat, place, width, lead, LANES, after, before)
+                if few:
+                    flat[place], flat[place + 1] = b[W1, 0], b[W2, 0]
+                else:
+                    write_pairs(rows, w1, w2, flat, place, width, lead, LANES, after, before)
                 due, row = due + every, row + 1
             if n == stop:
                 break
@@ -382,19 +393,28 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             elif not stepped:
                 take_steps(b, LANES, plains, n, pause)
             n = pause
-        width = last - first
-        for l in range(width if plains == LANES else 0):  # without branches
+        for l in range(last - first if plains == LANES else 0):  # without branches
             i = first + l
             final[i, 0], final[i, 1] = b[W1, l], b[W2, l]
             for j in range(CARRIED_BY_PLAIN):
-                carry[i, j] = b[j, l]
-        for l in range(width if plains < LANES else 0):
-            i, exist = first + l, b[EXIST, l]
+                carry[j, i] = b[j, l]
+        for l in range(last - first if plains < LANES else 0):
+            i = first + l
+            may_fail = b[KIND, l] != PLAIN and status[i] >= 0
+            if not few and may_fail and not abs(b[U, l]) + abs(b[V, l]) < LARGEST:
+                failed_at[i], to_find = TO_FIND, to_find + 1
+                continue
             final[i, 0], final[i, 1] = b[W1, l], b[W2, l]
             if b[KIND, l] == RESTS:
                 b[U, l], b[V, l] = b[W1, l], b[W2, l]
             for j in range(CARRIED):
-                carry[i, j] = b[j, l]
-            if b[KIND, l] != PLAIN and exist < stop - start and status[i] >= 0:
-                status[i] = SINGULAR if b[POLE, l] > 0.0 else NONFINITE
-                failed_at[i] = start + exist + 1
+                carry[j, i] = b[j, l]
+            if few and may_fail:
+                failed_at[i] = -1
+                if b[EXIST, l] < stop - start:
+                    status[i] = SINGULAR if b[POLE, l] > 0.0 else NONFINITE
+                    failed_at[i] = start + b[EXIST, l] + 1
+        first = last
+        if first == end and to_find > 0:
+            first, once_more, to_find, first_due = begin, True, 0, stop + 1
+            few, abreast, own, shared = True, ONE, ONE, 0

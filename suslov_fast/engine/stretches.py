@@ -82,7 +82,7 @@ class Progressed(NamedTuple):
     final: FloatArray  # (..., D), the states there
     status: NDArray[np.int8]  # (...)
     failed_at: NDArray[np.int64]  # (...)
-    carry: FloatArray  # (B, carried)
+    carry: FloatArray  # (carried, B)
     turned: FloatArray | None  # (B, n, n), the orientations there
 
 
@@ -113,7 +113,7 @@ class March:
             self.turned = None if earlier.turned is None else earlier.turned.copy()
             return
         self.n = 0
-        self.carry = np.zeros((size, self.steps.carried))
+        self.carry = np.zeros((self.steps.carried, size))
         if problem.orientation is not None:
             self.turned = flat_arrays(problem.orientation, problem.batch, 2).copy()
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan

@@ -22,7 +22,7 @@ _TRIED: set[tuple[Any, int]] = set()
 def _guarded(shape: tuple[int, ...], fill: float, dtype: Any = np.float64) -> Any:
     """Return an array that lies between numbers that stay as they are, and these."""
     count = int(np.prod(shape))
-    beside = 8 + 2 * count // shape[0]  # as much as two rows
+    beside = 8 + 2 * count // max(shape[0], 1)  # as much as two rows
     memory = np.full(count + 2 * beside, fill, dtype)
     memory[:beside] = memory[count + beside :] = _GUARD
     array = memory[beside : count + beside].reshape(shape)
@@ -40,7 +40,7 @@ class _Trial:
         guards += guard
         self.final, guard = _guarded((B, D), _UNTOUCHED)
         guards += guard
-        self.carry, guard = _guarded((B, steps.carried), _UNTOUCHED)
+        self.carry, guard = _guarded((steps.carried, B), _UNTOUCHED)
         guards += guard
         self.status, guard = _guarded((B,), 0, np.int8)
         guards += guard
@@ -69,7 +69,7 @@ class _Trial:
     def touched(self) -> Any:
         """Return which trajectories were written to at all."""
         marks = (self.final != _UNTOUCHED).any(axis=-1) | (self.status != 0)
-        carried = (self.carry != _UNTOUCHED).any(axis=-1)
+        carried = (self.carry != _UNTOUCHED).any(axis=0)
         return marks | carried | (self.saved != _UNTOUCHED).any(axis=(0, 2))
 
     def equals(self, other: "_Trial", which: Any = slice(None)) -> bool:

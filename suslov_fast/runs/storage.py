@@ -119,7 +119,7 @@ def _read(entries: zipfile.ZipFile) -> dict[str, Any]:
     batch, D = given["status"][1], body.dimension
     size, turns = int(np.prod(batch)), "attitude" in given or "_turned" in given
     expected = arrays_of_a_run("states", batch, rows, D, turns)
-    expected["_carry"] = "float64", (size, map.methods[method].carried)
+    expected["_carry"] = "float64", (map.methods[method].carried, size)
     if turns:
         expected["_turned"] = "float64", (size, D + 1, D + 1)
     if "eps" in given:  # it broadcasts to the batch

@@ -3,6 +3,7 @@
 A small package with copies of `core/numba.py` and `core/llvm.py` compiles fast.
 """
 
+import gc
 import re
 import shutil
 from itertools import product
@@ -240,6 +241,25 @@ def test_without_private_names_of_numba(folder, names):
         output = children.run(code, folder, *RESULTS, NUMBA_CACHE_DIR="")
         lines = [text.partition("result ")[2] for text in output.splitlines() if "result" in text]
         assert lines == [*RESULTS.values()]
+
+
+@pytest.mark.parametrize("is_enabled", [True, False])
+def test_the_garbage_collector_is_paused_by_first_calls_alone(is_enabled):
+    seen = []
+
+    @core_numba.kernel
+    def count(part, parts, numbers):
+        numbers[0] += 1
+
+    count.compiled = lambda *arguments: seen.append(gc.isenabled())
+    (gc.enable if is_enabled else gc.disable)()
+    try:
+        count.serial(np.zeros(1))
+        assert gc.isenabled() == is_enabled
+        count.serial(np.zeros(1))
+    finally:
+        gc.enable()
+    assert seen == [False, is_enabled]
 
 
 @pytest.mark.slow

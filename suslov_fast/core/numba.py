@@ -22,9 +22,10 @@ integers have types of their own: a function that takes one is compiled for each
 """
 
 import functools
+import gc
 import hashlib
 import re
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numba
@@ -110,6 +111,18 @@ def _cached(compile_with, py_function):
     return compiled
 
 
+@contextmanager
+def _collector_paused():
+    """Pause Python's garbage collector, which takes an eighth of the time of compiling."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
 class Function:
     """A function that compiled code calls.
 
@@ -150,7 +163,12 @@ class Kernel:
         self.compiled = _cached(numba.njit(**_OPTIONS), py_function)
         if config.DISABLE_JIT:  # compiled code does not warn
             self.compiled = np.errstate(all="ignore")(py_function)
-        self.serial = functools.partial(self.compiled, 0, 1)
+
+    def serial(self, *arguments):
+        """Call the kernel for all of the work."""
+        with _collector_paused():
+            self.compiled(0, 1, *arguments)
+        self.serial = functools.partial(self.compiled, 0, 1)  # from now on it is compiled
 
     def __call__(self, part, parts, *arguments):
         return self.compiled(part, parts, *arguments)
@@ -193,7 +211,8 @@ def _address(compiled, *kinds):
 
     The parallel loop calls kernels by it. Without these names it is None, and parts run serially.
     """
-    compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
+    with _collector_paused():
+        compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
     try:
         return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
     except AttributeError:
@@ -226,11 +245,12 @@ class Universal:
         kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
         build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
         self.py_func.__qualname__ += f"_{_digest()}"
-        with suppress(Exception):  # no writable folder, or a file that cannot be read
-            compiled = build(cache=not config.BOUNDSCHECK)(self.py_func)
-            if _is_whole(compiled):
-                return compiled
-        return build(cache=False)(self.py_func)
+        with _collector_paused():
+            with suppress(Exception):  # no writable folder, or a file that cannot be read
+                compiled = build(cache=not config.BOUNDSCHECK)(self.py_func)
+                if _is_whole(compiled):
+                    return compiled
+            return build(cache=False)(self.py_func)
 
     def _interpreted(self, *arguments):
         arguments, sizes = [np.asarray(each, float)[()] for each in arguments], {}

@@ -163,7 +163,8 @@ def test_pairs_are_written_by_whole_cache_lines(rng):
             rows.write_pairs(source, first, 40 + first, flat, at, size, lead, 16, after, before)
         pairs = np.stack([source[1 : 17 + count], source[41 : 57 + count]], axis=-1)
         np.testing.assert_array_equal(flat[place : place + 2 * (16 + count)], pairs.ravel())
-        assert (flat[:place] == 0.0).all() and (flat[place + 2 * (16 + count) :] == 0.0).all()
+        assert (flat[:place] == 0.0).all()
+        assert (flat[place + 2 * (16 + count) :] == 0.0).all()
 
 
 @pytest.mark.compiled

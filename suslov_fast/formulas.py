@@ -135,9 +135,10 @@ def _growth(problem: Problem, start: FloatArray, steps: int) -> tuple[FloatArray
     """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
     start = flat_arrays(start, problem.batch)
     arguments, (B, D) = _tangent_arguments(problem), start.shape
+    (step, back, columns, *_) = arguments[1]
     sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, 2 * D + D * D + 3))
     after = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
-    cost = 4 * D**3 + arguments[0].shape[-1]
+    cost = len(step) + len(back) + D * len(columns) + D**3 // 4  # the last, for orthonormal columns
     # Few trajectories for some 64 steps, rather than many for few: what is carried is D**2 numbers.
     block = 64 * (problem.threads or numba.get_num_threads())
     width = max(block, _STRETCH // (64 * cost) // block * block)

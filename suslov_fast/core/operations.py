@@ -349,8 +349,9 @@ def _columns(step, inverse, lower, upper, products, first):
     All values are given by their rows; `products` are those of the rows of 1 - M.
     """
     values = _Values(first + len(products))
-    v = [values.total(None, each) for each in products]
+    v = {}
     for k in step.order:
+        v[k] = values.total(None, products[k])
         v[k] = values.total(v[k], [(lower[k, i], v[i]) for i in step.before[k]])
     for k in reversed(step.order):
         value = values.total(v[k], [(upper[k, j], v[j]) for j in step.after[k]])

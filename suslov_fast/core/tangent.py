@@ -304,22 +304,19 @@ def orthonormalise(b, first, width, D, g):
     for l in range(lanes):
         g[VOLUME, l] = select(g[DUE, l] > 0.0, 1.0, g[VOLUME, l])
     for r in range(D):
-        for s in range(r):  # the modified Gram-Schmidt method
-            for l in range(0, lanes, LINE):
-                part = line_of(0.0)
-                for i in range(D):
-                    row = first + width * i
-                    part = part + load(b, row + s, l) * load(b, row + r, l)
-                part = part * load(g, DUE, l)
-                for i in range(D):
-                    row = first + width * i
-                    store(b, row + r, l, load(b, row + r, l) - part * load(b, row + s, l))
-        for l in range(0, lanes, LINE):
-            square = line_of(0.0)
+        for l in range(0, lanes, LINE):  # the modified Gram-Schmidt method
+            product = line_of(0.0)
             for i in range(D):
-                x = load(b, first + width * i + r, l)
-                square = square + x * x
-            store(g, LENGTH, l, square)
+                row = first + width * i
+                product = product + load(b, row, l) * load(b, row + r, l)
+            for s in range(r):
+                part, product = product * load(g, DUE, l), line_of(0.0)
+                for i in range(D):
+                    row = first + width * i
+                    x = load(b, row + r, l) - part * load(b, row + s, l)
+                    store(b, row + r, l, x)
+                    product = product + load(b, row + s + 1, l) * x
+            store(g, LENGTH, l, product)  # in the end, that of the column with itself
         for l in range(lanes):
             length = select(g[DUE, l] > 0.0, np.sqrt(g[LENGTH, l]), 1.0)
             g[LENGTHS + r, l] *= length

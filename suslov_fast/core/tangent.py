@@ -26,6 +26,7 @@ from .steps_field import (
     count_inaccurate,
     enter_fields,
     execute,
+    execute_one,
     fill_system,
     is_accurate,
     memory_of_lane,
@@ -89,18 +90,27 @@ def derive(indices, plan, b, l, memory, out):
 
 
 @inlined
-def tangent_step(indices, plan, b, g, solved, of_step, of_tangent):
-    """Take the step of all lanes, and replace their columns q by -DPhi q."""
+def carry_out(operations, b, alone):
+    """Carry out operations for all lanes, or for lane 0 alone."""
+    if alone:
+        execute_one(operations, b)
+    else:
+        execute(operations, b)
+
+
+@inlined
+def tangent_step(indices, plan, b, g, solved, of_step, of_tangent, alone):
+    """Take the step of all lanes, or of lane 0 alone; and replace their columns q by -DPhi q."""
     step, back, columns, first, width, _, _ = plan
     lanes, D = b.shape[1], solved.shape[1]
-    execute(step, b)
+    carry_out(step, b, alone)
     to_solve = count_inaccurate(b)
     for l in range(lanes):
         g[TO_SOLVE, l], g[CODE, l] = 0.0, OK
         if to_solve > 0 and not is_accurate(b, l):
             g[CODE, l] = solve_lane(indices, step, b, l, of_step)
             g[TO_SOLVE, l] = 1.0
-    execute(back, b)
+    carry_out(back, b, alone)
     to_solve = 0
     for l in range(lanes):
         g[TO_SOLVE, l] = select(is_accurate(b, l), g[TO_SOLVE, l], 1.0)
@@ -117,7 +127,7 @@ def tangent_step(indices, plan, b, g, solved, of_step, of_tangent):
 
 @inlined
 def enter_tangents(values, eps, states, b, begin, end, start, status, failed_at):
-    """Fill a block as `enter_fields`; and the rows of -h v and of -1."""
+    """Fill a block as `enter_fields`; and the rows of -h v and of -1. Lanes beyond the last end."""
     half, T, lanes = FIRST + states.shape[1], values.shape[1], b.shape[1]
     enter_fields(values, eps, states, b, begin, end, start, status, failed_at)
     for t in range(half, half + T):
@@ -125,6 +135,8 @@ def enter_tangents(values, eps, states, b, begin, end, start, status, failed_at)
             b[t + T, l] = -b[t, l]
     for l in range(lanes):
         b[half + 2 * T, l] = -1.0
+    for l in range(end - begin, lanes):
+        b[ENDED, l] = 1.0
 
 
 @inlined
@@ -141,18 +153,21 @@ def jacobians(part, parts, arguments, x, out):
     """Fill out (B, D, D) with DPhi at the states x (B, D), NaN where it does not exist."""
     (indices, plan, values, eps), (B, D) = arguments, x.shape
     _, _, _, first_row, width, rows, _ = plan
-    b, g, solved, of_step, of_tangent = memory_of_tangents(rows, D, B)
+    memory = memory_of_tangents(rows, D, B)
+    b, g = at_line(memory[0]), at_line(memory[1])
+    solved, of_step, of_tangent = uncounted(memory[2:])
     lanes, status, failed_at = b.shape[1], np.zeros(B, np.int8), np.empty(B, np.int64)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
     for begin in range(first_block * lanes, lesser(last_block * lanes, B), lanes):
         end = lesser(begin + lanes, B)
         enter_tangents(values, eps, x, b, begin, end, 0, status, failed_at)
         enter_units(b, first_row, width, D)
-        tangent_step(indices, plan, b, g, solved, of_step, of_tangent)
+        tangent_step(indices, plan, b, g, solved, of_step, of_tangent, end - begin == 1)
         for l in range(end - begin):
             for i in range(D):
                 for r in range(D):
                     out[begin + l, i, r] = 0.0 * b[FIRST + i, l] - b[first_row + width * i + r, l]
+    keep(memory)
 
 
 @kernel
@@ -225,8 +240,8 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
             for j in range(VOLUME, LENGTHS + D):
                 g[j, l] = carry[k, carried + j - VOLUME]
         for n in range(start + 1, stop + 1):
-            tangent_step(indices, plan, b, g, solved, of_step, of_tangent)
-            multiply_determinants(pivots, b, g)
+            tangent_step(indices, plan, b, g, solved, of_step, of_tangent, end - begin == 1)
+            multiply_determinants(pivots, b, g, end - begin)
             for l in range(end - begin):
                 if g[CODE, l] != OK:
                     status[begin + l], failed_at[begin + l] = int(g[CODE, l]), n
@@ -251,12 +266,11 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
 
 
 @function
-def multiply_determinants(pivots, b, g):
+def multiply_determinants(pivots, b, g, lanes):
     """Multiply by |det DPhi| = prod |p_k / q_k|, with pivots p of 1 - M(x_next) and q of 1 - N(x).
 
     Short steps need p_k / q_k - 1 = (N_kk - M_kk) / q_k, after elimination.
     """
-    lanes = b.shape[1]
     for k in range(pivots.shape[1]):
         N_kk, M_kk, per_q, per_p = pivots[0, k], pivots[1, k], pivots[2, k], pivots[3, k]
         for l in range(lanes):
@@ -335,7 +349,7 @@ def take_logarithms(g, sums, of_det, begin, end, always):
     for row in range(NEAR_1, LENGTHS + sums.shape[1]):
         near, outside = row == NEAR_1, 0
         low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST_LENGTH, LARGEST_LENGTH)
-        for l in range(g.shape[1]):
+        for l in range(end - begin):
             outside += 1 if (g[row, l] <= low) | (g[row, l] >= high) else 0
         for l in range(end - begin if always or outside > 0 else 0):
             if always or g[row, l] <= low or g[row, l] >= high:

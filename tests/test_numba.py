@@ -13,7 +13,16 @@ import children
 import numpy as np
 import pytest
 
-from suslov_fast.core import elimination, llvm, orientations, quantities, rows, steps_3d
+from suslov_fast.core import (
+    elimination,
+    llvm,
+    operations,
+    orientations,
+    quantities,
+    rows,
+    steps_3d,
+    steps_field,
+)
 from suslov_fast.core import numba as core_numba
 
 pytestmark = pytest.mark.compiled
@@ -226,6 +235,14 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
     assert (y[lead : lead + 16 : 2] == x[:8]).all()
     with pytest.raises((IndexError, ValueError)):
         rows.write_pairs(x, 0, 8, y, 25, 8, -1, 8)
+    doubled = np.array([[operations.MUL, 0, 0, 1, 2, 0, 0, 1]], np.uint32)
+    for execute in (steps_field.execute, steps_field.execute.py_func):
+        b = np.full((3, 8), 2.0)
+        execute(doubled, b)
+        assert b.tolist() == [[4.0] * 8, [2.0] * 8, [2.0] * 8]
+    doubled[0, 1] = 5
+    with pytest.raises((IndexError, ValueError)):
+        steps_field.execute(doubled, b)
     with pytest.raises(IndexError):
         orientations.clean(np.ones((3, 3, 8)), np.ones((2, 2, 8)), gram)
 

@@ -134,6 +134,10 @@ def execute(operations, b):
                 b[LARGEST, l], b[FAR, l] = 1.0, 0.0
 
 
+# At a prompt it runs as Python does: wrong rows are an error, not a crash. (Lines are not checked.)
+execute._for_calls = execute.py_func
+
+
 @function
 def execute_one(operations, b):
     """Carry out operations for a block of one lane: as `execute`, without loops."""

@@ -359,3 +359,8 @@ def take_logarithms(g, sums, of_det, begin, end, always):
                     of_det[begin + l] += logarithm
                 else:
                     sums[begin + l, row - LENGTHS] += logarithm
+
+
+# At a prompt they run as Python does: lines are not checked.
+count_due._for_calls = count_due.py_func
+orthonormalise._for_calls = orthonormalise.py_func

@@ -147,24 +147,24 @@ def test_a_step_is_the_first_of_a_run(mixture):
 
 def test_pairs_are_written_by_whole_cache_lines(rng):
     """From every place, and of all numbers of pairs before, in and after the lines."""
-    source, flat = rng.normal(size=80), np.empty(100)
+    flat = np.empty(100)
     lead = -(flat.ctypes.data // 8) % 8  # numbers before the first line
-    for place, count in product(range(10), (0, 1, 7, 8, 9, 30)):
+    for place, lanes, count in product(range(10), (8, 32), (0, 1, 7, 8, 9, 30, 32)):
+        if count <= lanes:
+            b, flat[:], expected = rng.normal(size=(4, lanes)), 0.0, np.zeros(100)
+            rows.write_pairs(b, 1, flat, place, count, lead)
+            expected[place : place + 2 * count] = b[1:3, :count].T.ravel()
+            np.testing.assert_array_equal(flat, expected)
+    numbers = rng.normal(size=(3, 40))
+    for place, count in product(range(0, 10, 2), (8, 9, 15, 16)):  # of blocks that share 8 pairs
         flat[:] = 0.0
-        rows.write_pairs(source, 1, 41, flat, place, count, lead, 8)
-        expected = np.zeros(100)
-        pairs = np.stack([source[1 : 1 + count], source[41 : 41 + count]], axis=-1)
-        expected[place : place + 2 * count] = pairs.ravel()
-        np.testing.assert_array_equal(flat, expected)
-    for place, count in product(range(0, 10, 2), (16, 17, 23)):  # of blocks that share 8 pairs
-        flat[:] = 0.0
-        for first, after, before in ((1, False, True), (9, True, True), (17, True, False)):
-            size, at = 16 if before else count, place + 2 * (first - 1)
-            rows.write_pairs(source, first, 40 + first, flat, at, size, lead, 16, after, before)
-        pairs = np.stack([source[1 : 17 + count], source[41 : 57 + count]], axis=-1)
-        np.testing.assert_array_equal(flat[place : place + 2 * (16 + count)], pairs.ravel())
+        for first, after, before in ((0, False, True), (8, True, True), (16, True, False)):
+            size, b = 16 if before else count, np.ascontiguousarray(numbers[:, first : first + 16])
+            rows.write_pairs(b, 0, flat, place + 2 * first, size, lead, after, before)
+        end = place + 2 * (16 + count)
+        np.testing.assert_array_equal(flat[place:end], numbers[:2, : 16 + count].T.ravel())
         assert (flat[:place] == 0.0).all()
-        assert (flat[place + 2 * (16 + count) :] == 0.0).all()
+        assert (flat[end:] == 0.0).all()
 
 
 @pytest.mark.compiled

@@ -47,8 +47,9 @@ import math
 
 import numpy as np
 
-from .numba import block_of, formula, inlined, kernel, lesser, pick, select, share, universal
-from .rows import alignment, ones_at_line, write_pairs
+from .llvm import block_of, flat
+from .numba import formula, inlined, kernel, lesser, pick, select, share, universal
+from .rows import alignment, write_pairs
 from .steps_3d import FIRST, LANES, RANGE, ZERO_TO_ROUNDING, one_step
 
 # In place of a factor that is 0 exactly on the critical level L = 1: all that vanish with it stay
@@ -70,8 +71,8 @@ B1, B2, C1, C2, D12, D22 = range(8, 14)
 BACK = 6
 PASSES, ROOT, R, RATE, MISSING, TIME, RHO, SIGMA, UNIT, OUT1, OUT2 = range(20, 31)
 E_, ROOT_A, G1, G2, H1, H2, PER_G, TURN1, TURN2 = range(31, 40)
-ROWS = 40
-block_of_states = block_of(ROWS, int(LANES))
+ROWS, STATE = 40, np.int64(OUT1)
+new_block = block_of(ROWS, int(LANES))
 
 
 @formula
@@ -343,9 +344,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
 
     A block is `width` trajectories at `abreast` n, so that few trajectories fill the lanes, too.
     """
-    B, N, flat = len(omega0), len(n), out.reshape(out.size)
-    numbers = ones_at_line(ROWS * LANES)
-    b = block_of_states(numbers)
+    B, N, target, b = len(omega0), len(n), flat(out), new_block()
     abreast, started = LANES // B if 0 < B < LANES else 1, -1
     lead, shift, shared = alignment(out, FIRST, B, LANES)
     own = LANES - shared
@@ -389,9 +388,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
                 b[OUT1, l], b[OUT2, l] = np.nan, np.nan
                 reasons[reason(b, l), first + l % width] = True
         place = 2 * (row * B + first)
-        write_pairs(
-            numbers, OUT1 * LANES, OUT2 * LANES, flat, place, used, lead, LANES, after, before
-        )
+        write_pairs(b, STATE, target, place, used, lead, after, before)
 
 
 @universal("(),(),(),(),(),(),(d)->(d),(d)")

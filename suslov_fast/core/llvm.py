@@ -1,9 +1,10 @@
-"""What Numba cannot express, as code of LLVM: calls by address, uncounted arrays, wide stores,
-lines of lanes.
+"""What Numba cannot express, or compiles slowly, as code of LLVM: calls by address, uncounted
+arrays, blocks, wide stores, lines of lanes.
+
+Calls of most functions here are typed and lowered here, too: overloads would have to be compiled.
 """
 
 import operator
-from contextlib import suppress
 
 import numpy as np
 from llvmlite import ir
@@ -58,67 +59,40 @@ def pack(typing, arguments):
 
 
 def uncounted_value(context, builder, kind, value):
-    """Return an argument whose arrays have no reference counts, for which threads wait: `meminfo`,
-    `_getvalue`. Without these names arrays have their counts.
-    """
+    """Return an argument whose arrays have no reference counts, for which threads wait."""
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
-        with suppress(AttributeError):
-            array.meminfo = ir.Constant(array.meminfo.type, None)
-            return array._getvalue()
-        return value
+        array.meminfo = ir.Constant(array.meminfo.type, None)
+        return array._getvalue()
     for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
         element = uncounted_value(context, builder, each, builder.extract_value(value, k))
         value = builder.insert_value(value, element, k)
     return value
 
 
-@intrinsic
-def streamed_pairs(typing, target, i, source, j, k):
-    """Make the compiled code of `numba.stream_pairs`."""
-
-    def emit(context, builder, signature, arguments):
-        word = ir.IntType(32)
-        vector = ir.VectorType(ir.DoubleType(), LINE)
-
-        def line(which, index):
-            array = context.make_array(signature.args[which])(context, builder, arguments[which])
-            return builder.bitcast(builder.gep(array.data, [index]), vector.as_pointer())
-
-        first = builder.load(line(2, arguments[3]), align=8)
-        second = builder.load(line(2, arguments[4]), align=8)
-        nontemporal = builder.module.add_metadata([ir.Constant(word, 1)])
-        for part in range(2):
-            order = [LINE // 2 * part + lane // 2 + LINE * (lane % 2) for lane in range(LINE)]
-            pairs = ir.Constant(ir.VectorType(word, LINE), order)
-            place = builder.add(arguments[1], ir.Constant(arguments[1].type, LINE * part))
-            store = builder.store(
-                builder.shuffle_vector(first, second, pairs), line(0, place), align=64
-            )
-            store.set_metadata("nontemporal", nontemporal)
-        return context.get_dummy_value()
-
-    return types.void(target, types.intp, source, types.intp, types.intp), emit
+def array_of(context, builder, kind, data, shape):
+    """Return an uncounted, C-contiguous array of numbers at a place in memory."""
+    array, word = context.make_array(kind)(context, builder), context.get_value_type(types.intp)
+    size = ir.Constant(word, context.get_abi_sizeof(data.type.pointee))
+    array.data, array.itemsize, array.nitems, strides = data, size, ir.Constant(word, 1), []
+    for length in reversed(shape):
+        strides.insert(0, size)
+        size, array.nitems = builder.mul(size, length), builder.mul(array.nitems, length)
+    numbers = types.UniTuple(types.intp, kind.ndim)
+    array.shape = context.make_tuple(builder, numbers, shape)
+    array.strides = context.make_tuple(builder, numbers, strides)
+    return array._getvalue()
 
 
-@intrinsic
-def without_counts(typing, arrays):
-    """Make the compiled code of `numba.uncounted`."""
-
-    def emit(context, builder, signature, arguments):
-        return uncounted_value(context, builder, signature.args[0], arguments[0])
-
-    return arrays(arrays), emit
+# ------------------------------------------------------------------------------------------ arrays
+def uncounted(arrays):
+    """Return an array, or a tuple of arrays, without the reference counts that slow threads."""
+    return arrays
 
 
-@intrinsic
-def address_of(typing, numbers):
-    """Return the address of the numbers of an array, for `carray`."""
-
-    def emit(context, builder, signature, arguments):
-        return context.make_array(signature.args[0])(context, builder, arguments[0]).data
-
-    return types.CPointer(types.float64)(numbers), emit
+def flat(array):
+    """Return all numbers of a C-contiguous array in one row, uncounted."""
+    return array.reshape(-1)
 
 
 def at_line(b):
@@ -129,26 +103,63 @@ def at_line(b):
     return b
 
 
+def block_of(rows, lanes):
+    """Return the function that makes a block (rows, lanes) of ordinary numbers for a kernel.
+
+    It lies on the stack of the kernel, from a cache line on. The compiler knows its shape, and so
+    that its rows do not overlap.
+    """
+
+    def block():
+        return np.ones((rows, lanes))
+
+    type_callable(block)(lambda context: lambda: types.Array(types.float64, 2, "C"))
+
+    @lower_builtin(block)
+    def emit(context, builder, signature, arguments):
+        with builder.goto_entry_block():
+            memory = builder.alloca(ir.DoubleType(), rows * lanes)
+        memory.align, byte, word = 8 * LINE, ir.IntType(8), context.get_value_type(types.intp)
+        # Doubles of bytes that are 63 are about 5e-4: lanes of no trajectory are as fast as others.
+        data, size = builder.bitcast(memory, byte.as_pointer()), ir.Constant(word, 8 * rows * lanes)
+        fill = builder.module.declare_intrinsic("llvm.memset", [data.type, word])
+        builder.call(fill, [data, ir.Constant(byte, 63), size, ir.Constant(ir.IntType(1), 0)])
+        shape = [ir.Constant(word, rows), ir.Constant(word, lanes)]
+        return array_of(context, builder, signature.return_type, memory, shape)
+
+    return block
+
+
+type_callable(uncounted)(lambda context: lambda arrays: arrays)
+type_callable(flat)(lambda context: lambda array: types.Array(array.dtype, 1, "C"))
 type_callable(at_line)(lambda context: lambda b: b)
+
+
+@lower_builtin(uncounted, types.Any)
+def _uncounted(context, builder, signature, arguments):
+    return uncounted_value(context, builder, signature.args[0], arguments[0])
+
+
+@lower_builtin(flat, types.Array)
+def _flat(context, builder, signature, arguments):
+    array = context.make_array(signature.args[0])(context, builder, arguments[0])
+    return array_of(context, builder, signature.return_type, array.data, [array.nitems])
 
 
 @lower_builtin(at_line, types.Array)
 def _at_line(context, builder, signature, arguments):
-    """Move the data of an array to a line: `_getvalue`. Without this name they stay."""
     [kind], word = signature.args, ir.IntType(64)
-    b = uncounted_value(context, builder, kind, arguments[0])
-    array = context.make_array(kind)(context, builder, b)
+    array = context.make_array(kind)(context, builder, arguments[0])
     last = builder.add(builder.ptrtoint(array.data, word), ir.Constant(word, 8 * LINE - 1))
     first = builder.and_(last, ir.Constant(word, -8 * LINE))
-    array.data = builder.inttoptr(first, array.data.type)
-    with suppress(AttributeError):
-        return array._getvalue()
-    return b
+    shape = [builder.extract_value(array.shape, k) for k in range(kind.ndim)]
+    data = builder.inttoptr(first, array.data.type)
+    return array_of(context, builder, kind, data, shape)
 
 
 # ------------------------------------------------------------------------------------------- lines
 # Eight lanes in a register: a loop over lines is SIMD whatever the number of lanes, and whatever
-# LLVM knows of the rows. Calls are typed and lowered here, as overloads would have to be compiled.
+# LLVM knows of the rows.
 class _Line(types.Type):
     """The type of eight numbers in a register."""
 
@@ -179,9 +190,18 @@ def line_of(number):
     return np.full(LINE, number)
 
 
+def stream_pairs(target, i, b, row, l):
+    """Copy the lines from b[row, l] and b[row + 1, l] on, in turns, to the two cache lines from
+    target[i] on, past the caches: twice as fast.
+    """
+    target[i : i + 2 * LINE : 2] = load(b, row, l)
+    target[i + 1 : i + 2 * LINE : 2] = load(b, row + 1, l)
+
+
 type_callable(load)(lambda context: lambda b, row, l: _LINE)
 type_callable(store)(lambda context: lambda b, row, l, line: types.none)
 type_callable(line_of)(lambda context: lambda number: _LINE)
+type_callable(stream_pairs)(lambda context: lambda target, i, b, row, l: types.none)
 
 
 def _address(context, builder, kinds, b, row, l):
@@ -213,6 +233,26 @@ def _line_of(context, builder, signature, arguments):
     first = builder.insert_element(nothing, arguments[0], ir.Constant(word, 0))
     places = ir.Constant(ir.VectorType(word, LINE), [0] * LINE)
     return builder.shuffle_vector(first, nothing, places)
+
+
+@lower_builtin(stream_pairs, types.Array, types.Integer, types.Array, types.Integer, types.Integer)
+def _stream_pairs(context, builder, signature, arguments):
+    (_, kind, *kinds), (target, i, b, row, l), word = signature.args, arguments, ir.IntType(32)
+    next_row = builder.add(row, ir.Constant(row.type, 1))
+    lines = [
+        builder.load(_address(context, builder, kinds, b, each, l), align=8)
+        for each in (row, next_row)
+    ]
+    data = context.make_array(signature.args[0])(context, builder, target).data
+    i = context.cast(builder, i, kind, types.intp)
+    nontemporal = builder.module.add_metadata([ir.Constant(word, 1)])
+    for part in range(2):
+        order = [LINE // 2 * part + lane // 2 + LINE * (lane % 2) for lane in range(LINE)]
+        pairs = builder.shuffle_vector(*lines, ir.Constant(ir.VectorType(word, LINE), order))
+        place = builder.gep(data, [builder.add(i, ir.Constant(i.type, LINE * part))])
+        written = builder.store(pairs, builder.bitcast(place, _VECTOR.as_pointer()), align=64)
+        written.set_metadata("nontemporal", nontemporal)
+    return context.get_dummy_value()
 
 
 def _compute(operation, instruction):

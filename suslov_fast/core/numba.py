@@ -30,10 +30,10 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from numba import carray, config, prange, types
+from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
-from .llvm import LINE, address_of, call_address, pack, streamed_pairs, without_counts
+from .llvm import call_address, pack
 
 try:
     from numba.core.caching import FunctionCache
@@ -68,8 +68,8 @@ def _delete_stale_files(folder):
             path.unlink(missing_ok=True)
 
 
-# Private names of Numba are used in five functions, here and in `llvm.py`, each of which does
-# without where they are missing: slower, and with the same results.
+# Private names of Numba are used in three functions, each of which does without where they are
+# missing: slower, and with the same results.
 def _use_cache(compiled, py_function):
     """Give a function its files: `FunctionCache`, `_cache`.
 
@@ -283,19 +283,6 @@ def select(condition, first, second):
     return first if condition else second
 
 
-def stream_pairs(target, i, source, j, k):
-    """Copy source[j:j+8] and source[k:k+8], in turns, to the two cache lines target[i:i+16], past
-    the caches: twice as fast. Stores retire in order, and rows of lanes are full before pairs are.
-    """
-    target[i : i + 2 * LINE : 2] = source[j : j + LINE]
-    target[i + 1 : i + 2 * LINE : 2] = source[k : k + LINE]
-
-
-@overload(stream_pairs, jit_options=_FORMULA)
-def _compiled_stream_pairs(target, i, source, j, k):
-    return lambda target, i, source, j, k: streamed_pairs(target, i, source, j, k)
-
-
 def of_kind(name):
     """Return the function `name` of the class of its first argument, a named tuple."""
 
@@ -308,31 +295,6 @@ def of_kind(name):
         return chosen and chosen.py_func
 
     return call
-
-
-def uncounted(arrays):
-    """Return an array, or a tuple of arrays, without the reference counts that slow threads."""
-    return arrays
-
-
-@overload(uncounted, jit_options=_FORMULA)
-def _compiled_borrowed(arrays):
-    return lambda arrays: without_counts(arrays)
-
-
-def block_of(rows, lanes):
-    """Return the function that makes a block (rows, lanes) of as many numbers, which it must not
-    outlive. The compiler knows its shape (not that of `reshape`): rows are known not to overlap.
-    """
-
-    def block(numbers):
-        return numbers.reshape((rows, lanes))
-
-    @overload(block, jit_options=_FORMULA)
-    def compiled(numbers):
-        return lambda numbers: carray(address_of(numbers), (rows, lanes))
-
-    return block
 
 
 @formula

@@ -1,20 +1,7 @@
-"""Blocks of lanes, and copies of their rows to saved states: pairs of numbers, by cache lines."""
+"""Copies of rows of blocks to saved states: pairs of numbers, by cache lines."""
 
-import numpy as np
-
-from .numba import LINE, STREAM_FROM, formula, lesser, stream_pairs
-
-
-@formula
-def ones_at_line(size):
-    """Return ones that begin at a cache line, for the block of a kernel.
-
-    Memory as it is allocated begins anywhere, and vectors that straddle two lines take a kernel a
-    quarter longer, in one process and not in the next.
-    """
-    numbers = np.ones(size + LINE)
-    ahead = -(numbers.ctypes.data // 8) % LINE
-    return numbers[ahead : ahead + size]
+from .llvm import LINE, stream_pairs
+from .numba import STREAM_FROM, formula, lesser
 
 
 @formula
@@ -35,32 +22,32 @@ def alignment(out, begin, batch, lanes):
 
 
 @formula
-def write_pairs(source, first, second, flat, place, count, lead, lanes, after=False, before=False):
+def write_pairs(b, row, flat, place, count, lead, after=False, before=False):
     """Interleave two rows into flat[place : place + 2 * count], by whole cache lines if possible.
 
-    They are source[first : first + count] and source[second : second + count], of blocks of `lanes`
-    lanes, a constant. LINE pairs may be those of two blocks: a block after another one leaves the
-    pairs ahead of its first cache line to that one; a block before another one is full, and leaves
-    to that one what follows its last lines but one.
+    They are b[row, :count] and b[row + 1, :count], of a block whose number of lanes is constant.
+    LINE pairs may be those of two blocks: a block after another one leaves the pairs ahead of its
+    first cache line to that one; a block before another one is full, and leaves to that one what
+    follows its last lines but one.
     """
     ahead = (lead - place) % LINE if lead >= 0 else 1
     head = count if ahead % 2 == 1 else lesser(ahead // 2, count)  # pairs ahead of a cache line
     for l in range(0 if after else head):
-        flat[place + 2 * l], flat[place + 2 * l + 1] = source[first + l], source[second + l]
-    lines, most = (count - head) // LINE, lanes // LINE - 1
+        flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
+    lines, most = (count - head) // LINE, b.shape[1] // LINE - 1
     written = 0
     if lines >= most:  # a constant number of lines takes three quarters of the time
         for j in range(most):
             l = head + LINE * j
-            stream_pairs(flat, place + 2 * l, source, first + l, second + l)
+            stream_pairs(flat, place + 2 * l, b, row, l)
         written = most
     if before:
         return
     for j in range(written, lines):
         l = head + LINE * j
-        stream_pairs(flat, place + 2 * l, source, first + l, second + l)
+        stream_pairs(flat, place + 2 * l, b, row, l)
     for l in range(head + LINE * lines, count):
-        flat[place + 2 * l], flat[place + 2 * l + 1] = source[first + l], source[second + l]
+        flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
 
 
 # At a prompt it runs as Python does: a wrong `lead` or `place` is an error, not a crash.

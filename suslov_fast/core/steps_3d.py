@@ -29,8 +29,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .numba import block_of, formula, inlined, kernel, lesser, pick, select, share
-from .rows import alignment, ones_at_line, write_pairs
+from .llvm import block_of, flat
+from .numba import formula, inlined, kernel, lesser, pick, select, share
+from .rows import alignment, write_pairs
 
 # Typed: as literals they compile the functions that take them twice.
 FIRST, ONE, LANES = np.int64(0), np.int64(1), np.int64(128)
@@ -209,7 +210,8 @@ def step_in_frame(frame, e, I13, I23, k, w1, w2):
 KIND, X_, Y_, XG, U, V, R, EXIST, POLE, W1, W2, FRAME = range(12)
 E_, I13_, I23_, K_ = range(FRAME + 6, FRAME + 10)
 CARRIED, CARRIED_BY_PLAIN, ROWS = EXIST, XG, K_ + 1
-block_of_steps = block_of(ROWS, int(LANES))
+STATE = np.int64(W1)  # typed, as FIRST
+new_block = block_of(ROWS, int(LANES))
 
 
 @formula
@@ -338,9 +340,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     status, failed_at   (B,), OK and -1 at first; changed at the first failure
     """
     begin, end, start, stop, every, first_row = span
-    B, flat = len(omega0), saved.reshape(saved.size)
-    rows = ones_at_line(ROWS * LANES)
-    b, w1, w2 = block_of_steps(rows), W1 * LANES, W2 * LANES
+    B, out, b = len(omega0), flat(saved), new_block()
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
     abreast = ONE if few else LANES
@@ -381,9 +381,9 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             if n == due:
                 place = 2 * (row * B + first)
                 if few:
-                    flat[place], flat[place + 1] = b[W1, 0], b[W2, 0]
+                    out[place], out[place + 1] = b[W1, 0], b[W2, 0]
                 else:
-                    write_pairs(rows, w1, w2, flat, place, width, lead, LANES, after, before)
+                    write_pairs(b, STATE, out, place, width, lead, after, before)
                 due, row = due + every, row + 1
             if n == stop:
                 break

@@ -20,8 +20,8 @@ import numpy as np
 
 from .codes import NONFINITE, OK
 from .elimination import LEAST_PIVOT, larger, smaller, solve
-from .llvm import LINE, at_line, load, store
-from .numba import formula, function, inlined, keep, kernel, lesser, pick, select, share, uncounted
+from .llvm import LINE, at_line, load, store, uncounted
+from .numba import formula, function, inlined, keep, kernel, lesser, pick, select, share
 from .operations import (
     ADD,
     ADD_2,

@@ -19,8 +19,8 @@ import numpy as np
 
 from .codes import OK
 from .elimination import determinant_of, solve
-from .llvm import LINE, at_line, line_of, load, store
-from .numba import function, inlined, keep, kernel, lesser, select, share, uncounted
+from .llvm import LINE, at_line, line_of, load, store, uncounted
+from .numba import function, inlined, keep, kernel, lesser, select, share
 from .operations import ENDED, FIRST
 from .steps_field import (
     count_inaccurate,

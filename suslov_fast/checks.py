@@ -135,12 +135,15 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
     """Return True if all numbers are finite, False if some are NaN; raise for those not allowed."""
     if array.size <= _FEW and math.isfinite(sum(array.ravel().tolist())):
         return True
-    bad = np.isinf(array) if allow_nan else ~np.isfinite(array)
+    finite = np.isfinite(array)
+    if finite.all():
+        return True
+    bad = np.isinf(array) if allow_nan else ~finite
     if bad.any():
         index = first_index(bad)
         where = f" at index {index}" if index else ""
         raise wrong(name, "finite real numbers", f"{array[index]}{where}")
-    return not (allow_nan and np.isnan(array).any())
+    return False
 
 
 def refuse(name: str, value: Any) -> None:

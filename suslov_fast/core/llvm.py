@@ -70,8 +70,10 @@ def uncounted_value(context, builder, kind, value):
     return value
 
 
-def array_of(context, builder, kind, data, shape):
-    """Return an uncounted, C-contiguous array of numbers at a place in memory."""
+def array_of(context, builder, kind, data, shape, owner=None):
+    """Return a C-contiguous array of numbers at a place in memory; it is uncounted if no one owns
+    the memory.
+    """
     array, word = context.make_array(kind)(context, builder), context.get_value_type(types.intp)
     size = ir.Constant(word, context.get_abi_sizeof(data.type.pointee))
     array.data, array.itemsize, array.nitems, strides = data, size, ir.Constant(word, 1), []
@@ -81,6 +83,8 @@ def array_of(context, builder, kind, data, shape):
     numbers = types.UniTuple(types.intp, kind.ndim)
     array.shape = context.make_tuple(builder, numbers, shape)
     array.strides = context.make_tuple(builder, numbers, strides)
+    if owner is not None:
+        array.meminfo = owner
     return array._getvalue()
 
 
@@ -95,12 +99,11 @@ def flat(array):
     return array.reshape(-1)
 
 
-def at_line(b):
-    """Return b from a cache line on, uncounted: its last LINE numbers are not to be used.
-
-    Memory as it is allocated begins anywhere, and rows that straddle lines take up to half longer.
+def room(shape):
+    """Return an array of any numbers, from a cache line on. (Rows that straddle lines take up to
+    half longer, and NumPy's arrays begin anywhere.)
     """
-    return b
+    return np.empty(shape)
 
 
 def block_of(rows, lanes):
@@ -132,7 +135,7 @@ def block_of(rows, lanes):
 
 type_callable(uncounted)(lambda context: lambda arrays: arrays)
 type_callable(flat)(lambda context: lambda array: types.Array(array.dtype, 1, "C"))
-type_callable(at_line)(lambda context: lambda b: b)
+type_callable(room)(lambda context: lambda shape: types.Array(types.float64, len(shape), "C"))
 
 
 @lower_builtin(uncounted, types.Any)
@@ -146,15 +149,20 @@ def _flat(context, builder, signature, arguments):
     return array_of(context, builder, signature.return_type, array.data, [array.nitems])
 
 
-@lower_builtin(at_line, types.Array)
-def _at_line(context, builder, signature, arguments):
-    [kind], word = signature.args, ir.IntType(64)
-    array = context.make_array(kind)(context, builder, arguments[0])
-    last = builder.add(builder.ptrtoint(array.data, word), ir.Constant(word, 8 * LINE - 1))
-    first = builder.and_(last, ir.Constant(word, -8 * LINE))
-    shape = [builder.extract_value(array.shape, k) for k in range(kind.ndim)]
-    data = builder.inttoptr(first, array.data.type)
-    return array_of(context, builder, kind, data, shape)
+@lower_builtin(room, types.BaseTuple)
+def _room(context, builder, signature, arguments):
+    lengths, kind = builder.extract_value, signature.return_type
+    shape = [
+        context.cast(builder, lengths(arguments[0], k), each, types.intp)
+        for k, each in enumerate(signature.args[0])
+    ]
+    size = ir.Constant(shape[0].type, 8)
+    for length in shape:
+        size = builder.mul(size, length)
+    owner = context.nrt.meminfo_alloc_aligned(builder, size, 8 * LINE)
+    data = context.nrt.meminfo_data(builder, owner)
+    data = builder.bitcast(data, ir.DoubleType().as_pointer())
+    return array_of(context, builder, kind, data, shape, owner)
 
 
 # ------------------------------------------------------------------------------------------- lines

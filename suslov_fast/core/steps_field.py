@@ -20,7 +20,7 @@ import numpy as np
 
 from .codes import NONFINITE, OK
 from .elimination import LEAST_PIVOT, larger, smaller, solve
-from .llvm import LINE, at_line, load, store, uncounted
+from .llvm import LINE, load, room, store, uncounted
 from .numba import formula, function, inlined, keep, kernel, lesser, pick, select, share
 from .operations import (
     ADD,
@@ -177,7 +177,7 @@ def count_inaccurate(b):
 @inlined
 def memory_of_lane(D, columns):
     """Return a system with these right sides, units and a state: the memory of `solve_lane`."""
-    return np.empty((D, D + columns, 1)), np.empty((2, D)), np.empty(D)
+    return room((D, D + columns, 1)), room((2, D)), room((D,))
 
 
 @inlined
@@ -248,7 +248,7 @@ def field_step_of_one(system, given, out, memory):
 @function
 def field_memory(system):
     """The memory of `field_step_of_one`."""
-    return np.empty((system.rows, 1)), memory_of_lane(system.dimension, 1)
+    return room((system.rows, 1)), memory_of_lane(system.dimension, 1)
 
 
 class FieldSystem(NamedTuple):
@@ -295,8 +295,8 @@ def field_steps(part, parts, arguments, omega0, carry, span, saved, final, statu
     first, last, start, stop, every, next_row = span
     D = omega0.shape[1]
     lanes = lanes_of_fields(rows, (last - first + parts - 1) // parts)
-    memory = np.empty((rows + LINE, lanes)), memory_of_lane(D, 1)
-    b, one = at_line(memory[0]), uncounted(memory[1])
+    memory = room((rows, lanes)), memory_of_lane(D, 1)
+    b, one = uncounted(memory)
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row

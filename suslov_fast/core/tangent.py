@@ -19,7 +19,7 @@ import numpy as np
 
 from .codes import OK
 from .elimination import determinant_of, solve
-from .llvm import LINE, at_line, line_of, load, store, uncounted
+from .llvm import LINE, line_of, load, room, store, uncounted
 from .numba import function, inlined, keep, kernel, lesser, select, share
 from .operations import ENDED, FIRST
 from .steps_field import (
@@ -55,8 +55,8 @@ def memory_of_tangents(rows, D, count):
     most, lanes = 128 if rows <= 250 else 64 if rows <= 1200 else 32, LINE
     while lanes < lesser(count, most):
         lanes *= 2
-    b, g = np.empty((rows + LINE, lanes)), np.empty((LENGTHS + D + LINE, lanes))
-    return b, g, np.empty((lanes, D, D)), memory_of_lane(D, 1), memory_of_lane(D, D)
+    b, g, solved = room((rows, lanes)), room((LENGTHS + D, lanes)), room((lanes, D, D))
+    return b, g, solved, memory_of_lane(D, 1), memory_of_lane(D, D)
 
 
 @inlined
@@ -154,8 +154,7 @@ def jacobians(part, parts, arguments, x, out):
     (indices, plan, values, eps), (B, D) = arguments, x.shape
     _, _, _, first_row, width, rows, _ = plan
     memory = memory_of_tangents(rows, D, B)
-    b, g = at_line(memory[0]), at_line(memory[1])
-    solved, of_step, of_tangent = uncounted(memory[2:])
+    b, g, solved, of_step, of_tangent = uncounted(memory)
     lanes, status, failed_at = b.shape[1], np.zeros(B, np.int8), np.empty(B, np.int64)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
     for begin in range(first_block * lanes, lesser(last_block * lanes, B), lanes):
@@ -219,8 +218,7 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     D = x0.shape[1]
     count = (last - first + parts - 1) // parts
     memory = memory_of_tangents(rows, D, count)
-    b, g = at_line(memory[0]), at_line(memory[1])
-    solved, of_step, of_tangent = uncounted(memory[2:])
+    b, g, solved, of_step, of_tangent = uncounted(memory)
     lanes, carried = b.shape[1], D + D * D
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):

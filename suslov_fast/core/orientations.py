@@ -101,13 +101,16 @@ def clean(r, gram, cleaned):
             for k in range(n):
                 for l in range(lanes):
                     gram[i, j, l] -= 0.5 * r[k, i, l] * r[k, j, l]
-    cleaned[:] = 0.0
     for i in range(n):
         for j in range(n):
+            cleaned[i, j] = 0.0
             for k in range(n):
                 for l in range(lanes):
                     cleaned[i, j, l] += r[i, k, l] * gram[k, j, l]
-    r[:] = cleaned
+    for i in range(n):  # `r[:] = cleaned` takes seconds to compile
+        for j in range(n):
+            for l in range(lanes):
+                r[i, j, l] = cleaned[i, j, l]
 
 
 @function

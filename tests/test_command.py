@@ -285,7 +285,7 @@ def test_ctrl_c():
             while not (name == "o.npz" or Path("o.zarr/zarr.json").exists()):
                 assert process.poll() is None
                 time.sleep(0.05)
-            time.sleep(5.0 if name == "o.npz" else 1.0)
+            time.sleep(3.0 if name == "o.npz" else 1.0)
             process.send_signal(signal.SIGINT)
             try:
                 errors = process.communicate(timeout=10)[1]

@@ -190,7 +190,10 @@ def test_reports_hold_the_integrals_that_are_too_long():
 @pytest.mark.parametrize(
     ("name", "written", "implicit", "sentence"),
     [
-        ("Lagrange", [1, 3, 4], [8], "4 integrals: 3 written, 1 of degree 8 by their bases."),
+        pytest.param(
+            *("Lagrange", [1, 3, 4], [8], "4 integrals: 3 written, 1 of degree 8 by their bases."),
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             *("Kirchhoff", [1, 2], [8, 8], "4 integrals: 2 written, 2 of degree 8 by their bases."),
             marks=pytest.mark.slow,

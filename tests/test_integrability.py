@@ -439,7 +439,10 @@ LINES = from_hamiltonian(
         (LINES, -1, "the image is a curve"),
         (field_of(lambda x: (x[0], 2 * x[1]), 2), -1, "the image is a curve"),
         (field_of(lambda x: (x[0], 2 * x[1]), 2), 2, "no solution"),
-        (field_of(lambda x: (x[0], 2 * x[1], x[0] * x[1]), 3), -2, "the image is a surface"),
+        pytest.param(
+            *(field_of(lambda x: (x[0], 2 * x[1], x[0] * x[1]), 3), -2, "the image is a surface"),
+            marks=pytest.mark.slow,
+        ),
         (field_of(lambda x: (2 * x[0], 2 * x[1], 2 * x[2], 2 * x[3], 1), 5), -1, "a curve"),
         (field_of(lambda x: (2 * x[0], x[1], x[2], x[3], 1), 5), -1, "of dimension 4"),
         (QuadraticField([[[0]]], [[-8]], [1]), EPS, "the image is a point"),
@@ -461,7 +464,7 @@ def test_degenerate_step_sizes(field, eps, message):
         degrees(kahan(LINES, 1), 3)
 
 
-@pytest.mark.parametrize("with_relations", [True, False])
+@pytest.mark.parametrize("with_relations", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_integrals_with_irrational_coefficients(monkeypatch, with_relations):
     """Those of degree 2 have irrational coefficients; those of degree 4 are norms of them.
 
@@ -694,7 +697,7 @@ def test_the_cheapest_task_goes_first():
     assert (len(queue), queue.has_refused, queue.finished()) == (1, True, {"a": 4, "b": 1})
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("given", [BODY, CYCLE, PREY, ISHII, SIR, TODD, HENON_HEILES_FIELD])
 def test_a_larger_degree_shows_no_less(given):
     is_map = isinstance(given, RationalMap)

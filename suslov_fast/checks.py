@@ -99,8 +99,8 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     With `later`, the numbers of a large array are not looked at: the caller calls `real_array` if
     what it computes from them is not finite.
     """
-    axes = [*getattr(value, "dims", [])]
-    if axes[-1:] == ["component"] and "n" not in axes[1:]:
+    axes = [*value.dims] if hasattr(value, "dims") else []
+    if axes and axes[-1] == "component" and "n" not in axes[1:]:
         coords = getattr(value, "coords", {})  # those of a dataset of this package
         if "component" not in coords or coords["component"].values.tolist() == [*labels]:
             value = getattr(value, "data", value)  # a Dataset has no data
@@ -128,7 +128,7 @@ def _floats(name: str, value: Any) -> FloatArray:
         raise wrong(name, expected, short(value)) from error
     if array.dtype.kind not in "iuf":
         raise wrong(name, "real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
-    return array.astype(np.float64, copy=False)
+    return array if array.dtype is _FLOAT64 else array.astype(np.float64)
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:

@@ -97,7 +97,7 @@ class March:
     ) -> None:
         methods = problem.map.methods
         self.problem, self.steps = problem, methods[method or next(iter(methods))]
-        is_foreign = not is_of_package(self.steps)
+        is_foreign = not is_of_package(self.steps.kernel, self.steps.arguments)
         if is_foreign:
             try_once(problem, self.steps)
         self.arguments = self.steps.arguments(problem.body, problem.eps, problem.batch)

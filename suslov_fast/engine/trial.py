@@ -5,6 +5,7 @@ other numbers after a cut. The trial takes a few trajectories some steps, in sev
 give the same bits, between numbers that no kernel may touch. It takes no longer than 1000 steps.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -87,11 +88,12 @@ def _expect(holds: bool, expected: str, received: str, item: int) -> None:
         raise wrong("kernel", f"{expected} (item {item} of maps.Map)", received)
 
 
-def is_of_package(steps: Any) -> bool:
+@lru_cache(maxsize=64)  # for small calls
+def is_of_package(kernel: Any, arguments: Any) -> bool:
     """Return True for a kernel of the package, with arguments that the package makes."""
-    maker = getattr(steps.arguments, "__module__", None)  # callables may lack one
-    kernel: str = steps.kernel.py_func.__module__
-    return maker == Problem.__module__ and kernel.startswith(codes.__package__)
+    maker = getattr(arguments, "__module__", None)  # callables may lack one
+    where: str = kernel.py_func.__module__
+    return maker == Problem.__module__ and where.startswith(codes.__package__)
 
 
 def try_once(problem: Problem, steps: Any) -> None:

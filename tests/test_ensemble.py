@@ -310,7 +310,9 @@ def test_a_run_killed_while_its_store_is_made_is_finished(store):
         shutil.rmtree(store / unmade)
     (store / "zarr.0.partial").touch()
     call(ensemble, **ASKED, store=store)
-    assert contents(store) == whole
+    finished = contents(store)  # whose metadata Zarr 3.1.3 writes in another order
+    assert json.loads(finished.pop("zarr.json")) == json.loads(whole.pop("zarr.json"))
+    assert finished == whole
 
 
 @pytest.mark.parametrize(

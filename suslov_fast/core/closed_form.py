@@ -48,7 +48,7 @@ import math
 import numpy as np
 
 from .llvm import block_of, flat
-from .numba import formula, inlined, kernel, lesser, pick, select, share, universal
+from .numba import are_common, formula, inlined, kernel, lesser, pick, select, share, universal
 from .rows import alignment, write_pairs
 from .steps_3d import FIRST, LANES, RANGE, ZERO_TO_ROUNDING, one_step
 
@@ -350,9 +350,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
     own = LANES - shared
     blocks, rows = (B + shift + own - 1) // own, (N + abreast - 1) // abreast
     begin, end = share(blocks * rows, part, parts)
-    common, filled = parameters[0].size == 1, False
-    for parameter in parameters[1:]:
-        common = common and parameter.size == 1
+    common, filled = are_common(parameters), False
     for task in range(begin, end):
         block, row = task // rows, task % rows * abreast
         first = block * own - shift if block > 0 else 0

@@ -198,29 +198,45 @@ def line_of(number):
     return np.full(LINE, number)
 
 
-def stream_pairs(target, i, b, row, l):
-    """Copy the lines from b[row, l] and b[row + 1, l] on, in turns, to the two cache lines from
-    target[i] on, past the caches: twice as fast.
-    """
+def load_pairs(b, row, l, source, i):
+    """Copy pairs from source[i] on, in turns, to the lines b[row, l:] and b[row + 1, l:]."""
+    b[row, l : l + LINE] = source[i : i + 2 * LINE : 2]
+    b[row + 1, l : l + LINE] = source[i + 1 : i + 2 * LINE : 2]
+
+
+def store_pairs(target, i, b, row, l):
+    """Copy the lines from b[row, l] and b[row + 1, l] on, in turns, to target[i] and so on."""
     target[i : i + 2 * LINE : 2] = load(b, row, l)
     target[i + 1 : i + 2 * LINE : 2] = load(b, row + 1, l)
+
+
+def stream_pairs(target, i, b, row, l):
+    """As `store_pairs`, to two whole cache lines, past the caches: twice as fast."""
+    store_pairs(target, i, b, row, l)
+
+
+def copy_row(b, row, target, j, i, count):
+    """Copy b[row, :count] to target[j, i : i + count]."""
+    target[j, i : i + count] = b[row, :count]
 
 
 type_callable(load)(lambda context: lambda b, row, l: _LINE)
 type_callable(store)(lambda context: lambda b, row, l, line: types.none)
 type_callable(line_of)(lambda context: lambda number: _LINE)
+type_callable(load_pairs)(lambda context: lambda b, row, l, source, i: types.none)
+type_callable(store_pairs)(lambda context: lambda target, i, b, row, l: types.none)
 type_callable(stream_pairs)(lambda context: lambda target, i, b, row, l: types.none)
+type_callable(copy_row)(lambda context: lambda b, row, target, j, i, count: types.none)
 
 
-def _address(context, builder, kinds, b, row, l):
-    array = context.make_array(kinds[0])(context, builder, b)
-    row, l = (
-        context.cast(builder, each, kind, types.intp)
-        for each, kind in zip((row, l), kinds[1:3], strict=True)
-    )
-    lanes = builder.extract_value(array.shape, 1)
-    first = builder.gep(array.data, [builder.add(builder.mul(row, lanes), l)])
-    return builder.bitcast(first, _VECTOR.as_pointer())
+def _address(context, builder, kinds, array, *place):
+    """Return the address of the line from array[place] on, for `kinds` of array and place."""
+    numbers, first = context.make_array(kinds[0])(context, builder, array), None
+    for k, (each, kind) in enumerate(zip(place, kinds[1:], strict=True)):
+        index = context.cast(builder, each, kind, types.intp)
+        length = builder.extract_value(numbers.shape, k)
+        first = index if first is None else builder.add(builder.mul(first, length), index)
+    return builder.bitcast(builder.gep(numbers.data, [first]), _VECTOR.as_pointer())
 
 
 @lower_builtin(load, types.Array, types.Integer, types.Integer)
@@ -231,7 +247,7 @@ def _load(context, builder, signature, arguments):
 @lower_builtin(store, types.Array, types.Integer, types.Integer, _LINE)
 def _store(context, builder, signature, arguments):
     *place, line = arguments
-    builder.store(line, _address(context, builder, signature.args, *place), align=8)
+    builder.store(line, _address(context, builder, signature.args[:3], *place), align=8)
     return context.get_dummy_value()
 
 
@@ -243,23 +259,73 @@ def _line_of(context, builder, signature, arguments):
     return builder.shuffle_vector(first, nothing, places)
 
 
-@lower_builtin(stream_pairs, types.Array, types.Integer, types.Array, types.Integer, types.Integer)
-def _stream_pairs(context, builder, signature, arguments):
-    (_, kind, *kinds), (target, i, b, row, l), word = signature.args, arguments, ir.IntType(32)
-    next_row = builder.add(row, ir.Constant(row.type, 1))
+def _shuffle(builder, lines, order):
+    """Return a line of the numbers of two lines, in this order."""
+    return builder.shuffle_vector(*lines, ir.Constant(ir.VectorType(ir.IntType(32), LINE), order))
+
+
+def _plus(builder, index, k):
+    return builder.add(index, ir.Constant(index.type, k))
+
+
+_PAIRS = types.Array, types.Integer, types.Array, types.Integer, types.Integer
+
+
+@lower_builtin(load_pairs, types.Array, types.Integer, types.Integer, types.Array, types.Integer)
+def _load_pairs(context, builder, signature, arguments):
+    kinds, (b, row, l, source, i) = signature.args, arguments
     lines = [
-        builder.load(_address(context, builder, kinds, b, each, l), align=8)
-        for each in (row, next_row)
+        builder.load(_address(context, builder, kinds[3:], source, _plus(builder, i, k)), align=8)
+        for k in (0, LINE)
     ]
-    data = context.make_array(signature.args[0])(context, builder, target).data
-    i = context.cast(builder, i, kind, types.intp)
-    nontemporal = builder.module.add_metadata([ir.Constant(word, 1)])
-    for part in range(2):
-        order = [LINE // 2 * part + lane // 2 + LINE * (lane % 2) for lane in range(LINE)]
-        pairs = builder.shuffle_vector(*lines, ir.Constant(ir.VectorType(word, LINE), order))
-        place = builder.gep(data, [builder.add(i, ir.Constant(i.type, LINE * part))])
-        written = builder.store(pairs, builder.bitcast(place, _VECTOR.as_pointer()), align=64)
-        written.set_metadata("nontemporal", nontemporal)
+    for k in range(2):
+        place = _address(context, builder, kinds[:3], b, _plus(builder, row, k), l)
+        line = _shuffle(builder, lines, [*range(k, 2 * LINE, 2)])
+        builder.store(line, place, align=8)
+    return context.get_dummy_value()
+
+
+def _emit_pairs(context, builder, kinds, arguments, align):
+    """Emit the two stores of a pair of lines, and return them."""
+    target, i, b, row, l = arguments
+    lines = [
+        builder.load(_address(context, builder, kinds[2:], b, _plus(builder, row, k), l), align=8)
+        for k in range(2)
+    ]
+    stores = []
+    for k in (0, LINE // 2):
+        order = [k + lane // 2 + LINE * (lane % 2) for lane in range(LINE)]
+        place = _address(context, builder, kinds[:2], target, _plus(builder, i, 2 * k))
+        stores.append(builder.store(_shuffle(builder, lines, order), place, align=align))
+    return stores
+
+
+@lower_builtin(store_pairs, *_PAIRS)
+def _store_pairs(context, builder, signature, arguments):
+    _emit_pairs(context, builder, signature.args, arguments, 8)
+    return context.get_dummy_value()
+
+
+@lower_builtin(stream_pairs, *_PAIRS)
+def _stream_pairs(context, builder, signature, arguments):
+    past_caches = builder.module.add_metadata([ir.Constant(ir.IntType(32), 1)])
+    for each in _emit_pairs(context, builder, signature.args, arguments, 8 * LINE):
+        each.set_metadata("nontemporal", past_caches)
+    return context.get_dummy_value()
+
+
+@lower_builtin(copy_row, types.Array, types.Integer, types.Array, *[types.Integer] * 3)
+def _copy_row(context, builder, signature, arguments):
+    kinds, (b, row, target, j, i, count) = signature.args, arguments
+    byte, bit = ir.IntType(8).as_pointer(), ir.IntType(1)
+    count = context.cast(builder, count, kinds[5], types.intp)
+    first = ir.Constant(count.type, 0)
+    source = _address(context, builder, (*kinds[:2], types.intp), b, row, first)
+    place = _address(context, builder, kinds[2:5], target, j, i)
+    both = [builder.bitcast(each, byte) for each in (place, source)]
+    copy = builder.module.declare_intrinsic("llvm.memcpy", [byte, byte, count.type])
+    size = builder.mul(count, ir.Constant(count.type, 8))
+    builder.call(copy, [*both, size, ir.Constant(bit, 0)])
     return context.get_dummy_value()
 
 

@@ -324,3 +324,10 @@ STREAM_FROM = np.inf if config.DISABLE_JIT else 2**20
 def pick(parameter, i):
     """Return the parameter of trajectory i: there is one for each, or one for all."""
     return parameter[i if i < parameter.size else 0]
+
+
+@inlined
+def are_common(parameters):
+    """True if all trajectories have the same body and step size, six arrays of one number."""
+    I1, I2, I13, I23, k, eps = parameters
+    return I1.size * I2.size * I13.size * I23.size * k.size * eps.size == 1

@@ -1,6 +1,6 @@
 """Copies of rows of blocks to saved states: pairs of numbers, by cache lines."""
 
-from .llvm import LINE, stream_pairs
+from .llvm import LINE, store_pairs, stream_pairs
 from .numba import STREAM_FROM, formula, lesser
 
 
@@ -22,16 +22,28 @@ def alignment(out, begin, batch, lanes):
 
 
 @formula
-def write_pairs(b, row, flat, place, count, lead, after=False, before=False):
-    """Interleave two rows into flat[place : place + 2 * count], by whole cache lines if possible.
+def store_rows(b, row, flat, place, count):
+    """Interleave b[row, :count] and b[row + 1, :count] into flat[place : place + 2 * count]."""
+    in_lines = count // LINE * LINE
+    for l in range(0, in_lines, LINE):
+        store_pairs(flat, place + 2 * l, b, row, l)
+    for l in range(in_lines, count):
+        flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
 
-    They are b[row, :count] and b[row + 1, :count], of a block whose number of lanes is constant.
-    LINE pairs may be those of two blocks: a block after another one leaves the pairs ahead of its
-    first cache line to that one; a block before another one is full, and leaves to that one what
-    follows its last lines but one.
+
+@formula
+def write_pairs(b, row, flat, place, count, lead, after=False, before=False):
+    """Interleave two rows as `store_rows`, past the caches and by whole cache lines if possible.
+
+    The number of lanes is constant. LINE pairs may be those of two blocks: a block after another
+    one leaves the pairs ahead of its first cache line to that one; a block before another one is
+    full, and leaves to that one what follows its last lines but one.
     """
-    ahead = (lead - place) % LINE if lead >= 0 else 1
-    head = count if ahead % 2 == 1 else lesser(ahead // 2, count)  # pairs ahead of a cache line
+    ahead = (lead - place) % LINE
+    if lead < 0 or ahead % 2 == 1:
+        store_rows(b, row, flat, place, count)
+        return
+    head = lesser(ahead // 2, count)  # pairs ahead of a cache line
     for l in range(0 if after else head):
         flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
     lines, most = (count - head) // LINE, b.shape[1] // LINE - 1
@@ -50,5 +62,6 @@ def write_pairs(b, row, flat, place, count, lead, after=False, before=False):
         flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
 
 
-# At a prompt it runs as Python does: a wrong `lead` or `place` is an error, not a crash.
+# At a prompt they run as Python does: a wrong `lead` or `place` is an error, not a crash.
+store_rows._for_calls = store_rows.py_func
 write_pairs._for_calls = write_pairs.py_func

@@ -29,9 +29,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .llvm import block_of, flat
-from .numba import formula, inlined, kernel, lesser, pick, select, share
-from .rows import alignment, write_pairs
+from .llvm import LINE, block_of, copy_row, flat, load_pairs
+from .numba import are_common, formula, inlined, kernel, lesser, pick, select, share
+from .rows import alignment, store_rows, write_pairs
 
 # Typed: as literals they compile the functions that take them twice.
 FIRST, ONE, LANES = np.int64(0), np.int64(1), np.int64(128)
@@ -235,12 +235,13 @@ def state_at(b, l):
 @inlined
 def fill_frames(b, lanes, first, width, parameters):
     """Fill the frames of lanes; those beyond `width` repeat the first."""
+    I1, I2, I13, I23, k, eps = parameters
     for l in range(lanes):
         i = first + (l if l < width else 0)
         # KIND, X_ and E_ hold I1, I2 and eps until the loop below.
-        b[KIND, l], b[X_, l] = pick(parameters[0], i), pick(parameters[1], i)
-        b[I13_, l], b[I23_, l] = pick(parameters[2], i), pick(parameters[3], i)
-        b[K_, l], b[E_, l] = pick(parameters[4], i), pick(parameters[5], i)
+        b[KIND, l], b[X_, l] = pick(I1, i), pick(I2, i)
+        b[I13_, l], b[I23_, l] = pick(I13, i), pick(I23, i)
+        b[K_, l], b[E_, l] = pick(k, i), pick(eps, i)
     for l in range(LANES):
         frame, e = frame_of(b[KIND, l], b[X_, l], b[I13_, l], b[I23_, l], b[K_, l], b[E_, l])
         b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l] = frame.K, frame.a1, frame.a2
@@ -249,14 +250,16 @@ def fill_frames(b, lanes, first, width, parameters):
 
 
 @inlined
-def start_lanes(b, lanes, first, width, omega0, status, failed_at):
+def start_lanes(b, lanes, first, width, given, status, failed_at):
     """Fill lanes with trajectories from `first` on, at state 0; return how many have the plain
     form, all if it is one trajectory. Lanes beyond `width` repeat the first.
     """
     plains, flagged = 0, 0
-    for l in range(lanes):
-        i = first + (l if l < width else 0)
-        b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
+    for l in range(0, LANES if width == LANES else 0, LINE):
+        load_pairs(b, STATE, l, given, 2 * (first + l))
+    for l in range(lanes if width < LANES else 0):
+        i = 2 * (first + (l if l < width else 0))
+        b[W1, l], b[W2, l] = given[i], given[i + 1]
     for l in range(LANES):
         frame, w1, w2 = frame_at(b, l), b[W1, l], b[W2, l]
         X, Y = scaled(frame, b[E_, l], b[I13_, l], b[I23_, l], b[K_, l], w1, w2)
@@ -340,13 +343,11 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     status, failed_at   (B,), OK and -1 at first; changed at the first failure
     """
     begin, end, start, stop, every, first_row = span
-    B, out, b = len(omega0), flat(saved), new_block()
+    B, given, out, b = len(omega0), flat(omega0), flat(saved), new_block()
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
     abreast = ONE if few else LANES
-    common = parameters[0].size == 1
-    for parameter in parameters[1:]:
-        common = common and parameter.size == 1
+    common = are_common(parameters)
     lead, shift, shared = alignment(saved, begin, B, abreast)
     own, origin = abreast - shared, begin - shift
     first_block, last_block = share((end - origin + own - 1) // own, part, parts)
@@ -363,7 +364,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
         if not common or first == begin:
             fill_frames(b, abreast, first, width, parameters)
         if start == 0:
-            plains = start_lanes(b, abreast, first, width, omega0, status, failed_at)
+            plains = start_lanes(b, abreast, first, width, given, status, failed_at)
         else:
             plains = continue_lanes(b, abreast, first, width, carry)
         b[EXIST, FIRST], b[POLE, FIRST] = 0.0, 0.0
@@ -393,11 +394,10 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             elif not stepped:
                 take_steps(b, LANES, plains, n, pause)
             n = pause
-        for l in range(last - first if plains == LANES else 0):  # without branches
-            i = first + l
-            final[i, 0], final[i, 1] = b[W1, l], b[W2, l]
+        if plains == LANES:
+            store_rows(b, STATE, flat(final), 2 * first, last - first)
             for j in range(CARRIED_BY_PLAIN):
-                carry[j, i] = b[j, l]
+                copy_row(b, j, carry, j, first, last - first)
         for l in range(last - first if plains < LANES else 0):
             i = first + l
             may_fail = b[KIND, l] != PLAIN and status[i] >= 0

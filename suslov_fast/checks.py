@@ -128,7 +128,7 @@ def _floats(name: str, value: Any) -> FloatArray:
         raise wrong(name, expected, short(value)) from error
     if array.dtype.kind not in "iuf":
         raise wrong(name, "real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
-    return array if array.dtype is _FLOAT64 else array.astype(np.float64)
+    return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:

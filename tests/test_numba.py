@@ -9,6 +9,7 @@ import shutil
 from pathlib import Path
 
 import children
+import numba
 import numpy as np
 import pytest
 
@@ -196,8 +197,16 @@ def hide(place, name):
 """
 
 
+def compiled(function):
+    """Return a function that calls the code that kernels call."""
+    return numba.njit(lambda *arguments: function(*arguments))
+
+
 def test_every_kind_can_be_called_at_a_prompt(rng):
-    """Formulas, functions, kernels and universal functions: compiled, and as Python functions."""
+    """Formulas, functions, kernels and universal functions: compiled, and as Python functions.
+
+    (A few are always Python functions at a prompt: for them `compiled` is as kernels call them.)
+    """
     x, y, w = rng.normal(size=16), np.zeros(32), rng.normal(size=(1, 2))
     body, eps = (4.0, 1.0, -0.5, -0.3, 0.0), 0.2
     for take in (steps_3d.plain_step, steps_3d.plain_step.py_func):
@@ -221,7 +230,7 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
     quantities.energy.py_func(*body, eps, w[0], value)
     assert value == quantities.energy(*body, eps, w[0])
     lead, b = -(y.ctypes.data // 8) % llvm.LINE, x.reshape(2, 8)
-    for write in (rows.write_pairs, rows.write_pairs.py_func):
+    for write in (rows.write_pairs, compiled(rows.write_pairs)):
         write(b, 0, y, lead, 8, lead)
         assert (y[lead : lead + 16] == b.T.ravel()).all()
         y[:] = 0
@@ -241,7 +250,7 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
     with pytest.raises((IndexError, ValueError)):
         rows.write_pairs(b, 0, y, 25, 8, -1)
     doubled = np.array([[operations.MUL, 0, 0, 1, 2, 0, 0, 1]], np.uint32)
-    for execute in (steps_field.execute, steps_field.execute.py_func):
+    for execute in (steps_field.execute, compiled(steps_field.execute)):
         b = np.full((3, 8), 2.0)
         execute(doubled, b)
         assert b.tolist() == [[4.0] * 8, [2.0] * 8, [2.0] * 8]

@@ -6,6 +6,7 @@ A row is (call, exception, name). Each message says what was expected and what w
 import inspect
 import json
 import math
+import pickle
 import re
 from decimal import Decimal
 from fractions import Fraction
@@ -316,6 +317,13 @@ def test_values_at_the_ends_of_the_range():
         assert SuslovGyrostat(1, 1, size, -size, size).k == size
         assert SuslovND([size, 1], [size, 0]).J[0] == size
         assert QuadraticField([[[size]]], [[size]], [size]).constant == size
+
+
+def test_unpickled_arrays_are_not_copied():
+    """Their type equals that of other arrays, but is another object."""
+    x = pickle.loads(pickle.dumps(np.ones(4)))
+    assert x.dtype is not np.dtype(float)
+    assert checks.real_array("x", x) is x
 
 
 def test_unusual_numbers_are_welcome():

@@ -71,9 +71,7 @@ def uncounted_value(context, builder, kind, value):
 
 
 def array_of(context, builder, kind, data, shape, owner=None):
-    """Return a C-contiguous array of numbers at a place in memory; it is uncounted if no one owns
-    the memory.
-    """
+    """Return a C-contiguous array at an address; without an owner it has no reference count."""
     array, word = context.make_array(kind)(context, builder), context.get_value_type(types.intp)
     size = ir.Constant(word, context.get_abi_sizeof(data.type.pointee))
     array.data, array.itemsize, array.nitems, strides = data, size, ir.Constant(word, 1), []
@@ -100,17 +98,18 @@ def flat(array):
 
 
 def room(shape):
-    """Return an array of any numbers, from a cache line on. (Rows that straddle lines take up to
-    half longer, and NumPy's arrays begin anywhere.)
+    """Return an uninitialised array that begins at a cache line.
+
+    Vectors that straddle two lines take up to 1.5 times as long, and NumPy's arrays begin anywhere.
     """
     return np.empty(shape)
 
 
 def block_of(rows, lanes):
-    """Return the function that makes a block (rows, lanes) of ordinary numbers for a kernel.
+    """Return the function that makes a block (rows, lanes) for a kernel, of some normal number.
 
-    It lies on the stack of the kernel, from a cache line on. The compiler knows its shape, and so
-    that its rows do not overlap.
+    It lies on the stack of the kernel and begins at a cache line: a thread needs 64 KiB of stack.
+    The compiler knows its shape, and so that its rows do not overlap.
     """
 
     def block():
@@ -167,7 +166,7 @@ def _room(context, builder, signature, arguments):
 
 # ------------------------------------------------------------------------------------------- lines
 # Eight lanes in a register: a loop over lines is SIMD whatever the number of lanes, and whatever
-# LLVM knows of the rows.
+# LLVM knows of the rows. NUMBA_BOUNDSCHECK does not check the indices of lines, pairs and rows.
 class _Line(types.Type):
     """The type of eight numbers in a register."""
 

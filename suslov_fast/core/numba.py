@@ -69,7 +69,8 @@ def _delete_stale_files(folder):
 
 
 # Private names of Numba are used in three functions, each of which does without where they are
-# missing: slower, and with the same results.
+# missing: slower, and with the same results. (`llvm` needs what extensions of Numba use, as
+# `make_array`, `_getvalue` and `nrt` of a context.)
 def _use_cache(compiled, py_function):
     """Give a function its files: `FunctionCache`, `_cache`.
 
@@ -299,7 +300,7 @@ def of_kind(name):
 
 @formula
 def keep(arrays):
-    """Let arrays live until here, where only `uncounted` ones were used before."""
+    """Keep arrays alive: called after the last use of their `uncounted` copies."""
 
 
 @formula

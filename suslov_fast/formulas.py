@@ -4,7 +4,7 @@ The records of `maps.py` list the formulas of each map. A formula of a function 
 each state takes a checked problem and returns the values; comments say what the others take.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from .checks import FloatArray, wrong
 from .core import quantities, quantities_field, tangent
 from .core.numba import Kernel, Universal
 from .core.operations import plan_tangent
-from .engine.arguments import Problem, by_field, flat_arrays
+from .engine.arguments import ALL, Problem, alike, by_field, flat_arrays
 from .engine.stretches import March, states_after
 from .engine.threads import call_kernel
 
@@ -101,10 +101,11 @@ def _rates(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     return np.linalg.eigvals(slopes).astype(complex)
 
 
-def _tangent_arguments(problem: Problem) -> Any:
-    """Return the arguments of the kernels of `core.tangent`."""
-    indices, values, eps = by_field(problem.body, problem.eps, problem.batch)
-    return indices, tuple(plan_tangent(indices, problem.body.dimension)), values, eps
+def _tangent_arguments(problem: Problem) -> Iterator[tuple[Any, Any]]:
+    """Yield some trajectories, and the arguments of the kernels of `core.tangent` for them."""
+    given = by_field(problem.body, problem.eps, problem.batch)
+    for where, indices, *own in alike(*given):
+        yield where, (indices, tuple(plan_tangent(indices, problem.body.dimension)), *own)
 
 
 def _at_states(kernel: Kernel, problem: Problem, shape: tuple[int, ...], cost: int) -> FloatArray:
@@ -112,13 +113,16 @@ def _at_states(kernel: Kernel, problem: Problem, shape: tuple[int, ...], cost: i
 
     The batch is divided, so that Ctrl-C is handled; `cost` is the number of operations of a state.
     """
-    indices, plan, values, eps = _tangent_arguments(problem)
     x, width = flat_arrays(problem.omega, problem.batch), max(_STRETCH // cost, 1)
     out = np.empty((len(x), *shape))
-    for begin in range(0, len(x), width):
-        part = slice(begin, begin + width)
-        own = [each[part] if len(each) > 1 else each for each in (values, eps)]
-        kernel.serial((indices, plan, *own), x[part], out[part])
+    for where, (indices, plan, values, eps) in _tangent_arguments(problem):
+        some, found = x[where], out[where]  # views of all, or copies
+        for begin in range(0, len(some), width):
+            part = slice(begin, begin + width)
+            own = [each[part] if len(each) > 1 else each for each in (values, eps)]
+            kernel.serial((indices, plan, *own), some[part], found[part])
+        if where is not ALL:
+            out[where] = found
     return out.reshape((*problem.batch, *shape))
 
 
@@ -134,20 +138,29 @@ def _density(problem: Problem) -> FloatArray:
 def _growth(problem: Problem, start: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
     """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
     start = flat_arrays(start, problem.batch)
-    arguments, (B, D) = _tangent_arguments(problem), start.shape
-    (step, back, columns, *_) = arguments[1]
+    sums, of_det = np.empty(start.shape), np.empty(len(start))
+    for where, arguments in _tangent_arguments(problem):
+        sums[where], of_det[where] = _growth_of(arguments, start[where], steps, problem.threads)
+    return sums, of_det
+
+
+def _growth_of(
+    arguments: Any, start: FloatArray, steps: int, threads: int | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the sums of `_growth` for fields with these arguments."""
+    (step, back, columns, *_), (B, D) = arguments[1], start.shape
     sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, 2 * D + D * D + 3))
     after = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
     cost = len(step) + len(back) + D * len(columns) + D**3 // 4  # the last, for orthonormal columns
     # Few trajectories for some 64 steps, rather than many for few: what is carried is D**2 numbers.
-    block = 64 * (problem.threads or numba.get_num_threads())
+    block = 64 * (threads or numba.get_num_threads())
     width = max(block, _STRETCH // (64 * cost) // block * block)
     width = max(min(B, width, _STRETCH // cost), 1)
     length = max(_STRETCH // (cost * width), 1)
     for begin, first in product(range(0, B, width), range(0, steps, length)):
         span = begin, min(begin + width, B), first, min(first + length, steps), steps
         before = arguments, start, carry, span
-        call_kernel(tangent.growth, cost * width * length, problem.threads, *before, *after)
+        call_kernel(tangent.growth, cost * width * length, threads, *before, *after)
     return sums, of_det
 
 

@@ -258,3 +258,46 @@ def test_a_hamiltonian_with_three_factors():
     run = sf.iterate(field, [0.3, -0.2, 0.5, 0.7], 0.2, 10)
     assert np.ptp(run.modified_energy()) < 1e-15
     assert np.ptp(run.energy()) > 1e-5
+
+
+def of_a(x, a):
+    p, q, r, s = x
+    return (
+        q * r - a * p * q + 0.3 * s,
+        a * s * p - p * r - 0.2 * q,
+        0.7 * s * q,
+        a * p * s - 0.3 * s,
+    )
+
+
+def test_members_with_other_zeros_keep_their_bits(rng, tmp_path):
+    """The operations of a step depend on the zeros of the field, and on those of no other one."""
+    a, eps = np.array([0.0, 1.3, 0.0, -0.4, 0.0, 2.0]), rng.uniform(0.1, 0.3, 6)
+    family = sf.QuadraticField.from_function(of_a, 4, a=a)
+    x0 = rng.uniform(-1, 1, (3, 6, 4))
+    x0[1, 2] = np.nan
+    done = []
+    run = sf.iterate(family, x0, eps, 40, on_singular="ignore", progress=lambda *n: done.append(n))
+    assert done == sorted(done)
+    assert done[-1] == (40, 40)
+    again = sf.iterate(family, x0, eps, 17, on_singular="ignore").extend(23, on_singular="ignore")
+    assert again == run
+    exponents, found = sf.lyapunov_exponents(family, x0[0], eps, 40), sf.jacobian(family, x0, eps)
+    met = sf.crossings(family, x0[0], eps, 40, surface=lambda x: x[..., 3], direction=0)
+    stored = sf.ensemble(
+        family, x0[0], eps, 40, store=tmp_path / "run.zarr", save_every=1, chunk=2, dims=("a",)
+    )
+    assert np.array_equal(stored["x"], run.x[:, 0])
+    for i, value in enumerate(a):
+        alone = sf.QuadraticField.from_function(of_a, 4, a=value)
+        for member in (alone, family[i]):
+            own = sf.iterate(member, x0[:, i], eps[i], 40, on_singular="ignore")
+            assert np.array_equal(own.x, run.x[:, :, i], equal_nan=True)
+            assert np.array_equal(own.final, run.final[:, i], equal_nan=True)
+            assert np.array_equal(own.status, run.status[:, i])
+            assert np.array_equal(own.failed_at, run.failed_at[:, i])
+        assert np.array_equal(sf.jacobian(alone, x0[:, i], eps[i]), found[:, i], equal_nan=True)
+        assert (sf.lyapunov_exponents(alone, x0[0, i], eps[i], 40) == exponents[i]).all()
+        some = sf.crossings(alone, x0[0, i], eps[i], 40, surface=lambda x: x[..., 3], direction=0)
+        assert (some.before == met.of(i).before).all()
+        assert len(some) == len(met.of(i))

@@ -138,13 +138,17 @@ def find_factors(c, b, lanes):
 
 @formula
 def add_increments(c, b, lanes):
-    """Add the increments, and find p and |w|**2 of the next states."""
-    M = c.shape[1]
-    pairs = M // 2
-    for i in range(M):
+    """Add the increments: equation (15), solved."""
+    for i in range(c.shape[1]):
         for l in range(lanes):
             along = b[OF_W, l] * c[W, i, l] + b[OF_I, l] * c[I_, i, l]
-            c[W, i, l] = c[W, i, l] + along * c[INVERSE, i, l]  # equation (15), solved
+            c[W, i, l] = c[W, i, l] + along * c[INVERSE, i, l]
+
+
+@formula
+def find_sums(c, b, lanes):
+    """Find p and |w|**2 of states."""
+    pairs = c.shape[1] // 2
     for l in range(lanes):
         b[P, l], b[SQUARE, l] = 0.0, 0.0
     for i in range(pairs):
@@ -190,12 +194,12 @@ def nd_step_of_one(system, given, out, memory):
     """Write the state that follows `given` to `out`; return its status. For `compiled`."""
     (J, I, eps, near, _), (c, b, one) = system, memory
     status = OK
-    b[EPS, 0], b[NEAR, 0], b[OF_W, 0], b[OF_I, 0] = eps, near, 0.0, 0.0
+    b[EPS, 0], b[NEAR, 0] = eps, near
     for i in range(c.shape[1]):
-        c[J_, i, 0], c[I_, i, 0], c[W, i, 0], c[INVERSE, i, 0] = np.inf, 0.0, 0.0, 0.0
+        c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = np.inf, 0.0, 0.0
         if i < len(J):
             c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = J[i], I[i], given[i]
-    add_increments(c, b, 1)  # none: finds p and |w|**2
+    find_sums(c, b, 1)
     if find_factors(c, b, 1) > 0:
         status = eliminate_one(c, b, 0, one)
     add_increments(c, b, 1)
@@ -267,6 +271,7 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
                             status[begin + l], failed_at[begin + l] = code, n
                 if a is None:
                     add_increments(c, b, lanes)
+                    find_sums(c, b, lanes)
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write_states(c[W], begin, end, saved[row])
                 row += 1
@@ -279,9 +284,9 @@ def enter_nd(c, b, parameters, states, begin, end, start, status, failed_at):
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
         k, undefined, smallest = lesser(begin + l, end - 1), 0.0, np.inf
-        b[EPS, l], b[OF_W, l], b[OF_I, l] = eps[k % len(eps)], 0.0, 0.0
+        b[EPS, l] = eps[k % len(eps)]
         for i in range(c.shape[1]):
-            c[J_, i, l], c[I_, i, l], c[W, i, l], c[INVERSE, i, l] = np.inf, 0.0, 0.0, 0.0
+            c[J_, i, l], c[I_, i, l], c[W, i, l] = np.inf, 0.0, 0.0
             if i < m:
                 c[J_, i, l], c[I_, i, l] = J[k % len(J), i], I[k % len(I), i]
                 c[W, i, l] = states[k, i]
@@ -292,7 +297,7 @@ def enter_nd(c, b, parameters, states, begin, end, start, status, failed_at):
             status[k], failed_at[k] = NONFINITE, 0
         if status[k] < 0:
             end_lane(c, b, l)
-    add_increments(c, b, c.shape[2])  # none: finds p and |w|**2
+    find_sums(c, b, c.shape[2])
 
 
 @inlined

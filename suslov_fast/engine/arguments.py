@@ -3,6 +3,7 @@
 import math
 import os
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -239,10 +240,42 @@ def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Argu
     return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
 
 
+ALL = slice(None)
+
+
+def alike(
+    indices: NDArray[Any], values: FloatArray, eps: FloatArray
+) -> Iterator[tuple[Any, NDArray[Any], FloatArray, FloatArray]]:
+    """Divide trajectories by the zeros of their fields; yield where they are, and arguments.
+
+    The operations of a step, and so its rounding errors, depend on which terms are zero: without
+    this, the bits of a trajectory would depend on the fields of others.
+    """
+    nonzero = values != 0.0
+    if len(values) == 1 or nonzero.all():
+        yield ALL, indices, values, eps
+        return
+    patterns, which = np.unique(nonzero, axis=0, return_inverse=True)
+    for k, pattern in enumerate(patterns):
+        [where] = np.nonzero(which.ravel() == k)
+        own = [np.ascontiguousarray(each[:, pattern]) for each in (indices, values[where])]
+        yield where, own[0], own[1], eps[where] if len(eps) > 1 else eps
+
+
 def by_plan(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
     """Return the arguments of the kernel of fields: indices, the plan of a step, values and eps."""
-    indices, values, steps = by_field(body, eps, batch)
-    return indices, tuple(plan_step(indices, body.dimension)), values, steps
+    return with_plan(body.dimension, *by_field(body, eps, batch))
+
+
+def with_plan(D: int, indices: NDArray[Any], values: FloatArray, eps: FloatArray) -> Any:
+    return indices, tuple(plan_step(indices, D)), values, eps
+
+
+def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
+    """Divide the arguments of `by_plan`, see `alike`."""
+    indices, _, values, eps = arguments
+    for where, *own in alike(indices, values, eps):
+        yield where, arguments if where is ALL else with_plan(D, *own)
 
 
 def nd_system(body: Any, eps: float) -> NDSystem:

@@ -3,7 +3,7 @@
 Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is reported.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ from ..core import orientations
 from ..core.numba import Kernel
 from ..core.steps_field import FieldSystem
 from ..core.steps_nd import NDSystem
-from .arguments import Arguments, Problem, flat_arrays, flat_parameter, require
+from .arguments import ALL, Arguments, Problem, flat_arrays, flat_parameter, require
 from .threads import call_kernel
 from .trial import check_arguments, is_of_package, try_once
 
@@ -61,6 +61,8 @@ class Steps(NamedTuple):
     lanes: int = 128  # trajectories that a thread takes at a time
     # Makes the constants of `compiled.step_system`, of (body, eps); without it that has no steps.
     system: Callable[[Any, float], NDSystem | FieldSystem] | None = None
+    # Divides the trajectories of (D, arguments) into some that have arguments of their own.
+    divide: Callable[[int, Arguments], Iterator[tuple[Any, Arguments]]] | None = None
 
 
 def check_steps(name: str, steps: Any) -> None:
@@ -105,6 +107,8 @@ class March:
         if is_foreign:
             check_arguments(self.arguments, len(self.omega0))
         size, D = self.omega0.shape
+        divide, own = self.steps.divide, self.arguments
+        self.groups: list[Any] = [(ALL, own)] if divide is None else [*divide(D, own)]
         self.turned: FloatArray | None = None
         if earlier is not None:
             self.n = earlier.n
@@ -166,15 +170,42 @@ class March:
             yield saved[-rows:], None if turns is None else turns[-rows:]
 
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
-        """Continue without orientations.
+        """Continue without orientations."""
+        (size, D), before = self.omega0.shape, 0
+        final, status = self.final.reshape(size, D), self.status.reshape(size)
+        rest = saved, final, status, self.failed_at.reshape(size)
+        arrays: Any = (self.omega0, self.carry, *rest)
+        axes = 0, 1, 1, 0, 0, 0  # of trajectories
+        for where, arguments in self.groups:
+            if where is ALL:
+                self._take(arguments, arrays, stop, every, before, report)
+                continue
+            own = [np.take(each, where, axis) for each, axis in zip(arrays, axes, strict=True)]
+            self._take(arguments, own, stop, every, before, report)
+            for each, axis, found in zip(arrays[1:], axes[1:], own[1:], strict=True):
+                each[(ALL, where) if axis else where] = found
+            before += len(where)
+        self.n = stop
+
+    def _take(
+        self,
+        arguments: Arguments,
+        arrays: Sequence[Any],
+        stop: int,
+        every: int,
+        before: int,
+        report: Report | None,
+    ) -> None:
+        """Continue trajectories with these arguments and arrays; `before` others are there.
 
         The batch is divided first, so that the data of a stretch stay in the caches; time is
         divided only if few trajectories take long. A block of lanes takes the time of all lanes,
         and is not worth a second thread.
         """
         kernel, lanes = self.steps.kernel, self.steps.lanes
-        (size, D), n, threads = self.omega0.shape, self.n, self.problem.threads
-        step = self.steps.cost(D, self.arguments)
+        omega0, carry, *after = arrays
+        (size, D), n, threads = omega0.shape, self.n, self.problem.threads
+        step = self.steps.cost(D, arguments)
         cost = step + (_SAVING / every if every else 0.0)
         width, length = max(-(-size // lanes), 1) * lanes, max(stop - n, 1)
         if width * length * cost > _STRETCH:
@@ -183,8 +214,6 @@ class March:
             whole = lanes * most  # so that all threads have as many blocks
             width = min(max(int(at_once / length) // whole, 1) * whole, width)
             length = max(int(at_once / width), 1)
-        before, final = (self.arguments, self.omega0, self.carry), self.final.reshape(size, D)
-        after = saved, final, self.status.reshape(size), self.failed_at.reshape(size)
         for begin in range(0, max(size, 1), width):
             end = min(begin + width, size)
             for start in range(n, max(stop, n + 1), length):
@@ -192,11 +221,10 @@ class March:
                 row = start // every - (n or -1) // every if every and start else 0
                 span = begin, end, start, until, every, row
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
-                call_kernel(kernel, work, threads, *before, span, *after)
+                call_kernel(kernel, work, threads, arguments, omega0, carry, span, *after)
                 if report is not None:
-                    done = begin * (stop - n) + (end - begin) * (until - n)
-                    report(done // size if size else until - n)
-        self.n = stop
+                    done = (before + begin) * (stop - n) + (end - begin) * (until - n)
+                    report(done // len(self.omega0) if size else until - n)
 
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None

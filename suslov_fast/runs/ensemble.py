@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 # Bytes of the states in a chunk; steps of all trajectories of a tile, some seconds of work; the
 # least number of trajectories that keep a processor busy; tiles queued per thread of a worker.
 _CHUNK, _WORK, _FEWEST, _WAITING = 2**24, 2**31, 2**12, 4
+# What writing a state costs, in steps of the three-dimensional map. Where steps cost less, one
+# thread takes them: others would spin while the store is written.
+_WRITING = 8.0
 
 Functions = Mapping[str, Callable[[FloatArray], ArrayLike]]
 Options = tuple[str, int, int | None, Functions]  # method, steps, save_every, functions
@@ -365,6 +368,9 @@ def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> None
         part = tile.omega._part(along(tile.omega.shape, where), tile.body.dimension)
         tile = tile._replace(omega=part)
     march, rows = March(tile, method), arrays[map.variable].chunks[0]
+    cost = march.steps.cost(tile.body.dimension, march.arguments)
+    if every and every * cost < _WRITING:
+        march.problem = tile._replace(threads=1)
     for saved, turns in march.pieces(steps, every or 0, rows):
         found = {map.variable: saved} if turns is None else {map.variable: saved, "attitude": turns}
         found |= {name: _values(name, f, saved) for name, f in functions.items()}

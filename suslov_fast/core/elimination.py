@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from .codes import NONFINITE, OK, SINGULAR
-from .llvm import room
+from .llvm import for_size, room
 from .numba import formula, function, inlined, lesser, select
 
 # Rows of b: the least pivot; the largest modulus that the diagonal had, at least 1; 1 if the lane
@@ -120,6 +120,7 @@ def solve(system, units):
     one is 0 to rounding (SINGULAR). Numbers that are not finite give NONFINITE. `units` (2, m)
     receives the units of the unknowns and the factors of rows: det A = prod pivot k / units[1, k].
     """
+    for_size()
     a, weights, undefined, size = system[:, :, 0], units[1], 0.0, 0.0
     m, columns = a.shape
     balance(a, units[0])

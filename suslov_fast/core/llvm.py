@@ -97,6 +97,13 @@ def flat(array):
     return array.reshape(-1)
 
 
+def for_size():
+    """Let LLVM optimise the function that calls this for size.
+
+    Loops of unknown lengths are not vectorised, with tests at run time: that compiles faster.
+    """
+
+
 def room(shape):
     """Return an uninitialised array that begins at a cache line.
 
@@ -132,9 +139,16 @@ def block_of(rows, lanes):
     return block
 
 
+type_callable(for_size)(lambda context: lambda: types.none)
 type_callable(uncounted)(lambda context: lambda arrays: arrays)
 type_callable(flat)(lambda context: lambda array: types.Array(array.dtype, 1, "C"))
 type_callable(room)(lambda context: lambda shape: types.Array(types.float64, len(shape), "C"))
+
+
+@lower_builtin(for_size)
+def _for_size(context, builder, signature, arguments):
+    builder.function.attributes.add("optsize")
+    return context.get_dummy_value()
 
 
 @lower_builtin(uncounted, types.Any)

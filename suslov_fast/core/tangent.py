@@ -19,7 +19,7 @@ import numpy as np
 
 from .codes import OK
 from .elimination import determinant_of, solve
-from .llvm import LINE, line_of, load, room, store, uncounted
+from .llvm import LINE, for_size, line_of, load, room, store, uncounted
 from .numba import function, inlined, keep, kernel, lesser, select, share
 from .operations import ENDED, FIRST
 from .steps_field import (
@@ -151,6 +151,7 @@ def enter_units(b, first, width, D):
 @kernel
 def jacobians(part, parts, arguments, x, out):
     """Fill out (B, D, D) with DPhi at the states x (B, D), NaN where it does not exist."""
+    for_size()
     (indices, plan, values, eps), (B, D) = arguments, x.shape
     _, _, _, first_row, width, rows, _ = plan
     memory = memory_of_tangents(rows, D, B)
@@ -211,6 +212,7 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     sums, of_det   (B, D) and (B,), to which logarithms are added; NaN after a failure
     status, failed_at   (B,), as of `steps_field.field_steps`
     """
+    for_size()
     indices, plan, values, eps = uncounted(arguments)
     sums, of_det = uncounted((sums, of_det))
     _, _, _, first_row, width, rows, pivots = plan

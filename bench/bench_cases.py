@@ -10,8 +10,8 @@ STORED = ("table", "key", "whose", "label", "x", "limit")
 
 
 def parameter(case):
-    marks = [pytest.mark.benchmark(timer=case.clock)] * (case.table == "processes")
-    return pytest.param(case, id=case.name, marks=marks + [pytest.mark.slow] * case.is_slow)
+    marks = [pytest.mark.benchmark(timer=case.clock)] + [pytest.mark.slow] * case.is_slow
+    return pytest.param(case, id=case.name, marks=marks)
 
 
 @pytest.fixture

@@ -181,7 +181,7 @@ for key, whose, label, function, part, reference, dimensions in (
     ("numpy", NUMPY, "NumPy, `linalg.solve`", BY_NUMPY, 16, BY_NUMPY, (3, 12, 32)),
 ):
     for n in dimensions:
-        arguments = 49_152 // n, max(576 // n // part, 1), reference
+        arguments = 49_152 // n, max(2304 // n // part, 1), reference
         more = {"x": n, "one_thread": whose in (NUMPY, OTHERS)}
         add(
             "fields",
@@ -248,8 +248,11 @@ for key, whose, label, call in (
     add("calls", key, whose, label, lambda call, size: Work(call), call, one_thread=True)
 by_ensemble = lambda *run, path: sf.ensemble(*run, store=path, save_every=1)  # noqa: E731
 by_numpy = lambda *run, path: np.save(path, iterate(*run).states)  # noqa: E731
-add("stores", "ensemble", OURS, "`ensemble(..., save_every=1)`", work.stores, by_ensemble)
-add("stores", "save", NUMPY, "`iterate` and `numpy.save`", work.stores, by_numpy)
+for clock, said in (("wall", ""), ("cpu", ", processor time")):
+    label = f"`ensemble(..., save_every=1)`{said}"
+    add("stores", f"ensemble-{clock}", OURS, label, work.stores, by_ensemble)
+    label = f"`iterate` and `numpy.save`{said}"
+    add("stores", f"save-{clock}", NUMPY, label, work.stores, by_numpy)
 
 BODY_3D, FIELD = "s.Suslov3D(4, 1, -.5, -.3)", "s.QuadraticField(np.ones((2, 2, 2)))"
 for key, label, code in (

@@ -25,13 +25,13 @@ PYTEST = "-q --benchmark-only --benchmark-quiet --benchmark-min-rounds=3 --bench
 def measure(passes, select):
     """Yield the results of several passes over all benchmarks, each in its own process."""
     command = [sys.executable, "-m", "pytest", results.BENCH, *PYTEST.split(), "-k", select]
+    command += ["-m", ""]  # the slow ones, processes that compile everything, too
     with tempfile.TemporaryDirectory() as folder:
         for k in range(passes):
             print(f"pass {k + 1} of {passes}", flush=True)
-            # The slow ones, processes that compile everything, are in the first pass only.
-            more = [f"--benchmark-json={folder}/{k}.json", *(["-m", ""] if k == 0 else [])]
-            subprocess.run([*command, *more], cwd=README.parent, check=True)
-            yield results.load(f"{folder}/{k}.json")
+            path = f"{folder}/{k}.json"
+            subprocess.run([*command, f"--benchmark-json={path}"], cwd=README.parent, check=True)
+            yield results.load(path)
 
 
 def main():

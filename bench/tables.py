@@ -33,7 +33,7 @@ def beside(name, times=False):
     """Rate, or time, relative to that of another row."""
 
     def column(results, row):
-        base = results.rows.get(name.format(row.key), row)
+        base = results.rows.get(name.format(row.key, row.key.rpartition("-")[2]), row)
         ratio = base.rate / row.rate if times else row.rate / base.rate
         return "" if base is row else figure(ratio, 2)
 
@@ -57,7 +57,7 @@ COLUMNS = {
     "of C as printed": beside("last_states-c-printed"),
     "times NumPy": beside("quantities-{}-numpy"),
     "of `numpy.linalg.solve`": beside("calls-solve", times=True),
-    "of `iterate` and `numpy.save`": beside("stores-save", times=True),
+    "of `iterate` and `numpy.save`": beside("stores-save-{1}", times=True),
     "of `import numba`": beside("processes-import-numba", times=True),
 }
 

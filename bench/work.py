@@ -28,6 +28,8 @@ try:
 except ImportError:  # Windows
     getrusage = None
 
+# What `conftest` sets for peers that use NumPy in its own process.
+ONE_THREAD = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 OURS, C, NUMPY, OTHERS, MACHINE = "this package", "C", "NumPy", "others", "the machine"
 
 
@@ -77,8 +79,9 @@ class Case:
 
     @property
     def clock(self):
-        """Of processes that are started, their processor time."""
-        return cpu_seconds if self.table == "processes" else time.perf_counter
+        """Processor time, that of processes if they are started; or time on the wall."""
+        is_cpu = self.table == "processes" or self.key.endswith("-cpu")
+        return cpu_seconds if is_cpu else time.perf_counter
 
 
 def load(function):
@@ -200,14 +203,18 @@ def stores(function, size):
 
 
 def processes(codes, fresh, size):
-    """Processes with this package, one after the other; with a new cache of kernels if `fresh`."""
+    """Processes with this package, one after the other; with a new cache of kernels if `fresh`.
+
+    They have as many threads for linear algebra as those of users, who do not limit them.
+    """
     tree = Path(suslov_fast.__path__[0]).parent
     settings = {"PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": ""}
+    given = {name: value for name, value in os.environ.items() if name not in ONE_THREAD}
 
     def call():
         with tempfile.TemporaryDirectory() as folder:
             more = {"NUMBA_CACHE_DIR": folder} if fresh else {}
-            options = {"env": os.environ | settings | more, "cwd": folder, "check": True}
+            options = {"env": given | settings | more, "cwd": folder, "check": True}
             for code in codes if size(1, 0) else ["pass"]:  # a test needs no more
                 subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL, **options)
 

@@ -173,9 +173,8 @@ class March:
         """Continue without orientations."""
         (size, D), before = self.omega0.shape, 0
         final, status = self.final.reshape(size, D), self.status.reshape(size)
-        rest = saved, final, status, self.failed_at.reshape(size)
-        arrays: Any = (self.omega0, self.carry, *rest)
-        axes = 0, 1, 1, 0, 0, 0  # of trajectories
+        failed_at, axes = self.failed_at.reshape(size), (0, 1, 1, 0, 0, 0)  # of trajectories
+        arrays: Any = self.omega0, self.carry, saved, final, status, failed_at
         for where, arguments in self.groups:
             if where is ALL:
                 self._take(arguments, arrays, stop, every, before, report)
@@ -203,8 +202,7 @@ class March:
         and is not worth a second thread.
         """
         kernel, lanes = self.steps.kernel, self.steps.lanes
-        omega0, carry, *after = arrays
-        (size, D), n, threads = omega0.shape, self.n, self.problem.threads
+        (size, D), n, threads = arrays[0].shape, self.n, self.problem.threads
         step = self.steps.cost(D, arguments)
         cost = step + (_SAVING / every if every else 0.0)
         width, length = max(-(-size // lanes), 1) * lanes, max(stop - n, 1)
@@ -221,7 +219,7 @@ class March:
                 row = start // every - (n or -1) // every if every and start else 0
                 span = begin, end, start, until, every, row
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
-                call_kernel(kernel, work, threads, arguments, omega0, carry, span, *after)
+                call_kernel(kernel, work, threads, arguments, *arrays[:2], span, *arrays[2:])
                 if report is not None:
                     done = (before + begin) * (stop - n) + (end - begin) * (until - n)
                     report(done // len(self.omega0) if size else until - n)

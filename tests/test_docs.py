@@ -74,8 +74,8 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("howto")
 
 
-# Pages of long reports, each of which other tests have in a shorter form.
-LONG = "report.md", "cubic.md"
+# Pages of long reports and of loops that take long to compile; other tests have shorter forms.
+LONG = "report.md", "cubic.md", "compiled.md", "families.md"
 
 
 @pytest.mark.compiled

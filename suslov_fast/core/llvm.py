@@ -1,4 +1,4 @@
-"""What Numba cannot express, or compiles slowly, as code of LLVM: calls by address, uncounted
+"""Code of LLVM, for what Numba cannot express or compiles slowly: calls by address, uncounted
 arrays, blocks, wide stores, lines of lanes.
 
 Calls of most functions here are typed and lowered here, too: overloads would have to be compiled.

@@ -239,6 +239,56 @@ def test_bounded_second_differences_without_a_period(sequence, order):
     assert growth_of([6, *(6 + np.cumsum(steps))]).kind == "quadratic"
 
 
+# Maps of three lines whose singularities are confined late: exponents, degrees, entropy.
+LATE = {
+    (2, 2): ([2, 4, 8, 16, 32, 63, 124, 244, 480, 944, 1856, 3649, 7174, 14104], 0.6759746921),
+    (F(5, 2), F(5, 2)): ([2, 4, 8, 16, 32, 64, 127, 252, 500, 992, 1968, 3904], 0.684905),
+    (F(5, 2), F(1, 2)): ([2, 4, 8, 16, 31, 60, 116, 224, 431, 829, 1594, 3064], 0.653433),
+}
+
+
+def three_lines(a, b):
+    return field_of(
+        lambda x: (
+            b * x[0] * (x[0] + x[1]) + x[0] * x[1],
+            -a * x[1] * (x[0] + x[1]) - x[0] * x[1],
+        ),
+        2,
+    )
+
+
+@pytest.mark.parametrize("exponents", LATE)
+def test_a_singularity_that_is_confined_late(exponents):
+    """From the step of confinement on all degrees obey a recurrence for a while, by accident."""
+    sequence, entropy = LATE[exponents]
+    assert degrees(kahan(three_lines(*exponents), F(1, 3)), 12) == sequence[:12]
+    for n in range(8, len(sequence) + 1):
+        found = growth_of(sequence[:n], planar=True)
+        if {*sequence[:n]} != {2**k for k in range(1, n + 1)}:  # of these nothing else can be said
+            assert found.entropy == pytest.approx(entropy, abs=1e-6) or found.entropy_error > 0
+    exact = growth_of(LATE[2, 2][0])
+    assert (exact.entropy_error, exact.entropy) == (0, pytest.approx(0.6759746921034222, abs=1e-14))
+
+
+def test_recurrences_that_are_refused():
+    """Double largest roots, always; in the plane two roots outside the unit circle, and cubes."""
+    assert growth_of([2**k * (k + 1) for k in range(1, 14)]).entropy_error > 0
+    assert growth_of([2**k for k in range(1, 12)], planar=True)[:3] == (
+        "exponential",
+        math.log(2),
+        0,
+    )
+    both = [2**k + 3**k for k in range(1, 12)]
+    assert growth_of(both)[1:3] == (pytest.approx(math.log(3)), 0)
+    assert growth_of(both, planar=True).entropy_error > 0
+    cubes = [k**3 for k in range(1, 14)]
+    assert (growth_of(cubes).kind, growth_of(cubes, planar=True).kind) == ("cubic", "unclear")
+    # A transient needs as many terms to spare as it has itself.
+    late = [2, 3, 5, 9, 14, 7, 7, 7, 7, 7]
+    assert growth_of(late).entropy_error > 0
+    assert growth_of([*late, 7, 7])[1:3] == (0, 0)
+
+
 def test_the_shortest_recurrence_counts():
     """The least transient plus order, then the least order: not d(k+3) = d(k+2) for all degrees."""
     assert growth_of([5, 7, 4, 4, 4, 4, 4, 4]).based_on.endswith("all 8 degrees but the first 2")
@@ -951,6 +1001,7 @@ class Quantity(float):
         (lambda: degrees(MAP, -1), ValueError, "n: .*got -1"),
         (lambda: growth_of([1, 2.5]), TypeError, "degrees: .*2.5"),
         (lambda: growth_of([1, -2]), ValueError, "degrees: .*got -2"),
+        (lambda: growth_of([1, 2], planar=2), TypeError, "planar: .*got 2"),
         (lambda: hk_bases(MAP, 2.5), TypeError, "monomials: .*a degree or a list.*2.5"),
         (lambda: hk_bases(MAP, [(1, 0), (1, 0)]), ValueError, "monomials: .*none twice"),
         (lambda: hk_bases(MAP, [(1, 0, 0)]), ValueError, r"monomials: expected 2 .*\(1, 0, 0\)"),

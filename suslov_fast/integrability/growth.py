@@ -102,7 +102,7 @@ def degrees_of_iterates(search: Any) -> Iterator[Task]:
         search.degrees = lines.next()
         last, next_degree = search.degrees[-1], following()
         settled = (len(search.degrees) >= _ENOUGH and last > _SMALL) or next_degree > _LARGE
-        if settled and growth(search.degrees).entropy_error == 0:
+        if settled and growth(search.degrees, planar=map.is_planar).entropy_error == 0:
             return []
         return [] if next_degree > _LARGEST or len(search.degrees) == _DEGREES else [task()]
 
@@ -118,24 +118,32 @@ class Growth(NamedTuple):
     based_on: str  # the recurrence or fit from which kind and entropy follow
 
 
-_SPARE = 3  # degrees more than determine a recurrence and its transient
+_SPARE = 3  # degrees more, at least, than determine a recurrence and its transient
+_ROUNDING = 1e-9  # of the modulus of a root
+_HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow if they do not so exponentially
 
 
-def growth(degrees: Sequence[int]) -> Growth:
+def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     """Growth of a sequence of degrees, and its entropy.
 
     A linear recurrence with integer coefficients is sought that all degrees after a transient
-    satisfy, with at least three terms to spare: that of least transient plus order, and of these
-    the one of least order. The identity, of degree 1, counts as a term before the first where the
-    recurrence holds for it. Its largest root gives the entropy, and the multiplicity of its roots
-    of modulus 1 the kind. Otherwise a line, parabola, cubic or exponential function is fitted,
-    unless second differences that stay bounded show that too few degrees are known. In the plane,
-    linear growth shows an invariant fibration, whose fibres the map may move.
+    satisfy, with as many terms to spare as the transient has, and at least three: that of least
+    transient plus order, and of these the one of least order. The identity, of degree 1, counts as
+    a term before the first where the recurrence holds for it. Its largest root, which must be
+    simple, gives the entropy, and the multiplicity of its roots of modulus 1 the kind. A recurrence
+    may still be accidental: a singularity that is confined late leaves no other trace at first.
+    Without a recurrence, a line, parabola, cubic or exponential function is fitted, unless second
+    differences that stay bounded show that too few degrees are known. In the plane, linear growth
+    shows an invariant fibration, whose fibres the map may move.
 
     Parameters
     ----------
     degrees : sequence of int
         Degrees of consecutive iterates, as `degrees` returns them.
+    planar : bool, optional
+        True for a birational map of the plane. Of the roots of a recurrence, with multiplicity, one
+        lies then outside the unit circle, or none does and growth is at most quadratic (Diller and
+        Favre 2001); recurrences with other roots are accidental.
 
     Returns
     -------
@@ -152,6 +160,10 @@ def growth(degrees: Sequence[int]) -> Growth:
     >>> found = growth([5, 21, 85, 341, 1365, 5461])
     >>> found.kind, round(found.entropy, 12), found.entropy_error
     ('exponential', 1.38629436112, 0.0)
+    >>> late = [2, 4, 8, 16, 32, 63, 124, 244, 480, 944, 1856]  # d(k+2) = 4 d(k+1) - 4 d(k), so far
+    >>> found = growth(late, planar=True)
+    >>> round(found.entropy, 4), round(found.entropy_error, 4)
+    (0.6765, 0.0008)
     """
     try:
         d = [operator.index(each) for each in degrees]
@@ -160,7 +172,9 @@ def growth(degrees: Sequence[int]) -> Growth:
         raise wrong("degrees", expected, short(degrees), TypeError) from None
     if min(d, default=0) < 0:
         raise wrong("degrees", "integers of at least 0", min(d))
-    return _by_recurrence(d) or _by_fit(d)
+    if not isinstance(planar, bool | np.bool_):
+        raise wrong("planar", "True or False", short(planar), TypeError)
+    return _by_recurrence(d, bool(planar)) or _by_fit(d, bool(planar))
 
 
 def _kind(power: int) -> str:
@@ -168,51 +182,66 @@ def _kind(power: int) -> str:
     return kinds[power] if power < len(kinds) else f"polynomial of degree {power}"
 
 
-def _by_recurrence(d: list[int]) -> Growth | None:
+def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
     for total in range(len(d) - _SPARE + 2):
         for order in range(total + 1):
             transient = total - order
             # Where no transient is needed, the recurrence may hold from the identity on.
             starts = ([1, *d], d) if transient == 0 else (d,)
             for terms in starts:
-                if recurrence := _recurrence(terms[transient:], order):
-                    return _growth_of(recurrence, transient, len(d), len(terms) > len(d))
+                if recurrence := _recurrence(terms[transient:], order, max(_SPARE, transient)):
+                    from_identity = len(terms) > len(d)
+                    found = _growth_of(recurrence, transient, len(d), from_identity, planar)
+                    if found:
+                        return found
     return None
 
 
-def _recurrence(terms: list[int], order: int) -> list[int] | None:
-    """Return the coefficients of a recurrence of this order, if there are terms to spare."""
-    if len(terms) < 2 * order + _SPARE:
+def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
+    """Return the coefficients of a recurrence of this order but no lower one, if terms suffice."""
+    if len(terms) < 2 * order + spare:
         return None
     rows = [terms[i : i + order + 1] for i in range(len(terms) - order)]
-    reduced, _ = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
+    reduced, rank = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
     # Every infinite sequence of integers with a recurrence has one of integers.
     coefficients = [*(int(-reduced[i, order].p) for i in range(order)), 1]
-    return None if any(np.array(rows, object) @ coefficients) else coefficients
+    is_minimal = rank == order  # else lower ones hold, which were refused, and extra roots
+    return coefficients if is_minimal and not any(np.array(rows, object) @ coefficients) else None
 
 
-def _growth_of(recurrence: list[int], transient: int, count: int, from_identity: bool) -> Growth:
-    """Return the growth of a sequence with a monic recurrence after a transient."""
+def _growth_of(
+    recurrence: list[int], transient: int, count: int, from_identity: bool, planar: bool
+) -> Growth | None:
+    """Return the growth of a sequence with a monic recurrence; None if its roots forbid it."""
     order = len(recurrence) - 1
     terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
     what = f"d(k+{order}) = {' + '.join(terms) or 0}, all {count} degrees"
     what = what.replace("+ -", "- ").replace("k+0", "k")
     what += " and that of the identity" if from_identity else ""
     what += f" but the first {transient}" if transient else ""
-    power, size = 0, 1.0
+    power, outside = 0, []
     for factor, multiplicity in flint.fmpz_poly(recurrence).factor()[1]:
         if factor.is_cyclotomic():
             power = max(power, multiplicity - 1)
         else:
-            size = max(size, *(abs(complex(root)) for root, _ in factor.complex_roots()))
-    return Growth("exponential" if size > 1 else _kind(power), math.log(size), 0.0, what)
+            sizes = [abs(complex(root)) for root, _ in factor.complex_roots()]
+            outside += [(size, multiplicity) for size in sizes if size > 1 + _ROUNDING]
+    size = max((size for size, _ in outside), default=1.0)
+    largest_is_simple = all(m == 1 for each, m in outside if each > size * (1 - _ROUNDING))
+    fits_the_plane = sum(m for _, m in outside) <= 1 and (outside or power <= _HIGHEST_IN_THE_PLANE)
+    if not largest_is_simple or (planar and not fits_the_plane):
+        return None
+    return Growth("exponential" if outside else _kind(power), math.log(size), 0.0, what)
 
 
-def _by_fit(d: list[int]) -> Growth:
+def _by_fit(d: list[int], planar: bool) -> Growth:
     n, without = len(d), "without a short recurrence"
     unclear = Growth("unclear", math.nan, math.nan, f"{n} degrees {without}")
     if n < 5 or min(d) == 0:
         return unclear
+    if len({*d[-max(5, n // 4) :]}) == 1:
+        what, spread = f"{n} degrees, the last of them equal", float(np.ptp(np.diff(np.log(d))))
+        return Growth("bounded", 0.0, spread, what)
     if suggested := _suggested(d):
         return unclear._replace(based_on=f"{unclear.based_on}; {suggested}")
     last = max(4, n // 2)
@@ -225,7 +254,8 @@ def _by_fit(d: list[int]) -> Growth:
     if n < 6:
         return unclear
     k, extent = np.arange(n), max(d) - min(d)
-    for power in range(1, min(4, n - _SPARE)):
+    highest = _HIGHEST_IN_THE_PLANE if planar else 3
+    for power in range(1, min(highest + 1, n - _SPARE)):
         residuals = np.polyval(np.polyfit(k, d, power), k) - d
         if abs(residuals).max() < max(0.5, 0.01 * extent) < 0.1 * extent:
             what = f"a fit to all {n} degrees, {without}"

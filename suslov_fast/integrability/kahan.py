@@ -39,6 +39,10 @@ class KahanMap(RationalMap):
             raise TypeError("eps: expected a number here, as in map.subs(eps=Fraction(1, 3))")
         return KahanMap(self.field, -self.eps)
 
+    @property
+    def _has_inverse(self) -> bool:
+        return True
+
     def subs(self, eps: Any) -> KahanMap:
         """Return the map for a value of eps."""
         return kahan(self.field, eps)

@@ -180,6 +180,15 @@ class RationalMap:
             self.at(arithmetic.EPS).derivative(arithmetic.random_point(self.dimension)).det() != 0
         )
 
+    @cached_property
+    def is_planar(self) -> bool:
+        """True for a birational map of the plane: a map without inverse is not known to be one."""
+        return self.dimension == 2 and self.is_invertible and self._has_inverse
+
+    @property
+    def _has_inverse(self) -> bool:
+        return self.inverse is not None
+
     @property
     def shape_of_image(self) -> str:
         """The kind of the image, by its dimension: the rank of DPhi at a random point."""

@@ -69,7 +69,7 @@ class Report:
     @property
     def growth(self) -> Growth:
         """The growth of the degrees."""
-        return growth(self.degrees)
+        return growth(self.degrees, planar=self.map.is_planar)
 
     @property
     def dimension(self) -> int:

@@ -41,6 +41,21 @@ def wrong(name: str, expected: str, received: object, error: Any = ValueError) -
     return error(f"{name}: expected {expected}, got {received}")
 
 
+def page(name: str) -> str:
+    """Return the address of a page of the documentation, such as "howto/cubic"."""
+    from importlib.metadata import PackageNotFoundError, metadata  # which takes 30 ms to import
+
+    try:
+        links = metadata("suslov_fast").get_all("Project-URL") or []
+    except PackageNotFoundError:  # in an archive, say
+        links = []
+    for link in links:
+        kind, _, address = link.partition(", ")
+        if kind == "Documentation":
+            return f"{address}/{name}.html"
+    return f"the page {name} of the documentation"
+
+
 def extra(module: str, name: str) -> Any:
     """Import a module that an extra of the package installs, and return it."""
     try:

@@ -155,12 +155,27 @@ class Map:
         return next((name for name in self.conserved if name in known), None)
 
     def symbols(self, body: Any) -> list[str]:
-        r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`."""
-        labels = (re.sub(r"(\D+)(.*)", r"$\1_{\2}$", label) for label in body._labels)
-        return [label.replace("Omega", r"\Omega") for label in labels]
+        r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`.
+
+        Others than a letter, or the name of a Greek one, with an index stay as they are.
+        """
+        return [re.sub(_SYMBOL, _as_latex, label) for label in body._labels]
 
     def __reduce__(self) -> Any:
         return named, (self.name,)
+
+
+# A letter of any alphabet or the name of a Greek one, and its index, of which n is a part.
+_SYMBOL = re.compile(
+    r"^(?:(?P<greek>alpha|beta|gamma|delta|epsilon|zeta|eta|theta|kappa|lambda|mu|nu|xi|pi|rho|"
+    r"sigma|tau|phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Phi|Psi|Omega)|"
+    r"(?P<letter>[^\W\d_]))_?(?P<index>\d*n?)$"
+)
+
+
+def _as_latex(label: re.Match[str]) -> str:
+    letter = rf"\{label['greek']}" if label["greek"] else label["letter"]
+    return f"${letter}_{{{label['index']}}}$" if label["index"] else f"${letter}$"
 
 
 def _has(formula: Formula, body: Any) -> bool:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.bodies.advice import is_in_use
 from suslov_fast.engine import threads
 from suslov_fast.maps import MAPS
 from suslov_fast.runs import surface as module
@@ -380,13 +379,6 @@ def test_dataset(rng):
     assert data.J.dims == ("crossing", "component")
     assert "omega" in data.data_vars
     assert data.component.values.tolist() == ["Omega1n", "Omega2n"]
-
-
-def test_names_of_crossings_are_no_parameters():
-    points = sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 99, first)
-    data = points.to_xarray()
-    names = {*vars(points), *dir(points), *data.variables, *data.dims}
-    assert all(is_in_use(name) for name in names if not name.startswith("_"))
 
 
 def test_an_interrupted_call_ends():

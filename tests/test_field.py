@@ -1,5 +1,7 @@
 """Quadratic fields: coefficients, Hamiltonians, named parameters, families and text."""
 
+import json
+import pickle
 import subprocess
 import sys
 from fractions import Fraction as F
@@ -8,7 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from suslov_fast import QuadraticField, energy, vector_field
+from suslov_fast import QuadraticField, energy, ensemble, fixed_points, iterate, vector_field
 
 of_function, of_hamiltonian = QuadraticField.from_function, QuadraticField.from_hamiltonian
 
@@ -163,3 +165,87 @@ def test_a_missing_parameter_is_told_with_how_to_pass_it():
         of_function(lambda x, rho, sigma: (rho * x[0],), 1)
     with pytest.raises(TypeError, match=r"<lambda>\(\) missing"):  # not of f itself
         of_function(lambda x: ((lambda x, y: x * y)(x[0]),), 1)
+
+
+NAMES = ("u", "v", "w")
+of_names = [
+    "u v w", " u, v,w ", ["u", "v", "w"], ("u", "v", "w"), np.array(["u", "v", "w"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("given", of_names, ids=repr)
+def test_names_of_variables(given):
+    """They are those of equations and copies; fields under other names are equal."""
+    field = of_function(lorenz, given)
+    assert field.names == NAMES
+    assert field == LORENZ
+    assert hash(field) == hash(LORENZ)
+    assert repr(field).startswith("QuadraticField(u' = -10*u + 10*v, v' = -u*w + 28*u - v, w' = ")
+    assert QuadraticField(*field._coefficients.values(), names=given).names == NAMES
+    assert of_hamiltonian(lambda x: x[0] * x[1], given, np.zeros((3, 3))).names == NAMES
+    plain = json.loads(json.dumps(field.to_dict()))
+    for twin in (QuadraticField.from_dict(plain), pickle.loads(pickle.dumps(field))):
+        assert (twin, twin.names) == (field, NAMES)
+    assert LORENZ.names == QuadraticField.from_dict(LORENZ.to_dict()).names == ("x1", "x2", "x3")
+
+
+def test_a_family_keeps_the_names_of_its_variables():
+    family = of_function(lorenz, "u v w", rho=VALUES)
+    members = family[3], family[2:5], family.sel(rho=2.0), family[VALUES > 3], *family
+    assert {each.names for each in members} == {NAMES}
+    energies = of_hamiltonian(henon_heiles, "q1 q2 p1 p2", a=VALUES)
+    assert energies[1].names == ("q1", "q2", "p1", "p2")
+    assert repr(energies[0].H).startswith("q1^2*q2 - ")
+
+
+def test_names_of_variables_in_results():
+    field = of_function(lambda x, a: (x[1], -a * x[0]), "theta v_dot", a=[1.0, 4.0])
+    run = iterate(field, [0.5, 0.1], 0.1, 20)
+    data = run.to_xarray()
+    assert data.component.values.tolist() == ["theta", "v_dot"]
+    assert (vector_field(field, data.x) == vector_field(field, run.x)).all()
+    ax = run.plot(components=("v_dot", "theta"))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("v_dot", r"$\theta$")
+    ax.figure.canvas.draw()
+    with pytest.raises(AttributeError, match=r"run.x\[..., 1\]"):
+        _ = run.v_dot
+
+
+def test_names_that_variables_may_and_may_not_have():
+    free = "x y z q1 p1 n t omega S I H K steps body _a θ".split()
+    assert of_function(lambda x: x, free).names == tuple(free)
+    assert of_function(lambda x: x, "xyz").names == ("xyz",)
+    assert fixed_points(of_function(lambda x: (x[0] - 1, x[1] - x[0]), "θ unit")).tolist() == [
+        [1, 1]
+    ]
+
+
+def test_parameters_that_have_names_of_arguments():
+    """Only what really clashes is refused."""
+    f = lambda x, omega, f, H, K, steps, states: (omega * f * x[0] + H * K, steps * x[1] - states)  # noqa: E731
+    values = {"omega": [1.0, 2.0], "f": 3, "H": 4, "K": 5, "steps": [6.0, 7.0], "states": 8}
+    field = of_function(f, 2, **values)
+    assert field.parameters.keys() == values.keys()
+    assert field.sel(omega=2).parameters["steps"] == 7.0
+    assert field[1].constant.tolist() == [20, -8]
+    assert QuadraticField.from_dict(field.to_dict()) == field
+    data = iterate(field, [1.0, 1.0], 0.01, 10).to_xarray()
+    assert (data.steps.values.tolist(), data.attrs["steps"]) == ([6, 7], 10)
+    wells = of_hamiltonian(lambda x, H: H * x[0] ** 2 + x[1] ** 2, 2, H=[1.0, 3.0])
+    assert wells.sel(H=3).H([1, 1]) == 4
+
+
+def test_names_and_parameters_identify_a_store(tmp_path):
+    f = lambda x, steps, H: (steps * x[1], -H * x[0])  # noqa: E731
+    field = of_function(f, "u v", steps=[1.0, 2.0], H=3)
+    arguments = [1.0, 0.5], 0.1, 10
+    data = ensemble(field, *arguments, store=tmp_path / "s.zarr")
+    assert data.component.values.tolist() == ["u", "v"]
+    assert (data.steps.values.tolist(), data.H.item(), data.attrs["steps"]) == ([1, 2], 3, 10)
+    ensemble(field, *arguments, store=tmp_path / "s.zarr")
+    for other in (
+        of_function(f, 2, steps=[1.0, 2.0], H=3),
+        of_function(f, "u p", steps=[1.0, 2.0], H=3),
+    ):
+        with pytest.raises(ValueError, match=r"names: .*u, v"):
+            ensemble(other, *arguments, store=tmp_path / "s.zarr")

@@ -12,8 +12,7 @@ import children
 import pytest
 
 import suslov_fast
-from suslov_fast.bodies.advice import is_in_use
-from suslov_fast.runs.storage import TAKEN
+from suslov_fast.bodies.names import clash
 
 PACKAGE = Path(suslov_fast.__file__).parent
 TEXTS = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
@@ -119,12 +118,14 @@ def test_files_can_be_read_at_once():
     assert max(lengths.values()) <= 420, max(lengths, key=lengths.get)
 
 
-def test_names_of_runs_and_datasets_are_no_parameters():
-    run = suslov_fast.iterate(suslov_fast.Suslov3D(4, 1, -0.5, -0.3), [1, 0.5], 0.2, 1)
-    names = {*vars(run), *dir(run), *TAKEN, *run.to_xarray().variables, "x", "omega"}
-    own = {name for name in names if not name.startswith("_")} - {"I1", "I2", "I13", "I23"}
-    assert [name for name in own if not is_in_use(name)] == []
-    assert not any(map(is_in_use, ("a", "rho", "flow_rate", "J", "I", "mass")))
+def test_names_of_datasets_are_no_parameters_of_fields():
+    field = suslov_fast.QuadraticField([[[1.0]]])
+    run = suslov_fast.iterate(field, [0.1], 0.1, 1)
+    points = suslov_fast.crossings(field, [0.1], 0.1, 1, lambda x: x[..., 0])
+    for data in (run.to_xarray(), points.to_xarray()):
+        assert [name for name in (*data.variables, *data.dims) if not clash(name)] == []
+    free = "a rho f H K J I omega steps state names energy body table about".split()
+    assert not any(map(clash, free))
 
 
 def test_the_reference_imports_nothing_from_the_package():

@@ -1,6 +1,6 @@
 """One table of bad calls: what is raised, and the name of the argument that the message has.
 
-A row is (call, exception, name). Each message says what was expected and what was received.
+A row is (call, exception, name), or a pattern of the name and the advice: words are free.
 """
 
 import inspect
@@ -134,15 +134,15 @@ FIELDS = [
     (field(lambda x: (x[0] and 1, x[1])), TypeError, "f"),
     (field(lambda x: (x[0] ** 0.5, x[1])), ValueError, "f"),
     (field(lambda x: (x[0] * NAN, x[1])), ValueError, "f"),
-    (field(lambda x: (x[0] ** 3, x[1])), ValueError, "f: .* degree 3: .*cubic.md"),
-    (field(lambda x: (math.sin(x[0]), 1)), TypeError, "f: .* no math.sin.*cubic.md"),
+    (field(lambda x: (x[0] ** 3, x[1])), ValueError, "f: .* degree 3: .*cubic.html"),
+    (field(lambda x: (math.sin(x[0]), 1)), TypeError, "f: .* no math.sin.*cubic.html"),
     (field(lambda x: np.add(np.zeros(2), float(x[0]))), TypeError, "f: .* arrays of floats"),
     (field(lambda x: x**2), TypeError, r"f: .* x is a tuple; .* np.array\(x\)"),
     (field(lambda x: None), ValueError, "f: .* got None: return a tuple of 2"),
     # As written for other packages.
     (field(lambda t, y: y), TypeError, r"f: .* got f\(t, y\): pass lambda x: f\(0, x\) if"),
     (field(lambda y, t: y), TypeError, r"f: .* got f\(y, t\): pass lambda x: f\(x, 0\) if"),
-    (field(lambda x, t=0: x), TypeError, r"f: .* pass lambda x: f\(x, 0\) .* forcing see .*cubic.md"),
+    (field(lambda x, t=0: x), TypeError, r"f: .* pass lambda x: f\(x, 0\) .* forcing see .*cubic.html"),
     (field(lambda t, y, a: y, a=1), TypeError, r"f: .* pass lambda x, a: f\(0, x, a\)"),
     (field(lambda t, y: y, y=28), TypeError, r"f: .* pass lambda x: f\(0, x\)"),
     (field(lambda u, p, t: u), TypeError, r"f: .* pass lambda x: f\(x, p, 0\)"),
@@ -155,7 +155,7 @@ FIELDS = [
     (field(lambda x, p: x, 3), TypeError, "f: .* each parameter by its own name"),
     (field(lambda x, p: (p[0], 1), p=[1, 2]), TypeError, "f: .* an array is a family"),
     (field(lambda x, p: (sum(p), 1), p=[1, 2]), TypeError, "f: .* an array is a family"),
-    (field(lambda x, a, t: (1, 2), a=1, t=1), ValueError, "'t': fields have no time.*cubic.md"),
+    (field(lambda x, a, t: (1, 2), a=1, t=1), ValueError, "'t': fields have no time.*cubic.html"),
     (lambda: sf.integrability.rational_map(lambda t, y: y, 2), TypeError, r"f: .*f\(0, x\)"),
     (lambda: sf.integrability.kahan(lambda x: x), TypeError, "field: .*from_function"),
     (lambda: sf.integrability.kahan(BODY), TypeError, r"field: .*QuadraticField.of\(body\)"),
@@ -172,6 +172,17 @@ FIELDS = [
     (field(lambda x, a: (10**70 * x[0] * a, 1), a=[1, 2]), ValueError, "f"),
     (field(lambda x, attitude: (1, 2), attitude=1), ValueError, "attitude"),
     (field(lambda x, **x1: (1, 2), x1=1), ValueError, "x1"),
+    (field(lambda x, **n: (1, 2), n=1), ValueError, "'n' clashes .* n_"),
+    (field(lambda x, u: (1, 2), "u v", u=1), ValueError, "'u' clashes .* u_"),
+    (field(lambda x, eps: (1, 2), eps=1), ValueError, "'eps' clashes with the step size: .* eps_"),
+    (hamiltonian(lambda x, method: 1, method=1), ValueError, "'method' clashes .* sel.* method_"),
+    (field(tuple, "u lambda"), ValueError, "dimension: .* 'lambda' .* lambda_"),
+    (field(tuple, "u u"), ValueError, "dimension: .* 'u'"), (field(tuple, ["a b"]), ValueError, "'a b'"),
+    (field(tuple, "u eps"), ValueError, "dimension: .* 'eps' .* eps_"), (field(tuple, ""), ValueError, "dimension"),
+    (field(tuple, "x2 x1"), ValueError, "'x2' .* variable 2"), (field(tuple, ["u", 1]), TypeError, "dimension"),
+    (lambda: QuadraticField([[[1]]], names="u v"), ValueError, "names: .* 1 names"),
+    (lambda: QuadraticField([[[1]]], names=2), TypeError, "names"),
+    (changed(names=["u", "eps"]), ValueError, "names: .* 'eps'"),
     (hamiltonian(None), TypeError, "H"), (hamiltonian(lambda x: x[0] ** 4), ValueError, "H"),
     (hamiltonian(lambda x: (x[0], x[1])), TypeError, "H"),
     (hamiltonian(lambda x: x[0], 3), ValueError, "dimension"),
@@ -259,8 +270,6 @@ def test_bad_calls(call, exception, name):
         call()
     message = str(caught.value)
     assert re.search(rf"(?<!\w){name}(?!\w)", message)
-    assert "expected " in message
-    assert ", got " in message
     assert "\n" not in message
 
 

@@ -3,36 +3,16 @@
 import inspect
 import re
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Any
 
-from ..checks import wrong
+from ..checks import page, wrong
+from .names import TIME, clash
 
 # Names that arguments have where a function of the state (of time, of an array of parameters) is
 # expected elsewhere; a parameter of a field rarely has one of them.
-TIME = {"t", "time"}
 _ARRAY = {"p", "par", "pars", "params", "parameters", "args", "theta"}
 _STATE = re.compile(r"[xyzuvwqps]\d*|[XYZUVW]|state|states|vec")
-PAGE = "docs/howto/cubic.md"
-
-
-# Names that a parameter may not have, beside those of public functions, which runs have as methods:
-# those of runs, of their files and datasets, of variables, and of arguments of functions that take
-# parameters by name.
-_RESERVED = frozenset(
-    "f H K x omega n t time eps dimension body space component component_j component_k trajectory "
-    "quadratic linear constant parameters states status failed_at final method steps save_every "
-    "attitude orientation carry ok extend to_xarray plot save load about format version map title "
-    "omega0 store functions dims coords chunk client progress crossing before after fraction count "
-    "states surface direction transient most of self cls".split()
-)
-_FUNCTIONS = import_module("..", __package__).__all__
-_NUMBERED = re.compile(r"x\d+|batch_\d+|_.*")
-
-
-def is_in_use(name: str) -> bool:
-    """Return whether runs, files, datasets or functions use a name for something else."""
-    return name in _RESERVED or name in _FUNCTIONS or _NUMBERED.fullmatch(name) is not None
+CUBIC = "howto/cubic"
 
 
 def is_state(name: str) -> bool:
@@ -63,7 +43,7 @@ def check_arguments(name: str, f: Any, D: int, given: Mapping[str, Any]) -> None
         raise wrong(name, expected, received, TypeError)
     if missing:
         how = f"pass {missing[0]}=28, say"
-        if is_in_use(missing[0]):
+        if clash(missing[0]):
             how = "a name that is in use: choose another"
         expected = f"a function of x and of parameters by name, for {D} variables"
         raise wrong(name, expected, f"none, as {name} needs {missing[0]}: {how}", TypeError)
@@ -78,7 +58,7 @@ def _adapted(name: str, D: int, places: list[str], missing: list[str]) -> str:
         inner = ["0" if each in TIME else "x" if each == state else each for each in places]
         outer = ", ".join(["x", *(each for each in others if not is_state(each))])
         call = f"pass lambda {outer}: {name}({', '.join(inner)})"
-        return f"{call} if nothing depends on {', '.join(times)}; for a forcing see {PAGE}"
+        return f"{call} if nothing depends on {', '.join(times)}; for a forcing see {page(CUBIC)}"
     if {*missing} <= _ARRAY and len(places) != D and places[0] != "q":
         return "pass each parameter by its own name, as in f(x, sigma, rho)"
     if len(places) == D:
@@ -98,9 +78,9 @@ def explained(error: Exception, is_family: bool) -> str:
         return f"{text}: {how} own name, as sigma=10, rho=28"
     if "Polynomial" in text or text.startswith("the operation"):
         how = "x holds symbols: no math.sin, if or float, and no arrays of floats to fill"
-        return f"{text}: {how}; sin and cos can become variables, see {PAGE}"
+        return f"{text}: {how}; sin and cos can become variables, see {page(CUBIC)}"
     if "'tuple'" in text or "tuple indices" in text:
         return f"{text}: x is a tuple; for arithmetic on all of it, np.array(x)"
     if text.startswith("degree"):
-        return f"{text}: with more variables it may become quadratic, see {PAGE}"
+        return f"{text}: with more variables it may become quadratic, see {page(CUBIC)}"
     return text

@@ -42,6 +42,7 @@ class Body:
     _coordinates: ClassVar[Any] = ()
     _field: ClassVar[Any]
     _read: ClassVar[Any] = None  # makes a body from its dictionary, if the class does not
+    _texts: ClassVar[tuple[str, ...]] = ()  # of the dictionary, which are no numbers
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -71,9 +72,18 @@ class Body:
         self._take(parts)
         return self
 
+    def _with(self: Kind, parts: Mapping[str, Any]) -> Kind:
+        """Return the body with other parts, all else being equal."""
+        return self._of(parts)
+
     @property
     def _arrays(self) -> dict[str, FloatArray]:
         return {name: np.asarray(each, np.float64) for name, each in self._parts.items()}
+
+    @property
+    def _described(self) -> dict[str, Any]:
+        """What identifies the body in a store: texts and arrays by the names of attributes."""
+        return self._arrays
 
     def field(self) -> Any:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
@@ -156,7 +166,7 @@ class Body:
             axis += 1 if isinstance(place, slice) else np.ndim(place)
         return body
 
-    def sel(self: Kind, *, method: str | None = None, **values: Any) -> Kind:
+    def sel(self: Kind, /, *, method: str | None = None, **values: Any) -> Kind:
         """Return the members of a batch that have given values of named parameters.
 
         Parameters
@@ -249,7 +259,7 @@ class Body:
                 length = math.prod(batch[axis:end])
                 array = array.reshape((*batch[:axis], length, *batch[end:], *own))
             parts[name] = array
-        return self._of(parts)
+        return self._with(parts)
 
     def _part(self: Kind, axis: int, index: Any) -> Kind:
         """Return the members with an integer, a slice or indices along one axis of the batch."""
@@ -263,7 +273,7 @@ class Body:
                 own = index if array.shape[place] == self.shape[axis] else common
                 array = array[(slice(None),) * place + (own,)]
             parts[name] = array
-        return self._of(parts)
+        return self._with(parts)
 
     @property
     def _key(self) -> tuple[Any, ...]:
@@ -315,7 +325,8 @@ class Body:
         except TypeError as error:
             expected = f"those of {cls.__name__} ({error})"
             raise wrong("parameters", expected, ", ".join(map(str, given))) from None
-        return read(**from_lists("parameters", given))
+        texts = {name: given.pop(name) for name in cls._texts if name in given}
+        return read(**from_lists("parameters", given), **texts)
 
 
 def frozen(part: Any) -> Any:

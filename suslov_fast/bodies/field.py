@@ -11,7 +11,7 @@ gradient is 3 H[:D]. Tables of a single field hold fractions, those of a batch f
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -23,7 +23,16 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, wrong
 from .base import Body, frozen
+from .names import labels, variables
 from .polynomials import as_given, coefficients, named, numbers, polynomial_of, to_lists, traced
+
+# The parts of a field beside its named parameters, which may have any name of Python.
+TABLE, TENSOR, MATRIX, NAMES = "table of f", "tensor of H", "matrix K", "names of variables"
+# Attributes of stores that no parameter writes over.
+_OF_STORES = frozenset(
+    "H K body coords dims eps format functions map method names omega0 save_every shared steps "
+    "tiled title version attitude".split()
+)
 
 
 class Hamiltonian:
@@ -32,8 +41,9 @@ class Hamiltonian:
     Called with a state it returns a fraction if all numbers are exact, else floats (...).
     """
 
-    def __init__(self, tensor: Any) -> None:
+    def __init__(self, tensor: Any, names: Sequence[str] | None = None) -> None:
         self.tensor = tensor
+        self._names = tuple(names or labels(tensor.shape[-1] - 1))
 
     @cached_property
     def terms(self) -> tuple[Any, FloatArray]:
@@ -41,12 +51,12 @@ class Hamiltonian:
         return sparse(self.tensor, 3)
 
     def __call__(self, x: Any) -> Any:
-        return at_points(self.tensor, x, 3)
+        return at_points(self.tensor, x, 3, self._names)
 
     def __repr__(self) -> str:
         if self.tensor.ndim > 3:
             return f"<polynomials of shape {self.tensor.shape[:-3]}>"
-        return repr(polynomial_of(self.tensor))
+        return polynomial_of(self.tensor).text(self._names)
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
@@ -64,9 +74,14 @@ class QuadraticField(Body):
         binary number, not 1/10, which is ``Fraction(1, 10)``. Those of a batch are floats.
     linear, constant : array_like(shape=(..., D, D)), array_like(shape=(..., D)), optional
         l and c, by default 0.
+    names : str or sequence of str, optional
+        Names of the D variables, by default x1, ..., xD: ``"u v w"``, ``"u, v, w"`` or a list.
 
     Attributes
     ----------
+    names : tuple of str
+        The names of the variables, which labels, equations, datasets and reports have. ``==`` and
+        hash do not look at them.
     H, K
         The Hamiltonian of :meth:`from_hamiltonian`, which can be called with a state, and its
         matrix (D, D), or None.
@@ -83,7 +98,10 @@ class QuadraticField(Body):
     QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
     """
 
-    _axes: ClassVar[Any] = {"quadratic": 3, "linear": 2, "constant": 1, "table": 3, "H": 3, "K": 2}
+    _axes: ClassVar[Any] = {
+        "quadratic": 3, "linear": 2, "constant": 1, TABLE: 3, TENSOR: 3, MATRIX: 2,
+    }  # fmt: skip
+    _texts: ClassVar[Any] = ("names",)
 
     quadratic: Any
     linear: Any
@@ -91,9 +109,12 @@ class QuadraticField(Body):
     table: Any  # in homogeneous coordinates (..., D, D + 1, D + 1)
     H: Hamiltonian | None
     K: Any
+    names: tuple[str, ...]
     _coefficients: dict[str, Any]
 
-    def __init__(self, quadratic: Any, linear: Any = None, constant: Any = None) -> None:
+    def __init__(
+        self, quadratic: Any, linear: Any = None, constant: Any = None, names: Any = None
+    ) -> None:
         if callable(quadratic):
             received = "a function: use QuadraticField.from_function(f, dimension)"
             raise wrong("quadratic", "coefficients (..., D, D, D)", received, TypeError)
@@ -111,30 +132,48 @@ class QuadraticField(Body):
         q, l, c = (coefficients(name, array, bool(batch)) for name, array in arrays.items())
         table = np.zeros((*batch, D, D + 1, D + 1), q.dtype)
         table[..., :-1, :-1], table[..., :-1, -1], table[..., -1, -1] = q, l, c
-        self._take({"table": (table + table.swapaxes(-2, -1)) / 2})
+        called = variables("names", names, D)
+        self._take({TABLE: (table + table.swapaxes(-2, -1)) / 2, NAMES: called})
 
     def _take(self, parts: Mapping[str, Any]) -> None:
-        """Store a table, or H, K and their table, and the named parameters."""
-        table = rates(parts["H"], parts["K"]) if "H" in parts else parts["table"]
+        """Store a table, or H, K and their table, names of variables, and named parameters."""
+        table = rates(parts[TENSOR], parts[MATRIX]) if TENSOR in parts else parts[TABLE]
         table = frozen(numbers("table", table, table.ndim > 3))
-        kept = {name: frozen(each) for name, each in parts.items() if name != "table"}
-        names = tuple(name for name in kept if name not in self._axes)
+        D = table.shape[-3]
+        called = parts.get(NAMES) or labels(D)
+        kept = {name: frozen(each) for name, each in parts.items() if name not in (TABLE, NAMES)}
+        own_names = tuple(name for name in kept if name not in self._axes)
         q, l, c = table[..., :-1, :-1], frozen(2 * table[..., :-1, -1]), table[..., -1, -1]
         own = {"quadratic": q, "linear": l, "constant": c}
-        H, D = Hamiltonian(kept["H"]) if "H" in kept else None, table.shape[-3]
-        vars(self).update(own, table=table, H=H, K=kept.get("K"), _coefficients=own)
-        vars(self).update(_parts={"table": table, **kept}, _coordinates=names)
-        vars(self).update(dimension=D, _labels=labels(D))
+        H = Hamiltonian(kept[TENSOR], called) if TENSOR in kept else None
+        vars(self).update(own, table=table, H=H, K=kept.get(MATRIX), _coefficients=own)
+        vars(self).update(_parts={TABLE: table, **kept}, _coordinates=own_names)
+        vars(self).update(dimension=D, names=called, _labels=called)
+
+    def _with(self, parts: Mapping[str, Any]) -> QuadraticField:
+        return self._of({**parts, NAMES: self.names})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, ({**self._parts, NAMES: self.names},)
 
     @property
     def _arrays(self) -> dict[str, FloatArray]:
-        others = {name: each for name, each in self._parts.items() if name != "table"}
-        found = self._coefficients | others
+        found = self._coefficients | self.parameters
         return {name: np.asarray(each, np.float64) for name, each in found.items()}
+
+    @property
+    def _described(self) -> dict[str, Any]:
+        own = self._coefficients
+        if self.H is not None:
+            own = own | {"H": self.H.tensor, "K": self.K}
+        called = (f"parameter {n}" if n in _OF_STORES else n for n in self._coordinates)
+        found = own | dict(zip(called, self.parameters.values(), strict=True))
+        texts = {} if self.names == labels(self.dimension) else {"names": ", ".join(self.names)}
+        return {name: np.asarray(each, np.float64) for name, each in found.items()} | texts
 
     @classmethod
     def from_function(
-        cls, f: Callable[..., Any], /, dimension: int, **parameters: Any
+        cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
     ) -> QuadraticField:
         """Return the field with components ``f(x, **parameters)``.
 
@@ -143,11 +182,11 @@ class QuadraticField(Body):
         f : callable
             It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
             symbolic variables, so coefficients are exact; a float counts as its binary value.
-        dimension : int
-            The number of variables, D.
+        dimension : int, str or sequence of str
+            The number of variables, D, or their names, as in ``"u v w"`` or ``["u", "v", "w"]``.
         **parameters : float or array_like(float, shape=(...))
-            Named parameters; names in use, such as eps or x1, are refused. Numbers remain exact;
-            arrays broadcast, and make a batch of fields.
+            Named parameters; the names of variables, eps, t and those of datasets are refused.
+            Numbers remain exact; arrays broadcast, and make a batch of fields.
 
         Examples
         --------
@@ -155,14 +194,22 @@ class QuadraticField(Body):
         >>> fields = QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[1, 2, 3])
         >>> fields.parameters, fields.sel(a=2)
         ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
+        >>> QuadraticField.from_function(lambda x: (x[1], -x[0] - x[0] * x[1]), "u v")
+        QuadraticField(u' = v, v' = -u*v - u)
         """
-        D = checks.integer("dimension", dimension, 1)
-        values = named(parameters)
-        return cls._of({"table": traced("f", f, D, 2, values), **values})
+        called = variables("dimension", dimension)
+        values = named(parameters, called)
+        table = traced("f", f, len(called), 2, values)
+        return cls._of({TABLE: table, NAMES: called, **values})
 
     @classmethod
     def from_hamiltonian(
-        cls, H: Callable[..., Any], /, dimension: int, K: Any = None, **parameters: Any
+        cls,
+        H: Callable[..., Any],
+        /,
+        dimension: int | str | Sequence[str],
+        K: Any = None,
+        **parameters: Any,
     ) -> QuadraticField:
         """Return the field ``x' = K grad H(x, **parameters)``, with the attributes H and K.
 
@@ -182,12 +229,13 @@ class QuadraticField(Body):
         >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
-        D = checks.integer("dimension", dimension, 1)
-        values = named(parameters)
-        return cls._of_hamiltonian(traced("H", H, D, 3, values), K, **values)
+        called = variables("dimension", dimension)
+        values = named(parameters, called)
+        tensor = traced("H", H, len(called), 3, values)
+        return cls._of_hamiltonian(tensor, K, {NAMES: called, **values})
 
     @classmethod
-    def _of_hamiltonian(cls, tensor: Any, K: Any, /, **values: Any) -> QuadraticField:
+    def _of_hamiltonian(cls, tensor: Any, K: Any, others: Mapping[str, Any]) -> QuadraticField:
         """Check the matrix K, and return its field with an exact tensor H."""
         D = tensor.shape[-1] - 1
         if K is None:
@@ -198,7 +246,7 @@ class QuadraticField(Body):
         if matrix.shape != (D, D) or (matrix != -matrix.T).any():
             received = checks.short(matrix.astype(float).tolist())
             raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
-        field = cls._of({"H": tensor, "K": matrix, **values})
+        field = cls._of({TENSOR: tensor, MATRIX: matrix, **others})
         checks.within("H", field.table, checks.OTHERS)
         return field
 
@@ -231,23 +279,28 @@ class QuadraticField(Body):
 
     @property
     def components(self) -> tuple[Any, ...]:
-        """The components as ``flint.fmpq_mpoly`` in x1, ..., xD; needs python-flint."""
+        """The components as ``flint.fmpq_mpoly`` in the variables; needs python-flint.
+
+        It takes names in ASCII alone; where one is not, the variables are x1, ..., xD.
+        """
         flint = checks.extra("flint", "algebra")
-        context = flint.fmpq_mpoly_ctx.get(self._labels, ordering="deglex")
+        called = self.names if all(map(str.isascii, self.names)) else labels(self.dimension)
+        context = flint.fmpq_mpoly_ctx.get(called, ordering="deglex")
         x = np.fromiter([*context.gens(), context.constant(1)], object)
         ratios = np.vectorize(lambda c: flint.fmpq(*c.as_integer_ratio()), "O")(self.table)
         return tuple(ratios @ x @ x)
 
     def __call__(self, x: Any) -> Any:
         """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
-        found = at_points(self.table, x, 2)
+        found = at_points(self.table, x, 2, self.names)
         return tuple(found) if found.dtype == object else found
 
     def __repr__(self) -> str:
         if self.shape:
             names = "".join(f", {n}={np.shape(a) or a}" for n, a in self.parameters.items())
             return f"<QuadraticField of shape {self.shape}: D={self.dimension}{names}>"
-        equations = [f"x{i}' = {polynomial_of(row)}" for i, row in enumerate(self.table, 1)]
+        texts = (polynomial_of(row).text(self.names) for row in self.table)
+        equations = [f"{name}' = {text}" for name, text in zip(self.names, texts, strict=True)]
         equations += [] if self.H is None else [f"H = {self.H}"]
         short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
         return f"QuadraticField({short})"
@@ -255,7 +308,8 @@ class QuadraticField(Body):
     def to_dict(self) -> dict[str, Any]:
         own = self._coefficients if self.H is None else {"H": self.H.tensor, "K": self.K}
         values = {"parameters": self.parameters} if self.parameters else {}
-        return {"body": type(self).__name__, **to_lists(own | values)}
+        texts = {} if self.names == labels(self.dimension) else {"names": [*self.names]}
+        return {"body": type(self).__name__, **to_lists(own | values), **texts}
 
     @classmethod
     def _read(
@@ -266,22 +320,22 @@ class QuadraticField(Body):
         H: Any = None,
         K: Any = None,
         parameters: Any = None,
+        names: Any = None,
     ) -> QuadraticField:
         checks.instance("parameters", parameters or {}, Mapping)
-        values = named(parameters or {})
         if H is None and K is None:
-            return cls._of({**cls(quadratic, linear, constant)._parts, **values})
+            field = cls(quadratic, linear, constant, names)
+            values = named(parameters or {}, field.names)
+            return field._with({**field._parts, **values})
         if quadratic is not None or linear is not None or constant is not None:
             raise wrong("parameters", "coefficients, or H and K", "both")
         tensor = np.atleast_3d(coefficients("H", H, False))
         twins = tensor.swapaxes(-1, -2), tensor.swapaxes(-1, -3)
         if tensor.shape[-1] < 2 or not all(np.array_equal(tensor, each) for each in twins):
             raise wrong("H", "a symmetric tensor", checks.short(H))
-        return cls._of_hamiltonian(tensor, K, **values)
-
-
-def labels(D: int) -> tuple[str, ...]:
-    return tuple(f"x{i}" for i in range(1, D + 1))
+        called = variables("names", names, tensor.shape[-1] - 1)
+        values = named(parameters or {}, called)
+        return cls._of_hamiltonian(tensor, K, {NAMES: called, **values})
 
 
 def rates(H: Any, K: Any) -> Any:
@@ -303,7 +357,7 @@ def sparse(tensor: Any, degree: int) -> tuple[Any, FloatArray]:
     return indices, np.ascontiguousarray(values)
 
 
-def at_points(tensor: Any, x: Any, degree: int) -> Any:
+def at_points(tensor: Any, x: Any, degree: int, names: Sequence[str]) -> Any:
     """Return the values at x of polynomials, whose variables are the last `degree` axes.
 
     They are fractions if all numbers are exact, else floats.
@@ -313,7 +367,7 @@ def at_points(tensor: Any, x: Any, degree: int) -> Any:
     if tensor.ndim == 3 and is_list and len(x) == D and all(isinstance(a, Rational) for a in x):
         x = numbers("x", x, False)
     else:
-        x, tensor = checks.states("x", x, labels(D)), np.asarray(tensor, np.float64)
+        x, tensor = checks.states("x", x, names), np.asarray(tensor, np.float64)
     point = np.concatenate([x, np.ones((*x.shape[:-1], 1), x.dtype)], axis=-1)
     with np.errstate(all="ignore"):
         for axes in ("ijk", "ij", "i")[:degree]:

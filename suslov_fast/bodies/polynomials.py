@@ -16,7 +16,8 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ..checks import OTHERS, common_shape, real_array, refuse, short, within, wrong
-from .advice import PAGE, TIME, check_arguments, explained, is_in_use
+from .advice import check_arguments, explained
+from .names import check_parameter, labels
 
 _LARGEST_EXPONENT = 400  # of a decimal
 
@@ -53,13 +54,11 @@ def coefficients(name: str, value: Any, is_batch: bool) -> Any:
     return within(name, numbers(name, value, is_batch), OTHERS)
 
 
-def named(parameters: Mapping[str, Any]) -> dict[str, Any]:
+def named(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:
     """Return parameters by name: numbers as they are, and arrays of floats."""
     found: dict[str, Any] = {}
     for name, value in parameters.items():
-        if is_in_use(name) or not name.isidentifier():
-            time = f": fields have no time; for a forcing see {PAGE}" if name in TIME else ""
-            raise wrong("parameters", "names that are not in use, as a or rho", f"{name!r}{time}")
+        check_parameter(name, variables)
         array = as_given(name, value)
         found[name] = real_array(name, value) if array.ndim else array.item()
         if not array.ndim:
@@ -142,6 +141,10 @@ class Polynomial(NDArrayOperatorsMixin):
         raise TypeError("polynomials in x are neither true nor false")
 
     def __repr__(self) -> str:
+        return self.text(labels(max((i for m in self.terms for i in m), default=0) + 1))
+
+    def text(self, names: Sequence[str]) -> str:
+        """Return the polynomial in variables with these names."""
         text = ""
         for indices, c in sorted(self.terms.items(), key=lambda term: (-len(term[0]), term[0])):
             size = abs(c)
@@ -149,7 +152,7 @@ class Polynomial(NDArrayOperatorsMixin):
             factors = [] if indices and size == 1 else [number]
             for i in dict.fromkeys(indices):
                 power = indices.count(i)
-                factors.append(f"x{i + 1}^{power}" if power > 1 else f"x{i + 1}")
+                factors.append(f"{names[i]}^{power}" if power > 1 else names[i])
             text += (" - " if c < 0 else " + ") + "*".join(factors)
         return ("" if text.startswith(" +") else "-") + text[3:] if text else "0"
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from .. import checks
 from ..checks import FloatArray, wrong
 from .base import Body
-from .field import QuadraticField
+from .field import TABLE, QuadraticField
 
 # Rounding of the triangle inequality, which is an equality for flat bodies.
 _ROUNDING = 1e-14
@@ -57,7 +57,7 @@ class _In3D(Body):
         table = np.zeros((*self.shape, 2, 3, 3), l.dtype)
         table[..., 0, :, 1] = -l / np.asarray(I1)[..., None]
         table[..., 1, :, 0] = l / np.asarray(I2)[..., None]
-        return QuadraticField._of({"table": (table + table.swapaxes(-2, -1)) / 2})
+        return QuadraticField._of({TABLE: (table + table.swapaxes(-2, -1)) / 2})
 
 
 def _excess(tensors: FloatArray) -> Any:

@@ -280,7 +280,7 @@ def _in_decimals(body: Any) -> QuadraticField:
         return QuadraticField.of(body._of(parts))
     own = body._coefficients if body.H is None else {"H": body.H.tensor, "K": body.K}
     own, names = ({n: decimals(a)[()] for n, a in each.items()} for each in (own, body.parameters))
-    return QuadraticField._read(**own, parameters=names)
+    return QuadraticField._read(**own, parameters=names, names=body.names)
 
 
 def _decimal(a: Any) -> Fraction:

@@ -150,8 +150,8 @@ def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:
 
 
 def _groebner_basis(equations: Sequence[Any]) -> Any:
-    """Return a reduced Groebner basis over the integers in one variable more, `unit`."""
-    names = *equations[0].context().names(), "unit"
+    """Return a reduced Groebner basis over the integers in one variable more, the unit."""
+    names = *equations[0].context().names(), "1"  # which is no name of a variable
     context = flint.fmpz_mpoly_ctx.get(names, ordering="degrevlex")
     integral = []
     for each in equations:

@@ -225,7 +225,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
         "failed_at": np.broadcast_to(np.int64(stores.PENDING), batch),
         "status": np.broadcast_to(np.int8(stores.PENDING), batch),
     }
-    arrays = {**body._arrays, "eps": np.asarray(eps)}
+    arrays = {**body._described, "eps": np.asarray(eps)}
     if turns is not None:
         fills["attitude"] = np.broadcast_to(np.nan, (rows, *batch, D + 1, D + 1))
         arrays["attitude"] = turns
@@ -254,7 +254,10 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     if refused := [repr(str(name)) for name in names if not _is_storable(name)]:
         expected = "names that a store can have, without / and other than '', '.' and 'zarr.json'"
         raise wrong("dims, coords and functions", expected, ", ".join(refused))
-    identity = {name: stores.described(name, each) for name, each in arrays.items()}
+    identity = {
+        name: each if isinstance(each, str) else stores.described(name, each)
+        for name, each in arrays.items()
+    }
     identity["omega0"] = stores.described("omega0", omega0, few=0)
     labels = {name: data[name].values.tolist() for name in coords or ()}
     for name, texts in (("functions", sources), ("coords", labels)):

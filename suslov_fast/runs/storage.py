@@ -200,9 +200,7 @@ def to_xarray(
     map, body, count = run.map, run.body, run.status.ndim
     arrays = {"eps": np.asarray(run.eps), **body._arrays}
     parameters = {  # each with all axes of the batch first
-        name: np.array(each, ndmin=count + body._axes.get(name, 0))
-        for name, each in arrays.items()
-        if name not in ("H", "K")
+        name: np.array(each, ndmin=count + body._axes.get(name, 0)) for name, each in arrays.items()
     }
     batch = _batch_names(run, dims, parameters)
     flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}

@@ -169,7 +169,10 @@ def _growth_by_jacobian(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the sums of `_growth` for any map, from its formula of the Jacobian."""
     compute = problem.map.formulas["jacobian"].compute
-    start = np.broadcast_to(start, (*problem.batch, problem.body.dimension))
+    start = np.broadcast_to(start, (*problem.batch, problem.body.dimension)).copy()
+    march = March(problem._replace(omega=start))
+    march.to(steps)
+    start[march.status < 0] = np.nan  # at their last states a formula may overflow, or raise
     march = March(problem._replace(omega=start))
     B, D = march.omega0.shape
     sums, of_det, Q = np.zeros((B, D)), np.zeros(B), np.eye(D)
@@ -180,8 +183,6 @@ def _growth_by_jacobian(
             of_det += np.linalg.slogdet(slopes)[1]
             Q, R = np.linalg.qr(slopes @ Q)
             sums += np.log(abs(np.diagonal(R, axis1=1, axis2=2)))
-    march.to(steps)
-    sums[march.status.reshape(B) < 0] = np.nan
     return sums, of_det
 
 
@@ -362,6 +363,8 @@ IN_ND = {
     "to_matrix": Formula(_matrix_nd),
     "momentum": Formula(_momentum_nd),
 }
+# The functions that ask the record of a map for a formula.
+FUNCTIONS = {*IN_3D, *IN_ND}
 
 
 # What errors say where the map of a body lacks a function, by its name.

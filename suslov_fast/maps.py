@@ -1,8 +1,8 @@
 """One record for each map, with all that depends on it; lookup of maps and of classes of bodies."""
 
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import lru_cache
 from typing import Any
 
@@ -17,7 +17,8 @@ from .engine import arguments
 from .engine.arguments import Problem
 from .engine.methods import FIELD, GAUSS, STEPS_3D, STEPS_ND, STEPS_WITH_ROTOR
 from .engine.stretches import Steps, check_steps
-from .formulas import BY_JACOBIAN, GYROSTAT, IN_3D, IN_ND, INSTEAD, KAHAN, Formula
+from .engine.trial import check_parameters
+from .formulas import BY_JACOBIAN, FUNCTIONS, GYROSTAT, IN_3D, IN_ND, INSTEAD, KAHAN, Formula
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +72,9 @@ class Map:
     decorated with `core.numba.formula` or `core.numba.function`.
 
     1. `arguments` is what `Steps.arguments(body, eps, batch)` returned, called once for a run: a
-       tuple of arrays. Each has one row if it is common to all B trajectories, else B rows:
-       ``array[i % len(array)]`` is that of trajectory i. `by_constants` passes ``body.constants``
+       tuple of arrays, which a kernel only reads. Each has one row if it is common to all B
+       trajectories, else B rows: ``array[i % len(array)]`` is that of trajectory i. A negative eps
+       steps back. `by_constants` passes ``body.constants``
        and eps (1 or B,): I1, I2, I13, I23, k, eps in three dimensions, J, I, eps in n. `by_field`
        passes the terms v x_j x_k of the field, with x_D = 1: indices (3, T), the i, j and k, values
        (1 or B, T), and eps.
@@ -83,8 +85,9 @@ class Map:
        if it is NaN, as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do
        nothing else.
     4. A run is cut into calls anywhere, in time and in the batch, and all cuts give the same bits.
-       Steps continue from `final` (B, D) and from `carry` (carried, B), whose contents the kernel
-       chooses: both are read if start > 0, and written at `stop`.
+       A step is the same at every n. Steps continue from `final` (B, D) and from `carry`
+       (carried, B), whose contents the kernel chooses: both are read if start > 0, and written at
+       `stop`.
     5. If every > 0, state n is saved if start < n <= stop, or n = start = 0, and n is a multiple of
        `every`: the first of them to saved[row], the next to saved[row + 1]; `saved` is
        (rows, B, D).
@@ -103,9 +106,9 @@ class Map:
         refuses the body; loops of your own call the formulas of your kernel.
 
     Before the first run of a kernel that is not of the package, `engine.trial` tries it on a few
-    trajectories, and refuses one that breaks items 1 to 7. What it cannot see, the formulas of a
-    step, ``pytest tests/test_promises.py --maps MODULE`` tests: they agree with "vector_field" for
-    small eps.
+    trajectories, and refuses one that breaks items 1 to 7. What it cannot see, the formulas,
+    ``pytest tests/test_promises.py --maps MODULE`` tests: steps agree with "vector_field" for small
+    eps, "jacobian" agrees with differences of steps, and values have the shape of the batch.
 
     Kernels of the package use `share`, `pick` and `lesser` of `core.numba`; those of pairs of
     numbers use `write_pairs` of `core.rows`. The walk over blocks of lanes and the rule for state 0
@@ -154,28 +157,8 @@ class Map:
         known = self.functions(body)
         return next((name for name in self.conserved if name in known), None)
 
-    def symbols(self, body: Any) -> list[str]:
-        r"""Return the labels of the components in LaTeX: "Omega1" is `$\Omega_{1}$`.
-
-        Others than a letter, or the name of a Greek one, with an index stay as they are.
-        """
-        return [re.sub(_SYMBOL, _as_latex, label) for label in body._labels]
-
     def __reduce__(self) -> Any:
         return named, (self.name,)
-
-
-# A letter of any alphabet or the name of a Greek one, and its index, of which n is a part.
-_SYMBOL = re.compile(
-    r"^(?:(?P<greek>alpha|beta|gamma|delta|epsilon|zeta|eta|theta|kappa|lambda|mu|nu|xi|pi|rho|"
-    r"sigma|tau|phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Phi|Psi|Omega)|"
-    r"(?P<letter>[^\W\d_]))_?(?P<index>\d*n?)$"
-)
-
-
-def _as_latex(label: re.Match[str]) -> str:
-    letter = rf"\{label['greek']}" if label["greek"] else label["letter"]
-    return f"${letter}_{{{label['index']}}}$" if label["index"] else f"${letter}$"
 
 
 def _has(formula: Formula, body: Any) -> bool:
@@ -200,7 +183,9 @@ def register(record: Map) -> None:
     Raises
     ------
     TypeError, ValueError
-        If the name or a method is taken, or a part of the record has another type than `Map` says.
+        If the name or a method is taken, a part of the record has another type than `Map` says, no
+        function asks for a formula of a name, or a parameter of a body is a vector and `_axes` does
+        not say so.
     """
     checks.instance("record", record, Map)
     checks.instance("name", record.name, str)
@@ -220,6 +205,10 @@ def register(record: Map) -> None:
         check_steps(f"methods[{method!r}]", steps)
     for name, formula in record.formulas.items():
         checks.instance(f"formulas[{name!r}]", formula, Formula)
+        if name not in FUNCTIONS:
+            nearest = get_close_matches(name, FUNCTIONS, 1)
+            expected = nearest[0] if nearest else f"one of {', '.join(sorted(FUNCTIONS))}"
+            raise checks.wrong("formulas", f"names of functions, {expected}", repr(name))
     if isinstance(record.conserved, str) or not {*record.conserved} <= {*record.formulas}:
         expected = f"a tuple of names of formulas, of {', '.join(record.formulas) or 'none'}"
         raise checks.wrong("conserved", expected, repr(record.conserved))
@@ -228,6 +217,7 @@ def register(record: Map) -> None:
     if record.pole is not None and not isinstance(record.pole[0], record.body):
         expected = f"a {record.body.__name__} and a state, or None"
         raise checks.wrong("pole", expected, repr(record.pole), TypeError)
+    check_parameters(record.body, record.random)
     MAPS[record.name] = record
 
 

@@ -6,6 +6,8 @@ import itertools
 import json
 import pickle
 import re
+from dataclasses import dataclass
+from typing import Any
 
 import children
 import numpy as np
@@ -283,6 +285,8 @@ def with_steps(**changes):
         (with_steps(lanes=0), ValueError, r"methods\['new'\].lanes: "),
         (with_steps(lanes=12), ValueError, r"methods\['new'\].lanes: .*multiple of 8"),
         (with_steps(formulas={"energy": KAHAN}), TypeError, r"formulas\['energy'\]: "),
+        (with_steps(formulas={"enregy": Formula(len)}), ValueError, "formulas: .*energy, got 'enr"),
+        (with_steps(formulas={"zzz": Formula(len)}), ValueError, "formulas: .*one of .*energy, "),
         (with_steps(conserved="energy"), ValueError, "conserved: "),
         (with_steps(conserved=("jacobian",)), ValueError, "conserved: .*vector_field, energy"),
         (with_steps(random=iter), TypeError, "random: "),
@@ -292,6 +296,71 @@ def with_steps(**changes):
 def test_records_are_checked(register, error, words):
     with pytest.raises(error, match=f"^{words}"):
         register()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Top(own.Body):
+    """A free body, whose moments are one parameter."""
+
+    I: Any
+    dimension, _labels = 3, ("w_1", "w_x_dot", "100 % $")
+
+    def field(self):
+        of_rows = np.broadcast_to(self.I, (*self.shape, 3))
+        q = np.zeros((*self.shape, 3, 3, 3))
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            q[..., i, j, k] = (of_rows[..., j] - of_rows[..., k]) / of_rows[..., i]
+        return sf.QuadraticField(q)
+
+
+class ByIndex(Top):
+    """The same, which a number as its parameter shows."""
+
+    def field(self):
+        return sf.QuadraticField([[[self.I[0]]]])
+
+
+def test_a_vector_among_the_parameters_needs_its_axes():
+    """Without them its components would be the members of a batch."""
+    new = dataclasses.replace(own.SLEIGH, name="top", body=Top, formulas={}, pole=None, random=())
+    random = (lambda rng, shape: Top(rng.uniform(1, 2, (*shape, 3))),)
+    with pytest.raises(ValueError, match=r"random\[0\]: .*axes of I in Top._axes, .*batch \(3,\)"):
+        maps.register(dataclasses.replace(new, random=random))
+    with pytest.raises(ValueError, match=r"^body: .*ByIndex._axes.*got TypeError: 'float'"):
+        maps.register(dataclasses.replace(new, body=ByIndex))
+
+
+def test_labels_may_hold_anything(tmp_path, monkeypatch):
+    monkeypatch.setattr(Top, "_axes", {"I": 1})
+    random = (lambda rng, shape: Top(rng.uniform(1, 2, (*shape, 3))),)
+    new = {"name": "top", "body": Top, "formulas": KAHAN, "pole": None, "random": random}
+    maps.register(dataclasses.replace(own.SLEIGH, **new))
+    run = iterate(Top([1.0, 2.0, 3.0]), [0.1, 1.0, 0.2], 0.1, 50)
+    assert run.body.shape == ()
+    drawn = ["$w_{1}$", "w_x_dot", r"100 % \$"]
+    for i, j in ((0, 1), (1, 2)):
+        axes = run.plot(components=(i, j))
+        assert [axes.get_xlabel(), axes.get_ylabel()] == [drawn[i], drawn[j]]
+        axes.figure.savefig(tmp_path / "run.png")
+    assert iterate(SLEIGHS, SPEEDS, 0.3, 5).plot().get_xlabel() == r"$\Omega_{1}$"
+
+
+def test_a_formula_of_another_shape_is_refused():
+    forgets = Formula(lambda problem: problem.omega[..., 0] * 1.0)
+    of_states = Formula(lambda problem: problem.omega + 0.0 * np.asarray(problem.eps)[..., None])
+    kind = type("Wrong", (own.Sleigh,), {})
+    formulas = {"modified_energy": forgets, "energy": of_states}
+    new = {"name": "new", "body": kind, "formulas": formulas, "conserved": (), "pole": None}
+    maps.register(dataclasses.replace(own.SLEIGH, **new))
+    body = kind(2.0, 1.5, 0.4)
+    assert sf.modified_energy(body, [1.0, 0.5], 0.1) == 1.0
+    words = (
+        r"^modified_energy: expected values of the batch shape \(3,\) .*'new', got the shape \(\)"
+    )
+    with pytest.raises(ValueError, match=words):
+        sf.modified_energy(body, [1.0, 0.5], [0.1, 0.2, 0.3])
+    with pytest.raises(ValueError, match=r"^energy: expected .*shape \(\) .*got the shape \(2,\)"):
+        sf.energy(body, [1.0, 0.5])
 
 
 def test_a_class_without_a_record_is_refused():
@@ -375,19 +444,47 @@ WRONG = [
     ("final[i, d] = x[d]", "final[i, d] = omega0[i, d] = x[d]", 3),
     ("row += 1", "row += 0", 5),
     ("first, last = share", "carry.base[-1] = 0.5; first, last = share", 5),
+    ("eps[i % len(eps)]", "abs(eps[i % len(eps)])", 1),
+    ("eps[i % len(eps)]", "max(eps[i % len(eps)], 0.0)", 1),
+    ("x[d] = omega0", "values[0, 0] = round(values[0, 0], 1); x[d] = omega0", 1),
+    ("values[i % len(values)]", "values[0]", 7),  # one member for all
+    ("if status[i] == 0 and not", "if n < 7 and status[i] == 0 and not", 7),
+    ("if status[i] == 0 and not", "if n < 200 and status[i] == 0 and not", 7),
+    ("x[:] = after", "x[:] = after; x[0] += 1e-3 * (i >= 128)", 7),
+    ("x[:] = after", "x[:] = after; x[0] += 1e-3 * (n % 64 == 0)", 4),
+    ("range(start, stop + 1)", "range(start, max(stop, start + 1) + 1)", 4),
 ]
+
+
+# What Python itself refuses, an index or a division, is compiled.
+WRONG_IF_COMPILED = [
+    ("eps[i % len(eps)]", "eps[i]", 1),  # behind the one number of all
+    ("values[i % len(values)]", "values[i]", 1),
+    ("every > 0 and ", "", 5),
+]
+
+
+def changed_kernel(right, wrong):
+    assert right in SOURCE
+    names = dict(vars(own))
+    exec(SOURCE.replace(right, wrong), names)
+    return kernel(names["midpoint_steps"])
 
 
 @pytest.mark.parametrize(("right", "wrong", "item"), WRONG)
 def test_kernels_that_break_the_contract_do_not_run(right, wrong, item):
     """Each with advice: the item of the contract; here as Python functions."""
-    assert right in SOURCE
-    names = dict(vars(own))
-    exec(SOURCE.replace(right, wrong), names)
-    broken = kernel(names["midpoint_steps"])
+    broken = changed_kernel(right, wrong)
     broken.compiled = np.errstate(all="ignore")(broken.py_func)
     with pytest.raises(ValueError, match=rf"^kernel: .*\(item {item} of maps.Map\)"):
         registered(kernel=broken)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("right", "wrong", "item"), WRONG_IF_COMPILED)
+def test_kernels_that_read_or_write_beyond_arrays_do_not_run(right, wrong, item):
+    with pytest.raises(ValueError, match=rf"^kernel: .*\(item {item} of maps.Map\)"):
+        registered(kernel=changed_kernel(right, wrong))
 
 
 def registered(**changes):

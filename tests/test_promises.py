@@ -15,7 +15,8 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.engine import arguments, stretches, threads, trial
-from suslov_fast.maps import MAPS, map_of
+from suslov_fast.maps import MAPS
+from suslov_fast.quantities.evaluation import evaluate
 from suslov_fast.runs import solution
 
 LANES = 128
@@ -296,13 +297,59 @@ def test_kernels_keep_the_contract(rng, kind):
     for method, steps in RECORDS[kind].methods.items():
         problem = arguments.check(RECORDS[kind], body, omega, eps)
         trial.try_steps(problem, steps, steps.lanes + 3)
-        if "vector_field" in map_of(body).formulas:
+        if "vector_field" in RECORDS[kind].formulas:
             after = sf.iterate(body, omega, 1e-7, 1, method=method).final
-            slope = sf.vector_field(body, omega)
+            slope = evaluate("vector_field", body, omega, map=RECORDS[kind])
             np.testing.assert_allclose((after - omega) / 1e-7, slope, rtol=1e-3, atol=1e-4)
 
 
+@pytest.mark.parametrize(("kind", "options"), OPTIONS, ids=str)
+def test_failures_are_marked_at_any_step(rng, kind, options):
+    """Trajectories whose states end, early or late, have a status, and no others."""
+    run = sf.iterate(*hard(rng, kind), 300, on_singular="ignore", **options)
+    exist = np.isfinite(run.states).all(axis=-1)
+    failed = run.status < 0
+    assert (failed == ~exist[-1]).all()
+    assert (run.failed_at[failed] == exist.argmin(axis=0)[failed]).all()
+    assert (exist == np.where(failed, run.n[:, None] < run.failed_at, True)).all()
+    assert np.isnan(run.states[~exist]).all()
+
+
+# Functions whose values are those of a formula, as the record has it.
+OF_FORMULAS = {
+    "energy", "first_integral", "modified_energy", "criticality", "rotation_number", "to_xy",
+    "invariant_density", "reaction", "vector_field", "matrix", "jacobian",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_values_of_formulas_have_the_shape_of_the_batch(rng, kind):
+    map, (body, omega, eps) = RECORDS[kind], sample(rng, kind, (2, 1), (3,), (4, 1, 1))
+    omega, at = np.clip(omega, -1, 1), (1, 0, 2)
+    for name in OF_FORMULAS & {*map.functions(SAMPLES[kind])}:
+        values = evaluate(name, body, omega, eps, map=map)
+        assert values.shape[:3] == (4, 2, 3), name
+        alone = evaluate(name, body[0, 0], omega[2], eps[1, 0, 0], map=map)
+        np.testing.assert_allclose(values[at], alone, rtol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("kind", [k for k in KINDS if "jacobian" in RECORDS[k].formulas])
+def test_the_jacobian_is_that_of_the_steps(rng, kind):
+    """By central differences; that of another discretization of order 2 is eps**3 off."""
+    map, (body, omega, _) = RECORDS[kind], sample(rng, kind, (), (9,), ())
+    omega, h, eps = np.clip(omega, -1, 1), 1e-5, 0.25
+    found = evaluate("jacobian", body, omega, eps, map=map)
+    moved = omega + h * np.multiply.outer([1, -1], np.eye(omega.shape[-1]))[:, :, None]
+    for method in map.methods:
+        run = sf.iterate(body, moved, eps, 1, method=method, on_singular="ignore")
+        slopes = np.moveaxis(np.subtract(*run.final) / (2 * h), 0, -1)
+        there = np.isfinite(slopes).all(axis=(-2, -1))
+        assert there.any()
+        np.testing.assert_allclose(found[there], slopes[there], rtol=1e-6, atol=1e-6)
+
+
 @pytest.mark.parametrize("kind", BY_DEFAULT)
+@pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")  # orbits may diverge
 def test_out(rng, kind):
     """States are written to `out`, also if it overlaps the arguments."""
     body, omega, _ = sample(rng, kind, (), (2, 3), ())

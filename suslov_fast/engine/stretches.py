@@ -18,7 +18,7 @@ from ..core.steps_field import FieldSystem
 from ..core.steps_nd import NDSystem
 from .arguments import ALL, Arguments, Problem, flat_arrays, flat_parameter, require
 from .threads import call_kernel
-from .trial import check_arguments, is_of_package, try_once
+from .trial import arguments_for
 
 # Work of a thread in a stretch, and cost of saving a state, in steps of the three-dimensional map.
 _STRETCH, _SAVING = 2**26, 8.0
@@ -99,13 +99,8 @@ class March:
     ) -> None:
         methods = problem.map.methods
         self.problem, self.steps = problem, methods[method or next(iter(methods))]
-        is_foreign = not is_of_package(self.steps.kernel, self.steps.arguments)
-        if is_foreign:
-            try_once(problem, self.steps)
-        self.arguments = self.steps.arguments(problem.body, problem.eps, problem.batch)
         self.omega0 = flat_arrays(problem.omega, problem.batch)
-        if is_foreign:
-            check_arguments(self.arguments, len(self.omega0))
+        self.arguments = arguments_for(problem, self.steps, len(self.omega0))
         size, D = self.omega0.shape
         divide, own = self.steps.divide, self.arguments
         self.groups: list[Any] = [(ALL, own)] if divide is None else [*divide(D, own)]

@@ -4,6 +4,7 @@ Imports Matplotlib (extra `plots`).
 """
 
 import math
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -234,8 +235,25 @@ def _range(values: FloatArray) -> tuple[float, float]:
 
 
 def _label(axes: Any, run: Any, pair: list[int]) -> None:
-    symbols = run.map.symbols(run.body)
-    axes.set(xlabel=symbols[pair[0]], ylabel=symbols[pair[1]])
+    labels = [_symbol(str(run.body._labels[each])) for each in pair]
+    axes.set(xlabel=labels[0], ylabel=labels[1])
+
+
+# A letter of any alphabet or the name of a Greek one, and its index, of which n is a part.
+_SYMBOL = re.compile(
+    r"^(?:(?P<greek>alpha|beta|gamma|delta|epsilon|zeta|eta|theta|kappa|lambda|mu|nu|xi|pi|rho|"
+    r"sigma|tau|phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Phi|Psi|Omega)|"
+    r"(?P<letter>[^\W\d_]))_?(?P<index>\d*n?)$"
+)
+
+
+def _symbol(label: str) -> str:
+    r"""Return `$\Omega_{1}$` for "Omega1"; other labels than letters with an index are text."""
+    found = _SYMBOL.fullmatch(label)
+    if not found:
+        return label.replace("$", r"\$")
+    letter = rf"\{found['greek']}" if found["greek"] else found["letter"]
+    return f"${letter}_{{{found['index']}}}$" if found["index"] else f"${letter}$"
 
 
 def _title(run: Any) -> str:

@@ -6,13 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import FloatArray, first_index, real_array, spell, warn
+from ..checks import FloatArray, first_index, real_array, spell, warn, wrong
 from ..engine.arguments import Problem, check, part_of
 from ..engine.status import SingularStepWarning
 from ..maps import Map, map_of
 
 # Operations of a part of a batch, some 0.1 s: for each state those of elimination, D**3.
 _PART = 2**27
+# Numbers of axes that values have after those of the batch, where they are not one number each.
+_AXES = {"vector_field": (1,), "to_xy": (1,), "matrix": (2,), "jacobian": (2,), "reaction": (0, 2)}
 
 
 def evaluate(
@@ -26,7 +28,20 @@ def evaluate(
     map = map or map_of(body)
     formula = map.formula(name, body)
     problem = check(map, body, omega, eps, later=True)
-    return mask_and_warn(problem, in_parts(formula.compute, problem), formula.poles)
+
+    def compute(part: Problem) -> FloatArray:
+        values: FloatArray = formula.compute(part)
+        shape, axes = np.shape(values), _AXES.get(name, (0,))
+        if shape[: len(part.batch)] != part.batch or len(shape) - len(part.batch) not in axes:
+            raise _wrong_shape(name, map, part, shape)
+        return values
+
+    return mask_and_warn(problem, in_parts(compute, problem), formula.poles)
+
+
+def _wrong_shape(name: str, map: Map, problem: Problem, shape: tuple[int, ...]) -> Any:
+    expected = f"values of the batch shape {problem.batch} from the formula of the map {map.name!r}"
+    return wrong(name, expected, f"the shape {shape}")
 
 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..bodies.field import MATRIX
 from ..checks import FloatArray, short, wrong
 from ..core import codes
 from .arguments import Arguments, Problem, flat_arrays
@@ -176,7 +177,7 @@ def _family_like(body: Any, size: int) -> Any:
     for name, each in body._parts.items():
         array = np.asarray(each)
         own = array.shape[array.ndim - body._axes.get(name, 0) :]
-        is_of_member = array.dtype.kind in "iufO" and name != "K"  # a family has one matrix K
+        is_of_member = array.dtype.kind in "iufO" and name != MATRIX  # which a family shares
         parts[name] = np.broadcast_to(array, (size, *own)) if is_of_member else each
     return body._of(parts)
 

@@ -249,3 +249,75 @@ def test_names_and_parameters_identify_a_store(tmp_path):
     ):
         with pytest.raises(ValueError, match=r"names: .*u, v"):
             ensemble(other, *arguments, store=tmp_path / "s.zarr")
+
+
+MANY = {"a": np.linspace(0.1, 0.37, 7)[:, None], "b": np.linspace(-2.9, 4.7, 5), "c": 3}
+ONE_CALL = {  # functions with which columns compute
+    "as it is": lambda x, a, b, c: (-x[1] + a * x[0], b + x[1] * (x[0] - c)),
+    "floats first": lambda x, a, b, c: (a * b / c * x[0], (a + 0.1 - b) ** 2 * x[1] + a**3),
+    "rounded once": lambda x, a, b, c: (a * x[0] * b * 3, (a * x[0] + b * x[0]) * c + F(1, 3)),
+    "quotients": lambda x, a, b, c: (x[0] * b / a / F(3, 7), (b - a) * x[1] * x[0] / a + 1 / a),
+    "thirds": lambda x, a, b, c: (F(2, 7) * a * x[0] - b * x[1] / 3, b / 3 * x[1] + x[0] * a / 49),
+    "zeros": lambda x, a, b, c: ((a - a) * x[0] - 0 * b, -b * x[1] * 0.1 * (x[0] + a)),
+    "NumPy": lambda x, a, b, c: b * np.array(x) * np.float64(0.1) + a,
+    "in place": lambda x, a, b, c: [*map(in_place, x, (a, b))],
+}
+MEMBERS = {  # with which they do not
+    "a branch": lambda x, a, b, c: (max(a, 0.2) * x[0], (b if b > 0 else 2.0) * x[1]),
+    "math": lambda x, a, b, c: (np.exp(a) * x[0] ** 2, a**0.5 * x[1] + abs(b)),
+    "a type": lambda x, a, b, c: ((a if isinstance(a, float) else a * a) * x[0], x[1] * b),
+    "arrays of floats": lambda x, a, b, c: np.array([[a, b], [b, a]]) @ np.eye(2) * 0.1 @ x,
+    "single precision": lambda x, a, b, c: (np.float32(0.1) * a * x[0], x[1] / np.float32(b)),
+    "a degree that vanishes": lambda x, a, b, c: ((a - a) * x[0] ** 3, b * x[1]),
+    "a rounding": lambda x, a, b, c: (round(a, 1) * x[0], a % 0.1 * x[1]),
+}  # fmt: skip
+
+
+def in_place(x, a):
+    a *= 0.1
+    x += a
+    return x
+
+
+@pytest.mark.parametrize("name", [*ONE_CALL, *MEMBERS])
+def test_a_family_has_the_bits_of_its_members(name):
+    """One call of f makes it, beside those of three members, where a column does as a float."""
+    calls = []
+
+    def f(x, **parameters):
+        calls.append(parameters)
+        return (ONE_CALL | MEMBERS)[name](x, **parameters)
+
+    family = of_function(f, 2, **MANY)
+    assert len(calls) == (4 if name in ONE_CALL else 39)
+    for index in np.ndindex(7, 5):
+        values = {key: float(np.broadcast_to(each, (7, 5))[index]) for key, each in MANY.items()}
+        single = of_function(f, 2, **values | {"c": 3})
+        assert family.table[index].tobytes() == single.table.astype(float).tobytes()
+
+
+def test_a_family_of_hamiltonians_has_the_bits_of_its_members():
+    def H(x, a, b):
+        return (
+            a * x[0] ** 3 / 3 - x[0] * x[1] * b / 7 + x[1] ** 2 / 2 + a * b * x[2] ** 2 * x[0] + b
+        )
+
+    K, values = [[0, 1, F(1, 3)], [-1, 0, 2], [F(-1, 3), -2, 0]], np.linspace(0.1, 3, 9)
+    family = of_hamiltonian(H, 3, K, a=values, b=values**2)
+    for i, member in enumerate(family):
+        single = of_hamiltonian(H, 3, K, a=values[i], b=values[i] ** 2)
+        assert family.table[i].tobytes() == single.table.astype(float).tobytes()
+        assert member == single
+        assert (member.H.tensor == single.H.tensor).all()
+        assert (family[3:].H.tensor[i - 3] == single.H.tensor).all() or i < 3
+
+
+def test_errors_of_a_family_are_those_of_its_members():
+    for f, message in (
+        (lambda x, a: (x[0] / (a - a[0]),), "family"),
+        (lambda x, a: (x[0] / (a - 3.0),), "zero|Fraction"),
+        (lambda x, a: (x[0] * 10.0 ** -(60 * (a > 3)) * 0.1,), "1e-60"),
+        (lambda x, a: (a * x[0] ** 3,), "degree 3"),
+    ):
+        with pytest.raises((TypeError, ValueError), match=message):
+            of_function(f, 1, a=np.linspace(1, 5, 5))

@@ -24,7 +24,8 @@ from .. import checks
 from ..checks import FloatArray, wrong
 from .base import Body, frozen
 from .names import labels, variables
-from .polynomials import as_given, coefficients, named, numbers, polynomial_of, to_lists, traced
+from .polynomials import as_given, coefficients, named, numbers, polynomial_of, to_lists
+from .tracing import traced
 
 # The parts of a field beside its named parameters, which may have any name of Python.
 TABLE, TENSOR, MATRIX, NAMES = "table of f", "tensor of H", "matrix K", "names of variables"
@@ -137,7 +138,9 @@ class QuadraticField(Body):
 
     def _take(self, parts: Mapping[str, Any]) -> None:
         """Store a table, or H, K and their table, names of variables, and named parameters."""
-        table = rates(parts[TENSOR], parts[MATRIX]) if TENSOR in parts else parts[TABLE]
+        table: Any = parts.get(TABLE)
+        if TENSOR in parts and np.ndim(table) <= 3:  # exact, unless a family has its table
+            table = rates(parts[TENSOR], parts[MATRIX])
         table = frozen(numbers("table", table, table.ndim > 3))
         D = table.shape[-3]
         called = parts.get(NAMES) or labels(D)
@@ -199,7 +202,7 @@ class QuadraticField(Body):
         """
         called = variables("dimension", dimension)
         values = named(parameters, called)
-        table = traced("f", f, len(called), 2, values)
+        table, _ = traced("f", f, called, values)
         return cls._of({TABLE: table, NAMES: called, **values})
 
     @classmethod
@@ -231,22 +234,15 @@ class QuadraticField(Body):
         """
         called = variables("dimension", dimension)
         values = named(parameters, called)
-        tensor = traced("H", H, len(called), 3, values)
-        return cls._of_hamiltonian(tensor, K, {NAMES: called, **values})
+        matrix = structure(K, len(called))
+        tensor, table = traced("H", H, called, values, matrix)
+        tables = {} if table is None else {TABLE: table}
+        return cls._of_hamiltonian(tensor, matrix, {NAMES: called, **tables, **values})
 
     @classmethod
     def _of_hamiltonian(cls, tensor: Any, K: Any, others: Mapping[str, Any]) -> QuadraticField:
-        """Check the matrix K, and return its field with an exact tensor H."""
-        D = tensor.shape[-1] - 1
-        if K is None:
-            if D % 2:
-                raise wrong("dimension", "an even number without K", D)
-            K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
-        matrix = coefficients("K", K, False)
-        if matrix.shape != (D, D) or (matrix != -matrix.T).any():
-            received = checks.short(matrix.astype(float).tolist())
-            raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
-        field = cls._of({TENSOR: tensor, MATRIX: matrix, **others})
+        """Return the field of an exact tensor H and a matrix K, if its table is in range."""
+        field = cls._of({TENSOR: tensor, MATRIX: K, **others})
         checks.within("H", field.table, checks.OTHERS)
         return field
 
@@ -335,7 +331,20 @@ class QuadraticField(Body):
             raise wrong("H", "a symmetric tensor", checks.short(H))
         called = variables("names", names, tensor.shape[-1] - 1)
         values = named(parameters or {}, called)
-        return cls._of_hamiltonian(tensor, K, {NAMES: called, **values})
+        return cls._of_hamiltonian(tensor, structure(K, len(called)), {NAMES: called, **values})
+
+
+def structure(K: Any, D: int) -> Any:
+    """Return the antisymmetric matrix of a Hamiltonian field, exact; by default canonical."""
+    if K is None:
+        if D % 2:
+            raise wrong("dimension", "an even number without K", D)
+        K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
+    matrix = coefficients("K", K, False)
+    if matrix.shape != (D, D) or (matrix != -matrix.T).any():
+        received = checks.short(matrix.astype(float).tolist())
+        raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
+    return matrix
 
 
 def rates(H: Any, K: Any) -> Any:

@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
-from itertools import permutations, product
+from itertools import product
 from numbers import Rational
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from ..checks import OTHERS, common_shape, real_array, refuse, short, within, wrong
-from .advice import check_arguments, explained
+from .columns import Column
 from .names import check_parameter, labels
 
 _LARGEST_EXPONENT = 400  # of a decimal
@@ -118,7 +118,9 @@ class Polynomial(NDArrayOperatorsMixin):
 
     @classmethod
     def of(cls, value: Any) -> Polynomial:
-        """Return a number as a constant polynomial, and a polynomial unchanged."""
+        """Return a polynomial unchanged; a number is a constant, a column a variable."""
+        if isinstance(value, Column):
+            return cls([((value.letter(),), Fraction(1))])
         return value if isinstance(value, cls) else cls([((), exact("coefficient", value))])
 
     def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
@@ -130,12 +132,23 @@ class Polynomial(NDArrayOperatorsMixin):
         return Polynomial(_ARITHMETIC[operation](*(self.of(each).terms for each in operands)))
 
     def __truediv__(self, number: Any) -> Any:
+        if isinstance(number, Column):
+            return self * Polynomial([((number.letter(is_inverse=True),), Fraction(1))])
         return self * (1 / exact("divisor", number))
 
     def __pow__(self, power: Any) -> Any:
         if power not in range(100):
             raise wrong("power", "a small integer", power)
         return math.prod([self] * int(power))
+
+    def derivative(self, i: int) -> Polynomial:
+        """Return the derivative with respect to the variable i."""
+        return Polynomial(
+            ((*m[:k], *m[k + 1 :]), c)
+            for m, c in self.terms.items()
+            for k, each in enumerate(m)
+            if each == i
+        )
 
     def __bool__(self) -> bool:
         raise TypeError("polynomials in x are neither true nor false")
@@ -164,57 +177,6 @@ _ARITHMETIC: dict[Any, Callable[..., Iterable[Any]]] = {  # on terms {indices: c
     np.subtract: lambda a, b: [*a.items(), *((j, -d) for j, d in b.items())],
     np.multiply: lambda a, b: ((i + j, a[i] * b[j]) for i, j in product(a, b)),
 }
-
-
-def traced(
-    name: str, f: Callable[..., Any], D: int, degree: int, parameters: Mapping[str, Any]
-) -> Any:
-    """Return the exact tensors of the D polynomials f(x, **parameters), or of one of degree 3."""
-    if not callable(f):
-        raise wrong(name, "a function of x, a tuple of the variables", short(f), TypeError)
-    f = getattr(f, "py_func", f)  # of a function that Numba compiled
-    check_arguments(name, f, D, parameters)
-    columns = (np.asarray(each).astype(object) for each in parameters.values())
-    rows = np.broadcast(*columns)
-    members = [
-        _member(name, f, D, degree, dict(zip(parameters, row, strict=True)), bool(rows.shape))
-        for row in rows
-    ]
-    shape = (D,) * (degree == 2) + (D + 1,) * degree
-    return np.array(members, dtype=object).reshape(*rows.shape, *shape)
-
-
-def _member(
-    name: str, f: Any, D: int, degree: int, parameters: Mapping[str, Any], is_family: bool
-) -> Any:
-    """Return the exact tensors of one member of a family, or of a single field."""
-    count = f"{D} polynomials" if degree == 2 and D > 1 else "a polynomial"
-    expected = f"{count} of degree at most {degree} in x[0] to x[{D - 1}], by +, -, * and /"
-    try:
-        found = f(tuple(Polynomial([((i,), Fraction(1))]) for i in range(D)), **parameters)
-        if degree == 3:
-            return _tensor(found, D, degree)
-        if not isinstance(found, (tuple, list, np.ndarray)):
-            raise ValueError(f"{short(found)}: return a tuple of {D}")
-        if len(found) != D:
-            raise ValueError(f"{len(found)} of them: {short(found)}")
-        return np.stack([_tensor(each, D, degree) for each in found])
-    except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
-        kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
-        raise wrong(name, expected, explained(error, is_family), kind) from error
-
-
-def _tensor(value: Any, D: int, degree: int) -> Any:
-    """Return a polynomial as a symmetric tensor of fractions in homogeneous coordinates."""
-    terms, table = Polynomial.of(value).terms, np.full((D + 1,) * degree, Fraction(0))
-    within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
-    for indices, c in terms.items():
-        if len(indices) > degree:
-            raise ValueError(f"degree {len(indices)}")
-        places = {*permutations((*indices, *[D] * (degree - len(indices))))}
-        for each in places:
-            table[each] = c / len(places)
-    return table
 
 
 def polynomial_of(tensor: Any) -> Polynomial:

@@ -1,15 +1,19 @@
 """Runs in files."""
 
 import contextlib
+import errno
 import json
 import os
+import stat
 import sys
+import threading
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 import xarray
-from test_trajectories import RUNS, run_of
+from test_trajectories import BODY, RUNS, run_of
 
 import suslov_fast as sf
 from suslov_fast.runs import storage
@@ -73,7 +77,7 @@ def test_files_of_others(path):
     found = entries(path)
     about, needed = str(found["about"]), ("states", "about", "body", "status", "eps")
     others = [{name: found[name] for name in found if name != lost} for lost in needed]
-    others.append(found | {"about": about.replace('"format": 9', '"format": 8')})
+    others.append(found | {"about": about.replace('"format": 10', '"format": 9')})
     others.append({"format": 5, "version": "0.5.0", "omega": np.zeros(3)})
     for each in others:
         np.savez(path, **each)
@@ -146,3 +150,168 @@ def test_parts_of_killed_processes_are_deleted(path):
         assert new.exists() or sys.platform == "win32"
     run_of("one").save(path, overwrite=True)
     assert sorted(os.listdir(path.parent)) == [other.name, path.name]
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
+    """On file systems without links, too; the file is that of the one that succeeded."""
+    if not links:
+
+        def link(*_):
+            raise OSError(errno.EOPNOTSUPP, "no links")
+
+        monkeypatch.setattr(os, "link", link)
+    runs = [sf.iterate(BODY, [1.0, 0.5], 0.1 * k, 5) for k in range(1, 5)]
+    start = threading.Barrier(len(runs))
+
+    def attempt(run):
+        start.wait()
+        try:
+            run.save(path)
+        except FileExistsError as error:
+            return str(error)
+        return ""
+
+    with ThreadPoolExecutor(len(runs)) as pool:
+        for _ in range(5):
+            told = [*pool.map(attempt, runs)]
+            assert told.count("") == 1
+            assert all(
+                f"overwrite=True, got one that exists: '{path}'" in text for text in told if text
+            )
+            assert sf.Trajectories.load(path) == runs[told.index("")]
+            assert os.listdir(path.parent) == [path.name]
+            path.unlink()
+
+
+def test_a_name_that_is_taken_meanwhile_stays(path, monkeypatch):
+    """The look at the beginning does not see a file that another process makes later."""
+    savez = np.savez
+
+    def slow(file, **arrays):
+        savez(file, **arrays)
+        path.write_bytes(b"of another")
+
+    monkeypatch.setattr(np, "savez", slow)
+    with pytest.raises(FileExistsError, match=r"run\.npz"):
+        run_of("one").save(path)
+    assert path.read_bytes() == b"of another"
+    assert os.listdir(path.parent) == [path.name]
+
+
+posix = pytest.mark.skipif(os.name != "posix", reason="modes and links of POSIX")
+
+
+@posix
+def test_overwriting_keeps_mode_and_link(path, monkeypatch):
+    run, other = run_of("one"), run_of("batch")
+    real = path.with_name("real.npz")
+    run.save(real)
+    path.symlink_to(real.name)
+    seen, savez = [], np.savez
+
+    def watched(file, **arrays):
+        seen.append(stat.S_IMODE(os.fstat(file.fileno()).st_mode))
+        savez(file, **arrays)
+
+    monkeypatch.setattr(np, "savez", watched)
+    for mode in (0o600, 0o640):
+        real.chmod(mode)
+        other.save(path, overwrite=True)
+        assert path.is_symlink()
+        assert stat.S_IMODE(real.stat().st_mode) == mode == seen[-1]
+        assert sf.Trajectories.load(real) == other
+    with pytest.raises(FileExistsError, match=r"run\.npz"):
+        run.save(path)
+    real.unlink()  # the link now names a file that is yet to be made
+    run.save(path)
+    assert path.is_symlink()
+    assert sf.Trajectories.load(real) == run
+    assert sorted(os.listdir(path.parent)) == [real.name, path.name]
+
+
+def changed(name, index, value):
+    """Return what changes one number of an array of a file."""
+
+    def change(found):
+        found[name][index] = value
+
+    return change
+
+
+CONTRADICTIONS = {
+    "final": ("batch", changed("final", (1, 0), 7.0)),
+    "final of one that failed": ("failed", changed("final", 0, 1.0)),
+    "final that is missing": ("field", changed("final", (2, 1), np.nan)),
+    "last": ("last", changed("final", (1, 0), 7.0)),
+    "a status that failed": ("batch", changed("status", 2, -1)),
+    "a status that did not": ("failed", changed("status", 0, 0)),
+    "failed_at": ("batch", changed("failed_at", 2, 3)),
+    "no failed_at": ("failed", changed("failed_at", 0, -1)),
+    "failed_at beyond the end": ("failed", changed("failed_at", 0, 6)),
+    "failed_at below -1": ("batch", changed("failed_at", 0, -2)),
+    "states before a failure": ("failed", changed("states", (0, 0), np.nan)),
+    "states after a failure": ("failed", changed("states", (3, 0), 1.0)),
+    "a missing state": ("batch", changed("states", (2, 1), np.nan)),
+    "statuses that there are not": ("batch", changed("status", 0, 99)),
+}
+
+
+@pytest.mark.parametrize("name", CONTRADICTIONS)
+def test_files_that_contradict_themselves(path, name):
+    kind, change = CONTRADICTIONS[name]
+    run_of(kind).save(path)
+    found = entries(path)
+    change(found)
+    np.savez(path, **found)
+    with pytest.raises(ValueError, match=r"run\.npz: .*(final|status|failed_at|states): expected"):
+        sf.Trajectories.load(path)
+
+
+def entry(size, header):
+    """Return an entry of zeros, `size` bytes of numbers or letters, with a header."""
+    start = np.lib.format.magic(2, 0) + len(header).to_bytes(4, "little")
+    return start + header.encode("latin1") + bytes(size)
+
+
+def header(dtype, shape, spaces=0):
+    words = {"descr": dtype, "fortran_order": False, "shape": shape}
+    return repr(words) + " " * spaces + "\n"
+
+
+LARGE = {
+    "a long about": ("about", entry(2**23, header(f"<U{2**21}", ()))),
+    "a long body": ("body", entry(2**25, header(f"<U{2**23}", ()))),
+    "a long header": ("states", entry(672, header("<f8", (7, 3, 4), 2**25))),
+    "numbers that no header tells of": ("final", entry(2**25, header("<f8", (5, 2)))),
+    "numbers that are not there": ("states", entry(8, header("<f8", (10**7, 2)))),
+}
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_entries_are_refused_by_their_sizes(path, name, monkeypatch):
+    """At most a header is read of an entry that no run has."""
+    run_of("batch").save(path)
+    array, data = LARGE[name]
+    with zipfile.ZipFile(path) as file:
+        others = {each: file.read(each) for each in file.namelist() if each != f"{array}.npy"}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        for each, content in {**others, f"{array}.npy": data}.items():
+            file.writestr(each, content)
+    sizes, read = [], zipfile.ZipExtFile.read
+
+    def counted(self, n=-1):
+        data = read(self, n)
+        sizes.append(len(data))
+        return data
+
+    monkeypatch.setattr(zipfile.ZipExtFile, "read", counted)
+    with pytest.raises(ValueError, match=rf"run\.npz: .*(bytes|{array})"):
+        sf.Trajectories.load(path)
+    assert sum(sizes) < 2**18
+
+
+def test_files_that_were_compressed(path):
+    run_of("batch").save(path)
+    np.savez_compressed(path, **entries(path))
+    assert sf.Trajectories.load(path) == run_of("batch")

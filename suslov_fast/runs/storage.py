@@ -1,11 +1,14 @@
-"""Runs as .npz files, without loss, and as an `xarray.Dataset`."""
+"""Results as .npz files, without loss."""
 
 import errno
+import io
 import json
+import math
 import os
 import secrets
+import shutil
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from glob import escape
 from pathlib import Path
@@ -13,31 +16,29 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import MOMENTS, common_shape, extra, instance, integer, real_array, within, wrong
+from ..checks import MOMENTS, common_shape, integer, real_array, within, wrong
 from ..engine.arguments import require
 from ..engine.status import Status
 from ..maps import body_from_dict, class_named, map_of, named
 
 PathLike = str | os.PathLike[str]
 
-FORMAT = 9
+FORMAT = 10
 _ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"
 _TEXTS, _OLD = ("about", "body"), ("format", "version")  # the latter in files of 0.5
 _NUMBERS = "method", "steps", "save_every"
-# Axes of a parameter of a body after those of the batch; the first is also that of states.
-_COMPONENTS = "component", "component_j", "component_k"
-# Names of a dataset that no axis of a batch and no coordinate may have.
-TAKEN = ("n", "time", *_COMPONENTS, "space", "body", *_ARRAYS[2:6], *_NUMBERS)
+# Bytes of the header of an entry; of the text `about`; of any text that is compressed, which
+# JSON never is to 1/64.
+_HEADER, _ABOUT, _TEXT, _RATIO = 2**14, 2**20, 2**24, 64
 
 
 def save(run: Any, path: PathLike, overwrite: bool) -> None:
     """Write a run to a .npz file, which appears under its name when it is complete."""
     from .. import __version__
 
-    target = _checked(path)
+    target = Path(os.path.realpath(_checked(path)))  # of a link the file that it names
     if target.exists() and not overwrite:
-        message = "expected the name of a new file, or overwrite=True, got one that exists"
-        raise FileExistsError(errno.EEXIST, message, os.fspath(path))
+        raise _exists(path)
     about = {"format": FORMAT, "version": __version__}
     about |= {"map": run.map.name, **{name: getattr(run, name) for name in _NUMBERS}}
     described = run.body.to_dict()
@@ -46,15 +47,47 @@ def save(run: Any, path: PathLike, overwrite: bool) -> None:
     arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
     try:
-        new, file = _part(target)
-        try:
-            with file:
-                np.savez(file, **arrays)
-            os.replace(new, target)
-        finally:
-            new.unlink(missing_ok=True)
+        _write(target, arrays, overwrite)
+    except FileExistsError as error:  # another call was faster
+        raise _exists(path) from error
     except OSError as error:  # it names the new file, which the caller does not know
         raise OSError(error.errno, error.strerror, os.fspath(path)) from error
+
+
+def _exists(path: PathLike) -> FileExistsError:
+    message = "expected the name of a new file, or overwrite=True, got one that exists"
+    return FileExistsError(errno.EEXIST, message, os.fspath(path))
+
+
+def _write(target: Path, arrays: Mapping[str, Any], overwrite: bool) -> None:
+    """Write a file beside `target`, and give it this name at the end."""
+    new, file = _part(target)
+    try:
+        with file:  # which has a lock until it is closed
+            if overwrite:  # before it has content that others may not read
+                with suppress(FileNotFoundError):
+                    shutil.copymode(target, new)
+            np.savez(file, **arrays)
+            file.flush()
+            if os.name == "nt":  # which moves no file that is open
+                file.close()
+            if overwrite:
+                os.replace(new, target)
+            else:
+                _name(new, target)
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def _name(new: Path, target: Path) -> None:
+    """Give a file a name that no file has: of several calls at once all but one fail."""
+    try:
+        os.link(new, target)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without links: an empty file takes the name
+        open(target, "xb").close()
+        os.replace(new, target)
 
 
 def _part(target: Path) -> tuple[Path, Any]:
@@ -103,7 +136,7 @@ def load(path: PathLike) -> dict[str, Any]:
 def _read(entries: zipfile.ZipFile) -> dict[str, Any]:
     kinds = {name: _kind(entries, name) for name in (*_ARRAYS, *_TEXTS, *_OLD)}
     given = {name: kind for name, kind in kinds.items() if kind is not None}
-    texts = {name: str(_entry(entries, name)) for name in (*_TEXTS, *_OLD) if name in given}
+    texts = {name: _text(entries, name) for name in (*_TEXTS, *_OLD) if name in given}
     about = json.loads(texts.get("about", "{}"))
     version = about.get("version", texts.get("version"))
     if about.get("format", texts.get("format", FORMAT)) != FORMAT:
@@ -117,7 +150,7 @@ def _read(entries: zipfile.ZipFile) -> dict[str, Any]:
         raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
     # All other shapes follow from that of `status`.
     batch, D = given["status"][1], body.dimension
-    size, turns = int(np.prod(batch)), "attitude" in given or "_turned" in given
+    size, turns = math.prod(batch), "attitude" in given or "_turned" in given
     expected = arrays_of_a_run("states", batch, rows, D, turns)
     expected["_carry"] = "float64", (map.methods[method].carried, size)
     if turns:
@@ -131,22 +164,64 @@ def _read(entries: zipfile.ZipFile) -> dict[str, Any]:
     run: dict[str, Any] = dict.fromkeys(_ARRAYS)
     run |= {name: _entry(entries, name) for name in expected}
     eps = within("eps", real_array("eps", run["eps"]), MOMENTS)
-    if not np.isin(run["status"], [*Status]).all():
-        raise wrong("status", "values of Status", "others")
+    n = np.arange(rows) * every if every else np.array([steps])
+    _check_failures(run, steps)
+    _check_states(run, n, steps)
     run |= {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
     return run | {"method": method, "steps": steps, "save_every": every}
 
 
+def _check_failures(run: Mapping[str, Any], steps: int) -> None:
+    """Check that statuses, `failed_at` and last states agree."""
+    status, failed_at, failed = run["status"], run["failed_at"], run["status"] < 0
+    if not np.isin(status, [*Status]).all():
+        raise wrong("status", "values of Status", "others")
+    if ((failed_at < -1) | (failed_at > steps) | ((failed_at >= 0) != failed)).any():
+        expected = f"a step from 0 to {steps} where a trajectory failed, else -1"
+        raise wrong("failed_at", expected, "others")
+    if (np.isnan(run["final"]).any(axis=-1) != failed).any():
+        raise wrong("final", "NaN where a trajectory failed, else numbers", "others")
+
+
+def _check_states(run: Mapping[str, Any], n: Any, steps: int) -> None:
+    """Check that saved states, at the steps n, agree with failures and last states."""
+    states, final, failed_at = run["states"], run["final"], run["failed_at"]
+    if n[-1] == steps and not np.array_equal(states[-1], final, equal_nan=True):
+        raise wrong("final", f"the saved state {steps}", "another")
+    n = n.reshape(-1, *(1,) * failed_at.ndim)
+    gone = (run["status"] < 0) & (failed_at <= n)
+    if (np.isnan(states[..., 0]) != gone).any():
+        raise wrong("states", "NaN from the state failed_at on, and numbers before it", "others")
+
+
 def _kind(entries: zipfile.ZipFile, name: str) -> tuple[str, tuple[int, ...]] | None:
-    """Return type and shape of an entry, without its numbers; None if there is none."""
-    if f"{name}.npy" not in entries.namelist():
+    """Return type and shape of an entry, without its numbers; None if there is none.
+
+    Its size is that of its header and its numbers, or it is an error.
+    """
+    try:
+        about = entries.getinfo(f"{name}.npy")
+    except KeyError:
         return None
-    with entries.open(f"{name}.npy") as file:
-        read = np.lib.format.read_array_header_1_0
-        if np.lib.format.read_magic(file) != (1, 0):
-            read = np.lib.format.read_array_header_2_0
-        shape, _, dtype = read(file)
+    with entries.open(about) as file:
+        head = io.BytesIO(file.read(_HEADER))
+    read = np.lib.format.read_array_header_1_0
+    if np.lib.format.read_magic(head) != (1, 0):
+        read = np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(head)
+    size = head.tell() + dtype.itemsize * math.prod(shape)
+    if about.file_size != size:
+        raise wrong(name, f"{size:,} bytes, as its header says", f"{about.file_size:,}")
     return dtype.newbyteorder("=").name, shape
+
+
+def _text(entries: zipfile.ZipFile, name: str) -> str:
+    """Return a text, unless it is larger than those of runs are."""
+    about = entries.getinfo(f"{name}.npy")
+    most = max(_TEXT, _RATIO * about.compress_size) if name == "body" else _ABOUT
+    if about.file_size > most:
+        raise wrong(name, f"a text of at most {most:,} bytes", f"{about.file_size:,} bytes")
+    return str(_entry(entries, name))
 
 
 def _entry(entries: zipfile.ZipFile, name: str) -> Any:
@@ -188,68 +263,3 @@ def _checked(path: PathLike) -> Path:
         how = "to_xarray().to_netcdf(path) and ensemble(store=...) write other formats"
         raise wrong("path", f"a name that ends in .npz ({how})", repr(os.fspath(path)))
     return Path(path)
-
-
-def to_xarray(
-    run: Any, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
-) -> Any:
-    """Return a run as a dataset; see `Trajectories.to_xarray`."""
-    from .. import __version__
-
-    xarray = extra("xarray", "xarray")
-    map, body, count = run.map, run.body, run.status.ndim
-    arrays = {"eps": np.asarray(run.eps), **body._arrays}
-    parameters = {  # each with all axes of the batch first
-        name: np.array(each, ndmin=count + body._axes.get(name, 0)) for name, each in arrays.items()
-    }
-    batch = _batch_names(run, dims, parameters)
-    flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
-    variables: dict[str, Any] = {
-        map.variable: (("n", *batch, "component"), run.states, {"long_name": map.meaning}),
-        "final": ((*batch, "component"), run.final, {"long_name": "state after the last step"}),
-        "status": (batch, run.status, flags),
-        "failed_at": (batch, run.failed_at, {"long_name": "first missing state, or -1"}),
-        "n": ("n", run.n, {"long_name": "number of steps"}),
-        # Strings of variable length: Zarr format 3 has none of fixed length.
-        "component": ("component", np.array(body._labels, object)),
-    }
-    if run.attitude is not None:
-        variables["attitude"] = ("n", *batch, "space", "body"), run.attitude
-    for name, array in parameters.items():
-        each = xarray.Variable((*batch, *_COMPONENTS[: array.ndim - count]), array)
-        common = [axis for axis in batch if each.sizes[axis] == 1 and axis != name]
-        variables[name] = each.squeeze(common)
-    attributes = {"title": map.title, "map": map.name, "version": __version__}
-    attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
-    dataset = xarray.Dataset(variables, attrs=attributes)
-    dataset = dataset.set_coords([*body._coordinates, *({*batch} & {*parameters})])
-    if coords is not None:
-        instance("coords", coords, Mapping)
-    if taken := [str(name) for name in coords or () if name in {*dataset.variables, *TAKEN}]:
-        raise wrong("coords", "names not in use", ", ".join(taken))
-    time = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
-    return dataset.assign_coords({"time": time, **(coords or {})})
-
-
-def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return a name for each axis of the batch; a parameter may name the one it varies along."""
-    count = run.status.ndim
-    alone = {}  # the axes along which parameters vary alone
-    for name, array in parameters.items():
-        along = [k for k in range(count) if array.shape[k] > 1]
-        if len(along) == 1:
-            alone[name] = along[0]
-    if dims is None:
-        names = ["trajectory"] if count == 1 else [f"batch_{k}" for k in range(count)]
-        for name in reversed([name for name in run.body._coordinates if name in alone]):
-            names[alone[name]] = name
-        return tuple(names)
-    names = [dims] if isinstance(dims, str) else list(dims)
-    if len(names) != count or len({*names}) != count or not all(isinstance(n, str) for n in names):
-        raise wrong("dims", f"a name for each of the {count} axes of the batch", repr(dims))
-    if clashing := sorted({*TAKEN, run.map.variable} & {*names}):
-        raise wrong("dims", "names that are not taken", ", ".join(clashing))
-    for axis, name in enumerate(names):
-        if name in parameters and run.status.shape[axis] > 1 and alone.get(name) != axis:
-            raise wrong("dims", f"{name} for the axis along which it varies alone", repr(dims))
-    return tuple(names)

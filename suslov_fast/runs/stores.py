@@ -33,7 +33,7 @@ from . import access
 from .storage import arrays_of_a_run, check_arrays
 
 # Version of the format, and the status of trajectories that are not computed.
-FORMAT, PENDING = 9, -128
+FORMAT, PENDING = 10, -128
 # The codecs of our stores. Zarr does not get metadata with others: codecs can run commands.
 _CODECS = {"bytes", "vlen-utf8", "crc32c"}
 # Bytes of a number. The files of chunks have these and a checksum of 4 bytes.

@@ -311,7 +311,7 @@ class Trajectories:
         >>> data.omega.sel(start="slow", n=0, component="Omega2").item()
         -0.7
         """
-        from .storage import to_xarray
+        from .datasets import to_xarray
 
         return to_xarray(self, dims, coords)
 

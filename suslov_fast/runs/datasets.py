@@ -1,0 +1,91 @@
+"""Results as an `xarray.Dataset`."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..checks import extra, instance, wrong
+from ..engine.status import Status
+
+# Axes of a parameter of a body after those of the batch; the first is also that of states.
+_COMPONENTS = "component", "component_j", "component_k"
+_NUMBERS = "method", "steps", "save_every"
+# Names of a dataset that no axis of a batch and no coordinate may have.
+TAKEN = (
+    "n",
+    "time",
+    *_COMPONENTS,
+    "space",
+    "body",
+    "status",
+    "failed_at",
+    "final",
+    "attitude",
+    *_NUMBERS,
+)
+
+
+def to_xarray(
+    run: Any, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
+) -> Any:
+    """Return a run as a dataset; see `Trajectories.to_xarray`."""
+    from .. import __version__
+
+    xarray = extra("xarray", "xarray")
+    map, body, count = run.map, run.body, run.status.ndim
+    arrays = {"eps": np.asarray(run.eps), **body._arrays}
+    parameters = {  # each with all axes of the batch first
+        name: np.array(each, ndmin=count + body._axes.get(name, 0)) for name, each in arrays.items()
+    }
+    batch = _batch_names(run, dims, parameters)
+    flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
+    variables: dict[str, Any] = {
+        map.variable: (("n", *batch, "component"), run.states, {"long_name": map.meaning}),
+        "final": ((*batch, "component"), run.final, {"long_name": "state after the last step"}),
+        "status": (batch, run.status, flags),
+        "failed_at": (batch, run.failed_at, {"long_name": "first missing state, or -1"}),
+        "n": ("n", run.n, {"long_name": "number of steps"}),
+        # Strings of variable length: Zarr format 3 has none of fixed length.
+        "component": ("component", np.array(body._labels, object)),
+    }
+    if run.attitude is not None:
+        variables["attitude"] = ("n", *batch, "space", "body"), run.attitude
+    for name, array in parameters.items():
+        each = xarray.Variable((*batch, *_COMPONENTS[: array.ndim - count]), array)
+        common = [axis for axis in batch if each.sizes[axis] == 1 and axis != name]
+        variables[name] = each.squeeze(common)
+    attributes = {"title": map.title, "map": map.name, "version": __version__}
+    attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
+    dataset = xarray.Dataset(variables, attrs=attributes)
+    dataset = dataset.set_coords([*body._coordinates, *({*batch} & {*parameters})])
+    if coords is not None:
+        instance("coords", coords, Mapping)
+    if taken := [str(name) for name in coords or () if name in {*dataset.variables, *TAKEN}]:
+        raise wrong("coords", "names not in use", ", ".join(taken))
+    time = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
+    return dataset.assign_coords({"time": time, **(coords or {})})
+
+
+def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return a name for each axis of the batch; a parameter may name the one it varies along."""
+    count = run.status.ndim
+    alone = {}  # the axes along which parameters vary alone
+    for name, array in parameters.items():
+        along = [k for k in range(count) if array.shape[k] > 1]
+        if len(along) == 1:
+            alone[name] = along[0]
+    if dims is None:
+        names = ["trajectory"] if count == 1 else [f"batch_{k}" for k in range(count)]
+        for name in reversed([name for name in run.body._coordinates if name in alone]):
+            names[alone[name]] = name
+        return tuple(names)
+    names = [dims] if isinstance(dims, str) else list(dims)
+    if len(names) != count or len({*names}) != count or not all(isinstance(n, str) for n in names):
+        raise wrong("dims", f"a name for each of the {count} axes of the batch", repr(dims))
+    if clashing := sorted({*TAKEN, run.map.variable} & {*names}):
+        raise wrong("dims", "names that are not taken", ", ".join(clashing))
+    for axis, name in enumerate(names):
+        if name in parameters and run.status.shape[axis] > 1 and alone.get(name) != axis:
+            raise wrong("dims", f"{name} for the axis along which it varies alone", repr(dims))
+    return tuple(names)

@@ -2,6 +2,7 @@
 
 import pickle
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 import suslov_fast as sf
 from suslov_fast.engine import threads
 from suslov_fast.maps import MAPS
-from suslov_fast.runs import surface as module
+from suslov_fast.runs import search as module
 
 LORENZ = sf.QuadraticField.from_function(
     lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
@@ -171,7 +172,7 @@ def test_bits_do_not_depend_on_pieces_threads_and_batch(rng, monkeypatch):
         monkeypatch.setattr(module, "_STATES", states)
         for most in (None, 10**6):
             again = sf.crossings(LORENZ, starts, 1 / 64, 700, surface, transient=13, most=most)
-            assert again == whole
+            assert replace(again, most=None) == whole
     monkeypatch.undo()
     for k in range(5):
         alone = sf.crossings(LORENZ, starts[k], 1 / 64, 700, surface, transient=13, threads=1)
@@ -262,6 +263,24 @@ def overwrite(x):
     return x[..., 0]
 
 
+def unpacking(x):
+    x1, _, _ = x
+    return x1
+
+
+def masked(x):
+    """One that has no masked value at first."""
+    return np.ma.masked_where(x[..., 0] > 1e9, x[..., 0])
+
+
+def event(**attributes):
+    def surface(x):
+        return x[..., 0]
+
+    vars(surface).update(attributes)
+    return surface
+
+
 @pytest.mark.parametrize(
     ("surface", "error", "message"),
     [
@@ -276,6 +295,11 @@ def overwrite(x):
         (unlucky, Unlucky, "mine"),
         (lambda x: x[..., 7], IndexError, "surface: expected components on the last axis"),
         (overwrite, ValueError, "read-only"),
+        (unpacking, ValueError, "surface: expected components on the last axis, .* unpack"),
+        (masked, TypeError, "surface: .* masked array: return NaN"),
+        (event(terminal=True), TypeError, "surface: .*terminal = True: pass most=1 "),
+        (event(direction=-1), TypeError, "surface: .*direction = -1: pass direction=1, -1 or 0 to"),
+        (event(direction=0, terminal=0), TypeError, "surface: .* pass most=1 and direction="),
     ],
 )
 def test_what_a_surface_may_not_be(surface, error, message, monkeypatch):
@@ -296,6 +320,35 @@ def test_integers_and_single_precision_are_taken_as_floats(kind):
     assert len(check(OSCILLATOR, starts, 0.1, 99, lambda x: np.trunc(first(x)).astype(kind)))
 
 
+SIGNS = {
+    "floats": lambda x: np.where(first(x) > 0, 1.0, -1.0),
+    "integers": lambda x: np.where(first(x) > 0, 1, -1),
+    "int8": lambda x: np.sign(first(x)).astype(np.int8),
+    "unsigned": lambda x: (first(x) > 0).astype(np.uint8),
+    "int64": lambda x: np.sign(first(x)).astype(int),
+}
+
+
+@pytest.mark.parametrize("kind", SIGNS)
+@pytest.mark.parametrize("piece", [1, 2**17])
+def test_there_is_no_crossing_to_a_state_that_is_nan(monkeypatch, kind, piece):
+    """Functions with integer values make a number of it: int(NaN) is negative."""
+    monkeypatch.setattr(module, "_PIECE", piece)
+    monkeypatch.setattr(module, "_STATES", 1)
+    starts = [[1.0], [2.0], [0.5], [np.nan]]  # a pole, one of eps = 1, a pole, no state
+    for direction, counts in ((0, [0, 1, 0, 0]), (-1, [0, 1, 0, 0]), (1, [0, 0, 0, 0])):
+        points = sf.crossings(
+            BLOW_UP, starts, 1.0, 5, SIGNS[kind], direction=direction, on_singular="ignore"
+        )
+        expected = [0, 0, 0, 0] if kind == "unsigned" else counts  # which is never negative
+        assert points.count.tolist() == expected
+        one = sf.crossings(
+            BLOW_UP, starts, 1.0, 5, SIGNS[kind], direction=direction, most=1, on_singular="ignore"
+        )
+        assert one.count.tolist() == expected
+        assert np.isfinite(one.after).all()
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -308,6 +361,7 @@ def test_integers_and_single_precision_are_taken_as_floats(kind):
         ({"eps": 1j}, "eps: expected "),
         ({"on_singular": "stop"}, "on_singular: expected "),
         ({"progress": 3}, "progress: expected "),
+        ({"method": "rank2"}, "method: expected "),
     ],
 )
 def test_bad_arguments(options, message):
@@ -329,6 +383,169 @@ def test_progress_stops_where_the_run_ends():
     points = sf.crossings(*arguments, most=1, progress=lambda *given: done.append(given))
     assert points.n[0] < done[-1][0] < 1000
     assert {total for _, total in done} == {10_000}
+
+
+def test_a_callable_ends_a_run():
+    """By False, also NumPy's; the run is that of so many steps, and can be extended."""
+    whole = sf.crossings(LORENZ, TWO, 1 / 64, 20_000, plane, transient=1000)
+    for answer, first in ((False, 0), (np.False_, 3000), (False, 10**9)):
+        done = []
+
+        def progress(n, total, answer=answer, first=first, done=done):
+            done.append(n)
+            return answer if n >= first else None
+
+        points = sf.crossings(LORENZ, TWO, 1 / 64, 20_000, plane, transient=1000, progress=progress)
+        steps = max(done[-1] - 1000, 0)
+        assert (points.steps, points.transient) == (steps, 1000)
+        np.testing.assert_array_equal(points.final, sf.iterate(LORENZ, TWO, 1 / 64, done[-1]).final)
+        if steps:
+            assert points == sf.crossings(LORENZ, TWO, 1 / 64, steps, plane, transient=1000)
+        assert points.extend(20_000 - steps) == whole
+    for answer in (0, None, True, np.zeros(1)):
+        points = sf.crossings(
+            LORENZ, TWO, 1 / 64, 20_000, plane, transient=1000, progress=lambda *_, a=answer: a
+        )
+        assert points == whole
+
+
+@pytest.mark.parametrize("stop", [1, 40, 99, 100, 101])
+def test_a_run_that_ended_in_its_transient(monkeypatch, stop, tmp_path):
+    """It has no crossings, and `extend` finishes the transient first."""
+    monkeypatch.setattr("suslov_fast.engine.stretches._BETWEEN", 1)
+    monkeypatch.setattr("suslov_fast.engine.stretches._STRETCH", 1)
+    monkeypatch.setattr(module, "_PIECE", 1)
+    monkeypatch.setattr(module, "_STATES", 1)
+    whole = sf.crossings(LORENZ, TWO, 1 / 64, 300, plane, transient=100)
+    points = sf.crossings(
+        LORENZ, TWO, 1 / 64, 300, plane, transient=100, progress=lambda done, total: done < stop
+    )
+    np.testing.assert_array_equal(points.final, sf.iterate(LORENZ, TWO, 1 / 64, stop).final)
+    assert (len(points), points.steps) == (0, max(stop - 100, 0))
+    assert points.extend(300 - points.steps) == whole
+    points.save(tmp_path / "p.npz")
+    again = sf.Crossings.load(tmp_path / "p.npz")
+    assert again == points
+    seen = []
+    more = again.extend(5, plane, progress=lambda *given: seen.append(given))
+    assert more.extend(300 - points.steps - 5, plane) == whole
+    assert seen[-1] == (max(105, stop + 5) - stop,) * 2
+
+
+TWO = np.array([[1.0, 1.0, 20.0], [-2.0, 1.0, 20.0]])
+
+
+def plane(x):
+    return x[..., 2] - 27
+
+
+@pytest.mark.parametrize("most", [None, 1, 3])
+@pytest.mark.parametrize("name", MAPS)
+def test_extended_crossings_are_those_of_one_call(name, most, tmp_path):
+    """For every map, cut anywhere, from files too; the value at the cut is not asked for again."""
+    body, pole = MAPS[name].pole
+    starts = np.vstack([sf.RandomStarts(12, 1.0, seed=3).states(12, dimension=len(pole)), pole])
+    arguments = {"direction": 0, "transient": 3, "most": most, "on_singular": "ignore"}
+    whole = sf.crossings(body, starts, 0.9, 60, first, **arguments)
+    seen = []
+
+    def surface(x):
+        seen.append(x.copy())
+        return first(x)
+
+    for cuts in ((60,), (0, 60), (1, 2, 57), (30, 30), (7, 0, 53), (59, 1)):
+        seen.clear()
+        points = sf.crossings(body, starts, 0.9, cuts[0], surface, **arguments)
+        for steps in cuts[1:]:
+            points = points.extend(steps, on_singular="ignore")
+        assert points == whole
+        assert points.steps == 60
+        states = np.concatenate(seen[1:])  # of the first call those of the beginning
+        assert len(states) <= 61
+        points = sf.crossings(body, starts, 0.9, cuts[0], first, **arguments)
+        for number, steps in enumerate(cuts[1:]):
+            path = tmp_path / f"{number}.npz"
+            points.save(path, overwrite=True)
+            points = sf.Crossings.load(path).extend(steps, first, on_singular="ignore")
+        assert points == whole
+    pickled = pickle.loads(pickle.dumps(sf.crossings(body, starts, 0.9, 20, first, **arguments)))
+    assert pickled.extend(40, first, on_singular="ignore") == whole
+    one = sf.crossings(body, starts, 0.9, 20, first, **arguments).of(4)
+    assert one.extend(40, first, on_singular="ignore") == whole.of(4)
+
+
+def test_extended_families_with_surfaces_of_their_own(rng):
+    family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[[1], [0], [3]])
+    starts, eps = rng.normal(size=(3, 4, 2)), np.array([0.1, 0.2, -0.1, 0.05])
+    level = rng.normal(size=(3, 4)) / 9
+
+    def surface(x):
+        return first(x) - level
+
+    whole = sf.crossings(family, starts, eps, 300, surface, transient=7)
+    assert sf.crossings(family, starts, eps, 111, surface, transient=7).extend(189) == whole
+    assert whole.extend(0) == whole
+
+
+def test_what_extend_needs(tmp_path):
+    points = sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 99, first)
+    for copy in (
+        pickle.loads(pickle.dumps(points)),
+        sf.crossings(OSCILLATOR, np.ones((3, 2)), 0.1, 9, first).of(1),
+    ):
+        with pytest.raises(ValueError, match=r"^surface: files, .* pass extend\(steps, surface"):
+            copy.extend(1)
+    with pytest.raises(ValueError, match=r"^extend: expected .* got a copy"):
+        replace(points, eps=0.2).extend(1)
+    for steps, options, message in (
+        (-1, {}, "steps: "),
+        (1, {"surface": 3}, "surface: "),
+        (1, {"on_singular": "stop"}, "on_singular: "),
+        (1, {"progress": 3}, "progress: "),
+        (1, {"threads": 0}, "threads: "),
+    ):
+        with pytest.raises((TypeError, ValueError), match=f"^{message}"):
+            points.extend(steps, **options)
+    # Failures are told by the call in which they happen.
+    field = sf.QuadraticField.from_function(lambda x: (x[0] ** 2,), 1)
+    start = sf.iterate(field, [2.0], -0.5, 10).final  # a pole after ten steps
+    begin = sf.crossings(field, start, 0.5, 5, first)
+    with pytest.warns(sf.SingularStepWarning, match="first: 0 at step 11"):
+        failed = begin.extend(20)
+    assert failed.extend(3) == sf.crossings(field, start, 0.5, 28, first, on_singular="ignore")
+
+
+def test_a_return_map_goes_on_from_the_states_after():
+    """From a point of a surface that is convex an orbit would return at once."""
+    field = sf.QuadraticField.from_hamiltonian(
+        lambda x: (
+            (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
+        ),
+        4,
+    )
+    circle = lambda x: x[..., 0] ** 2 + x[..., 1] ** 2 - 0.05  # noqa: E731
+    state, times = [0.0, 0.1, 0.4, 0.0], []
+    for _ in range(10):
+        found = sf.crossings(field, state, 1 / 16, 3000, circle, most=1)
+        state = found.after[0]
+        times.append(float(found.time[0]))
+    many = sf.crossings(field, [0.0, 0.1, 0.4, 0.0], 1 / 16, 3000, circle)
+    np.testing.assert_array_equal(state, many.after[9])
+    assert min(times[1:]) > 1
+
+
+def test_which_direction_found_none():
+    fall = sf.QuadraticField.from_function(lambda y: (y[1], -10), 2)
+    for direction, word in ((1, "none upwards"), (-1, "none downwards"), (0, "none")):
+        points = sf.crossings(fall, [1e9, 0], 0.1, 9, first, direction=direction)
+        assert repr(points) == f"Crossings(x: (0, 2), n: {word}, eps: 0.1, failed: 0 of 1)"
+    points = sf.crossings(fall, [1000, 0], 0.1, 400, first, direction=-1, most=1)
+    assert repr(points) == "Crossings(x: (1, 2), n: 141, eps: 0.1, failed: 0 of 1)"
+    four = sf.crossings(OSCILLATOR, [1.0, 0.0], [0.125, 0.25], 200, first)
+    assert repr(four) == "Crossings(x: (12, 2), n: 18 ... 195, eps: 0.125 ... 0.25, failed: 0 of 2)"
+    assert repr(four.of(0)) == (
+        "Crossings(x: (4, 2), n: 37, 88, 138, 188, eps: 0.125, failed: 0 of 1)"
+    )
 
 
 def test_results(rng):
@@ -377,6 +594,11 @@ def test_dataset(rng):
     bodies = sf.SuslovND([[1.3, 2.1], [2, 3]], [0.4, -0.7])
     data = sf.crossings(bodies, [0.5, 0.2], 0.3, 50, first, direction=0).to_xarray()
     assert data.J.dims == ("crossing", "component")
+    trajectory = data.trajectory.values
+    assert {*trajectory} == {0, 1}
+    np.testing.assert_array_equal(data.J, np.array([[1.3, 2.1], [2, 3]])[trajectory])
+    assert "I" not in data  # which does not vary
+    assert len(data.to_dataframe()) == 2 * data.sizes["crossing"]
     assert "omega" in data.data_vars
     assert data.component.values.tolist() == ["Omega1n", "Omega2n"]
 

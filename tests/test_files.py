@@ -177,7 +177,9 @@ def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
             told = [*pool.map(attempt, runs)]
             assert told.count("") == 1
             assert all(
-                f"overwrite=True, got one that exists: '{path}'" in text for text in told if text
+                f"overwrite=True, got one that exists: {os.fspath(path)!r}" in text
+                for text in told
+                if text
             )
             assert sf.Trajectories.load(path) == runs[told.index("")]
             assert os.listdir(path.parent) == [path.name]
@@ -266,6 +268,73 @@ def test_files_that_contradict_themselves(path, name):
     np.savez(path, **found)
     with pytest.raises(ValueError, match=r"run\.npz: .*(final|status|failed_at|states): expected"):
         sf.Trajectories.load(path)
+
+
+def two_crossings(path):
+    """Write a file of three orbits, of which one fails and one ends at its second crossing."""
+    field = sf.QuadraticField.from_function(lambda x: (x[1], -x[0], x[2] ** 2), 3)
+    pole = sf.iterate(sf.QuadraticField([[[1]]]), [4.0], -0.25, 11).final[0]  # 12 steps away
+    starts = [[1.0, 0.0, 0.0], [1.0, 0.0, pole], [1.0, 0.0, 1 / 40]]
+    points = sf.crossings(
+        field, starts, 0.25, 90, lambda x: x[..., 0], transient=3, most=2, direction=0,
+        on_singular="ignore",
+    )  # fmt: skip
+    points.save(path)
+    return points
+
+
+def number(name, value):
+    def change(found):
+        found["about"] = json.dumps(json.loads(str(found["about"])) | {name: value})
+
+    return change
+
+
+OF_CROSSINGS = {
+    "more": changed("count", 0, 3),
+    "fewer": changed("count", 0, 1),
+    "negative": changed("count", 0, -1),
+    "n before the transient": changed("n", 0, 2),
+    "n after the end": changed("n", 1, 93),
+    "n in another order": changed("n", 0, 92),
+    "fraction": changed("fraction", 0, 1.5),
+    "no fraction": changed("fraction", 0, np.nan),
+    "before": changed("before", (0, 0), np.nan),
+    "after": changed("after", (1, 0), 3.0),
+    "final": changed("final", (0, 0), 3.0),
+    "failed_at": changed("failed_at", 1, -1),
+    "status": changed("status", 0, -1),
+    **{f"{name} {value}": number(name, value) for name, value in (
+        ("steps", -1), ("transient", 1.5), ("direction", 2), ("most", 0), ("most", 1),
+        ("_n", 94), ("_n", -1), ("method", "rank2"), ("map", "Suslov3D"),
+    )},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OF_CROSSINGS)
+def test_files_of_crossings(path, name):
+    points = two_crossings(path)
+    assert points.count.tolist() == [2, 1, 2]
+    assert points.status.tolist() == [0, -1, 0]
+    again = sf.Crossings.load(path)
+    assert again == points
+    assert not any(each.flags.writeable for each in (again.before, again.trajectory, again.status))
+    found = entries(path)
+    OF_CROSSINGS[name](found)
+    np.savez(path, **found)
+    with pytest.raises(ValueError, match=r"run\.npz: expected a file that Crossings\.save wrote"):
+        sf.Crossings.load(path)
+
+
+def test_each_kind_of_file_names_what_loads_it(path):
+    points = two_crossings(path)
+    with pytest.raises(ValueError, match=r"run\.npz: .* Crossings\.load"):
+        sf.Trajectories.load(path)
+    with pytest.raises(FileExistsError):
+        points.save(path)
+    run_of("batch").save(path, overwrite=True)
+    with pytest.raises(ValueError, match=r"run\.npz: .* Trajectories\.load"):
+        sf.Crossings.load(path)
 
 
 def entry(size, header):

@@ -194,12 +194,62 @@ def test_crossings_are_drawn():
         np.testing.assert_array_equal(dots.get_array(), getattr(points, name))
     dots = points.plot(color=points.states[:, 0]).collections[0]
     np.testing.assert_array_equal(dots.get_array(), points.states[:, 0])
-    for wrong in ("eps", "count", [1.0]):
-        with pytest.raises(ValueError, match=r"^color: expected "):
+    one_each = np.arange(9.0)[::-1]
+    dots = points.plot(color=one_each).collections[0]
+    np.testing.assert_array_equal(dots.get_array(), one_each[points.trajectory])
+    for wrong in ("eps", "count", [1.0], np.ones((9, 1))):
+        with pytest.raises(
+            ValueError, match=r"^color: expected .*\(9,\), for each trajectory|a name"
+        ):
             points.plot(color=wrong)
     assert len(points.of(8).plot().figure.axes) == 1
     wells = sf.crossings(WELL, [[0.5, 0.0], [-0.5, 0.0]], 0.1, 500, lambda x: x[..., 1])
     assert "modified energy" in wells.plot().figure.axes[1].get_ylabel()
+
+
+def test_crossings_are_drawn_over_components_that_vary():
+    """Not over the one that is 0 on the surface, up to rounding, nor over constants."""
+    henon_heiles = sf.QuadraticField.from_hamiltonian(
+        lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
+    )
+    starts = np.random.default_rng(0).uniform(-0.2, 0.2, (20, 4))
+    points = sf.crossings(henon_heiles, starts, 1 / 8, 500, lambda x: x[..., 0])
+    assert 0 < abs(points.states[:, 0]).max() < 1e-15
+    axes = points.plot(color=np.arange(20.0))
+    np.testing.assert_array_equal(axes.collections[0].get_offsets(), points.states[:, 1:3])
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x_{2}$", "$x_{3}$")
+    np.testing.assert_array_equal(axes.collections[0].get_array(), points.trajectory)
+    still = sf.QuadraticField.from_function(lambda x: (0, x[2], -x[1]), 3)
+    points = sf.crossings(still, [[7.0, 1.0, 0.0], [7.0, 2.0, 0.0]], 0.1, 200, lambda x: x[..., 1])
+    offsets = points.plot().collections[0].get_offsets()
+    np.testing.assert_array_equal(offsets, points.states[:, [0, 2]])  # x2 is 0, x1 is 7
+    everything = sf.crossings(LORENZ, [1, 1, 20], 1 / 64, 3000, lambda x: x.sum(axis=-1))
+    np.testing.assert_array_equal(
+        everything.plot().collections[0].get_offsets(), everything.states[:, :2]
+    )
+
+
+@pytest.mark.parametrize(
+    ("eps", "text"),
+    [(0.2, "0.2"), (0.02, "0.02"), (-1 / 256, "-1/256"), (1 / 64, "1/64"), (0.125, "0.125"),
+     (1 / 3, "1/3"), (1e-05, "1e-05"), (0.00314159, "0.00314159"), (2.0, "2"), (0.1 + 0.2, "0.3")],
+)  # fmt: skip
+def test_titles_have_step_sizes_as_they_are_written(eps, text):
+    title = sf.iterate(BODY, [1.0, 0.5], eps, 2).plot().get_title()
+    assert rf"$\epsilon$ = {text}" + "\n" in title
+    if eps > 0:
+        assert rf"$\epsilon={text}$" in sf.plot_phase(BODY, eps, 0.1, levels=1).get_title()
+    plt.close("all")
+
+
+def test_the_view_has_all_lines():
+    """With more states than have dots."""
+    run = sf.iterate(LORENZ, [1, 1, 20], 1 / 64, 3000)
+    axes = run.plot()
+    assert len(axes.collections) == 1
+    for (low, high), values in zip((axes.get_xlim(), axes.get_ylim()), run.x.T[:2], strict=True):
+        assert low < values.min() < values.max() < high
+        assert high - low < 1.3 * np.ptp(values)
 
 
 def test_animation():

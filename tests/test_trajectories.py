@@ -198,3 +198,67 @@ def test_contents_of_a_dataset():
         assert sf.Status[name] == value
     assert run_of("four").to_xarray().component.values.tolist() == ["Omega1n", "Omega2n", "Omega3n"]
     assert (sf.first_integral(BODY, data.omega, 0.2) == run.first_integral()).all()
+
+
+SHORT = {"_STRETCH": 2**10, "_TURNING": 2**10, "_BETWEEN": 1}
+
+
+@pytest.mark.parametrize("answer", [False, np.False_])
+@pytest.mark.parametrize("name", RUNS)
+def test_a_callable_ends_a_run(monkeypatch, name, answer):
+    """All trajectories stand at the step of the call; the run is that of so many steps."""
+    body, omega0, eps, _, options = RUNS[name]
+    options = options | {"on_singular": "ignore"}
+    whole = sf.iterate(body, omega0, eps, 300, **options)
+    for short, value in SHORT.items():
+        monkeypatch.setattr(f"suslov_fast.engine.stretches.{short}", value)
+    for first in (0, 23, 299):
+        seen = []
+
+        def progress(done, total, seen=seen, first=first):
+            seen.append((done, total))
+            return answer if done >= first else None
+
+        run = sf.iterate(body, omega0, eps, 300, **options, progress=progress)
+        steps = run.steps
+        assert seen[-1] == (steps, 300)
+        assert steps == 300 or not first or steps - first < 100
+        assert run == sf.iterate(body, omega0, eps, steps, **options)
+        assert run.extend(300 - steps, on_singular="ignore") == whole
+        more = run.extend(300 - steps, on_singular="ignore", progress=progress)
+        assert seen[-1] == (more.steps - steps, 300 - steps)
+        assert more.extend(300 - more.steps, on_singular="ignore") == whole
+
+
+def test_rows_beyond_the_end_of_a_run_are_untouched(monkeypatch):
+    for short, value in SHORT.items():
+        monkeypatch.setattr(f"suslov_fast.engine.stretches.{short}", value)
+    out = np.full((101, 5, 2), 7.0)
+    run = sf.iterate(BODY, STARTS, 0.2, 100, out=out, progress=lambda done, total: done < 30)
+    assert 30 <= run.steps < 100
+    assert (out[run.steps + 1 :] == 7).all()
+    assert run.omega.base is out
+    assert run == sf.iterate(BODY, STARTS, 0.2, run.steps)
+    last = np.full((1, 5, 2), 7.0)
+    run = sf.iterate(BODY, STARTS, 0.2, 100, save_every=None, out=last, progress=lambda *_: False)
+    assert run == sf.iterate(BODY, STARTS, 0.2, run.steps, save_every=None)
+    assert (last[0] == run.final).all()
+
+
+def test_answers_of_a_callable_that_do_not_end_a_run(monkeypatch):
+    for short, value in SHORT.items():
+        monkeypatch.setattr(f"suslov_fast.engine.stretches.{short}", value)
+    for answer in (None, True, 0, "", np.zeros(1, bool)):
+        assert sf.iterate(BODY, STARTS, 0.2, 99, progress=lambda *_, a=answer: a).steps == 99
+
+
+class Bar:
+    def __init__(self, iterable=None, total=None):
+        raise AssertionError
+
+
+@pytest.mark.parametrize("progress", [Bar, lambda: 0, lambda done: 0, dict, len, 3])
+def test_what_progress_is_called_with(progress):
+    """Before anything is computed; `tqdm.tqdm` takes an iterable."""
+    with pytest.raises(TypeError, match=r"^progress: expected True .*progress\(done, total\)"):
+        sf.iterate(BODY, STARTS, 0.2, 3, progress=progress)

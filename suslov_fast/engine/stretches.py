@@ -1,17 +1,20 @@
 """Iteration in stretches of steps, each one call of a kernel.
 
-Between stretches, which take up to 0.1 s, Python handles Ctrl-C and progress is reported.
+Between stretches, which take up to 0.1 s, Python handles Ctrl-C. With `progress` time is divided
+first, so that all trajectories stand at the same step when it is called, and the run can end there.
 """
 
+import inspect
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, extra, instance, integer, wrong
+from ..checks import FloatArray, extra, instance, integer, kind_of, short, wrong
 from ..core import orientations
 from ..core.numba import Kernel
 from ..core.steps_field import FieldSystem
@@ -25,8 +28,12 @@ _STRETCH, _SAVING = 2**26, 8.0
 # Work of a stretch with orientations: the number of states times n**2.
 _TURNING = 2**24
 
+# The least number of steps of the three-dimensional map from one report of progress to the next, a
+# fourth of it for others: the states of a large batch come from memory each time.
+_BETWEEN = 256
+
 Progress = bool | None | Callable[[int, int], object]  # the argument of long computations
-Report = Callable[[int], object]  # takes the number of steps done so far
+Report = Callable[[int], bool]  # takes the number of steps done so far; False ends the run
 
 
 def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
@@ -36,18 +43,40 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
     """
     if progress is None or progress is False:
         return nullcontext()
-    if callable(progress):
-        return nullcontext(lambda done: progress(done, total))
-    if progress is not True:
-        expected = "True, False, None or a callable (done, total)"
-        raise wrong("progress", expected, type(progress).__name__, TypeError)
-    return _bar(extra("tqdm.auto", "progress").tqdm, total)  # a notebook bar in a notebook
+    if progress is True:
+        return _bar(extra("tqdm.auto", "progress").tqdm, total)  # a notebook bar in a notebook
+    if not callable(progress) or isinstance(progress, type) or not _takes_two(progress):
+        name = kind_of(progress) if isinstance(progress, type) else short(progress)
+        expected = "True for a bar, or a function that is called as progress(done, total)"
+        raise wrong("progress", expected, name, TypeError)
+
+    def report(done: int) -> bool:
+        answer = progress(done, total)
+        return not (isinstance(answer, (bool, np.bool_)) and not answer)
+
+    return nullcontext(report)
+
+
+def _takes_two(function: Callable[..., object]) -> bool:
+    """Return False if a function cannot be called with two numbers."""
+    try:
+        inspect.signature(function).bind(0, 0)
+    except TypeError:
+        return False
+    except ValueError:  # some functions written in C do not say
+        pass
+    return True
 
 
 @contextmanager
 def _bar(tqdm: Any, total: int) -> Iterator[Report]:
     with tqdm(total=total, unit="step", unit_scale=True) as bar:
-        yield lambda done: bar.update(done - bar.n)
+
+        def report(done: int) -> bool:
+            bar.update(done - bar.n)
+            return True
+
+        yield report
 
 
 class Steps(NamedTuple):
@@ -133,10 +162,10 @@ class March:
 
         They are the multiples of `every` after state n, and state 0 if n is 0, in `out` if it is
         given; or the last state if `every` is 0. `report` takes the number of steps of this call
-        that all trajectories have taken.
+        that all trajectories have taken; where it returns False the march ends, at state `n`.
         """
         (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
-        rows = stop // every - (self.n or -1) // every if every else 0
+        rows, begin = _rows(self.n, stop, every), self.n
         n, turns = 0 if turned is None else D + 1, None
         numbers = rows * size * (D * (out is None) + n * n)
         require(8 * numbers, "raise save_every or divide the batch")
@@ -148,7 +177,8 @@ class March:
             turns = np.empty((rows, *batch, n, n))
             self._turn_to(stop, every, flat, turns.reshape(rows, size, n, n), report)
         if every:
-            return saved, turns
+            rows = _rows(begin, self.n, every)
+            return saved[:rows], None if turns is None else turns[:rows]
         if out is not None:
             out[0] = self.final
         turns = None if turned is None else turned.reshape(1, *batch, n, n)
@@ -166,31 +196,50 @@ class March:
 
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
         """Continue without orientations."""
-        (size, D), before = self.omega0.shape, 0
+        if report is None:
+            self._all_to(stop, every, saved)
+            return
+        begin, row, length = self.n, 0, self._length(every)
+        for until in chain(range(begin + length, stop, length), [stop]):
+            rows = row + _rows(self.n, until, every)
+            self._all_to(until, every, saved[row:rows])
+            row = rows
+            if not report(until - begin):
+                break
+
+    def _length(self, every: int) -> int:
+        """Return the number of steps of all trajectories from one report to the next."""
+        (_, D), most = self.omega0.shape, self.problem.threads or numba.config.NUMBA_NUM_THREADS
+        work, lanes, least = (
+            0.0,
+            self.steps.lanes,
+            1,
+        )  # `work` is the time of a step, on all threads
+        for where, arguments in self.groups:
+            cost = self.steps.cost(D, arguments) + (_SAVING / every if every else 0.0)
+            blocks = max(-(-len(self.omega0 if where is ALL else where) // lanes), 1)
+            work += cost * blocks * lanes / min(blocks, most)
+            least = max(int(_BETWEEN / min(cost, 4.0)), least)
+        return max(int(_STRETCH / work), least)
+
+    def _all_to(self, stop: int, every: int, saved: FloatArray) -> None:
+        """Continue all trajectories to state `stop`."""
+        size, D = self.omega0.shape
         final, status = self.final.reshape(size, D), self.status.reshape(size)
         failed_at, axes = self.failed_at.reshape(size), (0, 1, 1, 0, 0, 0)  # of trajectories
         arrays: Any = self.omega0, self.carry, saved, final, status, failed_at
         for where, arguments in self.groups:
             if where is ALL:
-                self._take(arguments, arrays, stop, every, before, report)
+                self._take(arguments, arrays, stop, every)
                 continue
             own = [np.take(each, where, axis) for each, axis in zip(arrays, axes, strict=True)]
-            self._take(arguments, own, stop, every, before, report)
+            self._take(arguments, own, stop, every)
             for each, axis, found in zip(arrays[1:], axes[1:], own[1:], strict=True):
                 each[(ALL, where) if axis else where] = found
-            before += len(where)
         self.n = stop
 
-    def _take(
-        self,
-        arguments: Arguments,
-        arrays: Sequence[Any],
-        stop: int,
-        every: int,
-        before: int,
-        report: Report | None,
-    ) -> None:
-        """Continue trajectories with these arguments and arrays; `before` others are there.
+    def _take(self, arguments: Arguments, arrays: Sequence[Any], stop: int, every: int) -> None:
+        """Continue trajectories with these arguments and arrays.
 
         The batch is divided first, so that the data of a stretch stay in the caches; time is
         divided only if few trajectories take long. A block of lanes takes the time of all lanes,
@@ -211,13 +260,10 @@ class March:
             end = min(begin + width, size)
             for start in range(n, max(stop, n + 1), length):
                 until = min(start + length, stop)
-                row = start // every - (n or -1) // every if every and start else 0
+                row = _rows(n, start, every) if start else 0
                 span = begin, end, start, until, every, row
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
                 call_kernel(kernel, work, threads, arguments, *arrays[:2], span, *arrays[2:])
-                if report is not None:
-                    done = (before + begin) * (stop - n) + (end - begin) * (until - n)
-                    report(done // len(self.omega0) if size else until - n)
 
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None
@@ -241,8 +287,13 @@ class March:
             work, given = states.size * (D + 1), (states, eps, axial, turned)
             threads = self.problem.threads
             call_kernel(orientations.turn_along, work, threads, *given, start, every, first, turns)
-            if report is not None:
-                report(until - n)
+            if report is not None and not report(until - n):
+                break
+
+
+def _rows(begin: int, end: int, every: int) -> int:
+    """Return how many states after state `begin` up to state `end` are saved; with state 0."""
+    return end // every - (begin or -1) // every if every else 0
 
 
 def states_after(problem: Problem, steps: int = 1) -> FloatArray:

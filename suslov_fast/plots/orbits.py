@@ -5,6 +5,7 @@ Imports Matplotlib (extra `plots`).
 
 import math
 import re
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, extra, integer, real_array, short, wrong
 from ..quantities.evaluation import evaluate
-from ..runs.crossings import Crossings, varying
+from ..runs.crossings import Crossings
+from ..runs.datasets import varying
 
 try:
     import matplotlib.pyplot as plt
@@ -99,7 +101,8 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any)
 
 def plot_crossings(points: Crossings, components: Any, color: Any, ax: Any) -> Any:
     """Draw crossings, and return the axes; see `Crossings.plot`."""
-    pair, K = _pair(points, components), len(points)
+    K = len(points)
+    pair = _pair(points, _varying(points.states) if components is None else components)
     others = {name: getattr(points, name) for name in ("trajectory", "n", "time")}
     colours = _colours(points, color, (K,), others)
     if colours.values is None and color is None and np.size(points.eps) == 1:
@@ -126,11 +129,20 @@ def _pair(run: Any, components: Any) -> list[int]:
     return [integer("components", k, 0, expected, last) for k in indices]
 
 
+def _varying(states: FloatArray) -> list[int]:
+    """Return the first two components that vary among states (K, D), or others in their place."""
+    extent = np.ptp(states, axis=0) if len(states) else np.zeros(states.shape[1])
+    is_constant = ~(extent > 1e-9 * extent.max())
+    return sorted(np.argsort(is_constant, kind="stable")[:2].tolist())
+
+
 def _colours(run: Any, color: Any, shape: tuple[int, ...], others: dict[str, Any]) -> _Colours:
     """Return the colours that the user wants: by default the first parameter that varies.
 
-    `shape` is that of numbers: of the batch, or (K,) for crossings; `others` are named ones.
+    `shape` is that of numbers: of the batch, or (K,) for crossings, which also take those of the
+    batch; `others` are named ones.
     """
+    of_crossings = isinstance(run, Crossings)
     named = {n: a for n, a in varying(run.body).items() if n not in run.body._axes}
     if np.ndim(run.eps):
         named["eps"] = np.asarray(run.eps)
@@ -145,12 +157,16 @@ def _colours(run: Any, color: Any, shape: tuple[int, ...], others: dict[str, Any
         if color in others:
             return _Colours(np.asarray(others[color], float), color)
         values = named[color]
-        is_one_each = isinstance(run, Crossings)
-        values = run._at_crossings(values) if is_one_each else np.broadcast_to(values, shape)
+        values = run._at_crossings(values) if of_crossings else np.broadcast_to(values, shape)
         return _Colours(values.ravel(), color, is_parameter=True)
     values = real_array("color", color, allow_nan=True)
+    if of_crossings and values.shape == run.count.shape != shape:
+        values = run._at_crossings(values)
     if values.shape != shape:
-        raise wrong("color", f"a name, or numbers of shape {shape}", f"shape {values.shape}")
+        expected = f"a name, or numbers of shape {shape}"
+        if of_crossings:
+            expected += f", one for each crossing, or {run.count.shape}, for each trajectory"
+        raise wrong("color", expected, f"shape {values.shape}")
     return _Colours(values.ravel())
 
 
@@ -205,7 +221,7 @@ def _draw(
             look |= {"array": colours.of(members), "cmap": COLOURS, "norm": colours.norm}
         drawn = LineCollection(list(np.moveaxis(plane, 1, 0)), **look)
         axes.add_collection(drawn)
-        axes.autoscale_view()
+        axes.autoscale_view()  # which Matplotlib does itself from 3.11 on
     if not lines or count <= _FEW:
         size = 4.0 if lines else None
         drawn, count = _dots(axes, plane.reshape(-1, 2), colours, np.tile(members, n), size)
@@ -257,8 +273,15 @@ def _symbol(label: str) -> str:
 
 
 def _title(run: Any) -> str:
-    eps = rf", $\epsilon$ = {float(run.eps):g}" if np.ndim(run.eps) == 0 else ""
+    eps = rf", $\epsilon$ = {spelled(float(run.eps))}" if np.ndim(run.eps) == 0 else ""
     return f"{run.map.title}{eps}"
+
+
+def spelled(eps: float) -> str:
+    """Return a step size as it was probably written: 0.2, or 1/256 in place of 0.00390625."""
+    near = Fraction(eps).limit_denominator(100_000)
+    is_fraction = float(near) == eps and abs(near.numerator) < 1000
+    return str(near) if is_fraction and float(f"{eps:.3g}") != eps else f"{eps:g}"
 
 
 def _orbits(B: int) -> str:

@@ -135,7 +135,7 @@ def plot_phase(
     >>> [float(end) for end in ax.get_xlim()]
     [-4.0, 4.0]
     """
-    from .orbits import COLOURS, axes_for
+    from .orbits import COLOURS, axes_for, spelled
 
     eps, extent = positive("eps", eps), positive("extent", extent)
     I1, I2, I13, I23, k = map_of(body).formula("plot_phase", body).compute(body)
@@ -162,7 +162,7 @@ def plot_phase(
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
-    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={eps:g}$"
+    moments = rf"$I_1={I1:g}$, $I_2={I2:g}$, $\epsilon={spelled(eps)}$"
     products = rf"$I_{{13}}={I13:g}$, $I_{{23}}={I23:g}$" + (f", $k={k:g}$" if k else "")
     axes.set_title(moments + (", " if letter is None else "\n") + products, fontsize="small")
     if letter is not None:

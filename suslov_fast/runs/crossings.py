@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import operator
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -13,9 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
-from ..checks import FloatArray, wrong
-from ..engine.arguments import BodyOrField
+from ..checks import FloatArray, integer, one_of, wrong
+from ..engine.arguments import BodyOrField, Problem, thread_count
+from ..engine.status import ON_SINGULAR, OnSingular, report_failures
+from ..engine.stretches import March, Progress, Progressed, reporter
 from ..maps import Map
+from .search import Search, Surface, check_surface
 from .trajectories import equal
 
 if TYPE_CHECKING:
@@ -35,7 +39,8 @@ class Crossings:
     n : ndarray(int, shape=(K,))
         The orbit crosses between its states n and n + 1, counted from the initial state.
     before, after : ndarray(float, shape=(K, D))
-        The states n and n + 1, those of :func:`iterate` bit for bit.
+        The states n and n + 1, those of :func:`iterate` bit for bit. A return map starts from
+        `after`: a point of `states` may lie below the surface by rounding, and return at once.
     fraction : ndarray(float, shape=(K,))
         a / (a - b) in [0, 1], for the values a and b of the surface at n and n + 1.
     count : ndarray(int, shape=(...))
@@ -44,15 +49,15 @@ class Crossings:
         Those of a run of transient + steps steps. For a trajectory that ended at its crossing
         number `most`, `final` is the state after this crossing, and `status` and `failed_at` do
         not report later failures.
-    body, eps
-        The arguments of :func:`crossings`.
+    body, eps, steps, transient, direction, most, method
+        The arguments of :func:`crossings`; `steps` with those of :meth:`extend`.
     map : Map
         The record of the map, an instance of `maps.Map`.
 
     Notes
     -----
     ``len(points)`` is K. Two objects are equal if all attributes above are equal, where NaN equals
-    NaN; they are not hashable.
+    NaN, whatever their surfaces are; they are not hashable.
 
     Examples
     --------
@@ -77,6 +82,18 @@ class Crossings:
     body: BodyOrField
     eps: float | FloatArray
     map: Map
+    method: str
+    steps: int
+    transient: int
+    direction: int
+    most: int | None
+    # What `extend` continues: the state that the march has reached, the numbers (B, C) that steps
+    # carry, the values of the surface there, (B,), if they are known, and the surface.
+    # `dataclasses.replace` makes a result without them.
+    _n: int = field(init=False, default=0, compare=False)
+    _carry: FloatArray | None = field(init=False, default=None, compare=False)
+    _last: FloatArray | None = field(init=False, default=None, compare=False)
+    _surface: Surface | None = field(init=False, default=None, compare=False)
 
     def __post_init__(self) -> None:
         for value in vars(self).values():
@@ -115,22 +132,23 @@ class Crossings:
         """True if no trajectory failed before it ended."""
         return bool((self.status >= 0).all())
 
-    def _at_crossings(self, values: Any) -> Any:
-        """Return, for each crossing, the value of its trajectory; values broadcast to the batch."""
-        if values.size == 1:
-            return np.full(len(self), values.item())
-        return np.broadcast_to(values, self.count.shape).ravel()[self.trajectory]
+    def _at_crossings(self, values: Any, axes: int = 0) -> Any:
+        """Return, for each crossing, the value of its trajectory, with its last axes if `axes`."""
+        inner = values.shape[values.ndim - axes :]
+        each = np.broadcast_to(values, (*self.count.shape, *inner)).reshape(-1, *inner)
+        return each[self.trajectory]
 
     def __len__(self) -> int:
         return len(self.n)
 
     def __reduce__(self) -> Any:  # NumPy's pickles forget what is read-only
-        return type(self), tuple(getattr(self, item.name) for item in fields(self))
+        given = tuple(getattr(self, item.name) for item in fields(self) if item.init)
+        return type(self), given, {"_n": self._n, "_carry": self._carry, "_last": self._last}
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Crossings):
             return NotImplemented
-        names = [item.name for item in fields(self)]
+        names = [item.name for item in fields(self) if item.compare]
         return all(equal(getattr(self, name), getattr(other, name)) for name in names)
 
     def of(self, index: Any) -> Crossings:
@@ -165,7 +183,95 @@ class Crossings:
         parts |= {name: np.array(getattr(self, name)[place]) for name in _OF_BATCH}
         eps = float(np.broadcast_to(self.eps, batch)[place])
         parts["trajectory"] = np.zeros(end - begin, np.int64)
-        return Crossings(**parts, body=body, eps=eps, map=self.map)
+        parts |= {name: getattr(self, name) for name in ("map", *_NUMBERS)}
+        points = Crossings(**parts, body=body, eps=eps)
+        if self._carry is not None:
+            last = None if self._last is None else self._last[i : i + 1]
+            points._keep(self._n, self._carry[:, i : i + 1], last, None if batch else self._surface)
+        return points
+
+    def _keep(self, n: int, carry: Any, last: Any, surface: Any = None) -> None:
+        """Keep what `extend` continues."""
+        vars(self).update(_n=n, _carry=carry, _last=last, _surface=surface)
+        self.__post_init__()
+
+    def extend(
+        self,
+        steps: int,
+        surface: Surface | None = None,
+        *,
+        threads: int | None = None,
+        on_singular: OnSingular = "warn",
+        progress: Progress = None,
+    ) -> Crossings:
+        """Continue the run; the result has the bits of one call of :func:`crossings`.
+
+        Trajectories that ended at their crossing number `most` stay ended.
+
+        Parameters
+        ----------
+        steps : int
+            Number of additional steps, 0 or more. A run that ended in its transient finishes this
+            first.
+        surface : callable, optional
+            The surface, which results of :meth:`load` and :meth:`of` and pickles do not have; by
+            default that of :func:`crossings`.
+        threads, on_singular, progress
+            As in :func:`crossings`.
+
+        Returns
+        -------
+        Crossings
+            A new object, which also has the crossings of this one. A copy made by
+            `dataclasses.replace` lacks what is needed to go on: a ValueError.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField, crossings
+        >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
+        >>> half = crossings(oscillator, [1.0, 0.0], 1 / 8, 100, lambda x: x[..., 0])
+        >>> half.extend(100).n
+        array([ 37,  88, 138, 188])
+        """
+        if self._carry is None:
+            raise ValueError("extend: expected a result of crossings or Crossings.load, got a copy")
+        if surface is None and (surface := self._surface) is None:
+            text = "surface: files, pickles and of() do not keep it: pass extend(steps, surface)"
+            raise ValueError(text)
+        total, batch = self.steps + integer("steps", steps, 0), self.count.shape
+        one_of("on_singular", on_singular, ON_SINGULAR)
+        reports = reporter(progress, self.transient + total - self._n)
+        check_surface(surface)
+        problem = Problem(self.map, self.body, self.final, self.eps, batch, thread_count(threads))
+        reached = Progressed(self._n, self.final, self.status, self.failed_at, self._carry, None)
+        march = March(problem, self.method, reached)
+        search = Search(march, surface, self.direction, self.most, self)
+        return searched(search, total, self.transient, self.method, on_singular, reports, self._n)
+
+    def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+        """Write the crossings to `path`, a name that ends in .npz, without loss.
+
+        The file has all but the surface, and appears under its name when it is complete. An
+        existing file is an error unless `overwrite` is True.
+        """
+        from .storage import save
+
+        save(self, path, overwrite)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Crossings:
+        """Read crossings written by :meth:`save`; ValueError if the file is something else."""
+        from .storage import load
+
+        return cls._of(load(path, "Crossings"))
+
+    @classmethod
+    def _of(cls, found: dict[str, Any]) -> Crossings:
+        """Return the crossings that a file has."""
+        own = {name: found.pop(name) for name in ("_n", "_carry", "_last")}
+        points = cls(**found)
+        points._keep(own["_n"], own["_carry"], own["_last"])
+        return points
 
     def to_xarray(self) -> xarray.Dataset:
         """Return the crossings as an `xarray.Dataset` of dimensions "crossing" and "component".
@@ -180,43 +286,29 @@ class Crossings:
             Variables `before`, `after` and `fraction`, and the points under the name that the map
             has for states, "omega" or "x".
         """
-        from .. import __version__
+        from .datasets import crossings_to_xarray
 
-        dataset, map, body = checks.extra("xarray", "xarray").Dataset, self.map, self.body
-        lines = {"before": "state n", "after": "state n + 1", map.variable: f"{map.meaning} there"}
-        points = {"before": self.before, "after": self.after, map.variable: self.states}
-        variables: dict[str, Any] = {
-            name: (("crossing", "component"), points[name], {"long_name": text})
-            for name, text in lines.items()
-        }
-        variables["fraction"] = "crossing", self.fraction
-        coords: dict[str, Any] = {"component": np.array(body._labels, object)}
-        coords |= {name: ("crossing", getattr(self, name)) for name in ("trajectory", "n", "time")}
-        coords["eps"] = "crossing", self._at_crossings(np.asarray(self.eps))
-        for name, values in varying(body).items():
-            if name not in body._axes:
-                coords[name] = "crossing", self._at_crossings(values)
-            elif body._axes[name] == 1:  # J and I in n dimensions
-                columns = np.moveaxis(values, -1, 0)
-                each = np.stack([self._at_crossings(column) for column in columns], axis=-1)
-                coords[name] = ("crossing", "component"), each
-        return dataset(variables, coords, {"title": map.title, "version": __version__})
+        return crossings_to_xarray(self)
 
     def plot(
-        self, components: Sequence[int | str] = (0, 1), color: Any = None, ax: Any = None
+        self, components: Sequence[int | str] | None = None, color: Any = None, ax: Any = None
     ) -> Any:
         """Draw the crossings in the plane of two components, and return Matplotlib axes.
 
-        `components` are indices or labels. `color` is the name of the quantity that colours them:
-        a parameter that varies, "eps", "trajectory", "n" or "time"; or numbers, one for each
-        crossing. By default it is the named parameter of a family. `ax` are axes to draw on.
+        `components` are indices or labels, by default of the first two that vary: a section x1 = 0
+        is drawn over x2 and x3. `color` is the name of the quantity that colours the points: a
+        parameter that varies, "eps", "trajectory", "n" or "time"; or numbers, one for each crossing
+        (K,) or for each trajectory (...). By default it is the named parameter of a family. `ax`
+        are axes to draw on.
         """
         plots = import_module("suslov_fast.plots.orbits")
         return plots.plot_crossings(self, components, color, ax)
 
     def __repr__(self) -> str:
         failed, n = np.count_nonzero(self.status < 0), self.n
-        steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n)) or "none"
+        steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n))
+        if not n.size:
+            steps = {1: "none upwards", -1: "none downwards", 0: "none"}[self.direction]
         low, high = np.min(self.eps, initial=np.inf), np.max(self.eps, initial=-np.inf)
         eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
         return (
@@ -225,10 +317,29 @@ class Crossings:
         )
 
 
-def varying(body: Any) -> dict[str, Any]:
-    """Return the parameters of a body, for fields the named ones, that vary along its batch."""
-    arrays, axes, names = body._arrays, body._axes, body.parameters
-    return {name: arrays[name] for name in names if arrays[name].ndim > axes.get(name, 0)}
+def searched(
+    search: Search,
+    steps: int,
+    transient: int,
+    method: str,
+    on_singular: OnSingular,
+    reports: Any,
+    since: int = 0,
+) -> Crossings:
+    """Carry out a search, report failures after state `since`, and return the crossings."""
+    march = search.march
+    with reports as report:
+        search.run(transient, transient + steps, report)
+    if search.is_stopped:
+        steps = max(march.n - transient, 0)
+    problem, most = march.problem, search.most
+    points = Crossings(
+        **search.result(), body=problem.body, eps=problem.eps, map=problem.map, method=method,
+        steps=steps, transient=transient, direction=search.direction, most=most,
+    )  # fmt: skip
+    points._keep(march.n, march.carry, search.last, search.surface)
+    report_failures(points, on_singular, since + 1 if since else 0, name="crossings")
+    return points
 
 
 # Names that users of runs or of SciPy may try, and what to use instead.
@@ -241,3 +352,4 @@ _INSTEAD = {
 }
 _OF_EACH = "trajectory", "n", "before", "after", "fraction"
 _OF_BATCH = "count", "status", "failed_at", "final"
+_NUMBERS = "method", "steps", "transient", "direction", "most"

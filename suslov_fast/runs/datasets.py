@@ -89,3 +89,31 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
         if name in parameters and run.status.shape[axis] > 1 and alone.get(name) != axis:
             raise wrong("dims", f"{name} for the axis along which it varies alone", repr(dims))
     return tuple(names)
+
+
+def varying(body: Any) -> dict[str, Any]:
+    """Return the parameters of a body, for fields the named ones, that vary along its batch."""
+    arrays, axes, names = body._arrays, body._axes, body.parameters
+    return {name: arrays[name] for name in names if arrays[name].ndim > axes.get(name, 0)}
+
+
+def crossings_to_xarray(points: Any) -> Any:
+    """Return crossings as a dataset; see `Crossings.to_xarray`."""
+    from .. import __version__
+
+    dataset, map, body = extra("xarray", "xarray").Dataset, points.map, points.body
+    lines = {"before": "state n", "after": "state n + 1", map.variable: f"{map.meaning} there"}
+    states = {"before": points.before, "after": points.after, map.variable: points.states}
+    variables: dict[str, Any] = {
+        name: (("crossing", "component"), states[name], {"long_name": text})
+        for name, text in lines.items()
+    }
+    variables["fraction"] = "crossing", points.fraction
+    coords: dict[str, Any] = {"component": np.array(body._labels, object)}
+    coords |= {name: ("crossing", getattr(points, name)) for name in ("trajectory", "n", "time")}
+    coords["eps"] = "crossing", points._at_crossings(np.asarray(points.eps))
+    for name, values in varying(body).items():
+        if (axes := body._axes.get(name, 0)) < 2:  # one for J and I in n dimensions
+            dims = ("crossing", "component")[: axes + 1]
+            coords[name] = dims, points._at_crossings(values, axes)
+    return dataset(variables, coords, {"title": map.title, "version": __version__})

@@ -107,7 +107,10 @@ def iterate(
         What to do if trajectories fail: one :class:`SingularStepWarning` for all, a
         :class:`SingularStepError` that holds the result, or nothing.
     progress : bool or callable, optional
-        True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``.
+        True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``, while all
+        trajectories stand at the state `done`. If it returns False, the run ends there;
+        :meth:`Trajectories.extend` continues it. All other answers go on: with a
+        `threading.Event` write ``lambda done, steps: not event.is_set()``.
 
     Returns
     -------

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import checks
 from ..checks import MOMENTS, common_shape, integer, real_array, within, wrong
 from ..engine.arguments import require
 from ..engine.status import Status
@@ -24,27 +25,36 @@ from ..maps import body_from_dict, class_named, map_of, named
 PathLike = str | os.PathLike[str]
 
 FORMAT = 10
-_ARRAYS = "states", "eps", "status", "failed_at", "final", "attitude", "_carry", "_turned"
+# What files of each kind of result have: arrays, some of which may lack, and numbers.
+_OF_ALL = "eps", "status", "failed_at", "final", "_carry"
+_ARRAYS = {
+    "Trajectories": (*_OF_ALL, "states", "attitude", "_turned"),
+    "Crossings": (*_OF_ALL, "n", "before", "after", "fraction", "count", "_last"),
+}
+_NUMBERS = {
+    "Trajectories": ("method", "steps", "save_every"),
+    "Crossings": ("method", "steps", "transient", "direction", "most", "_n"),
+}
 _TEXTS, _OLD = ("about", "body"), ("format", "version")  # the latter in files of 0.5
-_NUMBERS = "method", "steps", "save_every"
 # Bytes of the header of an entry; of the text `about`; of any text that is compressed, which
 # JSON never is to 1/64.
 _HEADER, _ABOUT, _TEXT, _RATIO = 2**14, 2**20, 2**24, 64
 
 
-def save(run: Any, path: PathLike, overwrite: bool) -> None:
-    """Write a run to a .npz file, which appears under its name when it is complete."""
+def save(result: Any, path: PathLike, overwrite: bool) -> None:
+    """Write a result to a .npz file, which appears under its name when it is complete."""
     from .. import __version__
 
     target = Path(os.path.realpath(_checked(path)))  # of a link the file that it names
     if target.exists() and not overwrite:
         raise _exists(path)
-    about = {"format": FORMAT, "version": __version__}
-    about |= {"map": run.map.name, **{name: getattr(run, name) for name in _NUMBERS}}
-    described = run.body.to_dict()
-    if class_named(described["body"]) is not type(run.body):
+    kind, described = type(result).__name__, result.body.to_dict()
+    about = {"format": FORMAT, "version": __version__, "kind": kind, "map": result.map.name}
+    about |= {name: getattr(result, name) for name in _NUMBERS[kind]}
+    if class_named(described["body"]) is not type(result.body):
         raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
-    arrays = {name: getattr(run, name) for name in _ARRAYS if getattr(run, name) is not None}
+    arrays = {name: getattr(result, name) for name in _ARRAYS[kind]}
+    arrays = {name: each for name, each in arrays.items() if each is not None}
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
     try:
         _write(target, arrays, overwrite)
@@ -117,81 +127,143 @@ def _lock(file: Any) -> None:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def load(path: PathLike) -> dict[str, Any]:
-    """Return the attributes of the run in a file of `save`; errors name the file.
+def load(path: PathLike, *kinds: str) -> dict[str, Any]:
+    """Return the attributes of the result in a file of `save`, with its kind, if this is not given.
 
-    Only entries that a run has are read, and arrays only if their types and shapes are right.
+    Only entries that such a result has are read, and arrays only if their types and shapes are
+    right. Errors name the file.
     """
     name = os.fspath(_checked(path))
+    expected = f"a file that {' or '.join(f'{kind}.save' for kind in kinds or _ARRAYS)} wrote"
     try:
         with open(name, "rb") as file, zipfile.ZipFile(file) as entries:
-            return _read(entries)
+            about, texts = _about(entries)
+            kind = checks.one_of("kind", about["kind"], _ARRAYS)
+            if not kinds or kind in kinds:
+                return _read(entries, kind, about, texts["body"]) | (
+                    {} if kinds else {"kind": kind}
+                )
     except (OSError, MemoryError):
         raise
     except Exception as error:  # from NumPy, zipfile or json
-        expected = "a file that Trajectories.save wrote"
         raise wrong(name, expected, f"another, or a damaged one: {error}") from error
+    raise wrong(name, expected, f"one of {kind}.save: {kind}.load reads it")
 
 
-def _read(entries: zipfile.ZipFile) -> dict[str, Any]:
-    kinds = {name: _kind(entries, name) for name in (*_ARRAYS, *_TEXTS, *_OLD)}
-    given = {name: kind for name, kind in kinds.items() if kind is not None}
-    texts = {name: _text(entries, name) for name in (*_TEXTS, *_OLD) if name in given}
+def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return what a file says of itself, and its texts."""
+    names = [name for name in (*_TEXTS, *_OLD) if _kind(entries, name) is not None]
+    texts = {name: _text(entries, name) for name in names}
     about = json.loads(texts.get("about", "{}"))
     version = about.get("version", texts.get("version"))
     if about.get("format", texts.get("format", FORMAT)) != FORMAT:
-        how = f"one of suslov_fast {version}: compute the run again"
+        how = f"one of suslov_fast {version}: compute it again"
         raise wrong("format", f"{FORMAT}, that of this version", how)
-    method, steps, every = (about[name] for name in _NUMBERS)
-    integer("steps", steps, 0)
-    rows = 1 if every is None else steps // integer("save_every", every, 1) + 1
-    body, map = body_from_dict(json.loads(texts["body"])), named(about["map"])
-    if map_of(body, method) is not map:
+    return about, texts
+
+
+def _read(entries: zipfile.ZipFile, kind: str, about: Any, described: str) -> dict[str, Any]:
+    kinds = {name: _kind(entries, name) for name in _ARRAYS[kind]}
+    given = {name: each for name, each in kinds.items() if each is not None}
+    numbers = {name: about[name] for name in _NUMBERS[kind]}
+    body, map = body_from_dict(json.loads(described)), named(about["map"])
+    if map_of(body, numbers["method"]) is not map:
         raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
     # All other shapes follow from that of `status`.
-    batch, D = given["status"][1], body.dimension
-    size, turns = math.prod(batch), "attitude" in given or "_turned" in given
-    expected = arrays_of_a_run("states", batch, rows, D, turns)
-    expected["_carry"] = "float64", (map.methods[method].carried, size)
-    if turns:
-        expected["_turned"] = "float64", (size, D + 1, D + 1)
+    batch, size = given["status"][1], math.prod(given["status"][1])
+    arrays = _arrays_of_a_file if kind == "Trajectories" else _arrays_of_crossings
+    expected = arrays(numbers, given, batch, body.dimension)
+    expected["_carry"] = "float64", (map.methods[numbers["method"]].carried, size)
     if "eps" in given:  # it broadcasts to the batch
         expected["eps"] = "float64", given["eps"][1]
         shapes = {"body": body.shape, "eps": given["eps"][1], "status": batch}
         if common_shape(shapes) != batch:
             raise wrong("status", f"shape {common_shape(shapes)}", batch)
-    check_arrays({name: given[name] for name in given if name in _ARRAYS}, expected)
-    run: dict[str, Any] = dict.fromkeys(_ARRAYS)
-    run |= {name: _entry(entries, name) for name in expected}
-    eps = within("eps", real_array("eps", run["eps"]), MOMENTS)
-    n = np.arange(rows) * every if every else np.array([steps])
-    _check_failures(run, steps)
-    _check_states(run, n, steps)
-    run |= {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
-    return run | {"method": method, "steps": steps, "save_every": every}
+    check_arrays(given, expected)
+    found: dict[str, Any] = dict.fromkeys(_ARRAYS[kind])
+    found |= {name: _entry(entries, name) for name in expected} | numbers
+    eps = within("eps", real_array("eps", found["eps"]), MOMENTS)
+    _check_failures(found, numbers["steps"] if kind == "Trajectories" else numbers["_n"])
+    if kind == "Trajectories":
+        _check_states(found)
+    else:
+        found["trajectory"] = _check_crossings(found)
+    return found | {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
 
 
-def _check_failures(run: Mapping[str, Any], steps: int) -> None:
+def _arrays_of_a_file(
+    numbers: dict[str, Any], given: dict[str, Any], batch: tuple[int, ...], D: int
+) -> dict[str, Any]:
+    """Return the types and shapes of the arrays of a run in a file, after checks of its numbers."""
+    steps, every = integer("steps", numbers["steps"], 0), numbers["save_every"]
+    rows = 1 if every is None else steps // integer("save_every", every, 1) + 1
+    turns = "attitude" in given or "_turned" in given
+    found: dict[str, Any] = arrays_of_a_run("states", batch, rows, D, turns)
+    return found | ({"_turned": ("float64", (math.prod(batch), D + 1, D + 1))} if turns else {})
+
+
+def _arrays_of_crossings(
+    numbers: dict[str, Any], given: dict[str, Any], batch: tuple[int, ...], D: int
+) -> dict[str, Any]:
+    """Return the types and shapes of the arrays of crossings, after checks of their numbers."""
+    end = sum(integer(name, numbers[name], 0) for name in ("steps", "transient"))
+    integer("direction", numbers["direction"], -1, "1, -1 or 0", 1)
+    integer("_n", numbers["_n"], 0, f"an integer from 0 to {end}", end)
+    if numbers["most"] is not None:
+        integer("most", numbers["most"], 1)
+    (K,) = given["n"][1]
+    found: dict[str, Any] = arrays_of_a_run("states", batch, 0, D, False)
+    del found["states"]
+    found |= {"before": ("float64", (K, D)), "after": ("float64", (K, D))}
+    found |= {"n": ("int64", (K,)), "fraction": ("float64", (K,)), "count": ("int64", batch)}
+    return found | ({"_last": ("float64", (math.prod(batch),))} if "_last" in given else {})
+
+
+def _check_failures(found: Mapping[str, Any], steps: int) -> None:
     """Check that statuses, `failed_at` and last states agree."""
-    status, failed_at, failed = run["status"], run["failed_at"], run["status"] < 0
+    status, failed_at, failed = found["status"], found["failed_at"], found["status"] < 0
     if not np.isin(status, [*Status]).all():
         raise wrong("status", "values of Status", "others")
     if ((failed_at < -1) | (failed_at > steps) | ((failed_at >= 0) != failed)).any():
         expected = f"a step from 0 to {steps} where a trajectory failed, else -1"
         raise wrong("failed_at", expected, "others")
-    if (np.isnan(run["final"]).any(axis=-1) != failed).any():
+    if (np.isnan(found["final"]).any(axis=-1) != failed).any():
         raise wrong("final", "NaN where a trajectory failed, else numbers", "others")
 
 
-def _check_states(run: Mapping[str, Any], n: Any, steps: int) -> None:
-    """Check that saved states, at the steps n, agree with failures and last states."""
+def _check_states(run: Mapping[str, Any]) -> None:
+    """Check that saved states agree with failures and last states."""
     states, final, failed_at = run["states"], run["final"], run["failed_at"]
+    every, steps = run["save_every"], run["steps"]
+    n = np.arange(len(states)) * every if every else np.array([steps])
     if n[-1] == steps and not np.array_equal(states[-1], final, equal_nan=True):
         raise wrong("final", f"the saved state {steps}", "another")
-    n = n.reshape(-1, *(1,) * failed_at.ndim)
-    gone = (run["status"] < 0) & (failed_at <= n)
+    gone = (run["status"] < 0) & (failed_at <= n.reshape(-1, *(1,) * failed_at.ndim))
     if (np.isnan(states[..., 0]) != gone).any():
         raise wrong("states", "NaN from the state failed_at on, and numbers before it", "others")
+
+
+def _check_crossings(points: Mapping[str, Any]) -> Any:
+    """Return the trajectory of each crossing, after checks that all arrays agree."""
+    count, most, n = points["count"].ravel(), points["most"], points["n"]
+    begin, end = points["transient"], min(points["_n"], points["transient"] + points["steps"])
+    if (count < 0).any() or count.sum() != len(n) or (most and (count > most).any()):
+        raise wrong("count", "the numbers of crossings of trajectories", "others")
+    trajectory = np.repeat(np.arange(len(count)), count)
+    if ((n < begin) | (n >= end)).any() or (np.diff(n)[np.diff(trajectory) == 0] <= 0).any():
+        raise wrong("n", f"ascending steps from {begin} to {end - 1} of each trajectory", "others")
+    fraction, after = points["fraction"], points["after"]
+    if not ((fraction >= 0) & (fraction <= 1)).all():
+        raise wrong("fraction", "numbers from 0 to 1", "others")
+    if not np.isfinite([points["before"], after]).all():
+        raise wrong("before and after", "finite states", "others")
+    ended = np.flatnonzero(count == (most or -1))
+    final = points["final"].reshape(len(count), -1)[ended]
+    if not np.array_equal(final, after[np.cumsum(count)[ended] - 1]):
+        raise wrong(
+            "final", "of trajectories that ended the state after the last crossing", "others"
+        )
+    return trajectory
 
 
 def _kind(entries: zipfile.ZipFile, name: str) -> tuple[str, tuple[int, ...]] | None:

@@ -330,7 +330,7 @@ class Trajectories:
         """Read a run written by :meth:`save`; ValueError if the file is something else."""
         from .storage import load
 
-        return cls._of(load(path))
+        return cls._of(load(path, "Trajectories"))
 
     def __repr__(self) -> str:
         failed, n = np.count_nonzero(self.status < 0), self.n
@@ -363,6 +363,7 @@ def run_to_end(
         march.omega0 = march.omega0.copy()
     with reports as report:
         saved, turns = march.to(steps, every, out, report)
+    steps = march.n  # fewer, if `progress` ended the run
     if out is not None:
         saved = saved.view()  # that of the run becomes read-only, `out` stays as it is
     if every and earlier is not None and start > 0:

@@ -1,0 +1,212 @@
+"""The search for crossings of a surface along a march.
+
+The march computes the orbits in pieces that fit into the caches. The user's function returns a
+value for each state of a piece; only the states on both sides of a change of sign are kept.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .. import checks
+from ..bodies.advice import arguments_of
+from ..checks import FloatArray, wrong
+from ..core.crossings import keep, put
+from ..engine.arguments import require
+from ..engine.status import Status
+from ..engine.stretches import March, Report
+
+# Numbers in a piece, which stays in the caches. A call of a kernel costs as much as some steps, so
+# a piece has at least _STATES states of each trajectory, if these are at most _LARGE numbers.
+_PIECE, _STATES, _LARGE = 2**17, 48, 2**22
+_FIRST = 64  # steps of the first piece where a run may end early; each next one has twice as many
+_WITHOUT_END = 2**62
+_LAST = "components on the last axis, as x[..., 2]"  # advice, for surfaces of a single state
+_OF_ONE_STATE = "out of bounds|too many indices|values to unpack"  # their errors
+
+Surface = Callable[[FloatArray], ArrayLike]
+
+
+def check_surface(surface: Any) -> None:
+    """Raise an error unless this is a function of states alone."""
+    if not callable(surface):
+        raise wrong("surface", "a function of states", checks.kind_of(surface), TypeError)
+    if len(needed := arguments_of(surface)) > 1:
+        expected = "a function of the states alone, as lambda x: x[..., 2] - 27"
+        raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
+    given = {name: getattr(surface, name) for name in _EVENT if hasattr(surface, name)}
+    if given:
+        received = " and ".join(f"surface.{name} = {value!r}" for name, value in given.items())
+        how = " and ".join(_EVENT[name] for name in given)
+        expected = "a function without the attributes of SciPy's events"
+        raise wrong("surface", expected, f"{received}: pass {how} to crossings", TypeError)
+
+
+# What to pass in place of the attributes of an event of `solve_ivp`.
+_EVENT = {"terminal": "most=1", "direction": "direction=1, -1 or 0"}
+
+
+class Search:
+    """The crossings of a march, from its state on.
+
+    Attributes
+    ----------
+    counts : ndarray(int, shape=(B,))
+        The number of crossings of each trajectory, those of an earlier search included.
+    last : ndarray(float, shape=(B,)) or None
+        The values of the surface at the state of the march, if they are known.
+    alive : ndarray(int8, shape=(B,))
+        The statuses of trajectories that end before they fail.
+    is_stopped : bool
+        Whether `progress` ended the run.
+    """
+
+    def __init__(
+        self, march: March, surface: Surface, direction: int, most: int | None, earlier: Any = None
+    ) -> None:
+        self.march, self.surface, self.earlier = march, surface, earlier
+        self.changed: Any = {1: np.greater, -1: np.less, 0: np.not_equal}[direction]
+        self.direction, self.most = direction, most
+        self.limit = most or _WITHOUT_END
+        B, D = march.omega0.shape
+        self.batch, self.is_stopped = march.problem.batch, False
+        self.pieces: list[tuple[NDArray[np.int64], FloatArray]] = []  # as `keep` writes them
+        if earlier is None:
+            self.last = self.values_of(march.omega0.reshape(1, *self.batch, D))[0]
+            self.counts, self.alive = np.zeros(B, np.int64), march.status.ravel()
+            return
+        self.last, self.counts = earlier._last, earlier.count.ravel().copy()
+        self.alive = earlier.status.ravel()
+        self._end()
+
+    def _end(self) -> None:
+        """Mark trajectories that have ended as failed: kernels may then leave them out."""
+        self.march.status.reshape(-1)[self.counts >= self.limit] = Status.NONFINITE
+
+    def values_of(self, states: FloatArray) -> FloatArray:
+        """Return the surface at states (rows, ..., D), as (rows, B), after checks.
+
+        It is NaN at states that are NaN, of which functions with integer values make a number.
+        """
+        states = states.view()
+        states.flags.writeable = False
+        try:
+            # States beyond the end of a trajectory may overflow in the surface, without a warning.
+            with np.errstate(over="ignore", invalid="ignore"):
+                found: Any = self.surface(states)
+        except (
+            IndexError,
+            ValueError,
+        ) as error:  # of one who takes a single state for the argument
+            if not re.search(_OF_ONE_STATE, str(error)):
+                raise
+            kind = IndexError if isinstance(error, IndexError) else ValueError
+            raise wrong("surface", _LAST, error, kind) from error
+        if isinstance(found, np.ma.MaskedArray):
+            how = "return NaN where there is no value, as by values.filled(np.nan)"
+            raise wrong("surface", "real numbers", f"a masked array: {how}", TypeError)
+        values = np.asarray(found)
+        if values.dtype.kind == "b":
+            how = "pass the difference, not the comparison"
+            raise wrong("surface", "real numbers", f"bool: {how}", TypeError)
+        if values.dtype.kind not in "iuf":
+            raise wrong("surface", "real numbers", f"values of dtype {values.dtype}", TypeError)
+        if values.shape != states.shape[:-1]:
+            received = f"values {values.shape} for states {states.shape}"
+            expected = f"a number for each state, values (...) for (..., D), with {_LAST}"
+            raise wrong("surface", expected, received)
+        values = values.astype(np.float64, copy=False)
+        if self.march.n == 0 or (self.march.status < 0).any():
+            values = np.where(np.isnan(states[..., 0]), np.nan, values)
+        return values.reshape(len(states), -1)
+
+    def run(self, transient: int, end: int, report: Report | None) -> None:
+        """March to state `end`; look at states from `transient` on."""
+        march, n = self.march, self.march.n
+        (B, D), begin, told = march.omega0.shape, n, None
+
+        if report is not None:
+
+            def told(done: int) -> bool:
+                self.is_stopped = not report(done)
+                return not self.is_stopped
+
+        if n <= transient:
+            march.to(transient, report=told if n < transient else None)
+            self.alive = march.status.ravel().copy()
+            if n < transient:
+                self.last, n = None, march.n
+        # The last state of the piece before, and the states of this piece, with their values.
+        width = max(B * D, 1)
+        most = min(max(_PIECE // width, min(_STATES, _LARGE // width), 1), end - transient)
+        require(8 * (most + 1) * B * (D + 1), "divide the batch")
+        states, values = np.empty((most + 1, *self.batch, D)), np.empty((most + 1, B))
+        states[0] = march.final
+        if self.last is None and transient <= n < end and not self.is_stopped:
+            self.last = self.values_of(states[:1])[0]
+        longest = most if self.most is None else min(_FIRST, most)
+        while n < end and not self.is_stopped and (march.status >= 0).any():
+            rows = min(longest, end - n)
+            longest = min(2 * longest, most)
+            march.to(n + rows, 1, states[n > 0 : rows + 1])  # the first piece begins with state 0
+            values[0], values[1 : rows + 1] = self.last, self.values_of(states[1 : rows + 1])
+            self._look(n, states[: rows + 1], values[: rows + 1])
+            states[0], self.last = states[rows], values[rows].copy()
+            self._end()
+            n += rows
+            if told is not None:
+                told(n - begin)
+
+    def _look(self, n: int, states: FloatArray, values: FloatArray) -> None:
+        """Keep the crossings between these states (rows + 1, ..., D), which begin with state n."""
+        is_positive = values >= 0.0
+        places = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
+        if places.size:
+            flat = states.reshape(*values.shape, -1)
+            integers = np.empty((places.size, 3), np.int64)
+            numbers = np.empty((places.size, 2 * flat.shape[-1] + 1))
+            given = places, n, values, flat, self.limit, self.counts, integers, numbers
+            count = keep(*given)
+            if count == len(places):
+                self.pieces.append((integers, numbers))
+            elif count:  # copies, for memory
+                self.pieces.append((integers[:count].copy(), numbers[:count].copy()))
+
+    def result(self) -> dict[str, Any]:
+        """Return the arrays of all crossings, in order, with those of the earlier search."""
+        march, counts, earlier = self.march, self.counts, self.earlier
+        ends = np.cumsum(counts)
+        starts, K, D = ends - counts, int(counts.sum()), march.omega0.shape[1]
+        n, fraction = np.empty(K, np.int64), np.empty(K)
+        before, after = np.empty((K, D)), np.empty((K, D))
+        trajectory = np.repeat(np.arange(len(counts)), counts)
+        if earlier is not None:
+            given = earlier.count.ravel()
+            shift = starts - (np.cumsum(given) - given)
+            places = np.arange(len(earlier)) + shift[earlier.trajectory]
+            n[places], fraction[places] = earlier.n, earlier.fraction
+            before[places], after[places] = earlier.before, earlier.after
+        self.pieces.reverse()
+        while self.pieces:  # memory for them is given back on the way
+            put(*self.pieces.pop(), starts, n, before, after, fraction)
+        final, status, failed_at = march.final.copy(), march.status.copy(), march.failed_at.copy()
+        ended = counts >= self.limit
+        final.reshape(-1, D)[ended] = after[ends[ended] - 1]
+        status.reshape(-1)[ended] = self.alive[ended]
+        failed_at.reshape(-1)[ended] = -1
+        return {
+            "trajectory": trajectory,
+            "n": n,
+            "before": before,
+            "after": after,
+            "fraction": fraction,
+            "count": counts.reshape(self.batch),
+            "status": status,
+            "failed_at": failed_at,
+            "final": final,
+        }

@@ -107,6 +107,66 @@ def from_text(text: str) -> Fraction:
         raise ValueError(text) from error
 
 
+# Operations that become quadratic as new variables, and those that need one for a quotient, too.
+_AS_VARIABLES = set("exp exp2 expm1 sinh cosh tanh tan".split())
+_WITH_QUOTIENTS = set(
+    "log log2 log10 log1p sqrt cbrt hypot arctan arctan2 arcsin arccos arcsinh arccosh arctanh "
+    "logaddexp logaddexp2 float_power".split()
+)
+_COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".split())
+
+
+class NoPolynomial(TypeError):
+    """An operation on a polynomial whose result is none."""
+
+    def __init__(self, operation: str, of: Polynomial) -> None:
+        super().__init__(f"{operation} of {of!r}")
+        self._operation, self._of = operation, of
+
+    def in_words(self, names: Sequence[str]) -> str:
+        """Return what is done to which polynomial, and whether a new variable helps."""
+        f, of = self._operation, self._of.text(names)
+        of = of if len(of) <= 60 else f"{of[:57]}..."
+        if f in ("quotient", "reciprocal"):
+            new = f"1/{_in_brackets(of)}"
+            return f"divides by {of}: a quotient becomes quadratic with the new variable {new}"
+        if f == "exponent":
+            how = "the power becomes quadratic as a new variable"
+            return f"has {of} in an exponent: {how}, because its derivative is a multiple of it"
+        if f in ("sin", "cos"):
+            return f"calls {f}({of}): sin({of}) and cos({of}) can become variables"
+        if f in _AS_VARIABLES:
+            why = "because its derivative is a polynomial in it and the state"
+            return f"calls {f}({of}): it becomes quadratic as a new variable, {why}"
+        if f in _WITH_QUOTIENTS:
+            why = "together with the quotient in its derivative"
+            return f"calls {f} of {of}: it becomes quadratic as a new variable, {why}"
+        f = {"absolute": "abs", "fabs": "abs"}.get(f, f)
+        what = (
+            f"compares {of}, as in if: a branch" if f in _COMPARISONS else f"calls {f}({of}): {f}"
+        )
+        how = "is no polynomial, and no new variable makes it one"
+        return f"{what} {how}: only smooth right-hand sides can become quadratic"
+
+
+class NoPower(ValueError):
+    """A power of a polynomial that is no polynomial."""
+
+    def __init__(self, power: Any, of: Polynomial) -> None:
+        super().__init__(f"the power {power} of {of!r}")
+        self._power, self._of = power, of
+
+    def in_words(self, names: Sequence[str]) -> str:
+        """Return which power of which polynomial is asked, and which new variable helps."""
+        of, power = _in_brackets(self._of.text(names)), short(self._power)
+        how = f"with the new variables {of}**{power} and 1/{of}"
+        return f"raises {of} to the power {power}: it becomes quadratic {how}"
+
+
+def _in_brackets(text: str) -> str:
+    return text if text.isidentifier() else f"({text})"
+
+
 class Polynomial(NDArrayOperatorsMixin):
     """A sum of terms with exact coefficients: the argument of functions of the user."""
 
@@ -124,21 +184,39 @@ class Polynomial(NDArrayOperatorsMixin):
         return value if isinstance(value, cls) else cls([((), exact("coefficient", value))])
 
     def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
+        if operation is np.power and isinstance(operands[1], Polynomial):
+            raise NoPolynomial("exponent", operands[1])
         has_array = any(isinstance(each, np.ndarray) for each in operands)
         if has_array or operation in (np.power, np.square):  # entry by entry
             return operation(*(np.array(each, object) for each in operands))
+        if operation is np.true_divide:  # by a polynomial: __truediv__ is for numbers
+            return operands[0] * self.of(operands[1]).inverse()
         if operation not in _ARITHMETIC:
-            raise TypeError(f"the operation {operation.__name__}")
+            raise NoPolynomial(operation.__name__, self)
         return Polynomial(_ARITHMETIC[operation](*(self.of(each).terms for each in operands)))
 
     def __truediv__(self, number: Any) -> Any:
+        if isinstance(number, Polynomial):
+            return self * number.inverse()
         if isinstance(number, Column):
             return self * Polynomial([((number.letter(is_inverse=True),), Fraction(1))])
-        return self * (1 / exact("divisor", number))
+        return self * self.of(number).inverse()
+
+    def inverse(self) -> Polynomial:
+        """Return the inverse of a constant other than 0."""
+        if not self.terms:
+            raise ZeroDivisionError("division by zero")
+        if self.terms.keys() == {()}:
+            return Polynomial([((), 1 / self.terms[()])])
+        raise NoPolynomial("quotient", self)
 
     def __pow__(self, power: Any) -> Any:
+        if isinstance(power, Polynomial):
+            raise NoPolynomial("exponent", power)
+        if isinstance(power, int) and power < 0:
+            return self.inverse() ** -power
         if power not in range(100):
-            raise wrong("power", "a small integer", power)
+            raise NoPower(power, self)
         return math.prod([self] * int(power))
 
     def derivative(self, i: int) -> Polynomial:
@@ -151,7 +229,7 @@ class Polynomial(NDArrayOperatorsMixin):
         )
 
     def __bool__(self) -> bool:
-        raise TypeError("polynomials in x are neither true nor false")
+        raise NoPolynomial("if", self)
 
     def __repr__(self) -> str:
         return self.text(labels(max((i for m in self.terms for i in m), default=0) + 1))

@@ -14,13 +14,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import OTHERS, short, within, wrong
-from .advice import check_arguments, explained
+from ..checks import OTHERS, page, short, within, wrong
+from .advice import CUBIC, check_arguments, explained, name_of
 from .columns import Column, Letter, Refused, exact_values, rounded
 from .polynomials import Polynomial
 
 # A family of fewer members is made by a call of f for each of them.
 _FEWEST = 4
+
+
+class Variables(tuple[Polynomial, ...]):
+    """The variables x: a tuple that says which one is asked for in vain."""
+
+    def __getitem__(self, index: Any) -> Any:
+        try:
+            return super().__getitem__(index)
+        except IndexError:
+            raise IndexError(f"x[{index}] is used, but the dimension is {len(self)}") from None
 
 
 class _Call(NamedTuple):
@@ -41,7 +51,8 @@ class _Call(NamedTuple):
         return np.broadcast_shapes(*map(np.shape, self.parameters.values()))
 
     def __call__(self, parameters: Mapping[str, Any]) -> Any:
-        return self.f(tuple(Polynomial([((i,), Fraction(1))]) for i in range(self.D)), **parameters)
+        x = Variables(Polynomial([((i,), Fraction(1))]) for i in range(self.D))
+        return self.f(x, **parameters)
 
 
 def traced(
@@ -54,7 +65,8 @@ def traced(
     if not callable(f):
         raise wrong(argument, "a function of x, a tuple of the variables", short(f), TypeError)
     f = getattr(f, "py_func", f)  # of a function that Numba compiled
-    check_arguments(argument, f, len(names), parameters)
+    maker = f"QuadraticField.{'from_function' if K is None else 'from_hamiltonian'}"
+    check_arguments(argument, f, names, parameters, maker)
     call = _Call(argument, f, names, 2 if K is None else 3, parameters)
     shape = call.shape
     columns = [np.broadcast_to(np.asarray(a).astype(object), shape) for a in parameters.values()]
@@ -124,35 +136,50 @@ def _monomials(polynomial: Polynomial, D: int, degree: int) -> Iterator[tuple[An
 
 
 def _components(found: Any, D: int) -> Any:
-    if not isinstance(found, (tuple, list, np.ndarray)):
-        raise ValueError(f"{short(found)}: return a tuple of {D}")
-    if len(found) != D:
-        raise ValueError(f"{len(found)} of them: {short(found)}")
+    if not isinstance(found, (tuple, list, np.ndarray)) or len(found) != D:
+        received = f"{short(found)}: return a tuple of {D}"
+        if isinstance(found, (tuple, list, np.ndarray)):
+            received = f"{len(found)}: {short(found)}"
+        raise ValueError(f"expected {D} components, got {received}")
     return found
 
 
 def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> Any:
     """Return the exact tensors of one member of a family, or of a single field."""
-    D, degree = call.D, call.degree
-    count = f"{D} polynomials" if degree == 2 and D > 1 else "a polynomial"
-    expected = f"{count} of degree at most {degree} in x[0] to x[{D - 1}], by +, -, * and /"
+    called = name_of(call.f, call.argument)
     try:
         found = call(parameters)
-        if degree == 3:
-            return _tensor(found, D, degree)
-        return np.stack([_tensor(each, D, degree) for each in _components(found, D)])
-    except (TypeError, AttributeError, ValueError, IndexError, ArithmeticError) as error:
-        kind = TypeError if isinstance(error, (TypeError, AttributeError)) else ValueError
-        raise wrong(call.argument, expected, explained(error, is_family), kind) from error
+    except Exception as error:  # only of f
+        what = explained(error, called, call.names, is_family)
+        kinds = (TypeError, AttributeError, ValueError, IndexError, ArithmeticError)
+        if not isinstance(error, kinds) and what == " ".join(str(error).split()):
+            raise
+        kind = ValueError if isinstance(error, kinds[2:]) else TypeError
+        raise kind(f"{call.argument}: {what}") from (error if isinstance(error, kinds) else None)
+    try:
+        if call.degree == 3:
+            return _tensor(found, called, call.D, 3)
+        parts = _components(found, call.D)
+        return np.stack(
+            [_tensor(each, f"component {i} of {called}", call.D, 2) for i, each in enumerate(parts)]
+        )
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{call.argument}: {error}") from None
 
 
-def _tensor(value: Any, D: int, degree: int) -> Any:
+def _tensor(value: Any, what: str, D: int, degree: int) -> Any:
     """Return a polynomial as a symmetric tensor of fractions in homogeneous coordinates."""
-    terms, table = Polynomial.of(value).terms, np.full((D + 1,) * degree, Fraction(0))
+    try:
+        terms, table = Polynomial.of(value).terms, np.full((D + 1,) * degree, Fraction(0))
+    except TypeError:
+        raise TypeError(
+            f"{what}: expected a polynomial, got {short(value)} of type {type(value).__name__}"
+        ) from None
     within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
     for indices, c in terms.items():
         if len(indices) > degree:
-            raise ValueError(f"degree {len(indices)}")
+            how = f"with more variables it may become quadratic, see {page(CUBIC)}"
+            raise ValueError(f"{what} has degree {max(map(len, terms))}: {how}")
         places = {*permutations((*indices, *[D] * (degree - len(indices))))}
         for each in places:
             table[each] = c / len(places)

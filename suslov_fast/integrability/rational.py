@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..bodies.advice import check_arguments
+from ..bodies.names import labels
 from ..checks import integer, wrong
 from .arithmetic import ring
 from .functions import as_function, factored, over_common_denominator
@@ -68,7 +69,7 @@ def _traced(name: str, f: Any, n: int) -> list[Any]:
     if not callable(f):
         expected = "a function of x, the tuple of variables"
         raise wrong(name, expected, type(f).__name__, TypeError)
-    check_arguments(name, f, n, {})
+    check_arguments(name, f, labels(n), {}, "rational_map" if name == "f" else "")
     of = ring(n, False)
     expected = f"{n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, / and powers"
     try:

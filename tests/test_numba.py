@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from suslov_fast.core import (
+    cache,
     elimination,
     llvm,
     operations,
@@ -106,7 +107,7 @@ def folder(tmp_path):
         path = tmp_path / "package" / name
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
-    for module in (core_numba, llvm):
+    for module in (core_numba, cache, llvm):
         shutil.copy(module.__file__, tmp_path / "package" / "core")
     return tmp_path
 

@@ -6,6 +6,7 @@ import itertools
 import json
 import pickle
 import re
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -328,6 +329,17 @@ def test_a_vector_among_the_parameters_needs_its_axes():
         maps.register(dataclasses.replace(new, random=random))
     with pytest.raises(ValueError, match=r"^body: .*ByIndex._axes.*got TypeError: 'float'"):
         maps.register(dataclasses.replace(new, body=ByIndex))
+
+
+def test_records_of_bodies_that_warn_are_registered_quietly():
+    class Warning3D(sf.Suslov3D):
+        """A body of which some third moments are impossible."""
+
+    new = dataclasses.replace(maps.MAPS["Suslov3D"], name="new", body=Warning3D, pole=None)
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        maps.register(new)
+    assert seen == []
 
 
 def test_labels_may_hold_anything(tmp_path, monkeypatch):

@@ -23,22 +23,16 @@ integers have types of their own: a function that takes one is compiled for each
 
 import functools
 import gc
-import hashlib
 import re
 from contextlib import contextmanager, suppress
-from pathlib import Path
 
 import numba
 import numpy as np
 from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
+from .cache import name_with_digest, use_cache
 from .llvm import call_address, pack
-
-try:
-    from numba.core.caching import FunctionCache
-except ImportError:
-    FunctionCache = None
 
 # The default error model tests every divisor: that costs 30 % and prevents SIMD. Other threads of
 # Python run while a kernel does. Without fastmath no FMA is formed and no sum reordered: serial,
@@ -50,65 +44,14 @@ _FORMULA = _FOR_USERS | {"no_cpython_wrapper": True}
 _FUNCTION = _FORMULA | {"forceinline": False}
 
 
-# ------------------------------------------------------------------------------------------- cache
-# Numba checks a file of its cache only against its own version and the source file of one function.
-# Here the name of a function contains a digest of all sources that are compiled, so that every edit
-# makes new files. The folder must be as trusted as the code.
-@functools.cache
-def _digest():
-    package = Path(__file__).parent.parent
-    files = [*sorted(package.glob("core/*.py")), *package.glob("compiled.py")]
-    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:12]
-
-
-@functools.cache
-def _delete_stale_files(folder):
-    for path in Path(folder).glob(f"*_{'?' * len(_digest())}-*.nb?"):
-        if _digest() not in path.name:
-            path.unlink(missing_ok=True)
-
-
-# Private names of Numba are used in three functions, each of which does without where they are
-# missing: slower, and with the same results. (`llvm` needs what extensions of Numba use, as
-# `make_array`, `_getvalue` and `nrt` of a context.)
-def _use_cache(compiled, py_function):
-    """Give a function its files: `FunctionCache`, `_cache`.
-
-    Numba's own cache fails where a file is damaged, or where there is no folder for files. Without
-    these names each process compiles for itself.
-    """
-    if FunctionCache is None or not hasattr(compiled, "_cache"):
-        return
-
-    class Cache(FunctionCache):
-        """Files of a function. If one cannot be read or written, the process compiles."""
-
-        def load_overload(self, signature, target_context):
-            with suppress(Exception):
-                code = super().load_overload(signature, target_context)
-                # Two processes that write at once may exchange the code of two signatures.
-                is_ours = code and tuple(code.signature.args) == tuple(signature)
-                return code if is_ours else None
-            with suppress(Exception):
-                self.flush()  # the index: `save_overload` would read it
-            return None
-
-        def save_overload(self, signature, data):
-            with suppress(Exception):
-                super().save_overload(signature, data)
-                _delete_stale_files(self.cache_path)
-
-    with suppress(RuntimeError, TypeError, AttributeError):  # no writable folder
-        compiled._cache = Cache(py_function)
-
-
+# -------------------------------------------------------------------------------------- functions
 def _cached(compile_with, py_function):
     """Compile a function on its first call, with a cache if there is a folder for it."""
-    py_function.__qualname__ += f"_{_digest()}"
+    name_with_digest(py_function)
     compiled = compile_with(py_function)
     # Numba would cache code with and without checks of bounds under one name.
     if not (config.BOUNDSCHECK or config.DISABLE_JIT):
-        _use_cache(compiled, py_function)
+        use_cache(compiled, py_function)
     return compiled
 
 
@@ -175,16 +118,15 @@ class Kernel:
         return self.compiled(part, parts, *arguments)
 
     def parallel(self, threads, *arguments):
-        kernel = loop = None
+        addresses = None
         # Exceptions do not leave a parallel loop.
         if not (config.BOUNDSCHECK or config.DISABLE_JIT):
-            kernel = _address(self.compiled, *map(numba.typeof, (0, 0, *arguments)))
-            loop = _address(_loop, *[types.int64] * 4)
-        if kernel is None or loop is None:
+            addresses = _addresses(self.compiled, numba.typeof(arguments))
+        if addresses is None:
             for part in range(threads):
                 self.compiled(part, threads, *arguments)
         else:
-            _start(loop, kernel, threads, arguments)
+            _start(*addresses, threads, arguments)
 
 
 kernel = Kernel  # the decorator
@@ -207,17 +149,21 @@ def _start(loop, kernel, parts, arguments):
 
 
 @functools.cache
-def _address(compiled, *kinds):
-    """Return an address for arguments of these types: `get_compile_result`, `CompileResultWAP`.
+def _addresses(compiled, kind):
+    """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
 
-    The parallel loop calls kernels by it. Without these names it is None, and parts run serially.
+    What calls them needs private names: `get_compile_result`, `CompileResultWAP`, and those of
+    `llvm`. Where one is missing or another function now, this is None, and parts run serially.
     """
-    with _collector_paused():
-        compiled.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
-    try:
-        return types.CompileResultWAP(compiled.get_compile_result(types.void(*kinds))).address
-    except AttributeError:
-        return None
+    word, found = types.int64, []
+    with _collector_paused(), suppress(Exception):
+        for each, kinds in ((_loop, (word,) * 4), (compiled, (word, word, *kind))):
+            each.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
+            code = each.get_compile_result(types.void(*kinds))
+            found.append(types.CompileResultWAP(code).address)
+        _start.compile((word, word, word, kind))
+        return found
+    return None
 
 
 # ---------------------------------------------------------------------------- universal functions
@@ -245,7 +191,7 @@ class Universal:
         dimensions = [*map(len, self.inputs), *(len(axes) or 1 for axes in self.outputs)]
         kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
         build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
-        self.py_func.__qualname__ += f"_{_digest()}"
+        name_with_digest(self.py_func, of_all=True)
         with _collector_paused():
             with suppress(Exception):  # no writable folder, or a file that cannot be read
                 compiled = build(cache=not config.BOUNDSCHECK)(self.py_func)

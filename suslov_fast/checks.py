@@ -123,6 +123,8 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     if array.ndim == 0 or array.shape[-1] != len(labels):
         transposed = array.ndim > 1 and array.shape[0] == len(labels)
         how = ": components are the last axis, pass the transpose" if transposed else ""
+        if not how and array.shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
+            how = ": pass (rotation @ omega)[:2], of the adapted basis that from_inertia returns"
         raise wrong(name, f"shape (..., {len(labels)})", f"{array.shape}{how}")
     if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
         return array

@@ -9,9 +9,18 @@ import numpy as np
 import pytest
 from test_field import FIELDS
 
-from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND, iterate, vector_field
+from suslov_fast import (
+    QuadraticField,
+    Suslov3D,
+    SuslovGyrostat,
+    SuslovND,
+    energy,
+    iterate,
+    vector_field,
+)
 from suslov_fast.bodies.nd import are_solved
 
+ID4 = np.eye(4)
 GYROSTAT = SuslovGyrostat(2.3, 1.4, 0.5, -0.7, 0.9)
 SINGLE = [Suslov3D(4, 1, -0.5, -0.3), SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5]), GYROSTAT]
 BATCHES = {
@@ -81,7 +90,20 @@ def test_what_counts_as_equal():
     assert Suslov3D(4, 1, -0.5, -0.3) != SuslovGyrostat(4, 1, -0.5, -0.3, 0)
     assert SuslovND([1, 2], [3, 4]) != SuslovND([1, 2], [3, 5])
     large = Suslov3D(np.linspace(1, 2, 1000), 1, 0.1, 0.2)
-    assert repr(large) == "<Suslov3D of shape (1000,): I1=(1000,), I2=1.0, I13=0.1, I23=0.2>"
+    assert repr(large) == (
+        "<Suslov3D of shape (1000,): I1: 1000 values from 1 to 2, I2=1.0, I13=0.1, I23=0.2>"
+    )
+
+
+def test_the_text_of_a_single_body_is_a_call(rng):
+    tensor, matter = random_inertia(rng), random_inertia(rng, (3,)).reshape(9, 3)
+    bodies = [
+        Suslov3D.from_inertia(tensor, [0.1, -0.2, 1])[0],
+        SuslovGyrostat.from_inertia(tensor, [0.1, -0.2, 1], 1 / 3)[0],
+        SuslovND.from_mass_tensor(matter @ matter.T + np.eye(9), rng.normal(size=9))[0],
+    ]
+    for body in (*SINGLE, *bodies):
+        assert eval(repr(body)) == body
 
 
 @pytest.mark.parametrize("body", [each for each in EVERY if each.shape])
@@ -188,6 +210,80 @@ def test_admissible_I3(rng):
     for I3 in np.linspace(0, 25, 101):
         assert (least(I3)[~exists] < 1e-12).all()
     assert Suslov3D(3, 2, 0, 0).admissible_I3() == (1.0, 5.0)
+
+
+def test_tensors_are_those_of_the_momentum_about_the_fixed_point():
+    """Two masses beside a flat plate: M = I Omega, and the parallel axis theorem."""
+    points = np.array([[0.3, 0.2, 0.5], [-0.4, 0.1, 0.2], [0.1, -0.7, 0.3], [0.2, 0.3, -0.4]])
+    masses = np.array([2.0, 1.0, 0.5, 1.5])
+
+    def inertia_about(point):
+        r = points - point
+        return (masses[:, None, None] * (
+            (r**2).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
+        )).sum(axis=0)  # fmt: skip
+
+    omega, I = np.array([0.3, -0.2, 0.4]), inertia_about(np.zeros(3))
+    momentum = (masses[:, None] * np.cross(points, np.cross(omega, points))).sum(axis=0)
+    np.testing.assert_allclose(I @ omega, momentum, atol=1e-14)
+    assert I[0, 1] == pytest.approx(-(masses * points[:, 0] * points[:, 1]).sum())
+    m = masses.sum()
+    d = masses @ points / m
+    moved = inertia_about(d) + m * (d @ d * np.eye(3) - np.outer(d, d))
+    np.testing.assert_allclose(moved, I, atol=1e-14)
+    body, rotation = Suslov3D.from_inertia(I, [0, 1, 1])
+    omega -= omega @ [0, 1, 1] * np.array([0, 0.5, 0.5])
+    state = (rotation @ omega)[:2]
+    assert energy(body, state) == pytest.approx(omega @ I @ omega / 2)
+
+
+def test_a_gyrostat_from_its_inertia_tensor(rng):
+    inertia, axes = random_inertia(rng, (4,)), rng.normal(size=(4, 3))
+    body, rotation = SuslovGyrostat.from_inertia(inertia, axes, [0.5, -0.3, 0.0, 2.0])
+    plain, turn = Suslov3D.from_inertia(inertia, axes)
+    assert (turn == rotation).all()
+    assert body.k.tolist() == [0.5, -0.3, 0.0, 2.0]
+    for name in ("I1", "I2", "I13", "I23", "I3"):
+        assert (getattr(body, name) == getattr(plain, name)).all()
+
+
+def test_errors_of_tensors_name_the_member_and_the_amount():
+    stack = np.stack([np.diag([1.0, 2, 2.5])] * 38)
+    stack[17] = np.diag([1.0, 1, 3])
+    for kind, k in ((Suslov3D, ()), (SuslovGyrostat, (0.1,))):
+        with pytest.raises(ValueError, match=r"I: member 17 .*triangle .* 3 > 1 \+ 1, by 1"):
+            kind.from_inertia(stack, [0, 0, 1], *k)
+    with pytest.raises(ValueError, match=r"I violates the triangle .* 3 > 1 \+ 1, by 1"):
+        Suslov3D.from_inertia(stack[17], [0, 0, 1])
+    with pytest.raises(ValueError, match=r"member \(1, 0\) \(the first of 2 such\) .* -0.5"):
+        SuslovND.from_mass_tensor(np.array([[ID4], [ID4 - 1.5 * ID4], [ID4 - 1.1 * ID4]]))
+    with pytest.raises(ValueError, match="a: member 1 is no axis"):
+        Suslov3D.from_inertia(stack[0], [[0, 0, 1], [0, 0, 0]])
+
+
+def test_tensors_of_printed_digits():
+    turn = np.linalg.qr(np.vander([0.3, 1.0, 2.0]))[0].astype("f4")
+    tensor = turn @ np.diag([1, 2, 2.5]).astype("f4") @ turn.T
+    with pytest.raises(ValueError, match=r"I is not symmetric: .*e-0.*pass \(I \+ I.T\)/2"):
+        Suslov3D.from_inertia(tensor, [0, 0, 1])
+    with pytest.raises(ValueError, match=r"I: member 1 .*\(I \+ I.T\)/2 of each"):
+        Suslov3D.from_inertia([np.eye(3), tensor], [0, 0, 1])
+    Suslov3D.from_inertia((tensor + tensor.T) / 2, [0, 0, 1])
+    with pytest.raises(ValueError, match=r"I is not symmetric: \|I - I.T\| = 1$"):
+        Suslov3D.from_inertia([[3, 1, 0], [0, 3, 0], [0, 0, 3]], [0, 0, 1])
+
+
+def test_flat_bodies_have_rounding_errors(rng):
+    """Plates that are moved away and back, for which the triangle inequality is an equality."""
+    for _ in range(200):
+        p, d = rng.uniform(0.1, 2.0, 2), rng.uniform(-10, 10, 3)
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        shift = d @ d * np.eye(3) - np.outer(d, d)
+        tensor = turn @ np.diag([*p, p.sum()]) @ turn.T + shift - shift
+        Suslov3D.from_inertia((tensor + tensor.T) / 2, rng.normal(size=3))
+    Suslov3D.from_inertia(np.diag([1, 1, 2 + 1.9e-12]), [0, 0, 1])
+    with pytest.raises(ValueError, match="by 3e-12"):
+        Suslov3D.from_inertia(np.diag([1, 1, 2 + 3e-12]), [0, 0, 1])
 
 
 SPECIAL_AXES = [[0, 0, -1], [1, 0, 0], [1e-9, 0, -1], [0, -1, 0]]

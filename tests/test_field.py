@@ -146,7 +146,13 @@ def test_what_is_printed():
     assert repr(QuadraticField([[[0]]], constant=[0])) == "QuadraticField(x1' = 0)"
     square = of_function(lambda x: (x[0] ** 2 + x[1], 1 - x[0] * x[1]), 2)
     assert repr(square) == "QuadraticField(x1' = x1^2 + x2, x2' = -x1*x2 + 1)"
-    assert repr(FAMILY) == "<QuadraticField of shape (11,): D=3, rho=(11,)>"
+    assert repr(FAMILY) == "<QuadraticField of shape (11,): D=3, rho: 11 values from 1 to 6>"
+    several = of_function(lambda x, a, b: (a * x[0], b), "u v", a=[1.0, 2.0], b=3)
+    assert (
+        repr(several)
+        == "<QuadraticField of shape (2,): variables u v, a: 2 values from 1 to 2, b=3>"
+    )
+    assert "a: no values" in repr(several[:0])
     assert len(repr(QuadraticField(np.ones((9, 9, 9))))) < 320
 
 

@@ -70,20 +70,36 @@ def test_families_continue_their_points():
     assert fixed_points(family[:0]) == []
 
 
+def test_families_with_several_axes():
+    """Points continue those of the member to the left, and at the beginning of a row above."""
+    a, b = np.array([[0.0], [3.0], [6.0]]), np.array([1.0, -2.0, -5.0])
+    family = QuadraticField.from_function(  # points (a, 0) and (b, 10), which pass each other
+        lambda x, a, b: ((x[0] - a) * (x[0] - b), x[1] * (b - a) - 10 * (x[0] - a)), 2, a=a, b=b
+    )
+    found = fixed_points(family)
+    assert (found.shape, found.dtype) == ((3, 3), object)
+    for i, j in product(range(3), range(3)):
+        assert found[i, j].round(9).tolist() == [[a[i, 0], 0], [b[j], 10]]
+    assert fixed_points(family[:, :0]).shape == (3, 0)
+
+
 def test_cases_that_are_refused():
-    several = QuadraticField.from_function(lambda x, a: (a - x[0],), 1, a=[[1.0, 2.0]])
     cases = [
-        (several, "one axis"), (QuadraticField(np.ones((4, 4, 4))), "root"),
+        (QuadraticField(np.ones((4, 4, 4))), "root"),
         (QuadraticField([[[0]]]), "infinitely many: scipy.optimize.root"),
         (QuadraticField(np.zeros((2, 2, 2))), "infinitely many"),
         (QuadraticField.of(sf.Suslov3D(4, 1, -0.5, -0.3)), "infinitely many"),
-        (sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3]), "infinitely many"),
+        (sf.Suslov3D(4, 1, -0.5, -0.3), r"infinitely many: .* c \(I23, -I13\)"),
+        (sf.SuslovGyrostat(4, 1, -0.5, -0.3, 1), r"infinitely many: .* I13 Omega1 \+ .* = -k"),
+        (sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3]), "infinitely many: .* c I"),
         (QuadraticField.from_function(lambda x: (x[0] * x[1], x[0] * (x[1] - 1)), 2), "infinitely"),
     ]  # fmt: skip
     rows = lambda x, a, b: (a * x[0], x[1] - b)  # noqa: E731
     family = QuadraticField.from_function(rows, 2, a=[1.0, 2.0, 0.0], b=[1.0, 2.0, 3.0])
     cases.append((family, r"infinitely many of member 2 \(a=0.0, b=3.0\): .*root"))
     bodies = sf.Suslov3D([4, 2], 1, -0.5, -0.3)
+    grid = QuadraticField.from_function(rows, 2, a=[[1.0], [0.0]], b=[1.0, 2.0])
+    cases.append((grid, r"infinitely many of member \(1, 0\) \(a=0.0, b=1.0\)"))
     cases.append((bodies, r"member 0 \(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3\)"))
     for field, message in cases:
         with pytest.raises(ValueError, match=f"field: expected .*{message}"):

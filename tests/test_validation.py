@@ -228,6 +228,7 @@ RUNS = [
     (run(out=np.zeros((3, 2, 2))), ValueError, "out"),
     (run(out=np.frombuffer(bytes(128)).reshape(4, 2, 2)), ValueError, "read-only, as the states of runs are"),
     (run(out=np.zeros((4, 2, 4))[..., ::2]), ValueError, "out"),
+    (run(omega0=[1.0, 0.5, 0.2]), ValueError, r"omega0: .*\(rotation @ omega\)\[:2\]"),
     (run(body=Suslov3D), TypeError, "body"), (run(body=3), TypeError, "body"),
     (run(body=lambda x: x), TypeError, r"body: .*QuadraticField.from_function"),
     (run(omega0=np.ones((2, 5))[:, :3]), ValueError, "omega0: .* pass the transpose"),

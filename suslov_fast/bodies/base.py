@@ -35,6 +35,7 @@ class Body:
     _called: ClassVar[str] = "a body or a field"  # in messages
     # What to use instead, where a function does not take this class.
     _instead: ClassVar[str] = ""
+    _steady: ClassVar[str] = ""  # the steady states of all bodies of this class
     # The number of components of a state and their labels, and the parts that are coordinates of
     # datasets, which equal bodies need not share.
     dimension: ClassVar[Any] = 2
@@ -216,7 +217,7 @@ class Body:
         """The parameters that are one number for each member."""
         return {name: each for name, each in self._parts.items() if name not in self._axes}
 
-    def _of_member(self, i: int) -> str:
+    def _of_member(self, i: int | tuple[int, ...]) -> str:
         """Return " of member i (a=1.0)", for messages; nothing for a single body."""
         if not self.shape:
             return ""
@@ -292,11 +293,12 @@ class Body:
 
     def __repr__(self) -> str:
         name, arrays = type(self).__name__, self._arrays.items()
-        if sum(a.size for _, a in arrays) <= 25:
-            text = ", ".join(f"{each}={a.tolist()}" for each, a in arrays)
-            if len(text) < 100:
-                return f"{name}({text})"
-        text = ", ".join(f"{each}={a.shape or a}" for each, a in arrays)
+        text = ", ".join(
+            f"{each}={a.tolist()}" for each, a in arrays if a.size <= 25 or not self.shape
+        )
+        if not self.shape or (sum(a.size for _, a in arrays) <= 25 and len(text) < 100):
+            return f"{name}({text})"
+        text = ", ".join(summary(each, a) for each, a in arrays)
         return f"<{name} of shape {self.shape}: {text}>"
 
     def to_dict(self) -> dict[str, Any]:
@@ -327,6 +329,15 @@ class Body:
             raise wrong("parameters", expected, ", ".join(map(str, given))) from None
         texts = {name: given.pop(name) for name in cls._texts if name in given}
         return read(**from_lists("parameters", given), **texts)
+
+
+def summary(name: str, values: Any) -> str:
+    """Return a parameter in a few words: "I1=4.0", or "rho: 11 values from 20 to 30"."""
+    if not np.ndim(values):
+        return f"{name}={values}"
+    if np.size(values) == 0:
+        return f"{name}: no values"
+    return f"{name}: {np.size(values)} values from {np.min(values):g} to {np.max(values):g}"
 
 
 def frozen(part: Any) -> Any:

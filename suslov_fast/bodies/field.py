@@ -22,7 +22,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import FloatArray, wrong
-from .base import Body, frozen
+from .base import Body, frozen, summary
 from .names import labels, variables
 from .polynomials import as_given, coefficients, named, numbers, polynomial_of, to_lists
 from .tracing import traced
@@ -293,8 +293,11 @@ class QuadraticField(Body):
 
     def __repr__(self) -> str:
         if self.shape:
-            names = "".join(f", {n}={np.shape(a) or a}" for n, a in self.parameters.items())
-            return f"<QuadraticField of shape {self.shape}: D={self.dimension}{names}>"
+            names = f"D={self.dimension}"
+            if self.names != labels(self.dimension):
+                names = f"variables {' '.join(self.names)}"
+            values = [summary(name, each) for name, each in self.parameters.items()]
+            return f"<QuadraticField of shape {self.shape}: {', '.join([names, *values])}>"
         texts = (polynomial_of(row).text(self.names) for row in self.table)
         equations = [f"{name}' = {text}" for name, text in zip(self.names, texts, strict=True)]
         equations += [] if self.H is None else [f"H = {self.H}"]

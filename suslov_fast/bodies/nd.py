@@ -49,8 +49,8 @@ class SuslovND(Body):
     --------
     >>> from suslov_fast import SuslovND
     >>> body = SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
-    >>> body.dimension, body.shape
-    (3, ())
+    >>> body.n, body.dimension, body.shape
+    (4, 3, ())
     """
 
     J: Any  # array_like when given, then an array
@@ -58,6 +58,7 @@ class SuslovND(Body):
 
     _axes: ClassVar[dict[str, int]] = {"J": 1, "I": 1}
     _positive: ClassVar[dict[str, int]] = {"J": OTHERS}
+    _steady: ClassVar[str] = "c I for all numbers c, or all states if I = 0"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -69,6 +70,11 @@ class SuslovND(Body):
     def dimension(self) -> int:
         """The number of components of a state, n - 1."""
         return int(self.J.shape[-1])
+
+    @property
+    def n(self) -> int:
+        """The dimension of space."""
+        return self.dimension + 1
 
     @cached_property
     def _labels(self) -> tuple[str, ...]:
@@ -103,8 +109,9 @@ class SuslovND(Body):
         ----------
         I : array_like(float, shape=(..., n, n))
             The second moments of mass in any basis fixed in the body: I of M = I Omega + Omega I,
-            positive definite, symmetric to 1e-12 of its largest entry. For n = 3 it is
-            trace(T) / 2 - T with the inertia tensor T of :meth:`Suslov3D.from_inertia`.
+            positive definite, symmetric to 1e-12 of its largest entry: the integrals of x_i x_j dm
+            about the fixed point, with a plus off the diagonal, too. For n = 3 it is
+            trace(T) / 2 - T with the inertia tensor T of :meth:`Suslov3D.from_inertia`. Any unit.
         a : array_like(float, shape=(..., n)), optional
             The axis that becomes e_n, of any finite length but 0; by default e_n itself.
 

@@ -15,8 +15,11 @@ from ..checks import FloatArray, wrong
 from .base import Body
 from .field import TABLE, QuadraticField
 
-# Rounding of the triangle inequality, which is an equality for flat bodies.
-_ROUNDING = 1e-14
+# Rounding of the triangle inequality, which is an equality for flat bodies, relative to the largest
+# moment; the parallel axis theorem loses a few digits.
+_ROUNDING = 1e-12
+# Asymmetry of a tensor whose digits were printed, or are those of single precision.
+_PRINTED = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,7 +37,8 @@ class _In3D(Body):
         super().__post_init__()
         if "I3" in self._arrays:
             tensors = self._inertia(self._arrays["I3"])
-            if not (fits := _excess(tensors) >= -_ROUNDING).all():
+            # Twice the rounding, since adapted bases have some of their own.
+            if not (fits := _excess(tensors) >= -2 * _ROUNDING).all():
                 expected = "one that a body with these parameters can have (see admissible_I3)"
                 checks.warn(str(wrong("I3", expected, tensors[~fits][0, 2, 2])))
 
@@ -97,6 +101,8 @@ class Suslov3D(_In3D):
 
     I3: Any = None
 
+    _steady: ClassVar[str] = "c (I23, -I13) for all numbers c"
+
     def admissible_I3(self) -> tuple[FloatArray, FloatArray]:
         """Return the interval of I3 for which a rigid body with these parameters exists.
 
@@ -123,15 +129,19 @@ class Suslov3D(_In3D):
 
     @classmethod
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
-        """Return the body with a given inertia tensor and constraint axis.
+        """Return the body with a given inertia tensor and forbidden axis.
 
         Parameters
         ----------
         I : array_like(float, shape=(..., 3, 3))
-            Inertia tensor in any basis fixed in the body: symmetric to 1e-12 of its size, positive
-            definite, and no principal moment larger than the sum of the others.
+            Inertia tensor about the fixed point, in any basis fixed in the body: the matrix of
+            M = I Omega, with the integrals of -x y dm off the diagonal, where some CAD programs
+            print +x y dm. From one about the centre of mass, at the vector d from the fixed point,
+            it is ``I_centre + m * (d @ d * np.eye(3) - np.outer(d, d))``. Any unit, which the
+            parameters of the body then have: 1 g mm^2 is 1e-9 kg m^2. It is symmetric to 1e-12 of
+            its size, positive definite, and no principal moment exceeds the sum of the others.
         a : array_like(float, shape=(..., 3))
-            The axis in that basis about which it may not turn, of any length but 0.
+            The axis in that basis about which it may not rotate, of any length but 0.
 
         Returns
         -------
@@ -141,7 +151,13 @@ class Suslov3D(_In3D):
         rotation : ndarray(float, shape=(..., 3, 3))
             The matrix, of determinant 1, that takes components to the adapted basis:
             ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.
-            It is the identity if the given basis is adapted already.
+            It is the identity if the given basis is adapted already. The state of the body is
+            ``(rotation @ omega)[:2]``.
+
+        Raises
+        ------
+        ValueError
+            If no rigid body has such a tensor; of a batch, the member and by how much.
 
         Examples
         --------
@@ -151,17 +167,13 @@ class Suslov3D(_In3D):
         >>> body
         Suslov3D(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, I3=3.0)
         """
-        tensors, rotation = adapted(I, a, 3)
-        if not (fits := _excess(tensors) >= -_ROUNDING).all():
-            expected = "no principal moment larger than the sum of the others"
-            raise wrong("I", expected, np.linalg.eigvalsh(tensors[~fits][0]).tolist())
-        I1, I2, I3 = np.moveaxis(np.diagonal(tensors, axis1=-2, axis2=-1), -1, 0)
-        return cls(I1, I2, tensors[..., 0, 2], tensors[..., 1, 2], I3), rotation
+        I1, I2, I13, I23, I3, rotation = _in_adapted_basis(I, a)
+        return cls(I1, I2, I13, I23, I3), rotation
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SuslovGyrostat(_In3D):
-    """A rigid body, or a batch, with a rotor along the constrained axis.
+    """A rigid body, or a batch, with a rotor along the forbidden axis.
 
     With l = I13 Omega1 + I23 Omega2 + k the equations are I1 Omega1' = -l Omega2 and
     I2 Omega2' = l Omega1, so that Omega rotates also where I13 = I23 = 0.
@@ -185,6 +197,39 @@ class SuslovGyrostat(_In3D):
     I3: Any = None
 
     _instead: ClassVar[str] = ": with a rotor use exact, iterate or flow"
+    _steady: ClassVar[str] = "0, and the states with I13 Omega1 + I23 Omega2 = -k"
+
+    @classmethod
+    def from_inertia(
+        cls, I: ArrayLike, a: ArrayLike, k: ArrayLike
+    ) -> tuple[SuslovGyrostat, FloatArray]:
+        """Return the body with a given inertia tensor, forbidden axis and momentum of its rotor.
+
+        Parameters
+        ----------
+        I, a : array_like
+            As in :meth:`Suslov3D.from_inertia`. I is that of the whole body, the rotor included.
+        k : array_like(float, shape=(...))
+            Momentum of the rotor along a, positive in the direction of a, in the unit of I times
+            that of the angular velocity.
+
+        Returns
+        -------
+        body : SuslovGyrostat
+            The body in its adapted basis.
+        rotation : ndarray(float, shape=(..., 3, 3))
+            The matrix that takes components to the adapted basis, as of a body without a rotor.
+
+        Examples
+        --------
+        >>> from suslov_fast import SuslovGyrostat
+        >>> I = [[4, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
+        >>> body, rotation = SuslovGyrostat.from_inertia(I, a=[0, 0, 2], k=0.9)
+        >>> body
+        SuslovGyrostat(I1=4.0, I2=2.0, I13=-0.5, I23=-0.3, k=0.9, I3=3.0)
+        """
+        I1, I2, I13, I23, I3, rotation = _in_adapted_basis(I, a)
+        return cls(I1, I2, I13, I23, k, I3), rotation
 
 
 class Picture(NamedTuple):
@@ -203,6 +248,32 @@ PICTURES = {  # of the paper, end of Section 4
 }
 
 
+def _in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
+    """Return I1, I2, I13, I23, I3 and the rotation, if a rigid body has the inertia tensor I."""
+    tensors, rotation = adapted(I, a, 3)
+    given = np.linalg.eigvalsh(checks.real_array("I", I))
+    largest, others = given[..., -1], given[..., 0] + given[..., 1]
+    if (bad := others - largest < -_ROUNDING * largest).any():
+        where = checks.first_index(bad)
+        low, middle, high = given[where].tolist()
+        which, by = _of_batch("I", where, bad), high - low - middle
+        raise ValueError(
+            f"{which}violates the triangle inequality of principal moments: "
+            f"{high:.9g} > {low:.9g} + {middle:.9g}, by {by:.3g}"
+        )
+    I1, I2, I3 = np.moveaxis(np.diagonal(tensors, axis1=-2, axis2=-1), -1, 0)
+    return I1, I2, tensors[..., 0, 2], tensors[..., 1, 2], I3, rotation
+
+
+def _of_batch(name: str, where: tuple[int, ...], bad: Any) -> str:
+    """Return "I: member 3 " for messages, with how many are like it; "I " without a batch."""
+    if not np.ndim(bad):
+        return f"{name} "
+    count = np.count_nonzero(bad)
+    others = f"(the first of {count} such) " if count > 1 else ""
+    return f"{name}: member {checks.spell(where)} {others}"
+
+
 def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
     """Return inertia matrices (..., n, n) in adapted bases, and rotations to these bases.
 
@@ -211,16 +282,27 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
     matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)
     asymmetry = abs(matrix - matrix.swapaxes(-2, -1)).max(axis=(-2, -1), initial=0.0)
-    if not (asymmetry <= 1e-12 * size).all():
-        raise wrong("I", "a symmetric inertia matrix", f"one with |I - I.T| = {asymmetry.max()}")
+    if (bad := ~(asymmetry <= 1e-12 * size)).any():
+        where = checks.first_index(bad)
+        text = f"{_of_batch('I', where, bad)}is not symmetric: |I - I.T| = {asymmetry[where]:.3g}"
+        if (asymmetry <= _PRINTED * size).all():
+            each = " of each, with I.swapaxes(-2, -1) for I.T" if np.ndim(bad) else ""
+            text += f", which may be rounding of printed digits: then pass (I + I.T)/2{each}"
+        raise ValueError(text)
     least = np.linalg.eigvalsh(matrix).min(axis=-1, initial=np.inf)
-    if not (least > 1e-15 * size).all():
-        raise wrong("I", "a positive definite inertia matrix", f"the eigenvalue {least.min()}")
+    if (bad := ~(least > 1e-15 * size)).any():
+        where = checks.first_index(bad)
+        which = _of_batch("I", where, bad)
+        raise ValueError(
+            f"{which}is not positive definite: its least eigenvalue is {least[where]:.9g}"
+        )
     if axis.shape[-1:] != (n,):
         raise wrong("a", f"shape (..., {n})", axis.shape)
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
-    if not ((length > 0) & (length < np.inf)).all():
-        raise wrong("a", "an axis of finite length other than 0", checks.short(length.tolist()))
+    if (bad := ~((length > 0) & (length < np.inf)))[..., 0].any():
+        where = checks.first_index(bad[..., 0])
+        which = _of_batch("a", where, bad[..., 0])
+        raise ValueError(f"{which}is no axis: its length is {length[where][0]:g}")
     checks.common_shape({"I": matrix.shape[:-2], "a": axis.shape[:-1]})
     # The least rotation to e_n of the axis or, if it points down, of its opposite; then a half turn
     sign = np.where(axis[..., -1:] < 0.0, -1.0, 1.0)

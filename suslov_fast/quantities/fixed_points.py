@@ -32,21 +32,23 @@ def fixed_points(field: Body, /) -> OneOrEach:
     Parameters
     ----------
     field : QuadraticField or a body
-        A single field, or a batch with one axis, of at most 3 variables; more than one variable
-        needs the extra `algebra`.
+        A single field, or a batch, of at most 3 variables; more than one variable needs the extra
+        `algebra`.
 
     Returns
     -------
-    ndarray(float, shape=(k, D)), or a list of them
-        Each point once, rounded once, in ascending order of the components; for a batch, a list of
-        an array for each member. Where a member has as many points as the one before, its points
-        are in the order with the least sum of distances to the points of that one.
+    ndarray(float, shape=(k, D)), or a list or an array of them
+        Each point once, rounded once, in ascending order of the components; for a batch with one
+        axis a list, with several an array of objects of the shape of the batch: ``found[i, j]`` is
+        the array of a member. Where a member has as many points as the one before, its points are
+        in the order with the least sum of distances to the points of that one. Before is the member
+        to the left, and at the beginning of a row the one above.
 
     Raises
     ------
     ValueError
         If there are more than 3 variables, or infinitely many fixed points, as of all Suslov
-        bodies, or if a batch has several axes. For D = 3 complex fixed points that form an
+        bodies, whose steady states the message has. For D = 3 complex fixed points that form an
         irreducible curve, such as the intersection of two ellipsoids, count, even if none is real.
 
     Examples
@@ -59,35 +61,37 @@ def fixed_points(field: Body, /) -> OneOrEach:
     whole = QuadraticField.of(field)
     if whole.dimension > 3:
         raise wrong("field", "at most 3 variables", f"{whole.dimension}: {_BEYOND}")
-    if len(whole.shape) > 1:
-        raise wrong("field", "a single one, or a batch with one axis", f"the shape {whole.shape}")
     found: OneOrEach = _in_order(whole, field) if whole.shape else _points_of(whole, field)
     return found
 
 
 def _in_order(family: Any, named: Any) -> Any:
     """Return the points of each member, in the order of those that they continue."""
-    found = [_points_of(member, named, i) for i, member in enumerate(family)]
-    for i in range(1, len(found)):
-        if len(found[i]) == len(found[i - 1]):
-            found[i] = _continuing(found[i - 1], found[i])
-    return found
+    found = np.empty(family.shape, object)
+    for index in np.ndindex(family.shape):
+        points = _points_of(family[index], named, index)
+        axis = max((k for k, i in enumerate(index) if i), default=None)
+        if axis is not None:
+            before = found[tuple(i - (k == axis) for k, i in enumerate(index))]
+            if len(points) == len(before):
+                points = _continuing(before, points)
+        found[index] = points
+    return [*found] if found.ndim == 1 else found
 
 
-def _points_of(field: Any, named: Any, i: int = 0) -> Any:
+def _points_of(field: Any, named: Any, index: tuple[int, ...] = ()) -> Any:
     """Return the fixed points of a single field, in ascending order.
 
-    It is member i of what the caller passed, `named`, which messages name.
+    It is a member of what the caller passed, `named`, which messages name.
     """
+    i: Any = index[0] if len(index) == 1 else index
     if field.dimension > 1:
         extra("flint", "algebra")
     points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
     if points is None:
-        raise wrong(
-            "field",
-            "finitely many fixed points",
-            f"infinitely many{named._of_member(i)}: {_BEYOND}",
-        )
+        how = f"its steady states are {named._steady}" if named._steady else _BEYOND
+        received = f"infinitely many{named._of_member(i)}: {how}"
+        raise wrong("field", "finitely many fixed points", received)
     found = np.array(sorted(points), np.float64).reshape(-1, field.dimension)
     if np.isinf(found).any():
         raise wrong("field", "fixed points in the range of float64", f"others{named._of_member(i)}")

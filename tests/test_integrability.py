@@ -5,6 +5,8 @@ import json
 import math
 import pickle
 import random
+import signal
+import threading
 from fractions import Fraction as F
 from itertools import pairwise, permutations, product
 from types import SimpleNamespace
@@ -16,6 +18,8 @@ import sympy
 from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
 
 pytest.importorskip("flint")
+
+import flint
 
 from suslov_fast.integrability import (
     RationalFunction,
@@ -676,7 +680,41 @@ def test_texts_of_products_and_long_formulas():
     assert len(str(found.integrals[0])) > 150
 
 
+def test_names_that_sympy_takes_for_its_own():
+    names = "S", "I", "beta"
+    ring = flint.fmpz_mpoly_ctx.get(("eps", *names), ordering="deglex")
+    eps, S, I, beta = ring.gens()
+    f = RationalFunction(((eps * S * I, -1), (I**2 + beta, 2), (beta, 1)), F(-3, 2))
+    assert {*f.symbols()} == {"eps", *names}
+    for each in (f, f**-1, RationalFunction(((S, -1),)), RationalFunction(((2 * S * I, 1),))):
+        at = dict(zip(names, (F(2), F(-3), F(1, 5)), strict=True)) | {"eps": F(1, 7)}
+        found = sympy.sympify(str(each), locals=each.symbols())
+        value = found.subs({name: sympy.Rational(str(a)) for name, a in at.items()})
+        assert F(int(value.p), int(value.q)) == each([at[name] for name in names], at["eps"])
+    assert RationalFunction(()).symbols() == {}
+
+
 # Numbers, limits and bad input.
+
+
+@pytest.mark.parametrize(
+    ("field", "number"),
+    [
+        (field_of(lambda x, c: (c * x[1] * x[2], x[2] * x[0], x[0] * x[1]), 3, c=0.1), "0.1"),
+        (field_of(lambda x: (0.1 * x[0] * x[1], x[1]), 2), "0.1"),
+        (from_hamiltonian(lambda x: 0.7 * x[0] ** 2 * x[1] + x[1] ** 2, 2), "0.7"),
+        (field_of(lambda x: (x[0] * x[1] / 2, x[1]), 2), None),
+        (Suslov3D(4, 1, -0.5, -0.3), "-0.3"),
+    ],
+)
+def test_the_note_on_floats_names_what_was_written(field, number):
+    """And a fraction that, in its place, makes the field that was meant."""
+    notes = report(field, EPS, 1).notes
+    assert len(notes) == (number is not None)
+    if number:
+        p, q = F(number).as_integer_ratio()
+        assert notes[0].startswith(f"The float {number} is")
+        assert f"if {p}/{q} is meant, write Fraction({p}, {q})," in notes[0]
 
 
 def test_decimals():
@@ -828,6 +866,34 @@ def test_what_reports_print_of_several_possibilities():
     assert report(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2), 1).growth.kind == "bounded"
 
 
+def test_products_of_polynomials_of_a_higher_degree_are_left_out():
+    rolling = field_of(
+        lambda x: (x[3] / 2, -x[2] / 2, -x[4] * x[1], x[4] * x[0], x[2] * x[1] - x[3] * x[0]), 5
+    )
+    found = report(rolling, F(1, 3), 2)
+    assert [P.degree for P in found.polynomials] == [1, 2, 2, 2, 4]
+    assert_holds(found)
+
+
+TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)
+
+
+@pytest.mark.parametrize("field", [TETRAHEDRAL, EULER, CYCLE])
+def test_a_polynomial_has_one_sign_in_a_report(field):
+    """It is that of the limit for eps to 0."""
+    found = report(field)
+    factors = {
+        str(P): P
+        for f in (*found.integrals, *found.measures, *found.polynomials)
+        for P, _ in f.factors
+    }
+    assert len(factors) > 2
+    assert not factors.keys() & {str(-P) for P in factors.values()}
+    limits = [P.context().from_dict({e: c for e, c in P.to_dict().items() if not e[0]})
+              for P in factors.values()]  # fmt: skip
+    assert all(P.leading_coefficient() > 0 for P in limits)
+
+
 def test_formulas_of_papers():
     """Of a pencil the member of the papers, for a letter and for a number."""
     for body in (BODY, ROTOR, Suslov3D(3, 2, F(1, 2), 1)):
@@ -857,6 +923,8 @@ def test_letter_and_number_print_the_same(field):
     """And the limit for eps to 0 is an integral of the field."""
     letter, number = report(field), report(field, F(2, 5))
     assert [str(f.subs(F(2, 5))) for f in letter.integrals] == [*map(str, number.integrals)]
+    of_letter = [P.subs(F(2, 5)).factors for P in letter.polynomials]
+    assert [*map(str, of_letter)] == [str(P.factors) for P in number.polynomials]
     x = [F(2 * k + 3, 7) for k in range(field.dimension)]
     slopes = field(x)
     for f in letter.integrals:
@@ -951,6 +1019,31 @@ def test_a_search_that_cannot_be_interrupted(monkeypatch):
         report(CYCLE, EPS, time_limit=1000)
 
 
+def test_ctrl_c_without_a_limit(monkeypatch):
+    """A long search goes on in another process, from which Ctrl-C does not have to wait."""
+    from suslov_fast.integrability import process
+
+    calls = []
+    here = report(CYCLE, EPS, progress=lambda *done: calls.append(done))
+    monkeypatch.setattr(process, "_BRIEF", 0.0)
+    again = []
+    there = report(CYCLE, EPS, progress=lambda *done: again.append(done))
+    assert repr(there) == repr(here)
+    assert again == sorted(again)
+    assert {*again} <= {*calls}
+    monkeypatch.setattr(process.sys, "frozen", True, raising=False)
+    monkeypatch.setattr(process, "_START", "1 / 0")
+    assert repr(report(CYCLE, EPS)) == repr(here)  # an application cannot start Python
+    monkeypatch.setattr(process.sys, "frozen", False)
+    monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
+    timer = threading.Timer(0.2, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        report(CYCLE, EPS)
+    timer.join()
+    assert not stopped.value.report.finished
+
+
 def test_a_search_ends_with_the_process_that_waits_for_it(monkeypatch):
     """A process that is killed leaves none behind: the system gives its search another parent."""
     from suslov_fast.integrability import process
@@ -961,7 +1054,6 @@ def test_a_search_ends_with_the_process_that_waits_for_it(monkeypatch):
         monkeypatch.setattr(process.sys, "stdin", SimpleNamespace(buffer=given))
         monkeypatch.setattr(process.sys, "stdout", SimpleNamespace(buffer=written))
         monkeypatch.setattr(process.os, "getppid", iter(parents).__next__)
-        monkeypatch.setattr(process.signal, "signal", lambda *how: None)
         process.serve()
         monkeypatch.undo()
         return written.getvalue()

@@ -82,15 +82,33 @@ def degree_of(P: Any) -> int:
     return max((int(sum(e[first:])) for e in P.monoms()), default=0)
 
 
-def size(P: Any) -> tuple[int, int, str]:
-    """Return the key by which polynomials are sorted, short ones first."""
-    return degree_of(P), len(P), str(P)
+def size(P: Any) -> tuple[Any, ...]:
+    """Return the key by which polynomials are sorted, short ones first.
+
+    The monomials in x come before the coefficients, so that the order is the same if eps is a
+    letter and if it is a number.
+    """
+    first = int(has_letter(P))
+    monomials = sorted({(-sum(e[first:]), *(-k for k in e[first:])) for e in P.monoms()})
+    return degree_of(P), len(monomials), monomials, str(P)
 
 
 def primitive(P: Any) -> Any:
-    """Return the multiple with coprime coefficients, the first of which is positive."""
+    """Return the multiple with coprime coefficients, the first of which is positive.
+
+    If eps is a letter, it is the first of the terms of lowest order in eps, so that the limit for
+    eps to 0 decides: a polynomial then has one sign wherever it stands.
+    """
     P = P.primitive()[1]
-    return -P if P.leading_coefficient() < 0 else P
+    return -P if _first_coefficient(P) < 0 else P
+
+
+def _first_coefficient(P: Any) -> Any:
+    if not has_letter(P) or P == 0:
+        return P.leading_coefficient()
+    exponents = P.monoms()
+    lowest = min(e[0] for e in exponents)
+    return next(c for e, c in zip(exponents, P.coeffs(), strict=True) if e[0] == lowest)
 
 
 def exponents_up_to(degree: int, n: int) -> Exponents:

@@ -13,6 +13,7 @@ from typing import Any
 
 import flint
 
+from ..checks import extra
 from . import arithmetic
 from .arithmetic import EPS, PRIME, Polynomials, degree_of, modulo, value_at
 
@@ -25,10 +26,11 @@ class RationalFunction:
     """A product of powers of polynomials and a constant, exact.
 
     Called with a point, D rational numbers, it returns a fraction. Functions and numbers can be
-    combined by ``+``, ``-``, ``*``, ``/`` and powers; ``sympy.sympify(str(f))`` converts one to
-    SymPy. In a report, `basis` says what a function rests on, and `cofactor` is that of a Darboux
-    polynomial, or -1 for a density up to sign. If eps is a letter, `subs` replaces it by a number,
-    and `special` holds the rational values of eps for which a factor of the formula is 0 for all x.
+    combined by ``+``, ``-``, ``*``, ``/`` and powers. ``sympy.sympify(str(f), f.symbols())``
+    converts one to SymPy. In a report, `basis` says what a function rests on, and `cofactor` is
+    that of a Darboux polynomial, or -1 for a density up to sign. If eps is symbolic, `subs`
+    replaces it by a number, and `special` holds the rational values of eps for which a factor of
+    the formula is 0 for all x.
     """
 
     factors: tuple[tuple[Any, int], ...]  # polynomials and their exponents
@@ -59,7 +61,7 @@ class RationalFunction:
         >>> from suslov_fast.integrability import kahan
         >>> (image,) = kahan(QuadraticField([[[1]]]))([2])
         >>> image, image.subs(eps="1/3")
-        (-2/(2*eps - 1), 6)
+        (2/(-2*eps + 1), 6)
         """
         value = arithmetic.step_size(eps)
         powers = (factored(modulo(P, 0, arithmetic.fmpq(value))) ** e for P, e in self.factors)
@@ -70,6 +72,23 @@ class RationalFunction:
         return replace(
             found, basis=self.basis, cofactor=self.cofactor and self.cofactor.subs(value)
         )
+
+    def symbols(self) -> dict[str, Any]:
+        """Return the symbols of SymPy for the names in the formula.
+
+        Without them SymPy takes names such as S, I, E, N and beta for objects of its own.
+
+        Examples
+        --------
+        >>> import sympy
+        >>> from suslov_fast import QuadraticField
+        >>> from suslov_fast.integrability import report
+        >>> (f,) = report(QuadraticField([[[0, 0], [0, 0]], [[1, 0], [0, 0]]])).integrals
+        >>> f, sympy.sympify(str(f), locals=f.symbols())
+        (x1, x1)
+        """
+        names = self._ring.names() if self.factors else ()
+        return {name: extra("sympy", "test").Symbol(name) for name in names}
 
     @property
     def special(self) -> tuple[Fraction, ...]:
@@ -210,6 +229,11 @@ def without_content(P: Any) -> Any:
         return arithmetic.primitive(P)
     powers = arithmetic.factors(P)
     return math.prod((f**e for f, e in powers if degree_of(f)), start=P.context().constant(1))
+
+
+def without_constant(f: RationalFunction) -> RationalFunction:
+    """Return the multiple without a constant: all factors are primitive, with one sign each."""
+    return RationalFunction(f.factors, basis=f.basis)
 
 
 def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:

@@ -19,10 +19,11 @@ from .functions import (
     factored,
     independent,
     quotient_of,
+    without_constant,
     without_content,
 )
 from .maps import RationalMap
-from .normal_form import with_independent_limits, with_positive_denominator
+from .normal_form import with_independent_limits
 
 _TRIAL = 2**16  # prime factors of constants that are found; composite rests serve as well
 _WEIGHT = 2**40  # of equations in a lattice
@@ -50,8 +51,9 @@ class Invariants:
         self.map, self.degree = map, degree
         # Darboux polynomials that are no combinations of products of others.
         self.generators: list[RationalFunction] = []
-        # Products of generators up to the degree, by the values of their cofactors.
+        # Products of generators up to a degree, by the values of their cofactors.
         self.products: dict[int, list[Product]] = {1: [Product(0, ())]}
+        self._degree_of_products = degree
         self.cofactors: dict[int, RationalFunction] = {1: RationalFunction(())}
         # Integrals in normal form, by the value of the cofactor of numerator and denominator.
         self.forms: dict[int, list[RationalFunction]] = {}
@@ -71,16 +73,25 @@ class Invariants:
             found *= flint.nmod(modulo(P, PRIME, EPS)(*self._point), PRIME) ** e
         return int(found)
 
+    def multiply_up_to(self, degree: int) -> None:
+        """Make the products of generators up to a degree, if they are not made yet."""
+        if degree > self._degree_of_products:
+            self._degree_of_products = degree
+            self._begin_with(self.generators)
+
     def add(self, generator: RationalFunction) -> list[tuple[int, int]]:
         """Add a generator; return the value of the cofactor and the degree of each new product."""
+        self.multiply_up_to(generator.degree)
         added = self._multiply(generator)
         kept = [g for g in self.generators if not self._is_combination(g)]
         if len(kept) < len(self.generators):
-            self.generators.clear()
-            self.products = {1: [Product(0, ())]}
-            for g in kept:
-                self._multiply(g)
+            self._begin_with(kept)
         return added
+
+    def _begin_with(self, generators: list[RationalFunction]) -> None:
+        self.generators, self.products = [], {1: [Product(0, ())]}
+        for g in generators:
+            self._multiply(g)
 
     def _is_combination(self, generator: RationalFunction) -> bool:
         """Return True for a combination of products of generators of lower degree."""
@@ -99,7 +110,7 @@ class Invariants:
         for v, product in known:
             powers = product.powers + (0,) * (number - len(product.powers))
             degree, power, now = product.degree + generator.degree, 1, v * value % PRIME
-            while degree <= max(self.degree, generator.degree) and count < _PRODUCTS:
+            while degree <= self._degree_of_products and count < _PRODUCTS:
                 self.products.setdefault(now, []).append(Product(degree, (*powers, power)))
                 if now not in self.cofactors:
                     self.cofactors[now] = self.cofactors[v] * cofactor**power
@@ -227,8 +238,10 @@ class Invariants:
         return tuple(sorted(self.generators, key=lambda g: size(self.polynomial(g))))
 
 
-def _length(f: RationalFunction) -> tuple[int, int, str]:
-    return f.degree, len(str(f)), str(f)
+def _length(f: RationalFunction) -> tuple[Any, ...]:
+    """Return the key by which functions are sorted, short ones first, as by `size`."""
+    sizes = [(size(P), e) for P, e in f.factors]
+    return f.degree, sum(count for (_, count, *_), _ in sizes), sizes
 
 
 def _upright(f: RationalFunction) -> RationalFunction:
@@ -243,10 +256,10 @@ def _upright(f: RationalFunction) -> RationalFunction:
 def _with_limit(f: RationalFunction) -> RationalFunction:
     """Return a function of f whose limit for eps to 0 is not constant."""
     if not f.degree or not f.has_letter or f.degree > _HIGHEST:
-        return with_positive_denominator(f)
+        return without_constant(f)
     above, below = (without_content(P) for P in f.quotient_in())
     below, above = with_independent_limits([below, above])
-    return with_positive_denominator(quotient_of(above, below, f.basis))
+    return without_constant(quotient_of(above, below, f.basis))
 
 
 def _order(f: RationalFunction) -> tuple[Any, ...]:

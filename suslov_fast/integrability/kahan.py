@@ -210,7 +210,7 @@ def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
     >>> [str(x) for x in map([2])], [str(x) for x in map.inverse([-2])]
     (['-2'], ['2'])
     >>> kahan(map.field)([2])
-    (-2/(2*eps - 1),)
+    (2/(-2*eps + 1),)
     """
     if not isinstance(field, QuadraticField):
         how = ": use QuadraticField.of(body)" if isinstance(field, Body) else in_place_of(field)

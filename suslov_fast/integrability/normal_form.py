@@ -16,7 +16,7 @@ import flint
 
 from . import arithmetic
 from .arithmetic import EPS, PRIME, Residues, degree_of, modulo, rank
-from .functions import RationalFunction, factored, without_content
+from .functions import RationalFunction, factored, without_constant, without_content
 from .maps import rational_roots
 from .reconstruction import over_rationals
 
@@ -289,22 +289,4 @@ def _order_of_denominator(P: Any) -> tuple[Any, ...]:
 def quotients(basis: Sequence[Any]) -> list[RationalFunction]:
     """Return the quotients of a basis by its first polynomial."""
     below, *others = basis
-    return [with_positive_denominator(factored(P) / factored(below)) for P in others]
-
-
-def with_positive_denominator(f: RationalFunction) -> RationalFunction:
-    """Return the multiple without a constant whose denominator is positive for eps to 0.
-
-    Of a polynomial that is not of one sign, the first coefficient is positive.
-    """
-    factors = [*f.factors]
-    if f.has_letter:
-        negative = [
-            k
-            for k, (P, e) in enumerate(factors)
-            if e < 0 and e % 2 and limit(P).leading_coefficient() < 0
-        ]
-        if len(negative) % 2:
-            P, e = factors[negative[0]]
-            factors[negative[0]] = (-P, e)
-    return RationalFunction(tuple(factors), basis=f.basis)
+    return [without_constant(factored(P) / factored(below)) for P in others]

@@ -1,22 +1,36 @@
-"""The search of a report, in this process or in one that a time limit ends."""
+"""The search of a report, in this process or in another one, which can be ended at any time."""
 
+import dataclasses
+import math
 import os
 import pickle
-import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from .search import Search
 
-_START = "import sys; sys.path[:] = {}; import suslov_fast.integrability.process as p; p.serve()"
+# Ctrl-C is for the process that waits.
+_START = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+sys.path[:] = {}
+import suslov_fast.integrability.process as process
+process.serve()
+"""
+_BRIEF = 1.0  # seconds of processor time that a search may take in this process
+
+Parts = Iterator[tuple[Any, int, int]]
 
 
-def search(found: Any, seed: int) -> Iterator[tuple[Any, int, int]]:
-    """Fill a `Report`; yield it after each task, with the numbers of tasks done and known."""
+def search(found: Any, seed: int, may_go_on: Callable[[float], bool] | None = None) -> Parts:
+    """Fill a `Report`; yield it after each task, with the numbers of tasks done and known.
+
+    The search ends before the first task for whose estimated seconds `may_go_on` is False.
+    """
     facts = Search(found.map, found.degree, seed)
     queue = facts.queue
     for _ in queue:
@@ -26,12 +40,37 @@ def search(found: Any, seed: int) -> Iterator[tuple[Any, int, int]]:
             special = {eps for f in formulas for eps in f.special}
             found.special_eps = tuple(sorted(special.union(found.map.degenerate_eps)))
         yield found, queue.done, queue.done + len(queue)
+        if may_go_on and not may_go_on(queue.next_cost):
+            return
     found.finished = True
     known = queue.done + len(queue)
     yield found, known, known
 
 
-def search_until(deadline: float, found: Any, seed: int) -> Iterator[tuple[Any, int, int]]:
+def search_with_interrupts(found: Any, seed: int) -> Parts:
+    """Yield what `search` yields, such that Ctrl-C takes effect within about a second.
+
+    python-flint cannot be interrupted, so a search that takes longer is repeated in another
+    process, and goes on there.
+    """
+    begin, done, again = time.thread_time(), 0, dataclasses.replace(found)
+
+    def may_go_on(estimate: float) -> bool:
+        return time.thread_time() - begin + estimate < _BRIEF or _is_frozen()
+
+    for result in search(found, seed, may_go_on):
+        done = result[1]
+        yield result
+    if not found.finished:
+        yield from (result for result in search_until(math.inf, again, seed) if result[1] > done)
+
+
+def _is_frozen() -> bool:
+    """Return True if `sys.executable` is an application, not Python."""
+    return getattr(sys, "frozen", False) or not sys.executable
+
+
+def search_until(deadline: float, found: Any, seed: int) -> Parts:
     """Yield what `search` yields, until `time.monotonic()` reaches the deadline.
 
     It runs in another process, since python-flint cannot be interrupted.
@@ -65,7 +104,6 @@ def serve() -> None:
     It ends with the process that waits for it, if this is killed.
     """
     parent = os.getppid()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that waits
     out = sys.stdout.buffer
     last = b""
     try:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.field import QuadraticField
+from ..bodies.polynomials import polynomial_of
 from ..checks import integer, real_number, wrong
 from . import arithmetic
 from .functions import IDENTITY, MODULAR, RationalFunction
@@ -24,7 +25,7 @@ from .growth import Growth, growth
 from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
 from .maps import RationalMap, check_map
-from .process import search, search_until
+from .process import search_until, search_with_interrupts
 from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text
@@ -83,7 +84,7 @@ class Report:
         if isinstance(self.map, KahanMap):
             field, eps = str(self.map.field), self.map.eps
             field = field if len(field) <= 2 * _WIDTH else f"a quadratic field of {D} variables"
-            title = f"Kahan map of {field}, eps = {'a letter' if eps is None else eps}"
+            title = f"Kahan map of {field}, eps {'symbolic' if eps is None else f'= {eps}'}"
         kind, entropy, error, based_on = self.growth
         rate = "" if math.isnan(entropy) else f", entropy {entropy:.4g}"
         rate += f" with a spread of {error:.1g}" if error > 0 else ""
@@ -186,7 +187,7 @@ def report(
     field : QuadraticField, body, KahanMap or RationalMap
         A single one.
     eps : int, Fraction, float or str, optional
-        Step size of a field or body; a string may be "1/3". Without it, eps is a letter.
+        Step size of a field or body; a string may be "1/3". Without it, eps is symbolic.
     degree : int, optional
         Largest degree of polynomials, by default 3.
     decimals : bool, optional
@@ -210,7 +211,7 @@ def report(
         everywhere, so that the image of the map of a field is a curve, say. Without `eps`, such
         step sizes are in `special_eps`.
     KeyboardInterrupt
-        After Ctrl-C; its attribute `report` has what was found so far.
+        After Ctrl-C, within about a second; its attribute `report` has what was found so far.
 
     Examples
     --------
@@ -236,7 +237,7 @@ def report(
         raise wrong("progress", expected, type(progress).__name__, TypeError)
     found = Report(map, degree, notes=notes)
     if time_limit is None:
-        parts: Any = search(found, seed)
+        parts: Any = search_with_interrupts(found, seed)
     else:
         seconds = float(real_number("time_limit", time_limit))
         if seconds < 0:
@@ -267,9 +268,17 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
         found = _in_decimals(field)
         eps = _decimal(eps) if isinstance(eps, float) else eps
     map = kahan(found, eps)
-    parts = field._coefficients if isinstance(field, QuadraticField) else field._parts
-    given = np.concatenate([np.ravel(each) for each in (*parts.values(), map.eps or 0)])
+    given = [*_numbers_in(field), map.eps or 0]
     return map, [] if decimals else _note_on_floats(arithmetic.rational("field", c) for c in given)
+
+
+def _numbers_in(body: Any) -> list[Any]:
+    """Return the numbers of a body or field as they are written: parameters, then coefficients."""
+    if not isinstance(body, QuadraticField):
+        return [c for each in body._parts.values() for c in np.ravel(each)]
+    polynomials = [*body.table] if body.H is None else [body.H.tensor]
+    terms = [c for each in polynomials for c in polynomial_of(each).terms.values()]
+    return [*body.parameters.values(), *terms, *np.ravel(0 if body.H is None else body.K)]
 
 
 def _in_decimals(body: Any) -> QuadraticField:

@@ -311,6 +311,7 @@ class Search:
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> Tasks:
         """Add a Darboux polynomial, unless it is a combination of products of others."""
         known = self.invariants
+        known.multiply_up_to(degree_of(P))
         elements = known.elements(known.value(cofactor), degree_of(P))
         if degree_of(P) == 0 or rank([*map(known.polynomial, elements), P]) == len(elements):
             return

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
+from operator import add
 from typing import Any
 
 import flint
@@ -26,7 +27,7 @@ from .kahan import KahanMap
 from .reconstruction import simplest_fraction
 from .tasks import LATE, Task
 
-DEGREES = {1: 5, 2: 5, 3: 4}  # of the products of equations, by dimension
+DEGREES = {1: 5, 2: 5, 3: 4}  # of the products of equations, at most, by dimension
 _AFFINE = 2  # the largest dimension with b; in three dimensions b = 0
 _MOST = 10**6  # numerators and denominators of entries
 
@@ -71,7 +72,7 @@ def reversors(field: QuadraticField) -> list[Reversor]:
     unknowns = arithmetic.ring(D * D + D * (D <= _AFFINE), False, flint.nmod_mpoly_ctx, PRIME)
     equations = _equations(field, unknowns)
     found = []
-    for solution in _solutions(equations, unknowns, DEGREES[D]):
+    for solution in _isolated_solutions(equations, unknowns, DEGREES[D]):
         values = [*solution, *[0] * D][: D * D + D]
         entries = [simplest_fraction(int(a), PRIME) for a in values]
         if all(max(abs(a.numerator), a.denominator) < _MOST for a in entries):
@@ -140,35 +141,57 @@ def _equations(field: QuadraticField, unknowns: Any) -> list[Any]:
     return [each for each in equations if each != 0]
 
 
-def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[list[Any]]:
-    """Yield the solutions of equations modulo a prime, if they are isolated.
+def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> list[list[Any]]:
+    """Return the solutions of equations modulo a prime, if products up to a degree show them."""
+    for degree in range(2, most + 1):
+        if (found := _solutions(equations, unknowns, degree)) is not None:
+            return [*found]
+    return []
+
+
+def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
+    """Return the matrix of the products of equations and monomials, up to a degree."""
+    n, rows, flat = unknowns.nvars(), 0, list[int]()
+    column = {e: k for k, e in enumerate(arithmetic.exponents_up_to(degree, n))}
+    empty = [0] * len(column)
+    for equation in equations:
+        terms = [(e, int(c)) for e, c in equation.to_dict().items()]
+        for shift in arithmetic.exponents_up_to(degree - equation.total_degree(), n):
+            start = len(flat)
+            flat += empty
+            rows += 1
+            for e, c in terms:
+                flat[start + column[tuple(map(add, e, shift))]] = c
+    return flint.nmod_mat(rows, len(column), flat, PRIME)
+
+
+def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[list[Any]] | None:
+    """Return the solutions of equations modulo a prime; None if products up to a degree hide them.
 
     A vector of the null space of all products is a combination of the monomials at the solutions;
     multiplication by a variable acts on the values of monomials of lower degree.
     """
     n = unknowns.nvars()
-    monomials = arithmetic.exponents_up_to(degree, n)
-    column = {e: k for k, e in enumerate(monomials)}
-    rows = []
-    for equation in equations:
-        terms = equation.to_dict()
-        size = max(sum(e) for e in terms)
-        for shift in arithmetic.exponents_up_to(degree - size, n):
-            row = [0] * len(monomials)
-            for e, c in terms.items():
-                row[column[tuple(a + b for a, b in zip(e, shift, strict=True))]] = int(c)
-            rows.append(row)
-    space = arithmetic.null_space(flint.nmod_mat(rows, PRIME))
+    space = arithmetic.null_space(_products(equations, unknowns, degree))
     # Solutions at infinity are 0 in monomials of lower degree: there the rank stays the same.
     sizes = [math.comb(n + d, n) for d in range(degree + 1)]
     parts = [flint.nmod_mat([row[:k] for row in space] or [[0]], PRIME) for k in sizes]
     ranks = [part.rank() for part in parts]
     stable = [d for d in range(1, degree) if ranks[d] == ranks[d - 1]]
-    if not stable or (count := ranks[stable[-1]]) == 0:
-        return
+    if not stable:
+        return None
+    if (count := ranks[stable[-1]]) == 0:
+        return iter(())
     reduced, _ = parts[stable[-1]].rref()
     values = np.array(arithmetic.integer_rows(reduced)[:count], object).T  # by monomial
-    low = range(sizes[stable[-1] - 1])
+    return _by_multiplication(values, sizes[stable[-1] - 1], n, degree)
+
+
+def _by_multiplication(values: Any, low_count: int, n: int, degree: int) -> Iterator[list[Any]]:
+    """Yield the solutions from the values of monomials in a basis of their combinations."""
+    monomials = arithmetic.exponents_up_to(degree, n)
+    column = {e: k for k, e in enumerate(monomials)}
+    count, low = values.shape[1], range(low_count)
     rng = random.Random(0)
     weights = [rng.randrange(PRIME) for _ in range(n)]
     units = np.eye(n, dtype=int)

@@ -112,10 +112,10 @@ def folder(tmp_path):
     return tmp_path
 
 
-def call(folder, *names, **environment):
+def call(folder, *names, code=CALL, **environment):
     """Check the results of functions in a new process; return how many files it loaded."""
     environment = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1"} | environment
-    output = children.run(CALL, folder, *names, PYTHONWARNINGS="error", **environment)
+    output = children.run(code, folder, *names, PYTHONWARNINGS="error", **environment)
     lines = [line.partition("result ")[2] for line in output.splitlines() if "result " in line]
     assert lines == [RESULTS[name] for name in names]
     return len(re.findall(LOADED, output))
@@ -168,6 +168,138 @@ def test_without_a_writable_folder(folder):
     places = {"HOME": str(blocked), "XDG_CACHE_HOME": str(blocked), "LOCALAPPDATA": str(blocked)}
     assert call(folder, *RESULTS, PYTHONDONTWRITEBYTECODE="1", **places) == 0
     assert blocked.read_text() == "not a folder"
+
+
+# Numba tries to write to a folder before it takes it.
+READ_ONLY = """
+import sys, tempfile
+real = tempfile.TemporaryFile
+def refuse(*given, dir=None, **others):
+    if any(part in dir for part in %r):
+        raise OSError(30, "Read-only file system")
+    return real(*given, dir=dir, **others)
+tempfile.TemporaryFile = refuse
+"""
+
+
+def test_a_whole_cache_that_cannot_be_written_is_used(folder):
+    """As in the image of a container; what it lacks is kept in the folder of the user."""
+    assert call(folder, *RESULTS) == 0
+    before = cached(folder)
+    kept = {"code": READ_ONLY % ([""],) + CALL}
+    assert call(folder, *RESULTS, **kept) == 5
+    [data] = [path for path in cached(folder, "double") if path.suffix == ".nbc"]
+    data.unlink()
+    before.remove(data)
+    code, home = READ_ONLY % (["__pycache__"],) + CALL, folder / "home"
+    places = {"NUMBA_CACHE_DIR": "", "NUMBA_DEBUG_CACHE": "1", "XDG_CACHE_HOME": str(home)}
+    for loaded in (False, True):
+        output = children.run(code, folder, "serial", **places)
+        assert bool(re.search(rf"data loaded from '{home}.*loops\.double_", output)) == loaded
+    assert cached(folder) == before
+
+
+FOREIGN = {
+    "mine.py": """
+import terms
+from package.core.numba import function, kernel, universal
+
+def of_step(step):
+    @kernel
+    def apply(part, parts, out):
+        out[0] = step(out[0]) + later(1.0)
+
+    return apply
+
+@function
+def first(x):
+    return terms.scaled(x)
+
+@universal("()->()")
+def shifted(x, out):
+    out[0] = terms.shift(x)
+
+@function
+def later(x):
+    return x + NUMBER
+
+from numbers_ import NUMBER
+first_kernel = of_step(first)
+""",
+    "terms.py": """
+import numba, numbers_
+
+@numba.njit
+def scaled(x):
+    return 10.0 * x + numbers_.TABLE[0]
+
+@numba.njit
+def shift(x):
+    return x + numbers_.TABLE[1]
+""",
+    "numbers_.py": "NUMBER, TABLE = 0.25, (100.0, 200.0)",
+}
+CALL_FOREIGN = """
+import sys, numpy as np
+sys.path.insert(0, sys.argv[1])
+import mine
+out = np.ones(1)
+mine.first_kernel.serial(out)
+print("result", out[0], mine.shifted(1.0))
+"""
+
+
+def test_edits_of_whatever_a_function_of_others_names_compile_it_anew(folder):
+    """A helper in a second file, and a number in a third, of which Numba looks at none."""
+    for name, text in FOREIGN.items():
+        (folder / name).write_text(text)
+
+    def results():
+        output = children.run(CALL_FOREIGN, folder, NUMBA_CACHE_DIR="", NUMBA_DEBUG_CACHE="1")
+        [line] = re.findall("^result (.*)$", output, re.MULTILINE)
+        return line, len(re.findall(r"data loaded from .*/mine\.", output))
+
+    assert results() == ("111.25 201.0", 0)
+    assert results() == ("111.25 201.0", 2)
+    for name, old, new, result in (
+        ("numbers_.py", "(100.0, 200.0)", "(200.0, 100.0)", "211.25 101.0"),
+        ("terms.py", "10.0 * x", "20.0 * x", "221.25 101.0"),
+    ):
+        path = folder / name
+        path.write_text(path.read_text().replace(old, new))
+        assert results()[0] == result
+
+
+def digest(text, name="f", **names):
+    names["np"], names["numba"] = np, numba
+    exec(text, names)
+    return cache._digest_of(names[name])
+
+
+def test_the_digest_of_a_function_sees_what_it_names():
+    """Each line is one function; each changed text in it changes the digest."""
+    of_numbers = "A, B = 1.0, 2.0\ndef g(x): return x * A\ndef f(x, y=3): return g(x) + B + y"
+    changes = [("1.0", "2.0"), ("= 1.0, 2.0", "= 2.0, 1.0"), ("y=3", "y=4"), ("x * A", "x + A")]
+    inner = "def make(k):\n def f(x): return [x * k for _ in range(3)]\n return f\nf = make(5)"
+    changes_of_inner = [("make(5)", "make(6)"), ("range(3)", "range(4)"), ("x * k", "k * k * x")]
+    of_arrays = "T = np.arange(3)\ndef f(x): return T[x]"
+    of_options = "@numba.njit(fastmath=False)\ndef g(x): return x\ndef f(x): return g(x)"
+    both = "def g(x): return x\ndef h(x): return -x\na, b = g, h\ndef f(x): return a(x) / b(x)"
+    recursive = "def f(x): return f(x - 1) if x > 0 else g(x)\ndef g(x): return f(-x)"
+    of_sets = "def f(x): return x in {'b', 'a', 'c'}"
+    for text, changed in (
+        (of_numbers, changes),
+        (inner, changes_of_inner),
+        (of_arrays, [("np.arange(3)", "np.arange(3.0)"), ("arange(3)", "ones(3, int)")]),
+        (of_options, [("False", "True")]),
+        (both, [("= g, h", "= h, g")]),
+        (recursive, [("-x", "x")]),
+        (of_sets, [("'b'", "'d'")]),
+    ):
+        assert digest(text) == digest(f"# a comment\n\n{text}\nOTHER = 7")
+        assert digest(text) == digest(text.replace("np.ones", "np.zeros"))
+        for old, new in changed:
+            assert digest(text) != digest(text.replace(old, new)), (text, old, new)
 
 
 # Names of Numba that are not public, and where they are. Numba itself needs them: they are hidden

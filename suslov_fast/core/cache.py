@@ -9,7 +9,7 @@ The folder must be as trusted as the code.
 import functools
 import hashlib
 import importlib.resources
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import CodeType, ModuleType
 
@@ -141,6 +141,17 @@ def _with_kept_folders():
         for each in caching.CompileResultCacheImpl._locator_classes
     ]
     return type("Kept", (caching.CompileResultCacheImpl,), {"_locator_classes": places})
+
+
+@contextmanager
+def kept_folders():
+    """Let Numba, which chooses the files of universal functions, take folders as they are, too."""
+    usual = caching.CacheImpl._locator_classes
+    caching.CacheImpl._locator_classes = _with_kept_folders()._locator_classes
+    try:
+        yield
+    finally:
+        caching.CacheImpl._locator_classes = usual
 
 
 def _files_of(py_function):

@@ -31,7 +31,7 @@ import numpy as np
 from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
-from .cache import name_with_digest, use_cache
+from .cache import kept_folders, name_with_digest, use_cache
 from .llvm import call_address, pack
 
 # The default error model tests every divisor: that costs 30 % and prevents SIMD. Other threads of
@@ -193,7 +193,7 @@ class Universal:
         build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
         name_with_digest(self.py_func, of_all=True)
         with _collector_paused():
-            with suppress(Exception):  # no writable folder, or a file that cannot be read
+            with suppress(Exception), kept_folders():  # none, or a file that cannot be read
                 compiled = build(cache=not config.BOUNDSCHECK)(self.py_func)
                 if _is_whole(compiled):
                     return compiled

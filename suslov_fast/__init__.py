@@ -11,16 +11,18 @@ The map of the Suslov problem is that of V. Dragovic and B. Gajic, arXiv:0807.29
 """
 
 import ast
+import os
 import sys
 from importlib import import_module
 from pathlib import Path
 
 __version__ = "0.7.0"
 
-# The imports in `__init__.pyi` list the public names.
+# The imports in `__init__.pyi` list the public names; the package may be in an archive.
+_LIST = __loader__.get_data(str(Path(__file__).with_suffix(".pyi"))).decode()
 _MODULE_OF = {
     alias.name: f".{node.module}"
-    for node in ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body
+    for node in ast.parse(_LIST).body
     if isinstance(node, ast.ImportFrom)
     for alias in node.names
 }
@@ -42,3 +44,27 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return [*__all__, *_MODULES, "__version__"]
+
+
+_threads_are_gone = False  # in a child, with which OpenMP aborts or hangs, as TBB may
+
+
+def _after_fork() -> None:
+    """Note in a child that threads are gone, if its parent had started some for computing.
+
+    It is registered before anything is computed, and counts the threads of others, too: of a
+    `prange` of the user, and of torch, which tells nobody whether it started them.
+    """
+    global _threads_are_gone
+    numba, ours = sys.modules.get("numba"), sys.modules.get(f"{__name__}.engine.threads")
+    try:
+        numba.threading_layer()  # type: ignore[union-attr]
+        _threads_are_gone = True
+    except (ValueError, AttributeError):  # none was started, or Numba is not imported
+        _threads_are_gone |= "torch" in sys.modules
+    if ours is not None:
+        ours.renew()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)

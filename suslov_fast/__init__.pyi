@@ -49,3 +49,5 @@ from .space import to_matrix as to_matrix
 from .space import to_vector as to_vector
 
 __version__: str
+
+_threads_are_gone: bool

@@ -222,6 +222,57 @@ def test_threads_are_bounded(server, monkeypatch):
     assert max(most) == 32
 
 
+@contextlib.contextmanager
+def slow_clients(port, count, text):
+    """Clients that are connected, have sent a text, and then wait."""
+    with contextlib.ExitStack() as stack:
+        clients = []
+        for _ in range(count):
+            client = stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=60))
+            client.sendall(text)
+            clients.append(client)
+        yield clients
+
+
+@pytest.mark.parametrize("text", [b"", b"GET / HTT", b"GET /missing HTTP/1.1\r\nHost: "])
+def test_slow_clients_neither_block_others_nor_the_end(text):
+    """Those that never end their request, each in a thread of its own, and more than there are."""
+    page = sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3))
+    with contextlib.closing(page), slow_clients(urlsplit(page.url).port, 40, text) as clients:
+        with urllib.request.urlopen(page.url, timeout=60) as reply:  # some have to leave
+            assert reply.status == 200
+        serving_thread = page._server
+        page.close()
+        assert page._server is None
+        for client in clients:
+            with contextlib.suppress(ConnectionError):
+                assert client.recv(1024) == b"" or text.startswith(b"GET /missing")
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", serving_thread.port), timeout=60)
+
+
+def test_a_server_whose_threads_are_all_taken_is_closed(monkeypatch):
+    """While scenes are computed nobody is sent away, but the end does not wait for them."""
+    go, under_way = threading.Event(), threading.Semaphore(0)
+
+    def slow(query):
+        under_way.release()
+        go.wait()
+        return {}
+
+    monkeypatch.setattr(serving, "answer", slow)
+    page = sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3))
+    port = urlsplit(page.url).port
+    text = f"GET /scene HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode()
+    try:
+        with slow_clients(port, 40, text):
+            for _ in range(32):
+                under_way.acquire()
+            page.close()  # would wait for `go`
+    finally:
+        go.set()
+
+
 def test_page_without_a_notebook_extra(monkeypatch):
     monkeypatch.setattr(serving, "find_spec", lambda name: None)
     body = sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.7)

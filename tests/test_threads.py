@@ -59,6 +59,66 @@ def test_threads_and_forks(code, count, layer):
     children.run(children.SETUP + code, count, timeout=1800, **children.layer(layer))
 
 
+# The parent imports the package, and starts threads of its own.
+PRANGE = """
+import numba
+@numba.njit(parallel=True)
+def threads(x):
+    t = 0.0
+    for i in numba.prange(x.size):
+        t += x[i]
+    return t
+assert threads(np.ones(100)) == 100
+"""
+TORCH = """
+import torch
+torch.set_num_threads(2)
+x = torch.ones(1000, 1000)
+assert (x @ x).sum() == 1e9
+assert torch.exp(x).min() > 2
+"""
+CHILDREN = """
+import multiprocessing
+def work(k):
+    body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    return sf.iterate(body, sf.RandomStarts(40000, 2.0, 3), 0.2, 60, save_every=None).final.sum()
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    found = pool.map(work, range(4))
+print(len({*found}), work(0) == found[0])
+"""
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.parametrize("started", ["prange", "torch"])
+def test_children_of_a_parent_with_threads_of_others(started):
+    """They neither abort nor hang, though nothing of the package was called before the fork."""
+    if started == "torch":
+        pytest.importorskip("torch")
+    code = "import numpy as np, suslov_fast as sf\n" + {"prange": PRANGE, "torch": TORCH}[started]
+    two = {"NUMBA_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    lines = children.run(f"{code}\n{CHILDREN}", PYTHONWARNINGS="ignore", **two).splitlines()
+    assert lines == ["1 True"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.parametrize("loaded", ["", "torch"])
+def test_a_loaded_torch_counts_as_threads(loaded):
+    """Whether it started some, and whether the child has Numba before or after the fork."""
+    code = """
+        import os, sys, types, suslov_fast
+        if sys.argv[1]:
+            sys.modules[sys.argv[1]] = types.ModuleType(sys.argv[1])
+        for _ in range(2):
+            if os.fork() == 0:
+                from suslov_fast.engine import threads
+                os._exit(10 + threads._threads_are_gone)
+            print(os.waitstatus_to_exitcode(os.wait()[1]))
+            import suslov_fast.engine.threads
+    """
+    assert children.run(code, loaded).split() == [str(10 + bool(loaded))] * 2
+
+
 class Alarm(Exception):
     @classmethod
     def sound(cls, signum, frame):

@@ -1,11 +1,11 @@
 """Calls of kernels, serial or parallel."""
 
-import os
 import threading
-from contextlib import suppress
 from typing import Any
 
 import numba
+
+import suslov_fast
 
 from ..core.numba import Kernel
 
@@ -16,7 +16,7 @@ CROSSOVER = 1_000_000
 # One parallel call at a time: Numba's `workqueue` layer aborts under two. A second thread
 # makes a serial call, whose results are bit-identical.
 _one_at_a_time = threading.RLock()
-_threads_are_gone = False
+_threads_are_gone = suslov_fast._threads_are_gone
 
 
 def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
@@ -46,14 +46,8 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
             pass
 
 
-def _after_fork() -> None:
-    """In a child, make serial calls: with the threads of its parent OpenMP aborts, TBB may hang."""
+def renew() -> None:
+    """Renew what a child has from its parent, whose threads may be gone: then calls are serial."""
     global _threads_are_gone, _one_at_a_time
     _one_at_a_time = threading.RLock()
-    with suppress(ValueError):  # no thread was ever started
-        numba.threading_layer()
-        _threads_are_gone = True
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_after_fork)
+    _threads_are_gone = suslov_fast._threads_are_gone

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import sys
 import threading
+import time
+from contextlib import suppress
 from http.server import BaseHTTPRequestHandler
 from importlib.util import find_spec
 from socketserver import ThreadingTCPServer
@@ -21,6 +24,7 @@ from .scene import PAGE, Parameters, answer, parse_query
 
 _ADDRESS = "127.0.0.1"
 _MOST = 32  # requests at a time; others wait
+_PATIENCE = 0.5  # seconds that a client may take to send or to receive while others wait
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir()} | {"/": PAGE / "index.html"}
 _TYPES = {".css": "text/css", ".html": "text/html", ".js": "text/javascript"}
 
@@ -29,24 +33,55 @@ class Server(ThreadingTCPServer):
     """HTTP server of the page on a local port; 0 selects a free one."""
 
     daemon_threads = True
+    request_queue_size = 128
     # On POSIX a second server on the same port is an error nevertheless.
     allow_reuse_address = os.name == "posix"
 
     def __init__(self, port: int) -> None:
         self._free = threading.Semaphore(_MOST)
+        self._since: dict[Any, float] = {}  # when each client began to send or to receive
+        self._is_closing = False
         super().__init__((_ADDRESS, port), _Handler)
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Start a thread for a request when one of those allowed is free."""
-        self._free.acquire()
+        """Start a thread for a request when one is free; slow clients give theirs up."""
+        while not self._free.acquire(timeout=0.1):
+            if self._is_closing:
+                super().shutdown_request(request)
+                return
+            self.disconnect(_PATIENCE)
+        self.wait_for(request)
         super().process_request(request, client_address)
+
+    def wait_for(self, request: Any) -> None:
+        """Note that a client begins to send or to receive."""
+        self._since[request] = time.monotonic()
+
+    def compute_for(self, request: Any) -> None:
+        """Note that a client waits for the server."""
+        self._since.pop(request, None)
+
+    def disconnect(self, patience: float) -> None:
+        """End the connections of clients that take longer than `patience`, in seconds."""
+        now = time.monotonic()
+        for request, since in [*self._since.items()]:
+            if now - since > patience:
+                with suppress(OSError):  # its thread may end it now
+                    request.shutdown(socket.SHUT_RDWR)
 
     def shutdown_request(self, request: Any) -> None:
         """End a request, and free its thread for the next one."""
+        self.compute_for(request)
         self._free.release()
         super().shutdown_request(request)
+
+    def shutdown(self) -> None:
+        """Stop serving, whatever clients do."""
+        self._is_closing = True
+        super().shutdown()
+        self.disconnect(0.0)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Report an error, unless the browser has closed the connection."""
@@ -68,6 +103,7 @@ class _Handler(BaseHTTPRequestHandler):
         if foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
             self.send_error(403)
         elif path == "/scene":
+            self.server.compute_for(self.connection)
             text = json.dumps(answer(query), allow_nan=False, separators=(",", ":"))
             self._send("application/json", text.encode())
         elif file := _FILES.get(path):
@@ -76,6 +112,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(400 if "\0" in unquote(path) else 404)
 
     def _send(self, kind: str, content: bytes) -> None:
+        self.server.wait_for(self.connection)
         self.send_response(200)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))

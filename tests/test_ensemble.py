@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 import time
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
@@ -442,6 +443,133 @@ def test_a_lost_chunk_is_an_error_and_computed_anew(store):
     shutil.rmtree(store / "omega" / "c")
     with pytest.raises(ValueError, match="6 chunks of omega"):
         open_ensemble(store)
+
+
+def mean_of(data):
+    return xarray.Dataset({"mean": ("n", data.omega.mean(("trajectory", "component")).values)})
+
+
+def note(store, data):
+    zarr.open_group(store, mode="r+").attrs["note"] = "mine"
+
+
+def whole_again(store, data):
+    """With all of its arrays, and attributes of one's own in place of those of the run."""
+    mine = data.load().drop_encoding().assign(mean=mean_of(data)["mean"])
+    mine.assign_attrs(steps=7, note="mine").to_zarr(store, mode="a")
+
+
+def append(store, data, dim):
+    data.isel({dim: [0, 1]}).load().drop_encoding().to_zarr(store, append_dim=dim)
+
+
+WAYS_TO_WRITE = {
+    "a variable": lambda store, data: mean_of(data).to_zarr(store, mode="a"),
+    "a variable without consolidated metadata": lambda store, data: mean_of(data).to_zarr(
+        store, mode="a", consolidated=False
+    ),
+    "a group": lambda store, data: mean_of(data).to_zarr(store, group="mean"),
+    "a compressed array": lambda store, data: zarr.open_group(store, mode="r+").create_array(
+        "mean", shape=(3,), dtype=float, compressors=zarr.codecs.ZstdCodec()
+    ),
+    "an attribute": note,
+    "all of it": whole_again,
+    "states": lambda store, data: append(store, data, "n"),
+    "trajectories": lambda store, data: append(store, data, "trajectory"),
+    "states alone": lambda store, data: append(store, data[["omega"]], "n"),
+    "metadata": lambda store, data: zarr.consolidate_metadata(store),
+}
+
+
+@pytest.mark.parametrize("unfinished", [False, True])
+@pytest.mark.parametrize("way", WAYS_TO_WRITE)
+@pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
+@pytest.mark.filterwarnings("ignore:Failed to open Zarr store:RuntimeWarning")  # of xarray
+def test_what_others_write_into_a_store_does_not_cost_the_run(store, way, unfinished):
+    """It opens, is finished by the same call, and stays this run; what is not of it is named."""
+    run = (BODY, RandomStarts(100, 2.0, seed=1), 0.2, 10)
+    ours = {"store": store, "chunk": 40, "save_every": 5}
+    orbits = iterate(*run, save_every=5)
+    before = ensemble(*run, **ours)
+    attributes, variables = before.attrs, {*before.variables}
+    WAYS_TO_WRITE[way](store, before)
+    if unfinished:
+        (store / "status/c/1").unlink()
+        (store / "I1/c").unlink()
+    caught = []
+    for opens in (lambda: ensemble(*run, **ours), lambda: open_ensemble(store)):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            data = opens()
+        assert_same(data, orbits)
+        assert {**data.attrs, **attributes} == data.attrs
+        assert {*data.variables} == variables
+        caught += [
+            str(each.message) for each in told if "ensemble did not write" in str(each.message)
+        ]
+    assert data.attrs.get("note", "mine") == "mine"
+    if way in ("a variable", "a group", "all of it"):
+        assert len(caught) == 2
+        assert all("also has mean" in text or "also has mean, time" in text for text in caught)
+        assert all("in a store of their own" in text for text in caught)
+    for steps in (10, 11):  # attributes of others are none of the run
+        with pytest.raises(ValueError, match="the store has"):
+            ensemble(BODY, RandomStarts(100, 2.0, seed=2), 0.2, steps, **ours)
+
+
+@pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
+def test_an_array_that_others_replaced_is_named(store):
+    """Its chunks are not those that `ensemble` wrote."""
+    data = call(ensemble, **ASKED, store=store).load()
+    mine = xarray.Dataset({"final": data.final.astype(np.float32).drop_encoding()})
+    shutil.rmtree(store / "final")
+    mine.to_zarr(store, mode="a")
+    with pytest.raises(ValueError, match=r"store: .*final: expected .* ensemble ma"):
+        open_ensemble(store)
+
+
+def test_a_store_in_a_zip_file(store):
+    data = call(ensemble, **ASKED, store=store)
+    shutil.make_archive(store, "zip", store)
+    with zarr.storage.ZipStore(f"{store}.zip", mode="r") as opened:
+        assert_same(open_ensemble(opened), call(iterate, **ASKED))
+    closed = zarr.storage.ZipStore(f"{store}.zip", mode="r")
+    assert_same(open_ensemble(closed), call(iterate, **ASKED))
+    assert open_ensemble(closed).attrs == data.attrs
+    for mode, name in (("r", f"{store}.zip"), ("w", f"{store}.new.zip")):
+        with pytest.raises(ValueError, match=r"store: .* ZipStore: write into a folder"):
+            call(ensemble, **ASKED, store=zarr.storage.ZipStore(name, mode=mode))
+    closed.close()
+
+
+def test_a_callable_ends_a_run(store):
+    """After a tile; the same call goes on."""
+    run, ours = (BODY, RandomStarts(50, 1.0), 0.2, 30), {"store": store, "chunk": 10}
+    for first, tiles in ((0, 0), (300, 1), (900, 2), (1500, 5)):
+        seen = []
+
+        def progress(done, total, seen=seen, first=first):
+            seen.append((done, total))
+            return np.False_ if done >= first else None
+
+        data = ensemble(*run, **ours, progress=progress)
+        assert (data.status.values != PENDING).sum() == max(10 * tiles, seen[-1][0] // 30)
+        assert seen[-1][1] == 1500
+    assert_same(data, iterate(*run, save_every=None))
+    meanings = data.status.attrs["flag_meanings"].split()
+    assert dict(zip(meanings, data.status.attrs["flag_values"], strict=True)) == {
+        **{each.name: each.value for each in sf.Status},
+        "PENDING": PENDING,
+    }
+
+
+def test_a_callable_ends_the_work_of_a_cluster(store):
+    run = (BODY, RandomStarts(50, 1.5), 0.2, 40)
+    with distributed.Client(n_workers=1, processes=False, dashboard_address=None) as client:
+        ours = {"store": store, "chunk": 2, "client": client}
+        data = ensemble(*run, **ours, progress=lambda done, total: done < 400)
+        assert (data.status.values != PENDING).sum() >= 10
+        assert_same(ensemble(*run, **ours), iterate(*run, save_every=None))
 
 
 def test_only_format_3_is_opened(store):

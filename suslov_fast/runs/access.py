@@ -14,14 +14,14 @@ T = TypeVar("T")
 _AT_A_TIME = 64
 
 
-def reader(store: Any) -> Any:
+def reader(store: Any, read_only: bool = True) -> Any:
     """Return the Zarr store object of a folder or a URL, to read what is there now."""
     from zarr.storage import FsspecStore, LocalStore
 
     if isinstance(store, Path):
-        return LocalStore(store, read_only=True)
+        return LocalStore(store, read_only=read_only)
     if isinstance(store, (str, os.PathLike)):
-        store = FsspecStore.from_url(os.fspath(store), read_only=True)
+        store = FsspecStore.from_url(os.fspath(store), read_only=read_only)
     if isinstance(store, FsspecStore):
         store.fs.invalidate_cache()  # of listings, in which other processes' chunks are missing
     return store
@@ -36,6 +36,29 @@ def run(requests: Coroutine[Any, Any, T]) -> T:
 
     found: T = sync(requests)
     return found
+
+
+async def settle(seconds: float) -> None:
+    """Wait until requests that an interrupt has left have ended, and cancel slow ones.
+
+    At the end of a process asyncio prints what it thinks of requests that are under way.
+    """
+    if others := asyncio.all_tasks() - {asyncio.current_task()}:
+        for task in (await asyncio.wait(others, timeout=seconds))[1]:
+            task.cancel()
+
+
+def opened(store: Any) -> Any:
+    """Return a Zarr store object after it was opened, which one of a ZIP file is not at first."""
+    from zarr.storage import StorePath
+
+    return run(StorePath.open(store, path="")).store
+
+
+async def put(target: Any, key: str, text: str) -> None:
+    from zarr.buffer import default_buffer_prototype
+
+    await target.set(key, default_buffer_prototype().buffer.from_bytes(text.encode()))
 
 
 async def get(source: Any, key: str) -> str | None:

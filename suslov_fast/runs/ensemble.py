@@ -9,7 +9,8 @@ import hashlib
 import inspect
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -30,7 +31,7 @@ from ..engine.arguments import (
 )
 from ..engine.stretches import March, Progress, reporter
 from ..maps import map_of
-from . import stores
+from . import metadata, stores
 from .iterate import checked_counts
 from .trajectories import Trajectories
 
@@ -75,7 +76,8 @@ def ensemble(
     Parameters
     ----------
     body, eps, steps, save_every, method, attitude, progress
-        As in :func:`iterate`; progress counts the steps of all trajectories.
+        As in :func:`iterate`; progress counts the steps of all trajectories, and is called after
+        each tile. If it returns False, the store is left as it is; the same call goes on.
     omega0 : array_like(float, shape=(..., D)) or RandomStarts
         Initial states; memory maps and Dask arrays are read in parts, twice.
     store : str, path-like or Zarr store
@@ -134,19 +136,16 @@ def ensemble(
     whole, store = whole._replace(omega=omega0, batch=batch), stores.resolved(store)
     data = _template(whole, options, dims, coords)
     reports = reporter(progress, math.prod(batch) * steps)
-    missing = stores.prepare(store, data, _sizes(data, chunk))
-    arrays = stores.opened(store)
-    status = arrays["status"]
+    missing, arrays, status = stores.prepare(store, data, _sizes(data, chunk))
     tiles = {tile: _where(tile, status.shape, status.chunks) for tile in missing}
     done = math.prod(batch) - sum(_count(where) for where in tiles.values())
-    with reports as report:
-        if report is not None:
-            report(done * steps)
-        for where in _finished(tiles, whole, options, arrays, client, store):
+    computing = _finished(tiles, whole, options, arrays, client, store)
+    with reports as report, closing(computing):
+        goes_on = report is None or report(done * steps)
+        while goes_on and (where := next(computing, None)) is not None:
             done += _count(where)
-            if report is not None:
-                report(done * steps)
-    return _dataset(store, is_finished=True, is_known=not tiles)
+            goes_on = report is None or report(done * steps)
+    return _dataset(store, is_finished=done == math.prod(batch), is_known=not tiles)
 
 
 def open_ensemble(store: Any) -> xarray.Dataset:
@@ -161,8 +160,8 @@ def open_ensemble(store: Any) -> xarray.Dataset:
     -------
     xarray.Dataset
         Lazy, with the names of :meth:`Trajectories.to_xarray` and the functions; the attributes
-        are the arguments of the run. What is not computed yet is NaN, and its `status` -128.
-        Reading a damaged chunk is an error.
+        are the arguments of the run. What is not computed yet is NaN, and its `status` -128,
+        PENDING. Reading a damaged chunk is an error.
 
     Examples
     --------
@@ -183,7 +182,7 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     """Open a store that lacks nothing, and no tile if `is_finished`; `is_known` spares the look."""
     import xarray
 
-    found = stores.contents(store)
+    found = metadata.contents(store)
     if found is None or not found.arrays:
         raise wrong("store", "a store of ensemble", f"none at {store}", FileNotFoundError)
     lost = stores.Lost({}, set(), set()) if is_known else stores.lost(store, found)
@@ -193,14 +192,20 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     if is_finished and lost.pending:
         received = f"{store} without {len(lost.pending)} of the tiles that were computed"
         raise wrong("client", "workers that write to the store", received)
-    data = xarray.open_zarr(store, consolidated=True, zarr_format=3, chunks=None)
+    if found.foreign:
+        names = ", ".join(found.foreign)
+        how = "keep derived variables in a store of their own"
+        checks.warn(f"store: {store} also has {names}, which ensemble did not write: {how}")
+    source = metadata.overlaid(store, found)
+    data = xarray.open_zarr(source, consolidated=True, zarr_format=3, chunks=None)
+    data = data.assign_attrs(found.added)
     for name, array in found.arrays.items():
         if array.shape and name not in data.indexes:
             data[name] = data[name].chunk(_parts(array), token=uuid4().hex)
     return data.assign_coords(time=data.n * data.eps)
 
 
-def _parts(array: stores.Stored) -> dict[Any, int]:
+def _parts(array: metadata.Stored) -> dict[Any, int]:
     """Return the lengths of Dask's chunks, each of which reads as many of the store as fill one.
 
     So an array of small chunks takes few tasks, and each makes several requests at a time.
@@ -238,6 +243,9 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
         "save_every": every,
     }
     data = Trajectories._of(fills | about).to_xarray(dims, coords).drop_vars("time")
+    flags = data.status.attrs
+    flags["flag_values"] = [*flags["flag_values"], stores.PENDING]
+    flags["flag_meanings"] += " PENDING"
     sources = {}
     for name, function in functions.items():
         checks.instance("functions, a name", name, str)
@@ -267,7 +275,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     tiled = sorted({map.variable, *fills, *functions} & {*data.variables})
     shared = sorted({*data.variables} - {*tiled})
     identity |= {"tiled": json.dumps(tiled), "shared": json.dumps(shared)}
-    return data.assign_attrs(identity, format=stores.FORMAT)
+    return data.assign_attrs(identity, format=metadata.FORMAT)
 
 
 def _is_storable(name: Any) -> bool:
@@ -309,13 +317,13 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
 
 
 def _finished(
-    tiles: dict[stores.Tile, Where],
+    tiles: dict[metadata.Tile, Where],
     whole: Problem,
     options: Options,
     arrays: Any,
     client: Any,
     store: Any,
-) -> Iterator[Where]:
+) -> Generator[Where, None, None]:
     """Compute tiles, and yield each when it is finished."""
     if client is None:
         for where in tiles.values():
@@ -328,7 +336,7 @@ def _finished(
     # What a tile needs is at most some chunks, which a graph may hold.
     sizes = {"distributed.admin.large-graph-warning-threshold": 16 * _CHUNK}
     waiting = iter(tiles.items())
-    under_way: dict[Any, tuple[stores.Tile, Where]] = {}
+    under_way: dict[Any, tuple[metadata.Tile, Where]] = {}
     finished, known = as_completed(loop=client.loop), set()  # workers that write to the store
 
     def submit() -> None:
@@ -392,7 +400,7 @@ def _tile(whole: Problem, where: Where) -> Problem:
     return tile._replace(omega=checks.states("omega0", np.asarray(tile.omega), tile.body._labels))
 
 
-def _where(tile: stores.Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> Where:
+def _where(tile: metadata.Tile, shape: tuple[int, ...], chunks: tuple[int, ...]) -> Where:
     """Return the part of the batch that a tile is."""
     axes = zip(tile, shape, chunks, strict=True)
     return tuple(slice(k * m, min(k * m + m, n)) for k, n, m in axes)

@@ -1,4 +1,4 @@
-"""Zarr stores of runs: what a store contains, and what is missing.
+"""Zarr stores of runs: how they are made, and what they lack.
 
 A store exists once its metadata are consolidated, a tile once its `status` is written. Every chunk
 is written, even one that has only fill values: so a chunk that is not there was lost. There are no
@@ -16,9 +16,8 @@ import math
 import os
 import shutil
 import stat
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from itertools import product
 from pathlib import Path
 from threading import Lock
 from typing import Any, NamedTuple
@@ -28,58 +27,13 @@ import numpy as np
 from .. import checks
 from ..checks import wrong
 from ..engine.arguments import RandomStarts
-from ..maps import named
 from . import access
-from .storage import arrays_of_a_run, check_arrays
+from .metadata import COPY, Contents, Stored, Tile, contents, digest_of, overlaid
 
-# Version of the format, and the status of trajectories that are not computed.
-FORMAT, PENDING = 10, -128
-# The codecs of our stores. Zarr does not get metadata with others: codecs can run commands.
-_CODECS = {"bytes", "vlen-utf8", "crc32c"}
-# Bytes of a number. The files of chunks have these and a checksum of 4 bytes.
-_BYTES, _CHECKSUM = {"float64": 8, "int64": 8, "int8": 1}, 4
+# The status of trajectories that are not computed.
+PENDING = -128
 # Settings of Zarr apply to all threads.
 _ALONE = Lock()
-
-Tile = tuple[int, ...]  # the number of a tile along each axis of the batch
-
-
-class Stored(NamedTuple):
-    """The metadata of an array."""
-
-    shape: tuple[int, ...]
-    dtype: str
-    chunks: tuple[int, ...]
-    dims: tuple[str, ...]
-
-    @property
-    def nbytes(self) -> int | None:
-        """The size of the file of a chunk; None for types of which it is not known."""
-        width = _BYTES.get(self.dtype)
-        return None if width is None else width * math.prod(self.chunks) + _CHECKSUM
-
-    def keys(self, name: str) -> Iterator[tuple[tuple[int, ...], str]]:
-        """Yield the index and the key of each chunk."""
-        counts = (math.ceil(n / m) for n, m in zip(self.shape, self.chunks, strict=True))
-        for index in product(*map(range, counts)):
-            yield index, "/".join([name, "c", *map(str, index)])
-
-
-class Contents(NamedTuple):
-    """The metadata of a store: attributes of the run, and its arrays, {} until all are created."""
-
-    attributes: dict[str, Any]
-    arrays: dict[str, Stored]
-
-    @property
-    def tiled(self) -> list[str]:
-        """Names of the arrays that are written tile by tile."""
-        return [*json.loads(self.attributes["tiled"])]
-
-    @property
-    def shared(self) -> list[str]:
-        """Names of the others: parameters, step sizes, labels."""
-        return [*json.loads(self.attributes["shared"])]
 
 
 class Lost(NamedTuple):
@@ -98,100 +52,9 @@ def resolved(store: Any) -> Any:
     """Return a store that other processes can open: folders as absolute paths."""
     Store = checks.extra("zarr.abc.store", "large").Store
     checks.instance("store", store, (str, os.PathLike, Store))
-    elsewhere = isinstance(store, Store) or "://" in os.fspath(store)
-    return store if elsewhere else Path(store).absolute()
-
-
-def contents(store: Any) -> Contents | None:
-    """Return the metadata of a store, None if there is no store; ValueError for other data.
-
-    The metadata are checked before Zarr reads them: only format 3 and our own codecs are accepted.
-    """
-    text = access.run(access.get(access.reader(store), "zarr.json"))
-    if text is None:
-        old = [
-            key
-            for key in (".zgroup", ".zarray")
-            if access.run(access.existing(access.reader(store), [key]))
-        ]
-        if old:
-            raise _foreign(store, "data of Zarr format 2")
-        return None
-    try:
-        document = json.loads(text)
-        attributes = dict(document["attributes"])
-        if document["zarr_format"] != 3 or document["node_type"] != "group":
-            raise KeyError("zarr_format")
-    except (KeyError, TypeError):
-        raise _foreign(store, "other data") from None
-    except (ValueError, RecursionError) as error:
-        raise _foreign(store, f"damaged metadata: {error}") from error
-    if attributes.get("format") != FORMAT:
-        version = attributes.get("version") or attributes.get("source")
-        of = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
-        raise _foreign(store, of)
-    try:
-        consolidated = document.get("consolidated_metadata") or {"metadata": {}}
-        metadata = consolidated["metadata"]
-        digest = _digest(document["attributes"], metadata)
-        # Zarr leaves the digest out when it writes metadata anew, for another array, say.
-        if consolidated.get("sha256", digest) != digest:
-            raise wrong("sha256", "the digest of what was written", "another")
-        found = Contents(attributes, {name: _stored(name, each) for name, each in metadata.items()})
-        if metadata:
-            _check(found)
-    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
-        raise _foreign(store, f"damaged metadata: {error}") from error
-    return found
-
-
-def _digest(attributes: Any, arrays: Any) -> str:
-    """Return the digest of metadata, which have no checksum of Zarr."""
-    return hashlib.sha256(json.dumps([attributes, arrays], sort_keys=True).encode()).hexdigest()
-
-
-def _foreign(store: Any, what: str) -> Any:
-    return wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {what}")
-
-
-def _stored(name: str, metadata: dict[str, Any]) -> Stored:
-    """Return the metadata of an array, after checks that Zarr may open it."""
-    if (metadata["zarr_format"], metadata.get("node_type")) != (3, "array"):
-        raise wrong(name, "an array of Zarr format 3", metadata["zarr_format"])
-    codecs = {each["name"] for each in metadata["codecs"]}
-    separator = metadata["chunk_key_encoding"].get("configuration", {}).get("separator", "/")
-    grid = metadata["chunk_grid"]["configuration"]["chunk_shape"]
-    if not codecs <= _CODECS or separator != "/" or metadata.get("storage_transformers"):
-        raise wrong(name, "an array as ensemble makes it", ", ".join(sorted(codecs)))
-    shape, dims = tuple(metadata["shape"]), tuple(metadata.get("dimension_names") or ())
-    if len(dims) != len(shape) or len(grid) != len(shape) or min((*grid, 1)) < 1:
-        raise wrong(name, "a size of chunks and a name for each axis", f"{shape}, {grid}, {dims}")
-    return Stored(shape, str(metadata["data_type"]), tuple(grid), dims)
-
-
-def _check(found: Contents) -> None:
-    """Check that a store has all arrays of its run, with their types and shapes."""
-    attributes, arrays = found
-    map = named(attributes["map"])
-    checks.one_of("method", attributes["method"], map.methods)
-    every = attributes.get("save_every")
-    rows = 1 if every is None else attributes["steps"] // every + 1
-    batch = arrays["status"]
-    (D,) = arrays["component"].shape
-    expected = dict.fromkeys(found.tiled, ("float64", (rows, *batch.shape)))  # functions of states
-    expected |= arrays_of_a_run(map.variable, batch.shape, rows, D, "attitude" in attributes)
-    expected |= {"n": ("int64", (rows,)), "component": ("string", (D,))}
-    check_arrays({name: (each.dtype, each.shape) for name, each in arrays.items()}, expected)
-    sizes = dict(zip(batch.dims, batch.shape, strict=True))
-    chunks = dict(zip(batch.dims, batch.chunks, strict=True))
-    if absent := {*found.shared, "eps"} - {*arrays}:
-        raise wrong(min(absent), "an array", "none")
-    for name, each in arrays.items():
-        for dim, length, chunk in zip(each.dims, each.shape, each.chunks, strict=True):
-            if length != sizes.setdefault(dim, length):
-                raise wrong(name, f"length {sizes[dim]} along {dim}", length)
-            if name in found.tiled and chunk != chunks.setdefault(dim, chunk):
-                raise wrong(name, f"chunks of {chunks[dim]} along {dim}", chunk)
+    if isinstance(store, Store):
+        return access.opened(store)
+    return store if "://" in os.fspath(store) else Path(store).absolute()
 
 
 def lost(store: Any, found: Contents) -> Lost:
@@ -263,8 +126,16 @@ def has_tile(store: Any, tile: Tile) -> bool:
     )
 
 
-def prepare(store: Any, data: Any, sizes: dict[str, int]) -> list[Tile]:
-    """Create the store of a run, or check that it holds this run; return what to compute."""
+def prepare(
+    store: Any, data: Any, sizes: dict[str, int]
+) -> tuple[list[Tile], dict[str, Any], Stored]:
+    """Create the store of a run, or check that it holds this run.
+
+    Returns the tiles to compute, the arrays to be written to, and the metadata of `status`.
+    """
+    if not getattr(store, "supports_deletes", True):  # a ZIP file, whose entries are written once
+        received = f"{type(store).__name__}: write into a folder, and open_ensemble reads a copy"
+        raise wrong("store", "a store that is written in parts, in any order", received)
     found = contents(store)
     ours, theirs = data.attrs, {} if found is None else found.attributes
     texts = []
@@ -281,12 +152,14 @@ def prepare(store: Any, data: Any, sizes: dict[str, int]) -> list[Tile]:
         create(store, data, sizes)
         found = contents(store)
         assert found is not None
-    lacks, arrays = lost(store, found), opened(store)
+    if not found.is_consolidated:
+        create(store, data, sizes, found.copy)
+    lacks, arrays = lost(store, found), opened(store, found)
     for name in found.shared:
         values = data.variables[name].values
         if name in lacks.chunks or not _holds(arrays[name], values):
             arrays[name][...] = values
-    return sorted(lacks.tiles | lacks.pending)
+    return sorted(lacks.tiles | lacks.pending), arrays, found.arrays["status"]
 
 
 def _holds(array: Any, values: Any) -> bool:
@@ -305,7 +178,11 @@ def _check_new(store: Any, data: Any) -> None:
     if not isinstance(store, Path):
         return
     there = {path.name for path in store.glob("*") if path.suffix != ".partial"}
-    if others := there - {"zarr.json", *map(str, data.variables)}:  # which another process made
+    if others := there - {
+        "zarr.json",
+        COPY,
+        *map(str, data.variables),
+    }:  # which another process made
         raise wrong("store", "a new name or a store", f"{store} with {min(others)} in it")
     free = shutil.disk_usage(next(each for each in store.parents if each.exists())).free
     if data.nbytes > free:
@@ -338,8 +215,11 @@ def _in_words(value: Any) -> str:
     return text.partition(", sha256")[0]
 
 
-def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
-    """Create the arrays of a store; an interrupted call or another process may have made some."""
+def create(store: Any, data: Any, sizes: dict[str, int], copy: str | None = None) -> None:
+    """Create the arrays of a store; an interrupted call or another process may have made some.
+
+    The metadata become those of the `copy`, if there is one.
+    """
     import zarr
 
     labels = " ".join(str(name) for name in data.coords if name not in data.dims)
@@ -366,22 +246,24 @@ def create(store: Any, data: Any, sizes: dict[str, int]) -> None:
                 dimension_names=variable.dims,
                 attributes=variable.attrs,
             )
+    if copy is not None:
+        access.run(access.put(root.store, "zarr.json", copy))
+        return
     write(_writable(root, shared), data, shared)
-    access.run(_consolidate(root.store, sorted(map(str, data.variables))))
+    access.run(_consolidate(root.store, about, sorted(map(str, data.variables))))
 
 
-async def _consolidate(target: Any, names: list[str]) -> None:
-    """Write the metadata of all arrays, as Zarr consolidates them, and their digest."""
-    from zarr.buffer import default_buffer_prototype
-
+async def _consolidate(target: Any, attributes: Any, names: list[str]) -> None:
+    """Write the metadata of all arrays, as Zarr consolidates them, their digest, and a copy."""
     keys = ["zarr.json", *(f"{name}/zarr.json" for name in names)]
     texts = await asyncio.gather(*(access.get(target, key) for key in keys))
     group, *each = (json.loads(text or "") for text in texts)
-    arrays = dict(zip(names, each, strict=True))
-    digest = _digest(group["attributes"], arrays)
+    group, arrays = group | {"attributes": attributes}, dict(zip(names, each, strict=True))
+    digest = digest_of(attributes, arrays)
     about = {"kind": "inline", "must_understand": False, "sha256": digest, "metadata": arrays}
     text = json.dumps(group | {"consolidated_metadata": about}, indent=2)
-    await target.set("zarr.json", default_buffer_prototype().buffer.from_bytes(text.encode()))
+    for key in (COPY, "zarr.json"):
+        await access.put(target, key, text)
 
 
 def _fill(kind: str, is_tiled: bool) -> Any:
@@ -391,12 +273,12 @@ def _fill(kind: str, is_tiled: bool) -> Any:
     return PENDING if is_tiled else None
 
 
-def opened(store: Any) -> dict[str, Any]:
+def opened(store: Any, found: Contents) -> dict[str, Any]:
     """Return the arrays of a store, to be written to."""
     import zarr
 
-    root = zarr.open_group(store, mode="r+", zarr_format=3)
-    return _writable(root, root.array_keys())
+    root = zarr.open_group(overlaid(store, found, False), mode="r+", zarr_format=3)
+    return _writable(root, found.arrays)
 
 
 def _writable(root: Any, names: Iterable[str]) -> dict[str, Any]:

@@ -1,0 +1,197 @@
+"""Metadata of the Zarr stores of runs: what a store says that it contains.
+
+A copy of them stays as it is when others, such as xarray, write into the store.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from typing import Any, NamedTuple
+
+from .. import checks
+from ..checks import wrong
+from ..maps import named
+from . import access
+from .storage import arrays_of_a_run, check_arrays
+
+# Version of the format, and the key of the copy: inside an array, as Zarr warns of keys in groups.
+FORMAT, COPY = 10, "status/run.json"
+# The codecs of our stores. Zarr does not get metadata with others: codecs can run commands.
+_CODECS = {"bytes", "vlen-utf8", "crc32c"}
+# Bytes of a number. The files of chunks have these and a checksum of 4 bytes.
+_BYTES, _CHECKSUM = {"float64": 8, "int64": 8, "int8": 1}, 4
+
+Tile = tuple[int, ...]  # the number of a tile along each axis of the batch
+
+
+class Stored(NamedTuple):
+    """The metadata of an array."""
+
+    shape: tuple[int, ...]
+    dtype: str
+    chunks: tuple[int, ...]
+    dims: tuple[str, ...]
+
+    @property
+    def nbytes(self) -> int | None:
+        """The size of the file of a chunk; None for types of which it is not known."""
+        width = _BYTES.get(self.dtype)
+        return None if width is None else width * math.prod(self.chunks) + _CHECKSUM
+
+    def keys(self, name: str) -> Iterator[tuple[tuple[int, ...], str]]:
+        """Yield the index and the key of each chunk."""
+        counts = (math.ceil(n / m) for n, m in zip(self.shape, self.chunks, strict=True))
+        for index in product(*map(range, counts)):
+            yield index, "/".join([name, "c", *map(str, index)])
+
+
+class Contents(NamedTuple):
+    """The metadata of a store: attributes of the run, and its arrays, {} until all are created."""
+
+    attributes: dict[str, Any]
+    arrays: dict[str, Stored]
+    # If others have written into the store: the copy of the metadata of the run, attributes and
+    # names of arrays and groups of others, and whether there are consolidated metadata.
+    copy: str | None = None
+    added: Mapping[str, Any] = {}
+    foreign: Sequence[str] = ()
+    is_consolidated: bool = True
+
+    @property
+    def tiled(self) -> list[str]:
+        """Names of the arrays that are written tile by tile."""
+        return [*json.loads(self.attributes["tiled"])]
+
+    @property
+    def shared(self) -> list[str]:
+        """Names of the others: parameters, step sizes, labels."""
+        return [*json.loads(self.attributes["shared"])]
+
+
+def contents(store: Any) -> Contents | None:
+    """Return the metadata of a store, None if there is no store; ValueError for other data.
+
+    The metadata are checked before Zarr reads them: only format 3 and our own codecs are accepted.
+    """
+    text = access.run(access.get(access.reader(store), "zarr.json"))
+    if text is None:
+        old = [
+            key
+            for key in (".zgroup", ".zarray")
+            if access.run(access.existing(access.reader(store), [key]))
+        ]
+        if old:
+            raise _foreign(store, "data of Zarr format 2")
+        return None
+    document, copy, there = _document(store, text), None, {}
+    if "sha256" not in (document.get("consolidated_metadata") or {}):
+        copy = access.run(access.get(access.reader(store), COPY))
+    if copy is not None:  # others wrote into the store; without a copy, none has finished it
+        there, document = document, _document(store, copy)
+    attributes = dict(document["attributes"])
+    if attributes.get("format") != FORMAT:
+        version = attributes.get("version") or attributes.get("source")
+        of = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
+        raise _foreign(store, of)
+    try:
+        consolidated = document.get("consolidated_metadata") or {"metadata": {}}
+        metadata = consolidated["metadata"]
+        digest = digest_of(document["attributes"], metadata)
+        # Zarr leaves the digest out when it writes metadata anew, for another array, say.
+        if consolidated.get("sha256", digest) != digest:
+            raise wrong("sha256", "the digest of what was written", "another")
+        found = Contents(attributes, {name: _stored(name, each) for name, each in metadata.items()})
+        if metadata:
+            _check(found)
+        return found if copy is None else _with_others(found, copy, there)
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
+        raise _foreign(store, f"damaged metadata: {error}") from error
+
+
+def _document(store: Any, text: str) -> dict[str, Any]:
+    """Return the metadata of a group, which are a JSON document."""
+    try:
+        document: dict[str, Any] = json.loads(text)
+        _ = dict(document["attributes"])
+        if document["zarr_format"] != 3 or document["node_type"] != "group":
+            raise KeyError("zarr_format")
+    except (KeyError, TypeError):
+        raise _foreign(store, "other data") from None
+    except (ValueError, RecursionError) as error:
+        raise _foreign(store, f"damaged metadata: {error}") from error
+    return document
+
+
+def _with_others(found: Contents, copy: str, document: dict[str, Any]) -> Contents:
+    """Add what others have written; arrays of the run may have become longer, and no more."""
+    consolidated = document.get("consolidated_metadata") or {}
+    metadata = consolidated.get("metadata", {})
+    for name in found.arrays.keys() & metadata.keys():
+        now = _stored(name, metadata[name])
+        if now._replace(shape=found.arrays[name].shape) != found.arrays[name]:
+            raise wrong(name, "the array that ensemble made", "another")
+    foreign = {name.partition("/")[0] for name in metadata} - {*found.arrays}
+    added = {k: each for k, each in document["attributes"].items() if k not in found.attributes}
+    return Contents(*found[:2], copy, added, sorted(foreign), bool(consolidated))
+
+
+def digest_of(attributes: Any, arrays: Any) -> str:
+    """Return the digest of metadata, which have no checksum of Zarr."""
+    return hashlib.sha256(json.dumps([attributes, arrays], sort_keys=True).encode()).hexdigest()
+
+
+def _foreign(store: Any, what: str) -> Any:
+    return wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {what}")
+
+
+def _stored(name: str, metadata: dict[str, Any]) -> Stored:
+    """Return the metadata of an array, after checks that Zarr may open it."""
+    if (metadata["zarr_format"], metadata.get("node_type")) != (3, "array"):
+        raise wrong(name, "an array of Zarr format 3", metadata["zarr_format"])
+    codecs = {each["name"] for each in metadata["codecs"]}
+    separator = metadata["chunk_key_encoding"].get("configuration", {}).get("separator", "/")
+    grid = metadata["chunk_grid"]["configuration"]["chunk_shape"]
+    if not codecs <= _CODECS or separator != "/" or metadata.get("storage_transformers"):
+        raise wrong(name, "an array as ensemble makes it", ", ".join(sorted(codecs)))
+    shape, dims = tuple(metadata["shape"]), tuple(metadata.get("dimension_names") or ())
+    if len(dims) != len(shape) or len(grid) != len(shape) or min((*grid, 1)) < 1:
+        raise wrong(name, "a size of chunks and a name for each axis", f"{shape}, {grid}, {dims}")
+    return Stored(shape, str(metadata["data_type"]), tuple(grid), dims)
+
+
+def _check(found: Contents) -> None:
+    """Check that a store has all arrays of its run, with their types and shapes."""
+    attributes, arrays, *_ = found
+    map = named(attributes["map"])
+    checks.one_of("method", attributes["method"], map.methods)
+    every = attributes.get("save_every")
+    rows = 1 if every is None else attributes["steps"] // every + 1
+    batch = arrays["status"]
+    (D,) = arrays["component"].shape
+    expected = dict.fromkeys(found.tiled, ("float64", (rows, *batch.shape)))  # functions of states
+    expected |= arrays_of_a_run(map.variable, batch.shape, rows, D, "attitude" in attributes)
+    expected |= {"n": ("int64", (rows,)), "component": ("string", (D,))}
+    check_arrays({name: (each.dtype, each.shape) for name, each in arrays.items()}, expected)
+    sizes = dict(zip(batch.dims, batch.shape, strict=True))
+    chunks = dict(zip(batch.dims, batch.chunks, strict=True))
+    if absent := {*found.shared, "eps"} - {*arrays}:
+        raise wrong(min(absent), "an array", "none")
+    for name, each in arrays.items():
+        for dim, length, chunk in zip(each.dims, each.shape, each.chunks, strict=True):
+            if length != sizes.setdefault(dim, length):
+                raise wrong(name, f"length {sizes[dim]} along {dim}", length)
+            if name in found.tiled and chunk != chunks.setdefault(dim, chunk):
+                raise wrong(name, f"chunks of {chunks[dim]} along {dim}", chunk)
+
+
+def overlaid(store: Any, found: Contents, read_only: bool = True) -> Any:
+    """Return a store, with the metadata of the run if others have changed them."""
+    if found.copy is None:
+        return store
+    from .overlay import Overlay
+
+    return Overlay(access.reader(store, read_only), found.copy)

@@ -106,3 +106,12 @@ def test_multipliers_of_a_family():
         sf.multipliers(family, points[:2], 0.1)
     with pytest.raises(ValueError, match=r"eps: expected a number, or one for each of 3"):
         sf.multipliers(family, points, [[0.1], [0.2]])
+
+
+def test_states_whose_field_overflows_are_not_fixed():
+    field = sf.QuadraticField.from_function(lambda x: (x[0] * x[1] + x[0], x[0] ** 2 - x[1]), 2)
+    for size in (1e100, 1e154, 1e155, 1e300):
+        with pytest.raises(ValueError, match=r"^x: expected fixed points"):
+            sf.multipliers(field, [size, size], 0.1)
+    with pytest.raises(ValueError, match=r"^x: expected fixed points .*got 1 other.*first: 1"):
+        sf.multipliers(field, [[0.0, 0.0], [1e300, 1e300]], 0.1)

@@ -252,6 +252,42 @@ def test_the_view_has_all_lines():
         assert high - low < 1.3 * np.ptp(values)
 
 
+def test_animation_of_a_run():
+    """With the orientations that it holds, or those along its states; from it, not a new one."""
+    body, start = sf.Suslov3D(4, 3, -0.4, -0.2, 2.5), [1.0, 0.5]
+    run = sf.iterate(body, start, 0.1, 6, attitude=True, save_every=2)
+    bare = sf.iterate(body, start, 0.1, 6)
+    titles, ends = [], []
+    for given in (run, bare):
+        animation = sf.animate_body(given)
+        animation._draw_was_started = True
+        animation._func(len(given) - 1)
+        axes = animation._fig.axes[0]
+        titles.append(axes.get_title())
+        [*_, end] = np.array(axes.get_lines()[-1].get_data_3d()).T
+        ends.append(end)
+        assert [*animation.new_frame_seq()] == [*range(0, len(given), 2)]
+    assert titles[0] == titles[1]
+    np.testing.assert_allclose(*ends, rtol=1e-12)
+    assert titles[0].startswith("time 0.60")
+    wrong = [
+        (lambda: sf.animate_body(run, start), "omega0: expected None"),
+        (lambda: sf.animate_body(run, R0=np.eye(3)), "R0: expected None"),
+        (lambda: sf.animate_body(sf.iterate(body, [start] * 2, 0.1, 6)), r"run: .*batch \(2,\)"),
+        (lambda: sf.animate_body(sf.iterate(body, start, 0.1, 6, save_every=3)), "omega: "),
+        (lambda: sf.animate_body(body, bare.omega, run.attitude), "body, eps: .*animate_body.run"),
+    ]
+    for call, words in wrong:
+        with pytest.raises(ValueError, match=f"^{words}") as found:
+            call()
+        assert len(str(found.value)) < 200
+    pole = sf.iterate(sf.Suslov3D(2, 2, 0.5, 0, 2.0), [2, -9], 1.0, 6, on_singular="ignore")
+    with pytest.raises(ValueError, match=f"^run: .*without a state at step {pole.failed_at}"):
+        sf.animate_body(pole)
+    with pytest.raises(TypeError, match=r"^body: .*got QuadraticField"):
+        sf.animate_body(sf.iterate(sf.QuadraticField([[[1.0]]]), [0.1], 0.1, 6))
+
+
 def test_animation():
     animation = sf.animate_body(steps=6, every=3)
     frames = list(animation.new_frame_seq())

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, positive, wrong
+from ..checks import FloatArray, integer, positive, short, wrong
 from ..engine.arguments import BodyIn3D
 from ..maps import map_of
 from ..runs.iterate import iterate
+from ..runs.trajectories import Trajectories
+from ..space import attitude
 from .phase import Plane
 
 # A realizable body: admissible_I3() contains 2.28 to 5.68.
@@ -24,7 +26,7 @@ _POLE = 1e-3
 
 
 def animate_body(
-    body: BodyIn3D = _EXAMPLE,
+    body: BodyIn3D | Trajectories = _EXAMPLE,
     omega0: ArrayLike | None = None,
     /,
     eps: float = 0.05,
@@ -38,17 +40,19 @@ def animate_body(
 
     Parameters
     ----------
-    body : Suslov3D or SuslovGyrostat, optional
+    body : Suslov3D, SuslovGyrostat or Trajectories, optional
         A single body, by default Suslov3D(4, 2, -0.5, -0.3, I3=3). Without I3 the middle of the
         interval ``admissible_I3()`` is drawn or, if no rigid body has these parameters, another.
+        Or the run of one orbit, with the orientations that it holds; without them every state must
+        be saved.
     omega0 : array_like(float, shape=(2,)), optional
         Initial angular velocity; by default one near the repelling steady rotation.
     eps, steps : float, int
-        As in :func:`iterate`.
+        As in :func:`iterate`; a run has its own.
     R0 : array_like(float, shape=(3, 3)), optional
         The orientation at the start; by default the identity.
     every, fps : int
-        Steps from one frame to the next, and frames per second.
+        Saved states from one frame to the next, and frames per second.
 
     Returns
     -------
@@ -57,7 +61,7 @@ def animate_body(
     Raises
     ------
     ValueError
-        If the inertia tensor is not positive definite.
+        If the inertia tensor is not positive definite, or a run has failed.
     SingularStepError
         If the orbit meets a pole of the map.
 
@@ -67,25 +71,46 @@ def animate_body(
     >>> animation = animate_body()  # doctest: +SKIP
     >>> animation.save("body.gif", writer="pillow")  # doctest: +SKIP
     """
-    map_of(body).formula("animate_body", body)
-    if body.shape or np.ndim(eps):
-        raise wrong("body, eps", "a single body and step size", (body, eps))
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
-    if omega0 is None:  # near the repelling steady rotation, where there is one
-        middle, (x, y) = Plane(body, eps).steady_line() or (0.0, (1.0, 0.0))
-        omega0 = middle + 2.0 * np.array([x, y]) + 0.3 * np.array([-y, x])
-    attitude = True if R0 is None else R0
-    run = iterate(body, omega0, eps, steps, attitude=attitude, on_singular="raise")
+    is_run = isinstance(body, Trajectories)
+    if isinstance(body, Trajectories):
+        run = body
+        run.map.formula("animate_body", run.body)
+        if omega0 is not None:
+            raise wrong("omega0", "None, as a run has its own", short(omega0))
+        if R0 is not None and run.attitude is not None:
+            raise wrong("R0", "None, as this run has orientations", short(R0))
+    else:
+        run = _new_run(body, omega0, eps, steps, True if R0 is None else R0)
     if run.status.ndim:
-        raise wrong("omega0, R0", "a single state and orientation", f"a batch {run.status.shape}")
-    figure, draw = _turning_body(body, run.attitude, eps)
+        what = "run" if is_run else "omega0, R0"
+        raise wrong(what, "a single state and orientation", f"a batch {run.status.shape}")
+    if not run.ok:
+        received = f"one without a state at step {int(run.failed_at)}"
+        raise wrong("run", "an orbit whose states all exist", received)
+    whole, rotations = cast(BodyIn3D, run.body), run.attitude
+    if rotations is None:
+        rotations = attitude(whole, run.states, run.eps, R0)
+    figure, draw = _turning_body(whole, rotations, run.time)
 
     from matplotlib.animation import FuncAnimation
 
-    return FuncAnimation(figure, draw, frames=range(0, steps + 1, every), interval=interval)
+    return FuncAnimation(figure, draw, frames=range(0, len(rotations), every), interval=interval)
 
 
-def _turning_body(body: BodyIn3D, rotations: FloatArray, eps: float) -> tuple[Any, Any]:
+def _new_run(body: BodyIn3D, omega0: Any, eps: float, steps: int, attitude: Any) -> Trajectories:
+    """Return the run of one orbit, by default from a state near the repelling steady rotation."""
+    map_of(body).formula("animate_body", body)
+    if body.shape or np.ndim(eps):
+        shapes = f"the shapes {body.shape} and {np.shape(eps)}: animate_body(run) takes a run"
+        raise wrong("body, eps", "a single body and step size", shapes)
+    if omega0 is None:
+        middle, (x, y) = Plane(body, eps).steady_line() or (0.0, (1.0, 0.0))
+        omega0 = middle + 2.0 * np.array([x, y]) + 0.3 * np.array([-y, x])
+    return iterate(body, omega0, eps, steps, attitude=attitude, on_singular="raise")
+
+
+def _turning_body(body: BodyIn3D, rotations: FloatArray, times: FloatArray) -> tuple[Any, Any]:
     """Return a figure, and a function that draws the body in a given state."""
     from .orbits import plt
 
@@ -126,7 +151,7 @@ def _turning_body(body: BodyIn3D, rotations: FloatArray, eps: float) -> tuple[An
         axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1))
         axes.set_box_aspect((1, 1, 1), zoom=1.25)
         axes.set_axis_off()
-        axes.set_title(f"time {number * eps:.2f}: {head}", y=0.0, fontsize="small")
+        axes.set_title(f"time {times[number]:.2f}: {head}", y=0.0, fontsize="small")
 
     return axes.figure, draw
 

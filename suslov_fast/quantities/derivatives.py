@@ -217,7 +217,8 @@ def _slopes_at_fixed_points(given: Problem, member: str) -> FloatArray:
     half_slopes = np.einsum("...ijk,...k->...ij", table, y)
     f = np.einsum("...ij,...j->...i", half_slopes, y)
     terms = np.einsum("...ijk,...j,...k->...i", abs(table), abs(y), abs(y))
-    _refuse_moving(given, ~(abs(f) <= _FIXED * terms) & ~np.isnan(x), member)
+    is_fixed = (abs(f) <= _FIXED * terms) & (terms < np.inf)
+    _refuse_moving(given, ~is_fixed & ~np.isnan(x), member)
     return np.asarray(2.0 * half_slopes[..., :-1])
 
 

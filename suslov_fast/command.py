@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 
 import suslov_fast as sf
 
-from .summary import facts_in, facts_of, lines_of
+from .summary import facts_in, facts_of, lines_of, result_in
 
 # Modules that need Numba, which would delay `--help`, are imported where they are used.
 _PARAMETERS = ("I1", "I2", "I13", "I23", "I3", "k", "J", "I")
@@ -93,6 +93,10 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
     made = command(info)
     made.add_argument("file", type=Path, nargs="+", metavar="FILE", help=".npz or .zarr")
     made.add_argument("--json", action="store_true", help="print JSON, an object in each line")
+    made = command(plot)
+    made.add_argument("file", type=Path, metavar="FILE.npz")
+    made.add_argument("-o", "--output", type=Path, metavar="FILE.png", required=True)
+    made.add_argument("--force", action="store_true", help="replace what is there")
     made = command(report)
     made.add_argument("--body", type=Path, metavar="FILE.json", required=True)
     made.add_argument("--eps", type=fraction, metavar="X", help="as 1/3 or 0.1 (any step size)")
@@ -236,8 +240,10 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
             try:
                 states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
             except (ValueError, EOFError) as error:
-                expected = f"an array (count, {body.dimension}) that numpy.save wrote"
-                raise ValueError(f"expected {expected}, got another file ({error})") from error
+                expected = f"numbers (count, {body.dimension}) that numpy.save wrote"
+                raise ValueError(
+                    f"expected {expected}, got another file, or a part of it"
+                ) from error
         return checks.states(name, checks.real_array(name, states), body._labels)
 
 
@@ -272,7 +278,14 @@ def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]
         sf.open_ensemble(path)  # an error, unless it is the store of a run
         shutil.rmtree(path)
     begin = time.perf_counter()
-    sf.ensemble(*work, store=path, **settings)
+    try:
+        sf.ensemble(*work, store=path, **settings)
+    except KeyboardInterrupt:
+        if "zarr" in sys.modules:
+            from .runs import access
+
+            access.run(access.settle(1.0))
+        raise
     return facts_in(path) | {"seconds": time.perf_counter() - begin}
 
 
@@ -293,6 +306,18 @@ def info(options: argparse.Namespace) -> int:
         else:
             print(lines_of(facts, options.json), flush=True)
     return failed
+
+
+def plot(options: argparse.Namespace) -> None:
+    """Draw a saved run, or saved crossings, as PNG, SVG or PDF."""
+    _require_new([options.output], options.force)
+    found = result_in(options.file)
+    from .plots.orbits import plt
+
+    with _about(options.output):
+        found.plot().figure.savefig(options.output, dpi=150)
+        plt.close()
+    print(options.output, flush=True)
 
 
 def report(options: argparse.Namespace) -> None:

@@ -19,8 +19,18 @@ def facts_in(path: Path) -> dict[str, Any]:
             advice = "delete it, and the same run computes its tile anew"
             raise ValueError(f"a chunk of status is damaged ({error}): {advice}") from error
         return {**about, **_counts(status)}
-    found = sf.Trajectories.load(path)
+    found = result_in(path)
+    if isinstance(found, sf.Crossings):
+        return _facts_of_crossings(found)
     return facts_of(found, found.states[0] if found.n[0] == 0 else None)
+
+
+def result_in(path: Path) -> Any:
+    """Return the run, or the crossings, in a file."""
+    from .runs.storage import load
+
+    found = load(path)
+    return getattr(sf, found.pop("kind"))._of(found)
 
 
 def _value(attribute: Any) -> Any:
@@ -32,14 +42,27 @@ def _value(attribute: Any) -> Any:
 def facts_of(found: Any, start: Any) -> dict[str, Any]:
     """Return the summary of a run; without its first state, the drift is empty."""
     return {
+        **_of_both(found),
+        "saved_states": len(found),
+        "method": found.method,
+        "drift": {} if start is None else _drift(found, start),
+    }
+
+
+def _facts_of_crossings(found: Any) -> dict[str, Any]:
+    names = "transient", "direction", "most", "method"
+    given = {name: getattr(found, name) for name in names if getattr(found, name) is not None}
+    return {**_of_both(found), "crossings": len(found), **given}
+
+
+def _of_both(found: Any) -> dict[str, Any]:
+    """Return what a run and crossings have in common."""
+    return {
         "body": repr(found.body) if found.body.shape else found.body.to_dict(),
         "eps": found.eps if isinstance(found.eps, float) else f"{found.eps.size} values",
         **_counts(found.status),
         "steps": found.steps,
         "map": found.map.name,
-        "saved_states": len(found),
-        "method": found.method,
-        "drift": {} if start is None else _drift(found, start),
     }
 
 
@@ -64,6 +87,7 @@ def _drift(found: Any, start: Any) -> dict[str, float]:
     return {name: float(finite.max())} if finite.size else {}
 
 
+_FEW = 6  # numbers that are printed one by one
 # Measured numbers, of which people read few digits; all others have all of theirs.
 _MEASURED = "drift", "seconds", "steps_per_second"
 
@@ -94,16 +118,23 @@ def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
         del shown["method"]
     if record.variable == "x":
         body = facts["body"]
-        if not isinstance(body, dict):  # of a store, or a batch
-            tables = ("quadratic", "linear", "constant")
-            body = {"body": body} | {k: facts[k] for k in tables if isinstance(facts.get(k), list)}
-        if len(body) > 1:
+        tables = [name for name in _TABLES if name in facts]
+        if not isinstance(body, dict) and "quadratic" in facts:  # of a store
+            body = {"body": body} | {k: facts[k] for k in (*_TABLES[:3], "names") if k in facts}
+            # It has the size and the range of a large table, and not its numbers.
+            if any(isinstance(body[name], str) for name in _TABLES[:3]):
+                body = body["body"]
+        if isinstance(body, dict):
             values = body.get("parameters", {}).items()
             named = [f"{name} = {_spelled(value)}" for name, value in values]
             shown["body"] = ", ".join([repr(sf.body_from_dict(body)), *named])
-            for name in ("quadratic", "linear", "constant", "H", "K"):
-                shown.pop(name, None)
+        for name in tables:
+            del shown[name]
     return shown
+
+
+# Attributes of the stores of fields.
+_TABLES = "quadratic", "linear", "constant", "H", "K"
 
 
 def _spelled(value: Any, form: str = "") -> str:
@@ -115,4 +146,10 @@ def _spelled(value: Any, form: str = "") -> str:
         return f"{value:{form}}" if form else repr(value).removesuffix(".0")
     if isinstance(value, int):
         return f"{value:,}"
+    if isinstance(value, list):
+        flat = value
+        while flat and isinstance(flat[0], list):
+            flat = [each for row in flat for each in row]
+        if len(flat) > _FEW:
+            return f"{len(flat):,} values from {min(flat):g} to {max(flat):g}"
     return str(value).partition(", sha256")[0]

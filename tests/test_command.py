@@ -58,7 +58,7 @@ def test_help():
     """It needs no kernels, nor does the message of a usage error."""
     assert succeed("-V") == f"suslov-fast {sf.__version__}\n"
     text = succeed("--help")
-    for name in ("run", "info", "report", "pictures", "explore", "warm-up"):
+    for name in ("run", "info", "plot", "report", "pictures", "explore", "warm-up"):
         assert f"    {name} " in text
         assert f"usage: suslov-fast {name} " in succeed(f"{name} --help")
     code = (
@@ -71,6 +71,7 @@ def test_help():
         assert not {"numba", "numpy", "matplotlib"} & set(done.stdout.split())
 
 
+BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 UNIT = "run --I1 1 --I2 1 --I13 1 --I23 0 --eps 1 --steps 20"
 
 
@@ -181,6 +182,50 @@ def test_summaries_show_formulas_and_all_digits(suffix):
     assert "0.123456789" in succeed(f"info n.{suffix}")
 
 
+def lorenz(rho):
+    f = lambda x, rho: (10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2])  # noqa: E731
+    return sf.QuadraticField.from_function(f, "u v w", rho=rho)
+
+
+@pytest.mark.parametrize("members", [1, 30, 38, 64, 112, 400])
+def test_summaries_of_families(members):
+    """Of large tables a store has no numbers; values of a parameter take one line."""
+    family = lorenz(np.linspace(20, 30, members))
+    sf.ensemble(family, np.ones(3), 1 / 128, 3, store="f.zarr")
+    sf.iterate(family, np.ones(3), 1 / 128, 3).save("f.npz")
+    Path("b.json").write_text(json.dumps(family.to_dict()))
+    line = "run --body b.json --eps 1/128 --omega0 1,1,1 --steps 3 -o c.zarr"
+    for text in (succeed("info f.zarr"), succeed("info f.npz"), succeed(line)):
+        assert f"trajectories     {members}\n" in text
+        assert "QuadraticField" in text
+        assert max(map(len, text.splitlines())) < 120
+        assert members == 1 or f"{members} values from 20 to 30" in text
+        assert "linear" not in text
+
+
+def test_info_and_plot_of_crossings():
+    points = sf.crossings(
+        lorenz(28), [[1, 1, 20], [2, 1, 20]], 1 / 64, 3000, lambda x: x[..., 2] - 27
+    )
+    points.save("p.npz")
+    facts = facts_of("info p.npz")
+    expected = {"crossings": len(points), "trajectories": 2, "direction": 1, "transient": 0}
+    assert {**facts, **expected, "status": {"OK": 2}, "steps": 3000} == facts
+    assert "most" not in facts
+    assert f"crossings        {len(points)}\n" in succeed("info p.npz")
+    sf.iterate(BODY, [1.0, 0.5], 0.2, 30).save("r.npz")
+    for name, suffix, start in (
+        ("p", "png", b"\x89PNG"),
+        ("r", "png", b"\x89PNG"),
+        ("r", "pdf", b"%PDF"),
+    ):
+        assert succeed(f"plot {name}.npz -o {name}.{suffix}") == f"{name}.{suffix}\n"
+        assert Path(f"{name}.{suffix}").read_bytes().startswith(start)
+    succeed("plot p.npz -o r.png --force")
+    assert Path("r.png").read_bytes() == Path("p.png").read_bytes()
+    assert not plt.get_fignums()
+
+
 def test_a_store_is_finished_or_refused():
     line = "run --trajectories 100 --steps 40 --save-every 4 -o run.zarr"
     succeed(line)
@@ -226,11 +271,18 @@ MISTAKES = """
 1 | run --body cut.json --eps 1 | cut.json: .* line 1 column 10
 1 | run --body wrong.json --eps 1 | wrong.json: .* I1 .* -4
 1 | run --initial cut.npy | cut.npy:
+1 | run --initial part.npy | part.npy: expected numbers (count, 2) that .* a part of it
 1 | run --initial nan.npy | nan.npy: expected finite .* nan .* (2, 1)
 1 | run -o good.npz | good.npz: expected a new name, or --force
 1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
 1 | run -o folder.zarr --force | folder.zarr
 1 | info foreign.npz | foreign.npz: expected
+2 | plot good.npz | required: -o/--output
+1 | plot missing.npz -o o.png | missing.npz: No such file
+1 | plot foreign.npz -o o.png | foreign.npz: expected
+1 | plot run.npz -o picture1.png | picture1.png: expected a new name, or --force
+1 | plot run.npz -o o.docx | o.docx: .* docx
+1 | plot folder.zarr -o o.png | path: expected a name that ends in .npz
 1 | info folder.zarr | folder.zarr: .* expected
 1 | pictures | picture1.png: expected a new name, or --force
 1 | explore --port 65536 | --port 65536:
@@ -246,6 +298,8 @@ def bad_files(tmp_path_factory):
     np.save(folder / "nan.npy", [[1, 2], [3, 4], [5, np.nan]])
     np.savez(folder / "foreign.npz", x=np.ones(3))
     (folder / "cut.npy").write_bytes((folder / "good.npy").read_bytes()[:100])
+    (folder / "part.npy").write_bytes((folder / "good.npy").read_bytes()[:-8])
+    sf.iterate(BODY, [1.0, 0.5], 0.2, 3).save(folder / "run.npz")
     body = {"body": "Suslov3D", "I1": 4, "I2": 1, "I13": 0, "I23": 1}
     texts = {"good.json": json.dumps(body), "wrong.json": json.dumps(body | {"I1": -4})}
     texts |= {"cut.json": '{"body": ', "good.npz": "precious", "picture1.png": "precious"}

@@ -1,14 +1,16 @@
 """Stored runs equal those of `iterate`, bit for bit, whatever happened in between."""
 
+import asyncio
 import json
 import shutil
 import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from types import SimpleNamespace
 
 import dask.array
@@ -18,9 +20,11 @@ import pytest
 import xarray
 import zarr
 from scipy.spatial.transform import Rotation
+from zarr.core import sync
 
 import suslov_fast as sf
 from suslov_fast import RandomStarts, Suslov3D, ensemble, iterate, open_ensemble
+from suslov_fast.runs import access
 from suslov_fast.runs.stores import described
 
 BODY = Suslov3D(4, 1, -0.5, -0.3)
@@ -570,6 +574,26 @@ def test_a_callable_ends_the_work_of_a_cluster(store):
         data = ensemble(*run, **ours, progress=lambda done, total: done < 400)
         assert (data.status.values != PENDING).sum() >= 10
         assert_same(ensemble(*run, **ours), iterate(*run, save_every=None))
+
+
+def test_requests_that_an_interrupt_has_left():
+    """They end, or are cancelled: at the end of a process asyncio would print them."""
+    begun = threading.Event()
+
+    async def left(seconds):
+        begun.set()
+        await asyncio.sleep(seconds)
+
+    for seconds, limit in ((0.01, 60.0), (600.0, 0.01)):
+        future = asyncio.run_coroutine_threadsafe(left(seconds), sync._get_loop())
+        begun.wait()
+        access.run(access.settle(limit))
+        if seconds < limit:
+            assert future.result() is None
+        else:
+            with pytest.raises(CancelledError):
+                future.result()
+        begun.clear()
 
 
 def test_only_format_3_is_opened(store):

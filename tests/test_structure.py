@@ -57,8 +57,8 @@ ARROWS = {
     "integrability": "checks bodies",
     "compiled": "core checks bodies maps",
     "warm_up": "maps",
-    "summary": "maps",
-    "command": "checks bodies engine plots integrability warm_up summary",
+    "summary": "maps runs",
+    "command": "checks bodies engine runs plots integrability warm_up summary",
     "__main__": "command",
 }
 

@@ -375,6 +375,7 @@ def explore(options: argparse.Namespace) -> None:
 
 def warm_up(options: argparse.Namespace) -> None:
     """Compile all kernels in advance: later processes read them from the cache on disk."""
-    from .warm_up import call_all
+    from .warm_up import call_all, where_code_is_kept
 
     call_all()
+    print(where_code_is_kept())

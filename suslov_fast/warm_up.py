@@ -1,6 +1,7 @@
 """Calls that compile all functions, so that later processes read them from the cache on disk."""
 
 import inspect
+import os
 import warnings
 from contextlib import suppress
 from itertools import product
@@ -10,6 +11,9 @@ import numpy as np
 
 import suslov_fast as sf
 
+from .compiled import step
+from .core.cache import folder_of
+from .core.steps_3d import steps
 from .maps import MAPS
 
 # Numbers of states: the first is computed in one thread, the second in parallel.
@@ -44,3 +48,16 @@ def call_all() -> None:
                     first[1] = np.pad(states, [(0, 0), (0, 1)], constant_values=0.5)
                 with suppress(ValueError, TypeError):  # not of this body
                     function(*first, **given)
+
+
+def where_code_is_kept() -> str:
+    """Return a line for users: the folder of the cache, or that there is none."""
+    folders = [folder_of(compiled) for compiled in (steps.compiled, step)]
+    paths = [path for path, _ in folders if path is not None]
+    if len(paths) < len(folders):
+        return (
+            "nothing is kept: no folder can be written (NUMBA_CACHE_DIR names another one), or "
+            "NUMBA_DISABLE_JIT or NUMBA_BOUNDSCHECK is set"
+        )
+    text = f"compiled code is kept in {os.path.commonpath(paths)}"
+    return text if all(can for _, can in folders) else f"{text}, which cannot be written"

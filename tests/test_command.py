@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast import warm_up
 from suslov_fast.command import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
@@ -374,7 +375,18 @@ def test_pictures():
 
 def test_warm_up(monkeypatch):
     monkeypatch.setattr("suslov_fast.warm_up.COUNTS", (3,))
-    assert succeed("warm-up") == ""
+    assert succeed("warm-up") == f"{warm_up.where_code_is_kept()}\n"
+
+
+def test_warm_up_says_where_code_is_kept(monkeypatch):
+    for folders, words in (
+        ([("/a/b/c", True), ("/a/b", True)], "compiled code is kept in /a/b"),
+        ([("/a/b/c", False), ("/a/d", True)], "compiled code is kept in /a, which cannot be"),
+        ([(None, False), ("/a/b", True)], "nothing is kept: no folder can be written"),
+    ):
+        given = iter(folders)
+        monkeypatch.setattr(warm_up, "folder_of", lambda compiled, given=given: next(given))
+        assert warm_up.where_code_is_kept().startswith(words)
 
 
 def test_report():

@@ -6,6 +6,7 @@ A small package with copies of `core/numba.py` and `core/llvm.py` compiles fast.
 import gc
 import re
 import shutil
+import zipfile
 from pathlib import Path
 
 import children
@@ -433,3 +434,46 @@ def test_nothing_is_compiled_after_warm_up(tmp_path):
     compiled, tests = set(tmp_path.rglob("*.nbc")), Path(__file__).with_name("test_promises.py")
     children.run("import pytest, sys; sys.exit(pytest.main(['-q', sys.argv[1]]))", tests, **cache)
     assert set(tmp_path.rglob("*.nbc")) == compiled
+
+
+def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):
+    """What a newer one breaks ends in its own words, of no use to who installed the package."""
+
+    @core_numba.kernel
+    def broken(part, parts, numbers):
+        numbers[0] += "1"
+
+    def call():
+        broken.serial(np.zeros(1))
+
+    with pytest.raises(numba.TypingError):
+        call()
+    monkeypatch.setattr(numba, "__version__", "99.7.0rc1")
+    last = f"{core_numba.TESTED[0]}.{core_numba.TESTED[1]}"
+    words = rf"numba 99\.7\.0rc1; .* tested with is {last}: pip install 'numba<0\.\d+'$"
+    with pytest.raises(RuntimeError, match=words) as found:
+        call()
+    assert isinstance(found.value.__cause__, numba.TypingError)
+
+
+def test_all_is_imported_from_an_archive(tmp_path):
+    """It finds its list of names, its sources for the digest, and the files of the page."""
+    archive, package = tmp_path / "package.zip", Path(core_numba.__file__).parents[1]
+    with zipfile.ZipFile(archive, "w") as file:
+        for path in package.rglob("*"):
+            if path.is_file() and "__pycache__" not in path.parts:
+                file.write(path, path.relative_to(package.parent))
+    code = """
+        import sys
+        sys.path.insert(0, sys.argv[1])
+        import suslov_fast as sf
+        from suslov_fast.core import cache
+        assert sf.__file__.startswith(sys.argv[1])
+        body = sf.Suslov3D(4, 2, -0.5, -0.3)
+        print(sf.energy(body, [1.0, 0.5]), cache._digest())
+        from suslov_fast.plots.explore.server import _FILES
+        assert b"<html" in _FILES["/"].read_bytes()
+    """
+    places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path)}
+    found = children.run(code, archive, **places)
+    assert found == f"2.25 {cache._digest()}\n"

@@ -56,7 +56,7 @@ ARROWS = {
     "plots": "checks bodies engine maps quantities space runs",
     "integrability": "checks bodies",
     "compiled": "core checks bodies maps",
-    "warm_up": "maps",
+    "warm_up": "core maps compiled",
     "summary": "maps runs",
     "command": "checks bodies engine runs plots integrability warm_up summary",
     "__main__": "command",

@@ -207,6 +207,14 @@ def use_cache(compiled, py_function):
             compiled._cache = _files_of(py_function)
 
 
+def folder_of(compiled):
+    """Return the folder of the files of a function, or None, and whether it can be written."""
+    files = getattr(compiled, "_cache", None)
+    if not isinstance(files, FunctionCache or ()):
+        return None, False
+    return files.cache_path, getattr(files._impl.locator, "is_writable", True)
+
+
 def name_with_digest(py_function, of_all=False):
     """Give a function the name that the names of its files contain.
 

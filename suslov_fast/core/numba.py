@@ -34,6 +34,8 @@ from numba.extending import overload, typeof_impl
 from .cache import kept_folders, name_with_digest, use_cache
 from .llvm import call_address, pack
 
+# The newest Numba that this version was tested with.
+TESTED = 0, 68
 # The default error model tests every divisor: that costs 30 % and prevents SIMD. Other threads of
 # Python run while a kernel does. Without fastmath no FMA is formed and no sum reordered: serial,
 # parallel, vectorised and interpreted runs agree to the bit.
@@ -56,12 +58,24 @@ def _cached(compile_with, py_function):
 
 
 @contextmanager
-def _collector_paused():
-    """Pause Python's garbage collector, which takes an eighth of the time of compiling."""
+def _compiling():
+    """Pause Python's garbage collector, which takes an eighth of the time of compiling.
+
+    Where that fails with a Numba newer than the last that was tested, the error says so.
+    """
     was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
+    except Exception as error:
+        running = tuple(map(int, re.findall(r"\d+", numba.__version__)[:2]))
+        if running <= TESTED or isinstance(error, IndexError):  # an index is no fault of Numba's
+            raise
+        tested, next_one = (f"{TESTED[0]}.{TESTED[1] + k}" for k in (0, 1))
+        raise RuntimeError(
+            f"compiling failed with numba {numba.__version__}; the newest numba that this version "
+            f"of suslov_fast was tested with is {tested}: pip install 'numba<{next_one}'"
+        ) from error
     finally:
         if was_enabled:
             gc.enable()
@@ -110,7 +124,7 @@ class Kernel:
 
     def serial(self, *arguments):
         """Call the kernel for all of the work."""
-        with _collector_paused():
+        with _compiling():
             self.compiled(0, 1, *arguments)
         self.serial = functools.partial(self.compiled, 0, 1)  # from now on it is compiled
 
@@ -156,7 +170,7 @@ def _addresses(compiled, kind):
     `llvm`. Where one is missing or another function now, this is None, and parts run serially.
     """
     word, found = types.int64, []
-    with _collector_paused(), suppress(Exception):
+    with _compiling(), suppress(Exception):
         for each, kinds in ((_loop, (word,) * 4), (compiled, (word, word, *kind))):
             each.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
             code = each.get_compile_result(types.void(*kinds))
@@ -192,7 +206,7 @@ class Universal:
         kinds = [types.Array(types.float64, d, "A") if d else types.float64 for d in dimensions]
         build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
         name_with_digest(self.py_func, of_all=True)
-        with _collector_paused():
+        with _compiling():
             with suppress(Exception), kept_folders():  # none, or a file that cannot be read
                 compiled = build(cache=not config.BOUNDSCHECK)(self.py_func)
                 if _is_whole(compiled):

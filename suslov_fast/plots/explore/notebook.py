@@ -19,7 +19,10 @@ def page_in_one_file() -> str:
     """Return the page with its style and its modules, which may load nothing at all."""
     html, style = ((PAGE / name).read_text("utf-8") for name in ("index.html", "style.css"))
     modules = {}
-    for file in PAGE.glob("*.js"):  # modules of data: have no folder, so an import map names them
+    for file in PAGE.iterdir():
+        if not file.name.endswith(".js"):
+            continue
+        # Modules of data: have no folder, so an import map names them.
         text = file.read_text("utf-8").replace('from "./', 'from "')
         modules[file.name] = f"data:text/javascript,{quote(text)}"
     names = f'<script type="importmap">{json.dumps({"imports": modules})}</script>\n'

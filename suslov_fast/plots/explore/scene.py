@@ -2,7 +2,8 @@
 
 import math
 import warnings
-from pathlib import Path
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Any, NamedTuple
 from urllib.parse import parse_qsl
 
@@ -22,7 +23,7 @@ from ..animation import ellipsoid
 from ..phase import Plane
 
 # The files of the page, which draws these numbers.
-PAGE: Path = Path(__file__).with_name("page")
+PAGE: Traversable = files(__package__) / "page"  # a folder, or a part of an archive
 _MOST_STEPS = 5000
 # Unbounded branches are drawn beyond the largest view.
 _REACH = 12.0

@@ -107,7 +107,7 @@ class _Handler(BaseHTTPRequestHandler):
             text = json.dumps(answer(query), allow_nan=False, separators=(",", ":"))
             self._send("application/json", text.encode())
         elif file := _FILES.get(path):
-            self._send(_TYPES[file.suffix], file.read_bytes())
+            self._send(_TYPES[os.path.splitext(file.name)[1]], file.read_bytes())
         else:
             self.send_error(400 if "\0" in unquote(path) else 404)
 

@@ -207,6 +207,8 @@ FIELDS = [
     (changed(names=["u", "eps"]), ValueError, "names: .* 'eps'"),
     (hamiltonian(None), TypeError, "H"), (hamiltonian(lambda x: x[0] ** 4), ValueError, "H"),
     (hamiltonian(lambda x: (x[0], x[1])), TypeError, "H"),
+    (hamiltonian(lambda x, K: x[0]), TypeError, "H needs K: a name that is in use, for the matrix .* K_"),
+    (hamiltonian(lambda q, p, t, K: q), TypeError, r"lambda x, K_: H\(\*x, None, K_\), 2, K_=…"),
     (hamiltonian(lambda x: x[0], 3), ValueError, "dimension"),
     (hamiltonian(lambda x: x[0], 2, np.eye(2)), ValueError, "K"),
 ]  # fmt: skip

@@ -12,13 +12,13 @@ import numpy as np
 from suslov_fast import QuadraticField, crossings, iterate, lyapunov_exponents
 
 lorenz = QuadraticField.from_function(
-    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), 3
+    lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]), "x y z"
 )
 henon_heiles = QuadraticField.from_hamiltonian(
     lambda x: (
         (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
     ),
-    4,
+    "q1 q2 p1 p2",
 )
 
 
@@ -30,7 +30,7 @@ def at_energy(H, q2, p2):
 
 
 figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.7), layout="constrained")
-iterate(lorenz, [1, 1, 20], eps=1 / 64, steps=3000).plot(components=(0, 2), ax=axes[0])
+iterate(lorenz, [1, 1, 20], eps=1 / 64, steps=3000).plot(components=("x", "z"), ax=axes[0])
 axes[0].set_title(r"Lorenz system, $\epsilon = 1/64$", fontsize="small")
 
 eps = 1 / 16

@@ -86,8 +86,9 @@ def check_arguments(
     unknown = _unknown(f, given)
     if missing:
         how = f"pass {missing[0]}=28, say"
-        if what := clash(missing[0], names):
-            how = f"a name that is in use, for {what}: call it {free(missing[0], names)}, say"
+        if what := clash(missing[0], names, maker):
+            other = free(missing[0], names, maker)
+            how = f"a name that is in use, for {what}: call it {other}, say"
         others = f", not {', '.join(unknown)}" if unknown else ""
         raise TypeError(f"{argument}: {called} needs {missing[0]}{others}: {how}")
     if unknown:
@@ -148,7 +149,7 @@ def _adapted(
                 continue
             text = name
             if name in given or len(states) > 1 or name not in _ARRAY:
-                text = own[name] = free(name, [*names, called, state])
+                text = own[name] = free(name, [*names, called, state], maker)
         by_name = by_name or each.kind == each.KEYWORD_ONLY
         if text:
             inner.append(f"{name}={text}" if by_name else text)

@@ -80,8 +80,10 @@ def _refused(name: str, i: int, names: list[str]) -> str:
     return ""
 
 
-def clash(name: str, names: Collection[str] = ()) -> str:
+def clash(name: str, names: Collection[str] = (), maker: str = "") -> str:
     """Return with what a parameter of a field with these variables clashes, "" with nothing."""
+    if name == "K" and maker.endswith("from_hamiltonian"):
+        return "the matrix of from_hamiltonian"
     if name in names:
         return "the variable of that name"
     if _AXIS.fullmatch(name):
@@ -89,9 +91,9 @@ def clash(name: str, names: Collection[str] = ()) -> str:
     return _TAKEN.get(name, "")
 
 
-def free(name: str, names: Collection[str] = ()) -> str:
+def free(name: str, names: Collection[str] = (), maker: str = "") -> str:
     """Return a name for a parameter that nothing else has: its own, or one with an underscore."""
-    while iskeyword(name) or clash(name, names):
+    while iskeyword(name) or clash(name, names, maker):
         name += "_"
     return name
 

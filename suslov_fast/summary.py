@@ -6,7 +6,7 @@ from typing import Any
 
 import suslov_fast as sf
 
-_OF_STORES = "tiled", "shared"  # attributes with the names of arrays
+_OF_STORES = "tiled", "shared", "columns"  # attributes with the names of arrays
 
 
 def facts_in(path: Path) -> dict[str, Any]:

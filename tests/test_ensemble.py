@@ -104,6 +104,21 @@ def test_a_stored_run_equals_iterate(store, rng, body, shape, eps, ours, setting
     assert_same(open_ensemble(str(store)), orbits)
 
 
+@pytest.mark.parametrize("body", [BODY, BODY_4D, FAMILY, lorenz(28.0)])
+def test_a_store_has_the_variables_and_coordinates_of_a_run(store, body):
+    """Tables of coefficients are stored as they are, and opened as columns."""
+    starts = np.ones((5, 3, body.dimension))[0 if body is not FAMILY else slice(None)]
+    run = iterate(body, starts, 0.01, 7)
+    data = ensemble(body, starts, 0.01, 7, store=store, save_every=1)
+    expected = run.to_xarray()
+    xarray.testing.assert_equal(data, expected)
+    assert {*data.coords} == {*expected.coords}
+    assert len(data.to_dataframe()) == run.states.size
+    for name, each in expected.variables.items():
+        if name != "status":
+            assert data[name].attrs == each.attrs
+
+
 def test_parameters_are_axes_of_the_batch(store, rng):
     body = Suslov3D(4, 1, np.linspace(-0.5, 0.5, 3)[:, None], -0.3)
     eps, omega0 = np.array([0.1, 0.5])[:, None, None], rng.uniform(-2.0, 2.0, (8, 2))

@@ -200,6 +200,41 @@ def test_contents_of_a_dataset():
     assert (sf.first_integral(BODY, data.omega, 0.2) == run.first_integral()).all()
 
 
+def test_tables_have_a_row_for_each_state_and_component():
+    """Coefficients are coordinates, a column for each monomial; those of zeros are left out."""
+    field = sf.QuadraticField.from_function(
+        lambda x, rho: (
+            10 * (x[1] - x[0]),
+            x[0] * (rho - x[2]) - x[1],
+            x[0] * x[1] + 2 * x[2] ** 2,
+        ),
+        "u v w",
+        rho=[20, 28],
+    )
+    run = sf.iterate(field, [0.1, 0.1, 0.2], 1 / 128, 100)
+    data = run.to_xarray()
+    names = {"rho", "linear_1", "linear_2", "quadratic_1_2", "quadratic_1_3", "quadratic_3_3"}
+    assert {*data.coords} == {"n", "time", "component", "constant", *names}
+    assert data.linear_1.dims == ("rho", "component")
+    np.testing.assert_array_equal(data.linear_1, [[-10, 20, 0], [-10, 28, 0]])
+    np.testing.assert_array_equal(data.quadratic_1_3[0], [0, -1, 0])
+    np.testing.assert_array_equal(data.quadratic_3_3[0], [0, 0, 2])
+    assert data.quadratic_1_2.attrs["long_name"] == "coefficient of u*v"
+    table = data.to_dataframe()
+    assert len(table) == 101 * 2 * 3
+    assert table.x.loc[(7, 28.0, "w")] == run.x[7, 1, 2]
+    assert len(run.to_xarray().x.sel(rho=28).to_pandas()) == 101
+    four = run_of("four").to_xarray()
+    assert {"J", "I"} < {*four.coords}
+    assert len(four.drop_vars("attitude").to_dataframe()) == 7 * 3
+    points = sf.crossings(field, [0.1, 0.1, 0.2], 1 / 128, 100, lambda x: x[..., 0] - 0.2)
+    assert len(points)
+    table = points.to_xarray().to_dataframe()
+    assert len(table) == 3 * len(points)
+    assert {"u", "v", "w"} == {*table.index.get_level_values("component")}
+    assert {"trajectory", "n", "time", "eps", "rho", "before", "after", "fraction", "x"} == {*table}
+
+
 SHORT = {"_STRETCH": 2**10, "_TURNING": 2**10, "_BETWEEN": 1}
 
 

@@ -28,7 +28,7 @@ _TAKEN = {
     ),
 }
 _NUMBERED = re.compile(r"x[1-9]\d*")
-_AXIS = re.compile(r"batch_\d+")
+_AXIS = re.compile(r"batch_\d+|linear_\d+|quadratic_\d+_\d+")
 
 
 def labels(D: int) -> tuple[str, ...]:

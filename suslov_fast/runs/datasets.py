@@ -1,6 +1,6 @@
 """Results as an `xarray.Dataset`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,28 +8,24 @@ import numpy as np
 from ..checks import extra, instance, wrong
 from ..engine.status import Status
 
+_NUMBERS = "method", "steps", "save_every"
 # Axes of a parameter of a body after those of the batch; the first is also that of states.
 _COMPONENTS = "component", "component_j", "component_k"
-_NUMBERS = "method", "steps", "save_every"
+_OF_RUNS = "status", "failed_at", "final", "attitude"
 # Names of a dataset that no axis of a batch and no coordinate may have.
-TAKEN = (
-    "n",
-    "time",
-    *_COMPONENTS,
-    "space",
-    "body",
-    "status",
-    "failed_at",
-    "final",
-    "attitude",
-    *_NUMBERS,
-)
+TAKEN = ("n", "time", *_COMPONENTS, "space", "body", *_OF_RUNS, *_NUMBERS)
 
 
 def to_xarray(
-    run: Any, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
+    run: Any,
+    dims: str | Sequence[str] | None = None,
+    coords: Mapping[Any, Any] | None = None,
+    with_tables: bool = False,
 ) -> Any:
-    """Return a run as a dataset; see `Trajectories.to_xarray`."""
+    """Return a run as a dataset; see `Trajectories.to_xarray`.
+
+    Stores have few arrays, `with_tables`, which `as_columns` divides when they are opened.
+    """
     from .. import __version__
 
     xarray = extra("xarray", "xarray")
@@ -51,20 +47,71 @@ def to_xarray(
     }
     if run.attitude is not None:
         variables["attitude"] = ("n", *batch, "space", "body"), run.attitude
+    coordinates = [*body._coordinates, *({*batch} & {*parameters})]
     for name, array in parameters.items():
         each = xarray.Variable((*batch, *_COMPONENTS[: array.ndim - count]), array)
         common = [axis for axis in batch if each.sizes[axis] == 1 and axis != name]
         variables[name] = each.squeeze(common)
+        coordinates += [name] if body._axes.get(name) else []
     attributes = {"title": map.title, "map": map.name, "version": __version__}
     attributes |= {name: getattr(run, name) for name in _NUMBERS if getattr(run, name) is not None}
-    dataset = xarray.Dataset(variables, attrs=attributes)
-    dataset = dataset.set_coords([*body._coordinates, *({*batch} & {*parameters})])
+    dataset = xarray.Dataset(variables, attrs=attributes).set_coords(coordinates)
     if coords is not None:
         instance("coords", coords, Mapping)
     if taken := [str(name) for name in coords or () if name in {*dataset.variables, *TAKEN}]:
         raise wrong("coords", "names not in use", ", ".join(taken))
-    time = (dataset["n"] * dataset["eps"]).assign_attrs(long_name="time")
-    return dataset.assign_coords({"time": time, **(coords or {})})
+    dataset = with_time(dataset.assign_coords(coords or {}))
+    return dataset if with_tables else as_columns(dataset, columns_of(dataset))
+
+
+def with_time(data: Any) -> Any:
+    """Return a dataset with the times of saved states."""
+    time = (data["n"] * data["eps"]).assign_attrs(long_name="time")
+    return data.assign_coords(time=time)
+
+
+def _indices(table: Any) -> Iterator[tuple[str, list[tuple[int, ...]]]]:
+    """Yield the name of each column of a table, as quadratic_1_3, and the places that it adds."""
+    for index in np.ndindex(*(table.sizes[dim] for dim in table.dims if dim in _COMPONENTS[1:])):
+        if [*index] == sorted(index):
+            name = "_".join([str(table.name), *(str(k + 1) for k in index)])
+            yield name, [index] if index == index[::-1] else [index, index[::-1]]
+
+
+def _column(table: Any, places: list[tuple[int, ...]]) -> Any:
+    axes = [dim for dim in table.dims if dim in _COMPONENTS[1:]]
+    parts = [table.variable.isel(dict(zip(axes, place, strict=True))) for place in places]
+    return parts[0] if len(parts) == 1 else parts[0] + parts[1]
+
+
+def _tables(data: Any) -> list[Any]:
+    return [each for each in data.variables if _COMPONENTS[1] in data[each].dims]
+
+
+def columns_of(data: Any) -> list[str]:
+    """Return the names of the columns of tables of coefficients that have other numbers than 0."""
+    return [
+        name
+        for table in _tables(data)
+        for name, places in _indices(data[table])
+        if _column(data[table], places).values.any()
+    ]
+
+
+def as_columns(data: Any, columns: Sequence[str]) -> Any:
+    """Return a dataset with columns as coordinates, in place of tables of coefficients.
+
+    So a table of pandas has a row for each component. The coordinate linear_2 has the coefficients
+    of x2, quadratic_1_3 those of x1 x3.
+    """
+    labels, found = data["component"].values.tolist(), {}
+    for table in _tables(data):
+        for name, places in _indices(data[table]):
+            if name in columns:
+                what = "*".join(labels[k] for k in places[0])
+                found[name] = _column(data[table], places)
+                found[name].attrs = {"long_name": f"coefficient of {what}"}
+    return data.drop_vars(_tables(data)).assign_coords(found)
 
 
 def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[str, ...]:

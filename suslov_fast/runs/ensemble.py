@@ -32,6 +32,7 @@ from ..engine.arguments import (
 from ..engine.stretches import March, Progress, reporter
 from ..maps import map_of
 from . import metadata, stores
+from .datasets import as_columns, columns_of, to_xarray, with_time
 from .iterate import checked_counts
 from .trajectories import Trajectories
 
@@ -202,7 +203,7 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     for name, array in found.arrays.items():
         if array.shape and name not in data.indexes:
             data[name] = data[name].chunk(_parts(array), token=uuid4().hex)
-    return data.assign_coords(time=data.n * data.eps)
+    return with_time(as_columns(data, json.loads(found.attributes["columns"])))
 
 
 def _parts(array: metadata.Stored) -> dict[Any, int]:
@@ -242,7 +243,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
         "steps": steps,
         "save_every": every,
     }
-    data = Trajectories._of(fills | about).to_xarray(dims, coords).drop_vars("time")
+    data = to_xarray(Trajectories._of(fills | about), dims, coords, True).drop_vars("time")
     flags = data.status.attrs
     flags["flag_values"] = [*flags["flag_values"], stores.PENDING]
     flags["flag_meanings"] += " PENDING"
@@ -274,7 +275,8 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
     tiled = sorted({map.variable, *fills, *functions} & {*data.variables})
     shared = sorted({*data.variables} - {*tiled})
-    identity |= {"tiled": json.dumps(tiled), "shared": json.dumps(shared)}
+    lists = {"tiled": tiled, "shared": shared, "columns": columns_of(data)}
+    identity |= {name: json.dumps(each) for name, each in lists.items()}
     return data.assign_attrs(identity, format=metadata.FORMAT)
 
 

@@ -300,7 +300,10 @@ class Trajectories:
         Returns
         -------
         xarray.Dataset
-            Its dimensions are "n", those of the batch, and "component".
+            Its dimensions are "n", those of the batch, and "component", so that without `attitude`
+            ``to_dataframe()`` has a row for each component of each state. Coefficients of fields
+            are coordinates, a column for each monomial that occurs: linear_2 for x2, quadratic_1_3
+            for x1 x3.
 
         Examples
         --------

@@ -17,6 +17,11 @@ _SURELY_STATE = re.compile(r"[xyzXYZ]\d*|state|states")
 # How the components of a state are called, one after the other: x1, x2 too, and q1, q2, p1, p2.
 _RUNS = "xyzw", "xyzuvw", "xyuv", "xv", "uvw", "qp", "pq", "XYZW", "UVW"
 CUBIC = "howto/cubic"
+# What Python and NumPy say of a number that a function takes for an array.
+_OF_ARRAYS = re.compile(
+    "'(float|int)' object is not|non-iterable (float|int)|'(float|int)' has no len|"
+    "not have enough dimensions"
+)
 
 
 def is_state(name: str) -> bool:
@@ -171,7 +176,7 @@ def explained(error: Exception, called: str, names: Sequence[str], is_family: bo
     if "NoneType" in text:
         how = f"make time a variable, whose derivative is 1, see {page(CUBIC)}"
         return f"{text}: if None stands for t, the right-hand side depends on t: {how}"
-    if is_family and re.search("'(float|int)' object is not|non-iterable (float|int)", text):
+    if is_family and _OF_ARRAYS.search(text):
         how = "an array is a family, of which f gets one number at a time: pass each number by its"
         return f"{text}: {how} own name, as sigma=10, rho=28"
     if re.search(r"ufunc '(solve|inv|lstsq|det|qr|eig|svd)", text):

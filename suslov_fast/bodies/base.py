@@ -230,16 +230,16 @@ class Body:
         along_one = {
             each: a for each, a in columns.items() if 0 < a.size == max(a.shape, default=0)
         }
+        if name not in columns:
+            known = ", ".join(along_one) or "none varies along one axis"
+            raise ValueError(f"sel: there is no parameter {name!r}; choose from: {known}")
         if name not in along_one:
             expected = (
                 f"a parameter that varies along one axis, of {', '.join(along_one) or 'none'}"
             )
-            received = name
-            if name in columns:
-                a = columns[name]
-                what = f"has the shape {a.shape}" if a.ndim else f"is {a} for all members"
-                received = f"{name}, which {what}"
-            raise wrong("sel", expected, received)
+            a = columns[name]
+            what = f"has the shape {a.shape}" if a.ndim else f"is {a} for all members"
+            raise wrong("sel", expected, f"{name}, which {what}")
         return along_one[name]
 
     def _merged(self: Kind, axis: int, axes: int) -> Kind:
@@ -264,7 +264,7 @@ class Body:
 
     def _part(self: Kind, axis: int, index: Any) -> Kind:
         """Return the members with an integer, a slice or indices along one axis of the batch."""
-        # Of what all members share, one is taken.
+        # A parameter that all members share has length 1 here.
         common = slice(None) if isinstance(index, slice) or np.ndim(index) else 0
         parts = {}
         for name, each in self._parts.items():

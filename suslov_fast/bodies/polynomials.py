@@ -59,6 +59,9 @@ def named(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, 
     found: dict[str, Any] = {}
     for name, value in parameters.items():
         check_parameter(name, variables)
+        if name == "names" and np.asarray(value).dtype.kind == "U":
+            how = 'pass the names of variables in place of the dimension, as "u v w"'
+            raise TypeError(f"names: {how}; this is a parameter with the value {short(value)}")
         array = as_given(name, value)
         found[name] = real_array(name, value) if array.ndim else array.item()
         if not array.ndim:

@@ -172,9 +172,7 @@ def _tensor(value: Any, what: str, D: int, degree: int) -> Any:
     try:
         terms, table = Polynomial.of(value).terms, np.full((D + 1,) * degree, Fraction(0))
     except TypeError:
-        raise TypeError(
-            f"{what}: expected a polynomial, got {short(value)} of type {type(value).__name__}"
-        ) from None
+        raise TypeError(f"{what}: expected a polynomial, got {short(value)}") from None
     within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
     for indices, c in terms.items():
         if len(indices) > degree:

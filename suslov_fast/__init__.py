@@ -28,6 +28,13 @@ _MODULE_OF = {
 }
 __all__ = sorted(_MODULE_OF)
 _MODULES = ("compiled", "integrability")
+# Names that other packages have for functions of this one, in small letters without underscores.
+_ELSEWHERE = {
+    "crossings": "poincaresection poincaremap poincaresos events basins basinsofattraction",
+    "iterate": "solveivp odeint ode integrate trajectory orbitdiagram",
+    "lyapunov_exponents": "lyapunov lyapunovs lyapunovspectrum",
+    "fixed_points": "fixedpoints equilibria",
+}
 
 
 def __getattr__(name: str) -> object:
@@ -36,6 +43,9 @@ def __getattr__(name: str) -> object:
         return import_module(f".{name}", __name__)
     if name not in _MODULE_OF:
         text = f"module {__name__!r} has no attribute {name!r}"
+        plain = name.lower().replace("_", "")
+        for here, names in _ELSEWHERE.items():
+            text += f": use {here}" * (plain in names.split())
         raise AttributeError(text, name=name, obj=sys.modules[__name__])  # Python suggests names
     value: object = getattr(import_module(_MODULE_OF[name], __name__), name)
     globals()[name] = value

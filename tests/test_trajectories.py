@@ -235,6 +235,18 @@ def test_tables_have_a_row_for_each_state_and_component():
     assert {"trajectory", "n", "time", "eps", "rho", "before", "after", "fraction", "x"} == {*table}
 
 
+@pytest.mark.parametrize("more", [0, 1])
+def test_times_in_place_of_a_step_size_are_noticed(more):
+    """As `odeint` takes them; step sizes of a family are not."""
+    times = np.linspace(0, 10, 100 + more)
+    how = rf"^eps: {100 + more} step sizes from 0 to 10, .* pass eps=0.1.*, steps={99 + more}$"
+    with pytest.warns(UserWarning, match=how):
+        run = sf.iterate(BODY, STARTS[0], times, 100)
+    assert run.omega.shape == (101, 100 + more, 2)
+    for eps in (times + 0.1, times**2, times[::-1], times[:50], np.linspace(0, 0.5, 6)):
+        sf.iterate(BODY, STARTS[0], eps, 100 if eps.size != 6 else 5)
+
+
 SHORT = {"_STRETCH": 2**10, "_TURNING": 2**10, "_BETWEEN": 1}
 
 

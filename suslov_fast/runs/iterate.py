@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, wrong
+from ..checks import FloatArray, integer, warn, wrong
 from ..engine.arguments import BodyOrField, RandomStarts, check
 from ..engine.status import OnSingular, report_failures
 from ..engine.stretches import March, Progress
@@ -138,7 +138,19 @@ def iterate(
     if type(problem.eps) is not float:  # a copy, for the run
         problem = problem._replace(eps=np.array(problem.eps))
     march, counts = March(problem, method), checked_counts(steps, save_every)
+    if np.shape(problem.eps) in ((counts[0],), (counts[0] + 1,)) and counts[0] > 9:
+        _advise_on_times(np.asarray(problem.eps), counts[0])
     return run_to_end(march, method, *counts, on_singular, progress, out)
+
+
+def _advise_on_times(eps: FloatArray, steps: int) -> None:
+    """Warn of what `odeint` takes, times from 0 to the end: here they are a step size each."""
+    step = float(eps[1] - eps[0])
+    if eps[0] == 0.0 and step > 0.0 and np.allclose(np.diff(eps), step, rtol=1e-6, atol=0.0):
+        text = (
+            f"eps: {eps.size} step sizes from 0 to {eps[-1]:g}, one for each trajectory of a batch"
+        )
+        warn(f"{text}; for a run with these times pass eps={step:g}, steps={eps.size - 1}")
 
 
 def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:

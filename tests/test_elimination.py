@@ -1,0 +1,115 @@
+"""`elimination.solve` alone, against 60 digits: each system is one that some rule of it is for."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from suslov_fast.core.codes import NONFINITE, OK, SINGULAR
+from suslov_fast.core.elimination import LARGEST, LEAST, determinant_of, eliminate, solve
+
+FAR = 2.0**60
+RANDOM = np.random.default_rng(5).normal(size=(7, 7))
+WILKINSON = np.tril(-np.ones((8, 8)), -1) + np.eye(8)
+WILKINSON[:, -1] = 1.0  # the last column doubles with each pivot
+HILBERT = 1.0 / (np.arange(5)[:, None] + np.arange(5) + 1.0)
+UNITS = np.array([1.0, FAR, 1.0 / FAR, 2.0**30])
+SYSTEMS = {
+    "one unknown": [[0.25]],
+    "no pivot in its place": [[0.0, 2.0], [3.0, 0.0]],
+    "three exchanges": [[0.0, 0.0, 0.0, 4.0], [0.5, 0.0, 0.0, 1.0], [0, 3.0, 0, 1], [1, 1, 2, 0]],
+    "a small pivot": [[1e-12, 1.0, 3.0], [2.0, 1.0, 0.5], [1.0, -1.0, 0.25]],
+    "dense": RANDOM,
+    "growth": WILKINSON,
+    "badly conditioned": HILBERT,
+    "units of unknowns": RANDOM[:4, :4] * UNITS / UNITS[:, None],
+    "rows of different size": RANDOM[:4, :4] * np.array([[1.0], [1e8], [1e-8], [1e3]]),
+    "triangular": np.triu(RANDOM),
+    "one way only": np.eye(3) + np.array([[0, 1e9, 0], [0, 0, 1e9], [0, 0, 0]]),
+}
+
+
+def solved(matrix, *sides):
+    """Return the solutions (m, sides), the determinant and the status."""
+    A = np.array(matrix, float)
+    system = np.concatenate([A, np.transpose(sides)], axis=1)[:, :, None].copy()
+    units = np.full((2, len(A)), np.nan)
+    with np.errstate(all="ignore"):
+        status = solve(system, units)
+        return system[:, len(A) :, 0], determinant_of(system, units), status
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_solutions_and_determinants(name):
+    A = np.array(SYSTEMS[name], float)
+    m = len(A)
+    sides = np.linspace(1.0, 2.0, m), np.eye(m)[0] - 3.0 * np.eye(m)[-1]
+    found, determinant, status = solved(A, *sides)
+    assert status == OK
+    with mpmath.workdps(60):
+        exact = mpmath.matrix(A.tolist())
+        inverse = exact**-1
+        for k, side in enumerate(sides):
+            expected = inverse * mpmath.matrix(side.tolist())
+            # To some units in the last place of each entry of A and of the side (Skeel).
+            moved = abs_of(inverse) * (
+                abs_of(exact) * abs_of(expected) + abs_of(mpmath.matrix(side.tolist()))
+            )
+            for i in range(m):
+                assert abs(mpmath.mpf(found[i, k]) - expected[i]) <= 2.0**-50 * m * moved[i]
+        moved = sum(abs(inverse[j, i] * exact[i, j]) for i in range(m) for j in range(m))
+        expected = mpmath.det(exact)
+        assert abs(mpmath.mpf(determinant) - expected) <= 2.0**-50 * m * moved * abs(expected)
+
+
+def abs_of(matrix):
+    return matrix.apply(abs)
+
+
+ONES = np.ones(3)
+NOT_SOLVED = [
+    ([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]], ONES, SINGULAR),  # rank 2
+    (1e9 * np.arange(1.0, 10.0).reshape(3, 3) / 7.0, ONES, SINGULAR),  # beside large terms
+    ([[1.0, 0.1, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], ONES, SINGULAR),
+    ([[1.0, 0.1, 0.2], [0.0, 0.3, 0.6], [0.0, 0.1, 0.2 + 1e-17]], ONES, SINGULAR),  # to rounding
+    ([[np.inf, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], ONES, NONFINITE),
+    (np.eye(3), [1.0, np.nan, 1.0], NONFINITE),
+    (np.eye(3), [1.0, -np.inf, 1.0], NONFINITE),
+    (1e-200 * np.eye(3), 1e200 * ONES, SINGULAR),  # 0 beside the 1 of A
+]
+
+
+@pytest.mark.parametrize(("matrix", "side", "status"), NOT_SOLVED)
+def test_systems_without_a_solution(matrix, side, status):
+    found, determinant, received = solved(matrix, side)
+    assert received == status
+    if status == SINGULAR:
+        assert determinant == 0.0
+        assert np.isnan(found).any()
+
+
+def test_a_pivot_just_above_rounding_is_none_of_0():
+    """The rank of [[1, 1], [1, 1 + d]] is 2 as soon as d is some units in the last place."""
+    for d, status in ((2.0**-52, SINGULAR), (2.0**-44, OK)):
+        found, determinant, received = solved([[1.0, 1.0], [1.0, 1.0 + d]], [1.0, 1.0])
+        assert received == status
+        if status == OK:
+            assert determinant == pytest.approx(d, rel=1e-12)
+            assert found[:, 0].tolist() == [1.0, 0.0]
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 6, 7])
+def test_elimination_of_lanes_without_exchanges(rng, m):
+    """Two pivots at a time, an odd one last; with the least and the largest pivot of each lane."""
+    lanes = 5
+    A = np.eye(m)[:, :, None] + rng.uniform(-0.4, 0.4, (m, m, lanes)) / m
+    sides = rng.normal(size=(m, 2, lanes))
+    system, b = np.concatenate([A, sides], axis=1), np.full((3, lanes), np.nan)
+    eliminate(system, b, lanes)
+    for l in range(lanes):
+        expected = np.linalg.solve(A[..., l], sides[..., l])
+        np.testing.assert_allclose(system[:, m:, l], expected, rtol=1e-13, atol=1e-14)
+        minors = [np.linalg.det(A[:k, :k, l]) for k in range(m + 1)]
+        pivots = np.abs(np.divide(minors[1:], minors[:-1]))
+        assert b[LEAST, l] == pytest.approx(pivots.min(), rel=1e-12)
+        largest = max(1.0, pivots.max(), A[range(m), range(m), l].max())
+        assert b[LARGEST, l] == pytest.approx(largest, rel=1e-12)

@@ -3,6 +3,7 @@
 A row is (call, exception, name), or a pattern of the name and the advice: words are free.
 """
 
+import importlib.metadata
 import inspect
 import json
 import math
@@ -190,6 +191,9 @@ FIELDS = [
     (field(lambda x, rho=1: (x[0], x[1]), roh=1), TypeError, "f: .*roh; its parameters: rho"),
     (field(lambda x, mu: (x[0], x[1]), nu=1), TypeError, "f needs mu, not nu: pass mu=28, say"),
     (field(lambda x, y: (x, y, 1), 3), TypeError, "f: .* one tuple of 3"),
+    (hamiltonian(lambda p, q: q * p), TypeError, r"pass lambda x: H\(x\[1\], x\[0\]\), as in"),
+    (hamiltonian(lambda p, q: q[0] * p[1], 4), TypeError, r"lambda x: H\(x\[2:4\], x\[:2\]\)"),
+    (field(lambda t: (t, t)), TypeError, "f: .* one tuple of 2; for a forcing"),
     (hamiltonian(lambda t, q, p: q[0] * p[1], 4), TypeError, r"H: .* H\(None, x\[0:2\], x\[2:4\]\)"),
     (field(lambda x, a: (a * x[0], 1), a="1"), TypeError, "a"),
     (field(lambda x, a: (a * x[0], 1), a=[NAN]), ValueError, "a"),
@@ -332,6 +336,16 @@ def test_close_names_are_suggested():
         with pytest.raises(AttributeError) as caught:
             _ = thing.no_such_name
         assert (caught.value.name, caught.value.obj) == ("no_such_name", thing)
+
+
+def test_errors_have_the_address_of_a_page(monkeypatch):
+    assert re.fullmatch(r"https://.*/howto/cubic\.html", checks.page("howto/cubic"))
+
+    def missing(name):
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "metadata", missing)
+    assert checks.page("howto/cubic") == "the page howto/cubic of the documentation"
 
 
 def test_a_compiled_function_is_traced():

@@ -74,9 +74,9 @@ def check_arguments(
     if is_timed or (missing and (begin is not None or in_parts or for_arrays or of_state)):
         if len(places) > 1 and places[0] == f"d{places[1]}":
             advice = f"return the {D} components, as a tuple"
-        elif begin is None and not (is_timed or in_parts):
+        elif begin is None and not (is_timed and parts) and not in_parts:
             advice = f"write a function of one tuple of {D}"
-            if {*missing} <= _ARRAY:
+            if missing and {*missing} <= _ARRAY:
                 advice = f"pass each parameter by its own name, as in {called}(x, sigma, rho)"
         else:
             states = (
@@ -141,6 +141,9 @@ def _adapted(
     texts = {each: f"{state}[{m * k}:{m * (k + 1)}]" for k, each in enumerate(states)}
     if len(states) == 1:
         texts = {states[0]: state}
+    elif [*states] == ["p", "q"] and maker.endswith("from_hamiltonian"):  # q is first
+        at = (f"{m}:{2 * m}", f":{m}") if m > 1 else (1, 0)
+        texts = {"p": f"{state}[{at[0]}]", "q": f"{state}[{at[1]}]"}
     elif m == 1:
         texts = {states[0]: f"*{state}", **dict.fromkeys(states[1:], "")}
     texts |= dict.fromkeys(TIME, "None")
@@ -196,4 +199,4 @@ def explained(error: Exception, called: str, names: Sequence[str], is_family: bo
 
 
 def _is_of_numba(error: Exception) -> bool:
-    return type(error).__module__.startswith("numba") or "fingerprint" in str(error)
+    return type(error).__module__.startswith("numba") or "compute fingerprint" in str(error)

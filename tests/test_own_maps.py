@@ -446,6 +446,7 @@ WRONG = [
     ("begin + first, begin + last", "first, last", 2),
     ("else final[i, d]", "else omega0[i, d]", 4),
     ("failed_at[i] = NONFINITE, 0", "failed_at[i] = NONFINITE, -1", 7),
+    ("failed_at[i] = NONFINITE, 0", "failed_at[i] = -1, 0", 3),  # SINGULAR
     ("failed_at[i] = NONFINITE, n", "failed_at[i] = 0, -1", 7),
     ("failed_at[i] = NONFINITE, n", "failed_at[i] = -7, n", 7),
     ("x[:D] = np.nan", "pass", 7),
@@ -503,6 +504,16 @@ def registered(**changes):
     """Run one step by changed steps."""
     with_steps(**changes)()
     return iterate(HENON, START[:1], 0.1, 1, method="new")
+
+
+def test_records_whose_formulas_are_all_conserved_and_families_without_members():
+    changed(
+        methods={"new": own.MIDPOINT.methods["midpoint"]}, conserved=("vector_field", "energy")
+    )()
+    family = sf.QuadraticField(np.zeros((0, 1, 1, 1)))
+    run = iterate(family, np.ones((0, 1)), 0.1, 5, method="new")  # there is nothing to try
+    assert run.x.shape == (6, 0, 1)
+    assert iterate(HENON, START[:1], 0.1, 5, method="new").ok
 
 
 def test_arguments_of_kernels_are_checked():

@@ -138,6 +138,8 @@ FIELDS = [
     (field(lambda x: (np.tanh(x[0]), 1)), TypeError, r"tanh\(x1\).* new variable, .*cubic.html"),
     (field(lambda x: (np.sqrt(x[0]), 1)), TypeError, "sqrt of x1.* quotient"),
     (field(lambda x: (2 ** x[0], 1)), TypeError, "x1 in an exponent: .* new variable"),
+    (field(lambda x: np.exp(np.array(x))), TypeError, r"f calls exp\(x1\).* new variable, .*cubic.html"),
+    (field(lambda x: 0.5 * x), TypeError, r"x is a tuple; .* np.array\(x\)"),
     (field(lambda x: (abs(x[0]), 1)), TypeError, "abs is no polynomial, and no new variable .* smooth"),
     (field(lambda x: (np.sign(x[0]), 1)), TypeError, "sign is no polynomial, and no new variable"),
     (field(lambda x: (np.heaviside(x[0], 1), 1)), TypeError, "heaviside is no polynomial"),

@@ -190,7 +190,7 @@ def explained(error: Exception, called: str, names: Sequence[str], is_family: bo
     if "Polynomial" in text:
         how = "x holds symbols: no math.sin, if or float of them, and no arrays of floats to fill"
         return f"{text}: {how}; sin and cos can become variables, see {page(CUBIC)}"
-    if "'Variables'" in text or "tuple indices" in text:
+    if re.search("'Variables'|tuple indices|can't multiply sequence", text):
         text = text.replace("'Variables'", "'tuple'")
         return f"{text}: x is a tuple; for arithmetic on all of it, np.array(x)"
     if "to unpack" in text:

@@ -10,7 +10,7 @@ from fractions import Fraction
 from functools import partial
 from itertools import product
 from numbers import Rational
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
@@ -221,6 +221,22 @@ class Polynomial(NDArrayOperatorsMixin):
         if power not in range(100):
             raise NoPower(power, self)
         return math.prod([self] * int(power))
+
+    def conjugate(self) -> Polynomial:
+        """Return the polynomial, since variables are real: NumPy asks for it in products."""
+        return self
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Return a method that NumPy calls for functions of arrays of polynomials."""
+            if name not in {"sin", "cos"} | _AS_VARIABLES | _WITH_QUOTIENTS:
+                raise AttributeError(f"'Polynomial' object has no attribute {name!r}")
+
+            def refuse(*_: Any) -> None:
+                raise NoPolynomial(name, self)
+
+            return refuse
 
     def derivative(self, i: int) -> Polynomial:
         """Return the derivative with respect to the variable i."""

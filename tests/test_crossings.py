@@ -506,6 +506,11 @@ def test_what_extend_needs(tmp_path):
     ):
         with pytest.raises((TypeError, ValueError), match=f"^{message}"):
             points.extend(steps, **options)
+    with pytest.raises(ValueError, match=r"^save: expected .* got a copy"):
+        replace(points, eps=0.2).save(tmp_path / "p.npz")
+    with pytest.warns(sf.SingularStepWarning, match="first: 1 at step 0"):
+        begin = sf.crossings(OSCILLATOR, [[1.0, 0.0], [np.nan, 0.0]], 0.1, 0, first)
+    begin.extend(9)  # without a warning
     # Failures are told by the call in which they happen.
     field = sf.QuadraticField.from_function(lambda x: (x[0] ** 2,), 1)
     start = sf.iterate(field, [2.0], -0.5, 10).final  # a pole after ten steps
@@ -587,6 +592,9 @@ def test_dataset(rng):
     assert dict(data.sizes) == {"crossing": len(points), "component": 2}
     assert {*data.data_vars} == {"before", "after", "fraction", "x"}
     assert {*data.coords} == {"trajectory", "n", "time", "eps", "a", "component"}
+    about = {"method": "auto", "steps": 200, "transient": 0, "direction": 1}
+    assert {**data.attrs, **about} == data.attrs
+    assert "most" not in data.attrs
     np.testing.assert_array_equal(data.x, points.states)
     np.testing.assert_array_equal(data.a, np.array([1, 1, 2, 2, 3, 3])[points.trajectory])
     np.testing.assert_array_equal(data.eps, eps[points.trajectory % 2])

@@ -38,6 +38,24 @@ def test_a_file_holds_all_of_a_run(name, path):
         np.testing.assert_array_equal(data[run.map.variable].values, run.states)
 
 
+def test_a_file_of_trajectories_that_fail_at_once(path):
+    """Or at their last step; and of orbits without crossings."""
+    starts = [[np.nan, 0.0], [1.0, -3.0], [0.3, 0.1]]
+    body = sf.Suslov3D(1, 1, 1, 0)
+    for steps, failed_at in ((0, [0, -1, -1]), (1, [0, 1, -1])):
+        run = sf.iterate(body, starts, 1.0, steps, on_singular="ignore")
+        assert run.failed_at.tolist() == failed_at
+        run.save(path, overwrite=True)
+        assert sf.Trajectories.load(path) == run
+        points = sf.crossings(
+            body, starts, 1.0, steps, lambda omega: omega[..., 0], on_singular="ignore"
+        )
+        assert points.failed_at.tolist() == failed_at
+        assert len(points) == 0
+        points.save(path, overwrite=True)
+        assert sf.Crossings.load(path) == points
+
+
 def test_existing_files(path):
     run = run_of("one")
     path.write_bytes(b"kept")

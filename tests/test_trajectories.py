@@ -147,7 +147,7 @@ def test_read_only_arrays_compile_nothing():
     assert [len(each.signatures) for each in compiled] == before
 
 
-def test_an_extended_run_stays_as_it_is():
+def test_an_extended_run_stays_as_it_is(path):
     """It can be extended again, and differently; copies cannot."""
     run = run_of("failed")
     assert run.extend(5) == run.extend(2).extend(3)
@@ -155,6 +155,8 @@ def test_an_extended_run_stays_as_it_is():
     for other in (replace(run, eps=0.5), replace(run)):
         with pytest.raises(ValueError, match=r"^extend: "):
             other.extend(1)
+        with pytest.raises(ValueError, match=r"^save: "):
+            other.save(path)
     with pytest.raises(ValueError, match=r"^steps: "):
         run.extend(-1)
 

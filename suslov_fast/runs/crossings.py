@@ -246,7 +246,7 @@ class Crossings:
         reached = Progressed(self._n, self.final, self.status, self.failed_at, self._carry, None)
         march = March(problem, self.method, reached)
         search = Search(march, surface, self.direction, self.most, self)
-        return searched(search, total, self.transient, self.method, on_singular, reports, self._n)
+        return searched(search, total, self.transient, self.method, on_singular, reports)
 
     def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
         """Write the crossings to `path`, a name that ends in .npz, without loss.
@@ -324,10 +324,10 @@ def searched(
     method: str,
     on_singular: OnSingular,
     reports: Any,
-    since: int = 0,
 ) -> Crossings:
-    """Carry out a search, report failures after state `since`, and return the crossings."""
+    """Carry out a search, report failures on the way, and return the crossings."""
     march = search.march
+    since = 0 if search.earlier is None else march.n + 1
     with reports as report:
         search.run(transient, transient + steps, report)
     if search.is_stopped:
@@ -338,7 +338,7 @@ def searched(
         steps=steps, transient=transient, direction=search.direction, most=most,
     )  # fmt: skip
     points._keep(march.n, march.carry, search.last, search.surface)
-    report_failures(points, on_singular, since + 1 if since else 0, name="crossings")
+    report_failures(points, on_singular, since, name="crossings")
     return points
 
 

@@ -9,6 +9,7 @@ from ..checks import extra, instance, wrong
 from ..engine.status import Status
 
 _NUMBERS = "method", "steps", "save_every"
+_OF_CROSSINGS = "method", "steps", "transient", "direction", "most"
 # Axes of a parameter of a body after those of the batch; the first is also that of states.
 _COMPONENTS = "component", "component_j", "component_k"
 _OF_RUNS = "status", "failed_at", "final", "attitude"
@@ -163,4 +164,7 @@ def crossings_to_xarray(points: Any) -> Any:
         if (axes := body._axes.get(name, 0)) < 2:  # one for J and I in n dimensions
             dims = ("crossing", "component")[: axes + 1]
             coords[name] = dims, points._at_crossings(values, axes)
-    return dataset(variables, coords, {"title": map.title, "version": __version__})
+    attributes = {"title": map.title, "map": map.name, "version": __version__}
+    numbers = {name: getattr(points, name) for name in _OF_CROSSINGS}
+    attributes |= {name: each for name, each in numbers.items() if each is not None}
+    return dataset(variables, coords, attributes)

@@ -99,10 +99,7 @@ class Search:
             # States beyond the end of a trajectory may overflow in the surface, without a warning.
             with np.errstate(over="ignore", invalid="ignore"):
                 found: Any = self.surface(states)
-        except (
-            IndexError,
-            ValueError,
-        ) as error:  # of one who takes a single state for the argument
+        except (IndexError, ValueError) as error:  # of one that takes a single state
             if not re.search(_OF_ONE_STATE, str(error)):
                 raise
             kind = IndexError if isinstance(error, IndexError) else ValueError

@@ -49,6 +49,8 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     if target.exists() and not overwrite:
         raise _exists(path)
     kind, described = type(result).__name__, result.body.to_dict()
+    if result._carry is None:
+        raise ValueError(f"save: expected a result of a run or of {kind}.load, got a copy of one")
     about = {"format": FORMAT, "version": __version__, "kind": kind, "map": result.map.name}
     about |= {name: getattr(result, name) for name in _NUMBERS[kind]}
     if class_named(described["body"]) is not type(result.body):

@@ -24,15 +24,18 @@ from .growth import Growth, degrees, growth
 from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
 from .maps import RationalMap
+from .planar import Contraction, PlanarEntropy, planar_entropy
 from .rational import rational_map
 from .report import Report, report
 from .zoo import zoo
 
 __all__ = [
+    "Contraction",
     "Growth",
     "HKBasis",
     "ImplicitIntegral",
     "KahanMap",
+    "PlanarEntropy",
     "QuadraticField",
     "RationalFunction",
     "RationalMap",
@@ -43,6 +46,7 @@ __all__ = [
     "growth",
     "hk_bases",
     "kahan",
+    "planar_entropy",
     "rational_map",
     "report",
     "zoo",

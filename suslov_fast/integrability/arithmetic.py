@@ -206,9 +206,9 @@ def rank(polynomials: Sequence[Any]) -> int:
     return int(flint.nmod_mat(rows, PRIME).rank()) if monomials else 0
 
 
-def random_prime(rng: random.Random) -> int:
+def random_prime(rng: random.Random, bits: int = 62) -> int:
     while True:
-        p = rng.getrandbits(62) | 2**61 | 1
+        p = rng.getrandbits(bits) | 1 << (bits - 1) | 1
         if flint.fmpz(p).is_prime():
             return p
 

@@ -100,6 +100,7 @@ def degrees_of_iterates(search: Any) -> Iterator[Task]:
 
     def run() -> list[Task]:
         search.degrees = lines.next()
+        check_degrees(search)
         last, next_degree = search.degrees[-1], following()
         settled = (len(search.degrees) >= _ENOUGH and last > _SMALL) or next_degree > _LARGE
         if settled and growth(search.degrees, planar=map.is_planar).entropy_error == 0:
@@ -107,6 +108,16 @@ def degrees_of_iterates(search: Any) -> Iterator[Task]:
         return [] if next_degree > _LARGEST or len(search.degrees) == _DEGREES else [task()]
 
     yield task()
+
+
+def check_degrees(search: Any) -> None:
+    """Raise an error if the degrees are not those that contracted curves predict."""
+    expected = search.planar.degrees if search.planar else ()
+    pairs = zip(search.degrees, expected, strict=False)
+    if any(found != predicted for found, predicted in pairs):
+        count = len(search.degrees)
+        text = f"expected the degrees {expected[:count]}, got {search.degrees}"
+        raise ArithmeticError(f"{search.map}: {text}: this is an error of the package")
 
 
 class Growth(NamedTuple):
@@ -175,6 +186,20 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     if not isinstance(planar, bool | np.bool_):
         raise wrong("planar", "True or False", short(planar), TypeError)
     return _by_recurrence(d, bool(planar)) or _by_fit(d, bool(planar))
+
+
+def rational_series(terms: Sequence[int]) -> tuple[list[int], list[int]] | None:
+    """Return polynomials P and Q with P / Q = sum of terms[k] z**k; None if none are evident."""
+    for total in range(len(terms)):
+        for order in range(total + 1):
+            spare = max(_SPARE, total - order)
+            if (recurrence := _recurrence([*terms[total - order :]], order, spare)) is not None:
+                Q = recurrence[::-1]
+                P = [
+                    sum(Q[j] * terms[k - j] for j in range(min(k, order) + 1)) for k in range(total)
+                ]
+                return P, Q
+    return None
 
 
 def _kind(power: int) -> str:

@@ -25,12 +25,14 @@ from .growth import Growth, growth
 from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
 from .maps import RationalMap, check_map
+from .planar import PlanarEntropy
 from .process import search_until, search_with_interrupts
 from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
 
+_ROUNDING = 1e-12  # of an entropy
 _LONG = 2**20  # denominators of floats such as 0.1
 _ODD = 1000  # factors of denominators of fractions of floats
 _DIGITS = 12  # of decimals that sums and products of floats can be
@@ -61,6 +63,7 @@ class Report:
     measures: Functions = ()
     polynomials: Functions = ()
     symmetries: tuple[Reversor, ...] = ()  # reversing ones, of a field
+    planar: PlanarEntropy | None = None  # of a birational map of the plane
     relations: int | None = None  # the number of independent integrals that orbits show
     special_eps: tuple[Fraction, ...] = ()
     searched: list[str] = dataclasses.field(default_factory=list)
@@ -69,8 +72,18 @@ class Report:
 
     @property
     def growth(self) -> Growth:
-        """The growth of the degrees."""
-        return growth(self.degrees, planar=self.map.is_planar)
+        """The growth of the degrees.
+
+        If `planar` shows that a recurrence is accidental, the entropy is no longer exact.
+        """
+        found, exact = growth(self.degrees, planar=self.map.is_planar), self.planar
+        if exact is None or exact.entropy is None or found.entropy_error > 0:
+            return found
+        error = abs(exact.entropy - found.entropy)
+        if error <= exact.entropy_error + _ROUNDING:
+            return found
+        what = f"{found.based_on}, by accident, as the contracted curves show"
+        return found._replace(entropy_error=error, based_on=what)
 
     @property
     def dimension(self) -> int:
@@ -100,12 +113,14 @@ class Report:
             title,
             f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
             f"Growth: {kind}{rate}; evidence, not a proof: {based_on}",
+            *self._lines_of_planar_entropy(),
             _listed("First integrals", self.integrals, 6, no_formula),
             _listed(f"Densities of measures{sign}", self.measures, 1, none),
             _listed("Darboux polynomials", self.polynomials, 6, none),
         ]
         if self.implicit:
-            lines.insert(4, f"{self._count_of_integrals()}.")
+            where = next(k for k, line in enumerate(lines) if line.startswith("First integrals"))
+            lines.insert(where + 1, f"{self._count_of_integrals()}.")
         if self.symmetries:
             lines.append(f"Reversing symmetries: {'; '.join(map(str, self.symmetries))}")
         if (self.relations or 0) > len(self.integrals) + len(self.implicit):
@@ -124,6 +139,18 @@ class Report:
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
+
+    def _lines_of_planar_entropy(self) -> list[str]:
+        exact = self.planar
+        if exact is None:
+            return []
+        if exact.entropy is None:
+            return [f"Entropy from contracted curves: none, {exact.reason}"]
+        how = "proved" if exact.proved else f"not proved, error {exact.entropy_error:.1g}"
+        root = f", log of the largest root of {exact.minimal}" if exact.entropy else ""
+        lengths = ", ".join("not confined" if n is None else str(n) for n in exact.lengths)
+        orbits = f"; lengths of their orbits: {lengths}" if lengths else ""
+        return [f"Entropy from contracted curves ({how}): {exact.entropy:.6g}{root}{orbits}"]
 
     def _count_of_integrals(self) -> str:
         """Return how many integrals are written, and the degrees of the others."""
@@ -147,6 +174,9 @@ class Report:
 def _plain(value: Any) -> Any:
     if isinstance(value, QuadraticField):
         return value.to_dict()
+    if isinstance(value, PlanarEntropy):
+        plain = {each.name: getattr(value, each.name) for each in dataclasses.fields(value)}
+        return plain | {"lengths": value.lengths, "contractions": [*map(str, value.contractions)]}
     if isinstance(value, ImplicitIntegral):
         return {"relation": str(value), "degree": value.degree, "basis": value.basis}
     if not isinstance(value, RationalFunction):

@@ -30,6 +30,7 @@ from .growth import degrees_of_iterates
 from .implicit import ImplicitIntegral
 from .invariants import Invariants
 from .maps import LONGEST, RationalMap
+from .planar import PlanarEntropy, entropy_of_planar_maps
 from .relations import counts, integrals_of
 from .symmetries import Reversor, reversing_symmetries
 from .tasks import LATE, Queue, Task
@@ -52,6 +53,7 @@ class Search:
         self.degrees: list[int] = []
         self.relations: int | None = None
         self.symmetries: tuple[Reversor, ...] = ()
+        self.planar: PlanarEntropy | None = None
         self.version = 0  # of the polynomials, from which integrals and measures follow
         self._forms = Forms(self.invariants)
         self._levels: dict[int, int] = {}  # the degree of the latest task of each cofactor
@@ -69,7 +71,7 @@ class Search:
         report.degrees, report.relations = self.degrees, self.relations
         report.integrals, report.measures = self.integrals, self.measures
         report.polynomials, report.implicit = self._polynomials, self._implicit
-        report.symmetries = self.symmetries
+        report.symmetries, report.planar = self.symmetries, self.planar
         report.searched = [*self._searched()]
 
     def _update(self) -> None:
@@ -388,12 +390,17 @@ class Search:
 
 
 _INTEGRALS = Search._hamiltonian, Search._relations, Search._simple, Search._factors
-_OTHERS: tuple[Callable[[Any], Tasks], ...] = degrees_of_iterates, reversing_symmetries
+_OTHERS: tuple[Callable[[Any], Tasks], ...] = (
+    degrees_of_iterates,
+    entropy_of_planar_maps,
+    reversing_symmetries,
+)
 _TEXTS = {
     "hamiltonian": "the modified energy and 1/det A of the Hamiltonian",
     "relations": "relations between the {count} monomials up to degree {k}",
     "simple": "polynomials up to degree {k} with the cofactors 1, -1, det DPhi and -det DPhi",
     "products": "polynomials up to degree {k} with products of known cofactors, and minus these",
+    "planar entropy": "the orbits of contracted curves",
     "symmetries": "affine involutions that take the map to its inverse",
     "all": "Darboux polynomials up to degree {k} with products of powers of the factors of "
     "det DPhi as cofactors",

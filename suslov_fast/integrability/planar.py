@@ -1,0 +1,283 @@
+"""Exact algebraic entropy of birational maps of the plane, from the curves that they contract."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import flint
+
+from ..checks import integer, wrong
+from .confinement import is_proved, why_never
+from .contracted import Passage, Plane, passages
+from .growth import check_degrees, rational_series
+from .maps import RationalMap, check_map, cramer
+from .tasks import Task
+
+_STEPS = 80  # of an orbit that are looked at
+_DEGREES = 24  # that are predicted
+_COST = 0.2  # seconds, roughly
+
+
+@dataclass(frozen=True)
+class Contraction:
+    """A curve that a map contracts to a point, and what becomes of it.
+
+    Conjugate curves are one, and `count` is their number. If the singularity is confined,
+    `length` is the number of points from the image of the curve to the last one without an image;
+    else None. `how` says how this was decided, and `proved` whether it is a proof.
+    """
+
+    curve: str
+    count: int
+    length: int | None
+    proved: bool
+    how: str
+
+    def __str__(self) -> str:
+        points = "1 point" if self.length == 1 else f"{self.length} points"
+        what = f"confined after {points}" if self.length else ""
+        curves = f" ({self.count} conjugate curves)" if self.count > 1 else ""
+        return f"{self.curve}{curves}: {', '.join(filter(None, (what, self.how)))}"
+
+
+@dataclass(frozen=True, repr=False)
+class PlanarEntropy:
+    """The algebraic entropy of a birational map of the plane, as `planar_entropy` returns it.
+
+    The entropy is the logarithm of the largest root of `polynomial`, the characteristic polynomial
+    of the action on the plane blown up at the points of the confined orbits; `minimal` is its
+    factor with this root. `degrees` are those of the first iterates, as they follow from it. If
+    `proved`, the entropy is exact. Else `entropy_error` is the difference that it would make if the
+    orbits that are not decided were confined at the first step that was not looked at. Without an
+    entropy, `reason` says why there is none.
+    """
+
+    contractions: tuple[Contraction, ...] = ()
+    polynomial: Any = None  # flint.fmpz_mpoly in x
+    minimal: Any = None
+    entropy: float | None = None
+    entropy_error: float = math.nan
+    degrees: tuple[int, ...] = ()
+    proved: bool = False
+    based_on: str = ""
+    reason: str = ""
+
+    @property
+    def lengths(self) -> tuple[int | None, ...]:
+        """The lengths of the orbits, one for each curve; None for those that are not confined."""
+        return tuple(each.length for each in self.contractions for _ in range(each.count))
+
+    def __repr__(self) -> str:
+        if self.entropy is None:
+            return f"PlanarEntropy(none: {self.reason})"
+        how = "proved" if self.proved else f"not proved, error {self.entropy_error:.1g}"
+        root = f", the largest root of {self.minimal}" if self.entropy else ""
+        lines = "".join(f"\n  {each}" for each in self.contractions)
+        return f"PlanarEntropy({self.entropy:.10g}{root}; {how}){lines}"
+
+
+def planar_entropy(map: RationalMap, /, *, seed: int = 0) -> PlanarEntropy:
+    """Find the algebraic entropy of a birational map of the plane from its singularities.
+
+    The map contracts some curves to points. If the orbit of such a point comes to a point without
+    an image, the singularity may be confined, and the degrees of iterates are lower; how much
+    follows from the lengths of these orbits (Diller and Favre 2001). All orbits are followed for
+    80 steps modulo primes, two of which must agree. Then confinement is confirmed over the
+    rational numbers, or the number field of conjugate lines. That an orbit is never confined is
+    decided by its reduction modulo a small prime, which is periodic, or by an invariant line, on
+    which the map is a Moebius transformation.
+
+    Parameters
+    ----------
+    map : KahanMap or RationalMap
+        A birational map of two variables. If eps is symbolic, the entropy is that of a general eps.
+    seed : int, optional
+        Seed of the random primes and points.
+
+    Returns
+    -------
+    PlanarEntropy
+        Its entropy is None if it could not be found; `reason` then says why.
+
+    Raises
+    ------
+    ArithmeticError
+        If there is no map.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField
+    >>> from suslov_fast.integrability import kahan, planar_entropy
+    >>> def f(x):
+    ...     return x[0]**2 + 3*x[0]*x[1], 2*x[0]*x[1] - x[1]**2
+    >>> found = planar_entropy(kahan(QuadraticField.from_function(f, 2), "1/3"))
+    >>> found.lengths, found.minimal, round(found.entropy, 6), found.proved
+    ((None, 4, None), x^4 - x^3 - x^2 - x - 1, 0.656256, True)
+    """
+    check_map(map)
+    seed = integer("seed", seed, 0)
+    if map.dimension != 2:
+        raise wrong("map", "a map of two variables", f"one of {map.dimension}")
+    if not map.is_planar:
+        missing = "det DPhi = 0" if not map.is_invertible else "no inverse was given"
+        return PlanarEntropy(reason=f"the map is not known to be birational: {missing}")
+    plane = Plane(map)
+    found = passages(plane, _STEPS, seed)
+    if found is None:
+        return PlanarEntropy(reason="no prime was found modulo which the contracted curves split")
+    if (polynomial := characteristic_polynomial(plane, found)) is None:
+        why = "a contracted curve comes to points without an image again and again, without a rule"
+        return PlanarEntropy(reason=why)
+    contractions = tuple(_decided(plane, k, passage) for k, passage in enumerate(found))
+    minimal, root = _largest(polynomial)
+    proved = all(each.proved for each in contractions)
+    error = 0.0 if proved else _error(plane, found, contractions, root)
+    return PlanarEntropy(
+        contractions,
+        _in_x(polynomial),
+        _in_x(minimal),
+        math.log(root),
+        error,
+        tuple(predicted(plane, found, _DEGREES)),
+        proved,
+        "; ".join(str(each) for each in contractions) or "no contracted curve",
+    )
+
+
+def entropy_of_planar_maps(search: Any) -> Iterator[Task]:
+    """Yield the task of a search for the entropy of a birational map of the plane."""
+
+    def run() -> list[Task]:
+        search.planar = planar_entropy(search.map, seed=search.seed)
+        check_degrees(search)
+        return []
+
+    if search.map.is_planar:
+        yield Task(_COST, run, "planar entropy")
+
+
+def _decided(plane: Plane, number: int, passage: Passage) -> Contraction:
+    exact = is_proved(plane, number, passage)
+    length = None if passage.steps is None else passage.steps - 1
+    if passage.endless:
+        how = "again and again at points without an image, by a rule that the first steps show"
+    elif length is not None:
+        field = "rationals" if plane.degrees[number] == 1 else "field of a point of the curve"
+        how = f"exact over the {field}" if exact else "modulo two primes, at random points"
+    elif reason := why_never(plane, number, passage):
+        how = reason if exact else f"{reason}; orders modulo two primes, at random points"
+    else:
+        exact, how = False, f"not confined within {_STEPS} steps"
+    return Contraction(plane.text(number), plane.count(number), length, exact, how)
+
+
+# S_j are the curves that the j-th iterate maps onto a contracted curve C, of degree s_j. A curve
+# among them is a factor of P(F) after k more steps, for P = C and for the common factor of the
+# next iterate, with the orders of a germ. So, with d_0 = 1 and the degree d of the map,
+#   s_j = deg(C) d_j - sum over curves and k of met(k) s_(j - k),
+#   d_(j + 1) = d d_j - sum over curves and k of common(k) s_(j - k).
+
+
+def predicted(plane: Plane, found: list[Passage], count: int) -> list[int]:
+    """Return the degrees of iterates that follow from the passages."""
+    known = (len(passage.common) + 1 for passage in found if passage.endless)
+    degrees: list[int] = [1]
+    curves: list[list[int]] = [[] for _ in found]
+    for j in range(min([count, *known])):
+        for number, each in enumerate(curves):
+            less = sum(
+                met[number] * curves[other][j - k]
+                for other, passage in enumerate(found)
+                for k, met in enumerate(passage.met[:j], start=1)
+            )
+            each.append(plane.degrees[number] * degrees[j] - less)
+        less = sum(
+            order * curves[other][j - k]
+            for other, passage in enumerate(found)
+            for k, order in enumerate(passage.common[:j], start=1)
+        )
+        degrees.append(plane.degree * degrees[j] - less)
+    return degrees[1:]
+
+
+def characteristic_polynomial(plane: Plane, found: list[Passage]) -> Any:
+    """Return the polynomial of the recurrence of degrees, from the equations above.
+
+    For generating functions in z they are linear; the determinant is the polynomial of 1 / z. If a
+    passage has no end, the generating functions of its orders are quotients; None if none are seen.
+    """
+    of = flint.fmpz_mpoly_ctx.get(("z",), ordering="deglex")
+    (z,), zero, one = of.gens(), of.constant(0), of.constant(1)
+    used = [k for k, passage in enumerate(found) if passage.common]
+    columns, below = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]], one
+    for k in used:
+        orders = [(0, *found[k].common), *((0, *(met[i] for met in found[k].met)) for i in used)]
+        pairs = [rational_series(each) if found[k].endless else (each, (1,)) for each in orders]
+        if None in pairs:
+            return None
+        series = [[_of_z(part, of) for part in pair] for pair in pairs if pair]
+        common = math.prod((Q for _, Q in series), start=one)
+        column = [P * (common // Q) for P, Q in series]
+        column[0] *= z
+        column[1 + used.index(k)] += common
+        columns.append(column)
+        below *= common
+    determinant = cramer([[*row, zero] for row in zip(*columns, strict=True)])[-1]
+    determinant //= determinant.gcd(below)
+    size = int(determinant.total_degree())
+    coefficients = [0] * (size + 1)
+    for (power,), c in determinant.to_dict().items():
+        coefficients[size - int(power)] = int(c)
+    return flint.fmpz_poly(coefficients) * (1 if coefficients[-1] > 0 else -1)
+
+
+def _of_z(coefficients: Any, of: Any) -> Any:
+    return of.from_dict({(k,): int(c) for k, c in enumerate(coefficients) if c})
+
+
+def _in_x(polynomial: Any) -> Any:
+    terms = {(k,): c for k, c in enumerate(polynomial.coeffs())}
+    return flint.fmpz_mpoly_ctx.get(("x",), ordering="deglex").from_dict(terms)
+
+
+def _largest(polynomial: Any) -> tuple[Any, float]:
+    """Return the factor with the largest root, and this root; 1 if no root is larger."""
+    largest, factor = 1.0, flint.fmpz_poly([-1, 1])
+    for each, _ in polynomial.factor()[1]:
+        if each.degree() > 0 and not each.is_cyclotomic():
+            size = max(abs(complex(root)) for root, _ in each.complex_roots())
+            if size > largest + 1e-9:
+                largest, factor = size, each
+    return factor, largest
+
+
+def _error(
+    plane: Plane, found: list[Passage], contractions: tuple[Contraction, ...], root: float
+) -> float:
+    """Return how much less the entropy is if orbits that are not decided are confined next.
+
+    Of orbits without an end, what changes if they end there.
+    """
+    if any(passage.endless for passage in found):
+        polynomials = [each._replace(endless=False) for each in found]
+        _, other = _largest(characteristic_polynomial(plane, polynomials))
+        return abs(math.log(root / other))
+    undecided = [k for k, each in enumerate(contractions) if not each.proved and not each.length]
+    if root == 1 or not undecided:
+        return 0.0
+    none = (0,) * len(found)
+    changed = [*found]
+    for k in undecided:
+        common = (*found[k].common, *(0,) * (_STEPS - len(found[k].common)), 1)
+        met = (*found[k].met, *(none,) * (_STEPS + 1 - len(found[k].met)))
+        changed[k] = Passage(common, met, _STEPS + 2)
+    before, after = (characteristic_polynomial(plane, each) for each in (found, changed))
+    shift = after.degree() - before.degree()
+    powers = [flint.fmpz_poly([0] * max(0, each) + [1]) for each in (shift, -shift)]
+    # The change of the root is too small for floats, but not that of the polynomial there.
+    change = after * powers[1] - before * powers[0]
+    at = flint.arb(root)
+    return abs(float(change(at) / powers[0](at) / before.derivative()(at) / at))

@@ -214,8 +214,8 @@ class Crossings:
             Number of additional steps, 0 or more. A run that ended in its transient finishes this
             first.
         surface : callable, optional
-            The surface, which results of :meth:`load` and :meth:`of` and pickles do not have; by
-            default that of :func:`crossings`.
+            The surface, which files, pickles and members by `of` do not have; by default that of
+            :func:`crossings`.
         threads, on_singular, progress
             As in :func:`crossings`.
 

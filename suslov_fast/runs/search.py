@@ -39,16 +39,12 @@ def check_surface(surface: Any) -> None:
     if len(needed := arguments_of(surface)) > 1:
         expected = "a function of the states alone, as lambda x: x[..., 2] - 27"
         raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
-    given = {name: getattr(surface, name) for name in _EVENT if hasattr(surface, name)}
-    if given:
-        received = " and ".join(f"surface.{name} = {value!r}" for name, value in given.items())
-        how = " and ".join(_EVENT[name] for name in given)
+    names = [name for name in ("terminal", "direction") if hasattr(surface, name)]
+    if names:  # of an event of `solve_ivp`
+        received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
+        how = "pass most=1 to end at the first crossing, direction=-1 for crossings downwards"
         expected = "a function without the attributes of SciPy's events"
-        raise wrong("surface", expected, f"{received}: pass {how} to crossings", TypeError)
-
-
-# What to pass in place of the attributes of an event of `solve_ivp`.
-_EVENT = {"terminal": "most=1", "direction": "direction=1, -1 or 0"}
+        raise wrong("surface", expected, f"{received}: {how}", TypeError)
 
 
 class Search:

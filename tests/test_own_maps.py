@@ -8,6 +8,7 @@ import pickle
 import re
 import warnings
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import children
@@ -504,6 +505,34 @@ def registered(**changes):
     """Run one step by changed steps."""
     with_steps(**changes)()
     return iterate(HENON, START[:1], 0.1, 1, method="new")
+
+
+class Exact(own.Sleigh):
+    """A body whose field is exact for single bodies, and which has no families."""
+
+    def field(self):
+        c = Fraction(self.b) / (Fraction(self.J) + Fraction(self.mass) * Fraction(self.b) ** 2)
+        return sf.QuadraticField([[[0, 0], [0, self.b]], [[0, -self.mass * c], [0, 0]]])
+
+
+def test_honest_kernels_run():
+    """Of a class without families, and with a number that is common to all by its nature."""
+
+    def arguments(body, eps, batch):
+        return *by_field(body, eps, batch), np.array([0.5])
+
+    def step_with_numbers(part, parts, arguments, *others):
+        *usual, numbers = arguments
+        assert numbers[0] == 0.5
+        own.midpoint_steps.py_func(part, parts, tuple(usual), *others)
+
+    interpreted = kernel(step_with_numbers)
+    interpreted.compiled = np.errstate(all="ignore")(interpreted.py_func)
+    methods = {"auto": Steps(interpreted, arguments)}
+    new = {"name": "exact", "body": Exact, "methods": methods, "formulas": {}, "pole": None}
+    maps.register(dataclasses.replace(own.SLEIGH, **new, random=()))
+    run = iterate(Exact(2.0, 1.5, 0.25), [1.0, 0.5], 0.1, 20)
+    assert run.ok
 
 
 def test_records_whose_formulas_are_all_conserved_and_families_without_members():

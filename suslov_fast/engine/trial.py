@@ -2,7 +2,7 @@
 
 A kernel writes to memory that it is given, and no error shows if it writes nothing, too much, or
 other numbers after a cut. The trial takes a few trajectories some steps, in several ways that must
-give the same bits, between numbers that no kernel may touch: about 10,000 steps in all.
+give the same bits, between numbers that no kernel may touch: about 5,000 steps in all.
 """
 
 import warnings
@@ -20,7 +20,7 @@ from ..core import codes
 from .arguments import Arguments, Problem, flat_arrays
 from .status import Status
 
-_SIZE, _WIDE, _STEPS, _LONG, _GUARD = 19, 301, 6, 140, -99
+_SIZE, _WIDE, _FEW, _STEPS, _LONG, _GUARD = 19, 301, 8, 6, 140, -99  # trajectories, and steps
 _LATE = 61, 997  # states from which steps are those from state 0; some multiples of 64 follow
 _UNTOUCHED = 1.2345678901234e-99
 _TRIED: set[tuple[Any, int]] = set()
@@ -156,7 +156,8 @@ def _arrays(arguments: Any) -> Iterator[Any]:
 def _between_guards(argument: Any) -> Any:
     """Return a copy of an array of numbers of trajectories, and of what is no array itself."""
     if isinstance(argument, tuple):
-        return type(argument)(map(_between_guards, argument))
+        make = getattr(argument, "_make", tuple)  # of a named tuple
+        return make(map(_between_guards, argument))
     if not isinstance(argument, np.ndarray) or argument.dtype != np.float64:
         return np.copy(argument) if isinstance(argument, np.ndarray) else argument
     array, _ = _guarded(argument.shape, argument)
@@ -230,7 +231,10 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
 
     # A family: what has a row for each member gets rows that differ.
     of_one, many = steps.arguments(body, eps, (size,)), np.full(size, eps)
-    of_equals = steps.arguments(_family_like(body, size), many, (size,))
+    try:
+        of_equals = steps.arguments(_family_like(body, size), many, (size,))
+    except Exception:  # a class without families, whose single bodies are exact
+        of_equals = steps.arguments(body, many, (size,))
     for each in (of_one, of_equals):
         _check_arguments(each, size)
     has_rows = [
@@ -271,8 +275,9 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
         alone = _Trial(steps, omega0[k : k + 1]).take(of_row, 0, _STEPS)
         _expect(alone.equals(whole, [k]), "the same bits in any batch", f"others of {k}", 7)
     again = np.arange(max(_WIDE, 2 * size)) % size
-    wide = _Trial(steps, omega0[again]).take(_rows(arguments, has_rows, again), 0, _STEPS)
-    _expect(wide.equals(whole, again), "the same bits in a large batch", "others", 7)
+    wide = _Trial(steps, omega0[again], length=1).take(_rows(arguments, has_rows, again), 0, 1)
+    as_before = _same(wide.saved, whole.saved[:2, again])
+    _expect(as_before, "the same bits in a large batch", "others", 7)
     _try_signs(steps, body, eps, omega0)
     _try_late(steps, arguments, has_rows, whole, given)
 
@@ -300,15 +305,16 @@ def _try_signs(steps: Any, body: Any, eps: float, omega0: FloatArray) -> None:
 def _try_late(steps: Any, arguments: Any, has_rows: Any, whole: _Trial, given: FloatArray) -> None:
     """Look at later steps, in a long run, and from states of which some fail at once."""
     size, D = whole.omega0.shape
-    spread = np.clip(given * np.geomspace(1.0, 1e3, size)[:, None], -1e300, 1e300)
-    long = _Trial(steps, spread, length=_LONG).take(arguments, 0, _LONG)
+    spread = np.clip(given * np.geomspace(1.0, 1e3, _FEW)[:, None], -1e300, 1e300)
+    few = _rows(arguments, has_rows, slice(_FEW))
+    long = _Trial(steps, spread, length=_LONG).take(few, 0, _LONG)
     _check_failures(long)
     cut = _Trial(steps, spread, length=_LONG)
-    cut.final[:] = cut.carry[:] = 0.5  # which are read from the second call on
+    cut.final[:] = 0.5  # which is read from the second call on
     for start, stop in ((0, 64), (64, 64), (64, 71), (71, _LONG)):
-        for lanes in ((0, 5), (5, size)):
+        for lanes in ((0, 3), (3, _FEW)):
             for p in range(2):
-                cut.take(arguments, start, stop, lanes, (p, 2))
+                cut.take(few, start, stop, lanes, (p, 2))
     _expect(cut.equals(long), "the same bits after cuts in time and in the batch", "others", 4)
     if steps.carried:
         return  # the last states are not all that steps continue from
@@ -337,7 +343,9 @@ def _check_failures(run: _Trial) -> None:
         exist = np.isfinite(states).all(axis=-1)
         if status >= 0:
             received = f"status {status} of {short(states[-1])}, failed_at = {failed_at}"
-            _expect(bool(exist.all()) and failed_at == -1, "failures as a status", received, 7)
+            # A positive status may say since when it holds.
+            told = failed_at == -1 or (status > 0 and 0 < failed_at < len(states))
+            _expect(bool(exist.all()) and told, "failures as a status", received, 7)
             continue
         first = int(np.argmin(exist))
         received = f"failed_at = {failed_at}, first state that is not finite {first}"

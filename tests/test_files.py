@@ -54,6 +54,27 @@ def test_a_file_of_trajectories_that_fail_at_once(path):
         assert len(points) == 0
         points.save(path, overwrite=True)
         assert sf.Crossings.load(path) == points
+    count_up = sf.QuadraticField.from_function(lambda x: (1,), 1)
+    points = sf.crossings(
+        count_up, [0.0], 1.0, 2, lambda x: -((x[..., 0] - 1) ** 2), direction=0, most=2
+    )
+    assert points.n.tolist() == [0, 1]
+    points.save(path, overwrite=True)
+    assert sf.Crossings.load(path) == points
+
+
+@pytest.mark.parametrize("name", ["link", "replace"])
+def test_a_file_is_complete_when_it_gets_its_name(path, monkeypatch, name):
+    moved, given = [], getattr(os, name)
+
+    def move(new, target):
+        with zipfile.ZipFile(new) as file:
+            moved.append(file.testzip())
+        given(new, target)
+
+    monkeypatch.setattr(os, name, move)
+    run_of("one").save(path, overwrite=name == "replace")
+    assert moved == [None]
 
 
 def test_existing_files(path):

@@ -80,7 +80,6 @@ def _write(target: Path, arrays: Mapping[str, Any], overwrite: bool) -> None:
                 with suppress(FileNotFoundError):
                     shutil.copymode(target, new)
             np.savez(file, **arrays)
-            file.flush()
             if os.name == "nt":  # which moves no file that is open
                 file.close()
             if overwrite:

@@ -331,7 +331,8 @@ def test_a_run_killed_while_its_store_is_made_is_finished(store):
     (store / "zarr.0.partial").touch()
     call(ensemble, **ASKED, store=store)
     finished = contents(store)  # whose metadata Zarr 3.1.3 writes in another order
-    assert json.loads(finished.pop("zarr.json")) == json.loads(whole.pop("zarr.json"))
+    for name in ("zarr.json", "status/run.json"):
+        assert json.loads(finished.pop(name)) == json.loads(whole.pop(name))
     assert finished == whole
 
 
@@ -376,6 +377,44 @@ def test_parameters_and_metadata_are_those_of_the_run(store):
     (store / "zarr.json").write_text(made)
     zarr.open_group(store, mode="r+").attrs["note"] = "mine"
     assert open_ensemble(store).attrs["note"] == "mine"
+
+
+def lack(name):
+    return lambda attributes, arrays: arrays.pop(name)
+
+
+def have(name, **changes):
+    return lambda attributes, arrays: arrays[name].update(changes)
+
+
+def say(**changes):
+    return lambda attributes, arrays: attributes.update(changes)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lack("eps"), lack("final"), lack("I13"), lack("status"), lack("component"),
+        have("final", shape=[2, 2]), have("final", data_type="float32"), have("n", shape=[12]),
+        have("failed_at", shape=[2]), have("n", data_type="float64"),
+        say(steps=22), say(save_every=1), say(map="other"), say(method="gauss"),
+        have("final", chunk_grid={"name": "regular", "configuration": {"chunk_shape": [3, 2]}}),
+        have("final", dimension_names=["start", "component"]),
+    ],
+)  # fmt: skip
+def test_metadata_that_contradict_themselves(store, change):
+    """Of a store whose metadata have no digest any more, and no copy."""
+    call(ensemble, **ASKED, store=store)
+    made = json.loads((store / "zarr.json").read_text())
+    (store / "status/run.json").unlink()
+    consolidated = made["consolidated_metadata"]
+    del consolidated["sha256"]
+    (store / "zarr.json").write_text(json.dumps(made))
+    assert_same(open_ensemble(store), call(iterate, **ASKED))
+    change(made["attributes"], consolidated["metadata"])
+    (store / "zarr.json").write_text(json.dumps(made))
+    with pytest.raises(ValueError, match=r"store: .* damaged metadata"):
+        open_ensemble(store)
 
 
 def test_tiles_without_metadata_are_of_no_run(store):

@@ -181,6 +181,8 @@ def _check(found: Contents) -> None:
     if absent := {*found.shared, "eps"} - {*arrays}:
         raise wrong(min(absent), "an array", "none")
     for name, each in arrays.items():
+        if name in found.tiled and not {*batch.dims} <= {*each.dims}:
+            raise wrong(name, f"axes {', '.join(batch.dims)}", ", ".join(each.dims))
         for dim, length, chunk in zip(each.dims, each.shape, each.chunks, strict=True):
             if length != sizes.setdefault(dim, length):
                 raise wrong(name, f"length {sizes[dim]} along {dim}", length)

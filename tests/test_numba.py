@@ -436,6 +436,17 @@ def test_nothing_is_compiled_after_warm_up(tmp_path):
     assert set(tmp_path.rglob("*.nbc")) == compiled
 
 
+def test_parts_run_serially_where_a_private_name_has_another_signature(monkeypatch):
+    @core_numba.kernel
+    def count(part, parts, out):
+        out[part] += parts
+
+    monkeypatch.setattr(core_numba.types, "CompileResultWAP", lambda: None)
+    out = np.zeros(3)
+    count.parallel(3, out)
+    assert out.tolist() == [3.0, 3.0, 3.0]
+
+
 def test_an_error_of_compiling_names_a_numba_that_was_not_tested(monkeypatch):
     """What a newer one breaks ends in its own words, of no use to who installed the package."""
 

@@ -1,5 +1,6 @@
 """Maps and bodies of a user's own: each function is right for them, or refuses them."""
 
+import contextlib
 import dataclasses
 import inspect
 import itertools
@@ -15,6 +16,7 @@ import children
 import numpy as np
 import own
 import pytest
+import test_promises as promises
 
 import suslov_fast as sf
 from suslov_fast import compiled, ensemble, iterate, maps
@@ -533,6 +535,24 @@ def test_honest_kernels_run():
     maps.register(dataclasses.replace(own.SLEIGH, **new, random=()))
     run = iterate(Exact(2.0, 1.5, 0.25), [1.0, 0.5], 0.1, 20)
     assert run.ok
+
+
+@pytest.mark.parametrize("of_kahan", [True, False])
+def test_promises_compare_a_jacobian_with_the_steps(rng, monkeypatch, of_kahan):
+    """That of Kahan's map is of order eps**3 beside that of the midpoint rule."""
+
+    def of_midpoint(problem):
+        f, x, h = problem.body, problem.omega, np.asarray(problem.eps)[..., None, None]
+        slopes = [2.0 * (np.eye(5) - sf.matrix(f, y, 1.0)) for y in (x, x + 0.5 * h[..., 0] * f(x))]
+        return np.eye(5) + h * slopes[1] @ (np.eye(5) + 0.5 * h * slopes[0])
+
+    jacobian = KAHAN["jacobian"] if of_kahan else Formula(of_midpoint)
+    record = dataclasses.replace(own.MIDPOINT, name="with", formulas={"jacobian": jacobian})
+    monkeypatch.setitem(promises.RECORDS, "with 0", record)
+    monkeypatch.setitem(promises.KINDS, "with 0", record.random[0])
+    monkeypatch.setitem(promises.SAMPLES, "with 0", record.random[0](rng, ()))
+    with pytest.raises(AssertionError) if of_kahan else contextlib.nullcontext():
+        promises.test_the_jacobian_is_that_of_the_steps(rng, "with 0")
 
 
 def test_records_whose_formulas_are_all_conserved_and_families_without_members():

@@ -23,6 +23,7 @@ from .functions import RationalFunction
 from .growth import Growth, degrees, growth
 from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
+from .locus import Locus, Special, locus
 from .maps import RationalMap
 from .planar import Contraction, PlanarEntropy, planar_entropy
 from .rational import rational_map
@@ -35,17 +36,20 @@ __all__ = [
     "HKBasis",
     "ImplicitIntegral",
     "KahanMap",
+    "Locus",
     "PlanarEntropy",
     "QuadraticField",
     "RationalFunction",
     "RationalMap",
     "Report",
+    "Special",
     "cofactors",
     "darboux_polynomials",
     "degrees",
     "growth",
     "hk_bases",
     "kahan",
+    "locus",
     "planar_entropy",
     "rational_map",
     "report",

@@ -106,7 +106,7 @@ def hk_bases(
     """
     check_map(map)
     n, seed = map.dimension, integer("seed", seed, 0)
-    exponents, by_degree = _exponents(monomials, n), isinstance(monomials, int | np.integer)
+    exponents, by_degree = exponents_of(monomials, n), isinstance(monomials, int | np.integer)
     rng = random.Random(seed)
     start = arithmetic.rationals(
         "point", rng.sample(range(2, 100), n) if point is None else point, n
@@ -152,7 +152,7 @@ def _degree(exponents: Exponents) -> int:
     return max(sum(e) for e in exponents)
 
 
-def _exponents(monomials: Any, n: int) -> Exponents:
+def exponents_of(monomials: Any, n: int) -> Exponents:
     """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
     if isinstance(monomials, int | np.integer):
         degree = integer("monomials", monomials, 0)

@@ -1,0 +1,202 @@
+"""Values of a parameter with more relations along orbits, against conditions from papers."""
+
+from fractions import Fraction as F
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from suslov_fast import QuadraticField, Suslov3D
+
+pytest.importorskip("flint")
+
+from suslov_fast.integrability import kahan, locus, rational_map, residues
+from suslov_fast.integrability.arithmetic import exponents_up_to
+from suslov_fast.integrability.relations import counts
+
+field_of = QuadraticField.from_function
+
+
+def cross(s, t):
+    return s[1] * t[2] - s[2] * t[1], s[2] * t[0] - s[0] * t[2], s[0] * t[1] - s[1] * t[0]
+
+
+def kirchhoff(b, a=(1, 2, 4)):
+    """2 H = sum a m**2 + (1, 3, b) p**2; Clebsch's condition is b = 4."""
+
+    def f(x):
+        m, p = x[:3], x[3:]
+        w = [c * each for c, each in zip(a, m, strict=True)]
+        v = [c * each for c, each in zip((1, 3, b), p, strict=True)]
+        first = (s + t for s, t in zip(cross(m, w), cross(p, v), strict=True))
+        return (*first, *cross(p, w))
+
+    return field_of(f, 6)
+
+
+def three_lines(g):
+    """Zander (2021): exponents (b, g, 1)."""
+    return lambda b: field_of(
+        lambda x: (
+            g * x[0] * (x[0] + x[1]) + x[0] * x[1],
+            -b * x[1] * (x[0] + x[1]) - x[0] * x[1],
+        ),
+        2,
+    )
+
+
+def henon_heiles(c):
+    return QuadraticField.from_hamiltonian(
+        lambda x: (x[2] ** 2 + x[3] ** 2) / 2 + x[0] ** 2 * x[1] + c * x[1] ** 3 / 3, 4
+    )
+
+
+def rotors(b):
+    """Zhukovski and Volterra, beta = (1, b, 0)."""
+    return field_of(
+        lambda x: (
+            x[1] * x[2] - b * x[2],
+            2 * x[2] * x[0] + x[2],
+            -3 * x[0] * x[1] + b * x[0] - x[1],
+        ),
+        3,
+    )
+
+
+def so4(b):
+    """Suslov's problem on so(4), Omega_34 = 0, M_ij = (l_i + l_j) Omega_ij, l = (1, 2, 5, b)."""
+    pairs, moments = [*combinations(range(4), 2)][:-1], (1, 2, 5, b)
+
+    def f(x):
+        W = np.zeros((4, 4), object)
+        for (i, j), value in zip(pairs, x, strict=True):
+            W[i, j], W[j, i] = value, -value
+        square = W @ W
+        return [
+            F(moments[i] - moments[j]) / (moments[i] + moments[j]) * square[i, j] for i, j in pairs
+        ]
+
+    return field_of(f, 5)
+
+
+def counted(map, degree):
+    """The number of relations, by another program."""
+    return counts(map, exponents_up_to(degree, map.dimension), 0)[0]
+
+
+@pytest.mark.parametrize(
+    ("f", "degree", "generic", "values"),
+    [
+        (kirchhoff, 2, 0, {F(4): 4}),
+        (three_lines(1), 4, 0, {F(-2): 10, F(-1): 6, F(0): 6, F(1): 3, F(2): 1}),
+        pytest.param(
+            three_lines(2), 6, 0, {F(-3): 21, F(-1): 10, F(1): 6, F(3): 1}, marks=pytest.mark.slow
+        ),
+        (henon_heiles, 3, 0, {F(1): 2}),
+        (rotors, 3, 4, {F(0): 8}),
+        (so4, 2, 2, {F(2, 5): 13, F(1): 7, F(2): 7, F(5): 13}),
+    ],
+)
+def test_known_loci(f, degree, generic, values):
+    calls = []
+    found = locus(f, degree, seed=1, progress=lambda *done: calls.append(done))
+    assert found.generic == generic
+    assert {each.value: each.relations for each in found} == values
+    assert found == sorted(found)
+    assert not any(found.algebraic.values())
+    assert calls == [(k, 4) for k in (1, 2, 3, 4)]
+    if f is so4:
+        assert found.left_out == (-2, -1)
+        assert {each.value: each.degenerate for each in found if each.degenerate} == {
+            1: "x3' = 0",
+            2: "x5' = 0",
+        }
+    for each in found[:2]:  # counted in another way
+        assert counted(kahan(f(each.value)), degree) == each.relations
+
+
+def test_texts_heights_and_monomials():
+    """Of 7 b, 1 and 2 are 1/7 and 2/7, of a height that may be too large."""
+    wide = locus(lambda b: three_lines(1)(7 * b), 4, height=7)
+    assert [each.value for each in wide] == [F(k, 7) for k in (-2, -1, 0, 1, 2)]
+    assert repr(wide).endswith("1/7 (3), 2/7 (1), of all fractions of height up to 7)")
+    narrow = locus(lambda b: three_lines(1)(7 * b), 4, height=6)
+    assert [each.value for each in narrow] == [0]
+    assert [{7 * r % p for r in narrow.algebraic[p]} for p in (211, 223)] == [
+        {p - 2, p - 1, 1, 2} for p in (211, 223)
+    ]
+    assert "residues of other values: 4 modulo 211, 4 modulo 223" in repr(narrow)
+    none = locus(rotors, 1, height=2, monomials=[(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0)])
+    assert none == []
+    assert "more at none, of all fractions of height up to 2" in repr(none)
+
+
+def test_algebraic_values():
+    """Residues of square roots, in the primes modulo which there are some."""
+    roots = locus(lambda b: three_lines(1)(b * b - 5), 4, height=3)
+    assert [each.value for each in roots] == [-2, 2]
+    for p, found in roots.algebraic.items():
+        assert {(r * r - 5) % p for r in found} == {
+            c % p for c in (-2, 0, 1, 2) if pow(c + 5, p // 2, p) == 1
+        }
+
+
+def test_rational_maps():
+    def todd(a):
+        return rational_map(lambda x: (x[1], x[2], (1 + x[1] + a * x[2]) / x[0]), 3)
+
+    found = locus(todd, 4, height=3)
+    assert [each.value for each in found] == [1]
+    assert found[0].relations == counted(todd(1), 4)
+
+
+def test_a_field_that_becomes_linear():
+    found = locus(lambda b: field_of(lambda x: (b * x[0] ** 2 - x[1], x[0]), 2), 2, height=1)
+    assert {each.value: each.degenerate for each in found}[0] == "the field is linear"
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: locus(3, 2), TypeError, "f: .*function of the parameter"),
+        (lambda: locus(lambda b: b, 2), TypeError, "f: expected a single QuadraticField or map"),
+        (lambda: locus(lambda b: Suslov3D(4, 1, 1, 0), 2), TypeError, "f: .*Suslov3D at"),
+        (lambda: locus(lambda b: QuadraticField(np.zeros((2, 1, 1, 1))), 2), TypeError, "f: "),
+        (lambda: locus(lambda b: rotors(b / 0), 2), ArithmeticError, "f: .*got none"),
+        (lambda: locus(lambda b: rotors(b) if b > 2 else henon_heiles(b), 2), ValueError, "f: "),
+        (lambda: locus(rotors, 0), ValueError, "degree: .*got 0"),
+        (lambda: locus(rotors, 2, height=0), ValueError, "height: .*got 0"),
+        (lambda: locus(rotors, 99), ValueError, "monomials: .*at most"),
+        (lambda: locus(rotors, 2, progress=1), TypeError, "progress: .*got int"),
+        (lambda: locus(lambda b: field_of(lambda x: (x[5],), 1), 2), ValueError, "f"),
+    ],
+)
+def test_bad_input(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_ctrl_c():
+    def interrupt(done, parts):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        locus(rotors, 2, progress=interrupt)
+
+
+def test_linear_algebra_modulo_a_prime():
+    """Against determinants and products; some matrices are singular."""
+    p, draws = 2**31 - 1, np.random.default_rng(0)
+    A = draws.integers(0, p, (20, 4, 4))
+    A[3:6, 2], A[7] = A[3:6, 1] * 5 % p, 0
+    b = draws.integers(0, p, (20, 4))
+    x, good = residues.solved(A, b, p)
+    expected = [k not in (3, 4, 5, 7) for k in range(20)]
+    assert (good == expected).all()
+    exact = A.astype(object) @ x.astype(object)[..., None] - b.astype(object)[..., None]
+    assert not (exact[good] % p).any()
+    tall = np.concatenate([A, A[:, :2] * 7 % p], axis=1)
+    assert [*residues.ranks(tall, p)] == [
+        0 if k == 7 else 3 if k in (3, 4, 5) else 4 for k in range(20)
+    ]
+    assert residues.residue(F(1, 7), 7) is None

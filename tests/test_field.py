@@ -200,6 +200,14 @@ def by_keyword(x, y, t, k=1, *, c):
     return k * x, c * y
 
 
+def with_momenta(t, x, y, px, py, k):
+    return px, py, -k * x, -k * y
+
+
+def of_vector_last(X, a, t):
+    return a * X[1], X[0]
+
+
 PUBLISHED = [  # each with parameters that the user passes, and the whole
     (vallis, 3, {"b": 102, "c": 3}, {"b": 102, "c": 3, "p": 0}),
     (vallis, "x y z", {}, {"b": 102, "c": 3, "p": 0.5}),
@@ -210,6 +218,8 @@ PUBLISHED = [  # each with parameters that the user passes, and the whole
     (with_names, "S I R", {}, {"beta": 0.3}),
     (of_vector, 2, {"w": 2}, {"s": 3, "w": 2}),
     (of_scalars, 3, {}, {"a": 1, "b": 2}),
+    (with_momenta, 4, {}, {"k": 2}),
+    (of_vector_last, 2, {}, {"a": 2}),
     (by_keyword, 2, {"k": 2}, {"k": 2, "c": 3}),
     (by_keyword, 2, {}, {"c": 3}),
 ]
@@ -226,8 +236,8 @@ def test_advice_on_published_functions_is_a_call_that_works(f, dimension, given,
         if name not in given:
             call = re.sub(rf"\b({name}_*)=…", rf"\1={value}", call)
     found = eval(call, {"QuadraticField": QuadraticField, f.__name__: f, **given})
-    point, old = [F(2), F(3), F(5)][: found.dimension], f.__code__.co_varnames
-    state = (point,) if f is of_vector else point
+    point, old = [F(2), F(3), F(5), F(7)][: found.dimension], f.__code__.co_varnames
+    state = (point,) if f in (of_vector, of_vector_last) else point
     time = {"t": None} if "t" in old else {}
     names = [name for name in old[: f.__code__.co_argcount] if name not in (*values, "t", "n", "k")]
     expected = f(**dict(zip(names, state, strict=True)), **time, **values)

@@ -14,7 +14,11 @@ from .names import TIME, clash, free, labels
 _ARRAY = {"p", "par", "pars", "params", "parameters", "args", "theta"}
 _STATE = re.compile(r"[xyzuvwqps]\d*|[XYZUVW]|state|states|vec")
 _SURELY_STATE = re.compile(r"[xyzXYZ]\d*|state|states")
-# How the components of a state are called, one after the other: x1, x2 too, and q1, q2, p1, p2.
+_VECTOR = {"X", "Y", "Z", "U", "V", "W", "state", "states", "vec"}
+# How the components of a state are called, one after the other: x1, x2 too, and q1, q2, p1, p2, and
+# coordinates with momenta or velocities, x, y, px, py.
+_NUMBERED = re.compile(r"[A-Za-z]+_?\d+")
+_WITH_RATES = re.compile(r"([pvd]_?)?[xyz](_?dot)?")
 _RUNS = "xyzw", "xyzuvw", "xyuv", "xv", "uvw", "qp", "pq", "XYZW", "UVW"
 CUBIC = "howto/cubic"
 # What Python and NumPy say of a number that a function takes for an array.
@@ -31,8 +35,9 @@ def is_state(name: str) -> bool:
 
 def _is_run(names: Sequence[str]) -> bool:
     """Return whether arguments are, by their names, the components of a state."""
-    numbered = all(re.fullmatch(r"[A-Za-z]_?\d+", each) for each in names)
-    return numbered or any(run.startswith("".join(names)) for run in _RUNS)
+    patterns = (_NUMBERED, _WITH_RATES)
+    is_pattern = any(all(map(each.fullmatch, names)) for each in patterns)
+    return is_pattern or any(run.startswith("".join(names)) for run in _RUNS)
 
 
 def _arguments(f: Any) -> list[inspect.Parameter]:
@@ -124,6 +129,8 @@ def _first_scalar(places: list[str], names: Sequence[str], given: Any) -> int | 
     if not _ARRAY.isdisjoint(own[1:]) and own[0] != "q":  # f(u, p, t)
         return None
     after = places[first + D :]
+    if own[0] in _VECTOR and not is_state(own[1]):  # f(X, a, b, t)
+        return None
     if _is_run(own) or (not first and after and after[0] in TIME):
         return first
     return first if (first or not after) and not is_state(own[0]) else None

@@ -79,7 +79,7 @@ class PlanarEntropy:
         return f"PlanarEntropy({self.entropy:.10g}{root}; {how}){lines}"
 
 
-def planar_entropy(map: RationalMap, /, *, seed: int = 0) -> PlanarEntropy:
+def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     """Find the algebraic entropy of a birational map of the plane from its singularities.
 
     The map contracts some curves to points. If the orbit of such a point comes to a point without

@@ -279,9 +279,10 @@ def _title(run: Any) -> str:
 
 def spelled(eps: float) -> str:
     """Return a step size as it was probably written: 0.2, or 1/256 in place of 0.00390625."""
-    near = Fraction(eps).limit_denominator(100_000)
+    near, is_short = Fraction(eps).limit_denominator(100_000), float(f"{eps:.3g}") == eps
+    is_power_of_2 = 8 <= Fraction(eps).denominator <= 2**20
     is_fraction = float(near) == eps and abs(near.numerator) < 1000
-    return str(near) if is_fraction and float(f"{eps:.3g}") != eps else f"{eps:g}"
+    return str(near) if is_fraction and (is_power_of_2 or not is_short) else f"{eps:g}"
 
 
 def _orbits(B: int) -> str:

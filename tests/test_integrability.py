@@ -5,6 +5,7 @@ import json
 import math
 import pickle
 import random
+import re
 import signal
 import threading
 from fractions import Fraction as F
@@ -678,6 +679,48 @@ def test_texts_of_products_and_long_formulas():
     found = report(HENON_HEILES_FIELD, EPS, 1)
     assert "[degree 4, 16 terms]/(4*x1^2 + 4*x2^2 - 4225)" in repr(found)
     assert len(str(found.integrals[0])) > 150
+
+
+@pytest.mark.parametrize("eps", [EPS, None])
+def test_names_of_variables(eps):
+    """Formulas, relations and symmetries are those of x1, x2, x3 under other names."""
+    names = "S", "ω_1", "x"
+    other = field_of(
+        lambda x: [x[k] * (x[(k + 1) % 3] - x[k - 1]) for k in range(3)], " ".join(names)
+    )
+
+    def plain(thing):
+        text = thing if isinstance(thing, str) else repr(thing)
+        for k, name in enumerate(names, start=1):
+            text = re.sub(rf"\b{name}\b(?! ->)", f"x{k}", text)
+        return text
+
+    found, expected = report(other, eps, 2), report(CYCLE, eps, 2)
+    assert plain(found).replace("x3 ->", "x ->") == repr(expected)
+    assert [plain(f.cofactor) for f in found.polynomials] == [
+        repr(f.cofactor) for f in expected.polynomials
+    ]
+    assert {*found.integrals[1].symbols()} == {*names, *["eps"] * (eps is None)}
+    assert r"ω_{1}" in found.integrals[1]._repr_latex_()
+    assert pickle.loads(pickle.dumps(found)).integrals == found.integrals
+    here, there = kahan(other, eps), kahan(CYCLE, eps)
+    assert plain(arithmetic.decoded(repr(hk_bases(here, 3)))) == repr(hk_bases(there, 3))
+    for C, D in zip(cofactors(here, 1), cofactors(there, 1), strict=True):
+        assert plain(C) == repr(D)
+        texts = arithmetic.decoded(repr(darboux_polynomials(here, 1, C)))
+        assert plain(texts) == repr(darboux_polynomials(there, 1, D))
+    if eps:
+        assert_holds(found)
+        basis = hk_bases(here, 3)
+        texts = arithmetic.decoded(repr(basis.polynomials))
+        assert plain(texts) == repr(hk_bases(there, 3).polynomials)
+
+
+def test_names_in_latex():
+    ring = flint.fmpz_mpoly_ctx.get(("u", "omega_2", "q1", "speed", "a_b3"), ordering="deglex")
+    terms = [RationalFunction(((a, 2),))._repr_latex_()[15:-1] for a in ring.gens()]
+    assert terms == ["u^{2}", r"\omega_{2}^{2}", "q_{1}^{2}", r"\mathrm{speed} ^{2}",
+                     r"\mathrm{a\_b}_{3}^{2}"]  # fmt: skip
 
 
 def test_names_that_sympy_takes_for_its_own():

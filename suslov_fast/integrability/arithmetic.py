@@ -9,6 +9,7 @@ import contextlib
 import copyreg
 import math
 import random
+import re
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import combinations_with_replacement
@@ -70,6 +71,22 @@ def ring(n: int, letter: bool, context: Any = flint.fmpz_mpoly_ctx, *modulus: in
     """Return the ring of polynomials in n variables, and in eps if it is a letter."""
     names = ["eps"] * letter + [f"x{i}" for i in range(1, n + 1)]
     return context.get(names, *modulus, ordering="deglex")
+
+
+def renamed(P: Any, names: Sequence[str] | None) -> Any:
+    """Return a polynomial in x1, ..., xD as one in variables with other names.
+
+    python-flint takes names in ASCII only: others are encoded, and `decoded` in formulas.
+    """
+    if names is None:
+        return P
+    encoded = (re.sub(r"[^\x00-\x7f]", lambda a: f"_u{ord(a[0]):x}_", name) for name in names)
+    return _polynomial((*["eps"] * has_letter(P), *encoded), P.to_dict())
+
+
+def decoded(text: str) -> str:
+    """Return a text of polynomials with the names of their variables as the user wrote them."""
+    return re.sub(r"_u([89a-f][0-9a-f]|[0-9a-f]{3,6})_", lambda code: chr(int(code[1], 16)), text)
 
 
 def has_letter(P: Any) -> bool:

@@ -40,12 +40,14 @@ class HKBasis:
     complete: bool
     point: Point = field(repr=False)
     basis: Matrix | None = field(repr=False)
+    names: tuple[str, ...] | None = field(default=None, repr=False)  # if not x1, ..., xD
 
     @property
     def polynomials(self) -> Polynomials:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
         rows = [[[a] for a in row] for row in self.basis or ()]
-        return polynomials_with(rows, self.monomials)
+        found = polynomials_with(rows, self.monomials)
+        return tuple(arithmetic.renamed(P, self.names) for P in found)
 
     def __repr__(self) -> str:
         text = (
@@ -134,7 +136,15 @@ def hk_bases(
         basis = rows and tuple(tuple(a for (a,) in row) for row in rows)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
-        _degree(exponents), exponents, dimension, independent, integrals, complete, start, basis
+        _degree(exponents),
+        exponents,
+        dimension,
+        independent,
+        tuple(arithmetic.renamed(P, map.names) for P in integrals),
+        complete,
+        start,
+        basis,
+        map.names,
     )
 
 

@@ -63,8 +63,8 @@ class Plane:
 
     def text(self, number: int) -> str:
         """Return the equation of a curve."""
-        P = self._affine(number)
-        return "the line at infinity" if P == 1 else f"{P} = 0"
+        P = arithmetic.renamed(self._affine(number), self.map.names)
+        return "the line at infinity" if P == 1 else arithmetic.decoded(f"{P} = 0")
 
     def count(self, number: int) -> int:
         """Return the number of conjugate curves."""

@@ -74,7 +74,8 @@ def darboux_polynomials(
         cofactor = RationalFunction((), arithmetic.rational("cofactor", cofactor))
     if map.has_letter and not isinstance(cofactor, RationalFunction | None):
         raise wrong("cofactor", "a number or RationalFunction", "another function", TypeError)
-    return space_of(map, degree, cofactor, seed=seed)
+    found = space_of(map, degree, cofactor, seed=seed)
+    return tuple(arithmetic.renamed(P, map.names) for P in found)
 
 
 def space_of(
@@ -140,7 +141,8 @@ def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     arithmetic.check_unknowns("degree", degree, map.dimension)
     one = RationalFunction(())
     found = [C for k in range(1, degree + 1) for C in cofactors_of(map, k)]
-    return tuple(dict.fromkeys([one, map.jacobian_cofactor or one, *found]))
+    different = dict.fromkeys([one, map.jacobian_cofactor or one, *found])
+    return tuple(f.renamed(map.names) for f in different)
 
 
 def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: int) -> Any:

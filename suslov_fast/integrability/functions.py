@@ -15,10 +15,14 @@ import flint
 
 from ..checks import extra
 from . import arithmetic
-from .arithmetic import EPS, PRIME, Polynomials, degree_of, modulo, value_at
+from .arithmetic import EPS, PRIME, Polynomials, decoded, degree_of, modulo, value_at
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
-_LATEX = {r"\*": " ", r"x(\d+)": r"x_{\1}", r"\^(\d+)": r"^{\1}", "eps": r"\\varepsilon"}
+_NAME = r"[^\W\d]\w*"
+_GREEK = (
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau "
+    "upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega"
+).split()
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,7 +92,15 @@ class RationalFunction:
         (x1, x1)
         """
         names = self._ring.names() if self.factors else ()
-        return {name: extra("sympy", "test").Symbol(name) for name in names}
+        return {name: extra("sympy", "test").Symbol(name) for name in map(decoded, names)}
+
+    def renamed(self, names: Sequence[str] | None) -> RationalFunction:
+        """Return the function with other names of its variables."""
+        if names is None:
+            return self
+        factors = tuple((arithmetic.renamed(P, names), e) for P, e in self.factors)
+        cofactor = self.cofactor and self.cofactor.renamed(names)
+        return replace(self, factors=factors, cofactor=cofactor)
 
     @property
     def special(self) -> tuple[Fraction, ...]:
@@ -187,22 +199,33 @@ class RationalFunction:
         return f"{'-' if self.constant < 0 else ''}{above}{'' if below == '1' else f'/{below}'}"
 
     def _repr_latex_(self) -> str:
-        text = str(self)
+        text = re.sub(_NAME, lambda found: _latex_of_name(found[0]), str(self))
         if "/" in text:
             above, below = text.removeprefix("-").split("/")
             above = re.sub(r"^\(([^()]*)\)$", r"\1", above)
             below = re.sub(r"^\((.*)\)$", r"\1", below)
             text = f"{'-' * (self.constant < 0)}\\frac{{{above}}}{{{below}}}"
-        for old, new in _LATEX.items():
-            text = re.sub(old, new, text)
+        text = re.sub(r"\^(\d+)", r"^{\1}", text.replace("*", " "))
         return f"$\\displaystyle {text}$"
 
 
+def _latex_of_name(name: str) -> str:
+    if name == "eps":
+        return r"\varepsilon"
+    stem, number = name.rstrip("0123456789"), re.search(r"\d*$", name)[0]  # type: ignore[index]
+    stem = stem.rstrip("_") or stem
+    if stem in _GREEK:
+        stem = f"\\{stem}"
+    elif len(stem) > 1:
+        stem = f"\\mathrm{{{stem.replace('_', chr(92) + '_')}}}"
+    return f"{stem}_{{{number}}}" if number else f"{stem} " if stem[0] == "\\" else stem
+
+
 def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:
-    text = str(P)
+    text = decoded(str(P))
     if longest is not None and len(text) > longest:
         text = f"[degree {degree_of(P)}, {len(P)} terms]"
-    elif not alone and not re.fullmatch(r"x\d+|eps|\d+", text):
+    elif not alone and not re.fullmatch(rf"{_NAME}|\d+", text):
         text = f"({text})"
     return f"{text}^{e}" if e > 1 else text
 

@@ -99,17 +99,19 @@ class ImplicitIntegral:
         return [a - b for a, b in zip(above, below, strict=True)]
 
     def __str__(self) -> str:
-        names = [_text(e) for e in (self.numerator, self.denominator)]
-        relation = ", ".join(map(_text, self.monomials))
+        variables = self.map.names or [f"x{i + 1}" for i in range(self.map.dimension)]
+        names = [_text(e, variables) for e in (self.numerator, self.denominator)]
+        relation = ", ".join(_text(e, variables) for e in self.monomials)
         return f"c({names[0]})/c({names[1]}) of the relation between {relation}"
 
     def __repr__(self) -> str:
         return f"ImplicitIntegral({self}; degree {self.degree})"
 
 
-def _text(exponents: Sequence[int]) -> str:
+def _text(exponents: Sequence[int], names: Sequence[str]) -> str:
     """Return the text of a monomial."""
-    powers = [f"x{i}" + f"^{k}" * (k > 1) for i, k in enumerate(exponents, start=1) if k]
+    pairs = zip(names, exponents, strict=True)
+    powers = [name + f"^{k}" * (k > 1) for name, k in pairs if k]
     return "*".join(powers) or "1"
 
 

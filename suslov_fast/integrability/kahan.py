@@ -14,6 +14,7 @@ import numpy as np
 
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
+from ..bodies.names import labels
 from ..checks import in_place_of, kind_of, wrong
 from .arithmetic import degree_of, matrix, step_size
 from .functions import MODULAR, RationalFunction, factored, quotient_of
@@ -31,6 +32,7 @@ class KahanMap(RationalMap):
     def __init__(self, field: QuadraticField, eps: Fraction | None) -> None:
         self.field, self.eps = field, eps
         self.dimension, self.has_letter = field.dimension, eps is None
+        self.names = None if field.names == labels(field.dimension) else field.names
 
     @cached_property
     def inverse(self) -> KahanMap:

@@ -265,8 +265,8 @@ class _Values:
         given = self.at(value)
         if not isinstance(given, QuadraticField):
             return ""
-        names = getattr(given, "names", None) or [f"x{i + 1}" for i in range(given.dimension)]
         if not np.any(given.table[:, :-1, :-1] != 0):
             return "the field is linear"
-        zeros = [name for name, row in zip(names, given.table, strict=True) if not np.any(row != 0)]
+        rows = zip(given.names, given.table, strict=True)
+        zeros = [name for name, row in rows if not np.any(row != 0)]
         return " and ".join(f"{name}' = 0" for name in zeros)

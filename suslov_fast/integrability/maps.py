@@ -31,6 +31,7 @@ class RationalMap:
     """
 
     has_letter = False  # whether eps is a letter
+    names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
 

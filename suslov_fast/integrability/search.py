@@ -69,8 +69,10 @@ class Search:
     def fill(self, report: Any) -> None:
         """Put what is known into a report."""
         report.degrees, report.relations = self.degrees, self.relations
-        report.integrals, report.measures = self.integrals, self.measures
-        report.polynomials, report.implicit = self._polynomials, self._implicit
+        for name in ("integrals", "measures", "polynomials"):
+            found = getattr(self, name)
+            setattr(report, name, tuple(f.renamed(self.map.names) for f in found))
+        report.implicit = self.implicit
         report.symmetries, report.planar = self.symmetries, self.planar
         report.searched = [*self._searched()]
 
@@ -93,6 +95,12 @@ class Search:
         """The densities that are known."""
         self._update()
         return self._measures
+
+    @property
+    def polynomials(self) -> tuple[RationalFunction, ...]:
+        """The Darboux polynomials that are known."""
+        self._update()
+        return self._polynomials
 
     @property
     def implicit(self) -> tuple[ImplicitIntegral, ...]:

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 from operator import add
@@ -21,6 +21,7 @@ import flint
 import numpy as np
 
 from ..bodies.field import QuadraticField
+from ..bodies.names import labels
 from . import arithmetic
 from .arithmetic import PRIME, Point
 from .kahan import KahanMap
@@ -41,6 +42,7 @@ class Reversor:
 
     S: tuple[Point, ...]
     b: Point
+    names: tuple[str, ...]  # of the variables
 
     def __call__(self, x: Any) -> Point:
         """Return the image of a point."""
@@ -48,7 +50,7 @@ class Reversor:
         return tuple(_dot(row, given) + c for row, c in zip(self.S, self.b, strict=True))
 
     def __repr__(self) -> str:
-        rows = (_text(row, c) for row, c in zip(self.S, self.b, strict=True))
+        rows = (_text(row, c, self.names) for row, c in zip(self.S, self.b, strict=True))
         return f"x -> ({', '.join(rows)})"
 
 
@@ -56,8 +58,8 @@ def _dot(row: Any, x: Any) -> Any:
     return sum((a * c for a, c in zip(row, x, strict=True)), Fraction(0))
 
 
-def _text(row: Point, constant: Fraction) -> str:
-    terms = [(a, f"x{i}") for i, a in enumerate(row, start=1)] + [(constant, "")]
+def _text(row: Point, constant: Fraction, names: Sequence[str]) -> str:
+    terms = [*zip(row, names, strict=True), (constant, "")]
     text = ""
     for a, name in terms:
         if a:
@@ -77,10 +79,11 @@ def reversors(field: QuadraticField) -> list[Reversor]:
         entries = [simplest_fraction(int(a), PRIME) for a in values]
         if all(max(abs(a.numerator), a.denominator) < _MOST for a in entries):
             S = tuple(tuple(entries[D * i : D * i + D]) for i in range(D))
-            each = Reversor(S, tuple(entries[D * D :]))
+            each = Reversor(S, tuple(entries[D * D :]), labels(D))
             if reverses(each, field):
                 found.append(each)
-    return sorted(found, key=lambda each: (len(repr(each)), repr(each)))
+    found.sort(key=lambda each: (len(repr(each)), repr(each)))
+    return [replace(each, names=field.names) for each in found]
 
 
 def reversing_symmetries(search: Any) -> Iterator[Task]:

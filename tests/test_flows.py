@@ -12,6 +12,7 @@ import pytest
 
 from suslov_fast import QuadraticField, iterate, lyapunov_exponents, matrix
 
+pytestmark = pytest.mark.compiled  # millions of steps
 FLOWS = json.loads((Path(__file__).parent / "data" / "flows.json").read_text("utf-8"))["flows"]
 ORDINARY = "Rossler", "SprottB", "LorenzStenflo"
 PER_PERIOD = 1600

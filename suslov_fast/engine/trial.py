@@ -76,7 +76,9 @@ class _Trial:
         kept = all(_same(one, other) for one, other in pairs)
         _expect(kept, "arguments to stay as they are", "others", 1)
         _expect(_same(states, self.omega0), "omega0 to stay as it is", "another one", 3)
-        outside = [number for guard in self.guards for number in guard if number != _GUARD]
+        outside: list[float] = []
+        for guard in self.guards:
+            outside += guard[guard != _GUARD].tolist()
         _expect(not outside, "nothing to be written beside the arrays", short(outside), 5)
         return self
 
@@ -199,7 +201,7 @@ def check_parameters(kind: Any, random: Any) -> None:
         body = make(np.random.default_rng(0), ())
         if shape := getattr(body, "shape", ()):
             given = [n for n, each in body._parts.items() if np.ndim(each) > body._axes.get(n, 0)]
-            expected = f"a single body of rng and (), or the axes of {', '.join(given)} in {how}"
+            expected = f"a single body for the shape (), or the axes of {', '.join(given)} in {how}"
             raise wrong(f"random[{k}]", expected, f"a batch {shape}")
     if kind._axes:
         return

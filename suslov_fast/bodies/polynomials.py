@@ -199,6 +199,8 @@ class Polynomial(NDArrayOperatorsMixin):
         return Polynomial(_ARITHMETIC[operation](*(self.of(each).terms for each in operands)))
 
     def __truediv__(self, number: Any) -> Any:
+        if isinstance(number, np.ndarray):
+            return np.true_divide(self, number)
         if isinstance(number, Polynomial):
             return self * number.inverse()
         if isinstance(number, Column):

@@ -200,7 +200,7 @@ class Polynomial(NDArrayOperatorsMixin):
 
     def __truediv__(self, number: Any) -> Any:
         if isinstance(number, np.ndarray):
-            return np.true_divide(self, number)
+            return self.__array_ufunc__(np.true_divide, "__call__", self, number)
         if isinstance(number, Polynomial):
             return self * number.inverse()
         if isinstance(number, Column):

@@ -389,26 +389,27 @@ def test_progress_stops_where_the_run_ends():
     assert {total for _, total in done} == {10_000}
 
 
-def test_a_callable_ends_a_run():
+def test_a_callable_ends_a_run(monkeypatch):
     """By False, also NumPy's; the run is that of so many steps, and can be extended."""
-    whole = sf.crossings(LORENZ, TWO, 1 / 64, 20_000, plane, transient=1000)
-    for answer, first in ((False, 0), (np.False_, 3000), (False, 10**9)):
+    monkeypatch.setattr(module, "_PIECE", 60)
+    whole = sf.crossings(LORENZ, TWO, 1 / 64, 900, plane, transient=100)
+    for answer, first in ((False, 0), (np.False_, 300), (False, 10**9)):
         done = []
 
         def progress(n, total, answer=answer, first=first, done=done):
             done.append(n)
             return answer if n >= first else None
 
-        points = sf.crossings(LORENZ, TWO, 1 / 64, 20_000, plane, transient=1000, progress=progress)
-        steps = max(done[-1] - 1000, 0)
-        assert (points.steps, points.transient) == (steps, 1000)
+        points = sf.crossings(LORENZ, TWO, 1 / 64, 900, plane, transient=100, progress=progress)
+        steps = max(done[-1] - 100, 0)
+        assert (points.steps, points.transient) == (steps, 100)
         np.testing.assert_array_equal(points.final, sf.iterate(LORENZ, TWO, 1 / 64, done[-1]).final)
         if steps:
-            assert points == sf.crossings(LORENZ, TWO, 1 / 64, steps, plane, transient=1000)
-        assert points.extend(20_000 - steps) == whole
+            assert points == sf.crossings(LORENZ, TWO, 1 / 64, steps, plane, transient=100)
+        assert points.extend(900 - steps) == whole
     for answer in (0, None, True, np.zeros(1)):
         points = sf.crossings(
-            LORENZ, TWO, 1 / 64, 20_000, plane, transient=1000, progress=lambda *_, a=answer: a
+            LORENZ, TWO, 1 / 64, 900, plane, transient=100, progress=lambda *_, a=answer: a
         )
         assert points == whole
 

@@ -235,8 +235,9 @@ def slow_clients(port, count, text):
 
 
 @pytest.mark.parametrize("text", [b"", b"GET / HTT", b"GET /missing HTTP/1.1\r\nHost: "])
-def test_slow_clients_neither_block_others_nor_the_end(text):
+def test_slow_clients_neither_block_others_nor_the_end(text, monkeypatch):
     """Those that never end their request, each in a thread of its own, and more than there are."""
+    monkeypatch.setattr(serving._Handler, "timeout", 1000.0)  # nor does it help that one gives up
     page = sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3))
     with contextlib.closing(page), slow_clients(urlsplit(page.url).port, 40, text) as clients:
         with urllib.request.urlopen(page.url, timeout=60) as reply:  # some have to leave
@@ -249,6 +250,30 @@ def test_slow_clients_neither_block_others_nor_the_end(text):
                 assert client.recv(1024) == b"" or text.startswith(b"GET /missing")
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", serving_thread.port), timeout=60)
+
+
+def test_clients_that_wait_for_the_server_are_not_sent_away(monkeypatch):
+    """A scene may take longer than a client may."""
+    go, under_way = threading.Event(), threading.Semaphore(0)
+
+    def slow(query):
+        under_way.release()
+        go.wait()
+        return {}
+
+    monkeypatch.setattr(serving, "answer", slow)
+    monkeypatch.setattr(serving, "_PATIENCE", 0.0)
+    with serve(Server(0)) as server, ThreadPoolExecutor(33) as pool:
+        calls = [pool.submit(ask, server, "/scene") for _ in range(32)]
+        for _ in range(32):
+            under_way.acquire()
+        turned_to = threading.Event()
+        disconnect = server.disconnect
+        server.disconnect = lambda patience: (disconnect(patience), turned_to.set())
+        calls.append(pool.submit(ask, server, "/scene"))
+        turned_to.wait()
+        go.set()
+        assert [call.result()[0].status for call in calls] == [200] * 33
 
 
 def test_a_server_whose_threads_are_all_taken_is_closed(monkeypatch):

@@ -265,6 +265,7 @@ def test_animation_of_a_run():
         animation._func(len(given) - 1)
         axes = animation._fig.axes[0]
         titles.append(axes.get_title())
+        assert [text.get_text() for text in axes.texts] == ["$e_1$", "$e_2$", "$a$"]
         [*_, end] = np.array(axes.get_lines()[-1].get_data_3d()).T
         ends.append(end)
         assert [*animation.new_frame_seq()] == [*range(0, len(given), 2)]
@@ -285,8 +286,10 @@ def test_animation_of_a_run():
     pole = sf.iterate(sf.Suslov3D(2, 2, 0.5, 0, 2.0), [2, -9], 1.0, 6, on_singular="ignore")
     with pytest.raises(ValueError, match=f"^run: .*without a state at step {pole.failed_at}"):
         sf.animate_body(pole)
-    with pytest.raises(TypeError, match=r"^body: .*got QuadraticField"):
-        sf.animate_body(sf.iterate(sf.QuadraticField([[[1.0]]]), [0.1], 0.1, 6))
+    for other in (sf.QuadraticField([[[1.0]]]), sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])):
+        run = sf.iterate(other, np.full(other.dimension, 0.1), 0.1, 6)
+        with pytest.raises(TypeError, match=rf"^body: .*got {type(other).__name__}"):
+            sf.animate_body(run)
 
 
 def test_animation():

@@ -96,7 +96,7 @@ def _name(new: Path, target: Path) -> None:
         os.link(new, target)
     except FileExistsError:
         raise
-    except OSError:  # a file system without links: an empty file takes the name
+    except (AttributeError, OSError):  # there are no links: an empty file takes the name
         open(target, "xb").close()
         os.replace(new, target)
 

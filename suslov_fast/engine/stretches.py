@@ -176,9 +176,12 @@ class March:
         else:
             turns = np.empty((rows, *batch, n, n))
             self._turn_to(stop, every, flat, turns.reshape(rows, size, n, n), report)
-        if every:
+        if every and self.n == stop:
+            return saved, turns
+        if every:  # `report` ended the march: memory for the rest is given back
             rows = _rows(begin, self.n, every)
-            return saved[:rows], None if turns is None else turns[:rows]
+            saved = saved[:rows].copy() if out is None else out[:rows]
+            return saved, None if turns is None else turns[:rows].copy()
         if out is not None:
             out[0] = self.final
         turns = None if turned is None else turned.reshape(1, *batch, n, n)

@@ -13,6 +13,7 @@ from fractions import Fraction
 from typing import Any
 
 import children
+import numba
 import numpy as np
 import own
 import pytest
@@ -497,6 +498,7 @@ def test_kernels_that_break_the_contract_do_not_run(right, wrong, item):
 
 
 @pytest.mark.compiled
+@pytest.mark.skipif(numba.config.BOUNDSCHECK == 1, reason="Numba itself raises an IndexError")
 @pytest.mark.parametrize(("right", "wrong", "item"), WRONG_IF_COMPILED)
 def test_kernels_that_read_or_write_beyond_arrays_do_not_run(right, wrong, item):
     with pytest.raises(ValueError, match=rf"^kernel: .*\(item {item} of maps.Map\)"):

@@ -10,6 +10,9 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.core import orientations, steps_3d
+from suslov_fast.engine.arguments import check
+from suslov_fast.engine.stretches import March
+from suslov_fast.maps import MAPS
 
 BODY = sf.Suslov3D(4, 1, -0.5, -0.3)
 FOUR = sf.SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
@@ -299,6 +302,14 @@ def test_answers_of_a_callable_that_do_not_end_a_run(monkeypatch):
         monkeypatch.setattr(f"suslov_fast.engine.stretches.{short}", value)
     for answer in (None, True, 0, "", np.zeros(1, bool)):
         assert sf.iterate(BODY, STARTS, 0.2, 99, progress=lambda *_, a=answer: a).steps == 99
+
+
+def test_progress_of_steps_that_cost_nothing():
+    """As the estimate of a kernel of one's own may say."""
+    march, seen = March(check(MAPS["Suslov3D"], BODY, STARTS, 0.2)), []
+    march.steps = march.steps._replace(cost=lambda D, arguments: 0.0)
+    march.to(100, report=lambda done: not seen.append(done))
+    assert seen[-1] == march.n == 100
 
 
 class Bar:

@@ -213,13 +213,10 @@ class March:
     def _length(self, every: int) -> int:
         """Return the number of steps of all trajectories from one report to the next."""
         (_, D), most = self.omega0.shape, self.problem.threads or numba.config.NUMBA_NUM_THREADS
-        work, lanes, least = (
-            0.0,
-            self.steps.lanes,
-            1,
-        )  # `work` is the time of a step, on all threads
+        lanes, least = self.steps.lanes, 1
+        work = 0.0  # the time of a step, on all threads
         for where, arguments in self.groups:
-            cost = self.steps.cost(D, arguments) + (_SAVING / every if every else 0.0)
+            cost = max(self.steps.cost(D, arguments), 0.1) + (_SAVING / every if every else 0.0)
             blocks = max(-(-len(self.omega0 if where is ALL else where) // lanes), 1)
             work += cost * blocks * lanes / min(blocks, most)
             least = max(int(_BETWEEN / min(cost, 4.0)), least)

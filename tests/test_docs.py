@@ -75,7 +75,7 @@ def folder(tmp_path_factory):
 
 
 # Pages of long reports and of loops that take long to compile; other tests have shorter forms.
-LONG = "report.md", "cubic.md", "compiled.md", "families.md"
+LONG = "report.md", "cubic.md", "compiled.md", "families.md", "potentials.md"
 
 
 @pytest.mark.compiled

@@ -1,6 +1,6 @@
 """A zoo of Kahan maps.
 
-Orbits of the maps of twenty quadratic fields, in the plane of two components. The first twelve maps
+Orbits of the maps of 24 quadratic fields, in the plane of two components. The first fifteen maps
 are integrable. Orbits whose largest Lyapunov exponent exceeds 0.02 per unit of time are red.
 The page "A zoo of Kahan maps" has the equations, their sources and the table.
 """
@@ -21,6 +21,7 @@ def random(dimension, size, count=8):
 
 ZOO = {name: (field, eps) for name, (field, eps) in zoo().items() if eps is not None}
 TOP = [[0.3, 0.2, each, 0.1, 0.4, 0.8] for each in (0.5, 1)]
+POTENTIAL = [[0.4, each, 0.6, 0, 0.8] for each in (-0.5, 0.1, 0.7, 1.2)]
 CHAIN = (0.2, 0.5, 0.8, 1.5, 2)
 # Initial states, and the components that the picture shows, by default the first two.
 STARTS = {
@@ -36,6 +37,9 @@ STARTS = {
     "Lagrange top": TOP,
     "Kirchhoff": TOP,
     "Clebsch": TOP,
+    "Klebsch-Tisserand": POTENTIAL,
+    "Suslov, Lagrange axis": POTENTIAL,
+    "Suslov on so(4)": [[0.5, 0.3, each, 0.4, -0.2] for each in (-0.6, -0.1, 0.4, 0.9)],
     "Lotka-Volterra": [[1, each] for each in (1.3, 1.8, 2.4, 3, 3.5)],
     "Zhukovsky-Volterra, two betas": [[each, 0.3, 0.4] for each in (-0.9, -0.5, -0.1, 0.3, 0.7)],
     "Zhukovsky-Volterra, three betas": random(3, 2, 10),
@@ -44,14 +48,15 @@ STARTS = {
     "Henon-Heiles": [
         [0, each, (0.32 - each**2 + 2 * each**3 / 3) ** 0.5, 0] for each in (-0.2, 0, 0.2, 0.4)
     ],
+    "Kharlamova": POTENTIAL,
     "Lorenz": [[1, 1, 20]],
     "generic planar field": random(2, 0.5, 4),
 }
-PLANES = {"Euler top": (0, 2), "Henon-Heiles": (1, 3), "Lorenz": (0, 2)}
+PLANES = {"Kharlamova": (2, 4), "Euler top": (0, 2), "Henon-Heiles": (1, 3), "Lorenz": (0, 2)}
 PLANES |= dict.fromkeys(("Lagrange top", "Kirchhoff", "Clebsch", "body in a fluid"), (3, 4))
 REACH = dict.fromkeys(("Suslov body", "Suslov gyrostat"), 2.6)  # else that of most states
 CHAOTIC = 0.02  # exponent above which an orbit is red
-INTEGRABLE = 12
+INTEGRABLE = 15
 
 
 @cache
@@ -63,7 +68,7 @@ def exponents(name, steps=50_000):
 
 # The picture. Axes show the middle of the orbits; some of them come close to poles.
 
-figure = plt.figure(figsize=(7.4, 11), layout="constrained")
+figure = plt.figure(figsize=(8.4, 10), layout="constrained")
 kinds = (
     ("integrable", list(ZOO)[:INTEGRABLE], 3),
     ("exponential growth of degrees", list(ZOO)[INTEGRABLE:], 2),
@@ -71,7 +76,10 @@ kinds = (
 parts = figure.subfigures(2, 1, height_ratios=[3, 2], hspace=0.03)
 for part, (kind, names, rows) in zip(parts, kinds, strict=True):
     part.suptitle(kind, fontsize=10, weight="bold")
-    for ax, name in zip(part.subplots(rows, 4).flat, names, strict=True):
+    axes = [*part.subplots(rows, 5).flat]
+    for ax in axes[len(names) :]:
+        ax.set_axis_off()
+    for ax, name in zip(axes, names, strict=False):
         field, eps = ZOO[name]
         plane = PLANES.get(name, (0, 1))
         states = iterate(field, STARTS[name], float(eps), 1500).x[..., plane]

@@ -42,6 +42,30 @@ def _top(w: Sequence[Any], v: Callable[[Any], Any]) -> QuadraticField:
     return QuadraticField.from_function(field, 6)
 
 
+def _in_potential(slope: Callable[..., Any], I1: int = 1, I2: int = 1) -> QuadraticField:
+    """Suslov's problem in a potential with the derivatives slope(g1, g2, g3), without products."""
+
+    def field(w1: Any, w2: Any, *g: Any) -> Any:
+        torque = np.cross(g, slope(*g))
+        return torque[0] / I1, torque[1] / I2, *np.cross(g, (w1, w2, 0))
+
+    return of(field, 5)  # type: ignore[no-any-return]
+
+
+def _on_so4(*moments: int) -> QuadraticField:
+    """Suslov's problem on so(4): Omega_34 = 0, M_ij = (moments_i + moments_j) Omega_ij."""
+    pairs = [(i, j) for i in range(4) for j in range(i + 1, 4)][:-1]
+
+    def field(*x: Any) -> Any:
+        W = np.zeros((4, 4), object)
+        for (i, j), value in zip(pairs, x, strict=True):
+            W[i, j], W[j, i] = value, -value
+        square, m = W @ W, moments
+        return [Fraction(m[i] - m[j], m[i] + m[j]) * square[i, j] for i, j in pairs]
+
+    return of(field, 5)  # type: ignore[no-any-return]
+
+
 def _nambu(x: Any, y: Any, z: Any) -> Any:
     """Cross product of the gradients of 2 x^2 + y^2 + z^2 + x y and z^2 + x y + x z."""
     return np.cross((4 * x + y, x + 2 * y, 2 * z), (y + z, x, x + 2 * z))
@@ -59,7 +83,7 @@ def _recurrence(z: Callable[[Any, Any], Any]) -> tuple[RationalMap, None]:
 def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
     """Return the fields of the page "A zoo of Kahan maps", by name, each with a step size.
 
-    The first twelve have integrable maps. The last three are maps (map, None) of second-order
+    The first fifteen have integrable maps. The last three are maps (map, None) of second-order
     recurrences, no Kahan maps, and integrable.
 
     Examples
@@ -91,12 +115,16 @@ def zoo() -> dict[str, tuple[QuadraticField | RationalMap, Fraction | None]]:
         "Lagrange top": ("1/4", _top((1, 1, Fraction(1, 2)), lambda p: (0, 0, 1))),
         "Kirchhoff": ("1/4", _top((1, 1, 2), lambda p: (1, 1, 3) * p)),
         "Clebsch": ("1/4", _top((1, 1, 1), lambda p: (1, 2, 5) * p)),
+        "Klebsch-Tisserand": ("1/4", _in_potential(lambda *g: (0, 0, g[2]))),
+        "Suslov, Lagrange axis": ("1/4", _in_potential(lambda *g: (0, 0, 1))),
+        "Suslov on so(4)": ("1/4", _on_so4(1, 2, 5, 5)),
         "Lotka-Volterra": ("1/2", of(lambda x, y: (x * (1 - y), y * (x - 1)))),
         "Zhukovsky-Volterra, two betas": ("5/4", _rotors(1, 2, 0)),
         "Zhukovsky-Volterra, three betas": ("1", _rotors(1, 2, 3)),
         "Volterra chain, N = 5": ("3/4", of(_chain, 5)),
         "body in a fluid": ("1/4", _top((1, 2, 4), lambda p: (1, 3, 2) * p)),
         "Henon-Heiles": ("1/4", of(_henon_heiles, make=hamiltonian)),
+        "Kharlamova": ("1/4", _in_potential(lambda *g: (1, 2, 0), I2=2)),
         "Lorenz": ("1/64", of(lambda x, y, z: (10 * (y - x), x * (28 - z) - y, x * y - 8 * z / 3))),
         "generic planar field": (
             "1/4",

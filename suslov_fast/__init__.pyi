@@ -7,6 +7,7 @@ from .bodies.nd import SuslovND as SuslovND
 from .bodies.rigid import Suslov3D as Suslov3D
 from .bodies.rigid import SuslovGyrostat as SuslovGyrostat
 from .engine.arguments import RandomStarts as RandomStarts
+from .engine.status import PoleWarning as PoleWarning
 from .engine.status import SingularStepError as SingularStepError
 from .engine.status import SingularStepWarning as SingularStepWarning
 from .engine.status import Status as Status

@@ -191,7 +191,7 @@ def run(options: argparse.Namespace) -> None:
         raise KeyboardInterrupt(f": {path} {kept}" if path else "") from None
     facts |= {"threads": numba.get_num_threads()} | ({"written": str(path)} if path else {})
     print(lines_of(facts, options.json), flush=True)
-    if facts["trajectories"] and not facts["status"].keys() & {"OK", "SUPERCRITICAL"}:
+    if facts["trajectories"] and not any(sf.Status[name] >= 0 for name in facts["status"]):
         raise ArithmeticError("run: all trajectories failed")
 
 
@@ -264,7 +264,8 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
     begin = time.perf_counter()
     found = sf.iterate(body, starts, eps, steps, **settings)
     seconds = time.perf_counter() - begin
-    computed = (found.failed_at + (found.failed_at < 0) * (steps + 1)).sum()
+    failed = found.status < 0
+    computed = (failed * found.failed_at + ~failed * steps).sum()
     rate = {"seconds": seconds, "steps_per_second": float(computed) / seconds}
     facts = facts_of(found, starts) | rate
     if path is not None:

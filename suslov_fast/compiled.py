@@ -268,7 +268,7 @@ def first_integral(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -
     return quantities.first_integral_at(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
 
 
-def system(body: Body, /, eps: ArrayLike) -> NDSystem | FieldSystem:
+def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem | FieldSystem:
     """Return the constants of one body or field and one step size, for loops in n dimensions.
 
     Parameters
@@ -277,6 +277,8 @@ def system(body: Body, /, eps: ArrayLike) -> NDSystem | FieldSystem:
         A single body, or a field. For bodies in three dimensions a :func:`frame` is faster.
     eps
         As in :func:`frame`.
+    method : str
+        As in :func:`suslov_fast.iterate`; a step of order 4, 6 or 8 is a whole one.
 
     Returns
     -------
@@ -297,8 +299,8 @@ def system(body: Body, /, eps: ArrayLike) -> NDSystem | FieldSystem:
     """
     instance("body", body, Body)
     number = _single(body, eps)
-    map = map_of(body)
-    make = map.methods["auto"].system
+    map = map_of(body, method)
+    make = map.methods[method].system
     if make is None:
         expected = "a body whose map has compiled steps"
         received = f"{type(body).__name__}: {map.title} has none"
@@ -318,7 +320,8 @@ def step_system(
 ) -> int:
     """Write the state that follows x (D,) to `out` (D,), which may be x; return its Status.
 
-    Where there is no next state, the status is negative and `out` is NaN. Arrays of another length
+    Where there is no next state, the status is negative and `out` is NaN; it is positive,
+    PASSED_POLE, after a step from det A < 0: test ``< 0``, not truth. Arrays of another length
     raise a ValueError; of another type than float64, a TypeError when the loop is compiled.
     """
     _check(x, out)

@@ -4,27 +4,22 @@ The records of `maps.py` list the formulas of each map. A formula of a function 
 each state takes a checked problem and returns the values; comments say what the others take.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
-from itertools import product
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from .bodies.nd import check_known
 from .bodies.rigid import Suslov3D
 from .checks import FloatArray, wrong
-from .core import quantities, quantities_field, tangent
-from .core.numba import Kernel, Universal
-from .core.operations import plan_tangent
-from .engine.arguments import ALL, Problem, alike, by_field, flat_arrays
-from .engine.stretches import March, states_after
-from .engine.threads import call_kernel
+from .core import quantities, quantities_field
+from .core.numba import Universal
+from .engine.arguments import Problem
+from .engine.derivatives import density, growth, growth_by_jacobian, jacobian
+from .engine.stretches import states_after
 
-# Operations of a call of a kernel; Ctrl-C is handled between calls.
-_STRETCH = 2**26
 # How states turn a body, the formula of `attitude`: they are Omega1 and Omega2, or Omega_in.
 AXIAL, IN_ROWS = True, False
 
@@ -101,107 +96,27 @@ def _rates(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     return np.linalg.eigvals(slopes).astype(complex)
 
 
-def _tangent_arguments(problem: Problem) -> Iterator[tuple[Any, Any]]:
-    """Yield some trajectories, and the arguments of the kernels of `core.tangent` for them."""
-    given = by_field(problem.body, problem.eps, problem.batch)
-    for where, indices, *own in alike(*given):
-        yield where, (indices, tuple(plan_tangent(indices, problem.body.dimension)), *own)
-
-
-def _at_states(kernel: Kernel, problem: Problem, shape: tuple[int, ...], cost: int) -> FloatArray:
-    """Return the values of a kernel of `core.tangent`, of this shape for each state.
-
-    The batch is divided, so that Ctrl-C is handled; `cost` is the number of operations of a state.
-    """
-    x, width = flat_arrays(problem.omega, problem.batch), max(_STRETCH // cost, 1)
-    out = np.empty((len(x), *shape))
-    for where, (indices, plan, values, eps) in _tangent_arguments(problem):
-        some, found = x[where], out[where]  # views of all, or copies
-        for begin in range(0, len(some), width):
-            part = slice(begin, begin + width)
-            own = [each[part] if len(each) > 1 else each for each in (values, eps)]
-            kernel.serial((indices, plan, *own), some[part], found[part])
-        if where is not ALL:
-            out[where] = found
-    return out.reshape((*problem.batch, *shape))
-
-
-def _jacobian(problem: Problem) -> FloatArray:
-    D = problem.body.dimension
-    return _at_states(tangent.jacobians, problem, (D, D), 4 * D**3)
-
-
-def _density(problem: Problem) -> FloatArray:
-    return _at_states(tangent.densities, problem, (), problem.body.dimension**3)
-
-
-def _growth(problem: Problem, start: FloatArray, steps: int) -> tuple[FloatArray, FloatArray]:
-    """Return the sums (B, D) of logarithms of lengths, and those (B,) of |det DPhi|."""
-    start = flat_arrays(start, problem.batch)
-    sums, of_det = np.empty(start.shape), np.empty(len(start))
-    for where, arguments in _tangent_arguments(problem):
-        sums[where], of_det[where] = _growth_of(arguments, start[where], steps, problem.threads)
-    return sums, of_det
-
-
-def _growth_of(
-    arguments: Any, start: FloatArray, steps: int, threads: int | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return the sums of `_growth` for fields with these arguments."""
-    (step, back, columns, *_), (B, D) = arguments[1], start.shape
-    sums, of_det, carry = np.zeros((B, D)), np.zeros(B), np.empty((B, 2 * D + D * D + 3))
-    after = sums, of_det, np.zeros(B, np.int8), np.full(B, -1)
-    cost = len(step) + len(back) + D * len(columns) + D**3 // 4  # the last, for orthonormal columns
-    # Few trajectories for some 64 steps, rather than many for few: what is carried is D**2 numbers.
-    block = 64 * (threads or numba.get_num_threads())
-    width = max(block, _STRETCH // (64 * cost) // block * block)
-    width = max(min(B, width, _STRETCH // cost), 1)
-    length = max(_STRETCH // (cost * width), 1)
-    for begin, first in product(range(0, B, width), range(0, steps, length)):
-        span = begin, min(begin + width, B), first, min(first + length, steps), steps
-        before = arguments, start, carry, span
-        call_kernel(tangent.growth, cost * width * length, threads, *before, *after)
-    return sums, of_det
-
-
-def _growth_by_jacobian(
-    problem: Problem, start: FloatArray, steps: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return the sums of `_growth` for any map, from its formula of the Jacobian."""
-    compute = problem.map.formulas["jacobian"].compute
-    start = np.broadcast_to(start, (*problem.batch, problem.body.dimension)).copy()
-    march = March(problem._replace(omega=start))
-    march.to(steps)
-    start[march.status < 0] = np.nan  # at their last states a formula may overflow, or raise
-    march = March(problem._replace(omega=start))
-    B, D = march.omega0.shape
-    sums, of_det, Q = np.zeros((B, D)), np.zeros(B), np.eye(D)
-    rows = max(_STRETCH // max(B * D**3, 1) // 16, 1)  # NumPy takes longer than a kernel
-    for states, _ in march.pieces(steps - 1, 1, rows):
-        piece = problem._replace(omega=states, batch=(len(states), *problem.batch))
-        for slopes in compute(piece).reshape(len(states), B, D, D):
-            of_det += np.linalg.slogdet(slopes)[1]
-            Q, R = np.linalg.qr(slopes @ Q)
-            sums += np.log(abs(np.diagonal(R, axis1=1, axis2=2)))
-    return sums, of_det
-
-
 # The formulas that follow from `jacobian`.
 BY_JACOBIAN = {
-    "lyapunov_exponents": Formula(_growth_by_jacobian),
+    "lyapunov_exponents": Formula(growth_by_jacobian),
     "multipliers": Formula(None),  # there are no rates: eigenvalues of the Jacobian
 }
 # The formulas of Kahan's map of any field; for a body they use the terms of its field.
 KAHAN = {
     "vector_field": Formula(partial(by_terms, quantities_field.vector_field)),
     "matrix": Formula(partial(by_terms, quantities_field.matrix)),
-    "jacobian": Formula(_jacobian),
+    "jacobian": Formula(jacobian),
     "multipliers": Formula(_rates),
-    "lyapunov_exponents": Formula(_growth),
+    "lyapunov_exponents": Formula(growth),
     "energy": Formula(_energy, _check_hamiltonian),
     "modified_energy": Formula(_modified_energy, _check_hamiltonian),
-    "invariant_density": Formula(_density, _check_hamiltonian, poles=True),
+    "invariant_density": Formula(density, _check_hamiltonian, poles=True),
 }
+
+
+_NOT_OF_ORDERS = "matrix", "modified_energy", "invariant_density"
+# The formulas of several steps by fractions of eps: those of one step are not theirs.
+OF_ORDER = {name: formula for name, formula in KAHAN.items() if name not in _NOT_OF_ORDERS}
 
 
 # ------------------------------------------------------------------------------ in three dimensions

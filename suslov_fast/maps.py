@@ -13,12 +13,23 @@ from .bodies.base import Body
 from .bodies.field import QuadraticField
 from .bodies.nd import SuslovND
 from .bodies.rigid import Suslov3D, SuslovGyrostat
-from .engine import arguments
-from .engine.arguments import Problem
-from .engine.methods import FIELD, GAUSS, STEPS_3D, STEPS_ND, STEPS_WITH_ROTOR
+from .bodies.samples import random_3d, random_field, random_nd, random_with_I3
+from .engine import arguments, methods
+from .engine.arguments import WHOLE, Problem
+from .engine.methods import FIELD
 from .engine.stretches import Steps, check_steps
 from .engine.trial import check_parameters
-from .formulas import BY_JACOBIAN, FUNCTIONS, GYROSTAT, IN_3D, IN_ND, INSTEAD, KAHAN, Formula
+from .formulas import (
+    BY_JACOBIAN,
+    FUNCTIONS,
+    GYROSTAT,
+    IN_3D,
+    IN_ND,
+    INSTEAD,
+    KAHAN,
+    OF_ORDER,
+    Formula,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +67,9 @@ class Map:
         A body, and a state that has no next one for eps = 1; None if every state has one.
     conserved : tuple of str
         Names of formulas; the first that a body has is conserved, exactly or nearly.
+    fractions : tuple of float
+        A step is made of steps of Kahan's map by these fractions of eps, one after the other:
+        (1.0,) for Kahan's map itself, and for all other discretizations.
     variable : {"omega", "x"}
         The name of states in runs and datasets.
     meaning : str
@@ -94,8 +108,10 @@ class Map:
     6. `final` receives the states at `stop`, saved or not.
     7. A trajectory that fails at state n gets status[i] < 0 (`core.codes`: SINGULAR where there is
        no next state, NONFINITE beyond float64), failed_at[i] = n, and NaN from there on, in `saved`
-       and in `final`. One with status[i] < 0 at the beginning of a call stays NaN. No other
-       trajectory is touched: its bits do not depend on the batch, its order, or `parts`.
+       and in `final`. One that takes a step from det A < 0 gets PASSED_POLE, failed_at[i] = n of
+       the first state beyond, and keeps them unless it fails. One with status[i] < 0 at the
+       beginning of a call stays NaN. No other trajectory is touched: its bits do not depend on the
+       batch, its order, or `parts`.
     8. `Steps.cost(D, arguments)` is the time of a step relative to that of the three-dimensional
        map (about 1 ns on one thread), 1 by default. It decides how many steps a call takes, so that
        Ctrl-C is handled within about 0.1 s; with an estimate that is too low, it takes longer: a
@@ -123,6 +139,7 @@ class Map:
     random: tuple[Callable[[np.random.Generator, tuple[int, ...]], Any], ...]
     pole: tuple[Any, tuple[float, ...]] | None
     conserved: tuple[str, ...] = ()
+    fractions: tuple[float, ...] = WHOLE
     variable: str = "omega"
     meaning: str = "angular velocity"
 
@@ -142,6 +159,7 @@ class Map:
             received = checks.kind_of(body)
             if self is not map_of(body):
                 received = f"{self.title}, which has no {name}"
+                received += ": use energy, which varies" if name == "modified_energy" else ""
             elif isinstance(body, tuple(having)):
                 received += f", whose map ({self.title}) has no {name}"
             else:
@@ -269,15 +287,22 @@ def named(name: str) -> Map:
 
 
 def problem(
-    function: str, body: Any, omega: Any, eps: Any = 0.0, threads: int | None = None, **options: Any
+    function: str,
+    body: Any,
+    omega: Any,
+    eps: Any = 0.0,
+    threads: int | None = None,
+    method: str = "auto",
+    **options: Any,
 ) -> tuple[Problem, Formula]:
     """Check the arguments of a public function; return the problem and the formula for it.
 
     Options are those of `engine.arguments.check`.
     """
-    map = map_of(body)
+    map = map_of(body, method)
     formula = map.formula(function, body)
-    return arguments.check(map, body, omega, eps, threads, **options), formula
+    given = arguments.check(map, body, omega, eps, threads, **options)
+    return given._replace(method=method), formula
 
 
 def _classes() -> Iterator[type[Any]]:
@@ -324,45 +349,16 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
 
 
 # ---------------------------------------------------------------------------------- of the package
-def _random_3d(rng: np.random.Generator, shape: tuple[int, ...]) -> dict[str, Any]:
-    """Return parameters of bodies in three dimensions, some with I13 = 0."""
-    return {
-        "I1": rng.uniform(0.5, 4, shape),
-        "I2": rng.uniform(0.5, 4, shape),
-        "I13": rng.uniform(-1, 1, shape) * rng.choice([0, 1, 1], shape),
-        "I23": rng.uniform(-1, 1, shape),
-    }
-
-
-def _random_with_I3(rng: np.random.Generator, shape: tuple[int, ...]) -> Suslov3D:
-    """Return bodies with a third moment of inertia that they can have."""
-    moments, products = rng.uniform(2, 4, (2, *shape)), rng.uniform(-0.1, 0.1, (2, *shape))
-    I3 = rng.uniform(2.7, 3.3, shape)
-    return Suslov3D(moments[0], moments[1], products[0], products[1], I3)
-
-
-def _random_nd(
-    rng: np.random.Generator, shape: tuple[int, ...], m: int = 4, equal: bool = False
-) -> SuslovND:
-    """Return bodies, with a closed form if all J of a body are equal."""
-    J = rng.uniform(0.5, 4, (*shape, 1 if equal else m))
-    return SuslovND(J * np.ones(m), rng.uniform(-1, 1, (*shape, m)))
-
-
-def _random_field(rng: np.random.Generator, shape: tuple[int, ...], D: int = 5) -> QuadraticField:
-    return QuadraticField(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))
-
-
 for _record in (
     Map(  # equation (4) of the paper
         name="Suslov3D",
         title="Discrete Suslov problem",
         body=Suslov3D,
-        methods={"auto": STEPS_3D},
+        methods={"auto": methods.STEPS_3D},
         formulas=IN_3D,
         random=(
-            lambda rng, shape: Suslov3D(**_random_3d(rng, shape)),
-            _random_with_I3,
+            lambda rng, shape: Suslov3D(**random_3d(rng, shape)),
+            random_with_I3,
         ),
         pole=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
         conserved=("first_integral",),
@@ -371,9 +367,9 @@ for _record in (
         name="SuslovND",
         title="Discrete Suslov problem in n dimensions",
         body=SuslovND,
-        methods={"auto": STEPS_ND, "gauss": GAUSS, "rank2": STEPS_ND},
+        methods={"auto": methods.STEPS_ND, "gauss": methods.GAUSS, "rank2": methods.STEPS_ND},
         formulas=IN_ND,
-        random=(_random_nd, lambda rng, shape: _random_nd(rng, shape, 3, equal=True)),
+        random=(random_nd, lambda rng, shape: random_nd(rng, shape, 3, equal=True)),
         pole=(SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
         conserved=("first_integral", "modified_energy"),
     ),
@@ -381,12 +377,10 @@ for _record in (
         name="SuslovGyrostat",
         title="Discrete Suslov gyrostat",
         body=SuslovGyrostat,
-        methods={"auto": STEPS_WITH_ROTOR},
+        methods={"auto": methods.STEPS_WITH_ROTOR},
         formulas=GYROSTAT,
         random=(
-            lambda rng, shape: SuslovGyrostat(
-                **_random_3d(rng, shape), k=rng.uniform(-1, 1, shape)
-            ),
+            lambda rng, shape: SuslovGyrostat(**random_3d(rng, shape), k=rng.uniform(-1, 1, shape)),
         ),
         pole=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
         conserved=("first_integral",),
@@ -397,11 +391,27 @@ for _record in (
         body=QuadraticField,
         methods={"auto": FIELD},
         formulas=KAHAN,
-        random=(_random_field,),
+        random=(random_field,),
         pole=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
         conserved=("modified_energy",),
         variable="x",
         meaning="state",
+    ),
+    *(
+        Map(
+            name=f"Kahan, order {order}",
+            title=f"Composition of Kahan maps, order {order}",
+            body=QuadraticField,
+            methods={f"order{order}": methods.FIELD_OF_ORDER[order]},
+            formulas=OF_ORDER,
+            random=(random_field,),
+            pole=(QuadraticField([[[1]]]), (1.0 / methods.FRACTIONS[order][0],)),
+            conserved=("energy",),
+            fractions=methods.FRACTIONS[order],
+            variable="x",
+            meaning="state",
+        )
+        for order in methods.FRACTIONS
     ),
 ):
     register(_record)

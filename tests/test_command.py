@@ -177,7 +177,7 @@ def test_summaries_show_formulas_and_all_digits(suffix):
         assert "a = 0.125" in text or "a                0.125\n" in text
         assert "eps              0.0078125\n" in text
         assert "quadratic" not in text.replace("of a quadratic field", "")
-        assert "method" not in text
+        assert "method           auto\n" in text
     line = f"run --J 5,6,7 --I -.4,-.7,.123456789 --eps 1 --trajectories 9 --steps 3 -o n.{suffix}"
     assert "method           auto\n" in succeed(line)
     assert "0.123456789" in succeed(f"info n.{suffix}")

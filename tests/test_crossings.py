@@ -183,6 +183,7 @@ def test_bits_do_not_depend_on_pieces_threads_and_batch(rng, monkeypatch):
     assert sf.crossings(LORENZ, many, 1 / 64, 200, surface, threads=2) == one
 
 
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @pytest.mark.parametrize("name", MAPS)
 def test_every_map(name):
     """States at poles, and random starts."""

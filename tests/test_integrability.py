@@ -1079,7 +1079,9 @@ def test_ctrl_c_without_a_limit(monkeypatch):
     assert repr(report(CYCLE, EPS)) == repr(here)  # an application cannot start Python
     monkeypatch.setattr(process.sys, "frozen", False)
     monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
-    timer = threading.Timer(0.2, signal.raise_signal, [signal.SIGINT])
+    # As of a terminal: another thread's signal would not wake this one.
+    whom = threading.main_thread().ident
+    timer = threading.Timer(0.2, signal.pthread_kill, [whom, signal.SIGINT])
     timer.start()
     with pytest.raises(KeyboardInterrupt) as stopped:
         report(CYCLE, EPS)

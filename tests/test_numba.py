@@ -18,12 +18,10 @@ from suslov_fast.core import (
     cache,
     elimination,
     llvm,
-    operations,
     orientations,
     quantities,
     rows,
     steps_3d,
-    steps_field,
 )
 from suslov_fast.core import numba as core_numba
 
@@ -383,14 +381,6 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
     assert (y[lead : lead + 16] == b.T.ravel()).all()
     with pytest.raises((IndexError, ValueError)):
         rows.write_pairs(b, 0, y, 25, 8, -1)
-    doubled = np.array([[operations.MUL, 0, 0, 1, 2, 0, 0, 1]], np.uint32)
-    for execute in (steps_field.execute, compiled(steps_field.execute)):
-        b = np.full((3, 8), 2.0)
-        execute(doubled, b)
-        assert b.tolist() == [[4.0] * 8, [2.0] * 8, [2.0] * 8]
-    doubled[0, 1] = 5
-    with pytest.raises((IndexError, ValueError)):
-        steps_field.execute(doubled, b)
     with pytest.raises(IndexError):
         orientations.clean(np.ones((3, 3, 8)), np.ones((2, 2, 8)), gram)
 

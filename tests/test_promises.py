@@ -182,6 +182,7 @@ def test_every_function_with_threads_is_in_the_table():
 SHAPES = [((SIZE,),) * 3, ((2, 1), (3,), (5, 1, 1)), ((), (4, 2), (2,)), ((3,), (0, 3), ())]
 
 
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @cases()
 def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
     row = ROWS[name]
@@ -197,6 +198,7 @@ def test_a_batch_is_a_loop_in_any_order(rng, name, kind):
             same(alone, [each[index] for each in values])
 
 
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @pytest.mark.compiled
 @cases(threaded=True)
 def test_threads_and_stretches(rng, monkeypatch, name, kind):
@@ -209,6 +211,7 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
     same(alone, row.values(*problem))
 
 
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 @cases()
 def test_any_input(rng, name, kind):
     """Lists, other memory and integers; nothing that is passed in changes; NaN gives NaN."""
@@ -350,6 +353,7 @@ def test_the_jacobian_is_that_of_the_steps(rng, kind):
 
 @pytest.mark.parametrize("kind", BY_DEFAULT)
 @pytest.mark.filterwarnings("ignore::suslov_fast.SingularStepWarning")  # orbits may diverge
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_out(rng, kind):
     """States are written to `out`, also if it overlaps the arguments."""
     body, omega, _ = sample(rng, kind, (), (2, 3), ())

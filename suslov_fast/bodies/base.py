@@ -86,6 +86,9 @@ class Body:
         """What identifies the body in a store: texts and arrays by the names of attributes."""
         return self._arrays
 
+    # True if motions may escape to infinity; those of bodies have a constant energy.
+    _may_escape = False
+
     def field(self) -> Any:
         """Return the equations of motion as a `QuadraticField`, exact for a single body."""
         return self._field

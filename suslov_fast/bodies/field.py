@@ -265,6 +265,10 @@ class QuadraticField(Body):
         """The named parameters."""
         return {name: self._parts[name] for name in self._coordinates}
 
+    @property
+    def _may_escape(self) -> bool:  # type: ignore[override]
+        return bool((self.terms[0][2] < self.dimension).any())
+
     @cached_property
     def terms(self) -> tuple[Any, FloatArray]:
         """The nonzero terms v x_j x_k of all f_i: i and j <= k (3, T), and v (..., T).

@@ -31,6 +31,29 @@ def call_address(typing, address, a, b, c, d):
 
 
 @intrinsic
+def call_code(typing, address, numbers):
+    """Call the code at an address with integers, as a tuple; it returns an integer."""
+    word = ir.IntType(64)
+
+    def emit(context, builder, signature, arguments):
+        values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
+        kind = ir.FunctionType(word, [word] * len(numbers))
+        return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), values)
+
+    return types.int64(types.int64, types.UniTuple(types.int64, len(numbers))), emit
+
+
+@intrinsic
+def address_as_pointer(typing, address):
+    """Return an address as a pointer, for `numba.carray`."""
+
+    def emit(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(types.voidptr))
+
+    return types.voidptr(types.int64), emit
+
+
+@intrinsic
 def pack(typing, arguments):
     """Return the addresses of a function and of its data, for use while the caller runs.
 

@@ -3,6 +3,7 @@
 formula     a function of numbers, which LLVM inlines: loops over lanes that call it become SIMD
 function    a function that kernels call
 inlined     the same, compiled as a part of its callers
+c_function  what machine code calls by its address
 kernel      what Python calls: `kernel.serial(*arguments)`, `kernel.parallel(threads, *arguments)`
             for `function(part, parts, *arguments)`, which does one of `parts` parts of the work
 for_users   a formula that users call, from their own compiled loops and from Python
@@ -110,6 +111,35 @@ function = functools.partial(Function, _FUNCTION)
 formula = functools.partial(Function, _FORMULA)
 for_users = functools.partial(_cached, numba.njit(**_FOR_USERS))
 inlined = numba.njit(inline="always", **_FOR_USERS | {"forceinline": False})
+
+
+class CFunction:
+    """A function that machine code calls by its address, compiled when the address is asked for."""
+
+    def __init__(self, signature, py_func):
+        self.signature, self.py_func = signature, py_func
+
+    @functools.cached_property
+    def _compiled(self):
+        build = functools.partial(numba.cfunc, self.signature, **_OPTIONS)
+        name_with_digest(self.py_func)
+        with _compiling():
+            with suppress(Exception):  # no writable folder, or a file that cannot be read
+                return build(cache=not config.BOUNDSCHECK)(self.py_func)
+            return build(cache=False)(self.py_func)
+
+    @property
+    def address(self):
+        return self._compiled.address
+
+    @property
+    def is_compiled(self):
+        return "_compiled" in vars(self)
+
+
+def c_function(signature):
+    """Return the decorator that makes a `CFunction`."""
+    return functools.partial(CFunction, signature)
 
 
 # ---------------------------------------------------------------------------------------- kernels

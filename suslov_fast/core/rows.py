@@ -1,7 +1,7 @@
 """Copies of rows of blocks to saved states: pairs of numbers, by cache lines."""
 
 from .llvm import LINE, store_pairs, stream_pairs
-from .numba import STREAM_FROM, formula, lesser
+from .numba import STREAM_FROM, formula, function, lesser
 
 
 @formula
@@ -65,3 +65,11 @@ def write_pairs(b, row, flat, place, count, lead, after=False, before=False):
 # At a prompt they run as Python does: a wrong `lead` or `place` is an error, not a crash.
 store_rows._for_calls = store_rows.py_func
 write_pairs._for_calls = write_pairs.py_func
+
+
+@function
+def write_states(x, begin, end, target):
+    """Write the states of a block, the first rows of x, to target (B, D)."""
+    for l in range(end - begin):
+        for i in range(target.shape[1]):
+            target[begin + l, i] = x[i, l]

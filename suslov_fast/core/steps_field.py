@@ -1,329 +1,307 @@
 """Kahan's map of any quadratic field f (theory, section 7), lanes side by side.
 
 x_next = x + eps A(x)**-1 f(x), where A(x) = 1 - (eps/2) f'(x). A field is a list of terms: with one
-more component, x_D = 1, all are quadratic, and f_i is the sum of its v x_j x_k, j <= k. So one
-kernel serves all fields: it carries out a list of operations, planned from the indices of the terms
-(`operations`). Where the increment cancels the state, or elimination loses digits, a lane solves
-A(x) x_next = x + (eps/2) l x + eps c, where l and c are the linear and constant parts.
+more component, x_D = 1, all are quadratic, and f_i is the sum of its v x_j x_k, j <= k. A step is a
+list of operations, planned from the indices of the terms (`operations`), of which `generated` makes
+machine code; where that is impossible NumPy carries it out. Where the increment cancels the state,
+or elimination loses digits, a lane solves A(x) x_next = x + (eps/2) l x + eps c, where l and c are
+the linear and constant parts. A step of order 4, 6 or 8 is several of these steps, of fractions of
+eps.
 
-arguments   indices (3, T), the i, j and k of terms; operations (n, 8) and the number of rows;
-            values (1 or B, T); eps (1 or B,)
-final       (B, D), the states that a run continues from; there is no carry
+arguments   a `Method`; values (1 or B, T); eps (1 or B,)
+final       (B, D), the states that a run continues from
+carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none
 
-A block is b[row, lane], with the rows of `operations`: tests, 1, the states x, half the step size
-times the values, and what is computed. After its end a trajectory has NaN as states.
+States lie in lines of W lanes, x[line, component, lane]. After its end a trajectory has NaN.
 """
 
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .codes import NONFINITE, OK
-from .elimination import LEAST_PIVOT, larger, smaller, solve
-from .llvm import LINE, load, room, store, uncounted
-from .numba import formula, function, inlined, keep, kernel, lesser, pick, select, share
-from .operations import (
-    ADD,
-    ADD_2,
-    ADVANCE,
-    ENDED,
-    FAR,
-    FIRST,
-    INVERSE,
-    LARGEST,
-    LEAST,
-    MUL,
-    MUL_2,
-    NEAR,
-    ONE,
-)
+from .careful import careful, solve_lane, step_carefully
+from .codes import NONFINITE, OK, PASSED_POLE
+from .generated import WIDTH, text_of_step, text_of_steps
+from .llvm import call_code, room
+from .machine_code import LARGE, MANY, Callback, code_of
+from .numba import STREAM_FROM, Kernel, function
+from .operations import Step, evaluate
+from .pool import in_parts
 
-# A state has lost digits if one component falls below the small part of half its increment, or if
-# all fall below the large part.
-SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
+CHUNK = 2**13  # trajectories whose states are in lines at once
+PLANS = 32  # patterns whose lists are remembered
 
 
-@formula
-def lanes_of_fields(rows, count):
-    """Return how many of these trajectories go side by side: one, or whole lines."""
-    lanes = 128 if rows <= 1200 else 64 if rows <= 4000 else 32  # their rows stay in the caches
-    # Of an empty batch, too, the number of blocks is a quotient.
-    return 1 if count <= 1 else lesser(lanes, (count + LINE - 1) // LINE * LINE)
+class Method(NamedTuple):
+    """A list of operations, and the fractions of eps of the steps by it that make one step."""
+
+    step: Any
+    fractions: tuple[float, ...]
 
 
-@formula
-def divide(diagonal, original, least, largest):
-    """Return 1 / (1 - diagonal); and the least and the largest of the pivots and of what was there
-    before elimination.
-    """
-    pivot = 1.0 - diagonal
-    size = abs(pivot)
-    return 1.0 / pivot, smaller(size, least), larger(larger(size, abs(1.0 - original)), largest)
+@functools.lru_cache(PLANS)
+def _step_of(places, D):
+    return Step(np.frombuffer(places, np.int64).reshape(3, -1), D)
 
 
-@formula
-def advance_component(x, half, near, far):
-    """Return a component of the next state, from half its increment; and how far it is, with those
-    before, from the small part, at least, and in all from the large part. (NaN and inf stay.)
-    """
-    following = x + 2.0 * half
-    size, part = abs(following), abs(half)
-    beyond = size - LARGE_PART * part
-    return (
-        following,
-        smaller(size - SMALL_PART * part, near),
-        far + select(beyond < 0.0, 0.0, beyond),
-    )
+def method_of(indices, D, fractions=(1.0,)):
+    """Return the method for fields with terms at these indices (3, T)."""
+    step = _step_of(np.ascontiguousarray(indices, np.int64).tobytes(), D)
+    return Method(step, fractions)
 
 
-@formula
-def is_accurate(b, l):
-    """True if the step of a lane is finite and accurate, or if its trajectory has ended."""
-    near, far = b[NEAR, l], b[FAR, l]
-    accurate = (near >= 0.0) & ((far > 0.0) | (near == 0.0)) & (far < np.inf)
-    return accurate & (b[LEAST, l] > LEAST_PIVOT * b[LARGEST, l]) | (b[ENDED, l] > 0.0)
+# -------------------------------------------------------------------------- steps in users' loops
+class FieldSystem(NamedTuple):
+    """A field and a step size, for `compiled`; in another process the address is found anew."""
+
+    address: int  # of `generated.text_of_step`, 0 if there is none
+    half: Any  # (stages, T), half of the step size times the values of the terms
+    table: Any  # (stages, n), what depends on them alone
+    indices: Any  # (3, T)
+    dimension: int
+
+    def __reduce__(self):
+        return system_of, (self.indices, self.half, self.dimension)
 
 
-@function
-def execute(operations, b):
-    """Carry out operations for all lanes of a block, a multiple of LINE.
-
-    An operation on columns, which lie side by side, is for all of them: if column came after
-    column, each operation would wait for the one before it. Their lanes are a power of 2.
-    """
-    lanes = b.shape[1]
-    for n in range(len(operations)):
-        code, d, s = operations[n, 0], operations[n, 1], operations[n, 2]
-        a, c = operations[n, 3], operations[n, 4]
-        e, g = operations[n, 5], operations[n, 6]
-        width = operations[n, 7] * lanes
-        mask = -1 if width == lanes else lanes - 1  # a and e are the same for all columns
-        if code == ADD_2:
-            for m in range(0, width, LINE):
-                product = load(b, a, m & mask) * load(b, c, m)
-                more = load(b, e, m & mask) * load(b, g, m)
-                store(b, d, m, load(b, s, m) + product + more)
-        elif code == ADD:
-            for m in range(0, width, LINE):
-                product = load(b, a, m & mask) * load(b, c, m)
-                store(b, d, m, load(b, s, m) + product)
-        elif code == MUL_2:
-            for m in range(0, width, LINE):
-                product = load(b, a, m & mask) * load(b, c, m)
-                more = load(b, e, m & mask) * load(b, g, m)
-                store(b, d, m, product + more)
-        elif code == MUL:
-            for m in range(0, width, LINE):
-                store(b, d, m, load(b, a, m & mask) * load(b, c, m))
-        elif code == INVERSE:
-            for l in range(lanes):
-                b[d, l], b[LEAST, l], b[LARGEST, l] = divide(
-                    b[a, l], b[s, l], b[LEAST, l], b[LARGEST, l]
-                )
-        elif code == ADVANCE:
-            for l in range(lanes):
-                x = b[d, l]
-                b[d, l], b[NEAR, l], b[FAR, l] = advance_component(
-                    x, b[s, l], b[NEAR, l], b[FAR, l]
-                )
-                b[s, l] = x
-        else:
-            for l in range(lanes):
-                b[LEAST, l] = np.inf if s == 0 else 1.0
-                b[NEAR, l] = np.inf if a == 0 else 0.0
-                b[LARGEST, l], b[FAR, l] = 1.0, 0.0
-
-
-# At a prompt it runs as Python does: wrong rows are an error, not a crash. (Lines are not checked.)
-execute._for_calls = execute.py_func
-
-
-@function
-def execute_one(operations, b):
-    """Carry out operations for a block of one lane: as `execute`, without loops."""
-    for n in range(len(operations)):
-        code, d, s = operations[n, 0], operations[n, 1], operations[n, 2]
-        given, left, right = b[s, 0], b[operations[n, 3], 0], b[operations[n, 4], 0]
-        more = b[operations[n, 5], 0] * b[operations[n, 6], 0]  # rows that do not count are 0
-        if code == ADD_2:
-            value = given + left * right + more
-        elif code == ADD:
-            value = given + left * right
-        elif code == MUL_2:
-            value = left * right + more
-        elif code == MUL:
-            value = left * right
-        elif code == INVERSE:
-            value, b[LEAST, 0], b[LARGEST, 0] = divide(left, given, b[LEAST, 0], b[LARGEST, 0])
-        elif code == ADVANCE:
-            b[s, 0] = b[d, 0]
-            value, b[NEAR, 0], b[FAR, 0] = advance_component(b[d, 0], given, b[NEAR, 0], b[FAR, 0])
-        else:
-            value = np.inf if s == 0 else 1.0
-            b[NEAR, 0] = np.inf if operations[n, 3] == 0 else 0.0
-            b[LARGEST, 0], b[FAR, 0] = 1.0, 0.0
-        b[d, 0] = value
-
-
-@formula
-def count_inaccurate(b):
-    """Return how many lanes have lost digits by a step."""
-    count = 0
-    for l in range(b.shape[1]):
-        count += select(is_accurate(b, l), 0, 1)
-    return count
-
-
-@inlined
-def memory_of_lane(D, columns):
-    """Return a system with these right sides, units and a state: the memory of `solve_lane`."""
-    return room((D, D + columns, 1)), room((2, D)), room((D,))
-
-
-@inlined
-def restore(operations, b, l, x):
-    """Fill x with the state of lane l before the operations of a step."""
-    for i in range(len(x)):
-        x[i] = b[FIRST + i, l]
-    n = len(operations) - 1
-    while operations[n, 0] == ADVANCE:
-        x[operations[n, 1] - FIRST] = b[operations[n, 2], l]
-        n -= 1
-
-
-@inlined
-def fill_system(indices, b, l, sign, x, system):
-    """Fill A(x), for eps or, if the sign is -1, for -eps; of the field and step size of lane l."""
-    D = len(x)
-    for i in range(D):
-        for j in range(D):
-            system[i, j, 0] = 1.0 if i == j else 0.0
-    for t in range(indices.shape[1]):
-        i, j, k, half = indices[0, t], indices[1, t], indices[2, t], sign * b[FIRST + D + t, l]
-        if j < D:
-            system[i, j, 0] -= half * (x[k] if k < D else 1.0)
-        if k < D:
-            system[i, k, 0] -= half * x[j]
-
-
-@inlined
-def solve_lane(indices, operations, b, l, memory):
-    """Take the step of lane l, after its operations, by `solve`; return its status."""
-    system, units, x = memory
-    D = len(x)
-    restore(operations, b, l, x)
-    fill_system(indices, b, l, 1.0, x, system)
-    for i in range(D):
-        system[i, D, 0] = x[i]
-    for t in range(indices.shape[1]):
-        i, j, k, half = indices[0, t], indices[1, t], indices[2, t], b[FIRST + D + t, l]
-        if k == D:
-            system[i, D, 0] += half * x[j] if j < D else 2.0 * half
-    status = solve(system, units)
-    for i in range(D):
-        b[FIRST + i, l] = system[i, D, 0] if status == OK else np.nan
-    b[ENDED, l] = 0.0 if status == OK else 1.0
-    return status
-
-
-@function
-def field_step_of_one(system, given, out, memory):
-    """Write the state that follows `given` to `out`; return its status. For `compiled`."""
-    half, indices, operations, _, _ = system
-    b, one = memory
-    D, status = len(given), OK
-    b[ONE, 0], b[ENDED, 0] = 1.0, 0.0
-    for i in range(D):
-        b[FIRST + i, 0] = given[i]
-    for t in range(len(half)):
-        b[FIRST + D + t, 0] = half[t]
-    execute_one(operations, b)
-    if not is_accurate(b, 0):
-        status = solve_lane(indices, operations, b, 0, one)
-    for i in range(D):
-        out[i] = b[FIRST + i, 0]
-    return status
+def system_of(indices, half, D):
+    """Return the system of half the values of each stage (stages, T)."""
+    step = method_of(indices, D).step
+    table = np.ascontiguousarray(step.table_of(half.T).T)
+    address = code_of(text_of_step, step) if 0 < len(step.usual) < LARGE else None
+    return FieldSystem(address or 0, half, table, step.indices, D)
 
 
 @function
 def field_memory(system):
     """The memory of `field_step_of_one`."""
-    return room((system.rows, 1)), memory_of_lane(system.dimension, 1)
+    D = system.dimension
+    return room((D, D + 1, 1)), room((2, D)), room((D,))
 
 
-class FieldSystem(NamedTuple):
-    """A field and a step size: half of it times the values of the terms, their indices, and the
-    operations of a step. For `compiled`.
-    """
-
-    half: Any  # (T,)
-    indices: Any  # (3, T)
-    operations: Any
-    rows: int
-    dimension: int
+@function
+def field_step_of_one(system, given, out, memory):
+    """Write the state that follows `given` to `out`; return its status. For `compiled`."""
+    of_step, units, x = memory
+    status, passed = OK, False
+    for i in range(len(x)):
+        x[i] = given[i]
+    for stage in range(len(system.half)):
+        found = np.int64(1)
+        if system.address != 0:
+            found = call_code(system.address, (x.ctypes.data, system.table[stage].ctypes.data))
+        negative = found == 2
+        if found == 1:
+            status, negative = solve_lane(system.indices, system.half[stage], x, of_step, units)
+        passed |= negative
+        if status != OK:
+            break
+    for i in range(len(x)):
+        out[i] = x[i]
+    return PASSED_POLE if passed and status == OK else status
 
 
 # What `compiled` calls for a system of this kind.
 FieldSystem.memory, FieldSystem.one_step = field_memory, field_step_of_one
 
 
-@function
-def enter_fields(values, eps, states, b, begin, end, start, status, failed_at):
-    """Fill a block with trajectories, fields and step sizes; lanes beyond the last repeat it."""
-    D, T = states.shape[1], values.shape[1]
-    for l in range(b.shape[1]):
-        k, undefined = lesser(begin + l, end - 1), 0.0
-        for i in range(D):
-            b[FIRST + i, l] = states[k, i]
-            undefined += 0.0 * states[k, i]
-        if start == 0 and np.isnan(undefined):
-            status[k], failed_at[k] = NONFINITE, 0
-        b[ONE, l], b[ENDED, l] = 1.0, 1.0 if status[k] < 0 else 0.0
-        for i in range(D if status[k] < 0 else 0):
-            b[FIRST + i, l] = np.nan
-    for t in range(T):
-        for l in range(b.shape[1]):
-            k = lesser(begin + l, end - 1)
-            v = values[k if len(values) > 1 else 0, t]
-            b[FIRST + D + t, l] = 0.5 * pick(eps, k) * v
+# ------------------------------------------------------------------------------------------- lines
+def in_lines(rows, W):
+    """Return (B, n) as lines (-, n, W); lanes beyond the last repeat it."""
+    beyond = -len(rows) % W
+    padded = np.concatenate([rows, rows[-1:].repeat(beyond, axis=0)]) if beyond else rows
+    return padded.reshape(-1, W, rows.shape[1]).swapaxes(1, 2).copy()
 
 
-@kernel
-def field_steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at):
-    """Iterate the trajectories of a part, as `steps_3d.steps`."""
-    indices, (operations, rows), values, eps = uncounted(arguments)
-    first, last, start, stop, every, next_row = span
-    D = omega0.shape[1]
-    lanes = lanes_of_fields(rows, (last - first + parts - 1) // parts)
-    memory = room((rows, lanes)), memory_of_lane(D, 1)
-    b, one = uncounted(memory)
-    first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
-    for block in range(first_block, last_block):
-        begin, row = first + block * lanes, next_row
-        end = lesser(begin + lanes, last)
+def tables_of(method, values, eps, W):
+    """Return half of eps times the values (lines, T, W), and the table of values that depend on
+    them alone (stages, lines, n, W); or (1, T, 1) and (stages, 1, n, 1), if all have the same.
+    """
+    halves = 0.5 * eps[:, np.newaxis] * values
+    if len(halves) == 1:
+        return halves[:, :, np.newaxis], _common_table(*method, halves.tobytes())
+    halves = in_lines(halves, W)
+    fractions = np.array(method.fractions)[:, np.newaxis, np.newaxis]
+    table = method.step.table_of(np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions)
+    return halves, np.ascontiguousarray(np.moveaxis(table, 0, 2))
+
+
+@functools.lru_cache(PLANS)  # for small calls
+def _common_table(step, fractions, halves):
+    """Return the table (stages, 1, n, 1) of one field, from the bytes of its halves."""
+    table = step.table_of(np.outer(np.frombuffer(halves), fractions))
+    return np.ascontiguousarray(table.T)[:, np.newaxis, :, np.newaxis]
+
+
+def _packed(truths):
+    """Return truth values (lines, W) as bits of lanes, for each line."""
+    return np.packbits(truths, axis=1, bitorder="little")[:, 0].copy()
+
+
+class _Lines:
+    """Trajectories in lines of W lanes, with all that their steps need."""
+
+    def __init__(self, method, values, eps, states, W):
+        self.method, self.W, (self.B, D) = method, W, states.shape
+        self.x = in_lines(states, W)
+        self.count = len(self.x)
+        self.halves, self.table = tables_of(method, values, eps, W)
+        self.memory = np.empty(D * (D + 4) + method.step.T)
+
+    def end(self, truths):
+        """Let states be NaN where truths (B,) hold."""
+        of_line = np.zeros(self.count * self.W, bool)
+        of_line[: self.B] = truths
+        self.x.swapaxes(1, 2)[of_line.reshape(self.count, self.W)] = np.nan
+
+    def states(self):
+        """Return the states (B, D)."""
+        return self.x.swapaxes(1, 2).reshape(-1, self.x.shape[1])[: self.B]
+
+    def bits(self, truths):
+        """Return truth values (B,) as bits of lanes, for each line; lanes beyond the last are 1."""
+        if self.count * self.W == self.B and not truths.any():
+            return np.zeros(self.count, np.uint8)
+        padded = np.ones(self.count * self.W, bool)
+        padded[: self.B] = truths
+        return np.packbits(padded.reshape(self.count, self.W), axis=1, bitorder="little")[
+            :, 0
+        ].copy()
+
+    def take(self, first, steps, saved, until, every, notes, is_large):
+        """Take the steps from state `first` on.
+
+        Of `until` steps the last state goes to saved[0], that of `every` further steps to the next
+        row, and so on. `notes` are status, failed_at and the carry of the trajectories.
+        """
+        status, failed_at, poles = notes
+        self.ended = self.bits(status < 0)
+        self.passed = self.bits((status < 0) | (poles > 0.0))
+        step, fractions = self.method
+        stages, for_each = len(fractions), self.halves.shape[2] > 1
+        until, every = until * stages - 1, every * stages - 1
+        align = _alignment(saved, self.W, is_large)
+        if len(step.usual) > MANY:  # one code for runs that save states and for others
+            align = 8
+        address = code_of(text_of_steps, step, self.W, for_each, align) if step.usual else None
+        arrays = (
+            self.x, self.halves, np.array(fractions), step.indices, status, failed_at, poles,
+            self.ended, self.passed, self.memory,
+        )  # fmt: skip
+        if address is None:
+            self._take_in_numpy(arrays, first, steps * stages, saved, until, every)
+            return
+        kept = np.empty((len(step.pieces[1]), self.W))
+        x, *others = [each.ctypes.data for each in arrays]
+        *others, ended, passed, memory = others
+        block = max(2**15 // (8 * self.W * step.D), 4)
+        job = np.array([
+            x, self.count, block, steps * stages, self.table.ctypes.data, self.table.strides[0],
+            stages, saved.ctypes.data, saved.strides[0], until, every, self.B, ended, passed,
+            _CAREFUL.address, kept.ctypes.data, *others, memory, self.W, step.D, step.T, first,
+            for_each,
+        ], np.int64)  # fmt: skip
+        _CAREFUL.run(address, job)
+
+    def _carry_out(self, n):
+        """Carry out the operations of a step where they are accurate; return bits of these lanes,
+        and of those from det A < 0.
+        """
+        step, shape = self.method.step, (self.count, self.W)
+        values = dict(enumerate(self.x.swapaxes(0, 1)))
+        table = self.table[n % len(self.table)].swapaxes(0, 1)
+        values.update(zip(step.table, table, strict=True))
+        evaluate(step.usual, values)
+        evaluate(step.rare, values)
+        accurate = np.broadcast_to(values[step.accurate], shape)
+        for k, number in enumerate(step.after):
+            self.x[:, k] = np.where(accurate, values[number], self.x[:, k])
+        return _packed(accurate), _packed(np.broadcast_to(values[step.negative], shape))
+
+    def _take_in_numpy(self, arrays, first, steps, saved, until, every):
+        """Carry out the operations as NumPy does: the reference, where there is no machine code."""
+        step, row = self.method.step, 0
+        for n in range(steps):
+            good, negative = self._carry_out(n) if step.usual else (np.zeros_like(self.ended),) * 2
+            bad = ~(good | self.ended) & np.uint8(2**self.W - 1)
+            negative = negative & good & ~self.passed
+            for line in np.flatnonzero(bad | negative):
+                step_carefully(arrays, first, line, int(bad[line]), int(negative[line]), n)
+            if n == until:
+                saved[row] = self.states()
+                row, until = row + 1, until + every + 1
+
+
+def _alignment(saved, W, is_large):
+    """Return the multiple of bytes at which lines of saved states begin, 0 if none are saved."""
+    if not saved.size:
+        return 0
+    if not is_large or W == 1:
+        return 8
+    both = saved.ctypes.data | saved.strides[0]
+    return next(size for size in (64, 16, 8) if both % size == 0)
+
+
+_CAREFUL = Callback(careful)
+
+
+class FieldSteps(Kernel):
+    """The kernel of steps of fields, see `maps.Map`; it calls machine code of the field."""
+
+    def __init__(self):
+        self.py_func = self._take_part
+
+    def __call__(self, part, parts, *arguments):
+        with np.errstate(all="ignore"):
+            self._take_part(part, parts, *arguments)
+
+    def serial(self, *arguments):
+        self(0, 1, *arguments)
+
+    def parallel(self, threads, *arguments):
+        in_parts(threads, lambda part: self(part, threads, *arguments))
+
+    def _take_part(
+        self, part, parts, arguments, omega0, carry, span, saved, final, status, failed_at
+    ):
+        """Iterate the trajectories of a part, as `steps_3d.steps`."""
+        begin, end, start, *others = span
         states = omega0 if start == 0 else final
-        enter_fields(values, eps, states, b, begin, end, start, status, failed_at)
-        for n in range(start, stop + 1):
-            if n > start:
-                if lanes == 1:
-                    execute_one(operations, b)
-                else:
-                    execute(operations, b)
-                for l in range(lanes if count_inaccurate(b) > 0 else 0):
-                    if not is_accurate(b, l):
-                        code = solve_lane(indices, operations, b, l, one)
-                        if code != OK and begin + l < end:
-                            status[begin + l], failed_at[begin + l] = code, n
-            if every > 0 and n % every == 0 and (n > start or start == 0):
-                write_states(b[FIRST:], begin, end, saved[row])
-                row += 1
-        write_states(b[FIRST:], begin, end, final)
-    keep(memory)
+        W = WIDTH if end - begin > 1 else 1
+        lines = -(-(end - begin) // W)
+        first, last = (begin + W * (lines * each // parts) for each in (part, part + 1))
+        last = min(last, end)
+        for low in range(first, last, CHUNK):
+            some = slice(low, min(low + CHUNK, last))
+            if status[some].size == 0:
+                continue
+            notes = status[some], failed_at[some], carry[0, some]
+            given = states[some], saved[:, some], final[some], notes
+            is_large = saved.size >= STREAM_FROM
+            _take_some(arguments, some, W, (start, *others), *given, is_large)
 
 
-@function
-def write_states(x, begin, end, target):
-    """Write the states of a block, the first rows of x, to target (B, D)."""
-    for l in range(end - begin):
-        for i in range(target.shape[1]):
-            target[begin + l, i] = x[i, l]
+def _take_some(arguments, some, W, span, states, saved, final, notes, is_large):
+    """Iterate some trajectories, of which all arrays but arguments are."""
+    method, *parameters = arguments
+    values, eps = (each[some] if len(each) > 1 else each for each in parameters)
+    (start, stop, every, row), (status, failed_at, carry) = span, notes
+    if start == 0:
+        carry[:] = 0.0
+        undefined = np.isnan(states).any(axis=1)
+        status[undefined], failed_at[undefined] = NONFINITE, 0
+    lines = _Lines(method, values, eps, states, W)
+    if (status < 0).any():
+        lines.end(status < 0)
+    if every and start == 0:
+        saved[row] = lines.states()
+        row += 1
+    if stop > start:
+        until = every - start % every if every else 0
+        saved = saved[row:] if every else saved[:0]
+        lines.take(start, stop - start, saved, until, every, notes, is_large)
+    final[:] = lines.states()
+
+
+field_steps = FieldSteps()

@@ -19,8 +19,12 @@ beta = sum I**2 / d and gamma = sum w**2 / d,
 This loses digits where a d_i is small, where the determinant of the two equations cancels, and
 where w + delta cancels: such lanes take the step by elimination.
 
+det A = prod (d_i / J_i) times the determinant of the two equations; where it is negative a step
+passes a pole, or is too long.
+
 parameters   J, I (1 or B, m); eps (1 or B,)
-final        (B, m), the states that a run continues from; there is no carry
+final        (B, m), the states that a run continues from
+carry        (1, B), the first state beyond a step from det A < 0, 0 if there is none
 
 A block is c[J, I, W or INVERSE, component, lane], with an even number of components: if m is odd
 there is one more, with J = inf and I = w = 0; and b[row, lane], numbers of lanes. After its end a
@@ -31,18 +35,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .codes import NONFINITE, OK
+from .codes import NONFINITE, OK, PASSED_POLE
 from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
 from .llvm import room
 from .numba import formula, function, inlined, kernel, lesser, select, share
-from .steps_field import write_states
+from .rows import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
 # Rows after those of `elimination`: p, |w|**2 and h p; the sums; the factors of w / d and I / d in
 # delta; the step size; a bound of h p below which no d is small; and of a row of A the factors
-# 2 h I_i / J_i and h w_i / J_i, and a sum.
+# 2 h I_i / J_i and h w_i / J_i, and a sum; and a number with the sign of det A.
 (P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I) = range(TO_SOLVE + 1, TO_SOLVE + 9)
-EPS, NEAR, ROW_W, ROW_I, OTHERS, ROWS = range(OF_I + 1, OF_I + 7)
+EPS, NEAR, ROW_W, ROW_I, OTHERS, DET, ROWS = range(OF_I + 1, OF_I + 8)
 LANES = 64  # so many that sums do not wait for memory just written
 # A step in O(n) keeps its digits if |d_i| / J_i is above the first, the determinant of the two
 # equations above the second, in units of its terms, and w.w_next above the third, times |w|**2.
@@ -65,7 +69,8 @@ def sum_terms(J, I, w, half):
 
 @formula
 def solve_two(eps, p, square, alpha, beta, gamma):
-    """Return the factors of w_i / d_i and I_i / d_i in delta_i, and whether they are accurate.
+    """Return the factors of w_i / d_i and I_i / d_i in delta_i, whether they are accurate, and the
+    determinant.
 
     The two equations are solved by Cramer's rule; I_delta and w_delta are the products.
     """
@@ -77,7 +82,7 @@ def solve_two(eps, p, square, alpha, beta, gamma):
     inverse = 1.0 / det
     I_delta, w_delta = (a22 * b1 - a12 * b2) * inverse, (a11 * b2 - a21 * b1) * inverse
     accurate = (abs(det) > LEAST_DET * size) & (square + w_delta >= LEAST_COSINE * square)
-    return h * (2.0 * p + I_delta), -eps * (square + w_delta), accurate | np.isnan(eps)
+    return h * (2.0 * p + I_delta), -eps * (square + w_delta), accurate | np.isnan(eps), det
 
 
 @formula
@@ -121,7 +126,7 @@ def find_factors(c, b, lanes):
             b[GAMMA, l] = b[GAMMA, l] + one[3] + two[3]
     near, to_solve = 0, 0
     for l in range(lanes):
-        b[OF_W, l], b[OF_I, l], accurate = solve_two(
+        b[OF_W, l], b[OF_I, l], accurate, b[DET, l] = solve_two(
             b[EPS, l], b[P, l], b[SQUARE, l], b[ALPHA, l], b[BETA, l], b[GAMMA, l]
         )
         b[TO_SOLVE, l] = select(accurate, 0.0, 1.0)
@@ -130,6 +135,7 @@ def find_factors(c, b, lanes):
     if near > 0:
         for l in range(lanes):
             for i in range(M):
+                b[DET, l] *= -1.0 if b[HALF, l] > c[J_, i, l] else 1.0
                 if abs(1.0 - b[HALF, l] / c[J_, i, l]) <= FAR_FROM_0 and b[TO_SOLVE, l] == 0.0:
                     b[TO_SOLVE, l] = 1.0
                     to_solve += 1
@@ -167,9 +173,10 @@ def eliminate_one(c, b, l, one):
     a, units = one
     fill_nd(c, b, a, l, 1)
     status = solve(a, units)  # equation (16)
-    b[OF_W, l], b[OF_I, l] = 0.0, 0.0
+    b[OF_W, l], b[OF_I, l], b[DET, l] = 0.0, 0.0, 1.0
     for i in range(len(a)):
         c[W, i, l], c[INVERSE, i, l] = a[i, len(a), 0], 0.0
+        b[DET, l] *= -1.0 if a[i, i, 0] < 0.0 else 1.0
     if status != OK:
         end_lane(c, b, l)
     return status
@@ -182,10 +189,11 @@ def eliminate_all(c, b, a, lanes):
     fill_nd(c, b, a, 0, lanes)
     eliminate(a, b, lanes)
     for l in range(lanes):
-        b[TO_SOLVE, l] = 0.0
+        b[TO_SOLVE, l], b[DET, l] = 0.0, 1.0
     for i in range(m):
         for l in range(lanes):
             b[TO_SOLVE, l] += 0.0 * a[i, m, l]  # NaN if it is not finite
+            b[DET, l] *= select(a[i, i, l] < 0.0, -1.0, 1.0)
     return accept(a, c[W], b, lanes)
 
 
@@ -205,7 +213,7 @@ def nd_step_of_one(system, given, out, memory):
     add_increments(c, b, 1)
     for i in range(len(J)):
         out[i] = c[W, i, 0]
-    return status
+    return PASSED_POLE if status == OK and b[DET, 0] < 0.0 else status
 
 
 @function
@@ -232,21 +240,21 @@ NDSystem.memory, NDSystem.one_step = nd_memory, nd_step_of_one
 @kernel
 def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part, as `steps_3d.steps`, in O(n) where that keeps digits."""
-    arrays = omega0, saved, final, status, failed_at
+    arrays = omega0, carry, saved, final, status, failed_at
     iterate_nd(part, parts, parameters, span, arrays, None)
 
 
 @kernel
 def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
     """Iterate the trajectories of a part by elimination."""
-    arrays = omega0, saved, final, status, failed_at
+    arrays = omega0, carry, saved, final, status, failed_at
     iterate_nd(part, parts, parameters, span, arrays, True)
 
 
 @inlined
 def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
     """Iterate the trajectories of a part. (Numba compiles one branch of what is None or not.)"""
-    omega0, saved, final, status, failed_at = arrays
+    omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
     lanes = lanes_of_nd(m, last - first)
@@ -258,6 +266,8 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
         end = lesser(begin + lanes, last)
         states = omega0 if start == 0 else final
         enter_nd(c, b, parameters, states, begin, end, start, status, failed_at)
+        for k in range(begin, end if start == 0 else begin):
+            carry[0, k] = 0.0
         for n in range(start, stop + 1):
             if n > start:
                 if a is None:
@@ -269,6 +279,10 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
                         code = eliminate_one(c, b, l, one)
                         if code != OK and begin + l < end:
                             status[begin + l], failed_at[begin + l] = code, n
+                for l in range(end - begin):
+                    if b[DET, l] < 0.0 and status[begin + l] == OK:
+                        status[begin + l], failed_at[begin + l] = PASSED_POLE, n
+                        carry[0, begin + l] = n
                 if a is None:
                     add_increments(c, b, lanes)
                     find_sums(c, b, lanes)

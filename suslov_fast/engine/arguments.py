@@ -3,11 +3,11 @@
 import math
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,15 @@ from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..checks import FloatArray, common_shape, integer, positive, real_number, wrong
-from ..core.operations import plan_step
-from ..core.steps_field import FieldSystem
+from ..core.steps_field import FieldSystem, method_of, system_of
 from ..core.steps_nd import FAR_FROM_0, NDSystem
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
 BodyOrField = AnyBody | QuadraticField
 
+
+Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"]
 
 # Requests up to this many bytes are not tested, for speed; as many bytes are kept free.
 SMALL = 2**26
@@ -116,6 +117,7 @@ class Problem(NamedTuple):
     batch: tuple[int, ...]  # to which all broadcast
     threads: int | None = None
     name: str = "omega"  # of the argument that holds the states
+    method: str = "auto"
     orientation: FloatArray | None = None  # (..., n, n)
 
 
@@ -184,7 +186,8 @@ def check(
             raise wrong("attitude", "IN_ROWS, as states have not two components", "AXIAL")
         turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]
-    return Problem(map, body, omega, eps, common_shape(shapes), thread_count(threads), name, turns)
+    batch, threads = common_shape(shapes), thread_count(threads)
+    return Problem(map, body, omega, eps, batch, threads, name, orientation=turns)
 
 
 def thread_count(threads: int | None) -> int | None:
@@ -262,20 +265,34 @@ def alike(
         yield where, own[0], own[1], eps[where] if len(eps) > 1 else eps
 
 
-def by_plan(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
-    """Return the arguments of the kernel of fields: indices, the plan of a step, values and eps."""
-    return with_plan(body.dimension, *by_field(body, eps, batch))
+WHOLE = (1.0,)  # the fractions of eps of a step of Kahan's map
 
 
-def with_plan(D: int, indices: NDArray[Any], values: FloatArray, eps: FloatArray) -> Any:
-    return indices, tuple(plan_step(indices, D)), values, eps
+def by_method(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
+    """Return the arguments of the kernel of fields: the operations of a step, values and eps."""
+    return with_method(body.dimension, WHOLE, *by_field(body, eps, batch))
+
+
+def in_stages(fractions: tuple[float, ...]) -> Callable[..., Any]:
+    """Return `by_method` for steps of several fractions of eps, one after the other."""
+
+    def by_method(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
+        return with_method(body.dimension, fractions, *by_field(body, eps, batch))
+
+    return by_method
+
+
+def with_method(
+    D: int, fractions: Any, indices: NDArray[Any], values: FloatArray, eps: FloatArray
+) -> Any:
+    return method_of(indices, D, fractions), values, eps
 
 
 def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
-    """Divide the arguments of `by_plan`, see `alike`."""
-    indices, _, values, eps = arguments
-    for where, *own in alike(indices, values, eps):
-        yield where, arguments if where is ALL else with_plan(D, *own)
+    """Divide the arguments of `by_method`, see `alike`."""
+    (step, fractions), values, eps = arguments
+    for where, *own in alike(step.indices, values, eps):
+        yield where, arguments if where is ALL else with_method(D, fractions, *own)
 
 
 def nd_system(body: Any, eps: float) -> NDSystem:
@@ -284,11 +301,12 @@ def nd_system(body: Any, eps: float) -> NDSystem:
     return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
 
 
-def field_system(body: Any, eps: float) -> FieldSystem:
+def field_system(body: Any, eps: float, fractions: Any = WHOLE) -> FieldSystem:
     """Return the constants of a single body with a field, for `compiled`."""
-    indices, values = map(np.array, body.terms)
-    operations, rows = plan_step(indices, body.dimension)
-    return FieldSystem(0.5 * eps * values, indices, operations, rows, body.dimension)
+    indices, values = body.terms
+    halves = np.outer(fractions, 0.5 * eps * values)
+    system: FieldSystem = system_of(indices, halves, body.dimension)
+    return system
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:

@@ -1,16 +1,22 @@
 """Steps of the kernels of the package, with what each costs."""
 
+from functools import partial
 from typing import Any
 
 from ..core import steps_3d, steps_field, steps_nd
-from .arguments import by_constants, by_plan, by_zeros, field_system, nd_system
+from .arguments import by_constants, by_method, by_zeros, field_system, in_stages, nd_system
 from .stretches import Steps
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:
     """Return the time of a step by `elimination.solve`, which may be that of all lanes."""
-    operations, _ = arguments[1]
-    return D**3 + 2.5 * len(operations)
+    step, fractions = arguments[0]
+    return float(len(fractions) * (D**3 + 0.5 * len(step.usual)))
+
+
+def _usual_cost_of_field(D: int, arguments: Any) -> float:
+    step, fractions = arguments[0]
+    return 0.04 * float(len(fractions) * len(step.usual))
 
 
 def _cost_in_nd(D: int, arguments: Any) -> float:
@@ -21,6 +27,50 @@ def _cost_in_nd(D: int, arguments: Any) -> float:
 STEPS_3D = Steps(steps_3d.steps, by_constants, steps_3d.CARRIED, system=field_system)
 STEPS_WITH_ROTOR = STEPS_3D._replace(cost=lambda D, arguments: 2.0)
 # Kahan's map of the field of any body.
-FIELD = Steps(steps_field.field_steps, by_plan, 0, _cost_of_field, 32, field_system, by_zeros)
-STEPS_ND = Steps(steps_nd.nd_steps, by_constants, 0, _cost_in_nd, 32, nd_system)
-GAUSS = Steps(steps_nd.gauss_steps, by_constants, 0, lambda D, arguments: D**3 / 3.0, 32)
+FIELD = Steps(
+    steps_field.field_steps, by_method, 1, _cost_of_field, 32, field_system, by_zeros,
+    True, _usual_cost_of_field,
+)  # fmt: skip
+STEPS_ND = Steps(steps_nd.nd_steps, by_constants, 1, _cost_in_nd, 32, nd_system, notes_poles=True)
+GAUSS = STEPS_ND._replace(
+    kernel=steps_nd.gauss_steps, cost=lambda D, arguments: D**3 / 3.0, system=None
+)
+
+
+# ---------------------------------------------------------------------- steps of order 4, 6 and 8
+# Kahan's map is symmetric: its inverse is the map with -eps. So steps of fractions of eps that are
+# the same from both ends, and whose sum is 1, have an even order. Order 4 has Suzuki's fractions;
+# orders 6 and 8 those that W. Kahan and R.-C. Li found for this map and its kin, Math. Comp. 66
+# (1997), each to the middle one.
+_SUZUKI = 1 / (4 - 4 ** (1 / 3))
+_TO_THE_MIDDLE = {
+    4: [_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI],
+    6: [
+        0.39216144400731413928,
+        0.33259913678935943860,
+        -0.70624617255763935981,
+        0.082213596293550800230,
+        0.79854399093482996340,
+    ],
+    8: [
+        0.13020248308889008088,
+        0.56116298177510838456,
+        -0.38947496264484728641,
+        0.15884190655515560090,
+        -0.39590389413323757734,
+        0.18453964097831570709,
+        0.25837438768632204729,
+        0.29501172360931029887,
+        -0.60550853383003451170,
+    ],
+}
+FRACTIONS = {order: (*first, *first[-2::-1]) for order, first in _TO_THE_MIDDLE.items()}
+
+
+def _field_of_order(order: int) -> Steps:
+    stages = FRACTIONS[order]
+    system = partial(field_system, fractions=stages)
+    return FIELD._replace(arguments=in_stages(stages), system=system)
+
+
+FIELD_OF_ORDER = {order: _field_of_order(order) for order in FRACTIONS}

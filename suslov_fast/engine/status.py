@@ -13,7 +13,7 @@ ON_SINGULAR = "warn", "raise", "ignore"
 
 
 class Status(IntEnum):
-    """Final status of a trajectory: negative if it failed.
+    """Final status of a trajectory: negative if it failed, positive if it finished with a caveat.
 
     Examples
     --------
@@ -24,6 +24,7 @@ class Status(IntEnum):
 
     OK = codes.OK
     SUPERCRITICAL = codes.SUPERCRITICAL
+    PASSED_POLE = codes.PASSED_POLE
     SINGULAR = codes.SINGULAR
     NONFINITE = codes.NONFINITE
 
@@ -39,6 +40,10 @@ _MESSAGES = {
         "finished, but t >= 1: the step is too long for the orbit to follow the continuous motion; "
         "choose a smaller eps if it should"
     ),
+    Status.PASSED_POLE: (
+        "finished, but a step was from det A < 0: the motion escapes to infinity before, and the "
+        "states beyond are those of the map alone; or eps is too long"
+    ),
     Status.SINGULAR: "singular step: the state lies on a pole of the map and has no next state",
     Status.NONFINITE: "non-finite step: the next state is beyond the range of float64",
 }
@@ -46,6 +51,16 @@ _MESSAGES = {
 
 class SingularStepWarning(RuntimeWarning):
     """Some trajectories of a batch failed before their last step."""
+
+
+class PoleWarning(RuntimeWarning):
+    """Some trajectories of a batch took a step from a state with det A < 0.
+
+    A(x) = 1 - (eps / 2) f'(x) has a positive determinant along a motion that the steps resolve.
+    Where it is negative an odd number of real eigenvalues of f' are above 2 / eps: the motion
+    escapes to infinity, and the map comes back from the other side; or eps is too long. An even
+    number is not seen.
+    """
 
 
 class SingularStepError(ArithmeticError):
@@ -76,9 +91,11 @@ def report_failures(
 ) -> None:
     """Warn of trajectories of a run, or a march, that failed at step `since` or later, or raise.
 
-    The error holds the run as its attribute `name`.
+    The error holds the run as its attribute `name`. Poles that were passed are a warning at most.
     """
     status, failed_at = run.status, run.failed_at
+    if on_singular != "ignore":
+        report_poles(run, run.body if hasattr(run, "body") else run.problem.body, since)
     if (status.item() if status.size == 1 else status.min(initial=0)) >= 0:
         return
     failed, parts = failed_at >= since, []
@@ -95,3 +112,17 @@ def report_failures(
         raise SingularStepError(message, run, name)
     if message and on_singular == "warn":
         warn(message, SingularStepWarning)
+
+
+def report_poles(run: Any, body: Any, since: int = 0) -> None:
+    """Warn of trajectories of a body that passed a pole at step `since` or later."""
+    passed = (run.status == Status.PASSED_POLE) & (run.failed_at >= since)
+    if passed.any():
+        index = first_index(passed)
+        why = "the motion escapes to infinity, or eps" if body._may_escape else "eps"
+        warn(
+            f"{np.count_nonzero(passed)} of {passed.size} trajectories: a step from det A < 0: "
+            f"{why} is too long (an eigenvalue of f' above 2/eps); "
+            f"first: {spell(index)} at step {run.failed_at[index]}",
+            PoleWarning,
+        )

@@ -17,7 +17,8 @@ from ..checks import (
     spell,
     wrong,
 )
-from ..engine.arguments import AnyBody, BodyOrField, Problem
+from ..engine.arguments import AnyBody, BodyOrField, Method, Problem
+from ..engine.status import report_poles
 from ..engine.stretches import states_after
 from ..formulas import Formula
 from ..maps import map_of, problem
@@ -103,7 +104,9 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
     return evaluate("matrix", body, omega, eps)
 
 
-def jacobian(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
+def jacobian(
+    body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike, *, method: Method = "auto"
+) -> FloatArray:
     """Derivative of the map: A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`.
 
     Parameters
@@ -114,6 +117,8 @@ def jacobian(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArr
         States: angular velocities, or states x of a field. NaN gives NaN.
     eps : array_like(float, shape=(...))
         Step size, in the unit of time of omega; a negative one is that of the inverse map.
+    method : str
+        As in :func:`iterate`; of the methods of higher order it is the product over their steps.
 
     Returns
     -------
@@ -128,18 +133,26 @@ def jacobian(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArr
     array([[ 1.006511,  0.037232],
            [-0.221645,  0.937189]])
     """
-    return evaluate("jacobian", body, omega, eps)
+    return evaluate("jacobian", body, omega, eps, map=map_of(body, method))
 
 
-def multipliers(body: BodyOrField, x: ArrayLike | list[FloatArray], /, eps: ArrayLike) -> OneOrEach:
+def multipliers(
+    body: BodyOrField,
+    x: ArrayLike | list[FloatArray],
+    /,
+    eps: ArrayLike,
+    *,
+    method: Method = "auto",
+) -> OneOrEach:
     """Eigenvalues of the derivative of the map at a fixed point.
 
-    They are (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f'. In n dimensions
+    They are (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f'; of a method of higher
+    order, the product of these over its steps. In n dimensions
     mu = c s at omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Parameters
     ----------
-    body, eps
+    body, eps, method
         As in :func:`jacobian`.
     x : array_like(float, shape=(..., D))
         Fixed points of the map: steady states of a body, zeros of a field. For a family with one
@@ -166,18 +179,19 @@ def multipliers(body: BodyOrField, x: ArrayLike | list[FloatArray], /, eps: Arra
     array([1.062919, 1.      ])
     """
     points: Any = x
-    map_of(body).formula("multipliers", body)
+    map_of(body, method).formula("multipliers", body)
     is_list = isinstance(points, list) and len(body.shape) == 1 and len(points) > 0
     if is_list and all(isinstance(each, np.ndarray) and each.ndim == 2 for each in points):
         if len(points) != len(body):
             raise wrong("x", f"a list of {len(body)} arrays, one for each member", len(points))
-        in_list: OneOrEach = _of_each_member(body, points, eps)
+        in_list: OneOrEach = _of_each_member(body, points, eps, method)
         return in_list
-    values: OneOrEach = _multipliers(*problem("multipliers", body, points, eps, name="x"))
+    given = problem("multipliers", body, points, eps, method=method, name="x")
+    values: OneOrEach = _multipliers(*given)
     return values
 
 
-def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike) -> Any:
+def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike, method: str) -> Any:
     """Return the list of the multipliers at the points of each member, (k, D)."""
     step = np.asarray(real_number("eps", eps))
     if common_shape({"body": family.shape, "eps": step.shape}) != family.shape:
@@ -185,7 +199,7 @@ def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike) -> An
     steps = np.broadcast_to(step, family.shape)
     values = []
     for i, member in enumerate(family):
-        of_member = problem("multipliers", member, points[i], steps[i], name="x")
+        of_member = problem("multipliers", member, points[i], steps[i], method=method, name="x")
         values.append(_multipliers(*of_member, family._of_member(i)))
     return values
 
@@ -199,7 +213,10 @@ def _multipliers(given: Problem, rates_of: Formula, member: str = "") -> Any:
         slopes = np.where(known[..., np.newaxis], slopes, 0.0)
         if is_kahan:
             Y = 0.5 * np.asarray(given.eps)[..., np.newaxis] * rates_of.compute(given, slopes)
-            values = np.where(Y == 1.0, np.inf, (1.0 + Y) / (1.0 - Y))
+            parts = [each * Y for each in given.map.fractions]
+            at_pole = np.any([part == 1.0 for part in parts], axis=0)
+            values = np.prod([(1.0 + part) / (1.0 - part) for part in parts], axis=0)
+            values = np.where(at_pole, np.inf, values)
         else:
             values = np.linalg.eigvals(slopes).astype(complex)
         values = np.where(np.broadcast_to(known, (*given.batch, 1)), values, np.nan)
@@ -250,6 +267,7 @@ def lyapunov_exponents(
     steps: int,
     transient: int = 0,
     *,
+    method: Method = "auto",
     threads: int | None = None,
 ) -> FloatArray:
     """Lyapunov exponents of orbits over a number of steps.
@@ -261,12 +279,13 @@ def lyapunov_exponents(
 
     Parameters
     ----------
-    body, omega0, eps, threads
+    body, omega0, eps, method, threads
         As in :func:`iterate`.
     steps : int
         Number of steps of the mean, 1 or more.
     transient : int
-        Number of steps before the mean begins.
+        Number of steps before the mean begins; state and tangent vectors go through them, so that
+        the mean has no term in 1 / steps.
 
     Returns
     -------
@@ -281,14 +300,15 @@ def lyapunov_exponents(
     >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
     array([ 0.    , -0.0805])
     """
-    given, growth = problem("lyapunov_exponents", body, omega0, eps, threads, name="omega0")
+    given, growth = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
-    start = states_after(given, transient) if transient else given.omega
     with np.errstate(all="ignore"):
-        sums, of_det = growth.compute(given, start, steps)
+        found = growth.compute(given, steps, transient)
+        sums, of_det = found.sums, found.of_det
         others = sums[:, :-1].sum(axis=1)
         # The last follows from the others and the determinant, unless these are 0.
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
     exponents = -np.sort(-sums / steps, axis=1).reshape((*given.batch, body.dimension))
+    report_poles(found, body)
     return mask_and_warn(given, exponents, poles=True)

@@ -41,7 +41,11 @@ def to_xarray(
         map.variable: (("n", *batch, "component"), run.states, {"long_name": map.meaning}),
         "final": ((*batch, "component"), run.final, {"long_name": "state after the last step"}),
         "status": (batch, run.status, flags),
-        "failed_at": (batch, run.failed_at, {"long_name": "first missing state, or -1"}),
+        "failed_at": (
+            batch,
+            run.failed_at,
+            {"long_name": "first state missing or beyond a pole, or -1"},
+        ),
         "n": ("n", run.n, {"long_name": "number of steps"}),
         # Strings of variable length: Zarr format 3 has none of fixed length.
         "component": ("component", np.array(body._labels, object)),

@@ -192,6 +192,11 @@ class Search:
         final.reshape(-1, D)[ended] = after[ends[ended] - 1]
         status.reshape(-1)[ended] = self.alive[ended]
         failed_at.reshape(-1)[ended] = -1
+        if march.steps.notes_poles:  # of an end and a failure in one piece, too
+            last = np.where(ended, n[np.maximum(ends, 1) - 1] if K else 0, -1)
+            passed = ended & (march.carry[0] > 0) & (march.carry[0] <= last + 1)
+            status.reshape(-1)[passed] = Status.PASSED_POLE
+            failed_at.reshape(-1)[passed] = march.carry[0, passed]
         return {
             "trajectory": trajectory,
             "n": n,

@@ -225,8 +225,10 @@ def _check_failures(found: Mapping[str, Any], steps: int) -> None:
     status, failed_at, failed = found["status"], found["failed_at"], found["status"] < 0
     if not np.isin(status, [*Status]).all():
         raise wrong("status", "values of Status", "others")
-    if ((failed_at < -1) | (failed_at > steps) | ((failed_at >= 0) != failed)).any():
-        expected = f"a step from 0 to {steps} where a trajectory failed, else -1"
+    passed = status == Status.PASSED_POLE
+    told, early = (failed_at >= 0) != (failed | passed), passed & (failed_at < 1)
+    if ((failed_at < -1) | (failed_at > steps) | told | early).any():
+        expected = f"a step up to {steps} where a trajectory failed or passed a pole, else -1"
         raise wrong("failed_at", expected, "others")
     if (np.isnan(found["final"]).any(axis=-1) != failed).any():
         raise wrong("final", "NaN where a trajectory failed, else numbers", "others")

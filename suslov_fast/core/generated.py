@@ -1,0 +1,385 @@
+"""Machine code for the steps of a field: text in LLVM's language, made from a list of operations.
+
+A list (`operations.Step`) becomes straight-line code for a line of W lanes, whose values stay in
+registers, in loops over lines and steps. LLVM forms no FMA and keeps the order of operations, so
+that the numbers are those of `operations.evaluate`, to the bit. Compiling takes 0.3 to 0.5 ms an
+operation. Machine code stays until the process ends, since addresses of it may be anywhere.
+
+The code takes addresses as integers: versions of LLVM write the types of pointers differently.
+"""
+
+from .machine_code import Text, pointer
+
+WIDTH = 8  # lanes of a line
+# Slots of a job, the integers that `steps` takes: the states x (lines, D, W), how many lines there
+# are, and in a block; how many steps of the list, and the values of `table`, of each stage in turn,
+# (stages, n) or (stages, lines, n, W); the first saved state, bytes from one to the next, steps
+# until the first, and from one to the next; how many trajectories there are; for each line bits of
+# lanes that have ended, and of those that have passed a pole or ended; the function that is called
+# for steps that are not good; memory for values between pieces of a long list. `careful` has
+# slots of its own after these.
+(X, LINES, BLOCK, STEPS, TABLE, STAGE, STAGES) = range(7)
+(SAVED, ROW, UNTIL, EVERY, COUNT, ENDED, PASSED, CALL, KEPT, SLOTS) = range(7, 17)
+
+
+def text_of_steps(step, name, W, for_each, align):
+    """Return the text of void name(job): steps of lines of W lanes, see the slots of a job.
+
+    The table is that of all lanes, or `for_each` of them. Saved states begin at multiples of
+    `align` bytes: they go past the caches if that is more than 8, and 0 means that none are saved.
+    """
+    t, D = Text(W), step.D
+    new, integer, size, every = t.new, t.integer, 8 * W, (1 << W) - 1
+    (*before, usual), _ = step.pieces
+    for k, piece in enumerate(before):
+        _piece(t, step, f"{name}_{k}", piece, for_each)
+    t.add(f"define void @{name}(i64 %job) #0 {{")
+    t.label("entry")
+    slots = [t.load("i64", t.plus("%job", 8 * k)) for k in range(SLOTS)]
+    t.add("  br label %blocks")
+
+    t.label("blocks")
+    t.add("  %lo = phi i64 [ 0, %entry ], [ %hi, %after ]")
+    end = integer("add", "%lo", slots[BLOCK])
+    less = t.compare("ult", end, slots[LINES])
+    t.add(f"  %hi = select i1 {less}, i64 {end}, i64 {slots[LINES]}")
+    t.add("  br label %steps")
+
+    t.label("steps")
+    t.add("  %n = phi i64 [ 0, %blocks ], [ %n1, %done ]")
+    t.add("  %stage = phi i64 [ 0, %blocks ], [ %stage1, %done ]")
+    t.add(f"  %until = phi i64 [ {slots[UNTIL]}, %blocks ], [ %until1, %done ]")
+    t.add(f"  %row = phi i64 [ {slots[SAVED]}, %blocks ], [ %row1, %done ]")
+    saves = t.compare("eq", "%until", 0)
+    table = integer("add", slots[TABLE], integer("mul", "%stage", slots[STAGE]))
+    t.add("  br label %lines")
+
+    t.label("lines")
+    t.add("  %line = phi i64 [ %lo, %steps ], [ %line1, %next ]")
+    place = integer("add", slots[X], integer("mul", "%line", D * size))
+    places = [t.plus(place, size * i) for i in range(D)]
+    x = [t.load(t.V, each) for each in places]
+    if for_each:
+        table = integer("add", table, integer("mul", "%line", len(step.table) * size))
+
+    for k in range(len(before)):
+        t.add(f"  call void @{name}_{k}(i64 {place}, i64 {table}, i64 {slots[KEPT]})")
+    get, values = _getter(t, step, for_each, place, table, slots[KEPT]), dict(enumerate(x))
+    t.carry_out(usual, values, get)
+    after = [values[k] if k in values else get(k) for k in step.after]
+    t.add(f"  br i1 {t.all_true(values[step.good])}, label %finish, label %rare, !prof !0")
+
+    t.label("rare")
+    t.carry_out(step.rare, values, get)
+    accurate = values[step.accurate]
+    kept = [
+        new(f"select {t.M} {accurate}, {t.V} {one}, {t.V} {other}")
+        for one, other in zip(after, x, strict=True)
+    ]
+    for k in range(D):
+        t.store(t.V, kept[k], places[k])
+    ended, passed = (
+        new(f"zext i8 {t.load('i8', integer('add', slots[k], '%line'), 1)} to i64")
+        for k in (ENDED, PASSED)
+    )
+    good, negative = t.bits(accurate), t.bits(values[step.negative])
+    bad = integer("and", integer("xor", good, every), integer("xor", ended, every))
+    negative = integer("and", negative, integer("and", good, integer("xor", passed, every)))
+    some = t.compare("ne", integer("or", bad, negative), 0)
+    t.add(f"  br i1 {some}, label %careful, label %finish")
+
+    t.label("careful")
+    kind = "void (i64, i64, i64, i64, i64)"
+    function = new(f"inttoptr i64 {slots[CALL]} to {pointer(kind)}")
+    t.add(f"  call void {function}(i64 %job, i64 %line, i64 {bad}, i64 {negative}, i64 %n)")
+    again = [t.load(t.V, places[k]) for k in range(D)]
+    t.add("  br label %finish")
+
+    t.label("finish")
+    final = []
+    for k in range(D):
+        ways = f"[ {after[k]}, %lines ], [ {kept[k]}, %rare ], [ {again[k]}, %careful ]"
+        final.append(new(f"phi {t.V} {ways}"))
+    for k in range(D):
+        if step.after[k] != k:
+            t.store(t.V, final[k], places[k])
+    t.add(f"  br i1 {saves}, label %save, label %next" if align else "  br label %next")
+    if align:
+        _save(t, final, D, slots[COUNT], align)
+
+    t.label("next")
+    t.add("  %line1 = add i64 %line, 1")
+    t.add(f"  br i1 {t.compare('ult', '%line1', '%hi')}, label %lines, label %done")
+
+    t.label("done")
+    t.add("  %n1 = add i64 %n, 1")
+    later = integer("add", "%stage", 1)
+    last = t.compare("eq", later, slots[STAGES])
+    t.add(f"  %stage1 = select i1 {last}, i64 0, i64 {later}")
+    sooner = integer("sub", "%until", 1)
+    t.add(f"  %until1 = select i1 {saves}, i64 {slots[EVERY]}, i64 {sooner}")
+    below = integer("add", "%row", slots[ROW])
+    t.add(f"  %row1 = select i1 {saves}, i64 {below}, i64 %row")
+    t.add(f"  br i1 {t.compare('ult', '%n1', slots[STEPS])}, label %steps, label %after")
+
+    t.label("after")
+    t.add(f"  br i1 {t.compare('ult', '%hi', slots[LINES])}, label %blocks, label %end")
+    t.label("end")
+    t.add("  ret void")
+    return t.whole()
+
+
+def _getter(t, step, for_each, place, table, kept):
+    """Return the function that loads a value: of the state, of the table, or of a piece before."""
+    rows, size = step.pieces[1], 8 * t.W
+
+    def get(number):
+        if number < step.D:
+            return t.load(t.V, t.plus(place, size * number))
+        if number in rows:
+            return t.load(t.V, t.plus(kept, size * rows[number]))
+        address = t.plus(table, (size if for_each else 8) * step.places[number])
+        if for_each or t.W == 1:
+            return t.load(t.V, address)
+        return t.splat(t.load("double", address), t.W)
+
+    return get
+
+
+def _piece(t, step, name, operations, for_each):
+    """Add the function of a piece of the usual operations, for one line."""
+    rows, values = step.pieces[1], {}
+    t.add(f"define internal void @{name}(i64 %place, i64 %table, i64 %kept) #0 {{")
+    t.carry_out(operations, values, _getter(t, step, for_each, "%place", "%table", "%kept"))
+    for _, number, _ in operations:
+        if number in rows:
+            t.store(t.V, values[number], t.plus("%kept", 8 * t.W * rows[number]))
+    t.add("  ret void")
+    t.add("}")
+
+
+def _save(t, states, D, count, align):
+    """Add the block `save`: the states of a line, component by component, to the row."""
+    new, integer, W = t.new, t.integer, t.W
+    t.label("save")
+    place = integer("add", "%row", integer("mul", "%line", 8 * W * D))
+    if W == 1:
+        for k in range(D):
+            t.store("double", states[k], t.plus(place, 8 * k))
+        t.add("  br label %next")
+        return
+    rows = []
+    for first in range(0, W * D, W):
+        row, taken = "undef", [divmod(n, D) for n in range(first, first + W)]
+        for k in dict.fromkeys(k for _, k in taken):
+            order = [W + lane if i == k else n for n, (lane, i) in enumerate(taken)]
+            order = ", ".join(f"i32 {n}" for n in order)
+            row = new(f"shufflevector {t.V} {row}, {t.V} {states[k]}, <{W} x i32> <{order}>")
+        rows.append(row)
+    last = integer("mul", integer("add", "%line", 1), W)
+    t.add(f"  br i1 {t.compare('ule', last, count)}, label %whole, label %part")
+    t.label("whole")
+    mark = ", !nontemporal !1" if align > 8 else ""
+    for k, row in enumerate(rows):
+        t.store(t.V, row, t.plus(place, 8 * W * k), align, mark)
+    t.add("  br label %next")
+    # Of the last line, number by number.
+    t.label("part")
+    left = integer("mul", integer("sub", count, integer("mul", "%line", W)), D)
+    t.add("  br label %number0")
+    for n in range(W * D):
+        t.label(f"number{n}")
+        t.add(f"  br i1 {t.compare('ult', n, left)}, label %put{n}, label %next")
+        t.label(f"put{n}")
+        one = new(f"extractelement {t.V} {rows[n // W]}, i32 {n % W}")
+        t.store("double", one, t.plus(place, 8 * n))
+        t.add(f"  br label %number{n + 1}")
+    t.label(f"number{W * D}")
+    t.add("  br label %next")
+
+
+def text_of_step(step, name, *_):
+    """Return the text of i64 name(x, table): one step of a state (D,), in place.
+
+    It returns 1 if the step is not accurate, and then leaves the state; else 2 if det A < 0, or 0.
+    """
+    t = Text(1)
+    t.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
+    t.label("entry")
+    places = [t.plus("%x", 8 * i) for i in range(step.D)]
+    values = {i: t.load("double", place) for i, place in enumerate(places)}
+
+    def of_table(number):
+        return t.load("double", t.plus("%table", 8 * step.places[number]))
+
+    t.carry_out(step.usual, values, of_table)
+    t.add(f"  br i1 {values[step.good]}, label %finish, label %rare, !prof !0")
+    t.label("rare")
+    rare = dict(values)
+    t.carry_out(step.rare, rare, of_table)
+    t.add(f"  br i1 {rare[step.accurate]}, label %accurate, label %bad")
+    t.label("bad")
+    t.add("  ret i64 1")
+    t.label("accurate")
+    sign = t.integer("mul", 2, t.bits(rare[step.negative]))
+    t.add("  br label %finish")
+    t.label("finish")
+    t.add(f"  %code = phi i64 [ 0, %entry ], [ {sign}, %accurate ]")
+    for k, number in enumerate(step.after):
+        if number != k:
+            t.store("double", values[number], places[k])
+    t.add("  ret i64 %code")
+    return t.whole()
+
+
+# Rows of a line of `text_of_tangent`, after the state: abs(det) of the columns, and the two
+# products of the factors of abs(det DPhi); then products of D lengths, and columns.
+VOLUME, NEAR_1, FAR_FROM_1, LENGTHS = range(4)
+# Logarithms are taken of products that leave these ranges: what lies within keeps its digits.
+NEAR_1_LEAST, NEAR_1_LARGEST, LEAST_LENGTH, LARGEST_LENGTH = -0.999, 1e3, 1e-100, 1e100
+# Columns are orthonormalised where they may lose digits. Of D columns with |det| = d, whose squared
+# lengths have the mean m, d**2 <= m**D, and equality means that they are orthogonal and equally
+# long. A column of length p with a part t across the others has
+# d**2 <= t**2 ((D m - p**2) / (D - 1))**(D - 1) <= m**D (t / p)**2. So while m**D is below
+# LIMIT**2 d**2, p / t is below LIMIT, by which errors of rounding are multiplied at most.
+LIMIT, LEAST_SIZE, LARGEST_SIZE = 64.0, 1e-100, 1e100
+# Bits of lanes in what the code returns, above the number of steps: of those whose step or whose
+# derivative is not accurate, so that none is taken; of those from det A < 0, with columns to be
+# orthonormalised, with logarithms to be taken.
+STEP, DERIVATIVE, NEGATIVE, DUE, OUTSIDE = range(16, 56, 8)
+
+
+def columns_of(D, W):
+    """Return how many columns are multiplied at once, and how many there is room for.
+
+    Component i of column r of a line is in row 2 D + LENGTHS + i * room + r. Columns of one lane
+    are lanes of a vector; those of several lie an odd number of lines apart.
+    """
+    if W > 1:
+        return (2, (D + 1) // 2 * 2 + 1) if D > 1 else (1, 1)
+    at_once = min(4, 1 << (D - 1).bit_length())
+    return at_once, -(-D // at_once) * at_once
+
+
+def text_of_tangent(tangent, name, W, for_each, _):
+    """Return the text of i64 name(line, table, ignored, steps): steps of one line, with columns.
+
+    Columns q become -DPhi q. It returns how many steps were taken, with bits of lanes; it stops at
+    a step with such bits, and before one that lanes whose bit is not in `ignored` cannot take.
+    """
+    t, D, size, every = Text(W), tangent.D, 8 * W, (1 << W) - 1
+    new, integer, V = t.new, t.integer, t.V
+    at_once, room = columns_of(D, W)
+    t.add(f"define i64 @{name}(i64 %line, i64 %table, i64 %ignored, i64 %steps) #0 {{")
+    t.label("entry")
+    places = [t.plus("%line", size * i) for i in range(2 * D + LENGTHS)]
+    t.add("  br label %step")
+
+    t.label("step")
+    t.add("  %n = phi i64 [ 0, %entry ], [ %n1, %next ]")
+    carried = [t.load(V, places[D + k]) for k in range(LENGTHS)]
+    values = {i: t.load(V, places[i]) for i in range(D)}
+    values |= dict(enumerate(carried, D + tangent.T))
+
+    def of_table(number):
+        address = t.plus("%table", (size if for_each else 8) * tangent.places[number])
+        return t.load(V, address) if for_each or W == 1 else t.splat(t.load("double", address), W)
+
+    t.carry_out(tangent.usual, values, of_table)
+    for _, _, operands in tangent.columns:
+        for each in operands:
+            if isinstance(each, int) and each in tangent.values.fixed and each not in values:
+                values[each] = of_table(each)
+    t.add(f"  br i1 {t.all_true(values[tangent.good])}, label %columns, label %rare, !prof !0")
+
+    t.label("rare")
+    rare = dict(values)
+    t.carry_out(tangent.rare, rare, of_table)
+    others = integer("xor", "%ignored", every)
+    good, derived = t.bits(rare[tangent.accurate]), t.bits(rare[tangent.derived])
+    negative = integer("and", integer("and", good, t.bits(rare[tangent.negative])), others)
+    bad = [integer("and", integer("xor", each, every), others) for each in (good, derived)]
+    t.add(f"  br i1 {t.compare('ne', integer('or', *bad), 0)}, label %stop, label %columns")
+    t.label("stop")
+    flags = "%n"
+    for truths, shift in zip((*bad, negative), (STEP, DERIVATIVE, NEGATIVE), strict=True):
+        flags = integer("or", flags, integer("shl", truths, shift))
+    t.add(f"  ret i64 {flags}")
+
+    t.label("columns")
+    t.add(f"  %negative = phi i64 [ 0, %step ], [ {negative}, %rare ]")
+    length = _columns(t, tangent, values, places[-1], at_once, room)
+
+    t.label("due")
+    mean, power = t.operate("fmul", t.each(1.0 / D), length), t.each(1.0)
+    for _ in range(D):
+        power = t.operate("fmul", power, mean)
+    scaled = [values[each] for each in tangent.scaled]
+    most = t.operate("fmul", t.each(LIMIT), scaled[VOLUME])
+    fine = [
+        t.test("ogt", length, t.each(LEAST_SIZE)),
+        t.test("olt", length, t.each(LARGEST_SIZE)),
+        t.test("olt", power, t.operate("fmul", most, most)),
+    ]
+    outside = [
+        t.test(how, scaled[k], t.each(limit))
+        for k, how, limit in (
+            (NEAR_1, "ole", NEAR_1_LEAST),
+            (NEAR_1, "oge", NEAR_1_LARGEST),
+            (FAR_FROM_1, "ole", LEAST_LENGTH),
+            (FAR_FROM_1, "oge", LARGEST_LENGTH),
+        )
+    ]
+    due = integer("xor", t.bits(t.joined("and", fine)), every)
+    flags = integer("shl", "%negative", NEGATIVE)
+    for truths, shift in ((due, DUE), (t.bits(t.joined("or", outside)), OUTSIDE)):
+        truths = integer("and", truths, integer("xor", "%ignored", every))
+        flags = integer("or", flags, integer("shl", truths, shift))
+    for k, number in enumerate([*tangent.after, *tangent.scaled]):
+        t.store(V, values[number], places[k])
+    t.add("  %n1 = add i64 %n, 1")
+    goes_on = new(f"and i1 {t.compare('eq', flags, 0)}, {t.compare('ult', '%n1', '%steps')}")
+    t.add(f"  br i1 {goes_on}, label %next, label %end")
+    t.label("next")
+    t.add("  br label %step")
+    t.label("end")
+    t.add(f"  ret i64 {integer('or', '%n1', flags)}")
+    return t.whole()
+
+
+def _columns(t, tangent, values, last, at_once, room):
+    """Add a loop over columns; return the sum of their squared lengths, after them."""
+    D, new, integer, size, V = tangent.D, t.new, t.integer, 8 * t.W, t.V
+    width, values = t.W, dict(values)
+    if t.W == 1 and at_once > 1:  # columns are lanes
+        width = at_once
+        used = {each for _, _, operands in tangent.columns for each in operands}
+        for each in sorted(used & values.keys() - {*tangent.column}):
+            values[each] = t.splat(values[each], width)
+    inner = Text(width, t)
+    first = integer("add", last, size)
+    t.add("  br label %column")
+    t.label("column")
+    t.add("  %r = phi i64 [ 0, %columns ], [ %r1, %column ]")
+    t.add(f"  %length = phi {V} [ {t.each(0.0)}, %columns ], [ %length1, %column ]")
+    here, length = integer("add", first, integer("mul", "%r", size)), "%length"
+    for c in range(at_once if t.W > 1 else 1):
+        places = [t.plus(here, size * (i * room + c)) for i in range(D)]
+        own = dict(values)
+        for i, number in enumerate(tangent.column):
+            own[number] = inner.load(inner.V, places[i])
+        inner.carry_out(tangent.columns, own, None)
+        square = None
+        for i, number in enumerate(tangent.products):
+            inner.store(inner.V, own[number], places[i])
+            more = inner.operate("fmul", own[number], own[number])
+            square = more if square is None else inner.operate("fadd", square, more)
+        if width == t.W:
+            length = t.operate("fadd", length, square)
+        for k in range(width if width > t.W else 0):
+            one = new(f"extractelement {inner.V} {square}, i32 {k}")
+            length = t.operate("fadd", length, one)
+    t.add(f"  %length1 = fadd {V} {length}, {t.each(-0.0)}")
+    t.add(f"  %r1 = add i64 %r, {at_once}")
+    t.add(f"  br i1 {t.compare('ult', '%r1', D)}, label %column, label %due")
+    return "%length1"

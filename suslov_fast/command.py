@@ -22,7 +22,15 @@ import suslov_fast as sf
 from .summary import facts_in, facts_of, lines_of, result_in
 
 # Modules that need Numba, which would delay `--help`, are imported where they are used.
-_PARAMETERS = ("I1", "I2", "I13", "I23", "I3", "k", "J", "I")
+_PARAMETERS = {
+    **dict.fromkeys(("I1", "I2"), "moment of inertia, positive"),
+    **dict.fromkeys(("I13", "I23"), "product of inertia"),
+    "I3": "moment about the forbidden axis, which only drawings use",
+    "k": "momentum of a rotor along the forbidden axis",
+    "J": "J_i = I_ii + I_nn of a body in n dimensions, positive",
+    "I": "couplings I_in of a body in n dimensions",
+}
+_JSON = "JSON file from json.dump(body.to_dict(), ...)"
 # Seconds, more than any search takes.
 _NO_LIMIT = 1e9
 
@@ -98,16 +106,18 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
     made.add_argument("-o", "--output", type=Path, metavar="FILE.png", required=True)
     made.add_argument("--force", action="store_true", help="replace what is there")
     made = command(report)
-    made.add_argument("--body", type=Path, metavar="FILE.json", required=True)
-    made.add_argument("--eps", type=fraction, metavar="X", help="as 1/3 or 0.1 (any step size)")
-    made.add_argument("--degree", type=integer, default=3, help="of polynomials (3)")
-    made.add_argument("--time-limit", type=float, metavar="SECONDS")
+    made.add_argument("--body", type=Path, metavar="FILE.json", required=True, help=_JSON)
+    made.add_argument(
+        "--eps", type=fraction, metavar="X", help="step size, 1/3 or 0.1 (default: symbolic)"
+    )
+    made.add_argument("--degree", type=integer, default=3, help="largest degree of polynomials (3)")
+    made.add_argument("--time-limit", type=float, metavar="SECONDS", help="(none)")
     made.add_argument("--json", action="store_true", help="print JSON, for programs")
     made = command(pictures)
     made.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR")
     made.add_argument("--force", action="store_true", help="replace what is there")
     made = command(explore)
-    made.add_argument("--port", type=integer, default=0, help="of 127.0.0.1 (a free one)")
+    made.add_argument("--port", type=integer, default=0, help="port of 127.0.0.1 (a free one)")
     made.add_argument("--no-browser", action="store_true", help="only print the address")
     command(warm_up)
     # argparse takes a word such as -1,.5 for an option, unless it begins with a blank.
@@ -136,28 +146,39 @@ def numbers(text: str) -> list[float]:
 
 
 def _add_options_of_run(parser: Any) -> None:
-    group = parser.add_argument_group("body: a picture of the paper, a file or all parameters")
+    group = parser.add_argument_group(
+        "system: one of --picture, --body, or all of its parameters (then --eps is required)"
+    )
     one = group.add_mutually_exclusive_group()
-    one.add_argument("--picture", type=int, choices=(1, 2, 3, 4), help="(2)")
-    one.add_argument("--body", type=Path, metavar="FILE.json", help="as to_dict() was written")
-    for name in _PARAMETERS:
+    one.add_argument("--picture", type=int, choices=(1, 2, 3, 4), help="of the paper (2)")
+    one.add_argument("--body", type=Path, metavar="FILE.json", help=_JSON)
+    for name, text in _PARAMETERS.items():
         kind, form = (numbers, "X,...") if name in "JI" else (float, "X")
-        group.add_argument(f"--{name}", type=kind, metavar=form, default=argparse.SUPPRESS)
+        about = {"metavar": form, "default": argparse.SUPPRESS, "help": text}
+        group.add_argument(f"--{name}", type=kind, **about)
     group = parser.add_argument_group("initial states")
     one = group.add_mutually_exclusive_group()
-    many = "random ones (65536)"
+    many = "number of random starts (65536)"
     one.add_argument("--trajectories", type=integer, metavar="N", default=65_536, help=many)
-    one.add_argument("--omega0", type=numbers, action="append", metavar="X,...", help="given ones")
-    one.add_argument("--initial", type=Path, metavar="FILE.npy", help="one in each row")
-    group.add_argument("--extent", type=float, metavar="X", help="in [-X, X) (2)")
-    group.add_argument("--seed", type=integer, metavar="N", help="of random ones (0)")
+    one.add_argument(
+        "--omega0", type=numbers, action="append", metavar="X,...", help="a start; repeat for more"
+    )
+    one.add_argument("--initial", type=Path, metavar="FILE.npy", help="a start in each row")
+    group.add_argument(
+        "--extent", type=float, metavar="X", help="half-width of the box of starts (2)"
+    )
+    group.add_argument("--seed", type=integer, metavar="N", help="of random starts (0)")
     group = parser.add_argument_group("run")
     group.add_argument("--eps", type=fraction, metavar="X", help="step size (of the picture)")
-    group.add_argument("--steps", type=integer, default=1000, metavar="N", help="(1000)")
-    group.add_argument("--method", default="auto", help="of iterate (auto)")
-    group.add_argument("--threads", type=integer, metavar="N", help="(all)")
-    group.add_argument("--save-every", type=integer, metavar="K", help="(only the last state)")
-    group.add_argument("--attitude", action="store_true", help="the orientation, too")
+    group.add_argument(
+        "--steps", type=integer, default=1000, metavar="N", help="number of steps (1000)"
+    )
+    group.add_argument("--method", default="auto", help="as in iterate (auto)")
+    group.add_argument("--threads", type=integer, metavar="N", help="number of threads (all)")
+    group.add_argument(
+        "--save-every", type=integer, metavar="K", help="save every K-th state (only the last)"
+    )
+    group.add_argument("--attitude", action="store_true", help="compute the orientation, too")
     group.add_argument("-o", "--output", type=Path, metavar="FILE", help=".npz or .zarr")
     group.add_argument("--force", action="store_true", help="replace what is there")
     group.add_argument("--json", action="store_true", help="print JSON, for programs")

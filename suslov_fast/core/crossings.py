@@ -35,7 +35,7 @@ def keep(places, n, values, states, most, counts, integers, numbers):
         for j in range(D):
             numbers[count, j] = states[k, i, j]
             numbers[count, D + j] = states[k + 1, i, j]
-        # Of halves where the difference may be beyond the range.
+        # Halve both where a - b could overflow.
         scale = 1.0 if max(abs(a), abs(b)) < 2.0**1023 else 0.5
         numbers[count, 2 * D] = scale * a / (scale * a - scale * b)
         counts[i] += 1

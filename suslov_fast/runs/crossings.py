@@ -123,7 +123,7 @@ class Crossings:
         def __getattr__(self, name: str) -> Any:
             """Raise an AttributeError that says where else a name is to be found."""
             if name in _INSTEAD:
-                raise AttributeError(f"{name}: expected {_INSTEAD[name]}, got no such attribute")
+                raise AttributeError(f"no attribute {name!r}: use {_INSTEAD[name]}")
             text = f"crossings have no attribute {name!r}"
             raise AttributeError(text, name=name, obj=self)
 

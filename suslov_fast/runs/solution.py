@@ -36,7 +36,7 @@ def exact(
     Parameters
     ----------
     body : Suslov3D, SuslovND or SuslovGyrostat
-        In n dimensions an integrable one; others raise :class:`NotIntegrableError`.
+        In n dimensions it must be integrable, else :class:`NotIntegrableError`.
     omega0, eps, threads
         As in :func:`iterate`.
     n : array_like(float, shape=() or (N,))

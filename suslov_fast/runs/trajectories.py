@@ -29,7 +29,7 @@ _INSTEAD = {
         "run.to_xarray().sel(...), which finds trajectories by the value of a parameter, or "
         "run.{x}[:, k], the states of trajectory k",
     ),
-    "t": "run.time, the times of the saved states, (n_saved,); t of the paper is run.criticality()",
+    "t": "run.time, the times of the saved states; t of the paper is run.criticality()",
     **dict.fromkeys(
         ("y", "u", "X", "values", "data", "trajectory", "trajectories", "solution", "sol"),
         "run.{x}, the states with time on the first axis, so that y of solve_ivp is run.{x}.T",
@@ -203,14 +203,16 @@ class Trajectories:
             if "states" in vars(self):
                 x = self.map.variable
                 if name in ("omega", "x"):
-                    raise AttributeError(f"{name}: expected {x}, as states are called")
+                    raise AttributeError(
+                        f"no attribute {name!r}: the states of this run are run.{x}"
+                    )
                 instead = _INSTEAD.get(name, "").format(x=x)
                 if name in self.body._labels:
                     instead = f"run.{x}[..., {self.body._labels.index(name)}]"
                 elif name in import_module("suslov_fast").__all__:
                     instead = f"suslov_fast.{name}(run.body, run.{x}, ...)"
                 if instead:
-                    raise AttributeError(f"{name}: expected {instead}, got no such attribute")
+                    raise AttributeError(f"no attribute {name!r}: use {instead}")
             raise AttributeError(received, name=name, obj=self)
 
     def __dir__(self) -> list[str]:

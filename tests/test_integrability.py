@@ -1079,6 +1079,7 @@ def test_ctrl_c_without_a_limit(monkeypatch):
     assert repr(report(CYCLE, EPS)) == repr(here)  # an application cannot start Python
     monkeypatch.setattr(process.sys, "frozen", False)
     monkeypatch.setattr(process, "_START", "import time\ntime.sleep(1000)")
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may ignore it
     # As of a terminal: another thread's signal would not wake this one.
     whom = threading.main_thread().ident
     timer = threading.Timer(0.2, signal.pthread_kill, [whom, signal.SIGINT])
@@ -1086,6 +1087,7 @@ def test_ctrl_c_without_a_limit(monkeypatch):
     with pytest.raises(KeyboardInterrupt) as stopped:
         report(CYCLE, EPS)
     timer.join()
+    signal.signal(signal.SIGINT, before)
     assert not stopped.value.report.finished
 
 

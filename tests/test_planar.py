@@ -65,7 +65,7 @@ HENON = rational_map(
     [
         (kahan(*ZOO["Nahm, octahedral"]), [2, 4, 4], 0, "x - 1", True),
         (kahan(ICOSAHEDRAL, THIRD), [2, 3, 6], 0, "x - 1", True),
-        (kahan(TETRAHEDRAL), [3, 3, 3], 0, "x - 1", False),
+        (kahan(TETRAHEDRAL), [3, 3, 3], 0, "x - 1", True),
         (kahan(QUARTIC, THIRD), [None, None, 4], 0.656256, "x^4 - x^3 - x^2 - x - 1", True),
         (kahan(QUARTIC), [None, None, 4], 0.656256, "x^4 - x^3 - x^2 - x - 1", True),
         (

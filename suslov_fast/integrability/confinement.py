@@ -40,7 +40,7 @@ def is_proved(plane: Plane, number: int, passage: Passage) -> bool:
         return passage.steps is None
     if plane.degrees[number] == 1:
         return _is_exact_on_a_line(plane, number, passage)
-    if plane.letter or any(passage.common[:-1]) or passage.steps is None:
+    if any(passage.common[:-1]) or passage.steps is None:
         return False
     return _is_exact_in_a_field(plane, number, passage)
 
@@ -119,55 +119,70 @@ def _is_constant(x: Sequence[Any], of: Any) -> bool:
 
 
 def _is_exact_in_a_field(plane: Plane, number: int, passage: Passage) -> bool:
-    """Follow the orbit of a point of a curve, in the number field of its coordinates."""
-    rng = random.Random(number)
-    ends = [flint.fmpq_poly([rng.randrange(2, 50), rng.randrange(2, 50)]) for _ in range(3)]
-    modulus = _value(plane.curves[number], ends, None)
-    x = ends
-    if modulus.degree() < 1:
+    """Follow the orbit of a point of a curve, with coordinates in a field with this point."""
+    field = _Field(plane, number)
+    if field.modulus is None:
         return False
-    # A factor may belong to a component; conjugate ones behave alike.
-    numerators = flint.fmpz_poly([int(c) for c in (modulus * modulus.denom()).coeffs()])
-    modulus = flint.fmpq_poly(numerators.factor()[1][0][0].coeffs())
+    x = field.start
     for k in range(len(passage.common) + 1):
         if k:
             orders = [*zip(plane.curves, passage.met[k - 1], strict=True)]
             orders += [(F, passage.common[k - 1]) for F in plane.forms]
-            if not all(_has_multiplicity(P, order, x, modulus) for P, order in orders):
+            if not all(_has_multiplicity(P, order, x, field) for P, order in orders):
                 return False
-        y = [_value(F, x, modulus) for F in plane.forms]
-        pivot = next((a for a in y if a != 0), None)
-        if (pivot is None) != (k == len(passage.common)):
-            return False
-        if pivot is None:
-            return True
-        common, inverse, _ = pivot.xgcd(modulus)
-        if common.degree() > 0:
-            return False
-        x = [a * inverse / common[0] % modulus for a in y]
-        if max(int(abs(c.p)).bit_length() for a in x for c in a.coeffs()) > _BITS:
+        y = field.values(plane.forms, x)
+        is_base_point = all(a == 0 for a in y)
+        if is_base_point or k == len(passage.common):
+            return is_base_point and k == len(passage.common)
+        x = _without_content(y, field.of)
+        if _size(x) > _BITS or sum(map(len, x)) > _MONOMIALS:
             return False
     return False
 
 
-def _has_multiplicity(P: Any, order: int, x: Sequence[Any], modulus: Any) -> bool:
+def _has_multiplicity(P: Any, order: int, x: Sequence[Any], field: _Field) -> bool:
     """Return True if all derivatives of a form below this order vanish at a point."""
-    forms = [P] if order else []
+    forms, first = [P] if order else [], P.context().nvars() - 3
     for _ in range(order - 1):
-        forms = [each.derivative(j) for each in forms for j in range(3)]
-    return all(_value(each, x, modulus) == 0 for each in forms)
+        forms = [each.derivative(first + j) for each in forms for j in range(3)]
+    return all(a == 0 for a in field.values(forms, x))
 
 
-def _value(P: Any, x: Sequence[Any], modulus: Any) -> Any:
-    """Return the value of a form at elements of a number field, polynomials modulo another one."""
-    total = flint.fmpq_poly([0])
-    for e, c in P.to_dict().items():
-        term = flint.fmpq_poly([int(c)])
-        for a, power in zip(x, e, strict=True):
-            term *= a ** int(power)
-            term = term if modulus is None else term % modulus
-        total += term
-    return total
+class _Field:
+    """The field of the coordinates of a point of a curve: polynomials in s modulo another one.
+
+    Their coefficients are integers, or polynomials in eps; homogeneous coordinates need no others.
+    """
+
+    def __init__(self, plane: Plane, number: int) -> None:
+        names = ["eps"] * plane.letter + ["s"]
+        self.of = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
+        *self._eps, s = self.of.gens()
+        self.start = [2 + 3 * s, 5 + 7 * s, 11 - 4 * s]
+        self.modulus: Any = None  # of a point of one component; conjugate ones behave alike
+        on_line = plane.curves[number].compose(*self._eps, *self.start, ctx=self.of)
+        for factor, _ in arithmetic.factors(on_line):
+            if _degree_in_s(factor) > 0:
+                self.modulus = factor
+
+    def values(self, forms: Sequence[Any], x: Sequence[Any]) -> list[Any]:
+        """Return the values of forms at a point, times a common factor."""
+        found = [F.compose(*self._eps, *x, ctx=self.of) for F in forms]
+        n, (*_, s) = _degree_in_s(self.modulus), self.of.gens()
+        leading = self._coefficient(self.modulus, n)
+        for k in range(max(map(_degree_in_s, found), default=0), n - 1, -1):
+            found = [
+                leading * P - self._coefficient(P, k) * s ** (k - n) * self.modulus for P in found
+            ]
+        return found
+
+    def _coefficient(self, P: Any, k: int) -> Any:
+        terms = {(*e[:-1], 0): c for e, c in P.to_dict().items() if e[-1] == k}
+        return self.of.from_dict(terms)
+
+
+def _degree_in_s(P: Any) -> int:
+    return max((int(e[-1]) for e in P.monoms()), default=-1)
 
 
 # An orbit that never comes to a point without an image.

@@ -201,3 +201,30 @@ def test_columns_are_orthonormalised_in_time(rng, linear, eps, tolerance):
     found = sf.lyapunov_exponents(field, x, eps, 40)
     for k in (0, 19):
         np.testing.assert_allclose(found[k], exponents_by_qr(field, x[k], eps, 40), atol=tolerance)
+
+
+@pytest.mark.parametrize("by_jacobian", [False, True])
+def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian):
+    """Its answer is ignored."""
+    if by_jacobian:
+        formula = sf.maps.MAPS["Kahan"].formulas["lyapunov_exponents"]
+        instead = formula._replace(compute=derivatives.growth_by_jacobian)
+        monkeypatch.setitem(sf.maps.MAPS["Kahan"].formulas, "lyapunov_exponents", instead)
+    monkeypatch.setattr(derivatives, "_STRETCH", 2**12)
+    family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[1, 0, 2] * 30)
+    starts, seen = rng.normal(size=(90, 2)), []
+
+    def progress(done, total):
+        seen.append((done, total))
+        return False
+
+    found = sf.lyapunov_exponents(family, starts, 0.1, 40, transient=5, progress=progress)
+    np.testing.assert_array_equal(
+        found, sf.lyapunov_exponents(family, starts, 0.1, 40, transient=5)
+    )
+    assert seen == sorted(seen)
+    assert len(seen) > 3
+    assert seen[-1] == (45, 45)
+    assert sf.lyapunov_exponents(family, np.empty((0, 1, 2)), 0.1, 4, progress=progress).size == 0
+    with pytest.raises(TypeError, match=r"^progress: expected True"):
+        sf.lyapunov_exponents(family, starts, 0.1, 40, progress=len)

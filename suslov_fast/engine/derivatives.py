@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray
 from ..core import tangent
 from .arguments import ALL, Problem, by_zeros, flat_arrays, in_stages
-from .stretches import March
+from .stretches import March, Report
 from .threads import call_kernel
 
 # Operations of a call of a kernel; Ctrl-C is handled between calls.
@@ -76,9 +76,19 @@ class Growth(NamedTuple):
     failed_at: NDArray[np.int64]  # (B,)
 
 
-def growth(problem: Problem, steps: int, transient: int) -> Growth:
-    """Return the sums over steps after a transient, through which columns go, too."""
-    start = flat_arrays(problem.omega, problem.batch)
+def growth(problem: Problem, steps: int, transient: int, report: Report | None = None) -> Growth:
+    """Return the sums over steps after a transient, through which columns go, too.
+
+    `report` takes the number of steps done, the mean over all trajectories.
+    """
+    start, done = flat_arrays(problem.omega, problem.batch), 0
+
+    def told(taken: int) -> None:
+        nonlocal done
+        done += taken
+        if report is not None:
+            report(done // len(start))
+
     whole: Any = _no_growth(len(start), start.shape[1])
     for where, (method, *parameters) in with_fields(problem):
         some, cost = start[where], tangent.operations_of(method)
@@ -93,7 +103,8 @@ def growth(problem: Problem, steps: int, transient: int) -> Growth:
             values, eps = _some(part, *parameters)
             given = tangent.arguments_of(method, values, eps, len(own))
             of_part = Growth(*(each[part] for each in found))
-            _grow(given, own, of_part, (transient, transient + steps), cost, problem.threads)
+            ends = transient, transient + steps
+            _grow(given, own, of_part, ends, cost, problem.threads, told)
         for k, of_some in enumerate(found):
             whole[k][where] = of_some
     growth: Growth = whole
@@ -105,9 +116,18 @@ def _no_growth(B: int, D: int) -> Growth:
 
 
 def _grow(
-    given: Any, x: FloatArray, found: Growth, ends: tuple[int, int], cost: int, threads: int | None
+    given: Any,
+    x: FloatArray,
+    found: Growth,
+    ends: tuple[int, int],
+    cost: int,
+    threads: int | None,
+    told: Callable[[int], None],
 ) -> None:
-    """Find the sums of `growth` for some trajectories, from the first end to the second."""
+    """Find the sums of `growth` for some trajectories, from the first end to the second.
+
+    `told` takes the number of steps of a call, those of all of these trajectories.
+    """
     (B, D), n = x.shape, 0
     carry, length = np.empty((B, 2 * D + D * D + 3)), max(_STRETCH // (cost * max(B, 1)), 1)
     for last in ends:
@@ -117,11 +137,14 @@ def _grow(
             # Threads are worth it for a twentieth of the operations that a kernel of Numba takes.
             work = cost * B * (span[1] - n) // 20
             call_kernel(tangent.growth, work, threads, given, x, carry, span, *found)
+            told(B * (span[1] - n))
             n = span[1]
     found.sums[found.status < 0] = np.nan
 
 
-def growth_by_jacobian(problem: Problem, steps: int, transient: int) -> Growth:
+def growth_by_jacobian(
+    problem: Problem, steps: int, transient: int, report: Report | None = None
+) -> Growth:
     """Return the sums of `growth` for any map, from its formula of the Jacobian."""
     compute = problem.map.formulas["jacobian"].compute
     start = np.broadcast_to(problem.omega, (*problem.batch, problem.body.dimension)).copy()
@@ -142,4 +165,6 @@ def growth_by_jacobian(problem: Problem, steps: int, transient: int) -> Growth:
             n += 1
             if n == transient:
                 sums, of_det = np.zeros((B, D)), np.zeros(B)
+        if report is not None:
+            report(n)
     return Growth(sums, of_det, march.status.reshape(B), march.failed_at.reshape(B))

@@ -19,7 +19,7 @@ from ..checks import (
 )
 from ..engine.arguments import AnyBody, BodyOrField, Method, Problem
 from ..engine.status import report_poles
-from ..engine.stretches import states_after
+from ..engine.stretches import Progress, reporter, states_after
 from ..formulas import Formula
 from ..maps import map_of, problem
 from .evaluation import evaluate, mask_and_warn
@@ -269,6 +269,7 @@ def lyapunov_exponents(
     *,
     method: Method = "auto",
     threads: int | None = None,
+    progress: Progress = None,
 ) -> FloatArray:
     """Lyapunov exponents of orbits over a number of steps.
 
@@ -286,6 +287,9 @@ def lyapunov_exponents(
     transient : int
         Number of steps before the mean begins; state and tangent vectors go through them, so that
         the mean has no term in 1 / steps.
+    progress : bool or callable, optional
+        True shows a bar (needs tqdm); a callable is called as ``progress(done, transient +
+        steps)``, with the mean over the batch of the steps done. Its answer is ignored.
 
     Returns
     -------
@@ -302,8 +306,8 @@ def lyapunov_exponents(
     """
     given, growth = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
-    with np.errstate(all="ignore"):
-        found = growth.compute(given, steps, transient)
+    with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
+        found = growth.compute(given, steps, transient, report)
         sums, of_det = found.sums, found.of_det
         others = sums[:, :-1].sum(axis=1)
         # The last follows from the others and the determinant, unless these are 0.

@@ -81,6 +81,15 @@ def test_families_with_several_axes():
     for i, j in product(range(3), range(3)):
         assert found[i, j].round(9).tolist() == [[a[i, 0], 0], [b[j], 10]]
     assert fixed_points(family[:, :0]).shape == (3, 0)
+    eps = [0.1, 0.2, 0.3]
+    rates = sf.multipliers(family, found, eps)
+    assert (rates.shape, rates.dtype) == ((3, 3), object)
+    for i, j in product(range(3), range(3)):
+        expected = sf.multipliers(family[i, j], found[i, j], eps[j])
+        np.testing.assert_array_equal(rates[i, j], expected)
+    found[1, 2] = found[1, 2] + 1
+    with pytest.raises(ValueError, match=r"member \(1, 2\) \(a=3.0, b=-5.0\)"):
+        sf.multipliers(family, found, eps)
 
 
 def test_cases_that_are_refused():

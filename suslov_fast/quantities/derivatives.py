@@ -155,16 +155,17 @@ def multipliers(
     body, eps, method
         As in :func:`jacobian`.
     x : array_like(float, shape=(..., D))
-        Fixed points of the map: steady states of a body, zeros of a field. For a family with one
-        axis also what :func:`fixed_points` returns, a list with an array (k, D) for each member.
+        Fixed points of the map: steady states of a body, zeros of a field. For a family also what
+        :func:`fixed_points` returns: an array (k, D) for each member, in a list or, for a family
+        with several axes, in an array of objects.
 
     Returns
     -------
     ndarray(float or complex, shape=(..., D)), or a list of them
         Dimensionless, in descending order of their moduli, of a conjugate pair the one with the
         positive imaginary part first; floats for a Suslov body, complex for a gyrostat or a field.
-        That along a line of steady states of a body is 1. Infinite at a pole. For a list of points
-        a list with an array (k, D) for each member.
+        That along a line of steady states of a body is 1. Infinite at a pole. For points of each
+        member an array (k, D) of each, as in x.
 
     Raises
     ------
@@ -186,21 +187,28 @@ def multipliers(
             raise wrong("x", f"a list of {len(body)} arrays, one for each member", len(points))
         in_list: OneOrEach = _of_each_member(body, points, eps, method)
         return in_list
+    if isinstance(points, np.ndarray) and points.dtype == object and points.shape == body.shape:
+        values: Any = np.empty(body.shape, object)
+        for i, each in enumerate(_of_each_member(body, [*points.flat], eps, method)):
+            values.flat[i] = each
+        in_array: OneOrEach = values
+        return in_array
     given = problem("multipliers", body, points, eps, method=method, name="x")
-    values: OneOrEach = _multipliers(*given)
-    return values
+    of_all: OneOrEach = _multipliers(*given)
+    return of_all
 
 
 def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike, method: str) -> Any:
     """Return the list of the multipliers at the points of each member, (k, D)."""
     step = np.asarray(real_number("eps", eps))
     if common_shape({"body": family.shape, "eps": step.shape}) != family.shape:
-        raise wrong("eps", f"a number, or one for each of {len(family)} members", step.shape)
+        raise wrong("eps", f"a number, or one for each of {len(points)} members", step.shape)
     steps = np.broadcast_to(step, family.shape)
     values = []
-    for i, member in enumerate(family):
-        of_member = problem("multipliers", member, points[i], steps[i], method=method, name="x")
-        values.append(_multipliers(*of_member, family._of_member(i)))
+    for each, index in zip(points, np.ndindex(family.shape), strict=True):
+        member, name = family[index], index if len(index) > 1 else index[0]
+        of_member = problem("multipliers", member, each, steps[index], method=method, name="x")
+        values.append(_multipliers(*of_member, family._of_member(name)))
     return values
 
 

@@ -256,7 +256,8 @@ def columns_of(D, W):
     are lanes of a vector; those of several lie an odd number of lines apart.
     """
     if W > 1:
-        return (2, (D + 1) // 2 * 2 + 1) if D > 1 else (1, 1)
+        at_once = min((4, 3, 2), key=lambda n: -(-D // n) * n) if D > 1 else 1
+        return at_once, -(-D // at_once) * at_once | 1
     at_once = min(4, 1 << (D - 1).bit_length())
     return at_once, -(-D // at_once) * at_once
 

@@ -101,6 +101,7 @@ class Memory(NamedTuple):
     columns: Any  # (W, D, D)
     carried: Any  # (W, 2)
     codes: Any  # (W,)
+    products: Any  # (3, W)
     half: Any  # (T,)
     after: Any  # (D,)
     of_step: Any
@@ -114,7 +115,7 @@ def memory_of(given, D):
     T, W = given.indices.shape[1], given.W
     return Memory(
         room((2 * D + LENGTHS + D * given.room, W)), room((W, D)), room((W, D, D)), room((W, 2)),
-        np.zeros(W, np.int64), room((T,)), room((D,)),
+        np.zeros(W, np.int64), room((3, W)), room((T,)), room((D,)),
         room((D, D + 1, 1)), room((D, 2 * D, 1)), room((2, D)),
     )  # fmt: skip
 
@@ -349,7 +350,9 @@ def growth(part, parts, given, x0, carry, span, sums, of_det, status, failed_at)
                 due = every
             due &= ~ignored
             if due:
-                orthonormalise(line[first:], line[D : 2 * D + LENGTHS], given.room, due)
+                orthonormalise(
+                    line[first:], line[D : 2 * D + LENGTHS], given.room, due, memory.products
+                )
             if always or due | outside:
                 take_logarithms(line[D : 2 * D + LENGTHS], sums, of_det, place * W, always)
         for l in range(lesser(W, B - place * W)):
@@ -366,32 +369,38 @@ def growth(part, parts, given, x0, carry, span, sums, of_det, status, failed_at)
 
 
 @function
-def orthonormalise(q, g, room, due):
+def orthonormalise(q, g, room, due, products):
     """Orthonormalise the columns q[i room + r, lane] of lanes, and multiply the lengths in g.
 
     Columns may be 0; no volume shows how others grow beside such a column, so that it is 0.
+    `products` (3, W) is memory.
     """
-    D = len(g) - LENGTHS
-    for l in range(q.shape[1]):
-        if (due >> l) & 1 == 0:
-            continue
-        g[VOLUME, l] = 1.0
-        for r in range(D):  # the modified Gram-Schmidt method
-            product = 0.0
+    D, W = len(g) - LENGTHS, q.shape[1]
+    is_due, part, product = products
+    for l in range(W):
+        is_due[l] = 1.0 if (due >> l) & 1 else 0.0
+        g[VOLUME, l] = 1.0 if (due >> l) & 1 else g[VOLUME, l]
+    for r in range(D):  # the modified Gram-Schmidt method
+        product[:] = 0.0
+        for i in range(D):
+            for l in range(W):
+                product[l] += q[i * room, l] * q[i * room + r, l]
+        for s in range(r):
+            for l in range(W):
+                part[l], product[l] = product[l] * is_due[l], 0.0
             for i in range(D):
-                product += q[i * room, l] * q[i * room + r, l]
-            for s in range(r):
-                part, product = product, 0.0
-                for i in range(D):
-                    x = q[i * room + r, l] - part * q[i * room + s, l]
+                for l in range(W):
+                    x = q[i * room + r, l] - part[l] * q[i * room + s, l]
                     q[i * room + r, l] = x
-                    product += q[i * room + s + 1, l] * x
-            length = np.sqrt(product)  # of the column with itself
+                    product[l] += q[i * room + s + 1, l] * x
+        for l in range(W):
+            length = np.sqrt(product[l]) if is_due[l] > 0.0 else 1.0  # of the column with itself
             g[LENGTHS + r, l] *= length
             g[VOLUME, l] *= 0.0 if length == 0.0 else 1.0
-            inverse = 0.0 if length == 0.0 else 1.0 / length
-            for i in range(D):
-                q[i * room + r, l] *= inverse
+            part[l] = 0.0 if length == 0.0 else 1.0 / length
+        for i in range(D):
+            for l in range(W):
+                q[i * room + r, l] *= part[l]
 
 
 @function

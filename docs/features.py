@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import suslov_fast as sf
-from suslov_fast.maps import map_of
+from suslov_fast.maps import MAPS, map_of
 
 PAGE = Path(__file__).parent / "index.md"
 TABLE = re.compile(
@@ -106,7 +106,15 @@ def table():
     lines.append(
         ["`attitude=True`", *("yes" if "attitude" in each.formulas else "no" for each in records)]
     )
-    methods = [", ".join(f'`"{method}"`' for method in each.methods) for each in records]
+    methods = [
+        ", ".join(
+            f'`"{method}"`'
+            for map in MAPS.values()
+            if map.body is record.body
+            for method in map.methods
+        )
+        for record in records
+    ]
     lines.append(["methods of `iterate`", *methods])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 

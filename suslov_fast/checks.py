@@ -239,9 +239,9 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
     return number
 
 
-def one_of(name: str, value: Any, choices: Collection[str]) -> str:
+def one_of(name: str, value: Any, choices: Collection[str], instead: str = "") -> str:
     if not isinstance(value, str) or value not in choices:
-        raise wrong(name, f"one of {', '.join(map(repr, choices))}", short(value))
+        raise wrong(name, f"one of {', '.join(map(repr, choices))}", short(value) + instead)
     return value
 
 

@@ -173,7 +173,7 @@ def _add_options_of_run(parser: Any) -> None:
     group.add_argument(
         "--steps", type=integer, default=1000, metavar="N", help="number of steps (1000)"
     )
-    group.add_argument("--method", default="auto", help="as in iterate (auto)")
+    group.add_argument("--method", default="auto", help="of a field also order4 to order8 (auto)")
     group.add_argument("--threads", type=integer, metavar="N", help="number of threads (all)")
     group.add_argument(
         "--save-every", type=integer, metavar="K", help="save every K-th state (only the last)"

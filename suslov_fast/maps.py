@@ -154,13 +154,14 @@ class Map:
     def formula(self, name: str, body: Any) -> Formula:
         """Return the formula of a public function; an error if there is none for this body."""
         if name not in self.formulas:
-            having = [record.body for record in MAPS.values() if name in record.formulas]
-            names = dict.fromkeys(kind.__name__ for kind in having)
-            received = checks.kind_of(body)
             if self is not map_of(body):
-                received = f"{self.title}, which has no {name}"
-                received += ": use energy, which varies" if name == "modified_energy" else ""
-            elif isinstance(body, tuple(having)):
+                received = f"{', '.join(self.methods)}: {self.title}, which has no {name}"
+                if name == "modified_energy" and "energy" in self.functions(body):
+                    received += ": use energy, which varies along orbits"
+                raise checks.wrong("method", "auto", received, TypeError)
+            having = dict.fromkeys(each.body for each in MAPS.values() if name in each.formulas)
+            received, names = checks.kind_of(body), [kind.__name__ for kind in having]
+            if isinstance(body, tuple(having)):
                 received += f", whose map ({self.title}) has no {name}"
             else:
                 received += getattr(body, "_instead", "") or INSTEAD.get(name, "")
@@ -253,7 +254,9 @@ def map_of(body: Any, method: str = "auto") -> Map:
         if isinstance(body, Body):
             received += ", a class without a record of its own: see maps.register"
         raise checks.wrong("body", " or ".join(dict.fromkeys(kinds)), received, TypeError)
-    return by_method[checks.one_of("method", method, by_method)]
+    of_fields = ", a method of fields: QuadraticField.of(body) is that of a body"
+    instead = of_fields if method in [*_methods_of(QuadraticField)] else ""
+    return by_method[checks.one_of("method", method, by_method, instead)]
 
 
 def _methods_of(kind: Any) -> dict[str, Map]:

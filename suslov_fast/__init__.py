@@ -16,7 +16,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-__version__ = "0.7.0"
+__version__ = "0.8.0"
 
 # The imports in `__init__.pyi` list the public names; the package may be in an archive.
 _LIST = __loader__.get_data(str(Path(__file__).with_suffix(".pyi"))).decode()

@@ -367,15 +367,7 @@ def test_every_kind_can_be_called_at_a_prompt(rng):
         assert (y[lead : lead + 16] == b.T.ravel()).all()
         y[:] = 0
     assert llvm.uncounted(x) is x
-    assert (llvm.flat(b) == x).all()
     assert llvm.block_of(2, 8)().shape == (2, 8)
-    llvm.store_pairs(y, 0, b, 0, 0)
-    c, d = np.zeros((3, 8)), np.zeros((3, 20))
-    llvm.load_pairs(c, 1, 0, y, 0)
-    llvm.copy_row(c, 2, d, 1, 5, 7)
-    assert (c[1:] == b).all()
-    assert (d[1, 5:12] == b[1, :7]).all()
-    y[:] = 0
     # Arguments that a person gets wrong are errors: numbers beside a line, and beyond the end.
     rows.write_pairs(b, 0, y, lead, 8, lead + 1)
     assert (y[lead : lead + 16] == b.T.ravel()).all()

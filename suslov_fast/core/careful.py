@@ -10,7 +10,7 @@ from numba import carray, types
 from .codes import OK, PASSED_POLE
 from .elimination import solve
 from .generated import COUNT, ENDED, LINES, PASSED, SLOTS, STAGES, X
-from .llvm import address_as_pointer, room
+from .llvm import address_as_pointer
 from .numba import c_function, function, inlined
 
 # Slots of a job for `careful`, after those of the machine code, and their number.
@@ -21,7 +21,7 @@ from .numba import c_function, function, inlined
 @inlined
 def memory_of_lane(D, columns):
     """Return a system with these right sides, units and a state: the memory of `solve_lane`."""
-    return room((D, D + columns, 1)), room((2, D)), room((D,))
+    return np.empty((D, D + columns, 1)), np.empty((2, D)), np.empty((D,))
 
 
 @function

@@ -47,7 +47,7 @@ import math
 
 import numpy as np
 
-from .llvm import block_of, flat
+from .llvm import block_of
 from .numba import are_common, formula, inlined, kernel, lesser, pick, select, share, universal
 from .rows import alignment, write_pairs
 from .steps_3d import FIRST, LANES, RANGE, ZERO_TO_ROUNDING, one_step
@@ -344,7 +344,7 @@ def states(part, parts, parameters, omega0, discrete, n, out, reasons):
 
     A block is `width` trajectories at `abreast` n, so that few trajectories fill the lanes, too.
     """
-    B, N, target, b = len(omega0), len(n), flat(out), new_block()
+    B, N, target, b = len(omega0), len(n), out.reshape(-1), new_block()
     abreast, started = LANES // B if 0 < B < LANES else 1, -1
     lead, shift, shared = alignment(out, FIRST, B, LANES)
     own = LANES - shared

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from .codes import NONFINITE, OK, SINGULAR
-from .llvm import for_size, room
+from .llvm import for_size
 from .numba import formula, function, inlined, lesser, select
 
 # Rows of b: the least pivot; the largest modulus that the diagonal had, at least 1; 1 if the lane
@@ -109,7 +109,7 @@ def accept(a, x, b, lanes):
 @inlined
 def memory_of_one(m):
     """Return `a` and `units` for `solve`, with one right side."""
-    return room((m, m + 1, 1)), room((2, m))
+    return np.empty((m, m + 1, 1)), np.empty((2, m))
 
 
 @function

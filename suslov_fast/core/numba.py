@@ -16,8 +16,6 @@ NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other. A lo
   need not test whether arrays overlap; indices that do not begin at 0 are unsigned,
 - it calls formulas without branches (`select`), and nothing of the C library.
 
-Where numbers of rows or lanes are not constant, loops go by lines of lanes (`llvm`).
-
 All of them can be called from Python; `.py_func` is the Python function that was compiled. Constant
 integers have types of their own: a function that takes one is compiled for each value.
 """

@@ -8,8 +8,9 @@ r_n + c (r.b - |b|**2 r_n)   and   r - c (r.b + r_n) b,   with c = 2 / (1 + |b|*
 Rounding errors are removed at each state whose index is a multiple of CLEAN_EVERY.
 """
 
+import numpy as np
+
 from .elimination import larger
-from .llvm import room
 from .numba import function, kernel, share
 
 SQUARE, ALONG, QUARTER = range(3)  # rows of numbers of lanes: |b|**2; r.b; and eps / 4
@@ -30,8 +31,8 @@ def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns)
     """
     count, B, D = omega.shape
     lanes = min(64 if D < 8 else 8, (max(B, 1) + 7) // 8 * 8)
-    r, b, c = room((D + 1, D + 1, lanes)), room((D, lanes)), room((3, lanes))
-    gram, cleaned = room(r.shape), room(r.shape)
+    r, b, c = np.empty((D + 1, D + 1, lanes)), np.empty((D, lanes)), np.empty((3, lanes))
+    gram, cleaned = np.empty(r.shape), np.empty(r.shape)
     first_block, last_block = share((B + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = block * lanes, next_row

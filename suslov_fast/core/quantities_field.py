@@ -5,7 +5,8 @@ step sizes (B,), used or not, and states (B, D). Terms of a Hamiltonian are v x_
 of a block are lanes. `tangent` has what is computed by elimination.
 """
 
-from .llvm import room
+import numpy as np
+
 from .numba import formula, function, inlined, lesser, universal
 
 LANES = 128
@@ -33,7 +34,7 @@ def term(places, t):
 @universal(FIELD + "(b,d)")
 def vector_field(places, values, eps, x, out):
     D = x.shape[1]
-    y, f = room((D + 1, LANES)), room((D, LANES))
+    y, f = np.empty((D + 1, LANES)), np.empty((D, LANES))
     for first in range(0, len(x), LANES):
         count = read_states(x, first, y)
         for i in range(D):
@@ -64,8 +65,8 @@ def cubic_form(places, values, eps, x, z, out):
 def add_terms(places, values, x, z, out):
     """Fill the sum of v x_i x_j z_k, where z is x if it is None."""
     D = x.shape[1]
-    y, h = room((D + 1, LANES)), room((LANES,))
-    after = y if z is None else room((D + 1, LANES))
+    y, h = np.empty((D + 1, LANES)), np.empty((LANES,))
+    after = y if z is None else np.empty((D + 1, LANES))
     for first in range(0, len(x), LANES):
         count = read_states(x, first, y)
         if z is not None:

@@ -1,6 +1,6 @@
 """Copies of rows of blocks to saved states: pairs of numbers, by cache lines."""
 
-from .llvm import LINE, store_pairs, stream_pairs
+from .llvm import LINE, stream_pairs
 from .numba import STREAM_FROM, formula, function, lesser
 
 
@@ -24,10 +24,7 @@ def alignment(out, begin, batch, lanes):
 @formula
 def store_rows(b, row, flat, place, count):
     """Interleave b[row, :count] and b[row + 1, :count] into flat[place : place + 2 * count]."""
-    in_lines = count // LINE * LINE
-    for l in range(0, in_lines, LINE):
-        store_pairs(flat, place + 2 * l, b, row, l)
-    for l in range(in_lines, count):
+    for l in range(count):
         flat[place + 2 * l], flat[place + 2 * l + 1] = b[row, l], b[row + 1, l]
 
 

@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .codes import NONFINITE, SINGULAR, SUPERCRITICAL
-from .llvm import LINE, block_of, copy_row, flat, load_pairs
+from .llvm import block_of
 from .numba import are_common, formula, inlined, kernel, lesser, pick, select, share
 from .rows import alignment, store_rows, write_pairs
 
@@ -250,16 +250,14 @@ def fill_frames(b, lanes, first, width, parameters):
 
 
 @inlined
-def start_lanes(b, lanes, first, width, given, status, failed_at):
+def start_lanes(b, lanes, first, width, omega0, status, failed_at):
     """Fill lanes with trajectories from `first` on, at state 0; return how many have the plain
     form, all if it is one trajectory. Lanes beyond `width` repeat the first.
     """
     plains, flagged = 0, 0
-    for l in range(0, LANES if width == LANES else 0, LINE):
-        load_pairs(b, STATE, l, given, 2 * (first + l))
-    for l in range(lanes if width < LANES else 0):
-        i = 2 * (first + (l if l < width else 0))
-        b[W1, l], b[W2, l] = given[i], given[i + 1]
+    for l in range(lanes):
+        i = first + (l if l < width else 0)
+        b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
     for l in range(LANES):
         frame, w1, w2 = frame_at(b, l), b[W1, l], b[W2, l]
         X, Y = scaled(frame, b[E_, l], b[I13_, l], b[I23_, l], b[K_, l], w1, w2)
@@ -343,7 +341,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
     status, failed_at   (B,), OK and -1 at first; changed at the first failure
     """
     begin, end, start, stop, every, first_row = span
-    B, given, out, b = len(omega0), flat(omega0), flat(saved), new_block()
+    B, out, b = len(omega0), saved.reshape(-1), new_block()
     first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
     few = end - begin <= FEW
     abreast = ONE if few else LANES
@@ -364,7 +362,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
         if not common or first == begin:
             fill_frames(b, abreast, first, width, parameters)
         if start == 0:
-            plains = start_lanes(b, abreast, first, width, given, status, failed_at)
+            plains = start_lanes(b, abreast, first, width, omega0, status, failed_at)
         else:
             plains = continue_lanes(b, abreast, first, width, carry)
         b[EXIST, FIRST], b[POLE, FIRST] = 0.0, 0.0
@@ -395,9 +393,10 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
                 take_steps(b, LANES, plains, n, pause)
             n = pause
         if plains == LANES:
-            store_rows(b, STATE, flat(final), 2 * first, last - first)
+            store_rows(b, STATE, final.reshape(-1), 2 * first, last - first)
             for j in range(CARRIED_BY_PLAIN):
-                copy_row(b, j, carry, j, first, last - first)
+                for l in range(last - first):
+                    carry[j, first + l] = b[j, l]
         for l in range(last - first if plains < LANES else 0):
             i = first + l
             may_fail = b[KIND, l] != PLAIN and status[i] >= 0

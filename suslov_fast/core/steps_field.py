@@ -23,7 +23,7 @@ import numpy as np
 from .careful import careful, solve_lane, step_carefully
 from .codes import NONFINITE, OK, PASSED_POLE
 from .generated import WIDTH, text_of_step, text_of_steps
-from .llvm import call_code, room
+from .llvm import call_code
 from .machine_code import LARGE, MANY, Callback, code_of
 from .numba import STREAM_FROM, Kernel, function
 from .operations import Step, evaluate
@@ -77,7 +77,7 @@ def system_of(indices, half, D):
 def field_memory(system):
     """The memory of `field_step_of_one`."""
     D = system.dimension
-    return room((D, D + 1, 1)), room((2, D)), room((D,))
+    return np.empty((D, D + 1, 1)), np.empty((2, D)), np.empty((D,))
 
 
 @function

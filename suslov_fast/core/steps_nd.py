@@ -37,7 +37,6 @@ import numpy as np
 
 from .codes import NONFINITE, OK, PASSED_POLE
 from .elimination import TO_SOLVE, accept, eliminate, memory_of_one, solve
-from .llvm import room
 from .numba import formula, function, inlined, kernel, lesser, select, share
 from .rows import write_states
 
@@ -220,7 +219,7 @@ def nd_step_of_one(system, given, out, memory):
 def nd_memory(system):
     """The memory of `nd_step_of_one`."""
     m = system.dimension
-    return room((4, m + m % 2, 1)), room((ROWS, 1)), memory_of_one(m)
+    return np.empty((4, m + m % 2, 1)), np.empty((ROWS, 1)), memory_of_one(m)
 
 
 class NDSystem(NamedTuple):
@@ -258,8 +257,8 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
     lanes = lanes_of_nd(m, last - first)
-    c, b, one = room((4, m + m % 2, lanes)), room((ROWS, lanes)), memory_of_one(m)
-    a = None if by_elimination is None else room((m, m + 1, lanes))
+    c, b, one = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
+    a = None if by_elimination is None else np.empty((m, m + 1, lanes))
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row

@@ -42,7 +42,7 @@ from .generated import (
     columns_of,
     text_of_tangent,
 )
-from .llvm import call_code, room, uncounted
+from .llvm import call_code, uncounted
 from .machine_code import LARGE, code_of
 from .numba import function, inlined, kernel, lesser, share
 from .operations import Tangent, evaluate
@@ -114,9 +114,10 @@ def memory_of(given, D):
     """Return the memory of a thread."""
     T, W = given.indices.shape[1], given.W
     return Memory(
-        room((2 * D + LENGTHS + D * given.room, W)), room((W, D)), room((W, D, D)), room((W, 2)),
-        np.zeros(W, np.int64), room((3, W)), room((T,)), room((D,)),
-        room((D, D + 1, 1)), room((D, 2 * D, 1)), room((2, D)),
+        np.empty((2 * D + LENGTHS + D * given.room, W)),
+        np.empty((W, D)), np.empty((W, D, D)), np.empty((W, 2)),
+        np.zeros(W, np.int64), np.empty((3, W)), np.empty((T,)), np.empty((D,)),
+        np.empty((D, D + 1, 1)), np.empty((D, 2 * D, 1)), np.empty((2, D)),
     )  # fmt: skip
 
 
@@ -267,7 +268,7 @@ def jacobians(part, parts, given, x, out):
 def determinants(indices, halves, x, out):
     """Fill out (B,) with det A at states x (B, D), by partial pivoting; 0 to rounding is 0."""
     D = x.shape[1]
-    system, units = room((D, D, 1)), room((2, D))
+    system, units = np.empty((D, D, 1)), np.empty((2, D))
     for k in range(len(x)):
         fill_system(indices, halves[k % len(halves)], 1.0, x[k], system)
         solve(system, units)

@@ -47,12 +47,12 @@ OWN = "your own `prange` loop over `compiled."
 LAST = "`iterate(..., save_every=None)`"
 # Slow peers do a part of the work; the last number is that of divisions per step.
 for key, whose, label, function, part, quotients in (
-    ("exact", OURS, "`exact`, for the steps that it replaces", at, 1, None),
+    ("exact", OURS, "`exact`, counting the steps it makes unnecessary", at, 1, None),
     ("iterate", OURS, LAST, last, 1, 1),
     ("own-lanes", OURS, f"{OWN}advance`, 64 orbits at once", "own_loops.in_lanes", 1, 1),
     ("c-projective", C, f"{FREE}, {FOUR}", "c.projective", 1, 0.25),
     ("c-free", C, FREE, "c.parameter_free", 1, 1),
-    ("c-printed", C, "C, as printed, two divisions", "c.as_printed", 1, 2),
+    ("c-printed", C, "C, formula (5) of the paper", "c.as_printed", 1, 2),
     ("numba-blocks", OTHERS, "Numba, parameter-free, in blocks", "numba_loops.in_blocks", 1, 1),
     ("numba", OTHERS, "Numba, `prange` over trajectories", "numba_loops.final", 16, None),
     ("numpy", NUMPY, "NumPy, over the batch", "numpy_batch.final", 64, None),

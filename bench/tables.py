@@ -10,7 +10,9 @@ from results import BENCH
 
 TABLE = re.compile(r"^<!-- ([\w ]+?)(?: by (.*?))?: (.*) -->$", re.M)
 FLOOR = re.compile(r"\{(\S+) / (\S+)\} \| ([≥≤]) ([\d.]+) \| \|")
-HEADLINE = ("iterate", "exact", "numba-blocks", "c-projective", "c-free", "c-printed", "numba")
+# README has these rows of some tables.
+SHORT = " in short"
+HEADLINES = "iterate", "exact", "c-free", "c-printed", "numba", "c", "heyoka", "taylor", "numpy"
 BEGIN, END = "<!-- begin of the tables -->", "<!-- end of the tables -->"
 
 
@@ -54,7 +56,7 @@ COLUMNS = {
     "of the divider": share,
     "of the fastest stores": share,
     "of a copy in C": share,
-    "of C as printed": beside("last_states-c-printed"),
+    "relative to C": beside("last_states-c-printed"),
     "times NumPy": beside("quantities-{}-numpy"),
     "of `numpy.linalg.solve`": beside("calls-solve", times=True),
     "of `iterate` and `numpy.save`": beside("stores-save-{1}", times=True),
@@ -64,8 +66,8 @@ COLUMNS = {
 
 def table(results, name, across, columns):
     """A table; with `across`, it has a line for each key and a column for each x."""
-    rows = results.of("last states" if name == "headline" else name)
-    rows = [row for row in rows if name != "headline" or row.key in HEADLINE]
+    rows = results.of(name.removesuffix(SHORT))
+    rows = [row for row in rows if not name.endswith(SHORT) or row.key in HEADLINES]
     headers, counts = columns.split(" | "), {row.threads for row in rows}
     cells = [COLUMNS.get(header) or rate(float(header.split()[0])) for header in headers]
     lines = [[named(row, counts), *(cell(results, row) for cell in cells)] for row in rows]

@@ -121,13 +121,6 @@ def test_the_readme(tmp_path, monkeypatch):
     assert (tmp_path / "pictures" / "picture4.png").exists()
 
 
-def test_the_summary_has_the_lines_that_the_command_prints(capsys):
-    assert main(["run", "--trajectories", "5", "--steps", "5"]) == 0
-    printed, (shown,) = capsys.readouterr().out, blocks(README, "text")
-    first, second = (re.findall(r"^.{1,16}", text, re.MULTILINE) for text in (printed, shown))
-    assert first == second
-
-
 def test_readme_is_short():
     assert README.read_text(encoding="utf-8").count("\n") <= 150
 

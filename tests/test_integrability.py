@@ -904,7 +904,7 @@ def test_what_reports_print_of_several_possibilities():
     # The search ends when all integrals that the relations show are written.
     assert report(EULER, EPS, 4).searched[-1].startswith("no more")
     assert "up to degree 2 with products" in report(PREY, EPS, 2).searched[-1]
-    assert [P.degree for P in report(SOLVED, EPS, 4).polynomials].count(1) == 2
+    assert [P.degree for P in report(SOLVED, EPS, 4).polynomials].count(1) == 4
     # Bounded, but only from the 17th iterate on.
     assert report(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2), 1).growth.kind == "bounded"
 
@@ -916,6 +916,10 @@ def test_products_of_polynomials_of_a_higher_degree_are_left_out():
     found = report(rolling, F(1, 3), 2)
     assert [P.degree for P in found.polynomials] == [1, 2, 2, 2, 4]
     assert_holds(found)
+    # x5^2 - 36 comes from a normal form, but both of its factors have cofactors.
+    body = report(*ZOO["Klebsch-Tisserand"], degree=2)
+    assert [len(P.factors) for P in body.polynomials] == [1] * 7
+    assert_holds(body)
 
 
 TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)

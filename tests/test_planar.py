@@ -95,6 +95,9 @@ def test_known_entropies(map, lengths, entropy, minimal, proved):
     assert (found.proved, found.entropy_error, found.reason) == (proved, 0, "")
     assert [*found.degrees[:10]] == degrees(map, 10)
     assert planar_entropy(map, seed=7) == found == pickle.loads(pickle.dumps(found))
+    assert found.root == pytest.approx(math.exp(entropy), abs=1e-5)
+    coefficients = {int(e): int(c) for (e,), c in found.minimal.to_dict().items()}
+    assert abs(sum(c * found.root**k for k, c in coefficients.items())) < 1e-9
     assert growth(found.degrees, planar=True).entropy == pytest.approx(found.entropy, abs=1e-3)
     for each in found.contractions:
         assert str(each) in repr(found)

@@ -1,6 +1,6 @@
 """Exact numbers, polynomials with integer coefficients, and linear algebra modulo primes.
 
-Polynomials are those of python-flint in x1, ..., xD, with `eps` before them if eps is a letter.
+Polynomials are those of python-flint in x1, ..., xD, with `eps` before them if eps is symbolic.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def fraction(a: Any) -> Fraction:
 
 
 def ring(n: int, letter: bool, context: Any = flint.fmpz_mpoly_ctx, *modulus: int) -> Any:
-    """Return the ring of polynomials in n variables, and in eps if it is a letter."""
+    """Return the ring of polynomials in n variables, and in eps if it is symbolic."""
     names = ["eps"] * letter + [f"x{i}" for i in range(1, n + 1)]
     return context.get(names, *modulus, ordering="deglex")
 
@@ -102,8 +102,8 @@ def degree_of(P: Any) -> int:
 def size(P: Any) -> tuple[Any, ...]:
     """Return the key by which polynomials are sorted, short ones first.
 
-    The monomials in x come before the coefficients, so that the order is the same if eps is a
-    letter and if it is a number.
+    The monomials in x come before the coefficients, so that the order is the same if eps is
+    symbolic and if it is a number.
     """
     first = int(has_letter(P))
     monomials = sorted({(-sum(e[first:]), *(-k for k in e[first:])) for e in P.monoms()})
@@ -113,7 +113,7 @@ def size(P: Any) -> tuple[Any, ...]:
 def primitive(P: Any) -> Any:
     """Return the multiple with coprime coefficients, the first of which is positive.
 
-    If eps is a letter, it is the first of the terms of lowest order in eps, so that the limit for
+    If eps is symbolic, it is the first of the terms of lowest order in eps, so that the limit for
     eps to 0 decides: a polynomial then has one sign wherever it stands.
     """
     P = P.primitive()[1]
@@ -233,7 +233,7 @@ def random_prime(rng: random.Random, bits: int = 62) -> int:
 def confirmed(rng: random.Random, compute: Callable[[int, int], Any]) -> Any:
     """Return the first result on which two primes agree, each with points or lines of its own.
 
-    The function is called with a prime and a random number in place of eps, if this is a letter.
+    The function is called with a prime and a random number in place of eps, if this is symbolic.
     """
     found: list[Any] = []
     for _ in range(DRAWS):

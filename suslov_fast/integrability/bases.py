@@ -27,7 +27,7 @@ class HKBasis:
 
     The rows of `basis`, `dimension` of them, are coefficients of relations along the orbit of
     `point`: the last nonzero entry of a row is 1, and 0 in the others; None if they are too long,
-    or eps is a letter. On random orbits, `independent` of the coefficients are independent first
+    or eps is symbolic. On random orbits, `independent` of the coefficients are independent first
     integrals. The quotients of `integrals` are first integrals too, and `complete` is True if as
     many of these are independent. `degree` is that of the monomials.
     """

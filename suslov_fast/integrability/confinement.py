@@ -1,7 +1,7 @@
 """Proofs of what becomes of a contracted curve: orders of a germ, and that an orbit never ends.
 
 Orders are exact for a line with rational coefficients, whose points are a + s b: the coordinates of
-the germ are then polynomials in s, and in eps if it is a letter. Those of conjugate lines are
+the germ are then polynomials in s, and in eps if it is symbolic. Those of conjugate lines are
 exact if they are multiplicities of the forms at the points of the orbit, which is computed in the
 number field of a point of the curve.
 """
@@ -233,7 +233,7 @@ def _never_ends_modulo(residues: Residues, number: int, passage: Passage) -> boo
 def _never_on_a_line(plane: Plane, number: int) -> str:
     """Decide about the orbit of a rational line on invariant lines, on which the map is Moebius.
 
-    If eps is a letter, one number in its place suffices.
+    If eps is symbolic, one number in its place suffices.
     """
     if plane.degrees[number] != 1:
         return ""

@@ -41,7 +41,7 @@ def darboux_polynomials(
     degree : int
         Largest degree of P.
     cofactor : number, RationalFunction or callable, optional
-        C: a rational number, a function that `cofactors` found, or, unless eps is a letter, one of
+        C: a rational number, a function that `cofactors` found, or, unless eps is symbolic, one of
         a tuple of fractions that returns a rational number. By default ``map.determinant``.
     seed : int, optional
         Seed of the random primes and points.

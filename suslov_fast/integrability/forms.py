@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Forms:
     """Normal forms of spaces of polynomials.
 
-    Those of a field with a number eps are those with the letter eps, at this number.
+    Those of a field with a number eps are those with a symbolic eps, at this number.
     """
 
     def __init__(self, invariants: Invariants) -> None:
@@ -68,13 +68,13 @@ class Forms:
         return basis, quotients(basis)
 
     def _here(self, P: Any) -> Any:
-        """Return a polynomial with the letter eps at its number, primitive."""
+        """Return a polynomial with a symbolic eps at its number, primitive."""
         map: Any = self.map
         f = factored(modulo(P, 0, arithmetic.fmpq(map.eps)))
         return replace(f, constant=Fraction(1)).quotient_in(map.ring)[0]
 
     def _lifted(self, value: int, degree: int) -> Any:
-        """Return the space with the letter eps; None if it is not found."""
+        """Return the space with a symbolic eps; None if it is not found."""
         map: Any = self.map
         if self._letter is None:
             self._letter = kahan(map.field)
@@ -87,7 +87,7 @@ class Forms:
             return None
 
     def _lifted_cofactor(self, cofactor: RationalFunction) -> RationalFunction | None:
-        """Return the product of factors of the map with the letter eps that is this cofactor."""
+        """Return the product of factors of the map with a symbolic eps that is this cofactor."""
         eps = self.map.eps  # type: ignore[attr-defined]
         left = {str(f): e for f, e in cofactor.factors}
         powers = []

@@ -43,7 +43,7 @@ class RationalFunction:
     cofactor: RationalFunction | None = None
 
     def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
-        """Return the value at a point; a function with the letter eps needs its value."""
+        """Return the value at a point; a function with a symbolic eps needs its value."""
         if self.has_letter and eps is None:
             raise TypeError("eps: expected a number, as in f(x, eps=Fraction(1, 3)), got None")
         point = [arithmetic.step_size(eps)] if self.has_letter else []
@@ -53,7 +53,7 @@ class RationalFunction:
 
     @property
     def has_letter(self) -> bool:
-        """True if eps is a letter."""
+        """True if eps is symbolic."""
         return any(arithmetic.has_letter(P) for P, _ in self.factors)
 
     def subs(self, eps: Any) -> RationalFunction:

@@ -43,7 +43,7 @@ class ImplicitIntegral:
     the larger of the degrees of its numerator and denominator on a generic line.
 
     Called with a point, D rational numbers or floats, it returns its exact value, a `Fraction`,
-    computed from one point of the orbit fewer than there are monomials. If eps is a letter, pass
+    computed from one point of the orbit fewer than there are monomials. If eps is symbolic, pass
     its value, as in ``integral(x, eps=Fraction(1, 3))``. A point at which the relation is not
     unique, or the denominator is 0, raises a `ZeroDivisionError`.
 
@@ -68,7 +68,7 @@ class ImplicitIntegral:
     basis: str = MODULAR
 
     def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
-        """Return the value at a point; if eps is a letter, at a value of eps."""
+        """Return the value at a point; if eps is symbolic, at a value of eps."""
         map = self.map
         if map.has_letter:
             if eps is None:

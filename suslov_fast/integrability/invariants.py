@@ -57,7 +57,7 @@ class Invariants:
         self.cofactors: dict[int, RationalFunction] = {1: RationalFunction(())}
         # Integrals in normal form, by the value of the cofactor of numerator and denominator.
         self.forms: dict[int, list[RationalFunction]] = {}
-        # Generators with the letter eps in place of its number, by formula.
+        # Generators with a symbolic eps in place of its number, by formula.
         self.lifts: dict[str, Any] = {}
         # Polynomials of equal cofactor, without one that is known.
         self.spaces: list[list[RationalFunction]] = []
@@ -178,7 +178,7 @@ class Invariants:
         return independent([*sorted(self._quotients(), key=_length), *products])
 
     def _product_in_normal_form(self, powers: Sequence[int]) -> RationalFunction:
-        """Return the integral of a relation, if possible that with the letter eps at its number."""
+        """Return the integral of a relation, if possible that with a symbolic eps at its number."""
         product = self._power_product(powers)
         pairs = [(str(g), e) for g, e in zip(self.generators, powers, strict=True) if e]
         if pairs and all(name in self.lifts for name, _ in pairs):

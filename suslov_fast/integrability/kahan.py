@@ -136,7 +136,7 @@ class KahanMap(RationalMap):
 
     @cached_property
     def degenerate_eps(self) -> tuple[Fraction, ...]:
-        """The rational eps without a map, or where det DPhi is 0 everywhere, if eps is a letter.
+        """The rational eps without a map, or where det DPhi is 0 everywhere, if eps is symbolic.
 
         They come in pairs eps, -eps: where the image of the map is of lower dimension, so is that
         of its inverse, or there is none. They are roots, for all x, of det A(x) or of the numerator
@@ -191,7 +191,7 @@ def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
         The field to discretize, a single one.
     eps : int, Fraction, float or str, optional
         Step size, of any sign. A float is taken exactly; a string may be "1/3" or "0.1". Without
-        it, eps is a letter in all that is found for the map.
+        it, eps is symbolic in all that is found for the map.
 
     Returns
     -------

@@ -30,7 +30,7 @@ class RationalMap:
     was not given.
     """
 
-    has_letter = False  # whether eps is a letter
+    has_letter = False  # whether eps is symbolic
     names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
@@ -52,7 +52,7 @@ class RationalMap:
         return RationalMap, (self.forms, self.inverse)
 
     def at(self, eps: int) -> RationalMap:
-        """Return the map for a number eps if it is a letter, else the map itself."""
+        """Return the map for a number eps if it is symbolic, else the map itself."""
         return self
 
     # Points are (x1, ..., xD, 1), of numbers of any kind.
@@ -97,7 +97,7 @@ class RationalMap:
         return factored(cramer(rows)[-1]) / factored(self.forms[-1]) ** (n + 1)
 
     def __call__(self, point: Any) -> tuple[Any, ...]:
-        """Return the image of a point, exactly; functions of eps if it is a letter."""
+        """Return the image of a point, exactly; functions of eps if it is symbolic."""
         if not self.has_letter:
             return tuple(map(arithmetic.fraction, self.image(self._numbers(point))[:-1]))
         x = arithmetic.rationals("point", point, self.dimension)
@@ -124,7 +124,7 @@ class RationalMap:
 
     @cached_property
     def ring(self) -> Any:
-        """The ring of polynomials in x, and eps if it is a letter."""
+        """The ring of polynomials in x, and eps if it is symbolic."""
         return arithmetic.ring(self.dimension, self.has_letter)
 
     @property

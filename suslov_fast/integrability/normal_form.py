@@ -222,7 +222,7 @@ def in_echelon_form(space: Sequence[Any]) -> list[Any]:
 
 
 def _coefficient(P: Any, monomial: tuple[int, ...]) -> Any:
-    """Return the coefficient of a monomial in x, a polynomial in eps if it is a letter."""
+    """Return the coefficient of a monomial in x, a polynomial in eps if it is symbolic."""
     k = int(arithmetic.has_letter(P))
     zeros = [0] * len(monomial)
     terms = {(*e[:k], *zeros): c for e, c in P.to_dict().items() if e[k:] == monomial}

@@ -70,6 +70,11 @@ class PlanarEntropy:
         """The lengths of the orbits, one for each curve; None for those that are not confined."""
         return tuple(each.length for each in self.contractions for _ in range(each.count))
 
+    @property
+    def root(self) -> float | None:
+        """The limit of the ratio of consecutive degrees: the largest root of `polynomial`."""
+        return None if self.entropy is None else math.exp(self.entropy)
+
     def __repr__(self) -> str:
         if self.entropy is None:
             return f"PlanarEntropy(none: {self.reason})"

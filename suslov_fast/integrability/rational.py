@@ -22,7 +22,7 @@ def rational_map(
     ----------
     f : callable
         It maps a tuple x of D numbers to D quotients of polynomials, by ``+``, ``-``, ``*``, ``/``
-        and integer powers. It is called with letters; its integers and fractions remain exact, and
+        and integer powers. It is called with symbols; its integers and fractions remain exact, and
         floats are binary numbers.
     dimension : int
         The number D of variables.

@@ -50,7 +50,7 @@ class Report:
     random points". For a density, rho(Phi) det DPhi = rho; if none is found, but one up to sign,
     rho(Phi) det DPhi = -rho, this is listed with the `cofactor` -1, and abs(rho) is a density.
     Independent integrals whose formulas are too long are in `implicit`, and can be called as well.
-    A growth is evidence. If eps is a letter, formulas are functions of x and eps, and `special_eps`
+    A growth is evidence. If eps is symbolic, formulas are functions of x and eps, and `special_eps`
     has the rational eps at which one of them has no meaning, there is no map, or det DPhi is 0
     everywhere.
     """

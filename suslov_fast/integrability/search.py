@@ -316,7 +316,10 @@ class Search:
         """Bring the polynomials of a cofactor into normal form."""
         new = self._forms.find(value)
         self.version += 1
-        return [self._proof(g) for g in new if g.basis != IDENTITY]
+        for P in (P for g in new if len(g.factors) > 1 for P, _ in g.factors):
+            if (own := self.map.cofactor(P)) is not None:  # then the product is left out
+                yield from self._add_generator(P, own)
+        yield from (self._proof(g) for g in new if g.basis != IDENTITY)
 
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> Tasks:
         """Add a Darboux polynomial, unless it is a combination of products of others."""

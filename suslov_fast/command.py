@@ -301,7 +301,9 @@ def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]
         shutil.rmtree(path)
     begin = time.perf_counter()
     try:
-        sf.ensemble(*work, store=path, **settings)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", sf.PoleWarning)  # statuses tell of poles
+            sf.ensemble(*work, store=path, **settings)
     except KeyboardInterrupt:
         if "zarr" in sys.modules:
             from .runs import access

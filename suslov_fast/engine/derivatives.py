@@ -107,6 +107,10 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
             _grow(given, own, of_part, ends, cost, problem.threads, told)
         for k, of_some in enumerate(found):
             whole[k][where] = of_some
+    if not any(
+        steps.notes_poles for steps in problem.map.methods.values()
+    ):  # as in three dimensions
+        whole.status[whole.status > 0] = 0
     growth: Growth = whole
     return growth
 
@@ -150,6 +154,7 @@ def growth_by_jacobian(
     start = np.broadcast_to(problem.omega, (*problem.batch, problem.body.dimension)).copy()
     march = March(problem._replace(omega=start))
     march.to(transient + steps)
+    status, failed_at = march.status.reshape(-1), march.failed_at.reshape(-1)
     start[march.status < 0] = np.nan  # at their last states a formula may overflow, or raise
     march = March(problem._replace(omega=start))
     B, D = march.omega0.shape
@@ -167,4 +172,4 @@ def growth_by_jacobian(
                 sums, of_det = np.zeros((B, D)), np.zeros(B)
         if report is not None:
             report(n)
-    return Growth(sums, of_det, march.status.reshape(B), march.failed_at.reshape(B))
+    return Growth(sums, of_det, status, failed_at)

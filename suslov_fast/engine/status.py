@@ -4,6 +4,7 @@ from enum import IntEnum
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..checks import first_index, spell, warn
 from ..core import codes
@@ -14,6 +15,9 @@ ON_SINGULAR = "warn", "raise", "ignore"
 
 class Status(IntEnum):
     """Final status of a trajectory: negative if it failed, positive if it finished with a caveat.
+
+    `SUPERCRITICAL` is for bodies in three dimensions, with or without a rotor; `PASSED_POLE` for
+    all others, see :class:`PoleWarning`.
 
     Examples
     --------
@@ -57,9 +61,23 @@ class PoleWarning(RuntimeWarning):
     """Some trajectories of a batch took a step from a state with det A < 0.
 
     A(x) = 1 - (eps / 2) f'(x) has a positive determinant along a motion that the steps resolve.
-    Where it is negative an odd number of real eigenvalues of f' are above 2 / eps: the motion
+    Where it is negative an odd number of real eigenvalues mu of f' have eps mu / 2 > 1: the motion
     escapes to infinity, and the map comes back from the other side; or eps is too long. An even
-    number is not seen.
+    number is not seen, so that no warning is no proof. Such trajectories have the status
+    `PASSED_POLE`, and `failed_at` is the first state beyond, whose number tells the time of escape
+    to a few steps; later states are those of the map, and say nothing about the motion.
+
+    Examples
+    --------
+    The motion x = 1 / (1 - t) of x' = x**2 ends at t = 1:
+
+    >>> import warnings
+    >>> from suslov_fast import PoleWarning, QuadraticField, Status, iterate
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore", PoleWarning)
+    ...     run = iterate(QuadraticField([[[1]]]), [1.0], 0.03, 50)
+    >>> run.ok, Status(run.status).name, int(run.failed_at)
+    (True, 'PASSED_POLE', 34)
     """
 
 
@@ -86,6 +104,13 @@ class SingularStepError(ArithmeticError):
         return type(self), (str(self), self.result, self.name)
 
 
+def count_in_words(status: NDArray[np.int8]) -> str:
+    """Return how many trajectories failed, and how many passed a pole, if any."""
+    passed = np.count_nonzero(status == Status.PASSED_POLE)
+    text = f"failed: {np.count_nonzero(status < 0)} of {status.size}"
+    return f"{text}, passed a pole: {passed}" if passed else text
+
+
 def report_failures(
     run: Any, on_singular: OnSingular, since: int = 0, name: str = "trajectories"
 ) -> None:
@@ -94,9 +119,12 @@ def report_failures(
     The error holds the run as its attribute `name`. Poles that were passed are a warning at most.
     """
     status, failed_at = run.status, run.failed_at
+    if not (status.item() if status.size == 1 else status.any()):
+        return
     if on_singular != "ignore":
-        report_poles(run, run.body if hasattr(run, "body") else run.problem.body, since)
-    if (status.item() if status.size == 1 else status.min(initial=0)) >= 0:
+        body = run.body if hasattr(run, "body") else run.problem.body
+        report_poles(body, status, failed_at, since)
+    if status.min() >= 0:
         return
     failed, parts = failed_at >= since, []
     for code, what in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
@@ -114,15 +142,21 @@ def report_failures(
         warn(message, SingularStepWarning)
 
 
-def report_poles(run: Any, body: Any, since: int = 0) -> None:
-    """Warn of trajectories of a body that passed a pole at step `since` or later."""
-    passed = (run.status == Status.PASSED_POLE) & (run.failed_at >= since)
+def report_poles(
+    body: Any, status: NDArray[np.int8], failed_at: NDArray[np.int64], since: int = 0
+) -> None:
+    """Warn of trajectories (...) of a body that passed a pole at step `since` or later."""
+    passed = (status == Status.PASSED_POLE) & (failed_at >= since)
     if passed.any():
         index = first_index(passed)
-        why = "the motion escapes to infinity, or eps" if body._may_escape else "eps"
-        warn(
-            f"{np.count_nonzero(passed)} of {passed.size} trajectories: a step from det A < 0: "
-            f"{why} is too long (an eigenvalue of f' above 2/eps); "
-            f"first: {spell(index)} at step {run.failed_at[index]}",
-            PoleWarning,
-        )
+        warn_of_poles(body, int(passed.sum()), passed.size, index, failed_at[index])
+
+
+def warn_of_poles(body: Any, passed: int, size: int, index: tuple[int, ...], step: int) -> None:
+    """Warn that some trajectories of a body passed a pole, the first in C order at a step."""
+    why = "the motion escapes to infinity, or eps" if body._may_escape else "eps"
+    warn(
+        f"{passed} of {size} trajectories: a step from det A < 0: {why} is too long "
+        f"(an eigenvalue of f' above 2/eps); first: {spell(index)} at step {step}",
+        PoleWarning,
+    )

@@ -105,7 +105,7 @@ def check_steps(name: str, steps: Any) -> None:
     for each in ("arguments", "cost"):
         if not callable(getattr(steps, each)):
             raise wrong(f"{name}.{each}", "a function", repr(getattr(steps, each)), TypeError)
-    integer(f"{name}.carried", steps.carried, 0)
+    integer(f"{name}.carried", steps.carried, 1 if steps.notes_poles else 0)
     if integer(f"{name}.lanes", steps.lanes, 1) % 8:
         raise wrong(f"{name}.lanes", "a multiple of 8", steps.lanes)
 

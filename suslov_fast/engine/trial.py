@@ -345,8 +345,12 @@ def _check_failures(run: _Trial) -> None:
         exist = np.isfinite(states).all(axis=-1)
         if status >= 0:
             received = f"status {status} of {short(states[-1])}, failed_at = {failed_at}"
-            # A positive status may say since when it holds.
-            told = failed_at == -1 or (status > 0 and 0 < failed_at < len(states))
+            told = failed_at == -1
+            if status == codes.PASSED_POLE:
+                told = 0 < failed_at < len(states)
+                noted = run.steps.notes_poles and run.carry[0, i] == failed_at
+                expected = "PASSED_POLE with Steps.notes_poles, and failed_at in carry[0]"
+                _expect(noted, expected, received, 7)
             _expect(bool(exist.all()) and told, "failures as a status", received, 7)
             continue
         first = int(np.argmin(exist))

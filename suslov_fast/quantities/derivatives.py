@@ -303,7 +303,8 @@ def lyapunov_exponents(
     -------
     ndarray(float, shape=(..., D))
         Exponents per step, dimensionless, the largest first; divide by eps for rates. -inf if a
-        step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails.
+        step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails. After
+        a step over a pole, of which one :class:`PoleWarning` tells, they are those of the map.
 
     Examples
     --------
@@ -322,5 +323,5 @@ def lyapunov_exponents(
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
     exponents = -np.sort(-sums / steps, axis=1).reshape((*given.batch, body.dimension))
-    report_poles(found, body)
+    report_poles(body, *(each.reshape(given.batch) for each in (found.status, found.failed_at)))
     return mask_and_warn(given, exponents, poles=True)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import FloatArray, integer, one_of, wrong
 from ..engine.arguments import BodyOrField, Problem, thread_count
-from ..engine.status import ON_SINGULAR, OnSingular, report_failures
+from ..engine.status import ON_SINGULAR, OnSingular, count_in_words, report_failures
 from ..engine.stretches import March, Progress, Progressed, reporter
 from ..maps import Map
 from .search import Search, Surface, check_surface
@@ -48,7 +48,8 @@ class Crossings:
     status, failed_at, final : ndarray, shape=(...), (...) and (..., D)
         Those of a run of transient + steps steps. For a trajectory that ended at its crossing
         number `most`, `final` is the state after this crossing, and `status` and `failed_at` do
-        not report later failures.
+        not report later failures and poles. Beyond a pole, ``n + 1 >= failed_at`` where the status
+        is PASSED_POLE, crossings are those of the map, and say nothing about the motion.
     body, eps, steps, transient, direction, most, method
         The arguments of :func:`crossings`; `steps` with those of :meth:`extend`.
     map : Map
@@ -305,7 +306,7 @@ class Crossings:
         return plots.plot_crossings(self, components, color, ax)
 
     def __repr__(self) -> str:
-        failed, n = np.count_nonzero(self.status < 0), self.n
+        n = self.n
         steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n))
         if not n.size:
             steps = {1: "none upwards", -1: "none downwards", 0: "none"}[self.direction]
@@ -313,7 +314,7 @@ class Crossings:
         eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
         return (
             f"Crossings({self.map.variable}: {self.before.shape}, n: {steps}, eps: {eps}, "
-            f"failed: {failed} of {self.status.size})"
+            f"{count_in_words(self.status)})"
         )
 
 

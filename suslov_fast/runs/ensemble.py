@@ -29,6 +29,7 @@ from ..engine.arguments import (
     part_of,
     require,
 )
+from ..engine.status import warn_of_poles
 from ..engine.stretches import March, Progress, reporter
 from ..maps import map_of
 from . import metadata, stores
@@ -72,7 +73,9 @@ def ensemble(
     """Iterate a batch of any size into a Zarr store.
 
     States are those of :func:`iterate`, bit for bit. Each tile of the batch is written when it is
-    computed; if the process ends early, the same call computes the others.
+    computed; if the process ends early, the same call computes the others. Failures have a status,
+    and no warning; one :class:`PoleWarning` tells of poles that trajectories of the store passed,
+    unless the call only opens it.
 
     Parameters
     ----------
@@ -146,7 +149,12 @@ def ensemble(
         while goes_on and (where := next(computing, None)) is not None:
             done += _count(where)
             goes_on = report is None or report(done * steps)
-    return _dataset(store, is_finished=done == math.prod(batch), is_known=not tiles)
+    data = _dataset(store, is_finished=done == math.prod(batch), is_known=not tiles)
+    if tiles and map.methods[method].notes_poles:
+        count, first = stores.passed_poles(arrays, status)
+        if first is not None:
+            warn_of_poles(body, count, math.prod(batch), *first)
+    return data
 
 
 def open_ensemble(store: Any) -> xarray.Dataset:

@@ -112,7 +112,8 @@ def iterate(
         Number of threads, by default Numba's. Results do not depend on it.
     on_singular : {"warn", "raise", "ignore"}
         What to do if trajectories fail: one :class:`SingularStepWarning` for all, a
-        :class:`SingularStepError` that holds the result, or nothing.
+        :class:`SingularStepError` that holds the result, or nothing. Of poles that
+        are passed one :class:`PoleWarning` tells, unless this is "ignore".
     progress : bool or callable, optional
         True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``, while all
         trajectories stand at the state `done`. If it returns False, the run ends there;
@@ -129,6 +130,11 @@ def iterate(
     status SINGULAR. The closed form goes on beyond the pole, as the birational map does:
     :func:`exact` and :func:`limits` have the states after it, and only the state directly after
     the pole is NaN.
+
+    A step of a field, or of a body in n dimensions, from a state with det A < 0 has the status
+    PASSED_POLE, and `failed_at` is the state after it: the motion escapes to infinity, or eps is
+    too long. The states beyond are there, and are those of the map alone. See
+    :class:`PoleWarning`, also for what it does not see.
 
     Examples
     --------

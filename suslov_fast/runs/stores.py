@@ -18,6 +18,7 @@ import shutil
 import stat
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from itertools import product
 from pathlib import Path
 from threading import Lock
 from typing import Any, NamedTuple
@@ -25,8 +26,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..checks import wrong
+from ..checks import first_index, wrong
 from ..engine.arguments import RandomStarts
+from ..engine.status import Status
 from . import access
 from .metadata import COPY, Contents, Stored, Tile, contents, digest_of, overlaid
 
@@ -160,6 +162,22 @@ def prepare(
         if name in lacks.chunks or not _holds(arrays[name], values):
             arrays[name][...] = values
     return sorted(lacks.tiles | lacks.pending), arrays, found.arrays["status"]
+
+
+def passed_poles(arrays: Any, status: Stored) -> tuple[int, tuple[tuple[int, ...], int] | None]:
+    """Return how many trajectories passed a pole; the index of the first, and `failed_at` there."""
+    count, first = 0, None
+    axes = [range(0, n, m) for n, m in zip(status.shape, status.chunks, strict=True)]
+    for begin in product(*axes):  # a tile at a time
+        where = tuple(slice(k, k + m) for k, m in zip(begin, status.chunks, strict=True))
+        passed = np.asarray(arrays["status"][where]) == Status.PASSED_POLE
+        if passed.any():
+            count += int(np.count_nonzero(passed))
+            index = first_index(passed)
+            step = int(np.asarray(arrays["failed_at"][where])[index])
+            place = tuple(k + own for k, own in zip(begin, index, strict=True)), step
+            first = place if first is None else min(first, place)
+    return count, first
 
 
 def _holds(array: Any, values: Any) -> bool:

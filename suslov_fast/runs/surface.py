@@ -64,7 +64,8 @@ def crossings(
         failed.
     on_singular : {"warn", "raise", "ignore"}
         What to do if trajectories fail: one :class:`SingularStepWarning` for all, a
-        :class:`SingularStepError` that holds the result as `crossings`, or nothing.
+        :class:`SingularStepError` that holds the result as `crossings`, or nothing. Of
+        poles that are passed one :class:`PoleWarning` tells, unless this is "ignore".
     progress : bool or callable, optional
         True shows a bar (needs tqdm); a callable is called as ``progress(done, transient +
         steps)``. If it returns False, the run ends at the state `done`, with the crossings so far;
@@ -79,7 +80,8 @@ def crossings(
     The points :attr:`Crossings.states` lie on the straight line between two states of the map. If
     eps is so small that the map approximates the flow, a point differs from the crossing of the
     flow by O(eps**2), as a state of the map at a fixed time does. For larger eps points between two
-    states have no meaning: use `before` or `after`.
+    states have no meaning: use `before` or `after`. Where the status is PASSED_POLE, crossings with
+    n + 1 >= failed_at lie beyond a pole; most often the motion ended before.
 
     Memory is that of the crossings and of one piece, some 4 MB, or a few states of each trajectory.
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, integer, one_of
 from ..engine.arguments import BodyOrField, Problem, checked_out, thread_count
-from ..engine.status import ON_SINGULAR, OnSingular, report_failures
+from ..engine.status import ON_SINGULAR, OnSingular, count_in_words, report_failures
 from ..engine.stretches import March, Progress, Progressed, reporter
 from ..maps import Map
 
@@ -88,7 +88,8 @@ class Trajectories:
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
-        The index of the first state that does not exist, or -1.
+        The number of the first state that does not exist, if a trajectory failed; of the first
+        state beyond a pole, if its status is PASSED_POLE; else -1.
     final : ndarray(float, shape=(..., D))
         The state after the last step, even if not saved.
     attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
@@ -157,7 +158,8 @@ class Trajectories:
         Parameters
         ----------
         steps : int
-            Number of additional steps, 0 or more. Failures before them are not reported again.
+            Number of additional steps, 0 or more. Failures and poles before them are not reported
+            again.
         threads, on_singular, progress
             As in :func:`iterate`.
 
@@ -256,7 +258,7 @@ class Trajectories:
 
     @property
     def ok(self) -> bool:
-        """True if every trajectory finished."""
+        """True if every trajectory finished, also beyond a pole."""
         return bool((self.status >= 0).all())
 
     first_integral = _quantity("first_integral")
@@ -338,13 +340,13 @@ class Trajectories:
         return cls._of(load(path, "Trajectories"))
 
     def __repr__(self) -> str:
-        failed, n = np.count_nonzero(self.status < 0), self.n
+        n = self.n
         steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
         low, high = np.min(self.eps, initial=np.inf), np.max(self.eps, initial=-np.inf)
         eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
         return (
             f"Trajectories({self.map.variable}: {self.states.shape}, n: {steps}, eps: {eps}, "
-            f"failed: {failed} of {self.status.size})"
+            f"{count_in_words(self.status)})"
         )
 
 

@@ -467,6 +467,7 @@ WRONG = [
     ("first, last = share", "carry.base[-1] = 0.5; first, last = share", 5),
     ("eps[i % len(eps)]", "abs(eps[i % len(eps)])", 1),
     ("eps[i % len(eps)]", "max(eps[i % len(eps)], 0.0)", 1),
+    ("failed_at[i] = NONFINITE, n", "failed_at[i] = 2, n", 7),  # PASSED_POLE, not noted
     ("x[d] = omega0", "values[0, 0] = round(values[0, 0], 1); x[d] = omega0", 1),
     ("values[i % len(values)]", "values[0]", 7),  # one member for all
     ("if status[i] == 0 and not", "if n < 7 and status[i] == 0 and not", 7),

@@ -111,7 +111,7 @@ def in_lines(rows, W):
     """Return (B, n) as lines (-, n, W); lanes beyond the last repeat it."""
     beyond = -len(rows) % W
     padded = np.concatenate([rows, rows[-1:].repeat(beyond, axis=0)]) if beyond else rows
-    return padded.reshape(-1, W, rows.shape[1]).swapaxes(1, 2).copy()
+    return padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2).copy()
 
 
 def tables_of(method, values, eps, W):

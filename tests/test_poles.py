@@ -1,0 +1,443 @@
+"""Steps over a pole, from a state with det A < 0, are told; nothing else is."""
+
+import json
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast import PoleWarning, QuadraticField, Status, SuslovND, compiled, iterate, matrix
+from suslov_fast.command import main
+from suslov_fast.engine.methods import FRACTIONS
+
+quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+LONG = "eps is too long (an eigenvalue of f' above 2/eps)"
+SQUARE = QuadraticField([[[1]]])  # x' = x**2: 1 / x decreases by eps in a step
+# The motion from this state ends at t = 3.27.
+HENON = QuadraticField.from_hamiltonian(
+    lambda x: (
+        (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
+    ),
+    4,
+)
+ESCAPES = [0.0, 0.9, 0.0, 0.7]
+BOUNDED = [0.0, 0.1, 0.4, 0.0]
+LONG_BODY = SuslovND([1.3, 2.1, 3.7], [0.4, -0.7, 0.5])
+LINEAR = QuadraticField([[[0]]], [[3]])
+
+
+def told(call, *arguments, **options):
+    """Return the result of a call, and the messages of its warnings, all of poles."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = call(*arguments, **options)
+    assert all(each.category is PoleWarning for each in caught)
+    return found, [str(each.message) for each in caught]
+
+
+def beyond(*conditions):
+    """Return the number of the first state after a step where conditions (steps, B) hold, or -1."""
+    holds = np.logical_or.reduce(conditions)
+    return np.where(holds.any(axis=0), holds.argmax(axis=0) + 1, -1)
+
+
+def random_fields(rng, D, B):
+    """Return fields, of which many lack terms or half of the coefficients, and step sizes."""
+    some, most = rng.random((3, B)) < 0.7, 0.5 if D > 1 else 1.0
+    tables = [rng.normal(size=(B, *(D,) * k)) for k in (3, 2, 1)]
+    tables = [
+        each * (rng.random(each.shape[1:]) < most) * k.reshape(B, *(1,) * (each.ndim - 1))
+        for each, k in zip(tables, some, strict=True)
+    ]
+    return QuadraticField(*tables), rng.uniform(0.05, 3, B) * rng.choice([-1, 1], B)
+
+
+# ------------------------------------------------------------------------------- what is a finding
+@quiet
+@pytest.mark.parametrize("D", [1, 2, 3, 4, 6, 9])
+def test_statuses_of_fields_are_signs_of_determinants(rng, D):
+    """Counted by NumPy along the saved states, at steps that are far too long."""
+    field, eps = random_fields(rng, D, 60)
+    run = iterate(field, rng.normal(size=(60, D)), eps, 25, on_singular="ignore")
+    good = run.status >= 0
+    first = beyond(np.linalg.det(matrix(field, run.x[:-1], eps)[:, good]) < 0)
+    assert (run.failed_at[good] == first).all()
+    assert (run.status[good] == np.where(first > 0, Status.PASSED_POLE, Status.OK)).all()
+    assert len({*run.status[good]}) == 2
+
+
+@quiet
+@pytest.mark.parametrize("order", FRACTIONS)
+def test_a_part_of_a_step_counts_for_the_step(rng, order):
+    field, eps = random_fields(rng, 3, 40)
+    x = rng.normal(size=(40, 3))
+    run, steps = iterate(field, x, 0.3 * eps, 8, method=f"order{order}", on_singular="ignore"), []
+    for _ in range(8):
+        parts = np.zeros(40, bool)
+        for fraction in FRACTIONS[order]:
+            given = field, x, 0.3 * eps * fraction
+            parts |= np.linalg.det(np.nan_to_num(matrix(*given))) < 0
+            x = iterate(*given, 1, on_singular="ignore").final
+        steps.append(parts)
+    good = run.status >= 0
+    assert (run.failed_at[good] == beyond(np.array(steps)[:, good])).all()
+    assert len({*run.status[good]}) == 2
+
+
+@quiet
+@pytest.mark.parametrize("method", ["auto", "gauss", "rank2"])
+@pytest.mark.parametrize("n", [3, 4, 7])
+def test_statuses_of_bodies_are_signs_of_determinants(rng, n, method):
+    bodies = SuslovND(rng.uniform(0.5, 4, (80, n - 1)), rng.uniform(-1, 1, (80, n - 1)))
+    eps = rng.uniform(0.1, 3, 80) * rng.choice([-1, 1], 80)
+    given = bodies, 3 * rng.normal(size=(80, n - 1)), eps, 20
+    run = iterate(*given, method=method, on_singular="ignore")
+    good = run.status >= 0
+    first = beyond(np.linalg.det(matrix(bodies, run.omega[:-1], eps)[:, good]) < 0)
+    assert (run.failed_at[good] == first).all()
+    assert len({*run.status[good]}) == 2
+
+
+def test_the_number_of_the_step_is_the_time_of_escape():
+    """x' = x**2 + a, and x'' = 6 x**2 with x = (t0 - t)**-2."""
+    for a, x, eps in ((0.0, 1.0, 0.03), (1.0, 0.0, 0.01), (1.0, -5.0, 0.002), (4.0, 1.0, 0.01)):
+        root = math.sqrt(a)
+        end = (math.pi / 2 - math.atan(x / root)) / root if a else 1 / x
+        run, messages = told(iterate, QuadraticField([[[1]]], None, [a]), [x], eps, 2000)
+        assert run.status == Status.PASSED_POLE
+        assert 0 <= run.failed_at - end / eps < 2
+        assert len(messages) == 1
+    for end, eps in ((1.0, 0.01), (2.0, 0.003)):
+        field = QuadraticField.from_function(lambda x: (x[1], 6 * x[0] ** 2), 2)
+        run, _ = told(iterate, field, [end**-2, 2 * end**-3], eps, 2000)
+        assert run.status == Status.PASSED_POLE
+        assert abs(run.failed_at - end / eps) < 5
+
+
+def test_an_even_number_of_eigenvalues_is_not_seen():
+    """These motions escape at t = 1, and det A is a square; the pages say so."""
+    complex_square = QuadraticField.from_function(
+        lambda x: (x[0] ** 2 - x[1] ** 2, 2 * x[0] * x[1]), 2
+    )
+    twice = QuadraticField.from_function(lambda x: (x[0] ** 2, 2 * x[0] * x[1]), 2)
+    equal = QuadraticField.from_function(lambda x: (x[0] ** 2, x[1] ** 2), 2)
+    for field, x in ((complex_square, [1, 0]), (twice, [1, 1]), (equal, [1, 1])):
+        run = iterate(field, x, 0.03, 50)
+        assert run.status == Status.OK
+        assert run.x[33, 0] > 90
+        assert run.x[34, 0] < 0  # it came back from the other side
+
+
+def test_the_last_state_is_not_looked_at():
+    """No step is taken from it; `extend` finds it first, and tells."""
+    run = iterate(SQUARE, [1.0], 0.03, 33)
+    assert (run.status, run.failed_at) == (Status.OK, -1)
+    longer, messages = told(run.extend, 1)
+    assert (longer.status, longer.failed_at) == (Status.PASSED_POLE, 34)
+    assert len(messages) == 1
+    assert told(longer.extend, 500)[1] == []  # it was told
+
+
+# ------------------------------------------------------------------------------------ what is said
+def test_one_warning_for_all():
+    starts = np.tile(BOUNDED, (2, 3, 1))
+    assert told(iterate, HENON, starts, 1 / 16, 400)[1] == []
+    starts[1, 1:] = ESCAPES
+    run, messages = told(iterate, HENON, starts, 1 / 16, 400)
+    assert run.ok
+    assert run.failed_at.tolist() == [[-1, -1, -1], [-1, 52, 52]]
+    assert not np.isnan(run.x).any()
+    message = (
+        "2 of 6 trajectories: a step from det A < 0: the motion escapes to infinity, or eps is too "
+        "long (an eigenvalue of f' above 2/eps); first: (1, 1) at step 52"
+    )
+    assert messages == [message]
+    assert repr(run).endswith("failed: 0 of 6, passed a pole: 2)")
+    assert told(sf.lyapunov_exponents, HENON, starts, 1 / 16, 400)[1] == [message]
+    found, messages = told(sf.crossings, HENON, starts, 1 / 16, 400, lambda x: x[..., 1])
+    assert messages == [message]
+    assert repr(found).endswith("failed: 0 of 6, passed a pole: 2)")
+    assert found.ok
+    assert (found.failed_at == run.failed_at).all()
+
+
+@pytest.mark.parametrize(
+    ("body", "x"), [(LONG_BODY, [1.0, 2.0, 30.0]), (LINEAR, [1.0])], ids=["body", "linear"]
+)
+def test_motions_that_cannot_escape(body, x):
+    """The energy of a body is constant; a linear motion is there at all times."""
+    message = f"1 of 1 trajectories: a step from det A < 0: {LONG}; first: 0 at step 1"
+    run, messages = told(iterate, body, x, 1.0, 50)
+    assert messages == [message]
+    assert told(run.extend, 5)[1] == []
+    assert told(sf.crossings, body, x, 1.0, 50, lambda x: x[..., 0])[1] == [message]
+    assert told(sf.lyapunov_exponents, body, x, 1.0, 50)[1] == [message]
+
+
+def test_what_says_nothing():
+    assert told(sf.step, HENON, iterate(HENON, ESCAPES, 1 / 16, 51).final, 1 / 16)[1] == []
+    for how in ("iterate", "crossings"):
+        more = (lambda x: x[..., 1],) if how == "crossings" else ()
+        given = HENON, ESCAPES, 1 / 16, 100, *more
+        run, messages = told(getattr(sf, how), *given, on_singular="ignore")
+        assert messages == []
+        assert run.status == Status.PASSED_POLE
+        assert told(run.extend, 9)[1] == []
+        # An error is for failures alone.
+        assert len(told(getattr(sf, how), *given, on_singular="raise")[1]) == 1
+        half = getattr(sf, how)(*given[:3], 40, *more)
+        assert told(half.extend, 60, on_singular="ignore")[1] == []
+        assert len(told(half.extend, 60, on_singular="raise")[1]) == 1
+    # In three dimensions SUPERCRITICAL tells.
+    for body in (sf.Suslov3D(1, 1, 1, 0), sf.SuslovGyrostat(1, 1, 1, 0, 0.5)):
+        run = iterate(body, [1.0, -9.0], 1.0, 20)
+        assert (run.status, run.failed_at) == (Status.SUPERCRITICAL, -1)
+        field = QuadraticField.of(body)
+        assert told(iterate, field, [1.0, -9.0], 1.0, 20)[0].status == Status.PASSED_POLE
+        sf.lyapunov_exponents(body, [1.0, -9.0], 1.0, 20)
+
+
+def test_a_failure_has_a_status_of_its_own():
+    """The warning of poles comes before the error."""
+    field = QuadraticField.from_function(lambda x: (x[0] ** 2, x[1] ** 2), 2)
+    pole = iterate(SQUARE, [4.0], -0.25, 11).final[0]  # its next states end after 12 steps
+    starts = [[0.7, 0.0], [0.7, pole], [0.05, pole], [0.05, 0.0]]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        with pytest.raises(sf.SingularStepError, match=r"^2 of 4 .* first: 1 at step 12") as error:
+            iterate(field, starts, 0.25, 20, on_singular="raise")
+    (warning,) = caught
+    assert str(warning.message).startswith("1 of 4 trajectories: a step from det A < 0: the motion")
+    run = error.value.trajectories
+    assert run.status.tolist() == [Status.PASSED_POLE, Status.SINGULAR, Status.SINGULAR, Status.OK]
+    assert run.failed_at.tolist() == [6, 12, 12, -1]
+
+
+@quiet
+def test_exponents_are_those_of_the_map():
+    """Also beyond the pole: from the derivatives along the states. (Roundings grow there.)"""
+    x = iterate(HENON, ESCAPES, 1 / 16, 100).x
+    found = sf.lyapunov_exponents(HENON, ESCAPES, 1 / 16, 80, transient=20)
+    Q, sums = np.eye(4), np.zeros(4)
+    for n, slope in enumerate(sf.jacobian(HENON, x[:-1], 1 / 16)):
+        Q, R = np.linalg.qr(slope @ Q)
+        sums += np.log(abs(np.diag(R))) * (n >= 20)
+    np.testing.assert_allclose(found, np.sort(sums / 80)[::-1], atol=1e-4)
+    assert np.isfinite(found).all()
+
+
+# ------------------------------------------------------------------------------------ what is alike
+@quiet
+def test_statuses_do_not_depend_on_cuts_batches_and_threads(rng):
+    """Those of members of a family that lack other terms, too."""
+    field, eps = random_fields(rng, 3, 37)
+    x = rng.normal(size=(37, 3))
+    for body in (field, SuslovND(rng.uniform(0.5, 4, (37, 3)), rng.normal(size=(37, 3)))):
+        given = body, x, eps
+        whole = iterate(*given, 40, on_singular="ignore")
+        assert {*whole.status} >= {Status.PASSED_POLE, Status.OK}
+        for threads in (1, 2):
+            assert iterate(*given, 40, threads=threads, on_singular="ignore") == whole
+        few = iterate(*given, 40, save_every=None, on_singular="ignore")
+        reported = iterate(*given, 40, on_singular="ignore", progress=lambda done, steps: None)
+        assert reported == whole
+        cut = iterate(*given, 0, on_singular="ignore")
+        for steps in (1, 2, 30, 7):
+            cut = cut.extend(steps, on_singular="ignore")
+        assert cut == whole
+        order = rng.permutation(37)
+        other = iterate(body[order], x[order], eps[order], 40, on_singular="ignore")
+        for name in ("status", "failed_at"):
+            assert (getattr(few, name) == getattr(whole, name)).all()
+            assert (getattr(other, name) == getattr(whole, name)[order]).all()
+            alone = [
+                getattr(iterate(body[k], x[k], eps[k], 40, on_singular="ignore"), name)
+                for k in range(37)
+            ]
+            assert (np.array(alone) == getattr(whole, name)).all()
+
+
+@quiet
+@pytest.mark.parametrize("most", [1, 2, None])
+def test_crossings_tell_of_poles_before_they_end(most, tmp_path):
+    """Also where a failure or another pole follows in the same piece; all cuts agree."""
+    field = QuadraticField.from_function(lambda x: (x[0] ** 2, x[1] ** 2, x[3], -x[2]), 4)
+    pole = iterate(SQUARE, [4.0], -0.25, 39).final[0]  # its next states end after 40 steps
+    # The third component crosses 0 downwards between states 6 and 7, 31 and 32, 56 and 57.
+    starts = np.zeros((7, 4))
+    starts[:, 2] = 1.0
+    starts[:, 0] = 0.0, 0.7, 0.7, 1 / 1.6, 1 / 1.8, 1 / 2.1, 0.17  # beyond poles at `poles`
+    poles = [-1, 6, 6, 7, 8, 9, 24]
+    starts[2:, 1] = pole
+    given = field, starts, 0.25
+
+    def surface(x):
+        return x[..., 2]
+
+    options = {"direction": -1, "most": most, "on_singular": "ignore"}
+    whole = sf.crossings(*given, 70, surface, **options)
+    P, F, OK = Status.PASSED_POLE, Status.SINGULAR, Status.OK
+    expected = {
+        1: ([OK, P, P, P, OK, OK, OK], [-1, 6, 6, 7, -1, -1, -1]),
+        2: ([OK, P, P, P, P, P, P], poles),
+        None: ([OK, P, F, F, F, F, F], [-1, 6, 40, 40, 40, 40, 40]),
+    }[most]
+    assert (whole.status.tolist(), whole.failed_at.tolist()) == expected
+    if most:  # as a run that ends there
+        for i in range(7):
+            run = iterate(field, starts[i], 0.25, int(whole.of(i).n[-1]) + 1)
+            assert (run.status, run.failed_at) == (whole.status[i], whole.failed_at[i])
+            assert (run.final == whole.final[i]).all()
+    for cut in (0, 6, 7, 8, 31, 32, 40, 69):
+        points = sf.crossings(*given, cut, surface, **options)
+        points.save(tmp_path / "points.npz", overwrite=True)
+        assert sf.Crossings.load(tmp_path / "points.npz") == points
+        again = sf.Crossings.load(tmp_path / "points.npz").extend(
+            70 - cut, surface, on_singular="ignore"
+        )
+        assert points.extend(70 - cut, on_singular="ignore") == whole == again
+        transient = sf.crossings(
+            *given, 70 - min(cut, 6), surface, transient=min(cut, 6), **options
+        )
+        assert (transient.status == whole.status).all()
+        assert (transient.failed_at == whole.failed_at).all()
+
+
+@quiet
+def test_compiled_steps_return_a_status():
+    """In a body of three dimensions too, whose runs have another one."""
+    for field, x, method in (
+        (SQUARE, [1.0], "auto"),
+        (HENON, ESCAPES, "auto"),
+        (HENON, ESCAPES, "order4"),
+        (LONG_BODY, [1.0, 2.0, 30.0], "auto"),
+    ):
+        eps = 1.0 if field is LONG_BODY else 0.03
+        system = compiled.system(field, eps, method=method)
+        memory, x = compiled.work(system), np.array(x)
+        run = iterate(field, x, eps, 120, method=method)
+        codes = [compiled.step_system(system, x, x, memory) for _ in range(120)]
+        assert {*codes} == {Status.OK, Status.PASSED_POLE}
+        assert codes.index(Status.PASSED_POLE) + 1 == run.failed_at
+
+
+# ------------------------------------------------------------------------------------- what is kept
+@quiet
+def test_files_and_datasets(tmp_path):
+    path, starts = tmp_path / "run.npz", [BOUNDED, ESCAPES]
+    run = iterate(HENON, starts, 1 / 16, 100)
+    run.save(path)
+    loaded = sf.Trajectories.load(path)
+    assert loaded == run
+    assert loaded.extend(9) == iterate(HENON, starts, 1 / 16, 109)
+    data = run.to_xarray()
+    assert data.status.attrs["flag_values"][2] == 2
+    assert data.status.attrs["flag_meanings"].split()[2] == "PASSED_POLE"
+    assert data.failed_at.attrs["long_name"] == "first state missing or beyond a pole, or -1"
+    found = {**np.load(path)}
+    for name, index, value in (
+        ("failed_at", 1, -1),
+        ("failed_at", 1, 0),
+        ("failed_at", 1, 101),
+        ("failed_at", 0, 5),
+        ("status", 0, 2),
+        ("status", 1, 0),
+        ("status", 1, 1),
+        ("status", 1, 3),
+        ("status", 1, -1),
+    ):
+        other = {key: each.copy() for key, each in found.items()}
+        other[name][index] = value
+        np.savez(path, **other)
+        with pytest.raises(ValueError, match=r"run\.npz: .*(status|failed_at|final): expected"):
+            sf.Trajectories.load(path)
+
+
+def test_an_ensemble_tells_of_its_store(tmp_path):
+    """Once, whichever call computes the last tile; a call that only opens it says nothing."""
+    starts = np.tile(BOUNDED, (3, 8, 1))
+    starts[1, 5:] = starts[2, 0] = ESCAPES
+    given = HENON, starts, 1 / 16, 100
+    message = (
+        "4 of 24 trajectories: a step from det A < 0: the motion escapes to infinity, or eps is "
+        "too long (an eigenvalue of f' above 2/eps); first: (1, 5) at step 52"
+    )
+    store = tmp_path / "run.zarr"
+    data, messages = told(sf.ensemble, *given, store=store, chunk={"batch_0": 2, "batch_1": 3})
+    assert messages == [message]
+    assert (data.failed_at.to_numpy() == told(iterate, *given)[0].failed_at).all()
+    assert told(sf.ensemble, *given, store=store, chunk={"batch_0": 2, "batch_1": 3})[1] == []
+    assert told(sf.open_ensemble, store)[1] == []
+    half, stop = tmp_path / "half.zarr", lambda done, total: False
+    _, messages = told(sf.ensemble, *given, store=half, chunk=6, progress=stop)
+    assert messages == []
+    assert told(sf.ensemble, *given, store=half, chunk=6)[1] == [message]
+    three = sf.Suslov3D(1, 1, 1, 0)
+    assert told(sf.ensemble, three, [1.0, -9.0], 1.0, 20, store=tmp_path / "3.zarr")[1] == []
+
+
+@quiet
+def test_the_command(tmp_path, capsys):
+    """Such trajectories have not failed: the summary counts them, and nothing is on stderr."""
+    path = tmp_path / "henon.json"
+    path.write_text(json.dumps(HENON.to_dict()))
+    words = ["run", "--body", str(path), "--eps", "0.0625", "--steps", "100", "--omega0=0,.9,0,.7"]
+    for more in ([], ["-o", str(tmp_path / "run.npz")], ["-o", str(tmp_path / "run.zarr")]):
+        assert main([*words, *more]) == 0
+        out, err = capsys.readouterr()
+        assert f"1 PASSED_POLE: {Status.PASSED_POLE.message}" in out
+        assert err == ""
+        assert main([*words, *more, "--json", *(["--force"] if more else [])]) == 0
+        assert json.loads(capsys.readouterr().out)["status"] == {"PASSED_POLE": 1}
+    assert main(["info", str(tmp_path / "run.npz"), str(tmp_path / "run.zarr")]) == 0
+    assert capsys.readouterr().out.count("1 PASSED_POLE") == 2
+
+
+# -------------------------------------------------------------------------- judged by an integrator
+def energies_above_the_saddle(count, seed):
+    """Return states of Henon and Heiles's system with 0.18 < E < 0.35; their orbits may escape."""
+    rng, found = np.random.default_rng(seed), []
+    while len(found) < count:
+        x = rng.uniform(-1, 1, 4) * [0.5, 0.5, 0.8, 0.8]
+        if 0.18 < HENON.H(x) < 0.35:
+            found.append(x)
+    return np.array(found)
+
+
+def time_of_escape(x, end):
+    """Return the time at which the motion goes beyond 1e6, by an integrator of order 8, or inf."""
+    from scipy.integrate import solve_ivp
+
+    def is_beyond(t, x):
+        return abs(x[0]) + abs(x[1]) - 1e6
+
+    def f(t, x):
+        return x[2], x[3], -x[0] - 2 * x[0] * x[1], -x[1] - x[0] ** 2 + x[1] ** 2
+
+    is_beyond.terminal = True
+    found = solve_ivp(f, (0, end), x, "DOP853", events=is_beyond, rtol=1e-10, atol=1e-12)
+    return found.t[-1] if found.status == 1 else np.inf
+
+
+@quiet
+@pytest.mark.parametrize(
+    ("count", "end"), [(6, 10), pytest.param(150, 200, marks=pytest.mark.slow)]
+)
+def test_motions_that_escape_are_those_that_are_told(count, end):
+    """Early ones at their times. (Motions are chaotic: later times depend on the method.)"""
+    starts = energies_above_the_saddle(count, seed=1)
+    times = np.array([time_of_escape(x, end) for x in starts])
+    for eps in (1 / 16, 1 / 64):
+        run = iterate(HENON, starts, eps, int(end / eps))
+        passed = run.status == Status.PASSED_POLE
+        assert (passed == (abs(run.x[..., :2]).max(axis=(0, 2)) > 100)).all()
+        early = times < 10 - 5 * eps
+        assert passed[early].all()
+        assert abs(run.failed_at - times / eps)[early].max() < 3
+        assert early.sum() >= count // 2
+        escaped = np.isfinite(times).sum()
+        assert abs(passed.sum() - escaped) <= (2 if count > 6 else 0)
+        if (count, eps) == (150, 1 / 16):
+            assert passed.sum() == escaped == 149

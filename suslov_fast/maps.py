@@ -109,10 +109,9 @@ class Map:
     7. A trajectory that fails at state n gets status[i] < 0 (`core.codes`: SINGULAR where there is
        no next state, NONFINITE beyond float64), failed_at[i] = n, and NaN from there on, in `saved`
        and in `final`. One with status[i] < 0 at the beginning of a call stays NaN. No other
-       trajectory is touched: its bits do not depend on the batch, its order, or `parts`. Where
-       `Steps.notes_poles`, one that takes a step from det A < 0 gets PASSED_POLE, failed_at[i] =
-       carry[0, i] = n of the first state beyond, and keeps them; a later failure replaces the first
-       two. Until then carry[0, i] is 0. It tells of a pole before the crossing that ends a run.
+       trajectory is touched: its bits do not depend on the batch, its order, or `parts`. With
+       `Steps.notes_poles`, the first step from det A < 0 sets PASSED_POLE, and failed_at[i] and
+       carry[0, i], which is 0 before, to n of the state after it; a failure leaves carry[0, i].
     8. `Steps.cost(D, arguments)` is the time of a step relative to that of the three-dimensional
        map (about 1 ns on one thread), 1 by default. It decides how many steps a call takes, so that
        Ctrl-C is handled within about 0.1 s; with an estimate that is too low, it takes longer: a

@@ -301,3 +301,17 @@ def test_members_without_terms_stand_still():
         assert run.ok
         assert (run.final[[0, 2]] == x).all()
         assert (sf.lyapunov_exponents(field, np.tile(x, (3, 1)), eps, 5)[[0, 2]] == 0.0).all()
+
+
+def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
+    """Wherever it does, it goes on with the same bits: in blocks, stages and saved states."""
+    field = of_function(henon_heiles, 4)
+    x0 = rng.normal(size=(700, 4)) * rng.choice([0.1, 1.0, 30.0], size=(700, 1))
+    for method in ("auto", "order4"):
+        args = field, x0, rng.choice([0.1, 0.5, 2.0], size=700), 30
+        options = {"save_every": 3, "method": method, "on_singular": "ignore"}
+        whole = sf.iterate(*args, **options)
+        with monkeypatch.context() as patch:
+            patch.setattr("suslov_fast.core.steps_field.SOLVED", 1)
+            assert sf.iterate(*args, **options) == whole
+    assert (whole.status != 0).any()

@@ -9,7 +9,7 @@ from numba import carray, types
 
 from .codes import OK, PASSED_POLE
 from .elimination import solve
-from .generated import COUNT, ENDED, LINES, PASSED, SLOTS, STAGES, X
+from .generated import BUDGET, COUNT, ENDED, LINES, PASSED, SLOTS, STAGES, X
 from .llvm import address_as_pointer
 from .numba import c_function, function, inlined
 
@@ -118,4 +118,5 @@ def careful(job, line, bad, negative, n):
         _array(a[PASSED], (lines,), np.uint8),
         _array(a[MEMORY], (D * (D + 4) + T,), np.float64),
     )
+    a[BUDGET] -= 1
     step_carefully(arrays, a[FIRST], line, bad, negative, n)

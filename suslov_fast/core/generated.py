@@ -16,10 +16,13 @@ WIDTH = 8  # lanes of a line
 # (stages, n) or (stages, lines, n, W); the first saved state, bytes from one to the next, steps
 # until the first, and from one to the next; how many trajectories there are; for each line bits of
 # lanes that have ended, and of those that have passed a pole or ended; the function that is called
-# for steps that are not good; memory for values between pieces of a long list. `careful` has
+# for steps that are not good; memory for values between pieces of a long list. The code returns
+# when the budget of calls of this function is spent, and goes on where it was when it is called
+# again: at line LINE, step NOW, a stage, steps until a saved state, and its place. `careful` has
 # slots of its own after these.
 (X, LINES, BLOCK, STEPS, TABLE, STAGE, STAGES) = range(7)
-(SAVED, ROW, UNTIL, EVERY, COUNT, ENDED, PASSED, CALL, KEPT, SLOTS) = range(7, 17)
+(SAVED, ROW, UNTIL, EVERY, COUNT, ENDED, PASSED, CALL, KEPT) = range(7, 16)
+(BUDGET, LINE, NOW, STAGE_NOW, UNTIL_NOW, ROW_NOW, SLOTS) = range(16, 23)
 
 
 def text_of_steps(step, name, W, for_each, align):
@@ -39,17 +42,22 @@ def text_of_steps(step, name, W, for_each, align):
     t.add("  br label %blocks")
 
     t.label("blocks")
-    t.add("  %lo = phi i64 [ 0, %entry ], [ %hi, %after ]")
+    t.add(f"  %lo = phi i64 [ {slots[LINE]}, %entry ], [ %hi, %after ]")
+    for name_0, now, begin in (
+        ("n", NOW, "0"),
+        ("stage", STAGE_NOW, "0"),
+        ("until", UNTIL_NOW, slots[UNTIL]),
+        ("row", ROW_NOW, slots[SAVED]),
+    ):
+        t.add(f"  %{name_0}0 = phi i64 [ {slots[now]}, %entry ], [ {begin}, %after ]")
     end = integer("add", "%lo", slots[BLOCK])
     less = t.compare("ult", end, slots[LINES])
     t.add(f"  %hi = select i1 {less}, i64 {end}, i64 {slots[LINES]}")
     t.add("  br label %steps")
 
     t.label("steps")
-    t.add("  %n = phi i64 [ 0, %blocks ], [ %n1, %done ]")
-    t.add("  %stage = phi i64 [ 0, %blocks ], [ %stage1, %done ]")
-    t.add(f"  %until = phi i64 [ {slots[UNTIL]}, %blocks ], [ %until1, %done ]")
-    t.add(f"  %row = phi i64 [ {slots[SAVED]}, %blocks ], [ %row1, %done ]")
+    for each in ("n", "stage", "until", "row"):
+        t.add(f"  %{each} = phi i64 [ %{each}0, %blocks ], [ %{each}1, %more ]")
     saves = t.compare("eq", "%until", 0)
     table = integer("add", slots[TABLE], integer("mul", "%stage", slots[STAGE]))
     t.add("  br label %lines")
@@ -120,11 +128,22 @@ def text_of_steps(step, name, W, for_each, align):
     t.add(f"  %until1 = select i1 {saves}, i64 {slots[EVERY]}, i64 {sooner}")
     below = integer("add", "%row", slots[ROW])
     t.add(f"  %row1 = select i1 {saves}, i64 {below}, i64 %row")
-    t.add(f"  br i1 {t.compare('ult', '%n1', slots[STEPS])}, label %steps, label %after")
+    t.add(f"  br i1 {t.compare('ult', '%n1', slots[STEPS])}, label %more, label %after")
+
+    t.label("more")
+    left = t.load("i64", t.plus("%job", 8 * BUDGET))
+    t.add(f"  br i1 {t.compare('sgt', left, 0)}, label %steps, label %pause")
+
+    t.label("pause")
+    now = {LINE: "%lo", NOW: "%n1", STAGE_NOW: "%stage1", UNTIL_NOW: "%until1", ROW_NOW: "%row1"}
+    for slot, value in now.items():
+        t.store("i64", value, t.plus("%job", 8 * slot))
+    t.add("  ret void")
 
     t.label("after")
     t.add(f"  br i1 {t.compare('ult', '%hi', slots[LINES])}, label %blocks, label %end")
     t.label("end")
+    t.store("i64", "%hi", t.plus("%job", 8 * LINE))
     t.add("  ret void")
     return t.whole()
 

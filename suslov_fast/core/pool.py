@@ -6,13 +6,19 @@ from concurrent.futures import ThreadPoolExecutor, wait
 _pools = {}  # by their numbers of threads
 
 
-def in_parts(parts, work):
-    """Call work(part) for all parts at once: the last one here, the others in threads."""
+def in_parts(parts, work, abandoned):
+    """Call work(part) for all parts at once: the last one here, the others in threads.
+
+    If that raises, as at Ctrl-C, something is put into `abandoned`, which tells the others.
+    """
     if parts not in _pools:
         _pools[parts] = ThreadPoolExecutor(parts - 1, "suslov_fast")
     others = [_pools[parts].submit(work, part) for part in range(parts - 1)]
     try:
         work(parts - 1)
+    except BaseException:
+        abandoned.append(True)
+        raise
     finally:
         wait(others)  # before anybody uses what they write to
     for each in others:

@@ -22,7 +22,7 @@ import numpy as np
 
 from .careful import careful, solve_lane, step_carefully
 from .codes import NONFINITE, OK, PASSED_POLE
-from .generated import WIDTH, text_of_step, text_of_steps
+from .generated import BUDGET, LINE, WIDTH, text_of_step, text_of_steps
 from .llvm import call_code
 from .machine_code import LARGE, MANY, Callback, code_of
 from .numba import STREAM_FROM, Kernel, function
@@ -30,6 +30,7 @@ from .operations import Step, evaluate
 from .pool import in_parts
 
 CHUNK = 2**13  # trajectories whose states are in lines at once
+SOLVED = 5 * 10**7  # nanoseconds of steps by `solve`, after which Python handles Ctrl-C
 PLANS = 32  # patterns whose lists are remembered
 
 
@@ -169,11 +170,12 @@ class _Lines:
             :, 0
         ].copy()
 
-    def take(self, first, steps, saved, until, every, notes, is_large):
+    def take(self, first, steps, saved, until, every, notes, is_large, abandoned):
         """Take the steps from state `first` on.
 
         Of `until` steps the last state goes to saved[0], that of `every` further steps to the next
-        row, and so on. `notes` are status, failed_at and the carry of the trajectories.
+        row, and so on. `notes` are status, failed_at and the carry of the trajectories. When
+        something is in `abandoned`, nothing that follows is of use.
         """
         status, failed_at, poles = notes
         self.ended = self.bits(status < 0)
@@ -201,10 +203,13 @@ class _Lines:
         job = np.array([
             x, self.count, block, steps * stages, self.table.ctypes.data, self.table.strides[0],
             stages, saved.ctypes.data, saved.strides[0], until, every, self.B, ended, passed,
-            _CAREFUL.address, kept.ctypes.data, *others, memory, self.W, step.D, step.T, first,
-            for_each,
+            _CAREFUL.address, kept.ctypes.data, 0, 0, 0, 0, until, saved.ctypes.data,
+            *others, memory, self.W, step.D, step.T, first, for_each,
         ], np.int64)  # fmt: skip
-        _CAREFUL.run(address, job)
+        budget = max(SOLVED // (self.W * (step.D**3 + 200)), 1)
+        while job[LINE] < self.count and not abandoned:
+            job[BUDGET] = budget
+            _CAREFUL.run(address, job)
 
     def _carry_out(self, n):
         """Carry out the operations of a step where they are accurate; return bits of these lanes,
@@ -254,18 +259,32 @@ class FieldSteps(Kernel):
     def __init__(self):
         self.py_func = self._take_part
 
-    def __call__(self, part, parts, *arguments):
+    def __call__(self, part, parts, *arguments, abandoned=()):
         with np.errstate(all="ignore"):  # of NumPy's threads, each has its own
-            self._take_part(part, parts, *arguments)
+            self._take_part(part, parts, *arguments, abandoned)
 
     def serial(self, *arguments):
         self(0, 1, *arguments)
 
     def parallel(self, threads, *arguments):
-        in_parts(threads, lambda part: self(part, threads, *arguments))
+        abandoned = []
+        in_parts(
+            threads, lambda part: self(part, threads, *arguments, abandoned=abandoned), abandoned
+        )
 
     def _take_part(
-        self, part, parts, arguments, omega0, carry, span, saved, final, status, failed_at
+        self,
+        part,
+        parts,
+        arguments,
+        omega0,
+        carry,
+        span,
+        saved,
+        final,
+        status,
+        failed_at,
+        abandoned,
     ):
         """Iterate the trajectories of a part, as `steps_3d.steps`."""
         begin, end, start, *others = span
@@ -281,10 +300,10 @@ class FieldSteps(Kernel):
             notes = status[some], failed_at[some], carry[0, some]
             given = states[some], saved[:, some], final[some], notes
             is_large = saved.size >= STREAM_FROM
-            _take_some(arguments, some, W, (start, *others), *given, is_large)
+            _take_some(arguments, some, W, (start, *others), *given, is_large, abandoned)
 
 
-def _take_some(arguments, some, W, span, states, saved, final, notes, is_large):
+def _take_some(arguments, some, W, span, states, saved, final, notes, is_large, abandoned):
     """Iterate some trajectories, of which all arrays but arguments are."""
     method, *parameters = arguments
     values, eps = (each[some] if len(each) > 1 else each for each in parameters)
@@ -303,7 +322,7 @@ def _take_some(arguments, some, W, span, states, saved, final, notes, is_large):
     if stop > start:
         until = every - start % every if every else 0
         saved = saved[row:] if every else saved[:0]
-        lines.take(start, stop - start, saved, until, every, notes, is_large)
+        lines.take(start, stop - start, saved, until, every, notes, is_large, abandoned)
     final[:] = lines.states()
 
 

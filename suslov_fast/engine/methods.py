@@ -9,14 +9,9 @@ from .stretches import Steps
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:
-    """Return the time of a step by `elimination.solve`, which may be that of all lanes."""
+    """Return the time of a usual step; the kernel returns to Python where many steps are others."""
     step, fractions = arguments[0]
-    return float(len(fractions) * (D**3 + 0.5 * len(step.usual)))
-
-
-def _usual_cost_of_field(D: int, arguments: Any) -> float:
-    step, fractions = arguments[0]
-    return 0.04 * float(len(fractions) * len(step.usual))
+    return len(fractions) * (0.1 * len(step.usual) if step.usual else float(D**3))
 
 
 def _cost_in_nd(D: int, arguments: Any) -> float:
@@ -29,7 +24,7 @@ STEPS_WITH_ROTOR = STEPS_3D._replace(cost=lambda D, arguments: 2.0)
 # Kahan's map of the field of any body.
 FIELD = Steps(
     steps_field.field_steps, by_method, 1, _cost_of_field, 32, field_system, by_zeros,
-    True, _usual_cost_of_field,
+    True,
 )  # fmt: skip
 STEPS_ND = Steps(steps_nd.nd_steps, by_constants, 1, _cost_in_nd, 32, nd_system, notes_poles=True)
 GAUSS = STEPS_ND._replace(

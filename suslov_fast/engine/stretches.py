@@ -94,8 +94,6 @@ class Steps(NamedTuple):
     divide: Callable[[int, Arguments], Iterator[tuple[Any, Arguments]]] | None = None
     # True if carry[0] is the first state beyond a step from det A < 0, 0 while there is none.
     notes_poles: bool = False
-    # Of a usual step, where `cost` is that of the longest: it decides about threads.
-    usual_cost: Callable[[int, Arguments], float] | None = None
 
 
 def check_steps(name: str, steps: Any) -> None:
@@ -253,7 +251,6 @@ class March:
         kernel, lanes = self.steps.kernel, self.steps.lanes
         (size, D), n, threads = arrays[0].shape, self.n, self.problem.threads
         step = self.steps.cost(D, arguments)
-        usual = (self.steps.usual_cost or self.steps.cost)(D, arguments)
         cost = step + (_SAVING / every if every else 0.0)
         width, length = max(-(-size // lanes), 1) * lanes, max(stop - n, 1)
         if width * length * cost > _STRETCH:
@@ -268,7 +265,7 @@ class March:
                 until = min(start + length, stop)
                 row = _rows(n, start, every) if start else 0
                 span = begin, end, start, until, every, row
-                work = int((end - begin) * (until - start) * usual) if end - begin > lanes else 0
+                work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
                 call_kernel(kernel, work, threads, arguments, *arrays[:2], span, *arrays[2:])
 
     def _turn_to(

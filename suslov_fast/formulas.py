@@ -4,7 +4,8 @@ The records of `maps.py` list the formulas of each map. A formula of a function 
 each state takes a checked problem and returns the values; comments say what the others take.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from .bodies.nd import check_known
 from .bodies.rigid import Suslov3D
-from .checks import FloatArray, wrong
+from .checks import FloatArray, instance, wrong
 from .core import quantities, quantities_field
 from .core.numba import Universal
 from .engine.arguments import Problem
@@ -280,6 +281,19 @@ IN_ND = {
 }
 # The functions that ask the record of a map for a formula.
 FUNCTIONS = {*IN_3D, *IN_ND}
+
+
+def check_formulas(formulas: Mapping[str, Any], conserved: Any) -> None:
+    """Raise an error for formulas that no function asks for, or `conserved` of other names."""
+    for name, formula in formulas.items():
+        instance(f"formulas[{name!r}]", formula, Formula)
+        if name not in FUNCTIONS:
+            nearest = get_close_matches(name, FUNCTIONS, 1)
+            expected = nearest[0] if nearest else f"one of {', '.join(sorted(FUNCTIONS))}"
+            raise wrong("formulas", f"names of functions, {expected}", repr(name))
+    if isinstance(conserved, str) or not {*conserved} <= {*formulas}:
+        expected = f"a tuple of names of formulas, of {', '.join(formulas) or 'none'}"
+        raise wrong("conserved", expected, repr(conserved))
 
 
 # What errors say where the map of a body lacks a function, by its name.

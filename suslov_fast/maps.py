@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import lru_cache
 from typing import Any
 
@@ -16,12 +15,14 @@ from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .bodies.samples import random_3d, random_field, random_nd, random_with_I3
 from .engine import arguments, methods
 from .engine.arguments import WHOLE, Problem
+from .engine.arguments import by_constants as by_constants
+from .engine.arguments import by_field as by_field
 from .engine.methods import FIELD
+from .engine.methods import steps_of as steps_of
 from .engine.stretches import Steps, check_steps
 from .engine.trial import check_parameters
 from .formulas import (
     BY_JACOBIAN,
-    FUNCTIONS,
     GYROSTAT,
     IN_3D,
     IN_ND,
@@ -29,6 +30,7 @@ from .formulas import (
     KAHAN,
     OF_ORDER,
     Formula,
+    check_formulas,
 )
 
 
@@ -38,8 +40,7 @@ class Map:
 
     Runs, files, stores, plots and functions of a state ask this record for all that depends on the
     map; what it lacks raises an error. `register` makes a record known. Several records may have
-    the same class; the argument `method` of a run decides between them. Functions without this
-    argument, such as `jacobian`, are those of the map with the method "auto".
+    the same class: the argument `method` of runs and functions decides between them.
 
     Attributes
     ----------
@@ -59,10 +60,10 @@ class Map:
         steps are known. In `Formula(compute, check, poles)`, `compute` takes a `Problem` and
         returns the values (...), `check` raises an error for a body that lacks the quantity, and
         `poles` is True where infinite values are meant. ``"attitude"`` is `AXIAL` or `IN_ROWS`: how
-        states turn a body; without it `attitude` raises an error. A map with ``"jacobian"`` also
-        has ``"lyapunov_exponents"`` and ``"multipliers"``.
+        states turn a body. A map with ``"jacobian"`` has ``"lyapunov_exponents"`` and
+        ``"multipliers"``.
     random : tuple of callables
-        Functions ``random(rng, shape)`` that return a batch of bodies for tests; each is tested.
+        Functions ``random(rng, shape)`` that return a batch of bodies for tests.
     pole : tuple or None
         A body, and a state that has no next one for eps = 1; None if every state has one.
     conserved : tuple of str
@@ -77,58 +78,65 @@ class Map:
 
     Notes
     -----
-    A kernel of steps is a function of numbers and arrays, decorated with `core.numba.kernel`:
+    **Authors of a step** write the step of one state, decorated with `core.numba.function`:
+
+        step(x, out, eps, work, *row) -> Status as an int
+
+    and ``Steps(steps_of(step), arguments)`` keeps items 2 to 7 below. The step writes the state
+    that follows x (D,) to `out` (D,). `row` are the arrays that `arguments` makes, without eps,
+    which comes last there: an array of float64 gives the row of this trajectory (a number, if the
+    array has one axis), others are whole. Only `out` and `work` are written; `work` is the array of
+    a thread, of ``steps_of(step, work=n)`` numbers, of which nothing is left from one step to the
+    next. A negative status ends the trajectory (`core.codes`: SINGULAR where there is no next
+    state), and so does a state that is not finite; the first positive one is kept, with its n.
+
+    **Authors of a kernel**, which may step several lanes at once, write it whole, decorated with
+    `core.numba.kernel`:
 
         steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at)
 
-    `tests/own.py` has a short one, which steps one trajectory after the other. A kernel neither
-    validates nor raises, and allocates nothing inside loops over steps; formulas that it calls are
-    decorated with `core.numba.formula` or `core.numba.function`.
+    `core/one_step.py` has a short one. A kernel neither validates nor raises, and allocates nothing
+    inside loops over steps; formulas that it calls are `core.numba.formula` or `function`.
 
     1. `arguments` is what `Steps.arguments(body, eps, batch)` returned, called once for a run: a
        tuple of arrays, which a kernel only reads. Each has one row if it is common to all B
        trajectories, else B rows: ``array[i % len(array)]`` is that of trajectory i. A negative eps
-       steps back. `by_constants` passes ``body.constants``
-       and eps (1 or B,): I1, I2, I13, I23, k, eps in three dimensions, J, I, eps in n. `by_field`
-       passes the terms v x_j x_k of the field, with x_D = 1: indices (3, T), the i, j and k, values
-       (1 or B, T), and eps.
+       steps back. `by_constants` passes ``body.constants`` and eps (1 or B,): I1, I2, I13, I23, k,
+       eps in three dimensions, J, I, eps in n. `by_field` passes the terms v x_j x_k of the field,
+       with x_D = 1: indices (3, T), the i, j and k, values (1 or B, T), and eps.
     2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
-       begin <= i < end from state `start` to state `stop`; ``share`` returns those of part number
-       `part` of `parts`, which a thread computes.
-    3. State 0 is `omega0` (B, D), which is read only if start = 0. It counts as a saved state and,
-       if it is NaN, as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do
-       nothing else.
+       begin <= i < end from state `start` to `stop`; ``share`` returns those of part number `part`
+       of `parts`, which a thread computes.
+    3. State 0 is `omega0` (B, D), read only if start = 0. It counts as a saved state and, if it is
+       NaN, as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do nothing else.
     4. A run is cut into calls anywhere, in time and in the batch, and all cuts give the same bits.
        A step is the same at every n. Steps continue from `final` (B, D) and from `carry`
        (carried, B), whose contents the kernel chooses: both are read if start > 0, and written at
        `stop`.
     5. If every > 0, state n is saved if start < n <= stop, or n = start = 0, and n is a multiple of
-       `every`: the first of them to saved[row], the next to saved[row + 1]; `saved` is
-       (rows, B, D).
+       `every`: the first to saved[row], the next to saved[row + 1]; `saved` is (rows, B, D).
     6. `final` receives the states at `stop`, saved or not.
-    7. A trajectory that fails at state n gets status[i] < 0 (`core.codes`: SINGULAR where there is
-       no next state, NONFINITE beyond float64), failed_at[i] = n, and NaN from there on, in `saved`
-       and in `final`. One with status[i] < 0 at the beginning of a call stays NaN. No other
-       trajectory is touched: its bits do not depend on the batch, its order, or `parts`. With
-       `Steps.notes_poles`, the first step from det A < 0 sets PASSED_POLE, and failed_at[i] and
-       carry[0, i], which is 0 before, to n of the state after it; a failure leaves carry[0, i].
+    7. A trajectory that fails at state n gets status[i] < 0 (SINGULAR, or NONFINITE beyond
+       float64), failed_at[i] = n, and NaN from there on, in `saved` and in `final`; with
+       status[i] < 0 at the beginning of a call it stays NaN. Bits of others depend neither on it
+       nor on the batch, its order, or `parts`. With `Steps.notes_poles`, the first step from
+       det A < 0 sets PASSED_POLE, and failed_at[i] and carry[0, i], which is 0 before, to n of the
+       state after it; a failure leaves carry[0, i].
+
+    **Both** give `Steps` its other parts:
+
     8. `Steps.cost(D, arguments)` is the time of a step relative to that of the three-dimensional
        map (about 1 ns on one thread), 1 by default. It decides how many steps a call takes, so that
-       Ctrl-C is handled within about 0.1 s; with an estimate that is too low, it takes longer: a
-       kernel that takes 200 ns a step needs ``cost=lambda D, arguments: 200.0``.
+       Ctrl-C is handled within about 0.1 s: a kernel that takes 200 ns a step needs
+       ``cost=lambda D, arguments: 200.0``.
     9. A thread takes `Steps.lanes` trajectories at a time, a multiple of 8.
     10. `Steps.system(body, eps)` returns what `compiled.step_system` takes: `field_system`, if the
         steps are those of Kahan's map of the field of the body. Without it `compiled.system`
-        refuses the body; loops of your own call the formulas of your kernel.
+        refuses the body; loops of your own call your step.
 
-    Before the first run of a kernel that is not of the package, `engine.trial` tries it on a few
-    trajectories, and refuses one that breaks items 1 to 7. What it cannot see, the formulas,
-    ``pytest tests/test_promises.py --maps MODULE`` tests: steps agree with "vector_field" for small
-    eps, "jacobian" agrees with differences of steps, and values have the shape of the batch.
-
-    Kernels of the package use `share`, `pick` and `lesser` of `core.numba`; those of pairs of
-    numbers use `write_pairs` of `core.rows`. The walk over blocks of lanes and the rule for state 0
-    (items 2 and 3) are written in each of them.
+    Before its first run `engine.trial` tries a kernel of others on a few trajectories, and refuses
+    one that breaks items 1 to 7. It does not see formulas: ``pytest tests/test_promises.py --maps
+    MODULE`` compares steps with "vector_field" for small eps, and "jacobian" with differences.
     """
 
     name: str
@@ -144,6 +152,7 @@ class Map:
     meaning: str = "angular velocity"
 
     def __post_init__(self) -> None:
+        vars(self)["methods"] = methods.with_notes(self.methods)
         if "jacobian" in self.formulas:
             vars(self)["formulas"] = {**BY_JACOBIAN, **self.formulas}
 
@@ -222,15 +231,7 @@ def register(record: Map) -> None:
         raise checks.wrong("methods", expected, ", ".join(record.methods))
     for method, steps in record.methods.items():
         check_steps(f"methods[{method!r}]", steps)
-    for name, formula in record.formulas.items():
-        checks.instance(f"formulas[{name!r}]", formula, Formula)
-        if name not in FUNCTIONS:
-            nearest = get_close_matches(name, FUNCTIONS, 1)
-            expected = nearest[0] if nearest else f"one of {', '.join(sorted(FUNCTIONS))}"
-            raise checks.wrong("formulas", f"names of functions, {expected}", repr(name))
-    if isinstance(record.conserved, str) or not {*record.conserved} <= {*record.formulas}:
-        expected = f"a tuple of names of formulas, of {', '.join(record.formulas) or 'none'}"
-        raise checks.wrong("conserved", expected, repr(record.conserved))
+    check_formulas(record.formulas, record.conserved)
     if not isinstance(record.random, tuple) or not all(map(callable, record.random)):
         raise checks.wrong("random", "a tuple of functions", repr(record.random), TypeError)
     if record.pole is not None and not isinstance(record.pole[0], record.body):

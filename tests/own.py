@@ -1,6 +1,6 @@
 """Maps and bodies of the tests' own, as users would write them: see the docstring of `maps.Map`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 import suslov_fast as sf
 from suslov_fast import maps
 from suslov_fast.bodies.base import Body
-from suslov_fast.core.codes import NONFINITE
+from suslov_fast.core.codes import NONFINITE, OK
 from suslov_fast.core.numba import function, kernel, share
 from suslov_fast.engine.arguments import by_field
 from suslov_fast.engine.stretches import Steps
@@ -56,6 +56,20 @@ def midpoint_steps(part, parts, arguments, omega0, carry, span, saved, final, st
             final[i, d] = x[d]
 
 
+@function
+def midpoint_step(x, out, eps, work, indices, values):
+    """The same step, of one state, in the same order of operations."""
+    D = len(x)
+    given, middle, after = work[: D + 1], work[D + 1 : 2 * D + 2], work[2 * D + 2 :]
+    given[:D], given[D] = x, 1.0
+    middle[:] = given
+    add_field(indices, values, given, 0.5 * eps, middle)
+    after[:] = given
+    add_field(indices, values, middle, eps, after)
+    out[:] = after[:D]
+    return OK
+
+
 MIDPOINT = maps.Map(
     name="midpoint",
     title="Explicit midpoint rule",
@@ -66,6 +80,11 @@ MIDPOINT = maps.Map(
     pole=None,  # every state has a next one
     variable="x",
     meaning="state",
+)
+BY_STEP = replace(
+    MIDPOINT,
+    name="by step",
+    methods={"by_step": Steps(maps.steps_of(midpoint_step, lambda D: 3 * D + 3), by_field)},
 )
 
 

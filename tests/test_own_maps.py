@@ -22,6 +22,7 @@ import test_promises as promises
 import suslov_fast as sf
 from suslov_fast import compiled, ensemble, iterate, maps
 from suslov_fast.command import main
+from suslov_fast.core import cache
 from suslov_fast.core.numba import kernel
 from suslov_fast.engine import threads
 from suslov_fast.engine.arguments import by_field
@@ -40,6 +41,7 @@ def _registered(monkeypatch):
     monkeypatch.setattr(maps, "MAPS", dict(maps.MAPS))
     maps.register(own.MIDPOINT)
     maps.register(own.SLEIGH)
+    maps.register(own.BY_STEP)
 
 
 def midpoint(eps=0.1, steps=40, **options):
@@ -70,6 +72,130 @@ def test_cuts_threads_and_batches_change_no_bit(monkeypatch):
     np.testing.assert_array_equal(alone.x, whole.x[:, 1])
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     assert midpoint(threads=2) == whole
+
+
+def hostile(size=50):
+    """A family with a row of eps, and states that are NaN, overflow, or are beyond all squares."""
+    rng = np.random.default_rng(0)
+    family = sf.QuadraticField.from_function(
+        lambda x, c: (x[2], x[3], -x[0] - 2 * x[0] * x[1], -x[1] - x[0] ** 2 + c * x[1] ** 2),
+        4,
+        c=np.linspace(0.5, 1, size),
+    )
+    x = rng.uniform(-0.3, 0.3, (size, 4))
+    x[3], x[7], x[8] = np.nan, 9, 1e200
+    return family, x, np.linspace(0.05, 0.1, size)
+
+
+def test_the_kernel_of_a_step_has_the_bits_of_one_by_hand(monkeypatch):
+    def run(method, steps=70, where=slice(None), **options):
+        family, x, eps = hostile()
+        given = family[where], x[where], eps[where], steps
+        return iterate(*given, method=method, on_singular="ignore", **options)
+
+    whole, by_hand = run("by_step"), run("midpoint")
+    for name in ("x", "final", "status", "failed_at"):
+        np.testing.assert_array_equal(getattr(whole, name), getattr(by_hand, name))
+    assert {*whole.status} == {sf.Status.OK, sf.Status.NONFINITE}
+    for every, cuts in itertools.product((1, 7, None), ((35, 35), (0, 1, 64, 5))):
+        part = run("by_step", cuts[0], save_every=every)
+        for more in cuts[1:]:
+            part = part.extend(more, on_singular="ignore")
+        assert part == run("by_step", save_every=every)
+        np.testing.assert_array_equal(part.x, whole.x[part.n])
+    for i in (3, 7, 20):
+        np.testing.assert_array_equal(run("by_step", where=i).x, whole.x[:, i])
+    one_eps = iterate(hostile()[0], hostile()[1][20], 0.1, 70, method="by_step")
+    assert (one_eps.x[:, 0] != one_eps.x[:, -1]).any()  # each member has its own values
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    assert run("by_step", threads=2) == whole
+
+
+def counting(x, out, eps, work, values):
+    """Statuses of a counter, the state: 1 from 3 to 5, 2 from 5 on, a failure at 8."""
+    out[0] = x[0] + values
+    if out[0] == 8.0:
+        return -1
+    return 0 if out[0] < 3.0 else (1 if out[0] < 5.0 else 2)
+
+
+def counter(step=counting, work=0, of_kahan=False):
+    """A map by this step, and a body for it."""
+    kind = type("Counter", (own.Sleigh,), {"dimension": 1, "_labels": ("x",)})
+    steps = Steps(
+        maps.steps_of(step, work), lambda body, eps, batch: (np.ones(1), np.atleast_1d(eps))
+    )
+    new = {"name": "counter", "body": kind, "methods": {"auto": steps}, "formulas": {}}
+    maps.register(dataclasses.replace(own.SLEIGH, **new, pole=None, random=()))
+    return kind(1.0, 1.0, 1.0)
+
+
+def test_a_positive_status_of_a_step_is_kept_with_its_first_step(tmp_path):
+    body = counter()
+    starts = [[0.0], [2.5], [4.5], [9.0]]
+    run = iterate(body, starts, 0.1, 4, on_singular="ignore")
+    assert run.status.tolist() == [1, 1, 2, 2]
+    assert run.failed_at.tolist() == [3, 1, 1, 1]
+    assert run.extend(3, on_singular="ignore").status.tolist() == [1, 1, 2, 2]
+    assert run.extend(3, on_singular="ignore").failed_at.tolist() == [3, 1, 1, 1]
+    longer = run.extend(4, on_singular="ignore")
+    assert longer == iterate(body, starts, 0.1, 8, on_singular="ignore")
+    assert longer.status.tolist() == [-1, 1, 2, 2]
+    assert longer.failed_at.tolist() == [8, 1, 1, 1]
+    assert np.isnan(longer.final[0])
+    # One that ends at a crossing keeps the status of before, whatever follows in the same piece.
+    for start, at, status, first in ((0, 2.5, 1, 3), (4, 6.5, 2, 1), (0, 1.5, 0, -1)):
+        points = sf.crossings(
+            body, [start], 0.1, 20, lambda x, at=at: x[..., 0] - at, direction=1, most=1,
+            on_singular="ignore",
+        )  # fmt: skip
+        assert (points.status, points.failed_at) == (status, first)
+
+
+def test_steps_that_break_the_contract_do_not_run():
+    """What a step can still do: change what it is given, remember, or expect other arrays."""
+
+    def changes(x, out, eps, work, values, numbers):
+        out[0] = x[0]
+        numbers[0] = 2.0
+        return 0
+
+    def remembers(x, out, eps, work, values):
+        work[0] += 1.0
+        out[0] = work[0]
+        return 0
+
+    def forgets(x, out, eps, work, values):
+        return 0
+
+    run = iterate(counter(forgets), [0.0], 0.1, 3, on_singular="ignore")
+    assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
+    maps.MAPS.pop("counter")
+    with pytest.raises(ValueError, match=r"^kernel: .*\(item \d of maps.Map\)"):
+        iterate(counter(remembers, 1), [0.0], 0.1, 3)
+    maps.MAPS.pop("counter")
+    words = r"^step: .*eps, work, \*row\) with a row of 1, .*got changes\(x, out, .*, numbers\)"
+    with pytest.raises(TypeError, match=words):
+        iterate(counter(changes), [0.0], 0.1, 3)
+    with pytest.raises(TypeError, match=r"^step: expected a compiled function, got int"):
+        maps.steps_of(5)
+    with pytest.raises(ValueError, match=r"^work: "):
+        maps.steps_of(counting, -1)
+
+
+def test_an_edit_of_a_step_compiles_anew():
+    """The kernel's own text is that of all steps; its digest sees the step and the work."""
+
+    def digest(text, work=0):
+        names = {"NUMBER": 2.0}
+        exec(text, names)
+        return cache._digest_of(maps.steps_of(names["step"], work).py_func)
+
+    text = "def step(x, out, eps, work):\n    out[0] = 3.0 * NUMBER * x[0]\n    return 0"
+    digests = [digest(text), digest(text.replace("3.0", "4.0")), digest(text, 5)]
+    digests += [digest(f"NUMBER = 3.0\n{text}"), digest(text, lambda D: D)]
+    assert len({*digests}) == 5
+    assert digest(text) == digests[0]
 
 
 def test_a_run_has_the_quantities_of_its_map_alone(tmp_path, capsys):

@@ -80,7 +80,7 @@ def _described(thing, seen):
         yield repr(thing) if np.isscalar(thing) else f"{type(thing).__name__} {fields}"
     elif function in seen:
         yield f"{seen[function]}"
-    elif not seen or not _is_known(function):
+    elif not seen or _is_foreign(function):
         seen[function] = len(seen)
         yield repr(sorted(getattr(thing, "targetoptions", {}).items(), key=repr))
         cells = [cell.cell_contents for cell in function.__closure__ or ()]

@@ -1,9 +1,12 @@
 """Steps of the kernels of the package, with what each costs."""
 
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from ..core import steps_3d, steps_field, steps_nd
+from ..checks import integer, kind_of, wrong
+from ..core import one_step, steps_3d, steps_field, steps_nd
+from ..core.numba import Kernel
 from .arguments import by_constants, by_method, by_zeros, field_system, in_stages, nd_system
 from .stretches import Steps
 
@@ -69,3 +72,59 @@ def _field_of_order(order: int) -> Steps:
 
 
 FIELD_OF_ORDER = {order: _field_of_order(order) for order in FRACTIONS}
+
+
+# ---------------------------------------------------------------------- steps of maps of others
+def steps_of(step: Callable[..., int], work: int | Callable[[int], int] = 0) -> Kernel:
+    """Return a kernel that keeps the contract of `Map`, from the step of one state.
+
+    Parameters
+    ----------
+    step : compiled function
+        ``step(x, out, eps, work, *row)`` writes the state that follows x (D,) to `out` (D,) and
+        returns its `Status`, see `Map`. Decorate it with `core.numba.function` or `numba.njit`;
+        an ordinary function is compiled here.
+    work : int or callable
+        The length of `work`, an array of float64 that each thread has: a number, or a function
+        of D.
+
+    Returns
+    -------
+    Kernel
+        For ``Steps(kernel, arguments)`` in the `methods` of a `Map`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `step` is no function, or `work` no length. A step of another number of arguments is
+        refused in the first run.
+
+    Examples
+    --------
+    >>> from suslov_fast import maps
+    >>> def explicit_euler(x, out, eps, work, indices, values):
+    ...     out[:] = x
+    ...     for (i, j, k), v in zip(indices.T, values):  # x_i' = v x_j x_k, with x_D = 1
+    ...         out[i] += eps * v * (x[j] if j < len(x) else 1.0) * (x[k] if k < len(x) else 1.0)
+    ...     return 0
+    >>> euler = maps.Steps(maps.steps_of(explicit_euler), maps.by_field)  # methods={"euler": euler}
+    """
+    if not callable(step):
+        raise wrong("step", "a compiled function", kind_of(step), TypeError)
+    if not callable(work):
+        integer("work", work, 0)
+    kernel: Kernel = one_step.steps_of(step, work)
+    return kernel
+
+
+def with_notes(methods: Mapping[str, Steps]) -> dict[str, Steps]:
+    """Return the steps of methods, with the carry that kernels of `steps_of` write."""
+    noted = {"carried": one_step.CARRIED, "notes_poles": True}
+    return {
+        name: steps._replace(**noted) if _is_of_step(steps) else steps
+        for name, steps in methods.items()
+    }
+
+
+def _is_of_step(steps: Any) -> bool:
+    return isinstance(steps, Steps) and isinstance(steps.kernel, one_step.KernelOfStep)

@@ -5,6 +5,7 @@ other numbers after a cut. The trial takes a few trajectories some steps, in sev
 give the same bits, between numbers that no kernel may touch: about 5,000 steps in all.
 """
 
+import inspect
 import warnings
 from collections.abc import Iterator
 from contextlib import suppress
@@ -17,6 +18,7 @@ import numpy as np
 from ..bodies.field import MATRIX
 from ..checks import FloatArray, short, wrong
 from ..core import codes
+from ..core.one_step import KernelOfStep
 from .arguments import Arguments, Problem, flat_arrays
 from .status import Status
 
@@ -114,7 +116,8 @@ def _is_of_package(kernel: Any, arguments: Any) -> bool:
     """Return True for a kernel of the package, with arguments that the package makes."""
     maker = getattr(arguments, "__module__", None)  # callables may lack one
     where: str = kernel.py_func.__module__
-    return maker == Problem.__module__ and where.startswith(codes.__package__)
+    is_ours = where.startswith(codes.__package__) and not isinstance(kernel, KernelOfStep)
+    return maker == Problem.__module__ and is_ours
 
 
 def arguments_for(problem: Problem, steps: Any, size: int) -> Arguments:
@@ -144,6 +147,17 @@ def _check_arguments(arguments: Any, size: int) -> None:
         if kind == np.float64 and len(array) not in (1, size):
             expected = f"1 or {size} rows, those of the batch (item 1 of maps.Map)"
             raise wrong(f"arguments[{k}]", expected, len(array))
+
+
+def _check_step(kernel: Any, count: int) -> None:
+    """Raise an error unless a step takes as many arrays as `Steps.arguments` makes beside eps."""
+    step = kernel.step.py_func
+    signature = inspect.signature(step)
+    try:
+        signature.bind(*range(4 + count))
+    except TypeError:
+        expected = f"step(x, out, eps, work, *row) with a row of {count}, those of Steps.arguments"
+        raise wrong("step", expected, f"{step.__name__}{signature}", TypeError) from None
 
 
 def _arrays(arguments: Any) -> Iterator[Any]:
@@ -239,6 +253,8 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
         of_equals = steps.arguments(body, many, (size,))
     for each in (of_one, of_equals):
         _check_arguments(each, size)
+    if isinstance(steps.kernel, KernelOfStep):
+        _check_step(steps.kernel, len(of_one) - 1)
     has_rows = [
         getattr(each, "dtype", None) == np.float64 and len(each) == size for each in of_equals
     ]
@@ -345,9 +361,9 @@ def _check_failures(run: _Trial) -> None:
         exist = np.isfinite(states).all(axis=-1)
         if status >= 0:
             received = f"status {status} of {short(states[-1])}, failed_at = {failed_at}"
-            told = failed_at == -1
+            # A positive status may say since when it holds.
+            told = failed_at == -1 or (status > 0 and 0 < failed_at < len(states))
             if status == codes.PASSED_POLE:
-                told = 0 < failed_at < len(states)
                 noted = run.steps.notes_poles and run.carry[0, i] == failed_at
                 expected = "PASSED_POLE with Steps.notes_poles, and failed_at in carry[0]"
                 _expect(noted, expected, received, 7)

@@ -195,7 +195,8 @@ class Search:
         if march.steps.notes_poles:  # of an end and a failure in one piece, too
             last = np.where(ended, n[np.maximum(ends, 1) - 1] if K else 0, -1)
             passed = ended & (march.carry[0] > 0) & (march.carry[0] <= last + 1)
-            status.reshape(-1)[passed] = Status.PASSED_POLE
+            noted = march.carry[1, passed] if len(march.carry) > 1 else Status.PASSED_POLE
+            status.reshape(-1)[passed] = noted
             failed_at.reshape(-1)[passed] = march.carry[0, passed]
         return {
             "trajectory": trajectory,

@@ -117,11 +117,10 @@ class Map:
        `every`: the first to saved[row], the next to saved[row + 1]; `saved` is (rows, B, D).
     6. `final` receives the states at `stop`, saved or not.
     7. A trajectory that fails at state n gets status[i] < 0 (SINGULAR, or NONFINITE beyond
-       float64), failed_at[i] = n, and NaN from there on, in `saved` and in `final`; with
-       status[i] < 0 at the beginning of a call it stays NaN. Bits of others depend neither on it
-       nor on the batch, its order, or `parts`. With `Steps.notes_poles`, the first step from
-       det A < 0 sets PASSED_POLE, and failed_at[i] and carry[0, i], which is 0 before, to n of the
-       state after it; a failure leaves carry[0, i].
+       float64), failed_at[i] = n, and NaN from there on, in `saved` and `final`, in later calls,
+       too. Bits of others depend neither on it nor on the batch, its order, or `parts`. With
+       `Steps.notes_poles`, the first step from det A < 0 sets PASSED_POLE, and failed_at[i] and
+       carry[0, i], which is 0 before, to n of the state after it; a failure leaves carry[0, i].
 
     **Both** give `Steps` its other parts:
 

@@ -119,12 +119,9 @@ def steps_of(step: Callable[..., int], work: int | Callable[[int], int] = 0) -> 
 
 def with_notes(methods: Mapping[str, Steps]) -> dict[str, Steps]:
     """Return the steps of methods, with the carry that kernels of `steps_of` write."""
-    noted = {"carried": one_step.CARRIED, "notes_poles": True}
     return {
-        name: steps._replace(**noted) if _is_of_step(steps) else steps
+        name: steps._replace(carried=one_step.CARRIED, notes_poles=True)
+        if isinstance(getattr(steps, "kernel", None), one_step.KernelOfStep)
+        else steps
         for name, steps in methods.items()
     }
-
-
-def _is_of_step(steps: Any) -> bool:
-    return isinstance(steps, Steps) and isinstance(steps.kernel, one_step.KernelOfStep)

@@ -5,19 +5,23 @@ are integrable. Orbits whose largest Lyapunov exponent exceeds 0.02 per unit of 
 The page "A zoo of Kahan maps" has the equations, their sources and the table.
 """
 
+import warnings
 from functools import cache
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import to_rgba
 
-from suslov_fast import iterate, lyapunov_exponents
+from suslov_fast import PoleWarning, iterate, lyapunov_exponents
 from suslov_fast.integrability import zoo
 
 
 def random(dimension, size, count=8):
     return np.random.default_rng(0).uniform(-size, size, (count, dimension)).tolist()
 
+
+# Here the maps count, also where their orbits pass through infinity.
+warnings.simplefilter("ignore", PoleWarning)
 
 ZOO = {name: (field, eps) for name, (field, eps) in zoo().items() if eps is not None}
 TOP = [[0.3, 0.2, each, 0.1, 0.4, 0.8] for each in (0.5, 1)]

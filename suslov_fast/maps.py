@@ -248,6 +248,8 @@ def map_of(body: Any, method: str = "auto") -> Map:
     the class has their equations.
     """
     by_method = _methods_of(type(body))
+    if type(method) is str and method in by_method:
+        return by_method[method]
     if not by_method:
         kinds = [record.body.__name__ for record in MAPS.values()]
         received = checks.kind_of(body) + checks.in_place_of(body)
@@ -263,8 +265,7 @@ def _methods_of(kind: Any) -> dict[str, Map]:
     return _by_method(kind, tuple(MAPS.values()))
 
 
-# What a class defines that has equations of its own.
-_EQUATIONS = {"field", "_field", "terms", "constants"}
+_EQUATIONS = {"field", "_field", "terms", "constants"}  # of a class that has its own
 
 
 @lru_cache(maxsize=64)  # for small calls
@@ -304,8 +305,7 @@ def problem(
     """
     map = map_of(body, method)
     formula = map.formula(function, body)
-    given = arguments.check(map, body, omega, eps, threads, **options)
-    return given._replace(method=method), formula
+    return arguments.check(map, body, omega, eps, threads, method=method, **options), formula
 
 
 def _classes() -> Iterator[type[Any]]:

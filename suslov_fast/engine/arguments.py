@@ -157,6 +157,7 @@ def check(
     components: tuple[str, ...] | None = None,
     attitude: Any = False,
     later: bool = False,
+    method: str = "auto",
 ) -> Problem:
     """Check the arguments of a public function that takes states of a body, for a map of it.
 
@@ -187,7 +188,7 @@ def check(
         turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]
     batch, threads = common_shape(shapes), thread_count(threads)
-    return Problem(map, body, omega, eps, batch, threads, name, orientation=turns)
+    return Problem(map, body, omega, eps, batch, threads, name, method, turns)
 
 
 def thread_count(threads: int | None) -> int | None:

@@ -148,11 +148,13 @@ def iterate(
     """
     map = map_of(body, method)
     problem = check(map, body, omega0, eps, threads, name="omega0", attitude=attitude)
+    counts = checked_counts(steps, save_every)
     if type(problem.eps) is not float:  # a copy, for the run
-        problem = problem._replace(eps=np.array(problem.eps))
-    march, counts = March(problem, method), checked_counts(steps, save_every)
-    if np.shape(problem.eps) in ((counts[0],), (counts[0] + 1,)) and counts[0] > 9:
-        _advise_on_times(np.asarray(problem.eps), counts[0])
+        given = np.array(problem.eps)
+        problem = problem._replace(eps=given)
+        if given.shape in ((counts[0],), (counts[0] + 1,)) and counts[0] > 9:
+            _advise_on_times(given, counts[0])
+    march = March(problem, method)
     return run_to_end(march, method, *counts, on_singular, progress, out)
 
 

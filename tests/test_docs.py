@@ -22,6 +22,7 @@ import pytest
 from PIL import Image
 
 import suslov_fast
+from suslov_fast import maps
 from suslov_fast.command import main
 from suslov_fast.engine import threads
 from suslov_fast.integrability import zoo
@@ -92,6 +93,7 @@ def test_page(path, folder, tmp_path, monkeypatch):
     matplotlib.use("Agg")
     plt.close("all")
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)  # parallel loops take long to compile
+    monkeypatch.setattr(maps, "MAPS", dict(maps.MAPS))  # a page may register one
     monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
     names = {"__name__": "__main__"}
     for code in blocks(path, "python"):

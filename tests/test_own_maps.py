@@ -297,33 +297,23 @@ def test_compiled_steps_are_those_of_the_map_or_refused():
         compiled.system(Midpoint(1.0, 1.5, 0.4), 0.1)
 
 
+def of_midpoint(problem):
+    """The Jacobian of the explicit midpoint rule, for fields and bodies."""
+    f, x, h = problem.body, problem.omega, np.asarray(problem.eps)[..., None, None]
+    f, one = f.field() if hasattr(f, "field") else f, np.eye(x.shape[-1])
+    slopes = [2.0 * (one - sf.matrix(f, y, 1.0)) for y in (x, x + 0.5 * h[..., 0] * f(x))]
+    return one + h * slopes[1] @ (one + 0.5 * h * slopes[0])
+
+
 def test_exponents_of_a_map_with_a_jacobian(monkeypatch):
-    """Those of Kahan's map by its formula of the Jacobian alone, and of the midpoint rule."""
+    """Those of Kahan's map by its formula of the Jacobian alone."""
 
     class Alone(own.Sleigh):
         """A sleigh of which nothing but the Jacobian is known."""
 
-    class Midpoint(own.Sleigh):
-        """A sleigh with the steps of another map."""
-
-    def of_midpoint(problem):
-        f, x, h = problem.body.field(), problem.omega, np.asarray(problem.eps)[..., None, None]
-        slopes = [(np.eye(2) - sf.matrix(f, y, 1.0)) * 2.0 for y in (x, x + 0.5 * h[..., 0] * f(x))]
-        return np.eye(2) + h * slopes[1] @ (np.eye(2) + 0.5 * h * slopes[0])
-
     jacobian = {"jacobian": KAHAN["jacobian"]}
     new = dataclasses.replace(own.SLEIGH, name="alone", body=Alone, formulas=jacobian, pole=None)
     maps.register(new)
-    methods = {"auto": Steps(own.midpoint_steps, by_field)}
-    own_jacobian = {"jacobian": Formula(of_midpoint)}
-    other = {
-        "name": "other",
-        "body": Midpoint,
-        "methods": methods,
-        "formulas": own_jacobian,
-        "pole": None,
-    }
-    maps.register(dataclasses.replace(own.SLEIGH, **other))
     given = [2.0, 3.0], 1.5, 0.4
     starts, eps = [[1.0, 0.5], [np.nan, 0.5]], [0.3, 0.2]
     expected = sf.lyapunov_exponents(own.Sleigh(*given), starts, eps, 200, 5)
@@ -332,32 +322,50 @@ def test_exponents_of_a_map_with_a_jacobian(monkeypatch):
     assert np.isnan(rates[1]).all()
     monkeypatch.setattr("suslov_fast.engine.derivatives._STRETCH", 0)  # one state at a time
     np.testing.assert_array_equal(sf.lyapunov_exponents(Alone(*given), starts, eps, 200, 5), rates)
-    x, Q, sums = np.array([1.0, 0.5]), np.eye(2), 0.0
-    body = Midpoint(2.0, 1.5, 0.4)
-    for state in iterate(body, x, 0.1, 49).omega:
-        Q, R = np.linalg.qr(sf.jacobian(body, state, 0.1) @ Q)
-        sums += np.log(abs(np.diag(R)))
-    rates = sf.lyapunov_exponents(body, x, 0.1, 50)
-    np.testing.assert_allclose(rates, -np.sort(-sums / 50), rtol=1e-12)
-    step = 1e-6
-    by_difference = [
-        (sf.step(body, x + d, 0.1) - sf.step(body, x - d, 0.1)) / (2 * step)
-        for d in step * np.eye(2)
-    ]
-    np.testing.assert_allclose(sf.jacobian(body, x, 0.1).T, by_difference, atol=1e-9)
     rest = [[2.0, 0.0], [np.nan, 0.0]]
     values = sf.multipliers(Alone(*given), rest, eps)
     np.testing.assert_allclose(values, sf.multipliers(own.Sleigh(*given), rest, eps), rtol=1e-13)
-    values = sf.multipliers(body, [2.0, 0.0], 0.1)  # f' has -c v on its diagonal
-    slope = 0.1 * -2.0 * 0.4 * 2.0 / (1.5 + 2.0 * 0.16)
-    np.testing.assert_allclose(values, [1.0, 1.0 + slope + slope**2 / 2], rtol=1e-13)
-    with pytest.raises(ValueError, match=r"^x: expected fixed points of the map, got 1 other"):
-        sf.multipliers(body, [2.0, 0.1], 0.1)
     with pytest.raises(TypeError, match=r"^body: .*got Alone"):
         sf.energy(Alone(*given), starts)
     with pytest.warns(sf.SingularStepWarning):
         pole = sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), own.SLEIGH.pole[1], 1.0, 1)
     assert np.isnan(pole).all()
+
+
+def test_functions_of_a_second_method_of_a_class():
+    """They are those of its map, and of no other; a map without a quantity refuses."""
+    new = {"name": "second", "methods": {"second": Steps(own.midpoint_steps, by_field)}}
+    new["formulas"] = {"jacobian": Formula(of_midpoint)}
+    maps.register(dataclasses.replace(own.SLEIGH, **new, pole=None))
+    body, x, method = own.Sleigh(2.0, 1.5, 0.4), np.array([1.0, 0.5]), {"method": "second"}
+    Q, sums, orbit = np.eye(2), 0.0, iterate(body, x, 0.1, 50, **method).omega
+    assert (orbit != iterate(body, x, 0.1, 50).omega)[1:].any(axis=-1).all()
+    np.testing.assert_array_equal(sf.step(body, x, 0.1, **method), orbit[1])
+    for state in orbit[:-1]:
+        Q, R = np.linalg.qr(sf.jacobian(body, state, 0.1, **method) @ Q)
+        sums += np.log(abs(np.diag(R)))
+    rates = sf.lyapunov_exponents(body, x, 0.1, 50, **method)
+    np.testing.assert_allclose(rates, -np.sort(-sums / 50), rtol=1e-12)
+    assert abs(rates - sf.lyapunov_exponents(body, x, 0.1, 50)).max() > 1e-6
+    step = 1e-6
+    by_difference = [
+        np.subtract(*(sf.step(body, x + d, 0.1, **method) for d in (d, -d))) / (2 * step)
+        for d in step * np.eye(2)
+    ]
+    np.testing.assert_allclose(sf.jacobian(body, x, 0.1, **method).T, by_difference, atol=1e-9)
+    slope = 0.1 * -2.0 * 0.4 * 2.0 / (1.5 + 2.0 * 0.16)  # f' has -c v on its diagonal
+    values = sf.multipliers(body, [2.0, 0.0], 0.1, **method)
+    np.testing.assert_allclose(values, [1.0, 1.0 + slope + slope**2 / 2], rtol=1e-13)
+    with pytest.raises(ValueError, match=r"^x: expected fixed points of the map, got 1 other"):
+        sf.multipliers(body, [2.0, 0.1], 0.1, **method)
+    points = sf.crossings(body, x, 0.1, 50, lambda x: x[..., 1] - 0.4, direction=0, **method)
+    n = np.flatnonzero((orbit[:-1, 1] > 0.4) != (orbit[1:, 1] > 0.4))
+    assert len(n) > 0
+    np.testing.assert_array_equal(points.before, orbit[n])
+    with pytest.raises(TypeError, match=r"^method: .*Explicit midpoint rule, which has no jac"):
+        sf.jacobian(HENON, START[0], 0.1, method="midpoint")
+    with pytest.raises(TypeError, match=r"^body: .*compiled steps, got .*: Explicit midpoint rule"):
+        compiled.system(HENON, 0.1, method="midpoint")
 
 
 def test_a_state_at_a_pole_of_the_sleigh():
@@ -673,12 +681,6 @@ def test_honest_kernels_run():
 @pytest.mark.parametrize("of_kahan", [True, False])
 def test_promises_compare_a_jacobian_with_the_steps(rng, monkeypatch, of_kahan):
     """That of Kahan's map is of order eps**3 beside that of the midpoint rule."""
-
-    def of_midpoint(problem):
-        f, x, h = problem.body, problem.omega, np.asarray(problem.eps)[..., None, None]
-        slopes = [2.0 * (np.eye(5) - sf.matrix(f, y, 1.0)) for y in (x, x + 0.5 * h[..., 0] * f(x))]
-        return np.eye(5) + h * slopes[1] @ (np.eye(5) + 0.5 * h * slopes[0])
-
     jacobian = KAHAN["jacobian"] if of_kahan else Formula(of_midpoint)
     record = dataclasses.replace(own.MIDPOINT, name="with", formulas={"jacobian": jacobian})
     monkeypatch.setitem(promises.RECORDS, "with 0", record)

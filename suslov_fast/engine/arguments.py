@@ -25,7 +25,8 @@ BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
 BodyOrField = AnyBody | QuadraticField
 
 
-Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"]
+# Those of the package, and of maps that `maps.register` made known.
+Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"] | str
 
 # Requests up to this many bytes are not tested, for speed; as many bytes are kept free.
 SMALL = 2**26

@@ -71,7 +71,8 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
     The map conserves it wherever :func:`first_integral` is known (in three dimensions it is
     2 I1 I2 F), and for every other body up to an error of order eps**4. For a field with a
     Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the :func:`matrix` A, which the map
-    conserves exactly (Celledoni, McLachlan, Owren and Quispel, arXiv:1209.1164).
+    conserves exactly (Celledoni, McLachlan, Owren and Quispel, arXiv:1209.1164). The methods of
+    order 4, 6 and 8 do not conserve it: they take Kahan's steps of several sizes.
 
     Parameters
     ----------
@@ -155,7 +156,8 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
     rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat); for
     a field with a Hamiltonian 1 / det A, with the :func:`matrix` A. In n dimensions one is known
     for n = 3, and for n = 4 with I along one axis: for I = (I1, 0, 0) it is
-    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))).
+    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). It is that
+    of Kahan's map, not of the methods of order 4, 6 and 8.
 
     Parameters
     ----------

@@ -82,7 +82,8 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
     """Matrix A = 1 - (eps / 2) f'(omega), where f is the vector field.
 
     A(omega; eps) (next_omega - omega) = eps f(omega). Without a rotor A(omega; eps) next_omega is
-    omega: the paper inverts A before equation (5), and in (16).
+    omega: the paper inverts A before equation (5), and in (16). It is that of one step of Kahan's
+    map, whatever the method of a run.
 
     Parameters
     ----------

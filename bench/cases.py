@@ -162,50 +162,73 @@ for n, cubic in {2: 1, 4: 1, 8: 2, 16: 4, 32: 8, 64: 16, 128: 16}.items():
 exponents = lambda field, x, steps: sf.lyapunov_exponents(field, x, EPS_FIELD, steps)  # noqa: E731
 last_field = lambda field, x, steps: last_nd(field, x, EPS_FIELD, steps)  # noqa: E731
 BY_NUMPY, TAYLOR = "fields.in_numpy", "integrators.lorenz"
+WRITTEN = "C: written out for D = 3 and 4, else elimination"
+ALL = 3, 4, 12, 32
 for key, whose, label, function, part, reference, dimensions in (
-    ("iterate", OURS, "`iterate`", last_field, 1, BY_NUMPY, (3, 12, 32)),
-    ("exponents", OURS, "`lyapunov_exponents`", exponents, 1, None, (3, 12, 32)),
-    ("own-system", OURS, f"{OWN}step_system`", "own_loops.of_field", 1, BY_NUMPY, (3, 12, 32)),
-    ("c", C, "C: Lorenz written out, a chain as dense", "fields.in_c", 1, BY_NUMPY, (3, 12, 32)),
+    ("iterate", OURS, "`iterate`", last_field, 1, BY_NUMPY, ALL),
+    ("exponents", OURS, "`lyapunov_exponents`", exponents, 1, None, ALL),
+    ("own-system", OURS, f"{OWN}step_system`", "own_loops.of_field", 1, BY_NUMPY, ALL),
+    ("c", C, WRITTEN, "fields.in_c", 1, BY_NUMPY, ALL),
+    ("c-exact", C, f"{WRITTEN}, without FMA", "fields.in_c_without_fma", 1, BY_NUMPY, ALL),
     ("heyoka", OTHERS, "heyoka, compiled function", "fields.in_heyoka", 1, BY_NUMPY, (3,)),
+    ("jax", OTHERS, "JAX, compiled loop", "fields.in_jax", 1, BY_NUMPY, (3,)),
     # The motion over the same time: what else one would use.
-    (
-        "taylor",
-        OTHERS,
-        "heyoka, Taylor integrator",
-        TAYLOR,
-        16,
-        "integrators.lorenz_by_scipy",
-        (3,),
-    ),
-    ("numpy", NUMPY, "NumPy, `linalg.solve`", BY_NUMPY, 16, BY_NUMPY, (3, 12, 32)),
+    ("taylor", OTHERS, "heyoka, Taylor integrator", TAYLOR, 16, f"{TAYLOR}_by_scipy", (3,)),
+    ("form", NUMPY, "`iterate` without machine code", "fields.in_numpy_form", 16, BY_NUMPY, ALL),
+    ("numpy", NUMPY, "NumPy, `linalg.solve`", BY_NUMPY, 16, BY_NUMPY, ALL),
 ):
+    more = {"one_thread": whose in (NUMPY, OTHERS)}
     for n in dimensions:
-        arguments = 49_152 // n, max(2304 // n // part, 1), reference
-        more = {"x": n, "one_thread": whose in (NUMPY, OTHERS)}
-        add(
-            "fields",
-            key,
-            whose,
-            label,
-            work.fields,
-            function,
-            partial(sparse_field, n),
-            *arguments,
-            **more,
-        )
-for n in (6, 12):
-    arguments = work.fields, last_field, partial(dense_field, n), 49_152 // n, 576 // n, BY_NUMPY
-    add("dense fields", "iterate", OURS, "`iterate`", *arguments, x=n)
-for key, label, function in (
-    ("iterate", "`iterate`", last_field),
-    ("own-system", "your own loop over `compiled.step_system`", "own_loops.of_one"),
-    ("exponents", "`lyapunov_exponents`", exponents),
-):
-    for n in (3, 12):
-        reference = None if function is exponents else BY_NUMPY
-        arguments = work.fields, function, partial(sparse_field, n), 1, 60_000 // n, reference
-        add("one orbit of a field", key, OURS, label, *arguments, x=n, one_thread=True)
+        steps = max(2304 // n // part, 1)
+        arguments = work.fields, function, partial(sparse_field, n), 49_152 // n, steps, reference
+        add("fields", key, whose, label, *arguments, x=n, **more)
+    for n in (6, 12) if reference == BY_NUMPY and len(dimensions) > 1 else ():
+        steps = max(576 // n // part, 1)
+        arguments = work.fields, function, partial(dense_field, n), 49_152 // n, steps, reference
+        add("dense fields", key, whose, label, *arguments, x=n, **more)
+for table, batch in (("one orbit of a field", 1), ("eight orbits of a field", 8)):
+    for key, label, function in (
+        ("iterate", "`iterate`", last_field),
+        ("own-system", "your own loop over `compiled.step_system`", "own_loops.of_one"),
+        ("exponents", "`lyapunov_exponents`", exponents),
+    ):
+        for n in (3, 4, 12):
+            reference = None if function is exponents else BY_NUMPY
+            steps = 600_000 // n // batch
+            arguments = work.fields, function, partial(sparse_field, n), batch, steps, reference
+            add(table, key, OURS, label, *arguments, x=n, one_thread=True)
+for n, batch in ((3, 16_384), (4, 16_384), (12, 4096)):
+    arguments = work.saved_states_of_field, n, batch, 101
+    add("saved states of fields", "iterate", OURS, OUT, *arguments, x=n)
+
+# At the largest error of the table: steps of each order, tolerances of integrators. They are the
+# least, and largest, with which the error is below it.
+AT_ERRORS = {
+    "order2": (OURS, "`iterate`", work.by_order, "auto", {1e-3: 450, 1e-6: 14_200}),
+    "order4": (OURS, "", work.by_order, "order4", {1e-3: 36, 1e-6: 200, 1e-9: 1125}),
+    "order6": (OURS, "", work.by_order, "order6", {1e-3: 20, 1e-6: 62, 1e-9: 196}),
+    "order8": (OURS, "", work.by_order, "order8", {1e-3: 12, 1e-6: 29, 1e-9: 70}),
+    "heyoka": (
+        OTHERS,
+        "heyoka, Taylor integrator, 16 at once",
+        "integrators.henon_heiles",
+        None,
+        {1e-3: 1e-3, 1e-6: 1e-5, 1e-9: 5e-8},
+    ),
+    "scipy": (
+        OTHERS,
+        "SciPy, DOP853, all in one system",
+        "integrators.henon_heiles_by_scipy",
+        None,
+        {1e-3: 3e-4, 1e-6: 3e-7, 1e-9: 3e-10},
+    ),
+}
+for key, (whose, label, function, method, needed) in AT_ERRORS.items():
+    for below, number in needed.items():
+        argument = (number,) if method is None else (method, number)
+        label = label or f'`iterate(..., method="{key}")`'
+        arguments = work.at_equal_error, function, argument, below
+        add("orders", key, whose, label, *arguments, x=below, one_thread=True)
 
 for key, whose, label, kept in (
     ("crossings", OURS, "`crossings`", "crossings"),

@@ -5,7 +5,7 @@ default of REV_B is this working tree). One process per revision runs the cases 
 tree, in turns A B, B A, and so on: the speed of a machine varies over seconds, so that only ratios
 from one run are meaningful. A case is too slow if both the median of the ratios B / A and the ratio
 of the minima exceed `--threshold`, and do so again in longer turns; one that fails in a revision is
-not compared.
+not compared. With `--floors` cases of `floors.BEFORE` have their own thresholds: A is 0.7.
 """
 
 import argparse
@@ -17,6 +17,8 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
+
+from floors import BEFORE
 
 BENCH = Path(__file__).parent
 TURN, TURNS = 0.05, 7  # seconds of a turn, at least, and number of turns
@@ -73,19 +75,20 @@ def ratios(a, b):
 
 def compare(workers, chosen, options):
     """Print the times of the chosen cases; return the names of those that are too slow."""
-    too_slow = []
+    too_slow, own = [], BEFORE if options.floors else {}
     print(f"{'case':32}{'A':>11}{'B':>11} ns  medians  minima", flush=True)
     for name in chosen:
+        threshold = own.get(name, options.threshold)
         try:
             a, b = turns(workers, name, options, TURN)
-            if min(ratios(a, b)) > options.threshold:  # which may be noise
+            if min(ratios(a, b)) > threshold:  # which may be noise
                 a, b = turns(workers, name, options, AGAIN * TURN)
         except Exception as error:
             print(f"{name:32}{type(error).__name__}: {error}", flush=True)
             continue
         of_medians, of_minima = ratios(a, b)
         numbers = f"{1e9 * median(a):11.4g}{1e9 * median(b):11.4g}"
-        is_slower = min(of_medians, of_minima) > options.threshold
+        is_slower = min(of_medians, of_minima) > threshold
         mark = "  SLOWER" if is_slower else ""
         print(f"{name:32}{numbers}   {of_medians:8.2f}{of_minima:8.2f}{mark}", flush=True)
         if is_slower:
@@ -119,6 +122,7 @@ def main(arguments=None):
     parser.add_argument("--quick", action="store_true", help="a small case of each table")
     parser.add_argument("--cpu", action="store_true", help="compare processor time")
     parser.add_argument("--threshold", type=float, default=1.2, help="what B / A may be (1.2)")
+    parser.add_argument("--floors", action="store_true", help="what 0.8 should reach beside 0.7")
     parser.add_argument("-k", dest="select", default="", help="only cases with this in their name")
     options = parser.parse_args(arguments)
     pools = []
@@ -127,9 +131,13 @@ def main(arguments=None):
         pools.append(ProcessPoolExecutor(1, initializer=begin, **some))
     ours = [case.name for case in CASES if case.whose == "this package"]
     chosen = [name for name in ours if options.select in name]
+    if options.floors and not options.select:
+        chosen = [name for name in chosen if name in BEFORE]
     if options.quick:
         chosen = list({name.partition("-")[0]: name for name in chosen[::-1]}.values())[::-1]
     too_slow = compare(pools, chosen, options)
+    for pool in pools:
+        pool.shutdown()
     print(f"\n{len(too_slow)} slower than allowed" + "".join(f"\n  {name}" for name in too_slow))
     return 1 if too_slow else 0
 

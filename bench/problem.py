@@ -27,9 +27,18 @@ def volterra_chain(x):
     return [x[i] * (x[(i + 1) % len(x)] - x[i - 1]) for i in range(len(x))]
 
 
+def henon_heiles(x):
+    """A Hamiltonian, whose motions are bounded where it is below 1/6."""
+    return (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[1] ** 2) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3
+
+
 @functools.cache
 def sparse_field(D):
-    """The Lorenz system for D = 3, else a periodic Volterra chain."""
+    """The Lorenz system for D = 3, that of Hénon and Heiles for D = 4, else a periodic Volterra
+    chain.
+    """
+    if D == 4:
+        return QuadraticField.from_hamiltonian(henon_heiles, D)
     return QuadraticField.from_function(lorenz_system if D == 3 else volterra_chain, D)
 
 
@@ -43,6 +52,11 @@ def dense_field(D):
 def starts(batch, components=2, low=-2, high=2):
     """Random states; larger batches extend smaller ones."""
     return np.random.default_rng(0).uniform(low, high, (batch, components))
+
+
+def starts_field(batch, D):
+    """States whose orbits by these fields stay in reach."""
+    return starts(batch, D, -0.2, 0.2) if D == 4 else starts(batch, D, 0.5, 1)
 
 
 def body_nd(components):

@@ -13,7 +13,7 @@ import numba
 import suslov_fast
 
 BENCH = Path(__file__).parent
-PACKAGES = ["Numba", "llvmlite", "NumPy", "SciPy", "heyoka"]
+PACKAGES = ["Numba", "llvmlite", "NumPy", "SciPy", "heyoka", "jax"]
 
 
 class Results:

@@ -1,15 +1,15 @@
 """Results as Markdown: the pages of the folder `pages`, with a table in the place of each comment.
 
 A comment has the name of a table, perhaps the header of its first column, and those of the others.
-A line with {one row / another} shows their ratio, and whether it is as high, or as low, as wanted.
+The comment "floors" becomes the ratios of `floors.ROWS`, and whether each is reached.
 """
 
 import re
 
+import floors
 from results import BENCH
 
 TABLE = re.compile(r"^<!-- ([\w ]+?)(?: by (.*?))?: (.*) -->$", re.M)
-FLOOR = re.compile(r"\{(\S+) / (\S+)\} \| ([≥≤]) ([\d.]+) \| \|")
 # README has these rows of some tables.
 SHORT = " in short"
 HEADLINES = "iterate", "exact", "c-free", "c-printed", "numba", "c", "heyoka", "taylor", "numpy"
@@ -88,13 +88,20 @@ def named(row, counts):
 
 
 def floor(results, row, other, sign, bound):
-    """The last cells of a line: the ratio of two rows, its bound, and whether that is reached."""
+    """Cells of a line: the ratio of two rows, its bound, and whether that is reached."""
     pair = [results.rows.get(name) for name in ((row, other) if sign == "≥" else (other, row))]
     if None in pair:
-        return f" | {sign} {bound} | |"
+        return ["", f"{sign} {bound}", ""]
     ratio = pair[0].rate / pair[1].rate
-    reached = ratio >= float(bound) if sign == "≥" else ratio <= float(bound)
-    return f"{figure(ratio)} | {sign} {bound} | {'yes' if reached else '**no**'} |"
+    reached = ratio >= bound if sign == "≥" else ratio <= bound
+    return [figure(ratio), f"{sign} {bound}", "yes" if reached else "**no**"]
+
+
+def floors_of(results):
+    """The table of all floors."""
+    lines = [["", "measured", "wanted", "reached"], ["---", "---:", "---:", "---:"]]
+    lines += [[label, *floor(results, *rest)] for label, *rest in floors.ROWS]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def caption(results):
@@ -109,7 +116,7 @@ def page(results, name):
     text = (BENCH / "pages" / name).read_text(encoding="utf-8")
     text = text.replace("{the caption}", caption(results))
     text = TABLE.sub(lambda found: table(results, *found.groups()), text)
-    return FLOOR.sub(lambda found: floor(results, *found.groups()), text)
+    return text.replace("<!-- floors -->", floors_of(results))
 
 
 def replace(text, new):

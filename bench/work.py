@@ -5,6 +5,7 @@ last argument `size(full, small)` chooses between the size that is timed and tha
 are those against long doubles, in n dimensions and of fields those against NumPy.
 """
 
+import functools
 import importlib
 import os
 import subprocess
@@ -159,11 +160,52 @@ def fields(function, field, batch, steps, reference, size):
     `reference` is another such function, or None if the result is not one of states.
     """
     call, field = load(function), field()
-    x = starts(size(batch, 32), field.dimension, 0.5, 1)
-    few, steps = x[:8], size(steps, 2)
+    x = problem.starts_field(size(batch, 32) if batch > 8 else batch, field.dimension)
+    few, steps = problem.starts_field(8, field.dimension), size(steps, 2)
     checked = reference is not None
     check = lambda: tuple(each(field, few, 5) for each in (call, load(reference)))  # noqa: E731
     return Work(lambda: call(field, x, steps), len(x) * steps, "step", check if checked else None)
+
+
+def saved_states_of_field(D, batch, rows, size):
+    """All states of a field, into memory that is used again."""
+    field, eps = problem.sparse_field(D), problem.EPS_FIELD
+    x, rows = problem.starts_field(size(batch, 32), D), size(rows, 5)
+    out = aligned((rows, *x.shape))
+    call = lambda: suslov_fast.iterate(field, x, eps, rows - 1, out=out).states  # noqa: E731
+    return Work(call, rows * len(x), "state")
+
+
+TIME_OF_MOTIONS = 20.0
+
+
+@functools.cache
+def motions_of_henon_heiles():
+    """Starts and their states at this time: by order 8, whose error is rounding."""
+    x = problem.starts_field(1024, 4)
+    return x, by_order("order8", 1000)(x)
+
+
+def by_order(method, count):
+    """A function that takes so many steps of a method, on one thread."""
+    options = {"save_every": None, "method": method, "threads": 1}
+    run = problem.sparse_field(4), TIME_OF_MOTIONS / count, count
+    return lambda x: suslov_fast.iterate(run[0], x, *run[1:], **options).final
+
+
+def at_equal_error(function, argument, below, size):
+    """Motions of Hénon and Heiles whose largest error is below a bound; `function(argument)` makes
+    a function of their starts. In place of an error it has 0, or by how much the bound is exceeded.
+    """
+    call = load(function)(*argument)
+    x, wanted = motions_of_henon_heiles()
+    some = x[: size(len(x), 32)]
+
+    def check():
+        error = abs(call(some) - wanted[: len(some)]).max()
+        return np.array([max(error / below, 1.0)]), np.ones(1)
+
+    return Work(lambda: call(some), len(some), "trajectory", check)
 
 
 def sections(kept, batch, steps, size):

@@ -7,6 +7,7 @@ import sys
 from types import SimpleNamespace
 
 import compare
+import floors
 import pytest
 import report
 import results
@@ -30,9 +31,8 @@ def test_each_case_has_a_place_in_the_page_and_a_name_of_its_own():
     names = [case.name for case in CASES]
     assert len(set(names)) == len(CASES)
     assert not any(set(" ,[]") & set(name) for name in names)
-    floors = tables.FLOOR.findall(page)
-    assert floors
-    assert {name for floor in floors for name in floor[:2]} <= set(names)
+    assert page.count("<!-- floors -->") == 1
+    assert {name for floor in floors.ROWS for name in floor[1:3]} | {*floors.BEFORE} <= set(names)
 
 
 def result(key, seconds):
@@ -49,9 +49,9 @@ def test_the_best_time_counts_and_floors_are_ratios():
     merged = results.Results(results.merge([first, second]))
     pair = "calls-step", "calls-solve"
     assert [merged.rows[name].rate for name in pair] == [200, 800]
-    assert tables.floor(merged, *pair, "≤", "3") == "4 | ≤ 3 | **no** |"
-    assert tables.floor(merged, *pair, "≥", "0.2") == "0.25 | ≥ 0.2 | yes |"
-    assert tables.floor(merged, "absent", pair[1], "≥", "1") == " | ≥ 1 | |"
+    assert tables.floor(merged, *pair, "≤", 3) == ["4", "≤ 3", "**no**"]
+    assert tables.floor(merged, *pair, "≥", 0.2) == ["0.25", "≥ 0.2", "yes"]
+    assert tables.floor(merged, "absent", pair[1], "≥", 1) == ["", "≥ 1", ""]
     with pytest.raises(ValueError, match="one machine"):
         results.merge([first, second | {"machine_info": {"threads": 1}}])
 

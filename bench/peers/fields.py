@@ -1,11 +1,21 @@
-"""Kahan's map of quadratic fields: NumPy for any of them; C, and heyoka, written for some."""
+"""Kahan's map of quadratic fields: NumPy and C for any of them, C, heyoka and JAX for some.
+
+Where LLVM refuses the code of a field, this package itself carries out its steps in NumPy.
+"""
 
 import functools
+from unittest import mock
 
 import numpy as np
 from native import call
 from numba import get_num_threads
 from problem import EPS_FIELD as EPS
+from problem import sparse_field
+
+import suslov_fast
+from suslov_fast.core import steps_field
+
+WRITTEN = {3: "lorenz", 4: "henon_heiles"}  # for these fields, by their dimensions
 
 
 def in_numpy(field, x, steps):
@@ -19,12 +29,14 @@ def in_numpy(field, x, steps):
     return x
 
 
-@functools.cache
-def _lorenz_step():
-    """The step of the Lorenz system, solved by hand, as a function of arrays (3, batch)."""
-    import heyoka as hy
+def in_numpy_form(field, x, steps):
+    """The operations of this package, where there is no machine code for them."""
+    with mock.patch.object(steps_field, "code_of", return_value=None):
+        return suslov_fast.iterate(field, x, EPS, steps, save_every=None).final
 
-    x, y, z = hy.make_vars("x", "y", "z")
+
+def _lorenz_step(x, y, z):
+    """The step of the Lorenz system, solved by hand."""
     h = EPS / 2
     # A d = f with d half of the increment: first the third unknown goes, then the first.
     f = 10 * (y - x), 28 * x - y - x * z, x * y - 8 / 3 * z
@@ -35,12 +47,39 @@ def _lorenz_step():
     d1 = (g1 * a00 - a10 * f[0]) / (a11 * a00 - a10 * a01)
     d0 = (f[0] - a01 * d1) / a00
     d2 = (f[2] + h * y * d0 + h * x * d1) / a22
-    return hy.cfunc([x + EPS * d0, y + EPS * d1, z + EPS * d2], vars=[x, y, z])
+    return x + EPS * d0, y + EPS * d1, z + EPS * d2
+
+
+@functools.cache
+def _lorenz_by_heyoka():
+    """A function of arrays (3, batch)."""
+    import heyoka as hy
+
+    variables = hy.make_vars("x", "y", "z")
+    return hy.cfunc(list(_lorenz_step(*variables)), vars=list(variables))
+
+
+@functools.cache
+def _lorenz_by_jax():
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+
+    def last(states, steps):
+        return jax.lax.fori_loop(0, steps, lambda _, each: _lorenz_step(*each), states)
+
+    return jax.jit(last)
+
+
+def in_jax(field, x, steps):
+    """The Lorenz system by a loop that JAX compiles."""
+    final = _lorenz_by_jax()(tuple(np.ascontiguousarray(each) for each in x.T), steps)
+    return np.stack(final, axis=-1)
 
 
 def in_heyoka(field, x, steps):
     """The Lorenz system by a function that heyoka compiles; blocks of states stay in the caches."""
-    step, final = _lorenz_step(), np.empty_like(x)
+    step, final = _lorenz_by_heyoka(), np.empty_like(x)
     for begin in range(0, len(x), 256):
         now = np.ascontiguousarray(x[begin : begin + 256].T)
         other = np.empty_like(now)
@@ -50,9 +89,23 @@ def in_heyoka(field, x, steps):
     return final
 
 
-def in_c(field, x, steps):
-    """The Lorenz system written out; elimination that does not know of zeros for a chain."""
+def in_c(field, x, steps, flags=()):
+    """The Lorenz system and that of Hénon and Heiles written out; elimination that does not know
+    of zeros for chains and others.
+    """
     final, (batch, D) = np.empty_like(x), x.shape
-    name, sizes = ("lorenz", (batch,)) if D == 3 else ("volterra", (batch, D))
-    call("peers/fields.c", name, x, final, *sizes, int(steps), EPS, get_num_threads())
+    run = int(steps), EPS
+    if D in WRITTEN:
+        given = WRITTEN[D], x, final, batch, *run
+    elif field == sparse_field(D):
+        given = "volterra", x, final, batch, D, *run
+    else:
+        tables = (np.asarray(each, float) for each in (field.quadratic, field.linear))
+        given = "dense", x, final, batch, D, *run, *tables
+    call("peers/fields.c", *given, get_num_threads(), flags=flags)
     return final
+
+
+def in_c_without_fma(field, x, steps):
+    """The same, where no product and sum are rounded together, as in this package."""
+    return in_c(field, x, steps, ("-ffp-contract=off",))

@@ -5,23 +5,24 @@ import functools
 import numpy as np
 from formulas import Formulas
 from problem import EPS_FIELD, lorenz_system
+from work import TIME_OF_MOTIONS
 
 SIDE_BY_SIDE = 16  # the fastest number of those tried
 
 
 @functools.cache
-def _integrator(right, D):
+def _integrator(right, D, **tolerance):
     """Return heyoka's integrator of a field, a function of D expressions."""
     import heyoka as hy
 
     variables = hy.make_vars(*(f"x{i}" for i in range(D)))
     system = list(zip(variables, right(*variables), strict=True))
-    return hy.taylor_adaptive_batch(system, np.zeros((D, SIDE_BY_SIDE)))
+    return hy.taylor_adaptive_batch(system, np.zeros((D, SIDE_BY_SIDE)), **tolerance)
 
 
-def _by_heyoka(right, starts, time):
+def _by_heyoka(right, starts, time, **tolerance):
     """Integrate batches of trajectories, one after the other."""
-    (size, D), integrator = starts.shape, _integrator(right, starts.shape[1])
+    (size, D), integrator = starts.shape, _integrator(right, starts.shape[1], **tolerance)
     states = np.resize(starts, (-(-size // SIDE_BY_SIDE) * SIDE_BY_SIDE, D))
     for some in states.reshape(-1, SIDE_BY_SIDE, D):
         integrator.set_time(0.0)
@@ -31,13 +32,13 @@ def _by_heyoka(right, starts, time):
     return states[:size]
 
 
-def _by_scipy(right, starts, time):
+def _by_scipy(right, starts, time, tolerance=1e-12):
     """Integrate all trajectories as one system, with the steps of the most demanding one."""
     from scipy.integrate import solve_ivp
 
     D = starts.shape[1]
     of_all = lambda t, x: np.concatenate(right(*x.reshape(D, -1)))  # noqa: E731
-    settings = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+    settings = {"method": "DOP853", "rtol": tolerance, "atol": tolerance / 10}
     return solve_ivp(of_all, (0, time), starts.T.ravel(), **settings).y[:, -1].reshape(D, -1).T
 
 
@@ -47,6 +48,10 @@ def _suslov(w1, w2):
 
 def _lorenz(*x):
     return lorenz_system(x)
+
+
+def _henon_heiles(x, y, u, v):
+    return u, v, -x - 2 * x * y, y * y - x * x - y
 
 
 def by_heyoka(omega0, time):
@@ -64,3 +69,12 @@ def lorenz(field, x, steps):
 
 def lorenz_by_scipy(field, x, steps):
     return _by_scipy(_lorenz, x, EPS_FIELD * steps)
+
+
+def henon_heiles(tolerance):
+    """A function of starts, by heyoka with a tolerance."""
+    return lambda x: _by_heyoka(_henon_heiles, x, TIME_OF_MOTIONS, tol=tolerance)
+
+
+def henon_heiles_by_scipy(tolerance):
+    return lambda x: _by_scipy(_henon_heiles, x, TIME_OF_MOTIONS, tolerance)

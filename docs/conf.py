@@ -45,7 +45,8 @@ html_static_path = ["_static"]
 html_css_files = ["style.css"]
 html_show_sourcelink = False
 wide = (
-    "index tutorial gallery architecture performance bibliography changelog citing search genindex"
+    "index tutorial gallery architecture performance bibliography changelog citing paper "
+    "search genindex"
 )
 html_sidebars = {page: [] for page in wide.split()}
 

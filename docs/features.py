@@ -56,7 +56,7 @@ ROWS = (
     ("turns per step", ("rotation_number",)),
     ("", ("reaction", "momentum", "to_matrix")),
     ("", ("to_vector", "plot_phase")),
-    ("letters of the paper", ("to_xy", "closed_form")),
+    ("symbols of the paper", ("to_xy", "closed_form")),
     ("limits in space", ("scattering_angle",)),
     ("your own compiled loops, in two numbers", ("compiled.frame",)),
     ("your own compiled loops, in arrays", ("compiled.system",)),

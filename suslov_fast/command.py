@@ -25,8 +25,8 @@ from .summary import facts_in, facts_of, lines_of, result_in
 _PARAMETERS = {
     **dict.fromkeys(("I1", "I2"), "moment of inertia, positive"),
     **dict.fromkeys(("I13", "I23"), "product of inertia"),
-    "I3": "moment about the forbidden axis, which only drawings use",
-    "k": "momentum of a rotor along the forbidden axis",
+    "I3": "moment about the constrained axis, which only drawings use",
+    "k": "momentum of a rotor along the constrained axis",
     "J": "J_i = I_ii + I_nn of a body in n dimensions, positive",
     "I": "couplings I_in of a body in n dimensions",
 }

@@ -103,7 +103,7 @@ class SuslovND(Body):
     def from_mass_tensor(
         cls, I: ArrayLike, a: ArrayLike | None = None
     ) -> tuple[SuslovND, FloatArray]:
-        """Return the body with given second moments of mass and a given forbidden axis.
+        """Return the body with given second moments of mass and a given constrained axis.
 
         Parameters
         ----------

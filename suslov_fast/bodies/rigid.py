@@ -129,7 +129,7 @@ class Suslov3D(_In3D):
 
     @classmethod
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
-        """Return the body with a given inertia tensor and forbidden axis.
+        """Return the body with a given inertia tensor and constrained axis.
 
         Parameters
         ----------
@@ -173,7 +173,7 @@ class Suslov3D(_In3D):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SuslovGyrostat(_In3D):
-    """A rigid body, or a batch, with a rotor along the forbidden axis.
+    """A rigid body, or a batch, with a rotor along the constrained axis.
 
     With l = I13 Omega1 + I23 Omega2 + k the equations are I1 Omega1' = -l Omega2 and
     I2 Omega2' = l Omega1, so that Omega rotates also where I13 = I23 = 0.
@@ -203,7 +203,7 @@ class SuslovGyrostat(_In3D):
     def from_inertia(
         cls, I: ArrayLike, a: ArrayLike, k: ArrayLike
     ) -> tuple[SuslovGyrostat, FloatArray]:
-        """Return the body with a given inertia tensor, forbidden axis and momentum of its rotor.
+        """Return the body with a given inertia tensor, constrained axis and momentum of its rotor.
 
         Parameters
         ----------
@@ -277,7 +277,7 @@ def _of_batch(name: str, where: tuple[int, ...], bad: Any) -> str:
 def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]:
     """Return inertia matrices (..., n, n) in adapted bases, and rotations to these bases.
 
-    The axis a becomes e_n; the other axes diagonalise their block and turn as little as possible.
+    The axis a becomes e_n; the other axes diagonalize their block and rotate as little as possible.
     """
     matrix, axis = checks.square_matrices("I", I, n), checks.real_array("a", a)
     size = abs(matrix).max(axis=(-2, -1), initial=0.0)

@@ -26,7 +26,7 @@ _POINTS = 3  # whose common roots are those of all points
 class KahanMap(RationalMap):
     """The Kahan map of a quadratic field, exact; made by `kahan`.
 
-    A `RationalMap`. If its `eps` is None, it is a letter: `subs` puts a number in its place.
+    A `RationalMap`. If `eps` is None, the step size is symbolic; `subs` replaces it by a number.
     """
 
     def __init__(self, field: QuadraticField, eps: Fraction | None) -> None:

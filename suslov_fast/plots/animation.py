@@ -1,4 +1,4 @@
-"""The body in space: its ellipsoid of inertia, and the path of the axis a."""
+"""The body in space: its ellipsoid of inertia, and the path of the constrained axis."""
 
 from __future__ import annotations
 

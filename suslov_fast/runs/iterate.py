@@ -100,8 +100,8 @@ def iterate(
             {"auto", "order4", "order6", "order8"}
         A step of order 4, 6 or 8 is made of 5, 9 or 17 steps of the map, by fractions of eps. It is
         far more accurate for the same work, but no longer conserves what the map conserves.
-        "gauss" eliminates the matrix A with pivoting, in some n**3 / 3 operations; "rank2" uses
-        that A is diagonal plus rank two, in some 20 n, and eliminates where that would lose digits,
+        "gauss" eliminates the matrix A with pivoting, in n**3 / 3 operations; "rank2" uses
+        that A is diagonal plus rank two, in about 20 n, and eliminates where digits would be lost,
         as "auto" does.
     attitude : bool or array_like(float, shape=(..., n, n))
         True, or the initial rotation matrix (by default the identity), to carry the orientation of

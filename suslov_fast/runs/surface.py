@@ -83,7 +83,7 @@ def crossings(
     states have no meaning: use `before` or `after`. Where the status is PASSED_POLE, crossings with
     n + 1 >= failed_at lie beyond a pole; most often the motion ended before.
 
-    Memory is that of the crossings and of one piece, some 4 MB, or a few states of each trajectory.
+    Memory: the crossings, and one piece of about 4 MB, or a few states of each trajectory.
 
     Examples
     --------

@@ -8,7 +8,7 @@ export const FIELDS = {
   I2: { html: "I<sub>2</sub>", min: 0.05, max: 10, step: 0.05, says: "I2, moment of inertia" },
   I13: { html: "I<sub>13</sub>", min: -3, max: 3, step: 0.05, says: "I13, product of inertia" },
   I23: { html: "I<sub>23</sub>", min: -3, max: 3, step: 0.05, says: "I23, product of inertia" },
-  k: { html: "k", min: -3, max: 3, step: 0.05, says: "k, momentum of a rotor along the axis a" },
+  k: { html: "k", min: -3, max: 3, step: 0.05, says: "k, momentum of a rotor along the constrained axis" },
   eps: { html: "ε", min: -2, max: 2, step: 0.01, says: "epsilon, step size" },
   steps: { html: "N", min: 1, max: 2000, step: 1, says: "N, number of steps" },
   Omega1: { html: "Ω<sub>1</sub>", min: -4, max: 4, step: 0.01, says: "Omega1 at the start" },

@@ -1,4 +1,4 @@
-// The body in space: its ellipsoid of inertia, its axes and the path of the axis a.
+// The body in space: its ellipsoid of inertia, its axes and the path of the constrained axis.
 
 import { MATH, colours, disc, stroke, surface, write } from "./pen.js";
 import { byId, last, state } from "./state.js";

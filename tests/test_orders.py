@@ -4,6 +4,7 @@ import json
 from functools import cache
 
 import mpmath
+import numba
 import numpy as np
 import pytest
 
@@ -466,3 +467,16 @@ def test_the_command(method, tmp_path, capsys):
     assert method in capsys.readouterr().out
     assert main(["run", "--method", method]) == 1
     assert "QuadraticField.of(body)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("method", ["auto", *METHODS])
+def test_one_thread_of_numba(method, monkeypatch):
+    """A call that Numba is told to make with one thread has no pool to wait for."""
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    try:
+        run = sf.iterate(LORENZ, np.ones((40, 3)), 1 / 64, 5, method=method)
+    finally:
+        numba.set_num_threads(before)
+    assert run == sf.iterate(LORENZ, np.ones((40, 3)), 1 / 64, 5, method=method, threads=1)

@@ -12,7 +12,8 @@ def in_parts(parts, work, abandoned):
     If that raises, as at Ctrl-C, something is put into `abandoned`, which tells the others.
     """
     if parts not in _pools:
-        _pools[parts] = ThreadPoolExecutor(parts - 1, "suslov_fast")
+        # One thread if parts is 1, as after `numba.set_num_threads(1)`; it is never started.
+        _pools[parts] = ThreadPoolExecutor(max(parts - 1, 1), "suslov_fast")
     others = [_pools[parts].submit(work, part) for part in range(parts - 1)]
     try:
         work(parts - 1)

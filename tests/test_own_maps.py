@@ -183,6 +183,12 @@ def test_steps_that_break_the_contract_do_not_run():
         maps.steps_of(counting, -1)
 
 
+@pytest.mark.compiled
+def test_a_step_without_a_status_does_not_run():
+    with pytest.raises(TypeError, match=r"^step: expected .*returns a Status as an int"):
+        iterate(counter(lambda x, out, eps, work, values: None), [0.0], 0.1, 3)
+
+
 def test_an_edit_of_a_step_compiles_anew():
     """The kernel's own text is that of all steps; its digest sees the step and the work."""
 

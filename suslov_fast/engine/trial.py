@@ -13,6 +13,7 @@ from dataclasses import fields
 from functools import lru_cache
 from typing import Any
 
+import numba
 import numpy as np
 
 from ..bodies.field import MATRIX
@@ -128,7 +129,13 @@ def arguments_for(problem: Problem, steps: Any, size: int) -> Arguments:
     is_foreign = not _is_of_package(steps.kernel, steps.arguments)
     key = steps, problem.body.dimension
     if is_foreign and key not in _TRIED and 0 not in problem.body.shape:
-        try_steps(problem, steps)
+        try:
+            try_steps(problem, steps)
+        except numba.TypingError as error:
+            if not isinstance(steps.kernel, KernelOfStep):
+                raise
+            expected = "a function that Numba compiles, and that returns a Status as an int"
+            raise wrong("step", expected, "the error above", TypeError) from error
         _TRIED.add(key)
     arguments: Arguments = steps.arguments(problem.body, problem.eps, problem.batch)
     if is_foreign:

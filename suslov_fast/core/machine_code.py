@@ -158,13 +158,15 @@ def code_of(text_of, step, W=1, for_each=False, align=0):
                 text = text_of(step, name, W, for_each, align)
                 _codes[key] = _compile(text, name, level)
             except Exception as error:
+                if None not in _codes.values():  # once a process
+                    warnings.warn(
+                        f"LLVM refuses the code of a field ({error}): NumPy takes steps of "
+                        "thousands of trajectories, in 100 times the time, and of one, in 5000 "
+                        "times; install a version of Numba that suslov_fast was tested with",
+                        RuntimeWarning,
+                        stacklevel=2,
+                    )
                 _codes[key] = None
-                warnings.warn(
-                    f"LLVM refuses the code for a field ({error}): its steps take some 100 times "
-                    "as long in NumPy; install a version of Numba that suslov_fast was tested with",
-                    RuntimeWarning,
-                    stacklevel=2,
-                )
         return _codes[key]
 
 
@@ -199,20 +201,26 @@ _FIVE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 5)
 
 
 class Callback:
-    """A `CFunction` of five integers that code calls, compiled when code first calls it.
+    """A `CFunction` of five integers, the first of them a job, that code calls; compiled when code
+    first calls it.
 
-    Few runs need it, and most of those that do not are short.
+    Few runs need it, and most of those that do not are short. If compiling raises, as at Ctrl-C,
+    the slot `budget` of the job becomes 0, so that the code returns.
     """
 
-    def __init__(self, function):
-        self.function, self.raised = function, []
+    def __init__(self, function, budget):
+        self.function, self.budget = function, budget
+        self.raised = {}  # by threads, each of which calls code of its own
         self.at_first = _FIVE(self._compile_and_call)
 
-    def _compile_and_call(self, *numbers):
+    def _compile_and_call(self, job, *numbers):
+        if threading.get_ident() in self.raised:
+            return
         try:
-            _FIVE(self.function.address)(*numbers)
+            _FIVE(self.function.address)(job, *numbers)
         except BaseException as error:  # which ctypes would print, and forget
-            self.raised.append(error)
+            self.raised[threading.get_ident()] = error
+            ctypes.c_int64.from_address(job + 8 * self.budget).value = 0
 
     @property
     def address(self):
@@ -223,5 +231,5 @@ class Callback:
     def run(self, address, job):
         """Call the code at an address, with a job that holds that of this callback."""
         _CALL(address)(job.ctypes.data)
-        if self.raised:
-            raise self.raised.pop()
+        if threading.get_ident() in self.raised:
+            raise self.raised.pop(threading.get_ident())

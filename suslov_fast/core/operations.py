@@ -199,9 +199,12 @@ class Step:
     def pieces(self):
         """The usual operations, PIECE at a time, and rows for the values that others need.
 
-        One function for all would take more memory of a stack than a thread has.
+        One function for all would take more memory of a stack than a thread has. All tests are in
+        the last piece, as rows are of numbers.
         """
-        pieces = [self.usual[k : k + PIECE] for k in range(0, len(self.usual), PIECE)]
+        tests = (k for k, (instruction, *_) in enumerate(self.usual) if instruction in OF_TRUTH)
+        first = range(0, max(next(tests, len(self.usual)), 1), PIECE)
+        pieces = [self.usual[k : k + PIECE] for k in first[:-1]] + [self.usual[first[-1] :]]
         piece_of = {number: k for k, piece in enumerate(pieces) for _, number, _ in piece}
         needed = [(k, each) for k, piece in enumerate(pieces) for _, _, of in piece for each in of]
         last = len(pieces) - 1

@@ -250,7 +250,7 @@ def _alignment(saved, W, is_large):
     return next(size for size in (64, 16, 8) if both % size == 0)
 
 
-_CAREFUL = Callback(careful)
+_CAREFUL = Callback(careful, BUDGET)
 
 
 class FieldSteps(Kernel):

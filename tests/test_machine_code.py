@@ -1,0 +1,217 @@
+"""Machine code of the steps of fields, and what takes its place: NumPy, and steps by `solve`."""
+
+import functools
+import os
+import pickle
+
+import children
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.core import careful, machine_code, operations, steps_field, tangent
+from suslov_fast.core import numba as core_numba
+
+pytestmark = pytest.mark.compiled
+
+
+def of_a(x, a):
+    return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - a * x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+@pytest.fixture
+def anew(monkeypatch):
+    """Forget all plans and all machine code."""
+    monkeypatch.setattr(machine_code, "_codes", {})
+    monkeypatch.setattr(machine_code, "_engines", {})
+    for module, name in ((steps_field, "_step_of"), (tangent, "_tangent_of")):
+        plan = functools.cache(getattr(module, name).__wrapped__)
+        monkeypatch.setattr(module, name, plan)
+
+
+def results(rng):
+    """What machine code computes: steps that are good, near a pole, beyond one, and of NaN."""
+    a = np.array([0.0, 1.0, 0.5])
+    family = sf.QuadraticField.from_function(of_a, 3, a=a)
+    x0 = rng.normal(size=(9, 3, 3)) * np.geomspace(1.0, 300.0, 9)[:, None, None]
+    x0[2, 1] = np.nan
+    ignore = {"on_singular": "ignore"}
+    runs = [
+        sf.iterate(family, x0, eps, 24, save_every=every, method=method, **ignore)
+        for every, method, eps in (
+            (1, "auto", 0.02),
+            (5, "auto", 0.1),
+            (None, "order4", 0.05),
+            (2, "order6", 0.02),
+        )
+    ]
+    runs.append(sf.iterate(family, x0, 0.1, 7, **ignore).extend(9, **ignore))
+    runs.append(sf.iterate(family[0], x0[0, 0], 0.1, 7))
+    pole = sf.QuadraticField([[[1.0]]])
+    runs.append(sf.iterate(pole, [[2.0], [0.3], [1.9]], [0.5, 0.1, 1.0], 3, **ignore))
+    found = [each for run in runs for each in (run.x, run.final, run.status, run.failed_at)]
+    assert {*np.concatenate([run.status.ravel() for run in runs])} >= {-2, -1, 0}
+    found.append(sf.jacobian(family, x0, 0.1))
+    found.append(sf.jacobian(family, x0, 0.1, method="order4"))
+    found.append(sf.step(family, x0[:2], 0.1))
+    met = sf.crossings(family, x0[0], 0.05, 60, surface=lambda x: x[..., 2] - 1.0, direction=0)
+    found += [met.before, met.after]
+    return found
+
+
+def exponents(rng):
+    field = sf.QuadraticField.from_function(of_a, 3, a=1)
+    x0 = rng.normal(size=(9, 3))
+    return [sf.lyapunov_exponents(field, x, 0.02, 100) for x in (x0, x0[0])]
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_numpy_computes_the_same_bits_where_llvm_refuses_the_code(rng, monkeypatch, anew):
+    """With one warning, which says how slow it is."""
+    state, (start, eps) = rng.bit_generator.state, (np.ones(3), 0.02)
+    usual, of_exponents = results(rng), exponents(rng)
+    loop = sf.compiled.system(sf.QuadraticField.from_function(of_a, 3, a=1), eps)
+    after = sf.compiled.step_system(loop, start, start, sf.compiled.work(loop)), start.copy()
+    assert loop.address != 0
+
+    def refuse(text, name, level):
+        raise RuntimeError("no such text")
+
+    monkeypatch.setattr(machine_code, "_codes", {})
+    monkeypatch.setattr(machine_code, "_compile", refuse)
+    rng.bit_generator.state = state
+    with pytest.warns(
+        RuntimeWarning, match=r"no such text.* in 100 times the time, .*5000"
+    ) as told:
+        found = results(rng)
+    slow = exponents(rng)
+    assert len(told) == 1
+    # DPhi of the last bits: here lanes find it by `solve`.
+    for one, other in zip(found[:-5], usual[:-5], strict=True):
+        np.testing.assert_array_equal(one, other)
+    for one, other in zip(found[-5:], usual[-5:], strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(slow[0], of_exponents[0], rtol=1e-9)
+    np.testing.assert_allclose(slow[1], of_exponents[1], rtol=1e-9)
+    loop, start = sf.compiled.system(sf.QuadraticField.from_function(of_a, 3, a=1), eps), np.ones(3)
+    assert loop.address == 0
+    code = sf.compiled.step_system(loop, start, start, sf.compiled.work(loop))
+    assert code == after[0]
+    np.testing.assert_allclose(start, after[1], rtol=1e-14)
+
+
+@pytest.mark.parametrize("batch", [1, 20])
+def test_a_long_list_is_divided(rng, monkeypatch, anew, batch):
+    """Into pieces that pass on what later ones need, with the same bits."""
+    q, linear = rng.normal(size=(6, 6, 6)), rng.normal(size=(6, 6))
+    field = sf.QuadraticField(q, linear, rng.normal(size=6))
+    x0 = rng.normal(size=(batch, 6))
+    args = field, x0, np.full(batch, 0.02), 20
+    whole = sf.iterate(*args, on_singular="ignore")
+    monkeypatch.setattr(operations, "PIECE", 50)
+    monkeypatch.setattr(machine_code, "_codes", {})
+    monkeypatch.setattr(machine_code, "_engines", {})
+    monkeypatch.setattr(steps_field, "_step_of", steps_field._step_of.__wrapped__)
+    step = steps_field.method_of(field.terms[0], 6).step
+    assert len(step.pieces[0]) > 5
+    assert step.pieces[1]
+    assert sf.iterate(*args, on_singular="ignore") == whole
+
+
+def test_dense_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
+    """Lanes take all steps by `solve`: within rounding of a plan, also of the derivative."""
+    field, x0 = sf.QuadraticField.from_function(of_a, 3, a=1), rng.normal(size=(9, 3))
+    hamiltonian = sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 3 / 3 + x[0] * x[1] ** 2, 2)
+
+    def found():
+        return [
+            sf.iterate(field, x0, 0.02, 30).x,
+            sf.iterate(field, x0, 0.01, 10, method="order4").x,
+            sf.jacobian(field, x0, 0.02),
+            sf.invariant_density(hamiltonian, x0[:, :2], 0.02),
+            sf.lyapunov_exponents(field, x0, 0.02, 50),
+            sf.lyapunov_exponents(field, x0[0], 0.02, 50),
+        ]
+
+    planned = found()
+    monkeypatch.setattr(operations, "MOST", -1)
+    monkeypatch.setattr(machine_code, "_codes", {})
+    for module, name in ((steps_field, "_step_of"), (tangent, "_tangent_of")):
+        monkeypatch.setattr(module, name, functools.cache(getattr(module, name).__wrapped__))
+    assert not steps_field.method_of(field.terms[0], 3).step.usual
+    for one, other in zip(found(), planned, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
+    assert not machine_code._codes
+
+
+@pytest.mark.parametrize("batch", [1, 3000])
+def test_an_interrupt_while_careful_steps_are_compiled(monkeypatch, batch):
+    """Ctrl-C ends the run, in whichever thread it arrives, and later runs are as before."""
+    field = sf.QuadraticField([[[1.0]]])
+    run = functools.partial(sf.iterate, field, np.full((batch, 1), 2.0), 0.5, 2000, threads=2)
+    expected = run(on_singular="ignore")
+    assert (expected.status == sf.Status.SINGULAR).all()
+    fresh = core_numba.CFunction(careful.careful.signature, careful.careful.py_func)
+    calls, compile_with = [], core_numba.numba.cfunc
+
+    def interrupted(*signature, **options):
+        calls.append(1)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        return compile_with(*signature, **options)
+
+    monkeypatch.setattr(core_numba.numba, "cfunc", interrupted)
+    callback = machine_code.Callback(fresh, steps_field.BUDGET)
+    monkeypatch.setattr(steps_field, "_CAREFUL", callback)
+    with pytest.raises(KeyboardInterrupt):
+        run(on_singular="ignore")
+    assert not callback.raised
+    assert run(on_singular="ignore") == expected
+    assert fresh.is_compiled
+
+
+PICKLED = """
+import pickle, sys
+import numpy as np
+from suslov_fast.compiled import step_system, work
+system = pickle.loads(bytes.fromhex(sys.argv[1]))
+x = np.array([1.0, 2.0, 20.0])
+for _ in range(50):
+    assert step_system(system, x, x, work(system)) == 0
+assert system.address != 0
+print(x.tobytes().hex())
+"""
+
+
+def test_a_system_in_another_process_has_its_own_address():
+    field = sf.QuadraticField.from_function(of_a, 3, a=1)
+    system = sf.compiled.system(field, 0.01)
+    text = children.run(PICKLED, pickle.dumps(system).hex())
+    run = sf.iterate(field, [1.0, 2.0, 20.0], 0.01, 50)
+    assert (np.frombuffer(bytes.fromhex(text)) == run.final).all()
+
+
+FORK = """
+import os, sys, warnings
+import numpy as np, suslov_fast as sf
+warnings.simplefilter("ignore", DeprecationWarning)
+field = sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+x0 = np.random.default_rng(1).uniform(0.5, 2, (20000, 2))
+def run(threads):
+    return sf.iterate(field, x0, 0.05, 500, save_every=None, threads=threads).final
+expected = run(2)
+assert (run(1) == expected).all()
+child = os.fork()
+if child == 0:
+    other = sf.QuadraticField.from_function(lambda x: (x[1], -x[0] * x[0]), 2)
+    sf.iterate(other, x0, 0.01, 3)
+    os._exit(0 if (run(2) == expected).all() else 1)
+assert os.waitpid(child, 0)[1] == 0
+assert (run(2) == expected).all()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_child_of_a_parent_that_ran_fields_in_threads():
+    """It has none of their threads, and neither hangs nor computes other bits."""
+    children.run(FORK, timeout=120)

@@ -13,9 +13,9 @@ delta_k = (g_k + sum_j N_kj delta_j) / pivot_k.
 The derivative is (1 - N(x))**-1 (1 - M(x_next)) with M(x) = -h f'(x). All of these are sums of
 products, the same for all states, and so are the tests whether they keep their digits. They become
 a list of operations (instruction, operands), each of which makes the next value. `generated` makes
-machine code of a list, and `evaluate` carries it out in NumPy, with the same bits. A step of the
-Lorenz system has 3 divisions and some 45 other operations; what depends on parameters alone is
-evaluated once for a run.
+machine code of a list, and `evaluate` carries it out in NumPy, with the same bits. What depends on
+parameters alone is evaluated once for a run. A step of the Lorenz system takes 81 operations with
+its tests, two of them divisions.
 """
 
 import functools
@@ -122,8 +122,8 @@ class Step:
     rare        operations where `good` does not hold
     after       the next state
     good        true if the step is accurate, and all pivots are positive
-    accurate    true if the step is accurate; of `rare`, as
-    negative    true if the number of negative pivots is odd: det A(x) < 0
+    accurate    true if the step is accurate; a value of `rare`
+    negative    true if the number of negative pivots is odd, det A(x) < 0; a value of `rare`
     """
 
     def __init__(self, indices, D, carried=0):

@@ -69,9 +69,7 @@ def _tangent_of(places, D):
 
 
 def arguments_of(method, values, eps, count):
-    """Return the arguments of the kernels for `count` trajectories, and the operations of a step
-    with its derivative, by which it takes time.
-    """
+    """Return the arguments of the kernels for `count` trajectories."""
     step, fractions = method
     tangent, W = _tangent_of(step.indices.tobytes(), step.D), WIDTH if count > 1 else 1
     halves, table = tables_of(Method(tangent, fractions), values, eps, W)

@@ -336,6 +336,8 @@ def test_exponents_of_a_map_with_a_jacobian(monkeypatch):
     with pytest.warns(sf.SingularStepWarning):
         pole = sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), own.SLEIGH.pole[1], 1.0, 1)
     assert np.isnan(pole).all()
+    with pytest.warns(sf.PoleWarning, match="1 of 1 .*: 0 at step 1$"):  # det A = -1 / 4
+        sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), [-5.0, 0.0], 1.0, 1)
 
 
 def test_functions_of_a_second_method_of_a_class():

@@ -433,6 +433,7 @@ def with_steps(**changes):
         (with_steps(arguments=None), TypeError, r"methods\['new'\].arguments: "),
         (with_steps(cost=2.0), TypeError, r"methods\['new'\].cost: "),
         (with_steps(carried=-1), ValueError, r"methods\['new'\].carried: "),
+        (with_steps(notes_poles=True), ValueError, r"methods\['new'\].carried: "),
         (with_steps(lanes=0), ValueError, r"methods\['new'\].lanes: "),
         (with_steps(lanes=12), ValueError, r"methods\['new'\].lanes: .*multiple of 8"),
         (with_steps(formulas={"energy": KAHAN}), TypeError, r"formulas\['energy'\]: "),

@@ -45,8 +45,8 @@ _MESSAGES = {
         "choose a smaller eps if it should"
     ),
     Status.PASSED_POLE: (
-        "finished, but took a step from det A < 0: the motion escapes to infinity, and later states "
-        "are those of the map alone; or eps is too long"
+        "finished, but took a step from det A < 0: the motion escapes to infinity, and later "
+        "states are those of the map alone; or eps is too long"
     ),
     Status.SINGULAR: "singular step: the state lies on a pole of the map and has no next state",
     Status.NONFINITE: "non-finite step: the next state is beyond the range of float64",

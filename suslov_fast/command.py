@@ -150,7 +150,7 @@ def _add_options_of_run(parser: Any) -> None:
         "system: one of --picture, --body, or all of its parameters (then --eps is required)"
     )
     one = group.add_mutually_exclusive_group()
-    one.add_argument("--picture", type=int, choices=(1, 2, 3, 4), help="of the paper (2)")
+    one.add_argument("--picture", type=int, choices=(1, 2, 3, 4), help="figure of the paper (2)")
     one.add_argument("--body", type=Path, metavar="FILE.json", help=_JSON)
     for name, text in _PARAMETERS.items():
         kind, form = (numbers, "X,...") if name in "JI" else (float, "X")
@@ -167,13 +167,15 @@ def _add_options_of_run(parser: Any) -> None:
     group.add_argument(
         "--extent", type=float, metavar="X", help="half-width of the box of starts (2)"
     )
-    group.add_argument("--seed", type=integer, metavar="N", help="of random starts (0)")
+    group.add_argument("--seed", type=integer, metavar="N", help="seed of the random starts (0)")
     group = parser.add_argument_group("run")
-    group.add_argument("--eps", type=fraction, metavar="X", help="step size (of the picture)")
+    group.add_argument("--eps", type=fraction, metavar="X", help="step size (that of the picture)")
     group.add_argument(
         "--steps", type=integer, default=1000, metavar="N", help="number of steps (1000)"
     )
-    group.add_argument("--method", default="auto", help="of a field also order4 to order8 (auto)")
+    group.add_argument(
+        "--method", default="auto", help="auto; for fields also order4, order6, order8 (auto)"
+    )
     group.add_argument("--threads", type=integer, metavar="N", help="number of threads (all)")
     group.add_argument(
         "--save-every", type=integer, metavar="K", help="save every K-th state (only the last)"
@@ -187,8 +189,8 @@ def _add_options_of_run(parser: Any) -> None:
 def run(options: argparse.Namespace) -> None:
     """Iterate a batch of trajectories and print a summary.
 
-    By default 65,536 random initial states take 1000 steps of the body and with the step size of
-    picture 2 of the paper. A run into FILE.zarr is written in parts: the same command goes on.
+    The default is 65,536 random initial states, 1000 steps, and the body and step size of figure 2
+    of the paper. A run into FILE.zarr is written in parts; the same command continues it.
     """
     path = options.output
     if path is not None and path.suffix not in (".npz", ".zarr"):
@@ -367,7 +369,7 @@ def report(options: argparse.Namespace) -> None:
 
 
 def pictures(options: argparse.Namespace) -> None:
-    """Draw the paper's four pictures. The gallery of the documentation has others."""
+    """Draw the four figures of the paper. The gallery of the documentation has others."""
     from .bodies.rigid import PICTURES
     from .plots.orbits import plt
     from .plots.phase import plot_phase

@@ -116,7 +116,7 @@ def leave_gyrostat(frame, u, v):
 class Frame(NamedTuple):
     """A body without a rotor and a step size: its constants, and its numbers of `steps_3d.Frame`.
 
-    It is equal to others as a tuple is.
+    Compares as a tuple.
     """
 
     I1: float

@@ -178,8 +178,8 @@ def attitude(
     Raises
     ------
     ValueError
-        If neither the map takes each state to the next nor its inverse the next to it, to 1e-6 of
-        the step and 1e-10 of the states: as for every k-th state of a run.
+        If the states are not consecutive steps with this eps or -eps, to 1e-6 of the step and 1e-10
+        of the states; every k-th state of a run is an example.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The four pictures of the paper.
+"""The four figures of the paper.
 
 Section 4 of the paper shows orbits of four bodies; these are its bodies and step sizes. Each orbit
 leaves the dashed half of the line of steady states, follows a level of the first integral F, and

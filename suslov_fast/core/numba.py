@@ -83,9 +83,9 @@ def _compiling():
 class Function:
     """A function that compiled code calls.
 
-    A call from Python would end the process, as there is no wrapper; it compiles another one, with
-    a wrapper and checks of indices: wrappers of all functions would take a fifth of the time of
-    first calls. `for_users` has a wrapper in the cache, as its functions are called from Python.
+    It has no Python wrapper, which would add a fifth to first calls. A call from Python compiles a
+    second version, with a wrapper and checks of indices. `for_users` has a wrapper in the cache,
+    because its functions are called from Python.
     """
 
     def __init__(self, options, py_func):

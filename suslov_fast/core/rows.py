@@ -13,7 +13,8 @@ def alignment(out, begin, batch, lanes):
     `begin` on must be shorter for later blocks to begin at a line. (Large arrays of NumPy begin 16
     bytes after one.) Where the rows of `out` begin at different places of a line, no block can: the
     third is how many trajectories a block has in common with the next one, so that each line is
-    written whole, by one of them. A line of two blocks would be fetched first, in twice the time.
+    written whole, by one of them. A line shared by two blocks is read before it is written, which
+    doubles the time.
     """
     lead = -(out.ctypes.data // 8) % LINE if out.size >= STREAM_FROM else -1
     in_lines = lead >= 0 and lead % 2 == 0 and batch > lanes > 1

@@ -147,8 +147,9 @@ def length(u, v):
 
 @formula
 def project_on_level(frame, R, X, u, v):
-    """X and the state with R as at first, and with X of the state where no digits cancel:
-    roundings of one sign would add up. A state at rest is unchanged.
+    """Rescale (u, v) to the initial R, and recompute X where that loses no digits.
+
+    Otherwise rounding errors drift. A steady state is unchanged.
     """
     Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
     X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)

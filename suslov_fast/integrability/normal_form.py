@@ -2,7 +2,7 @@
 
 Polynomials of one cofactor span a space, and any two of them have a first integral as quotient. Its
 members that are reducible, over the complex numbers too, do not depend on the basis. Where eps is
-a letter, the limit of numerator and denominator for eps to 0 counts as well.
+symbolic, the limit of numerator and denominator for eps to 0 counts as well.
 """
 
 from __future__ import annotations

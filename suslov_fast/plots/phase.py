@@ -126,7 +126,7 @@ def plot_phase(
     Raises
     ------
     ValueError
-        If the body rests in every state, or a state in the picture has a criticality of 1 or more.
+        If every state is steady, or a state in the figure has a criticality of 1 or more.
 
     Examples
     --------

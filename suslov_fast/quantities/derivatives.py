@@ -163,8 +163,8 @@ def multipliers(
     Returns
     -------
     ndarray(float or complex, shape=(..., D)), or a list of them
-        Dimensionless, in descending order of their moduli, of a conjugate pair the one with the
-        positive imaginary part first; floats for a Suslov body, complex for a gyrostat or a field.
+        Dimensionless, sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. They are
+        floats for a Suslov body, complex for a gyrostat or a field.
         That along a line of steady states of a body is 1. Infinite at a pole. For points of each
         member an array (k, D) of each, as in x.
 
@@ -292,7 +292,7 @@ def lyapunov_exponents(
     body, omega0, eps, method, threads
         As in :func:`iterate`.
     steps : int
-        Number of steps of the mean, 1 or more.
+        Number of steps averaged over, after the transient; 1 or more.
     transient : int
         Number of steps before the mean begins; state and tangent vectors go through them, so that
         the mean has no term in 1 / steps.

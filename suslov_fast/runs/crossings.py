@@ -205,7 +205,7 @@ class Crossings:
         on_singular: OnSingular = "warn",
         progress: Progress = None,
     ) -> Crossings:
-        """Continue the run; the result has the bits of one call of :func:`crossings`.
+        """Continue the run; the result is bit-identical to one call of :func:`crossings`.
 
         Trajectories that ended at their crossing number `most` stay ended.
 

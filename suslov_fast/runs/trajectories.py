@@ -153,7 +153,7 @@ class Trajectories:
         on_singular: OnSingular = "warn",
         progress: Progress = None,
     ) -> Trajectories:
-        """Continue the run; the result has the bits of an uninterrupted run.
+        """Continue the run; the result is bit-identical to an uninterrupted run.
 
         Parameters
         ----------

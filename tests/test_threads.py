@@ -58,6 +58,59 @@ def test_threads_and_forks(code, count, layer):
     children.run(children.SETUP + code, count, timeout=1800, **children.layer(layer))
 
 
+FIELDS = """
+import atexit, os, threading, warnings
+import numpy as np, suslov_fast as sf
+warnings.simplefilter("ignore", DeprecationWarning)
+x = np.random.default_rng(1).uniform(-1, 1, (9000, 3))
+def run(n, **options):
+    field = sf.QuadraticField(np.eye(3)[:, :, None] * np.ones(3) / 100, -n * np.eye(3))
+    return sf.iterate(field, x, 0.01, 500, save_every=None, **options).final
+expected = run(1, threads=1)
+"""
+FIELDS_IN_CHILDREN = """
+zeros, rng = np.zeros((9, 9, 9)), np.random.default_rng(0)
+fields = [sf.QuadraticField(zeros, 1.0 * (rng.random((9, 9)) < 0.5)) for _ in range(200)]
+for each in fields:  # in Python 3.11 `cached_property` has a lock, which a child would have
+    each.terms
+is_over = threading.Event()
+def compile():
+    for each in fields:
+        if not is_over.is_set():
+            sf.step(each, np.ones(9), 0.01)
+thread = threading.Thread(target=compile)
+thread.start()
+for n in range(6):
+    child = os.fork()
+    if child == 0:  # its parent may have been compiling
+        sf.step(sf.QuadraticField(np.zeros((5, 5, 5)), np.eye(5)[::-1]), np.ones(5), 0.01)
+        os._exit(0 if (run(1) == expected).all() else 1)
+    assert os.waitpid(child, 0)[1] == 0
+is_over.set()
+thread.join()
+"""
+FIELDS_AT_EXIT = """
+def compute():
+    print((run(1, threads=2) == expected).all())
+atexit.register(compute)
+thread = threading.Thread(target=lambda: (threading.main_thread().join(), compute()))
+thread.start()
+"""
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_children_of_a_parent_that_compiles_a_field():
+    children.run(FIELDS + FIELDS_IN_CHILDREN, timeout=120)
+
+
+@pytest.mark.parametrize("before", ["", "run(1, threads=2)"])
+def test_fields_at_the_end_of_a_process(before):
+    """Threads of Python cannot be started any more: results are the same."""
+    code = f"{FIELDS}{before}{FIELDS_AT_EXIT}"
+    assert children.run(code, PYTHONWARNINGS="error").split() == ["True", "True"]
+
+
 # The parent imports the package, and starts threads of its own.
 PRANGE = """
 import numba

@@ -16,17 +16,19 @@ WIDTH = 8  # lanes of a line
 # (stages, n) or (stages, lines, n, W); the first saved state, bytes from one to the next, steps
 # until the first, and from one to the next; how many trajectories there are; for each line bits of
 # lanes that have ended, and of those that have passed a pole or ended; the function that is called
-# for steps that are not good; memory for values between pieces of a long list. The code returns
-# when the budget of calls of this function is spent, and goes on where it was when it is called
-# again: at line LINE, step NOW, a stage, steps until a saved state, and its place. `careful` has
-# slots of its own after these.
+# for steps that are not good, 0 before it is compiled; memory for values between pieces of a long
+# list. The code returns when the budget of calls of this function is spent, and goes on where it
+# was when it is called again: at line LINE, step NOW, a stage, steps until a saved state, and its
+# place. `careful` has slots of its own after these.
 (X, LINES, BLOCK, STEPS, TABLE, STAGE, STAGES) = range(7)
 (SAVED, ROW, UNTIL, EVERY, COUNT, ENDED, PASSED, CALL, KEPT) = range(7, 16)
 (BUDGET, LINE, NOW, STAGE_NOW, UNTIL_NOW, ROW_NOW, SLOTS) = range(16, 23)
 
 
 def text_of_steps(step, name, W, for_each, align):
-    """Return the text of void name(job): steps of lines of W lanes, see the slots of a job.
+    """Return the text of i64 name(job): steps of lines of W lanes, see the slots of a job.
+
+    It returns 1; or 0 as soon as it would have to call a function that is not compiled yet.
 
     The table is that of all lanes, or `for_each` of them. Saved states begin at multiples of
     `align` bytes: they go past the caches if that is more than 8, and 0 means that none are saved.
@@ -36,7 +38,7 @@ def text_of_steps(step, name, W, for_each, align):
     (*before, usual), _ = step.pieces
     for k, piece in enumerate(before):
         _piece(t, step, f"{name}_{k}", piece, for_each)
-    t.add(f"define void @{name}(i64 %job) #0 {{")
+    t.add(f"define i64 @{name}(i64 %job) #0 {{")
     t.label("entry")
     slots = [t.load("i64", t.plus("%job", 8 * k)) for k in range(SLOTS)]
     t.add("  br label %blocks")
@@ -97,6 +99,10 @@ def text_of_steps(step, name, W, for_each, align):
     t.add(f"  br i1 {some}, label %careful, label %finish")
 
     t.label("careful")
+    t.add(f"  br i1 {t.compare('eq', slots[CALL], 0)}, label %unable, label %call")
+    t.label("unable")
+    t.add("  ret i64 0")
+    t.label("call")
     kind = "void (i64, i64, i64, i64, i64)"
     function = new(f"inttoptr i64 {slots[CALL]} to {pointer(kind)}")
     t.add(f"  call void {function}(i64 %job, i64 %line, i64 {bad}, i64 {negative}, i64 %n)")
@@ -106,7 +112,7 @@ def text_of_steps(step, name, W, for_each, align):
     t.label("finish")
     final = []
     for k in range(D):
-        ways = f"[ {after[k]}, %lines ], [ {kept[k]}, %rare ], [ {again[k]}, %careful ]"
+        ways = f"[ {after[k]}, %lines ], [ {kept[k]}, %rare ], [ {again[k]}, %call ]"
         final.append(new(f"phi {t.V} {ways}"))
     for k in range(D):
         if step.after[k] != k:
@@ -138,13 +144,13 @@ def text_of_steps(step, name, W, for_each, align):
     now = {LINE: "%lo", NOW: "%n1", STAGE_NOW: "%stage1", UNTIL_NOW: "%until1", ROW_NOW: "%row1"}
     for slot, value in now.items():
         t.store("i64", value, t.plus("%job", 8 * slot))
-    t.add("  ret void")
+    t.add("  ret i64 1")
 
     t.label("after")
     t.add(f"  br i1 {t.compare('ult', '%hi', slots[LINES])}, label %blocks, label %end")
     t.label("end")
     t.store("i64", "%hi", t.plus("%job", 8 * LINE))
-    t.add("  ret void")
+    t.add("  ret i64 1")
     return t.whole()
 
 

@@ -6,6 +6,8 @@ text are integers: versions of LLVM write the types of pointers differently.
 """
 
 import ctypes
+import itertools
+import os
 import threading
 import warnings
 
@@ -142,7 +144,12 @@ class Text:
 # ------------------------------------------------------------------------------------------ compile
 _codes = {}  # addresses, by what the code is for
 _engines = {}  # by levels of optimisation
-_lock = threading.Lock()
+_numbers = itertools.count()  # of names, of which no two are the same, also after Ctrl-C
+_lock = threading.RLock()  # the handler of a signal may need code while code is compiled
+if hasattr(os, "register_at_fork"):  # no child has the lock of a thread that it does not have
+    os.register_at_fork(
+        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
+    )
 
 
 def code_of(text_of, step, W=1, for_each=False, align=0):
@@ -152,7 +159,7 @@ def code_of(text_of, step, W=1, for_each=False, align=0):
     key = text_of, step.indices.tobytes(), step.D, W, for_each, align
     with _lock:
         if key not in _codes:
-            name = f"code_{len(_codes)}"
+            name = f"code_{next(_numbers)}"
             level = 2 if len(step.usual) < MANY else 0
             try:
                 text = text_of(step, name, W, for_each, align)
@@ -177,10 +184,11 @@ def _compile(text, name, level):
         _engines[level].add_module(module)
     else:
         _engines[level] = binding.create_mcjit_compiler(module, _machine(level))
-    _engines[level].finalize_object()
-    address = _engines[level].get_function_address(name)
-    _engines[level].remove_module(module)
-    return address
+    try:
+        _engines[level].finalize_object()
+        return _engines[level].get_function_address(name)
+    finally:
+        _engines[level].remove_module(module)
 
 
 def _machine(level):
@@ -196,40 +204,9 @@ def _machine(level):
 
 
 # ------------------------------------------------------------------------------------------- calls
-_CALL = ctypes.CFUNCTYPE(None, ctypes.c_int64)
-_FIVE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 5)
+_CALL = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
 
 
-class Callback:
-    """A `CFunction` of five integers, the first of them a job, that code calls; compiled when code
-    first calls it.
-
-    Few runs need it, and most of those that do not are short. If compiling raises, as at Ctrl-C,
-    the slot `budget` of the job becomes 0, so that the code returns.
-    """
-
-    def __init__(self, function, budget):
-        self.function, self.budget = function, budget
-        self.raised = {}  # by threads, each of which calls code of its own
-        self.at_first = _FIVE(self._compile_and_call)
-
-    def _compile_and_call(self, job, *numbers):
-        if threading.get_ident() in self.raised:
-            return
-        try:
-            _FIVE(self.function.address)(job, *numbers)
-        except BaseException as error:  # which ctypes would print, and forget
-            self.raised[threading.get_ident()] = error
-            ctypes.c_int64.from_address(job + 8 * self.budget).value = 0
-
-    @property
-    def address(self):
-        if self.function.is_compiled:
-            return self.function.address
-        return ctypes.cast(self.at_first, ctypes.c_void_p).value
-
-    def run(self, address, job):
-        """Call the code at an address, with a job that holds that of this callback."""
-        _CALL(address)(job.ctypes.data)
-        if threading.get_ident() in self.raised:
-            raise self.raised.pop(threading.get_ident())
+def call(address, job):
+    """Call the code at an address with that of a job, an array; return its integer."""
+    return _CALL(address)(job.ctypes.data)

@@ -130,6 +130,10 @@ class CFunction:
     def address(self):
         return self._compiled.address
 
+    def compile(self):
+        """Compile the function now."""
+        return self._compiled
+
     @property
     def is_compiled(self):
         return "_compiled" in vars(self)

@@ -1,29 +1,56 @@
 """Threads of Python for machine code that is called through ctypes, which lets others run."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections import deque
+from concurrent.futures import wait
+from contextlib import suppress
 
 _pools = {}  # by their numbers of threads
 
 
 def in_parts(parts, work, abandoned):
-    """Call work(part) for all parts at once: the last one here, the others in threads.
+    """Call work(part) for all parts, here and in other threads at once.
 
-    If that raises, as at Ctrl-C, something is put into `abandoned`, which tells the others.
+    Where no thread can be started, as at the end of the process, all is done here. If something
+    raises, as at Ctrl-C, something is put into `abandoned`, which tells the others.
     """
-    if parts not in _pools:
-        # One thread if parts is 1, as after `numba.set_num_threads(1)`; it is never started.
-        _pools[parts] = ThreadPoolExecutor(max(parts - 1, 1), "suslov_fast")
-    others = [_pools[parts].submit(work, part) for part in range(parts - 1)]
+    left, others, raised = deque(range(parts)), [], []
+
+    def next_part():
+        with suppress(IndexError):  # there is none left
+            return left.popleft()
+
+    def take_parts():
+        for part in iter(next_part, None):
+            work(part)
+
     try:
-        work(parts - 1)
+        with suppress(RuntimeError):
+            for _ in range(parts - 1):
+                others.append(_pool_of(parts - 1).submit(take_parts))
+        take_parts()
     except BaseException:
         abandoned.append(True)
         raise
     finally:
-        wait(others)  # before anybody uses what they write to
+        while not all(each.done() for each in others):
+            try:
+                wait(others)
+            except BaseException as error:  # Ctrl-C: others still write, and are waited for
+                abandoned.append(True)
+                raised.append(error)
+    for error in raised:
+        raise error
     for each in others:
         each.result()
+
+
+def _pool_of(threads):
+    from concurrent.futures import ThreadPoolExecutor  # not at the end of the process
+
+    if threads not in _pools:
+        _pools[threads] = ThreadPoolExecutor(threads, "suslov_fast")
+    return _pools[threads]
 
 
 if hasattr(os, "register_at_fork"):

@@ -24,7 +24,7 @@ from .careful import careful, solve_lane, step_carefully
 from .codes import NONFINITE, OK, PASSED_POLE
 from .generated import BUDGET, LINE, WIDTH, text_of_step, text_of_steps
 from .llvm import call_code
-from .machine_code import LARGE, MANY, Callback, code_of
+from .machine_code import LARGE, MANY, call, code_of
 from .numba import STREAM_FROM, Kernel, function
 from .operations import Step, evaluate
 from .pool import in_parts
@@ -175,7 +175,8 @@ class _Lines:
 
         Of `until` steps the last state goes to saved[0], that of `every` further steps to the next
         row, and so on. `notes` are status, failed_at and the carry of the trajectories. When
-        something is in `abandoned`, nothing that follows is of use.
+        something is in `abandoned`, nothing that follows is of use. Return False if some steps
+        needed `careful`, which is not compiled: then all are to be taken again.
         """
         status, failed_at, poles = notes
         self.ended = self.bits(status < 0)
@@ -193,7 +194,7 @@ class _Lines:
         )  # fmt: skip
         if address is None:
             self._take_in_numpy(arrays, first, steps * stages, saved, until, every)
-            return
+            return True
         kept = np.empty((len(step.pieces[1]), self.W))
         x, *others = [each.ctypes.data for each in arrays]
         *others, ended, passed, memory = others
@@ -203,13 +204,15 @@ class _Lines:
         job = np.array([
             x, self.count, block, steps * stages, self.table.ctypes.data, self.table.strides[0],
             stages, saved.ctypes.data, saved.strides[0], until, every, self.B, ended, passed,
-            _CAREFUL.address, kept.ctypes.data, 0, 0, 0, 0, until, saved.ctypes.data,
-            *others, memory, self.W, step.D, step.T, first, for_each,
+            careful.address if careful.is_compiled else 0, kept.ctypes.data, 0, 0, 0, 0, until,
+            saved.ctypes.data, *others, memory, self.W, step.D, step.T, first, for_each,
         ], np.int64)  # fmt: skip
         budget = max(SOLVED // (self.W * (step.D**3 + 200)), 1)
         while job[LINE] < self.count and not abandoned:
             job[BUDGET] = budget
-            _CAREFUL.run(address, job)
+            if not call(address, job):
+                return False
+        return True
 
     def _carry_out(self, n):
         """Carry out the operations of a step where they are accurate; return bits of these lanes,
@@ -248,9 +251,6 @@ def _alignment(saved, W, is_large):
         return 8
     both = saved.ctypes.data | saved.strides[0]
     return next(size for size in (64, 16, 8) if both % size == 0)
-
-
-_CAREFUL = Callback(careful, BUDGET)
 
 
 class FieldSteps(Kernel):
@@ -303,6 +303,14 @@ class FieldSteps(Kernel):
             _take_some(arguments, some, W, (start, *others), *given, is_large, abandoned)
 
 
+def _lines_of(method, values, eps, states, W, status):
+    """Return lines of trajectories, with NaN for those that have ended."""
+    lines = _Lines(method, values, eps, states, W)
+    if (status < 0).any():
+        lines.end(status < 0)
+    return lines
+
+
 def _take_some(arguments, some, W, span, states, saved, final, notes, is_large, abandoned):
     """Iterate some trajectories, of which all arrays but arguments are."""
     method, *parameters = arguments
@@ -313,16 +321,18 @@ def _take_some(arguments, some, W, span, states, saved, final, notes, is_large, 
         if not np.isfinite(states.sum()):  # which takes a tenth of the time
             undefined = np.isnan(states).any(axis=1)
             status[undefined], failed_at[undefined] = NONFINITE, 0
-    lines = _Lines(method, values, eps, states, W)
-    if (status < 0).any():
-        lines.end(status < 0)
+    lines = _lines_of(method, values, eps, states, W, status)
     if every and start == 0:
         saved[row] = lines.states()
         row += 1
     if stop > start:
         until = every - start % every if every else 0
         saved = saved[row:] if every else saved[:0]
-        lines.take(start, stop - start, saved, until, every, notes, is_large, abandoned)
+        rest = start, stop - start, saved, until, every, notes, is_large, abandoned
+        if not lines.take(*rest):  # few runs need it, and most of those that do not are short
+            careful.compile()
+            lines = _lines_of(method, values, eps, states, W, status)
+            lines.take(*rest)
     final[:] = lines.states()
 
 

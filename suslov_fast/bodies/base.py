@@ -210,8 +210,10 @@ class Body:
                 index = int(np.argmin(abs(there - wanted)))
                 nearest = there[index]
                 if method is None and nearest != wanted:
-                    expected = f'one of its {there.size} values, as {nearest}, or method="nearest"'
-                    raise wrong(name, expected, wanted)
+                    advice = f'pass one of them, such as {nearest}, or method="nearest"'
+                    raise ValueError(
+                        f"{name}: {wanted} is not one of its {there.size} values: {advice}"
+                    )
             self = self._part(axis, index)
         return self
 

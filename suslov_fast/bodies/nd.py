@@ -171,6 +171,6 @@ def check_known(body: SuslovND, function: str) -> None:
         known = (few & (body.dimension == 3)) | (body.dimension == 2)
         expected = "n = 3, or with n = 4 and I along one axis"
     if not known.all():
-        which = f"body {spell(first_index(~known))}" if known.ndim else "one"
-        received = f"{which}, for which no formula is known: use {_INSTEAD[function]}"
-        raise wrong(function, f"a body with {expected}", received, NotIntegrableError)
+        which = f"body {spell(first_index(~known))}" if known.ndim else "this body"
+        advice = f"use {_INSTEAD[function]}; it is known for bodies with {expected}"
+        raise NotIntegrableError(f"{function}: no formula is known for {which}: {advice}")

@@ -146,8 +146,8 @@ def prepare(
             here, there = (_in_words(each.get(name)) for each in (ours, theirs))
             texts.append(f"{name}: {here}, the store has {'others' if here == there else there}")
     if texts:
-        received = f"{store} of another run: {'; '.join(texts)}"
-        raise wrong("store", "a new name, or the store of this run", received)
+        what = f"{store} holds another run: {'; '.join(texts)}"
+        raise ValueError(f"store: {what}; pass a new name, or the arguments of that run")
     if found is None:
         _check_new(store, data)
     if found is None or not found.arrays:

@@ -5,7 +5,7 @@ import pickle
 import naive
 import numpy as np
 import pytest
-from numba import njit, prange
+from numba import config, njit, prange
 from numba.core.errors import TypingError
 from numba.typed import List
 
@@ -101,8 +101,10 @@ def test_steps_in_any_dimension_are_those_of_the_package(body, size, eps, rng):
         beyond = np.linalg.det(sf.matrix(body, given[:, k], eps)) < 0
         assert status == (sf.Status.PASSED_POLE if beyond else sf.Status.OK)
     assert (system_after(constants, x.T, 1) >= 0).all()
-    np.testing.assert_array_equal(out, expected)
-    np.testing.assert_array_equal(x, expected)
+    # Without machine code a loop of a user takes each step of a field by `solve`.
+    apart = 1e-12 if config.DISABLE_JIT and isinstance(constants, compiled.FieldSystem) else 0.0
+    np.testing.assert_allclose(out, expected, rtol=apart, atol=apart)
+    np.testing.assert_allclose(x, expected, rtol=apart, atol=apart)
 
 
 @pytest.mark.parametrize("body", [BODY, GYROSTAT], ids=["body", "gyrostat"])

@@ -73,6 +73,9 @@ class Text:
     def test(self, how, a, b):
         return self.new(f"fcmp {how} {self.V} {a}, {b}")
 
+    def choose_line(self, truth, a, b):
+        return self.new(f"select {self.M} {truth}, {self.V} {a}, {self.V} {b}")
+
     def joined(self, instruction, truths):
         first, *others = truths
         for each in others:
@@ -109,6 +112,7 @@ class Text:
         return "\n".join([
             *self.lines, "}",
             f"declare {self.V} @llvm.fabs.{self.suffix}({self.V})",
+            f"declare {self.V} @llvm.sqrt.{self.suffix}({self.V})",
             # Lines are whole registers also where LLVM prefers narrower ones.
             'attributes #0 = { nounwind "min-legal-vector-width"="512" }',
             '!0 = !{!"branch_weights", i32 1000000, i32 1}', "!1 = !{i32 1}", "",

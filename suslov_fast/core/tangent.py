@@ -24,7 +24,8 @@ import numpy as np
 from .careful import fill_system, solve_lane
 from .codes import NONFINITE, OK, PASSED_POLE
 from .elimination import determinant_of, solve
-from .generated import (
+from .generated import WIDTH
+from .generated_tangent import (
     DERIVATIVE,
     DUE,
     FAR_FROM_1,
@@ -38,8 +39,8 @@ from .generated import (
     OUTSIDE,
     STEP,
     VOLUME,
-    WIDTH,
     columns_of,
+    text_of_orthonormalise,
     text_of_tangent,
 )
 from .llvm import call_code, uncounted
@@ -54,7 +55,8 @@ INTERVAL = 16  # steps after which columns are orthonormalised, unless they were
 class Arguments(NamedTuple):
     """What `growth` and `jacobians` need of some trajectories, in lines of W lanes."""
 
-    address: int  # of the code; 0 if there is none
+    address: int  # of the code of steps, 0 if there is none
+    orthonormalise: int  # of that for columns
     W: int
     room: int  # for columns
     indices: Any  # (3, T)
@@ -76,8 +78,9 @@ def arguments_of(method, values, eps, count):
     address, size = 0, len(tangent.usual) + len(tangent.columns)
     if 0 < size < LARGE:
         address = code_of(text_of_tangent, tangent, W, halves.shape[2] > 1) or 0
+    other = code_of(text_of_orthonormalise, tangent, W) or 0
     room = columns_of(tangent.D, W)[1]
-    return Arguments(address, W, room, step.indices, table, halves, np.array(fractions))
+    return Arguments(address, other, W, room, step.indices, table, halves, np.array(fractions))
 
 
 def operations_of(method):
@@ -99,7 +102,6 @@ class Memory(NamedTuple):
     columns: Any  # (W, D, D)
     carried: Any  # (W, 2)
     codes: Any  # (W,)
-    products: Any  # (3, W)
     half: Any  # (T,)
     after: Any  # (D,)
     of_step: Any
@@ -114,7 +116,7 @@ def memory_of(given, D):
     return Memory(
         np.empty((2 * D + LENGTHS + D * given.room, W)),
         np.empty((W, D)), np.empty((W, D, D)), np.empty((W, 2)),
-        np.zeros(W, np.int64), np.empty((3, W)), np.empty((T,)), np.empty((D,)),
+        np.zeros(W, np.int64), np.empty((T,)), np.empty((D,)),
         np.empty((D, D + 1, 1)), np.empty((D, 2 * D, 1)), np.empty((2, D)),
     )  # fmt: skip
 
@@ -349,9 +351,11 @@ def growth(part, parts, given, x0, carry, span, sums, of_det, status, failed_at)
                 due = every
             due &= ~ignored
             if due:
-                orthonormalise(
-                    line[first:], line[D : 2 * D + LENGTHS], given.room, due, memory.products
-                )
+                if given.orthonormalise != 0:
+                    both = line[first:].ctypes.data, line[D:].ctypes.data
+                    call_code(given.orthonormalise, (*both, np.int64(due)))
+                else:
+                    orthonormalise(line[first:], line[D : 2 * D + LENGTHS], given.room, due)
             if always or due | outside:
                 take_logarithms(line[D : 2 * D + LENGTHS], sums, of_det, place * W, always)
         for l in range(lesser(W, B - place * W)):
@@ -368,38 +372,32 @@ def growth(part, parts, given, x0, carry, span, sums, of_det, status, failed_at)
 
 
 @function
-def orthonormalise(q, g, room, due, products):
+def orthonormalise(q, g, room, due):
     """Orthonormalise the columns q[i room + r, lane] of lanes, and multiply the lengths in g.
 
     Columns may be 0; no volume shows how others grow beside such a column, so that it is 0.
-    `products` (3, W) is memory.
     """
-    D, W = len(g) - LENGTHS, q.shape[1]
-    is_due, part, product = products
-    for l in range(W):
-        is_due[l] = 1.0 if (due >> l) & 1 else 0.0
-        g[VOLUME, l] = 1.0 if (due >> l) & 1 else g[VOLUME, l]
-    for r in range(D):  # the modified Gram-Schmidt method
-        product[:] = 0.0
-        for i in range(D):
-            for l in range(W):
-                product[l] += q[i * room, l] * q[i * room + r, l]
-        for s in range(r):
-            for l in range(W):
-                part[l], product[l] = product[l] * is_due[l], 0.0
+    D = len(g) - LENGTHS
+    for l in range(q.shape[1]):
+        if (due >> l) & 1 == 0:
+            continue
+        g[VOLUME, l] = 1.0
+        for r in range(D):  # the modified Gram-Schmidt method
+            product = 0.0
             for i in range(D):
-                for l in range(W):
-                    x = q[i * room + r, l] - part[l] * q[i * room + s, l]
+                product += q[i * room, l] * q[i * room + r, l]
+            for s in range(r):
+                part, product = product, 0.0
+                for i in range(D):
+                    x = q[i * room + r, l] - part * q[i * room + s, l]
                     q[i * room + r, l] = x
-                    product[l] += q[i * room + s + 1, l] * x
-        for l in range(W):
-            length = np.sqrt(product[l]) if is_due[l] > 0.0 else 1.0  # of the column with itself
+                    product += q[i * room + s + 1, l] * x
+            length = np.sqrt(product)  # of the column with itself
             g[LENGTHS + r, l] *= length
             g[VOLUME, l] *= 0.0 if length == 0.0 else 1.0
-            part[l] = 0.0 if length == 0.0 else 1.0 / length
-        for i in range(D):
-            for l in range(W):
-                q[i * room + r, l] *= part[l]
+            inverse = 0.0 if length == 0.0 else 1.0 / length
+            for i in range(D):
+                q[i * room + r, l] *= inverse
 
 
 @function

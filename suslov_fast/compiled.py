@@ -282,8 +282,9 @@ def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem |
 
     Returns
     -------
-    NamedTuple of arrays and float
-        An argument of any compiled function.
+    NamedTuple of arrays and numbers
+        An argument of any compiled function. Pass it as an argument: that of a field holds the
+        address of machine code of this process, which a cached function with a global would keep.
 
     Examples
     --------

@@ -18,7 +18,7 @@ from numba import config
 from .operations import OF_TRUTH
 
 MANY = 6000  # operations, above which optimising takes longer than it mostly saves
-LARGE = 20_000  # operations, above which one function needs too much memory of the stack
+LARGE = 40_000  # operations, above which one function needs too much memory of the stack
 
 
 def pointer(kind):

@@ -172,5 +172,5 @@ def check_known(body: SuslovND, function: str) -> None:
         expected = "n = 3, or with n = 4 and I along one axis"
     if not known.all():
         which = f"body {spell(first_index(~known))}" if known.ndim else "this body"
-        advice = f"use {_INSTEAD[function]}; it is known for bodies with {expected}"
-        raise NotIntegrableError(f"{function}: no formula is known for {which}: {advice}")
+        known_for = f"only for bodies with {expected}: use {_INSTEAD[function]}"
+        raise NotIntegrableError(f"{function}: no formula is known for {which}, {known_for}")

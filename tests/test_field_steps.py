@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
+from suslov_fast.compiled import system
 from suslov_fast.core import operations as plans
 from suslov_fast.core.elimination import balance
 
@@ -315,3 +316,13 @@ def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
             patch.setattr("suslov_fast.core.steps_field.SOLVED", 1)
             assert sf.iterate(*args, **options) == whole
     assert (whole.status != 0).any()
+
+
+def test_a_pivot_of_parameters_alone_may_be_0():
+    """x' = x and eps = 2 have no next states; the warning is about these alone."""
+    field = of_function(lambda x: (x[0], x[0] * x[1]), 2)
+    with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
+        assert np.isnan(sf.jacobian(field, [1.0, 0.5], 2.0)).all()
+    with pytest.warns(sf.SingularStepWarning, match="1 of 1 states"):
+        assert np.isnan(sf.lyapunov_exponents(field, [1.0, 0.5], 2.0, 3)).all()
+    assert system(field, 2.0).dimension == 2

@@ -222,7 +222,8 @@ class Step:
     def table_of(self, halves):
         """Return the values of the table (n, ...), for h v of the terms (T, ...)."""
         values = dict(enumerate(halves, self.D))
-        evaluate(self.fixed, values)
+        with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
+            evaluate(self.fixed, values)
         table = np.empty((len(self.table), *np.shape(halves)[1:]))
         for k, each in enumerate(self.table):
             table[k] = values[each]

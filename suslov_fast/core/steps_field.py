@@ -69,8 +69,7 @@ class FieldSystem(NamedTuple):
 def system_of(indices, half, D):
     """Return the system of half the values of each stage (stages, T)."""
     step = method_of(indices, D).step
-    with np.errstate(all="ignore"):
-        table = np.ascontiguousarray(step.table_of(half.T).T)
+    table = np.ascontiguousarray(step.table_of(half.T).T)
     address = code_of(text_of_step, step) if 0 < len(step.usual) < LARGE else None
     return FieldSystem(address or 0, half, table, step.indices, D)
 

@@ -83,7 +83,7 @@ class Body:
 
     @property
     def _described(self) -> dict[str, Any]:
-        """What identifies the body in a store: texts and arrays by the names of attributes."""
+        """The identity of the body in a store: texts and arrays by the names of attributes."""
         return self._arrays
 
     # True if motions may escape to infinity; those of bodies have a constant energy.

@@ -28,7 +28,7 @@ class Refused(Exception):
 
 
 class Letter(NamedTuple):
-    """What a letter stands for: the values of a column, or their inverses."""
+    """A symbol of a column: it stands for the values of the column, or for their inverses."""
 
     values: Any
     is_inverse: bool

@@ -102,7 +102,7 @@ def _array(address, shape, kind):
 
 @c_function(types.void(*[types.int64] * 5))
 def careful(job, line, bad, negative, n):
-    """What the machine code calls where steps are not good: `step_carefully`, by addresses."""
+    """Call `step_carefully` by addresses, for machine code whose steps are not good."""
     a = _array(job, (ALL,), np.int64)
     lines, stages, B, each = a[LINES], a[STAGES], a[COUNT], a[EACH]
     D, T, W = a[D_], a[T_], a[LANES]

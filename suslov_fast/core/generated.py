@@ -45,13 +45,13 @@ def text_of_steps(step, name, W, for_each, align):
 
     t.label("blocks")
     t.add(f"  %lo = phi i64 [ {slots[LINE]}, %entry ], [ %hi, %after ]")
-    for name_0, now, begin in (
+    for each, now, begin in (
         ("n", NOW, "0"),
         ("stage", STAGE_NOW, "0"),
         ("until", UNTIL_NOW, slots[UNTIL]),
         ("row", ROW_NOW, slots[SAVED]),
     ):
-        t.add(f"  %{name_0}0 = phi i64 [ {slots[now]}, %entry ], [ {begin}, %after ]")
+        t.add(f"  %{each}0 = phi i64 [ {slots[now]}, %entry ], [ {begin}, %after ]")
     end = integer("add", "%lo", slots[BLOCK])
     less = t.compare("ult", end, slots[LINES])
     t.add(f"  %hi = select i1 {less}, i64 {end}, i64 {slots[LINES]}")

@@ -53,7 +53,7 @@ INTERVAL = 16  # steps after which columns are orthonormalised, unless they were
 
 
 class Arguments(NamedTuple):
-    """What `growth` and `jacobians` need of some trajectories, in lines of W lanes."""
+    """The arguments of `growth` and `jacobians` for some trajectories, in lines of W lanes."""
 
     address: int  # of the code of steps, 0 if there is none
     orthonormalise: int  # of that for columns
@@ -93,7 +93,7 @@ def operations_of(method):
 
 # ------------------------------------------------------------------------------------ single lanes
 class Memory(NamedTuple):
-    """What a thread needs for a line: its rows; of lanes that take a step by `solve` the state
+    """The memory of a thread for a line: its rows; of lanes that take a step by `solve` the state
     before, the columns and the status; half the values of a lane, its next state, and systems.
     """
 

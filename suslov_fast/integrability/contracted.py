@@ -27,7 +27,7 @@ _BITS = 31  # of a prime: python-flint 0.9 cannot sort factors with larger coeff
 
 
 class Passage(NamedTuple):
-    """What happens to a germ across a contracted curve, step by step.
+    """The steps of a germ across a contracted curve, one after the other.
 
     After k steps the germ is at a point if k < `steps`; then it crosses a curve again, or `steps`
     is None if it does not within the steps that were looked at. `common[k - 1]` is the order of the

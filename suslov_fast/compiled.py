@@ -283,8 +283,8 @@ def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem |
     Returns
     -------
     NamedTuple of arrays and numbers
-        An argument of any compiled function. Pass it as an argument: that of a field holds the
-        address of machine code of this process, which a cached function with a global would keep.
+        An argument of any compiled function. Pass it as an argument: a function in which that of
+        a field is a global is not cached, because it contains an address of this process.
 
     Examples
     --------

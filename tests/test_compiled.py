@@ -2,6 +2,7 @@
 
 import pickle
 
+import children
 import naive
 import numpy as np
 import pytest
@@ -181,6 +182,48 @@ def test_a_family_in_a_loop_of_a_user():
     systems = List([system(member, 0.01) for member in family])
     states = members_after(systems, np.ones((4, 3)), 200)
     np.testing.assert_array_equal(states, sf.iterate(family, [1.0] * 3, 0.01, 200).final)
+
+
+GLOBAL = """
+import sys
+import numpy as np, suslov_fast as sf
+from numba import njit
+from suslov_fast.compiled import step_system, system, work
+other = sf.QuadraticField([[[1.0, 0.5], [0.0, 1.0]]] * 2)
+first = [system(other, 0.1)] * int(sys.argv[1])  # the code of the field has another address then
+field = sf.QuadraticField([[[1.0]]], [[-1.0]])
+systems = system(field, 0.1), system(field, 0.2)
+
+@njit(cache=True)
+def of_global(x):
+    return step_system(systems[1], x, x, work(systems[1]))
+
+@njit(cache=True)
+def of_another(x):
+    return of_global(x)
+
+@njit(cache=True)
+def of_argument(x, system):
+    return step_system(system, x, x, work(system))
+
+for function, arguments in ((of_another, ()), (of_argument, systems[1:])):
+    x = np.array([0.5])
+    assert function(x, *arguments) == 0, function
+    assert x == sf.step(field, [0.5], 0.2), function
+    print(len(function.stats.cache_hits))
+"""
+
+
+@pytest.mark.compiled
+def test_a_system_that_is_a_global_of_a_cached_function(tmp_path):
+    """Its address is of one process: code that contains it is not kept, and Numba warns."""
+    path = tmp_path / "loops.py"
+    path.write_text(GLOBAL)
+    for process in (0, 1):
+        done = children.attempt(path, process, NUMBA_CACHE_DIR=str(tmp_path))
+        assert done.returncode == 0, done.stderr[-2000:]
+        assert done.stdout.split() == ["0", str(process)]
+        assert done.stderr.count("Cannot cache compiled function") == 2
 
 
 def test_kinds_are_told_by_type():

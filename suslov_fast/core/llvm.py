@@ -8,7 +8,15 @@ steps between addresses name their types, as pointers of later versions of llvml
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic, lower_builtin, type_callable
+from numba.core.imputils import lower_constant
+from numba.extending import (
+    intrinsic,
+    lower_builtin,
+    models,
+    register_model,
+    type_callable,
+    typeof_impl,
+)
 
 LINE = 8  # numbers of a cache line
 _NUMBER, _VECTOR = ir.DoubleType(), ir.VectorType(ir.DoubleType(), LINE)
@@ -41,6 +49,32 @@ def call_code(typing, address, numbers):
         return emit_call(builder, arguments[0], ir.IntType(64), values)
 
     return types.int64(types.int64, types.UniTuple(types.int64, len(numbers))), emit
+
+
+class _WithAddress(types.NamedTuple):
+    """The type of named tuples that begin with an address of this process."""
+
+
+register_model(_WithAddress)(models.TupleModel)
+
+
+def with_address(cls):
+    """Let no code be cached that has such a tuple as a constant: Numba warns, and compiles anew."""
+
+    @typeof_impl.register(cls)
+    def type_of(value, context):
+        return _WithAddress([typeof_impl(each, context) for each in value], cls)
+
+    return cls
+
+
+@lower_constant(_WithAddress)
+def _constant_with_address(context, builder, kind, value):
+    address = context.add_dynamic_addr(builder, value[0], info="address of machine code")
+    address = builder.ptrtoint(address, context.get_value_type(kind[0]))
+    others = zip(kind[1:], value[1:], strict=True)
+    others = [context.get_constant_generic(builder, *each) for each in others]
+    return context.make_tuple(builder, kind, [address, *others])
 
 
 @intrinsic

@@ -23,7 +23,7 @@ import numpy as np
 from .careful import careful, solve_lane, step_carefully
 from .codes import NONFINITE, OK, PASSED_POLE
 from .generated import BUDGET, LINE, WIDTH, text_of_step, text_of_steps
-from .llvm import call_code
+from .llvm import call_code, with_address
 from .machine_code import LARGE, MANY, call, code_of
 from .numba import STREAM_FROM, Kernel, function
 from .operations import Step, evaluate
@@ -53,6 +53,7 @@ def method_of(indices, D, fractions=(1.0,)):
 
 
 # -------------------------------------------------------------------------- steps in users' loops
+@with_address
 class FieldSystem(NamedTuple):
     """A field and a step size, for `compiled`; in another process the address is found anew."""
 

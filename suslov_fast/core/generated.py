@@ -55,11 +55,14 @@ def text_of_steps(step, name, W, for_each, align):
     end = integer("add", "%lo", slots[BLOCK])
     less = t.compare("ult", end, slots[LINES])
     t.add(f"  %hi = select i1 {less}, i64 {end}, i64 {slots[LINES]}")
+    one = [t.load(t.V, t.plus(slots[X], size * i)) for i in range(D if W == 1 else 0)]
     t.add("  br label %steps")
 
     t.label("steps")
     for each in ("n", "stage", "until", "row"):
         t.add(f"  %{each} = phi i64 [ %{each}0, %blocks ], [ %{each}1, %more ]")
+    for i, each in enumerate(one):  # a single line: what was stored is not waited for
+        t.add(f"  %x{i} = phi {t.V} [ {each}, %blocks ], [ %final{i}, %more ]")
     saves = t.compare("eq", "%until", 0)
     table = integer("add", slots[TABLE], integer("mul", "%stage", slots[STAGE]))
     t.add("  br label %lines")
@@ -68,7 +71,7 @@ def text_of_steps(step, name, W, for_each, align):
     t.add("  %line = phi i64 [ %lo, %steps ], [ %line1, %next ]")
     place = integer("add", slots[X], integer("mul", "%line", D * size))
     places = [t.plus(place, size * i) for i in range(D)]
-    x = [t.load(t.V, each) for each in places]
+    x = [f"%x{i}" if W == 1 else t.load(t.V, each) for i, each in enumerate(places)]
     if for_each:
         table = integer("add", table, integer("mul", "%line", len(step.table) * size))
 
@@ -110,10 +113,10 @@ def text_of_steps(step, name, W, for_each, align):
     t.add("  br label %finish")
 
     t.label("finish")
-    final = []
+    final = [f"%final{k}" for k in range(D)]
     for k in range(D):
         ways = f"[ {after[k]}, %lines ], [ {kept[k]}, %rare ], [ {again[k]}, %call ]"
-        final.append(new(f"phi {t.V} {ways}"))
+        t.add(f"  {final[k]} = phi {t.V} {ways}")
     for k in range(D):
         if step.after[k] != k:
             t.store(t.V, final[k], places[k])

@@ -138,82 +138,93 @@ def _common_table(step, fractions, halves):
 
 def _packed(truths):
     """Return truth values (lines, W) as bits of lanes, for each line."""
-    return np.packbits(truths, axis=1, bitorder="little")[:, 0].copy()
+    return np.packbits(truths, axis=1, bitorder="little")[:, 0]
 
 
 class _Lines:
-    """Trajectories in lines of W lanes, with all that their steps need."""
+    """Trajectories in lines of W lanes, with all that their steps need.
 
-    def __init__(self, method, values, eps, states, W):
-        self.method, self.W, (self.B, D) = method, W, states.shape
-        self.x = in_lines(states, W)
-        self.count = len(self.x)
-        self.halves, self.table = tables_of(method, values, eps, W)
-        self.memory = np.empty(D * (D + 4) + method.step.T)
+    x         states (lines, D, W)
+    for_each  True if lanes have parameters of their own
+    marks     (2, lines), bits of lanes that have ended, or have passed a pole or ended; those
+              beyond the last trajectory have
+    notes     status, failed_at and the first state beyond a pole, of each trajectory
+    """
 
-    def end(self, truths):
-        """Let states be NaN where truths (B,) hold."""
-        of_line = np.zeros(self.count * self.W, bool)
-        of_line[: self.B] = truths
-        self.x.swapaxes(1, 2)[of_line.reshape(self.count, self.W)] = np.nan
+    def __init__(self, arguments, states, notes, W):
+        (self.method, *parameters), self.notes, self.W = arguments, notes, W
+        self.B, self.count, self.D = len(states), -(-len(states) // W), states.shape[1]
+        self.halves, self.table = tables_of(self.method, *parameters, W)
+        self.for_each = self.halves.shape[2] > 1
+        self.marks = np.zeros((2, self.count), np.uint8)
+        self.put(states)
+
+    def put(self, states):
+        """Begin with these states, NaN where trajectories have ended."""
+        self.x = in_lines(states, self.W)
+        status, _, poles = self.notes
+        if status.any() or self.count * self.W > self.B:
+            ended = status < 0
+            self.x.swapaxes(1, 2)[self._in_lines(ended, False)] = np.nan
+            self.marks[0] = _packed(self._in_lines(ended, True))
+            self.marks[1] = _packed(self._in_lines(ended | (poles > 0.0), True))
+
+    def _in_lines(self, truths, beyond):
+        """Return truth values (lines, W) of trajectories; lanes beyond the last have another."""
+        padded = np.full(self.count * self.W, beyond)
+        padded[: self.B] = truths
+        return padded.reshape(self.count, self.W)
 
     def states(self):
         """Return the states (B, D)."""
-        return self.x.swapaxes(1, 2).reshape(-1, self.x.shape[1])[: self.B]
+        return self.x.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
 
-    def bits(self, truths):
-        """Return truth values (B,) as bits of lanes, for each line; lanes beyond the last are 1."""
-        if self.count * self.W == self.B and not truths.any():
-            return np.zeros(self.count, np.uint8)
-        padded = np.ones(self.count * self.W, bool)
-        padded[: self.B] = truths
-        return np.packbits(padded.reshape(self.count, self.W), axis=1, bitorder="little")[
-            :, 0
-        ].copy()
+    def take(self, start, stop, saved, every, is_large, abandoned):
+        """Take the steps from state `start` to state `stop`, and save the multiples of `every`.
 
-    def take(self, first, steps, saved, until, every, notes, is_large, abandoned):
-        """Take the steps from state `first` on.
-
-        Of `until` steps the last state goes to saved[0], that of `every` further steps to the next
-        row, and so on. `notes` are status, failed_at and the carry of the trajectories. When
-        something is in `abandoned`, nothing that follows is of use. Return False if some steps
+        When something is in `abandoned`, nothing that follows is of use. Return False if some steps
         needed `careful`, which is not compiled: then all are to be taken again.
         """
-        status, failed_at, poles = notes
-        self.ended = self.bits(status < 0)
-        self.passed = self.bits((status < 0) | (poles > 0.0))
-        step, fractions = self.method
-        stages, for_each = len(fractions), self.halves.shape[2] > 1
-        until, every = until * stages - 1, every * stages - 1
+        step, stages = self.method.step, len(self.method.fractions)
         align = _alignment(saved, self.W, is_large)
         if len(step.usual) > MANY:  # one code for runs that save states and for others
             align = 8
-        address = code_of(text_of_steps, step, self.W, for_each, align) if step.usual else None
-        arrays = (
-            self.x, self.halves, np.array(fractions), step.indices, status, failed_at, poles,
-            self.ended, self.passed, self.memory,
-        )  # fmt: skip
+        address = code_of(text_of_steps, step, self.W, self.for_each, align) if step.usual else None
+        until = every - start % every if every else 0
+        rows = saved, until * stages - 1, every * stages - 1
         if address is None:
-            self._take_in_numpy(arrays, first, steps * stages, saved, until, every)
+            self._take_in_numpy(start, (stop - start) * stages, *rows)
             return True
-        kept = np.empty((len(step.pieces[1]), self.W))
-        x, *others = [each.ctypes.data for each in arrays]
-        *others, ended, passed, memory = others
-        # Lines of a block stay in the first cache, and blocks are alike: a short one has to wait.
-        blocks = -(-8 * self.x.size // 2**15)
-        block = -(-self.count // min(blocks, -(-self.count // 4)))
-        job = np.array([
-            x, self.count, block, steps * stages, self.table.ctypes.data, self.table.strides[0],
-            stages, saved.ctypes.data, saved.strides[0], until, every, self.B, ended, passed,
-            careful.address if careful.is_compiled else 0, kept.ctypes.data, 0, 0, 0, 0, until,
-            saved.ctypes.data, *others, memory, self.W, step.D, step.T, first, for_each,
-        ], np.int64)  # fmt: skip
-        budget = max(SOLVED // (self.W * (step.D**3 + 200)), 1)
+        job, _arrays = self._job(start, (stop - start) * stages, *rows)
+        budget = max(SOLVED // (self.W * (self.D**3 + 200)), 1)
         while job[LINE] < self.count and not abandoned:
             job[BUDGET] = budget
             if not call(address, job):
                 return False
         return True
+
+    def _job(self, start, steps, saved, until, every):
+        """Return the integers that machine code takes, see `generated`, and the arrays at them."""
+        (step, fractions), D = self.method, self.D
+        own = D * (D + 4) + step.T
+        memory = np.empty(own + len(step.pieces[1]) * self.W)
+        fractions = np.array(fractions)
+        arrays = (
+            self.x, self.table, saved, self.marks, memory,
+            self.halves, fractions, step.indices, *self.notes,
+        )  # fmt: skip
+        x, table, rows, marks, work, *others = (each.ctypes.data for each in arrays)
+        # Lines of a block stay in the first cache, and blocks are alike: a short one has to wait.
+        blocks = -(-8 * self.x.size // 2**15)
+        block = -(-self.count // min(blocks, -(-self.count // 4)))
+        job = np.array([
+            x, self.count, block, steps, table, self.table.strides[0], len(fractions),
+            rows, saved.strides[0], until, every, self.B, marks, marks + self.count,
+            careful.address if careful.is_compiled else 0, work + 8 * own,
+            0, 0, 0, 0, until, rows,
+            *others, work, self.W, D, step.T, start, self.for_each,
+        ], np.int64)  # fmt: skip
+        return job, arrays
 
     def _carry_out(self, n):
         """Carry out the operations of a step where they are accurate; return bits of these lanes,
@@ -230,15 +241,20 @@ class _Lines:
             self.x[:, k] = np.where(accurate, values[number], self.x[:, k])
         return _packed(accurate), _packed(np.broadcast_to(values[step.negative], shape))
 
-    def _take_in_numpy(self, arrays, first, steps, saved, until, every):
+    def _take_in_numpy(self, start, steps, saved, until, every):
         """Carry out the operations as NumPy does: the reference, where there is no machine code."""
-        step, row = self.method.step, 0
+        (step, fractions), (ended, passed), row = self.method, self.marks, 0
+        memory = np.empty(self.D * (self.D + 4) + step.T)
+        arrays = (
+            self.x, self.halves, np.array(fractions), step.indices, *self.notes,
+            ended, passed, memory,
+        )  # fmt: skip
         for n in range(steps):
-            good, negative = self._carry_out(n) if step.usual else (np.zeros_like(self.ended),) * 2
-            bad = ~(good | self.ended) & np.uint8(2**self.W - 1)
-            negative = negative & good & ~self.passed
+            good, negative = self._carry_out(n) if step.usual else (np.zeros_like(ended),) * 2
+            bad = ~(good | ended) & np.uint8(2**self.W - 1)
+            negative = negative & good & ~passed
             for line in np.flatnonzero(bad | negative):
-                step_carefully(arrays, first, line, int(bad[line]), int(negative[line]), n)
+                step_carefully(arrays, start, line, int(bad[line]), int(negative[line]), n)
             if n == until:
                 saved[row] = self.states()
                 row, until = row + 1, until + every + 1
@@ -288,53 +304,47 @@ class FieldSteps(Kernel):
         abandoned,
     ):
         """Iterate the trajectories of a part, as `steps_3d.steps`."""
-        begin, end, start, *others = span
-        states = omega0 if start == 0 else final
+        begin, end, *steps = span
+        states = omega0 if steps[0] == 0 else final
         W = WIDTH if end - begin > 1 else 1
         lines = -(-(end - begin) // W)
         first, last = (begin + W * (lines * each // parts) for each in (part, part + 1))
         last = min(last, end)
+        is_large = saved.size >= STREAM_FROM
         for low in range(first, last, CHUNK):
             some = slice(low, min(low + CHUNK, last))
-            if status[some].size == 0:
-                continue
-            notes = status[some], failed_at[some], carry[0, some]
-            given = states[some], saved[:, some], final[some], notes
-            is_large = saved.size >= STREAM_FROM
-            _take_some(arguments, some, W, (start, *others), *given, is_large, abandoned)
+            method, *parameters = arguments
+            own = method, *(each[some] if len(each) > 1 else each for each in parameters)
+            given, notes = states[some], (status[some], failed_at[some], carry[0, some])
+            if steps[0] == 0:
+                _begin(given, notes)
+            lines = _Lines(own, given, notes, W)
+            _take_steps(lines, given, steps, saved[:, some], is_large, abandoned)
+            final[some] = lines.states()
 
 
-def _lines_of(method, values, eps, states, W, status):
-    """Return lines of trajectories, with NaN for those that have ended."""
-    lines = _Lines(method, values, eps, states, W)
-    if (status < 0).any():
-        lines.end(status < 0)
-    return lines
+def _begin(states, notes):
+    """Note which trajectories begin with NaN."""
+    status, failed_at, poles = notes
+    poles[:] = 0.0
+    if not np.isfinite(states.sum()):  # which takes a tenth of the time
+        undefined = np.isnan(states).any(axis=1)
+        status[undefined], failed_at[undefined] = NONFINITE, 0
 
 
-def _take_some(arguments, some, W, span, states, saved, final, notes, is_large, abandoned):
-    """Iterate some trajectories, of which all arrays but arguments are."""
-    method, *parameters = arguments
-    values, eps = (each[some] if len(each) > 1 else each for each in parameters)
-    (start, stop, every, row), (status, failed_at, carry) = span, notes
-    if start == 0:
-        carry[:] = 0.0
-        if not np.isfinite(states.sum()):  # which takes a tenth of the time
-            undefined = np.isnan(states).any(axis=1)
-            status[undefined], failed_at[undefined] = NONFINITE, 0
-    lines = _lines_of(method, values, eps, states, W, status)
+def _take_steps(lines, states, steps, saved, is_large, abandoned):
+    """Take the steps of a run that stands at these states, and save states."""
+    start, stop, every, row = steps
     if every and start == 0:
         saved[row] = lines.states()
         row += 1
-    if stop > start:
-        until = every - start % every if every else 0
-        saved = saved[row:] if every else saved[:0]
-        rest = start, stop - start, saved, until, every, notes, is_large, abandoned
-        if not lines.take(*rest):  # few runs need it, and most of those that do not are short
-            careful.compile()
-            lines = _lines_of(method, values, eps, states, W, status)
-            lines.take(*rest)
-    final[:] = lines.states()
+    if stop == start:
+        return
+    rest = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
+    if not lines.take(*rest):  # few runs need it, and most of those that do not are short
+        careful.compile()
+        lines.put(states)
+        lines.take(*rest)
 
 
 field_steps = FieldSteps()

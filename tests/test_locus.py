@@ -10,7 +10,7 @@ from suslov_fast import QuadraticField, Suslov3D
 
 pytest.importorskip("flint")
 
-from suslov_fast.integrability import kahan, locus, rational_map, residues
+from suslov_fast.integrability import kahan, locus, rational_map
 from suslov_fast.integrability.arithmetic import exponents_up_to
 from suslov_fast.integrability.relations import counts
 
@@ -182,21 +182,3 @@ def test_ctrl_c():
 
     with pytest.raises(KeyboardInterrupt):
         locus(rotors, 2, progress=interrupt)
-
-
-def test_linear_algebra_modulo_a_prime():
-    """Against determinants and products; some matrices are singular."""
-    p, draws = 2**31 - 1, np.random.default_rng(0)
-    A = draws.integers(0, p, (20, 4, 4))
-    A[3:6, 2], A[7] = A[3:6, 1] * 5 % p, 0
-    b = draws.integers(0, p, (20, 4))
-    x, good = residues.solved(A, b, p)
-    expected = [k not in (3, 4, 5, 7) for k in range(20)]
-    assert (good == expected).all()
-    exact = A.astype(object) @ x.astype(object)[..., None] - b.astype(object)[..., None]
-    assert not (exact[good] % p).any()
-    tall = np.concatenate([A, A[:, :2] * 7 % p], axis=1)
-    assert [*residues.ranks(tall, p)] == [
-        0 if k == 7 else 3 if k in (3, 4, 5) else 4 for k in range(20)
-    ]
-    assert residues.residue(F(1, 7), 7) is None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -15,14 +14,13 @@ from ..checks import integer, kind_of, wrong
 from . import arithmetic
 from .arithmetic import Exponents
 from .bases import exponents_of
+from .kahan import KahanMap, kahan
 from .maps import RationalMap
-from .residues import Maps, relations, residue
+from .relations import relations_along
 
 _GENERAL = 3  # general values that tell how many relations there are in general
 _PRIMES = 211, 223  # all of whose residues are tried
 _STARTS = 3  # orbits modulo these: some of them are short
-_EXTRA = 10  # points more than monomials
-_ENTRIES = 2_000_000  # of matrices whose ranks are computed together
 
 
 class Special(NamedTuple):
@@ -128,40 +126,56 @@ def locus(
     if progress is not None and not callable(progress):
         expected = "None or a callable (done, parts)"
         raise wrong("progress", expected, type(progress).__name__, TypeError)
-    of = _Values(f, degree, monomials)
+    maps = _Maps(f)
     general = [
         Fraction(rng.randrange(10**3, 10**6), rng.randrange(10**3, 10**6) | 1)
         for _ in range(_GENERAL)
     ]
-    values = fractions_up_to(height)
-    parts = 2 + len(_PRIMES)
+    known = next((each for each in map(maps.at, general) if each is not None), None)
+    if known is None:
+        raise ArithmeticError("f: expected a map for general values, got none") from maps.error
+    exponents = exponents_of(degree if monomials is None else monomials, known.dimension)
 
-    def done(count: int) -> None:
+    def counts(values: Sequence[Fraction], p: int, eps: int) -> dict[Fraction, int]:
+        """Return the numbers of relations along orbits from one random point modulo p."""
+        x = arithmetic.random_point(known.dimension, p, rng)
+        return {v: _count(maps.at(v), exponents, p, eps, x) for v in values}
+
+    def general_counts(values: Sequence[Fraction]) -> dict[Fraction, int]:
+        p = arithmetic.random_prime(rng)
+        return counts(values, p, rng.randrange(2, p))
+
+    def done(part: int) -> None:
         if progress is not None:
-            progress(count, parts)
+            progress(part, 2 + len(_PRIMES))
 
-    of.first(general)
-    usual = [each for each in of.counts(general, rng) if each >= 0]
-    if not usual:
+    if not (usual := [n for n in general_counts(general).values() if n >= 0]):
         raise ArithmeticError("f: expected a map for general values, got none")
     generic = min(usual)
-    first = of.counts(values, rng)
+    first = general_counts(fractions_up_to(height))
     done(1)
-    more = [v for v, count in zip(values, first, strict=True) if count > generic]
-    again = of.counts(more, rng)
-    counts = dict(zip(values, first, strict=True))
-    found = [
-        Special(v, min(count, counts[v]), of.degenerate(v))
-        for v, count in zip(more, again, strict=True)
-        if count > generic
-    ]
+    again = general_counts([v for v, n in first.items() if n > generic])
     done(2)
+    found = [
+        Special(v, min(n, first[v]), _why_degenerate(maps.at(v)))
+        for v, n in again.items()
+        if n > generic
+    ]
     algebraic = {}
-    for number, p in enumerate(_PRIMES, start=3):
-        algebraic[p] = of.other_residues(p, generic, [each.value for each in found], rng)
-        done(number)
-    left_out = [v for v, count in counts.items() if count < 0]
-    return Locus(found, generic, height, left_out, algebraic)
+    for part, p in enumerate(_PRIMES, start=3):
+        fractions = [each.value for each in found if each.value.denominator % p]
+        listed = {a.numerator * pow(a.denominator, -1, p) % p for a in fractions}
+        left = [Fraction(k) for k in range(p) if k not in listed]
+        for _ in range(_STARTS):
+            eps, counted = rng.randrange(2, p - 1), set[Fraction]()
+            for _ in range(_STARTS):
+                now = counts(left, p, eps)
+                left = [v for v in left if not 0 <= now[v] <= generic]
+                counted |= {v for v in left if now[v] >= 0}
+            left = [v for v in left if v in counted]
+        algebraic[p] = tuple(map(int, left))
+        done(part)
+    return Locus(found, generic, height, [v for v, n in first.items() if n < 0], algebraic)
 
 
 def fractions_up_to(height: int) -> list[Fraction]:
@@ -175,98 +189,60 @@ def _is_arithmetic(error: BaseException) -> bool:
     return isinstance(error, ArithmeticError) or isinstance(error.__cause__, ArithmeticError)
 
 
-class _Values:
-    """The fields or maps of a function at exact numbers, and their relations."""
+class _Maps:
+    """The maps of a function at exact numbers; fields have a symbolic eps."""
 
-    def __init__(self, f: Any, degree: int, monomials: Any) -> None:
+    def __init__(self, f: Any) -> None:
         if not callable(f):
             raise wrong("f", "a function of the parameter", kind_of(f), TypeError)
-        self._f, self._degree, self._monomials = f, degree, monomials
-        self._known: dict[Fraction, Any] = {}
-        self._exponents: Exponents = ()
-        self._shape: Any = None
+        self._f = f
+        self._known: dict[Fraction, RationalMap | None] = {}
+        self._dimension: int | None = None
+        self.error: Exception | None = None  # of a value without a map
 
-    def first(self, values: Sequence[Fraction]) -> None:
-        """Find out what f returns, from general values."""
-        error: Any = None
-        for value in values:
-            try:
-                given = self._f(value)
-            except (ArithmeticError, ValueError) as raised:
-                if not _is_arithmetic(raised):
-                    raise
-                error = raised
-                continue
-            is_field = isinstance(given, QuadraticField)
-            if (not is_field and not isinstance(given, RationalMap)) or (is_field and given.shape):
-                got = f"{kind_of(given)} at {value}"
-                raise wrong("f", "a single QuadraticField or map for each number", got, TypeError)
-            self._shape = given.dimension, is_field
-            given_monomials = self._degree if self._monomials is None else self._monomials
-            self._exponents = exponents_of(given_monomials, given.dimension)
-            return
-        raise ArithmeticError("f: expected a map for general values, got none") from error
-
-    def at(self, value: Fraction) -> Any:
-        """Return the field or map; None if there is none."""
+    def at(self, value: Fraction) -> RationalMap | None:
+        """Return the map; None if there is none."""
         if value not in self._known:
-            try:
-                given = self._f(value)
-            except (ArithmeticError, ValueError) as error:
-                if not _is_arithmetic(error):
-                    raise
-                given = None
-            if given is not None:
-                shape = getattr(given, "dimension", None), isinstance(given, QuadraticField)
-                if shape != self._shape:
-                    kind = "field" if self._shape[1] else "map"
-                    expected = f"a {kind} of {self._shape[0]} variables for each number"
-                    raise wrong("f", expected, f"{kind_of(given)} at {value}")
-            self._known[value] = given
+            self._known[value] = self._new(value)
         return self._known[value]
 
-    def counts(self, values: Sequence[Fraction], rng: random.Random) -> list[int]:
-        """Return the numbers of relations, of general orbits and eps; -1 if there is no map."""
-        p = arithmetic.random_prime(rng, 31)
-        eps, draws = rng.randrange(2, p), np.random.default_rng(rng.getrandbits(32))
-        return self._counts(values, p, eps, draws)
+    def _new(self, value: Fraction) -> RationalMap | None:
+        try:
+            given = self._f(value)
+        except (ArithmeticError, ValueError) as error:
+            if not _is_arithmetic(error):
+                raise
+            self.error = error
+            return None
+        if isinstance(given, QuadraticField) and not given.shape:
+            given = kahan(given)
+        if not isinstance(given, RationalMap):
+            got = f"{kind_of(given)} at {value}"
+            raise wrong("f", "a single QuadraticField or map for each number", got, TypeError)
+        self._dimension = self._dimension or given.dimension
+        if given.dimension != self._dimension:
+            expected = f"{self._dimension} variables for each number"
+            raise wrong("f", expected, f"{given.dimension} at {value}")
+        return given
 
-    def _counts(self, values: Sequence[Fraction], p: int, eps: int, draws: Any) -> list[int]:
-        found = dict.fromkeys(values, -1)
-        there = [v for v in values if self.at(v) is not None]
-        size = max(1, _ENTRIES // len(self._exponents) ** 2)
-        state = draws.bit_generator.state
-        for begin in range(0, len(there), size):
-            part = there[begin : begin + size]
-            draws.bit_generator.state = state  # the same point for all
-            maps = Maps([self.at(v) for v in part], p, eps)
-            counts = relations(maps, self._exponents, draws, _EXTRA)
-            found |= dict(zip(part, map(int, counts), strict=True))
-        return [found[v] for v in values]
 
-    def other_residues(
-        self, p: int, generic: int, known: Sequence[Fraction], rng: random.Random
-    ) -> tuple[int, ...]:
-        """Return the residues modulo a small prime with more relations that no known value has."""
-        residues = {residue(v, p) for v in known}
-        values = [Fraction(k) for k in range(p) if k not in residues]
-        for _ in range(_STARTS):
-            eps, least = rng.randrange(2, p - 1), dict.fromkeys(values, math.inf)
-            for _ in range(_STARTS):
-                draws = np.random.default_rng(rng.getrandbits(32))
-                counts = self._counts(values, p, eps, draws)
-                for v, count in zip(values, counts, strict=True):
-                    least[v] = min(least[v], count if count >= 0 else math.inf)
-            values = [v for v, count in least.items() if generic < count < math.inf]
-        return tuple(map(int, values))
+def _count(map: RationalMap | None, exponents: Exponents, p: int, eps: int, x: list[Any]) -> int:
+    """Return the number of relations along an orbit modulo a prime; -1 without a map or orbit."""
+    coefficients = map.field.table.flat if isinstance(map, KahanMap) else ()
+    if map is None or not all(c.denominator % p for c in coefficients):
+        return -1
+    try:
+        return len(relations_along(map, exponents, p, eps, x))
+    except ZeroDivisionError:
+        return -1
 
-    def degenerate(self, value: Fraction) -> str:
-        """Return why a field is of another kind than in general; "" if it is not."""
-        given = self.at(value)
-        if not isinstance(given, QuadraticField):
-            return ""
-        if not np.any(given.table[:, :-1, :-1] != 0):
-            return "the field is linear"
-        rows = zip(given.names, given.table, strict=True)
-        zeros = [name for name, row in rows if not np.any(row != 0)]
-        return " and ".join(f"{name}' = 0" for name in zeros)
+
+def _why_degenerate(map: RationalMap | None) -> str:
+    """Return why a field is of another kind than in general; "" if it is not."""
+    if not isinstance(map, KahanMap):
+        return ""
+    field = map.field
+    if not np.any(field.table[:, :-1, :-1] != 0):
+        return "the field is linear"
+    rows = zip(field.names, field.table, strict=True)
+    return " and ".join(f"{name}' = 0" for name, row in rows if not np.any(row != 0))

@@ -137,12 +137,16 @@ def _columns(t, tangent, values, last, at_once, room):
     t.add("  %r = phi i64 [ 0, %columns ], [ %r1, %column ]")
     t.add(f"  %length = phi {V} [ {t.each(0.0)}, %columns ], [ %length1, %column ]")
     here, length = integer("add", first, integer("mul", "%r", size)), "%length"
+    columns = []
     for c in range(at_once if t.W > 1 else 1):
         places = [t.plus(here, size * (i * room + c)) for i in range(D)]
-        own = dict(values)
-        for i, number in enumerate(tangent.column):
-            own[number] = inner.load(inner.V, places[i])
-        inner.carry_out(tangent.columns, own, None)
+        columns.append((places, dict(values)))
+    for operation in tangent.columns:  # one column after the other would wait for each
+        for places, own in columns:
+            inner.carry_out(
+                [operation], own, lambda n, p=places: inner.load(inner.V, p[n - tangent.column[0]])
+            )
+    for places, own in columns:
         square = None
         for i, number in enumerate(tangent.products):
             inner.store(inner.V, own[number], places[i])

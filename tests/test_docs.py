@@ -135,6 +135,9 @@ def test_text(path):
     kinds |= {"{eval-rst}"} if path.stem == "api" else set()
     assert {kind.split()[0] for kind, _ in BLOCK.findall(text)} <= kinds
     assert not re.search(r"\{\w+\}`|^:::", text, re.MULTILINE)
+    codes = [code for kind, code in BLOCK.findall(text) if kind != "sh setup"]
+    lines = [line for code in codes for line in code.splitlines()]
+    assert [line for line in lines if len(line) > 88] == []  # a box of code holds 88
     assert "install 'suslov_fast" not in text  # there is no index to install from
     for file in re.findall(r"`(\w+/\w+\.py)`", text):
         assert (PACKAGE / file).exists() or (DOCS.parent / file).exists(), file

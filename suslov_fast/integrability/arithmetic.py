@@ -12,6 +12,7 @@ import random
 import re
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -171,11 +172,17 @@ def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
 def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any:
     """Return monomials in the first coordinates of a point, which may be of any type of numbers."""
     values = np.ones(len(exponents), object)
-    columns = np.array(exponents, int).T if len(exponents) else ()
-    for a, e in zip(x, columns, strict=False):
+    for a, (powers, highest) in zip(x, _by_variable(tuple(exponents)), strict=False):
         # NumPy takes univariate polynomials in a list for sequences.
-        values *= np.fromiter((a**k for k in range(int(e.max()) + 1)), object)[e]
+        values *= np.fromiter((a**k for k in range(highest + 1)), object)[powers]
     return values
+
+
+@lru_cache(maxsize=256)
+def _by_variable(exponents: Exponents) -> list[tuple[Any, int]]:
+    """Return the powers of each variable in monomials, and the highest of them."""
+    columns = np.array(exponents, int).T if exponents else ()
+    return [(powers, int(powers.max())) for powers in columns]
 
 
 def modulo(P: Any, p: int, eps: Any) -> Any:

@@ -12,11 +12,13 @@ import math
 import random
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import reduce
 from typing import Any
 
 import flint
 
 from . import arithmetic
+from .arithmetic import value_at
 from .contracted import Passage, Plane, Residues
 from .maps import coprime
 
@@ -206,9 +208,9 @@ def _never_ends_modulo(residues: Residues, number: int, passage: Passage) -> boo
     A point of the curve modulo p at which the curve is smooth is that of one over p-adic numbers;
     if images do not vanish modulo p, they are those of the true orbit.
     """
-    if any(not form for form in residues.forms) or not residues.curves[number]:
+    if any(P == 0 for P in (*residues.forms, residues.curves[number])):
         return False
-    germ, terms = residues.germ(residues.whole(number)), 1 + sum(passage.common)
+    germ, terms = residues.germ(residues.curves[number]), 1 + sum(passage.common)
     for expected in (0, *passage.common):
         if germ is None or (step := residues.step(germ, terms)) is None:
             return False
@@ -216,18 +218,16 @@ def _never_ends_modulo(residues: Residues, number: int, passage: Passage) -> boo
         terms -= order
         if order != expected:
             return False
-    x = [int(P[0]) for P in germ or ()]
+    x = [P[0] for P in germ or ()]
     seen = set()
-    while True:
-        pivot = next((a for a in x if a), None)
-        if pivot is None:
-            return False
-        inverse = pow(pivot, -1, residues.p)
-        point = tuple(a * inverse % residues.p for a in x)
+    while any(x):
+        pivot = next(a for a in x if a)
+        point = tuple(int(a / pivot) for a in x)
         if point in seen:
             return True
         seen.add(point)
-        x = residues.image(point)
+        x = [value_at(F, x) for F in residues.forms]
+    return False
 
 
 def _never_on_a_line(plane: Plane, number: int) -> str:
@@ -276,16 +276,14 @@ def _point_of(plane: Plane, number: int) -> tuple[int, ...]:
     line = [int(plane.curves[number].derivative(j).leading_coefficient() or 0) for j in range(3)]
     rng = random.Random(0)
     while True:
-        a = [rng.randrange(-50, 50) for _ in range(3)]
-        x = (line[1] * a[2] - line[2] * a[1], line[2] * a[0] - line[0] * a[2],
-             line[0] * a[1] - line[1] * a[0])  # fmt: skip
+        x = _cross(line, [rng.randrange(-50, 50) for _ in range(3)])
         if any(x) and (y := _image(plane, x)) is not None:
             return y
 
 
 def _image(plane: Plane, x: Sequence[int]) -> tuple[int, ...] | None:
     """Return the image of a point with integer coordinates; None if it has none."""
-    y = [int(F(*x)) for F in plane.forms]
+    y = [int(value_at(F, x)) for F in plane.forms]
     if not (common := math.gcd(*y)):
         return None
     sign = 1 if next(a for a in y if a) > 0 else -1
@@ -297,11 +295,11 @@ def _avoids(plane: Plane, x: Sequence[int], y: Sequence[int], period: int) -> bo
     # Two other points of the line, a and b.
     a, b = ([c * u + d * v for u, v in zip(x, y, strict=True)] for c, d in ((31, 17), (-13, 43)))
     line = [flint.fmpz_poly([u, v]) for u, v in zip(a, b, strict=True)]  # a + s b
-    images = _composed(plane, line)
-    ends = _common(images)  # points of the line without an image
+    images = [value_at(F, line) for F in plane.forms]
+    ends = reduce(lambda P, Q: P.gcd(Q), images)  # points of the line without an image
     for _ in range(period - 1):
-        images = _composed(plane, [P // _common(images) for P in images])
-    images = [P // _common(images) for P in images]
+        images = [value_at(F, coprime(images)) for F in plane.forms]
+    images = coprime(images)
     normal = _cross(a, b)
     if sum((n * P for n, P in zip(normal, images, strict=True)), flint.fmpz_poly([0])) != 0:
         return False
@@ -309,29 +307,13 @@ def _avoids(plane: Plane, x: Sequence[int], y: Sequence[int], period: int) -> bo
     # (u, v) = image of s: the parameter of a point z is (z x a) / (b x z) in the coordinates i, j.
     above = images[i] * a[j] - images[j] * a[i]
     below = b[i] * images[j] - b[j] * images[i]
-    common = above.gcd(below)
-    above, below = above // common, below // common
+    above, below = coprime([above, below])
     if max(above.degree(), below.degree()) != 1:
         return False
     start = Fraction(x[i] * a[j] - x[j] * a[i], b[i] * x[j] - b[j] * x[i])
     matrix = [[int(above[1]), int(above[0])], [int(below[1]), int(below[0])]]
     roots = [f for f, _ in ends.factor()[1] if f.degree() == 1] if ends.degree() > 0 else []
     return all(_never_meets(matrix, start, Fraction(-int(f[0]), int(f[1]))) for f in roots)
-
-
-def _composed(plane: Plane, line: Sequence[Any]) -> list[Any]:
-    total = []
-    for F in plane.forms:
-        value = flint.fmpz_poly([0])
-        for (i, j, k), c in F.to_dict().items():
-            value += int(c) * line[0] ** int(i) * line[1] ** int(j) * line[2] ** int(k)
-        total.append(value)
-    return total
-
-
-def _common(polynomials: Sequence[Any]) -> Any:
-    first, second, third = polynomials
-    return first.gcd(second).gcd(third)
 
 
 def _cross(a: Sequence[int], b: Sequence[int]) -> list[int]:

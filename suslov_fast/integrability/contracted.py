@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import flint
 
 from . import arithmetic
-from .arithmetic import modulo
+from .arithmetic import modulo, value_at
 from .maps import RationalMap
 from .normal_form import count_factors
 
@@ -82,24 +82,15 @@ class Residues:
 
     def __init__(self, plane: Plane, p: int, eps: int, seed: int = 0) -> None:
         self.p, self.rng = p, random.Random(seed)
-        self.forms = [self._terms(modulo(F, p, eps)) for F in plane.forms]
-        self.curves = [self._terms(modulo(C, p, eps)) for C in plane.curves]
-        self._whole = [modulo(C, p, eps) for C in plane.curves]
-        self._highest = max([plane.degree, *plane.degrees])
-
-    def _terms(self, P: Any) -> list[tuple[tuple[int, ...], int]]:
-        return [(tuple(map(int, e)), int(c)) for e, c in P.to_dict().items()]
-
-    def whole(self, number: int) -> Any:
-        """Return a curve."""
-        return self._whole[number]
+        self.forms = [modulo(F, p, eps) for F in plane.forms]
+        self.curves = [modulo(C, p, eps) for C in plane.curves]
 
     def component(self, number: int) -> Any:
         """Return a factor of a curve on which there are points with coordinates modulo p, if any.
 
         Conjugate lines are one curve over the rationals; their points go to different points.
         """
-        P = self._whole[number]
+        P = self.curves[number]
         if P == 0:
             return None
         for factor, _ in sorted(P.factor()[1], key=lambda f: int(f[0].total_degree())):
@@ -109,11 +100,11 @@ class Residues:
 
     def germ(self, component: Any) -> list[Any] | None:
         """Return a germ across a component at a random point: three polynomials in t."""
-        p, terms = self.p, self._terms(component)
+        p = self.p
         for _ in range(_LINES):
             ends = [(self.rng.randrange(p), self.rng.randrange(p)) for _ in range(3)]
             line = [flint.nmod_poly([*end], p) for end in ends]
-            on_line = self._value(terms, self._powers(line, None), None)
+            on_line = value_at(component, line)
             if on_line.degree() < 1:
                 continue
             for factor, power in on_line.factor()[1]:
@@ -123,45 +114,17 @@ class Residues:
                             for a, b in ends]  # fmt: skip
         return None
 
-    def _powers(self, x: Sequence[Any], terms: int | None) -> list[list[Any]]:
-        powers = [[flint.nmod_poly([1], self.p)] for _ in x]
-        for each, a in zip(powers, x, strict=True):
-            for _ in range(self._highest):
-                each.append(self._cut(each[-1] * a, terms))
-        return powers
-
-    def _cut(self, P: Any, terms: int | None) -> Any:
-        if terms is None or P.degree() < terms:
-            return P
-        return flint.nmod_poly(P.coeffs()[:terms], self.p)
-
-    def _value(self, form: Any, powers: Any, terms: int | None) -> Any:
-        value = flint.nmod_poly([0], self.p)
-        for (i, j, k), c in form:
-            value += c * self._cut(powers[0][i] * powers[1][j], terms) * powers[2][k]
-        return self._cut(value, terms)
-
-    def image(self, x: Sequence[Any]) -> list[int]:
-        """Return the image of a point, three integers; 0, 0, 0 if there is none."""
-        p = self.p
-        return [
-            sum(c * pow(x[0], i, p) * pow(x[1], j, p) * pow(x[2], k, p) for (i, j, k), c in form)
-            % p
-            for form in self.forms
-        ]
-
     def step(self, x: Sequence[Any], terms: int) -> tuple[list[Any], int, tuple[int, ...]] | None:
         """Return the next germ, the order that is left out, and those of the contracted curves.
 
         None if there are too few terms. Orders of curves are at most their number.
         """
-        powers = self._powers(x, terms)
-        met = tuple(_order(self._value(C, powers, terms), terms) for C in self.curves)
-        y = [self._value(F, powers, terms) for F in self.forms]
+        met = tuple(_order(value_at(C, x), terms) for C in self.curves)
+        y = [value_at(F, x) for F in self.forms]
         order = min(_order(P, terms) for P in y)
         if order == terms:
             return None
-        return [flint.nmod_poly(P.coeffs()[order:], self.p) for P in y], order, met
+        return [flint.nmod_poly(P.coeffs()[order:terms], self.p) for P in y], order, met
 
     def passage(self, number: int, component: Any, most: int) -> Passage | None:
         """Return the passage of a germ across a curve; None if two germs disagree."""
@@ -205,7 +168,8 @@ class Residues:
 
 
 def _order(P: Any, terms: int) -> int:
-    return next((k for k, c in enumerate(P.coeffs()) if c), terms)
+    """Return the order of a power series, or the number of terms if they are all 0."""
+    return next((k for k, c in enumerate(P.coeffs()[:terms]) if c), terms)
 
 
 def _same(points: Sequence[Sequence[int]], p: int) -> bool:

@@ -214,8 +214,7 @@ def characteristic_polynomial(plane: Plane, found: list[Passage]) -> Any:
     For generating functions in z they are linear; the determinant is the polynomial of 1 / z. If a
     passage has no end, the generating functions of its orders are quotients; None if none are seen.
     """
-    of = flint.fmpz_mpoly_ctx.get(("z",), ordering="deglex")
-    (z,), zero, one = of.gens(), of.constant(0), of.constant(1)
+    zero, one, z = (flint.fmpz_poly(c) for c in ([], [1], [0, 1]))
     used = [k for k, passage in enumerate(found) if passage.common]
     columns, below = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]], one
     for k in used:
@@ -223,7 +222,7 @@ def characteristic_polynomial(plane: Plane, found: list[Passage]) -> Any:
         pairs = [rational_series(each) if found[k].endless else (each, (1,)) for each in orders]
         if None in pairs:
             return None
-        series = [[_of_z(part, of) for part in pair] for pair in pairs if pair]
+        series = [[flint.fmpz_poly([*part]) for part in pair] for pair in pairs if pair]
         common = math.prod((Q for _, Q in series), start=one)
         column = [P * (common // Q) for P, Q in series]
         column[0] *= z
@@ -232,15 +231,8 @@ def characteristic_polynomial(plane: Plane, found: list[Passage]) -> Any:
         below *= common
     determinant = cramer([[*row, zero] for row in zip(*columns, strict=True)])[-1]
     determinant //= determinant.gcd(below)
-    size = int(determinant.total_degree())
-    coefficients = [0] * (size + 1)
-    for (power,), c in determinant.to_dict().items():
-        coefficients[size - int(power)] = int(c)
-    return flint.fmpz_poly(coefficients) * (1 if coefficients[-1] > 0 else -1)
-
-
-def _of_z(coefficients: Any, of: Any) -> Any:
-    return of.from_dict({(k,): int(c) for k, c in enumerate(coefficients) if c})
+    reversed_polynomial = flint.fmpz_poly(determinant.coeffs()[::-1])
+    return reversed_polynomial * (1 if determinant[0] > 0 else -1)
 
 
 def _in_x(polynomial: Any) -> Any:

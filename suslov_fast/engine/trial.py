@@ -2,19 +2,19 @@
 
 A kernel writes to memory that it is given, and no error shows if it writes nothing, too much, or
 other numbers after a cut. The trial takes a few trajectories some steps, in several ways that must
-give the same bits, between numbers that no kernel may touch: about 5,000 steps in all.
+give the same bits, between numbers that no kernel may touch: about 6,000 steps in all.
 """
 
 import inspect
 import warnings
-from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import fields
 from functools import lru_cache
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from ..bodies.field import MATRIX
 from ..checks import FloatArray, short, wrong
@@ -23,14 +23,16 @@ from ..core.one_step import KernelOfStep
 from .arguments import Arguments, Problem, flat_arrays
 from .status import Status
 
-_SIZE, _WIDE, _FEW, _STEPS, _LONG, _GUARD = 19, 301, 8, 6, 140, -99  # trajectories, and steps
-_LATE = 61, 997  # states from which steps are those from state 0; some multiples of 64 follow
-_UNTOUCHED = 1.2345678901234e-99
+_SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, and steps
+_LATE = 61, 997  # steps from these states, after which 64 comes, are those from state 0
+_CUTS = 0, 0, 2, 3, 3, _STEPS
+_GUARD, _UNTOUCHED = -99, 1.2345678901234e-99
 _TRIED: set[tuple[Any, int]] = set()
 
 
+# ------------------------------------------------------------------------- runs in guarded memory
 def _guarded(shape: tuple[int, ...], fill: Any, dtype: Any = np.float64) -> Any:
-    """Return an array that lies between numbers that stay as they are, and these."""
+    """Return an array that lies between numbers that stay as they are, and all of its memory."""
     count, beside = int(np.prod(shape)), 64 + 8 * int(np.prod(shape[1:]))  # at least eight rows
     memory = np.full(count + 2 * beside, _GUARD, dtype)
     array = memory[beside : count + beside].reshape(shape)
@@ -38,77 +40,112 @@ def _guarded(shape: tuple[int, ...], fill: Any, dtype: Any = np.float64) -> Any:
     return array, (memory[:beside], memory[count + beside :])
 
 
-class _Trial:
-    """The arrays that a kernel writes, from state 0 on."""
+class _Run(NamedTuple):
+    """The arrays that a kernel wrote."""
 
-    def __init__(
-        self, steps: Any, omega0: FloatArray, every: int = 1, length: int = _STEPS
-    ) -> None:
-        (B, D), self.every, self.steps = omega0.shape, every, steps
-        rows = length // every + 1 if every else 0
-        self.omega0, guards = omega0, []
-        self.saved, guard = _guarded((rows, B, D), _UNTOUCHED)
-        guards += guard
-        self.final, guard = _guarded((B, D), _UNTOUCHED)
-        guards += guard
-        self.carry, guard = _guarded((steps.carried, B), _UNTOUCHED)
-        guards += guard
-        self.status, guard = _guarded((B,), 0, np.int8)
-        guards += guard
-        self.failed_at, guard = _guarded((B,), -1, np.int64)
-        self.guards = [*guards, *guard]
+    saved: FloatArray
+    final: FloatArray
+    status: NDArray[np.int8]
+    failed_at: NDArray[np.int64]
+    carry: FloatArray
 
-    def take(
-        self,
-        arguments: Any,
-        start: int,
-        stop: int,
-        lanes: Any = None,
-        part: Any = (0, 1),
-        row: int | None = None,
-    ) -> "_Trial":
-        """Continue from state `start` to `stop`, as one part of a call."""
-        if row is None:
-            row = start // self.every + 1 if start and self.every else 0
-        span = *(lanes or (0, len(self.omega0))), start, stop, self.every, row
-        # What a kernel reads beside an array of one row is no step size, and no coefficient.
-        given = tuple(_between_guards(each) for each in arguments)
-        states, after = self.omega0.copy(), (self.saved, self.final, self.status, self.failed_at)
-        self.steps.kernel(*part, given, states, self.carry, span, *after)
-        pairs = zip(_arrays(given), _arrays(arguments), strict=True)
-        kept = all(_same(one, other) for one, other in pairs)
-        _expect(kept, "arguments to stay as they are", "others", 1)
-        _expect(_same(states, self.omega0), "omega0 to stay as it is", "another one", 3)
-        outside: list[float] = []
-        for guard in self.guards:
-            outside += guard[guard != _GUARD].tolist()
-        _expect(not outside, "nothing to be written beside the arrays", short(outside), 5)
-        return self
+    def of(self, which: Any) -> "_Run":
+        """Return the run of some trajectories."""
+        of_rows = self.saved[:, which], self.final[which], self.status[which]
+        return _Run(*of_rows, self.failed_at[which], self.carry[:, which])
 
-    def written(self) -> Any:
-        """Return where each trajectory was written to: its last state and its saved states."""
-        final = (self.final != _UNTOUCHED).all(axis=-1)
-        return np.concatenate([final[None], (self.saved != _UNTOUCHED).all(axis=-1)])
 
-    def touched(self) -> Any:
-        """Return which trajectories were written to at all."""
-        marks = (self.final != _UNTOUCHED).any(axis=-1) | (self.status != 0)
-        carried = (self.carry != _UNTOUCHED).any(axis=0)
-        return marks | carried | (self.saved != _UNTOUCHED).any(axis=(0, 2))
+def _run(
+    steps: Any,
+    arguments: Any,
+    omega0: FloatArray,
+    cuts: tuple[int, ...] = (0, _STEPS),
+    every: int = 1,
+    in_pieces: bool = False,
+    shift: int = 0,
+) -> _Run:
+    """Run a kernel from state 0, with a call from each cut to the next, or for pieces of the batch.
 
-    def equals(self, other: "_Trial", which: Any = slice(None)) -> bool:
-        pairs = [(self.status, other.status[which]), (self.failed_at, other.failed_at[which])]
-        pairs += [(self.final, other.final[which]), (self.saved, other.saved[:, which])]
-        return all(_same(one, two) for one, two in pairs)
+    Steps begin at state `shift`, which equals state 0.
+    """
+    B, D = omega0.shape
+    rows = _STEPS // every + 1 if every else 0
+    (saved, *a), (final, *b), (carry, *c), (status, *d), (failed_at, *e) = (
+        _guarded((rows, B, D), _UNTOUCHED),
+        _guarded((B, D), _UNTOUCHED),
+        _guarded((steps.carried, B), _UNTOUCHED),
+        _guarded((B,), 0, np.int8),
+        _guarded((B,), -1, np.int64),
+    )
+    guards, states = [each for [pair] in (a, b, c, d, e) for each in pair], omega0.copy()
+    # What a kernel reads beside an array of one row is no step size, and no coefficient.
+    given = tuple(map(_between_guards, arguments))
+    pieces = [(0, B, 0, 1)]
+    if in_pieces:
+        pieces = [(*lanes, part, 2) for lanes in ((0, 3), (3, B)) for part in (0, 1)]
+    calls = [(start + shift, stop + shift) for start, stop in pairwise(cuts)]
+    for start, stop in [(0, 0)] * (shift > 0) + calls:
+        row = (start - shift) // every + 1 if start and every else 0
+        for begin, end, *part in pieces:
+            span = begin, end, start, stop, every, row
+            steps.kernel(*part, given, states, carry, span, saved, final, status, failed_at)
+            pairs = zip(given, arguments, strict=True)
+            kept = all(_same(*pair) for pair in pairs if isinstance(pair[0], np.ndarray))
+            _expect(kept, "arguments to stay as they are", "others", 1)
+            _expect(_same(states, omega0), "omega0 to stay as it is", "another one", 3)
+            outside = [x for guard in guards for x in guard[guard != _GUARD].tolist()]
+            _expect(not outside, "nothing to be written beside the arrays", short(outside), 5)
+    for numbers in (failed_at, *carry[: steps.notes_poles]):
+        numbers[numbers > shift] -= shift
+    return _Run(saved, final, status, failed_at, carry)
+
+
+def _between_guards(argument: Any) -> Any:
+    """Return a copy of an array, that of numbers of trajectories between guards."""
+    if not isinstance(argument, np.ndarray) or argument.dtype != np.float64:
+        return np.copy(argument) if isinstance(argument, np.ndarray) else argument
+    array, _ = _guarded(argument.shape, argument)
+    array.flags.writeable = argument.flags.writeable  # part of its type
+    return array
 
 
 def _same(one: Any, two: Any) -> bool:
     return bool(np.array_equal(one, two, equal_nan=one.dtype.kind == "f"))
 
 
-def _expect(holds: bool, expected: str, received: str, item: int) -> None:
+def _expect(holds: Any, expected: str, received: str, item: int) -> None:
     if not holds:
         raise wrong("kernel", f"{expected} (item {item} of maps.Map)", received)
+
+
+def _expect_same(run: _Run, expected: _Run, words: str, item: int) -> None:
+    pairs = zip(run[:4], expected[:4], strict=True)  # `carry` is the kernel's own
+    _expect(all(_same(*pair) for pair in pairs), f"the same bits {words}", "others", item)
+
+
+def _check_failures(run: _Run, notes_poles: bool) -> None:
+    """Compare statuses with the states that are not finite."""
+    n, (status, failed_at) = np.arange(len(run.saved))[:, None], (run.status, run.failed_at)
+    exist: Any = np.isfinite(run.saved).all(axis=-1)
+    gone = (status < 0) & (n >= failed_at)
+    # A positive status may say since when it holds.
+    told = (failed_at == -1) | (status > 0) & (failed_at > 0) & (failed_at < len(n))
+    told = (failed_at >= 0) & (status < 0) | told & (status >= 0)
+    told &= np.isin(status, [*Status])
+    if notes_poles:
+        told &= (status != codes.PASSED_POLE) | (failed_at == run.carry[0])
+    else:
+        told &= status != codes.PASSED_POLE
+    told &= (exist != gone).all(axis=0)
+    told &= (np.isnan(run.saved).all(axis=-1) | ~gone).all(axis=0)
+    if not told.all():
+        i = int(np.argmin(told))
+        expected = (
+            "a negative Status and failed_at = n where state n is the first that is not finite, "
+            "NaN from there on, and PASSED_POLE only with Steps.notes_poles and n in carry[0]"
+        )
+        states = f"finite: {exist[:, i].tolist()}, the last {short(run.saved[-1, i])}"
+        _expect(False, expected, f"status {status[i]}, failed_at {failed_at[i]}, {states}", 7)
 
 
 # ---------------------------------------------------------------------------- arguments of kernels
@@ -167,27 +204,6 @@ def _check_step(kernel: Any, count: int) -> None:
         raise wrong("step", expected, f"{step.__name__}{signature}", TypeError) from None
 
 
-def _arrays(arguments: Any) -> Iterator[Any]:
-    """Yield the arrays in tuples of arguments."""
-    for each in arguments:
-        if isinstance(each, tuple):
-            yield from _arrays(each)
-        elif isinstance(each, np.ndarray):
-            yield each
-
-
-def _between_guards(argument: Any) -> Any:
-    """Return a copy of an array of numbers of trajectories, and of what is no array itself."""
-    if isinstance(argument, tuple):
-        make = getattr(argument, "_make", tuple)  # of a named tuple
-        return make(map(_between_guards, argument))
-    if not isinstance(argument, np.ndarray) or argument.dtype != np.float64:
-        return np.copy(argument) if isinstance(argument, np.ndarray) else argument
-    array, _ = _guarded(argument.shape, argument)
-    array.flags.writeable = argument.flags.writeable  # part of its type
-    return array
-
-
 def _rows(arguments: Any, has_rows: Any, which: Any, scale: Any = 1.0) -> Any:
     """Return arguments with these rows of what a family has rows of, each times a number."""
     return tuple(
@@ -197,14 +213,72 @@ def _rows(arguments: Any, has_rows: Any, which: Any, scale: Any = 1.0) -> Any:
 
 
 def _family_like(body: Any, size: int) -> Any:
-    """Return a batch of `size` bodies that all equal this one."""
-    parts = {}
-    for name, each in body._parts.items():
-        array = np.asarray(each)
-        own = array.shape[array.ndim - body._axes.get(name, 0) :]
-        is_of_member = array.dtype.kind in "iufO" and name != MATRIX  # which a family shares
-        parts[name] = np.broadcast_to(array, (size, *own)) if is_of_member else each
+    """Return a batch of `size` bodies that all equal this single one."""
+    parts = dict(body._parts)
+    for name, each in parts.items():
+        if np.asarray(each).dtype.kind in "iufO" and name != MATRIX:  # which a family shares
+            parts[name] = np.broadcast_to(each, (size, *np.shape(each)))
     return body._of(parts)
+
+
+# --------------------------------------------------------------------------------------- the trial
+def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
+    """Try a kernel with a body of a problem, and states and step sizes near one of its own."""
+    body = problem.body[(0,) * len(problem.body.shape)] if problem.body.shape else problem.body
+    states = flat_arrays(problem.omega, problem.omega.shape[:-1])
+    states = states[np.isfinite(states).all(axis=1) & states.any(axis=1)]
+    given = states[0] if len(states) else np.ones(body.dimension)
+    scales = np.linspace(1.0, 0.5, size)
+    scales[3:7] = 1e200, 1e1, 1e2, 1e3  # some fail, at once or later
+    omega0 = np.clip(given * scales[:, None], -1e300, 1e300)
+    omega0[1], omega0[7:9] = np.nan, 1e300
+    omega0[8, 1::2] *= -1.0
+    eps = next((float(each) for each in np.ravel(problem.eps) if each), 1.0)
+
+    # A family: what has a row for each member gets rows that differ.
+    of_one, many = steps.arguments(body, eps, (size,)), np.full(size, eps)
+    try:
+        of_equals = steps.arguments(_family_like(body, size), many, (size,))
+    except Exception:  # a class without families, whose single bodies are exact
+        of_equals = steps.arguments(body, many, (size,))
+    for each in (of_one, of_equals):
+        _check_arguments(each, size)
+    if isinstance(steps.kernel, KernelOfStep):
+        _check_step(steps.kernel, len(of_one) - 1)
+    has_rows = [getattr(a, "dtype", None) == np.float64 and len(a) == size for a in of_equals]
+    equal = _rows(of_one, has_rows, np.zeros(size, int))
+    arguments = _rows(equal, has_rows, slice(None), np.linspace(1.0, 0.5, size))
+
+    whole = _run(steps, arguments, omega0)
+    missing = np.argwhere((whole.saved == _UNTOUCHED).any(axis=-1))
+    _expect(len(missing) == 0, "all states to be saved", f"none at (n, i) = {missing[:1]}", 5)
+    _expect(_same(whole.saved[0], omega0), "state 0 to be saved", short(whole.saved[0, 0]), 3)
+    _expect(_same(whole.saved[-1], whole.final), "final to be the last state", "another", 6)
+    _check_failures(whole, steps.notes_poles)
+    of_nan = whole.status[1] == codes.NONFINITE and whole.failed_at[1] == 0
+    _expect(of_nan, "NONFINITE at step 0 for a state that is NaN", f"{whole.status[1]}", 3)
+
+    cut = _run(steps, arguments, omega0, _CUTS)
+    _expect_same(cut, whole, "after cuts in time", 4)
+    for every, saved in ((4, whole.saved[::4]), (0, whole.saved[:0])):
+        seldom = _run(steps, arguments, omega0, _CUTS, every)
+        _expect_same(seldom, whole._replace(saved=saved), f"if every = {every}", 5)
+    for shift in _LATE:
+        late = _run(steps, arguments, omega0, shift=shift)
+        _check_failures(late, steps.notes_poles)
+        _expect_same(late, whole, f"from state {shift} as from 0", 4)
+    pieces = _run(steps, arguments, omega0, _CUTS, in_pieces=True)
+    _expect_same(pieces, whole, "for begin <= i < end and parts of the work", 2)
+    common, each = (_run(steps, a, omega0) for a in (of_one, equal))
+    _expect_same(common, each, "for arrays of one row and of B", 1)
+    for some in ([0], [2], [size - 1], np.arange(max(_WIDE, 2 * size)) % size):
+        alone = _run(steps, _rows(arguments, has_rows, some), omega0[some])
+        _expect_same(alone, whole.of(some), "in any batch", 7)
+
+    ends = (steps.arguments(body, h * eps, (size,)) for h in (1.0, 0.0, -1.0, 0.5))
+    there, still, back, half = (_run(steps, each, omega0).final for each in ends)
+    goes_back = not _same(back, there) and not _same(back, still)
+    _expect(goes_back or _same(half, there), "steps back for -eps", "those of abs(eps) or 0", 1)
 
 
 # -------------------------------------------------------------------------------- bodies of others
@@ -226,158 +300,16 @@ def check_parameters(kind: Any, random: Any) -> None:
             raise wrong(f"random[{k}]", expected, f"a batch {shape}")
     if kind._axes:
         return
-    failure: Exception | None = None
-    # A constructor may refuse these numbers, and a field may divide by 0.
-    with suppress(Exception), np.errstate(all="ignore"), warnings.catch_warnings():
+    with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        body = kind(**{each.name: 1.0 for each in fields(kind)})
+        try:
+            body = kind(**{each.name: 1.0 for each in fields(kind)})
+        except Exception:  # these numbers may be none of a body
+            return
         try:
             body.field()
         except (TypeError, IndexError) as error:
-            failure = error
-    if failure is not None:
-        expected = f"field() of parameters that are numbers, or the axes of vectors in {how}"
-        raise wrong("body", expected, f"{type(failure).__name__}: {failure}") from failure
-
-
-# --------------------------------------------------------------------------------------- the trial
-def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
-    """Try a kernel with a body of a problem, and states and step sizes near one of its own."""
-    body, D = problem.body, problem.body.dimension
-    body = body[(0,) * len(body.shape)] if body.shape else body
-    states = flat_arrays(problem.omega, problem.omega.shape[:-1])
-    states = states[np.isfinite(states).all(axis=1) & states.any(axis=1)]
-    given = states[0] if len(states) else np.ones(D)
-    omega0 = given * np.linspace(1.0, 0.5, size)[:, None]
-    omega0[1], omega0[3] = np.nan, np.clip(1e200 * given, -1e300, 1e300)
-    eps = next((float(each) for each in np.ravel(problem.eps) if each), 1.0)
-
-    # A family: what has a row for each member gets rows that differ.
-    of_one, many = steps.arguments(body, eps, (size,)), np.full(size, eps)
-    try:
-        of_equals = steps.arguments(_family_like(body, size), many, (size,))
-    except Exception:  # a class without families, whose single bodies are exact
-        of_equals = steps.arguments(body, many, (size,))
-    for each in (of_one, of_equals):
-        _check_arguments(each, size)
-    if isinstance(steps.kernel, KernelOfStep):
-        _check_step(steps.kernel, len(of_one) - 1)
-    has_rows = [
-        getattr(each, "dtype", None) == np.float64 and len(each) == size for each in of_equals
-    ]
-    first = np.zeros(size, int)
-    arguments = _rows(of_one, has_rows, first, np.linspace(1.0, 0.5, size))
-
-    whole = _Trial(steps, omega0).take(arguments, 0, _STEPS)
-    missing = np.argwhere(~whole.written())
-    _expect(len(missing) == 0, "all states to be written", f"some that are not: {missing[:1]}", 5)
-    _expect(_same(whole.saved[0], omega0), "state 0 to be saved", short(whole.saved[0, 0]), 3)
-    _expect(_same(whole.saved[-1], whole.final), "final to be the last state", "another", 6)
-    _check_failures(whole)
-    of_nan = whole.status[1] == codes.NONFINITE and whole.failed_at[1] == 0
-    _expect(bool(of_nan), "NONFINITE at step 0 for a state that is NaN", f"{whole.status[1]}", 3)
-
-    cut = _Trial(steps, omega0).take(arguments, 0, 0)
-    cut.take(arguments, 0, 2).take(arguments, 2, 3).take(arguments, 3, _STEPS)
-    _expect(cut.equals(whole), "the same bits after cuts in time", "others", 4)
-    for every in (4, 0):
-        seldom = _Trial(steps, omega0, every).take(arguments, 0, 3).take(arguments, 3, _STEPS)
-        as_before = not every or _same(seldom.saved, whole.saved[::every])
-        as_before = as_before and _same(seldom.final, whole.final)
-        which = "every fourth" if every else "none"
-        _expect(as_before, f"the same states if {which} is saved", "others", 5)
-
-    some = _Trial(steps, omega0).take(arguments, 0, _STEPS, (5, 9))
-    others = np.delete(some.touched(), range(5, 9))
-    _expect(not others.any(), "trajectories begin to end - 1 alone", "others, too", 2)
-    parts = [_Trial(steps, omega0).take(arguments, 0, _STEPS, part=(p, 3)) for p in range(3)]
-    times = sum(part.touched().astype(int) for part in parts)
-    _expect(bool((times == 1).all()), "each trajectory in one part", f"{short(times)} times", 2)
-
-    _try_rows(steps, of_one, has_rows, omega0, size)
-    for k in (0, 2, size - 1):
-        of_row = _rows(arguments, has_rows, slice(k, k + 1))
-        alone = _Trial(steps, omega0[k : k + 1]).take(of_row, 0, _STEPS)
-        _expect(alone.equals(whole, [k]), "the same bits in any batch", f"others of {k}", 7)
-    again = np.arange(max(_WIDE, 2 * size)) % size
-    wide = _Trial(steps, omega0[again], length=1).take(_rows(arguments, has_rows, again), 0, 1)
-    as_before = _same(wide.saved, whole.saved[:2, again])
-    _expect(as_before, "the same bits in a large batch", "others", 7)
-    _try_signs(steps, body, eps, omega0)
-    _try_late(steps, arguments, has_rows, whole, given)
-
-
-def _try_rows(steps: Any, of_one: Any, has_rows: Any, omega0: FloatArray, size: int) -> None:
-    """Compare arrays of one row, for all trajectories, with as many equal rows."""
-    each = _rows(of_one, has_rows, np.zeros(size, int))
-    common, equal = (_Trial(steps, omega0).take(a, 0, _STEPS) for a in (of_one, each))
-    _expect(common.equals(equal), "the same bits for arrays of one row and of B", "others", 1)
-
-
-def _try_signs(steps: Any, body: Any, eps: float, omega0: FloatArray) -> None:
-    """Compare runs there and back, if the step size enters at all."""
-    lengths = eps, 0.5 * eps, -eps
-    whole, half, back = (
-        _Trial(steps, omega0).take(steps.arguments(body, h, (len(omega0),)), 0, _STEPS).final
-        for h in lengths
-    )
-    is_deaf = _same(back, whole) and not _same(half, whole)
-    _expect(not is_deaf, "other states for -eps, which goes back", "those of eps", 1)
-    stands = _same(back[4:], omega0[4:]) and not _same(whole[4:], omega0[4:])
-    _expect(not stands, "steps for a negative eps", "none", 1)
-
-
-def _try_late(steps: Any, arguments: Any, has_rows: Any, whole: _Trial, given: FloatArray) -> None:
-    """Look at later steps, in a long run, and from states of which some fail at once."""
-    size, D = whole.omega0.shape
-    spread = np.clip(given * np.geomspace(1.0, 1e3, _FEW)[:, None], -1e300, 1e300)
-    few = _rows(arguments, has_rows, slice(_FEW))
-    long = _Trial(steps, spread, length=_LONG).take(few, 0, _LONG)
-    _check_failures(long)
-    cut = _Trial(steps, spread, length=_LONG)
-    cut.final[:] = 0.5  # which is read from the second call on
-    for start, stop in ((0, 64), (64, 64), (64, 71), (71, _LONG)):
-        for lanes in ((0, 3), (3, _FEW)):
-            for p in range(2):
-                cut.take(few, start, stop, lanes, (p, 2))
-    _expect(cut.equals(long), "the same bits after cuts in time and in the batch", "others", 4)
-    if steps.carried:
-        return  # the last states are not all that steps continue from
-    largest = np.full((size, D), 1.7e308)
-    largest[1::2, 1::2] *= -1.0  # one of two signs is beyond the range after a step
-    for omega0 in (whole.omega0[4:], largest[4:]):
-        rows = _rows(arguments, has_rows, slice(4, None))
-        early = _Trial(steps, omega0).take(rows, 0, _STEPS)
-        _check_failures(early)
-        for start in _LATE:
-            late = _Trial(steps, omega0)
-            late.final[:] = omega0
-            late.take(rows, start, start + _STEPS, row=1)
-            late.saved[0] = omega0
-            late.failed_at[late.failed_at >= 0] -= start
-            _check_failures(late)
-            _expect(late.equals(early), f"steps from state {start} as from 0", "others", 4)
-
-
-def _check_failures(run: _Trial) -> None:
-    """Compare statuses with the states that are NaN."""
-    for i, status in enumerate(run.status):
-        states, failed_at = run.saved[:, i], int(run.failed_at[i])
-        known = int(status) in {int(each) for each in Status}
-        _expect(known, f"a status of {[int(each) for each in Status]}", f"{status}", 7)
-        exist = np.isfinite(states).all(axis=-1)
-        if status >= 0:
-            received = f"status {status} of {short(states[-1])}, failed_at = {failed_at}"
-            # A positive status may say since when it holds.
-            told = failed_at == -1 or (status > 0 and 0 < failed_at < len(states))
-            if status == codes.PASSED_POLE:
-                noted = run.steps.notes_poles and run.carry[0, i] == failed_at
-                expected = "PASSED_POLE with Steps.notes_poles, and failed_at in carry[0]"
-                _expect(noted, expected, received, 7)
-            _expect(bool(exist.all()) and told, "failures as a status", received, 7)
-            continue
-        first = int(np.argmin(exist))
-        received = f"failed_at = {failed_at}, first state that is not finite {first}"
-        _expect(not exist.all() and failed_at == first, "the step of a failure", received, 7)
-        after = np.isnan(states[first:]).all()
-        _expect(bool(after), "NaN from a failure on", short(states[first]), 7)
+            expected = f"field() of parameters that are numbers, or the axes of vectors in {how}"
+            raise wrong("body", expected, f"{type(error).__name__}: {error}") from error
+        except Exception:  # a field may divide by 0
+            return

@@ -102,9 +102,11 @@ def _alone(value: Any) -> Any:
 
 def rounded(terms: Terms, letters: Sequence[Letter]) -> Any:
     """Return a sum of products of letters for all members, rounded once."""
-    factors = [(c, [letters[-1 - i] for i in own]) for c, own in terms]
-    values = _in_one_operation(factors)
-    if values is None:
+    ((c, own), *others) = terms
+    alone = letters[-1 - own[0]] if len(own) == 1 and not others else None
+    if alone is not None and not alone.is_inverse and _is_power(c):
+        values = float(c) * alone.values  # as most coefficients are, without rounding
+    else:
         values = exact_values(terms, letters).astype(np.float64)
     return _checked(values) + 0.0  # no -0.0
 
@@ -132,39 +134,6 @@ def _checked(values: Any) -> Any:
         return within("coefficients", values, OTHERS)
     except ValueError:
         raise Refused from None
-
-
-def _in_one_operation(terms: Sequence[tuple[Fraction, list[Letter]]]) -> Any:
-    """Return the sum where one operation of floats, which rounds once, computes it, else None."""
-    if not any(factors for _, factors in terms):
-        return float(sum(c for c, _ in terms))
-    parts = [_without_rounding(*each) for each in terms]
-    if len(parts) <= 2 and not any(each is None for each in parts):
-        return sum(parts)
-    if len(terms) > 1:
-        return None
-    ((c, factors),) = terms
-    if len(factors) == 1 and not _is_power(c):
-        above, below = c.as_integer_ratio()
-        if _is_power(Fraction(below)) and float(c) == c:
-            c, factors = Fraction(1), [Letter(np.float64(c), False), *factors]
-        elif _is_power(Fraction(above)) and float(below) == below:
-            c, factors = Fraction(above), [*factors, Letter(np.float64(below), True)]
-    if len(factors) != 2 or not _is_power(c):
-        return None
-    a, b = sorted(factors, key=lambda each: each.is_inverse)
-    if a.is_inverse:
-        return None
-    return float(c) * (a.values / b.values if b.is_inverse else a.values * b.values)
-
-
-def _without_rounding(c: Fraction, factors: Sequence[Letter]) -> Any:
-    """Return c times at most one letter, if float64 has the product; else None."""
-    if not factors:
-        return float(c) if float(c) == c else None
-    if len(factors) > 1 or factors[0].is_inverse or not _is_power(c):
-        return None
-    return float(c) * factors[0].values
 
 
 def _is_power(c: Fraction) -> bool:

@@ -28,12 +28,26 @@ _TAKEN = {
     ),
 }
 _NUMBERED = re.compile(r"x[1-9]\d*")
+# A letter of any alphabet or the name of a Greek one, and its index, of which n is a part.
+_SYMBOL = re.compile(
+    r"(?P<greek>alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|"
+    r"sigma|tau|upsilon|phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|"
+    r"Omega)?(?(greek)|(?P<letter>[^\W\d_]))_?(?P<index>\d*n?)"
+)
 _AXIS = re.compile(r"batch_\d+|linear_\d+|quadratic_\d+_\d+")
 
 
 def labels(D: int) -> tuple[str, ...]:
     """Return the names of variables to which nobody gave others."""
     return tuple(f"x{i}" for i in range(1, D + 1))
+
+
+def latex(name: str) -> str:
+    r"""Return `\Omega_{1}` for "Omega1"; "" for a name that is no letter with an index."""
+    if not (found := _SYMBOL.fullmatch(name)):
+        return ""
+    letter = rf"\{found['greek']}" if found["greek"] else found["letter"]
+    return f"{letter}_{{{found['index']}}}" if found["index"] else letter
 
 
 def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...]:

@@ -13,16 +13,13 @@ from typing import Any
 
 import flint
 
+from ..bodies.names import latex
 from ..checks import extra
 from . import arithmetic
 from .arithmetic import EPS, PRIME, Polynomials, decoded, degree_of, modulo, value_at
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 _NAME = r"[^\W\d]\w*"
-_GREEK = (
-    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau "
-    "upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega"
-).split()
 
 
 @dataclass(frozen=True, repr=False)
@@ -212,13 +209,11 @@ class RationalFunction:
 def _latex_of_name(name: str) -> str:
     if name == "eps":
         return r"\varepsilon"
-    stem, number = name.rstrip("0123456789"), re.search(r"\d*$", name)[0]  # type: ignore[index]
-    stem = stem.rstrip("_") or stem
-    if stem in _GREEK:
-        stem = f"\\{stem}"
-    elif len(stem) > 1:
-        stem = f"\\mathrm{{{stem.replace('_', chr(92) + '_')}}}"
-    return f"{stem}_{{{number}}}" if number else f"{stem} " if stem[0] == "\\" else stem
+    if text := latex(name):
+        return text
+    stem = name.rstrip("0123456789")
+    word, index = stem.rstrip("_").replace("_", r"\_"), name[len(stem) :]
+    return rf"\mathrm{{{word}}}" + (f"_{{{index}}}" if index else "")
 
 
 def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:

@@ -4,13 +4,13 @@ Imports Matplotlib (extra `plots`).
 """
 
 import math
-import re
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bodies.names import latex
 from ..checks import FloatArray, extra, integer, real_array, short, wrong
 from ..quantities.evaluation import evaluate
 from ..runs.crossings import Crossings
@@ -255,21 +255,9 @@ def _label(axes: Any, run: Any, pair: list[int]) -> None:
     axes.set(xlabel=labels[0], ylabel=labels[1])
 
 
-# A letter of any alphabet or the name of a Greek one, and its index, of which n is a part.
-_SYMBOL = re.compile(
-    r"^(?:(?P<greek>alpha|beta|gamma|delta|epsilon|zeta|eta|theta|kappa|lambda|mu|nu|xi|pi|rho|"
-    r"sigma|tau|phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Phi|Psi|Omega)|"
-    r"(?P<letter>[^\W\d_]))_?(?P<index>\d*n?)$"
-)
-
-
 def _symbol(label: str) -> str:
     r"""Return `$\Omega_{1}$` for "Omega1"; other labels than letters with an index are text."""
-    found = _SYMBOL.fullmatch(label)
-    if not found:
-        return label.replace("$", r"\$")
-    letter = rf"\{found['greek']}" if found["greek"] else found["letter"]
-    return f"${letter}_{{{found['index']}}}$" if found["index"] else f"${letter}$"
+    return f"${found}$" if (found := latex(label)) else label.replace("$", r"\$")
 
 
 def _title(run: Any) -> str:

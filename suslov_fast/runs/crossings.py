@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from .. import checks
 from ..checks import FloatArray, integer, one_of, wrong
 from ..engine.arguments import BodyOrField, Problem, thread_count
-from ..engine.status import ON_SINGULAR, OnSingular, count_in_words, report_failures
+from ..engine.status import ON_SINGULAR, OnSingular, report_failures
 from ..engine.stretches import March, Progress, Progressed, reporter
 from ..maps import Map
 from .search import Search, Surface, check_surface
-from .trajectories import equal
+from .trajectories import equal, in_short
 
 if TYPE_CHECKING:
     import xarray
@@ -310,12 +310,7 @@ class Crossings:
         steps = f"{n.min()} ... {n.max()}" if n.size > 4 else ", ".join(map(str, n))
         if not n.size:
             steps = {1: "none upwards", -1: "none downwards", 0: "none"}[self.direction]
-        low, high = np.min(self.eps, initial=np.inf), np.max(self.eps, initial=-np.inf)
-        eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
-        return (
-            f"Crossings({self.map.variable}: {self.before.shape}, n: {steps}, eps: {eps}, "
-            f"{count_in_words(self.status)})"
-        )
+        return f"Crossings({self.map.variable}: {self.before.shape}, n: {steps}, {in_short(self)})"
 
 
 def searched(

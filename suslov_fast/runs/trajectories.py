@@ -342,12 +342,8 @@ class Trajectories:
     def __repr__(self) -> str:
         n = self.n
         steps = f"{n[0]}, {n[1]} ... {n[-1]}" if n.size > 2 else ", ".join(map(str, n))
-        low, high = np.min(self.eps, initial=np.inf), np.max(self.eps, initial=-np.inf)
-        eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
-        return (
-            f"Trajectories({self.map.variable}: {self.states.shape}, n: {steps}, eps: {eps}, "
-            f"{count_in_words(self.status)})"
-        )
+        states = f"{self.map.variable}: {self.states.shape}"
+        return f"Trajectories({states}, n: {steps}, {in_short(self)})"
 
 
 def run_to_end(
@@ -399,6 +395,13 @@ def run_to_end(
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
     array.setflags(write=False)
     return array
+
+
+def in_short(found: Any) -> str:
+    """Return the step sizes and the number of failures of a run or of crossings."""
+    low, high = np.min(found.eps, initial=np.inf), np.max(found.eps, initial=-np.inf)
+    eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
+    return f"eps: {eps}, {count_in_words(found.status)}"
 
 
 def equal(a: Any, b: Any) -> bool:

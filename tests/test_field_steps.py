@@ -14,6 +14,7 @@ import suslov_fast as sf
 from suslov_fast.compiled import system
 from suslov_fast.core import operations as plans
 from suslov_fast.core.elimination import balance
+from suslov_fast.core.planned_elimination import elimination_order
 
 # Long steps on purpose, from states with det A < 0.
 pytestmark = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
@@ -150,6 +151,57 @@ def test_a_plan_uses_zeros(rng):
         terms = [shuffled[[i, *sorted((i, j % D))]] for i in range(D) for j in (i - 1, i + 1)]
         step = plans.Step(np.array(terms).T, D)
         assert len(step.usual) < 48 * D
+
+
+def evaluated(A, x):
+    """Return the plan of a step of x' = (1 - A) x with eps = 2, and all of its values."""
+    indices, values = sf.QuadraticField(np.zeros([len(x)] * 3), np.eye(len(x)) - A).terms
+    step, found = plans.Step(indices, len(x)), dict(enumerate(x))
+    found.update(zip(step.table, step.table_of(values), strict=True))
+    plans.evaluate([*step.usual, *step.rare], found)
+    return step, found
+
+
+@pytest.mark.parametrize(
+    ("A", "good", "accurate"),
+    [
+        ([[1.0, 0.5], [0.5, 1.0]], True, True),
+        ([[1.0, 32.0], [32.0, 1025.0]], False, False),  # pivots of 1, from a difference of 1024
+        ([[-1.0, 32.0], [32.0, -1025.0]], False, False),
+        ([[2.0**20]], True, True),  # no pivot is small beside the others
+        ([[2.0 / (1.0 + 2.0**-7)]], False, False),  # the increment leaves 1 % of the state
+        ([[2.0 / (1.0 + 2.0**-7), 0.0], [0.0, 0.5]], True, True),  # of one of two components
+    ],
+)
+def test_a_plan_tells_lost_digits(A, good, accurate):
+    step, found = evaluated(np.array(A), [1.0, 0.7][: len(A)])
+    assert (found[step.good], found[step.accurate]) == (good, accurate)
+
+
+def test_elimination_among_parameters_is_no_part_of_a_step(rng):
+    step, _ = evaluated(rng.normal(size=(4, 4)), np.ones(4))
+    divisions = [
+        sum(instruction == "fdiv" for instruction, *_ in each)
+        for each in (step.fixed, step.usual, step.rare)
+    ]
+    assert divisions == [4, 0, 0]
+
+
+def test_pivots_are_those_of_least_degree(rng):
+    """As in a table of which equations hold which unknowns, after each elimination."""
+    for _ in range(20):
+        D = int(rng.integers(2, 12))
+        pattern = np.argwhere(random_pattern(rng, D)).tolist()
+        table = np.eye(D, dtype=bool)
+        for i, j in pattern:
+            table[i, j] = table[j, i] = True
+        left, expected = [*range(D)], []
+        while left:
+            k = min(left, key=lambda i: (table[i, left].sum(), i))
+            expected.append(k)
+            table |= np.outer(table[:, k], table[k])
+            left.remove(k)
+        assert elimination_order(pattern, D) == expected
 
 
 def linear_step(A, x):

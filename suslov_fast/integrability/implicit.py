@@ -14,12 +14,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from itertools import accumulate, combinations, islice
+from itertools import accumulate, combinations
 from typing import Any
 
 import flint
-import numpy as np
 
+from ..bodies.polynomials import Polynomial
 from . import arithmetic
 from .arithmetic import EPS, MORE, PRIME, Exponents, monomial_values
 from .functions import MODULAR, RationalFunction, gradient_of_logarithm, quotient_of
@@ -110,17 +110,15 @@ class ImplicitIntegral:
 
 def _text(exponents: Sequence[int], names: Sequence[str]) -> str:
     """Return the text of a monomial."""
-    pairs = zip(names, exponents, strict=True)
-    powers = [name + f"^{k}" * (k > 1) for name, k in pairs if k]
-    return "*".join(powers) or "1"
+    indices = [i for i, power in enumerate(exponents) for _ in range(power)]
+    return Polynomial([(indices, Fraction(1))]).text(names)
 
 
 def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:
     """Return points of an orbit around x, as numbers are shorter there; after x without inverse."""
     before = 0 if map.inverse is None else (length - 1) // 2
-    backward = [*islice(map.inverse.orbit(x, before + 1), before + 1)] if before else [x]
-    forward = islice(map.orbit(x, length - before), length - before)
-    return [*backward[:0:-1], *forward]
+    backward = [*map.inverse.orbit(x, before + 1)] if before else [x]
+    return [*backward[:0:-1], *map.orbit(x, length - before)]
 
 
 # A circuit is a set of monomials that has one relation along orbits, without a zero coefficient.
@@ -128,8 +126,7 @@ def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[
 
 def _values(map: RationalMap, monomials: Exponents, x: Sequence[Any], length: int) -> Any:
     """Return the values of monomials at the points of an orbit modulo a prime, in rows."""
-    orbit = islice(map.orbit(x, length), length)
-    return flint.nmod_mat([[*monomial_values(monomials, y)] for y in orbit], PRIME)
+    return flint.nmod_mat([[*monomial_values(monomials, y)] for y in map.orbit(x, length)], PRIME)
 
 
 def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list[Exponents]:
@@ -219,12 +216,10 @@ def _gradients(map: RationalMap, circuit: Exponents) -> dict[tuple[int, ...], An
     ring = arithmetic.ring(n, False, flint.nmod_mpoly_ctx, PRIME)
     relation = ring.from_dict(dict(zip(circuit, [1, *(int(c) for c in coefficients)], strict=True)))
     slopes = [relation.derivative(i) for i in range(n)]
-    derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), PRIME)  # of x_k
     changes = []
-    for y in islice(now.orbit(x, len(others)), len(others)):
+    for y, derivative in now.variations(x, len(others)):
         slope = flint.nmod_mat([[each(*y[:-1]) for each in slopes]], PRIME)
         changes.append((slope * derivative * -1).entries())
-        derivative = now.derivative(y) * derivative
     changed = rows.solve(flint.nmod_mat(changes, PRIME)).tolist()
     logarithms = [[a / c for a in row] for row, c in zip(changed, coefficients, strict=True)]
     return dict(zip(circuit, [[0 * x[0]] * n, *logarithms], strict=True))

@@ -10,6 +10,7 @@ from functools import cached_property, reduce
 from typing import Any
 
 import flint
+import numpy as np
 
 from ..checks import wrong
 from . import arithmetic
@@ -74,9 +75,18 @@ class RationalMap:
             raise ZeroDivisionError(f"({where}) has no image: it is a pole of the map") from None
 
     def orbit(self, x: Sequence[Any], length: int) -> Iterator[Sequence[Any]]:
-        for _ in range(length):
+        for k in range(length):
+            if k:
+                x = self.image(x)
             yield x
-            x = self.image(x)
+
+    def variations(self, x: Sequence[Any], length: int) -> Iterator[tuple[Sequence[Any], Any]]:
+        """Yield the points of an orbit modulo a prime, and their derivatives by the first one."""
+        p, units = int(x[0].modulus()), np.eye(self.dimension, dtype=int)
+        derivative = flint.nmod_mat(units.tolist(), p)
+        for y in self.orbit(x, length):
+            yield y, derivative
+            derivative = self.derivative(y) * derivative
 
     def derivative(self, x: Sequence[Any]) -> Any:
         y, columns = self.image(x), range(self.dimension)

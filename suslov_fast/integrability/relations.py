@@ -5,7 +5,6 @@ from functools import lru_cache
 from typing import Any
 
 import flint
-import numpy as np
 
 from . import arithmetic
 from .arithmetic import MORE, Exponents, Polynomials, Residues, monomial_values
@@ -40,13 +39,11 @@ def counts(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]
         ring = arithmetic.ring(n, False, flint.nmod_mpoly_ctx, p)
         polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
         gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
-        derivative = flint.nmod_mat(np.eye(n, dtype=int).tolist(), p)  # of x_k
         rows = []
-        for y in map.at(eps).orbit(x, count + MORE):
+        for y, derivative in map.at(eps).variations(x, count + MORE):
             values = [[each(*y[:-1]) for each in row] for row in gradients]
             changes = flint.nmod_mat(values, p) * derivative
             rows.append([*monomial_values(exponents, y), *changes.entries()])
-            derivative = map.at(eps).derivative(y) * derivative
         reduced = flint.nmod_mat(rows, p).rref()[0].tolist()[: count - len(relations)]
         starts = range(count, len(rows[0]), n)
         rank = flint.nmod_mat([row[k : k + n] for row in reduced for k in starts], p).rank()

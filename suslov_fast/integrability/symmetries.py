@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
@@ -22,6 +22,7 @@ import numpy as np
 
 from ..bodies.field import QuadraticField
 from ..bodies.names import labels
+from ..bodies.polynomials import Polynomial
 from . import arithmetic
 from .arithmetic import PRIME, Point
 from .kahan import KahanMap
@@ -50,22 +51,15 @@ class Reversor:
         return tuple(_dot(row, given) + c for row, c in zip(self.S, self.b, strict=True))
 
     def __repr__(self) -> str:
-        rows = (_text(row, c, self.names) for row, c in zip(self.S, self.b, strict=True))
-        return f"x -> ({', '.join(rows)})"
+        texts = []
+        for row, constant in zip(self.S, self.b, strict=True):
+            terms = [((i,), a) for i, a in enumerate(row)]
+            texts.append(Polynomial([*terms, ((), constant)]).text(self.names))
+        return f"x -> ({', '.join(texts)})"
 
 
 def _dot(row: Any, x: Any) -> Any:
     return sum((a * c for a, c in zip(row, x, strict=True)), Fraction(0))
-
-
-def _text(row: Point, constant: Fraction, names: Sequence[str]) -> str:
-    terms = [*zip(row, names, strict=True), (constant, "")]
-    text = ""
-    for a, name in terms:
-        if a:
-            size = "" if abs(a) == 1 and name else str(abs(a))
-            text += f"{' - ' if a < 0 else ' + '}{size}{'*' if size and name else ''}{name}"
-    return (text[1:2].replace("+", "") + text[3:]) if text else "0"
 
 
 def reversors(field: QuadraticField) -> list[Reversor]:

@@ -5,7 +5,16 @@ import numpy as np
 import pytest
 
 from suslov_fast.core.codes import NONFINITE, OK, SINGULAR
-from suslov_fast.core.elimination import LARGEST, LEAST, determinant_of, eliminate, solve
+from suslov_fast.core.elimination import (
+    LARGEST,
+    LEAST,
+    TO_SOLVE,
+    accept,
+    balance,
+    determinant_of,
+    eliminate,
+    solve,
+)
 
 FAR = 2.0**60
 RANDOM = np.random.default_rng(5).normal(size=(7, 7))
@@ -65,6 +74,9 @@ def abs_of(matrix):
     return matrix.apply(abs)
 
 
+# U has the last column of WILKINSON, of which the last row leaves 2**-30 beside 2**18.
+GROWN = np.tril(-np.ones((20, 20)), -1) + np.eye(20)
+GROWN[:, -1], GROWN[-1] = 1.0, [1.0] * 18 + [-1.0, 2.0**-30 - 1.0]
 ONES = np.ones(3)
 NOT_SOLVED = [
     ([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]], ONES, SINGULAR),  # rank 2
@@ -75,6 +87,7 @@ NOT_SOLVED = [
     (np.eye(3), [1.0, np.nan, 1.0], NONFINITE),
     (np.eye(3), [1.0, -np.inf, 1.0], NONFINITE),
     (1e-200 * np.eye(3), 1e200 * ONES, SINGULAR),  # 0 beside the 1 of A
+    (GROWN, np.ones(20), SINGULAR),
 ]
 
 
@@ -113,3 +126,27 @@ def test_elimination_of_lanes_without_exchanges(rng, m):
         assert b[LEAST, l] == pytest.approx(pivots.min(), rel=1e-12)
         largest = max(1.0, pivots.max(), A[range(m), range(m), l].max())
         assert b[LARGEST, l] == pytest.approx(largest, rel=1e-12)
+
+
+def test_units_are_balanced(rng):
+    """However far they are apart: several rounds are needed, and no digit changes."""
+    for m in (2, 5, 6):
+        chosen = 2.0 ** rng.integers(-60, 60, m)
+        A = np.hstack([rng.normal(size=(m, m)) * chosen[:, None] / chosen, np.ones((m, 1))])
+        balanced, units = A.copy(), np.empty(m)
+        balance(balanced, units)
+        beside = abs(balanced[:, :m]) * (1 - np.eye(m))
+        assert (abs(np.log2(beside.max(axis=0) / beside.max(axis=1))) < 3).all()
+        assert (np.frexp(units)[0] == 0.5).all()
+        assert (balanced * units[:, None] / np.append(units, 1.0) == A).all()
+
+
+def test_states_are_accepted_where_they_keep_their_digits():
+    """Lanes: all is well, a small pivot, a right side that is not finite, a state that is NaN."""
+    a, x, b = np.full((2, 3, 4), 7.0), np.full((2, 4), 5.0), np.zeros((3, 4))
+    x[:, 3] = np.nan
+    b[LEAST], b[LARGEST], b[TO_SOLVE, 2] = [1.0, 2.0**-7, 1.0, 2.0**-7], 1.0, 2.0
+    a[:, 2, 3] = np.nan
+    assert accept(a, x, b, 4) == 2
+    assert b[TO_SOLVE].tolist() == [0.0, 1.0, 1.0, 0.0]
+    np.testing.assert_array_equal(x, [[7.0, 5.0, 5.0, np.nan]] * 2)

@@ -472,7 +472,7 @@ class ByIndex(Top):
         return sf.QuadraticField([[[self.I[0]]]])
 
 
-def test_a_vector_among_the_parameters_needs_its_axes():
+def test_a_vector_among_the_parameters_needs_its_axes(monkeypatch):
     """Without them its components would be the members of a batch."""
     new = dataclasses.replace(own.SLEIGH, name="top", body=Top, formulas={}, pole=None, random=())
     random = (lambda rng, shape: Top(rng.uniform(1, 2, (*shape, 3))),)
@@ -480,6 +480,8 @@ def test_a_vector_among_the_parameters_needs_its_axes():
         maps.register(dataclasses.replace(new, random=random))
     with pytest.raises(ValueError, match=r"^body: .*ByIndex._axes.*got TypeError: 'float'"):
         maps.register(dataclasses.replace(new, body=ByIndex))
+    monkeypatch.setattr(ByIndex, "_axes", {"I": 1})
+    maps.register(dataclasses.replace(new, body=ByIndex))
 
 
 def test_records_of_bodies_that_warn_are_registered_quietly():

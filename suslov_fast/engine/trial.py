@@ -25,7 +25,7 @@ from .status import Status
 
 _SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, and steps
 _LATE = 61, 997  # steps from these states, after which 64 comes, are those from state 0
-_CUTS = 0, 0, 2, 3, 3, _STEPS
+_CUTS = 0, 2, 3, 3, _STEPS
 _GUARD, _UNTOUCHED = -99, 1.2345678901234e-99
 _TRIED: set[tuple[Any, int]] = set()
 
@@ -247,7 +247,7 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
         _check_step(steps.kernel, len(of_one) - 1)
     has_rows = [getattr(a, "dtype", None) == np.float64 and len(a) == size for a in of_equals]
     equal = _rows(of_one, has_rows, np.zeros(size, int))
-    arguments = _rows(equal, has_rows, slice(None), np.linspace(1.0, 0.5, size))
+    arguments = _rows(equal, has_rows, slice(None), np.linspace(0.99, 0.49, size))
 
     whole = _run(steps, arguments, omega0)
     missing = np.argwhere((whole.saved == _UNTOUCHED).any(axis=-1))
@@ -271,7 +271,7 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
     _expect_same(pieces, whole, "for begin <= i < end and parts of the work", 2)
     common, each = (_run(steps, a, omega0) for a in (of_one, equal))
     _expect_same(common, each, "for arrays of one row and of B", 1)
-    for some in ([0], [2], [size - 1], np.arange(max(_WIDE, 2 * size)) % size):
+    for some in ([size - 1], np.arange(_WIDE) % size):
         alone = _run(steps, _rows(arguments, has_rows, some), omega0[some])
         _expect_same(alone, whole.of(some), "in any batch", 7)
 

@@ -214,7 +214,7 @@ def test_invariant_lines_decide_where_no_small_prime_does(map, monkeypatch):
 def test_a_wrong_passage_is_no_proof():
     map = kahan(*ZOO["Nahm, octahedral"])
     plane = Plane(map)
-    passages = planar.passages(plane, 80, 0)
+    passages = planar.passages_across(plane, 80, 0)
     for number, right in enumerate(passages):
         assert confinement.is_proved(plane, number, right)
         longer = Passage((0, *right.common), (right.met[0], *right.met), right.steps + 1)

@@ -1,4 +1,8 @@
-"""Hirota-Kimura bases: what linear relations between monomials along orbits show."""
+"""Hirota-Kimura bases: what linear relations ``sum_i c_i m_i(x_k) = 0`` along orbits show.
+
+The relations hold for all points x_k of an orbit, so that quotients of their coefficients c_i are
+first integrals (Petrera, Pfadler and Suris, arXiv:1008.1040).
+"""
 
 import random
 from collections.abc import Sequence

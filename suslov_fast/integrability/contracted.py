@@ -132,10 +132,10 @@ class Residues:
             germs = [self.germ(component) for _ in range(2)]
             if None in germs:
                 return None
-            found = self._follow(germs, terms, most)
-            if found is None or not found.endless:
-                return found
-        return found
+            passage = self._follow(germs, terms, most)
+            if passage is None or not passage.endless:
+                return passage
+        return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
         """Return the passage of two germs, endless if there are too few terms."""
@@ -148,18 +148,18 @@ class Residues:
             if k and not _same([[int(P[0]) for P in x] for x in germs], self.p):
                 steps = k
                 break
-            found: Any = [self.step(x, terms) for x in germs]
-            if None in found:
+            both: Any = [self.step(x, terms) for x in germs]
+            if None in both:
                 is_short = True
                 break
-            (first, *one), (second, *other) = found
-            if one != other:
+            (first, order, orders), (second, *other_orders) = both
+            if [order, orders] != other_orders:
                 return None
             if k:
-                common.append(one[0])
-                met.append(one[1])
-                is_exact.append(max(one[1]) < terms)
-            germs, terms = [first, second], terms - one[0]
+                common.append(order)
+                met.append(orders)
+                is_exact.append(max(orders) < terms)
+            germs, terms = [first, second], terms - order
         last = max((k for k, order in enumerate(common, start=1) if order), default=0)
         count = next((k for k, exact in enumerate(is_exact) if not exact), len(common))
         if is_short or last > count or (steps is None and last > len(common) // 2):
@@ -177,21 +177,26 @@ def _same(points: Sequence[Sequence[int]], p: int) -> bool:
     return all((a[i] * b[j] - a[j] * b[i]) % p == 0 for i, j in ((0, 1), (0, 2), (1, 2)))
 
 
-def passages(plane: Plane, most: int, seed: int) -> list[Passage] | None:
-    """Return the passages across all contracted curves; None if no prime shows them."""
+def passages_across(plane: Plane, most: int, seed: int) -> list[Passage] | None:
+    """Return the passages across all contracted curves, of which two primes have the same.
+
+    None if no primes show them.
+    """
     rng, numbers = random.Random(seed), range(len(plane.curves))
-    known: list[list[Passage]] = [[] for _ in numbers]
+    by_prime: list[list[Passage]] = [[] for _ in numbers]
     for _ in range(_PRIMES):
         p = arithmetic.random_prime(rng, _BITS)
         residues = Residues(plane, p, rng.randrange(2, p), rng.getrandbits(30))
         for number in numbers:
-            if not _agreed(known[number]) and (component := residues.component(number)) is not None:
-                found = residues.passage(number, component, most)
-                known[number] += [found] if found else []
-        if all(map(_agreed, known)):
-            return [found[-1] for found in known]
+            if _agree(by_prime[number]) or (component := residues.component(number)) is None:
+                continue
+            if (passage := residues.passage(number, component, most)) is not None:
+                by_prime[number].append(passage)
+        if all(map(_agree, by_prime)):
+            return [passages[-1] for passages in by_prime]
     return None
 
 
-def _agreed(found: list[Passage]) -> bool:
-    return len(found) > 1 and found[-1] in found[:-1]
+def _agree(passages: list[Passage]) -> bool:
+    """Return True if the last passage is one that another prime has shown."""
+    return bool(passages) and passages[-1] in passages[:-1]

@@ -1,4 +1,8 @@
-"""Darboux polynomials of a cofactor, and the cofactors that have some."""
+"""Darboux polynomials, P(Phi(x)) = C(x) P(x), of a cofactor C, and the cofactors that have some.
+
+P solves linear equations at random points modulo a prime; cofactors are products of powers of the
+factors of det DPhi and of the denominator (Celledoni and others, arXiv:1902.04715).
+"""
 
 import random
 from collections.abc import Iterator

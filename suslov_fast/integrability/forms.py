@@ -1,4 +1,8 @@
-"""Tasks of a search that bring the Darboux polynomials of one cofactor into normal form."""
+"""Normal forms of the Darboux polynomials of a search, one cofactor after the other.
+
+If eps is a number, the polynomials are first sought with a symbolic eps, so that the same map has
+the same formulas in both cases.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Rational functions in factors, their text, and which of them are independent."""
+"""Rational functions, ``c P_1**e_1 ... P_n**e_n`` with irreducible polynomials P_i.
+
+Their arithmetic and their text; they are independent if the gradients of their logarithms,
+``sum_i e_i grad P_i / P_i``, at a random point modulo a prime are.
+"""
 
 from __future__ import annotations
 

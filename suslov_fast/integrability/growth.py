@@ -1,4 +1,8 @@
-"""Degrees of iterates and their growth."""
+"""Degrees of iterates, and their growth: ``lim log(d_n) / n`` is the algebraic entropy.
+
+The degree of an iterate is that of its restriction to a random line modulo a prime, without common
+factors (Bellon and Viallet 1999).
+"""
 
 import math
 import operator

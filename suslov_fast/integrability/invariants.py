@@ -1,4 +1,9 @@
-"""First integrals and invariant measures that follow from known Darboux polynomials."""
+"""First integrals and invariant measures that follow from known Darboux polynomials.
+
+If P and Q have one cofactor, P / Q is a first integral; if P has the cofactor det DPhi, 1 / P is
+the density of a measure. Products of powers have products of cofactors: relations between these,
+``C_1**e_1 ... C_n**e_n = 1``, are vectors of a lattice.
+"""
 
 from __future__ import annotations
 

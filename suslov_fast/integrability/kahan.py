@@ -1,4 +1,8 @@
-"""Kahan maps of quadratic fields, exact."""
+"""Kahan maps of quadratic fields, exact: the solution of A(x; eps) x~ = b(x; eps).
+
+The inverse has -eps, det DPhi = det A(x~; -eps) / det A(x; eps), and for x' = K grad H the modified
+energy is H + grad H (x~ - x) / 3 (Celledoni, McLachlan, Owren and Quispel 2013).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""For which values of a parameter has a map more relations along its orbits?"""
+"""Values of a parameter for which a map has more relations along its orbits than for others.
+
+Relations are counted modulo a large prime for all fractions up to a height, and modulo two small
+primes for all residues, so that values that are no such fractions are noticed.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Birational maps, exact: what Kahan maps and other maps have in common."""
+"""Birational maps, exact, x_i~ = F_i(x) / F_0(x): what Kahan maps and other maps have in common.
+
+Images, derivatives and orbits of points of any kind of numbers, the pullback F_0**d P(F / F_0) of a
+polynomial, det DPhi in factors, and the cofactors that are products of these factors.
+"""
 
 from __future__ import annotations
 

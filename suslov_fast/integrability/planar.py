@@ -1,4 +1,8 @@
-"""Exact algebraic entropy of birational maps of the plane, from the curves that they contract."""
+"""Exact algebraic entropy of birational maps of the plane, from the curves that they contract.
+
+It is the log of the largest root of the characteristic polynomial of the action on the plane that
+is blown up at the points of confined orbits (Diller and Favre 2001).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ import flint
 
 from ..checks import integer, wrong
 from .confinement import is_proved, why_never
-from .contracted import Passage, Plane, passages
+from .contracted import Passage, Plane, passages_across
 from .growth import check_degrees, rational_series
 from .maps import RationalMap, check_map, cramer
 from .tasks import Task
@@ -130,23 +134,23 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
         missing = "det DPhi = 0" if not map.is_invertible else "no inverse was given"
         return PlanarEntropy(reason=f"the map is not known to be birational: {missing}")
     plane = Plane(map)
-    found = passages(plane, _STEPS, seed)
-    if found is None:
+    passages = passages_across(plane, _STEPS, seed)
+    if passages is None:
         return PlanarEntropy(reason="no prime was found modulo which the contracted curves split")
-    if (polynomial := characteristic_polynomial(plane, found)) is None:
+    if (polynomial := characteristic_polynomial(plane, passages)) is None:
         why = "a contracted curve comes to points without an image again and again, without a rule"
         return PlanarEntropy(reason=why)
-    contractions = tuple(_decided(plane, k, passage) for k, passage in enumerate(found))
+    contractions = tuple(_decided(plane, k, passage) for k, passage in enumerate(passages))
     minimal, root = _largest(polynomial)
     proved = all(each.proved for each in contractions)
-    error = 0.0 if proved else _error(plane, found, contractions, root)
+    error = 0.0 if proved else _error(plane, passages, contractions, root)
     return PlanarEntropy(
         contractions,
         _in_x(polynomial),
         _in_x(minimal),
         math.log(root),
         error,
-        tuple(predicted(plane, found, _DEGREES)),
+        tuple(predicted(plane, passages, _DEGREES)),
         proved,
         "; ".join(str(each) for each in contractions) or "no contracted curve",
     )
@@ -186,40 +190,43 @@ def _decided(plane: Plane, number: int, passage: Passage) -> Contraction:
 #   d_(j + 1) = d d_j - sum over curves and k of common(k) s_(j - k).
 
 
-def predicted(plane: Plane, found: list[Passage], count: int) -> list[int]:
+def predicted(plane: Plane, passages: list[Passage], count: int) -> list[int]:
     """Return the degrees of iterates that follow from the passages."""
-    known = (len(passage.common) + 1 for passage in found if passage.endless)
+    known = (len(passage.common) + 1 for passage in passages if passage.endless)
     degrees: list[int] = [1]
-    curves: list[list[int]] = [[] for _ in found]
+    curves: list[list[int]] = [[] for _ in passages]
     for j in range(min([count, *known])):
         for number, each in enumerate(curves):
             less = sum(
                 met[number] * curves[other][j - k]
-                for other, passage in enumerate(found)
+                for other, passage in enumerate(passages)
                 for k, met in enumerate(passage.met[:j], start=1)
             )
             each.append(plane.degrees[number] * degrees[j] - less)
         less = sum(
             order * curves[other][j - k]
-            for other, passage in enumerate(found)
+            for other, passage in enumerate(passages)
             for k, order in enumerate(passage.common[:j], start=1)
         )
         degrees.append(plane.degree * degrees[j] - less)
     return degrees[1:]
 
 
-def characteristic_polynomial(plane: Plane, found: list[Passage]) -> Any:
+def characteristic_polynomial(plane: Plane, passages: list[Passage]) -> Any:
     """Return the polynomial of the recurrence of degrees, from the equations above.
 
     For generating functions in z they are linear; the determinant is the polynomial of 1 / z. If a
     passage has no end, the generating functions of its orders are quotients; None if none are seen.
     """
     zero, one, z = (flint.fmpz_poly(c) for c in ([], [1], [0, 1]))
-    used = [k for k, passage in enumerate(found) if passage.common]
+    used = [k for k, passage in enumerate(passages) if passage.common]
     columns, below = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]], one
     for k in used:
-        orders = [(0, *found[k].common), *((0, *(met[i] for met in found[k].met)) for i in used)]
-        pairs = [rational_series(each) if found[k].endless else (each, (1,)) for each in orders]
+        orders = [
+            (0, *passages[k].common),
+            *((0, *(met[i] for met in passages[k].met)) for i in used),
+        ]
+        pairs = [rational_series(each) if passages[k].endless else (each, (1,)) for each in orders]
         if None in pairs:
             return None
         series = [[flint.fmpz_poly([*part]) for part in pair] for pair in pairs if pair]
@@ -252,26 +259,26 @@ def _largest(polynomial: Any) -> tuple[Any, float]:
 
 
 def _error(
-    plane: Plane, found: list[Passage], contractions: tuple[Contraction, ...], root: float
+    plane: Plane, passages: list[Passage], contractions: tuple[Contraction, ...], root: float
 ) -> float:
     """Return how much less the entropy is if orbits that are not decided are confined next.
 
     Of orbits without an end, what changes if they end there.
     """
-    if any(passage.endless for passage in found):
-        polynomials = [each._replace(endless=False) for each in found]
+    if any(passage.endless for passage in passages):
+        polynomials = [each._replace(endless=False) for each in passages]
         _, other = _largest(characteristic_polynomial(plane, polynomials))
         return abs(math.log(root / other))
     undecided = [k for k, each in enumerate(contractions) if not each.proved and not each.length]
     if root == 1 or not undecided:
         return 0.0
-    none = (0,) * len(found)
-    changed = [*found]
+    none = (0,) * len(passages)
+    changed = [*passages]
     for k in undecided:
-        common = (*found[k].common, *(0,) * (_STEPS - len(found[k].common)), 1)
-        met = (*found[k].met, *(none,) * (_STEPS + 1 - len(found[k].met)))
+        common = (*passages[k].common, *(0,) * (_STEPS - len(passages[k].common)), 1)
+        met = (*passages[k].met, *(none,) * (_STEPS + 1 - len(passages[k].met)))
         changed[k] = Passage(common, met, _STEPS + 2)
-    before, after = (characteristic_polynomial(plane, each) for each in (found, changed))
+    before, after = (characteristic_polynomial(plane, each) for each in (passages, changed))
     shift = after.degree() - before.degree()
     powers = [flint.fmpz_poly([0] * max(0, each) + [1]) for each in (shift, -shift)]
     # The change of the root is too small for floats, but not that of the polynomial there.

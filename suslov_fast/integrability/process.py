@@ -1,4 +1,8 @@
-"""The search of a report, in this process or in another one, which can be ended at any time."""
+"""The search of a report, in this process or in another one, which can be ended at any time.
+
+python-flint holds the interpreter for as long as an operation takes, so that neither Ctrl-C nor a
+time limit could end it in this process.
+"""
 
 import dataclasses
 import math

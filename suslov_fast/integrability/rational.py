@@ -1,4 +1,4 @@
-"""Birational maps from functions of the user."""
+"""Birational maps from functions of the user, called with symbols; an inverse is checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Linear relations between monomials along orbits."""
+"""Linear relations between monomials along orbits modulo primes, and the integrals they show.
+
+They are the null space of the monomials at the points of an orbit, which has some points more than
+there are monomials (arXiv:1008.1040).
+"""
 
 import random
 from functools import lru_cache

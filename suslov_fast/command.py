@@ -45,12 +45,16 @@ def main(words: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt as error:
         _tell(f"interrupted{error}")
         return 130  # as a shell does for a process that a signal ended
-    except BrokenPipeError:  # nobody reads the output, whose rest Python would write at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # nobody reads the output
         return 141
     except Exception as error:
         _tell(_text_of(error))
         return 1
+    finally:
+        try:
+            sys.stdout.flush()
+        except OSError:  # Python would try again at exit
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _tell(text: str) -> None:

@@ -361,8 +361,12 @@ def test_streams():
         assert (process.communicate(timeout=60)[1], process.returncode) == ("", 141)
     os.close(writing)
     line = f"'{COMMAND[0]}' -m suslov_fast run --trajectories 5 --steps 5 > /dev/full"
-    done = subprocess.run(["sh", "-c", line], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr) == (1, "suslov-fast: No space left on device\n")
+    for unbuffered in ("", "1"):
+        done = subprocess.run(
+            ["sh", "-c", line], capture_output=True, text=True, timeout=60,
+            env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+        )  # fmt: skip
+        assert (done.returncode, done.stderr) == (1, "suslov-fast: No space left on device\n")
 
 
 def test_pictures():

@@ -137,7 +137,7 @@ def _with_kept_folders():
     """Return the class that Numba asks for the folder of a function."""
     ours = {"UserProvidedCacheLocator", "InTreeCacheLocator", "UserWideCacheLocator"}
     places = [
-        type(each.__name__, (_Kept, each), {}) if each.__name__ in ours else each
+        type(each.__name__, (_Kept, each), {}) if each.__name__.lstrip("_") in ours else each
         for each in caching.CompileResultCacheImpl._locator_classes
     ]
     return type("Kept", (caching.CompileResultCacheImpl,), {"_locator_classes": places})

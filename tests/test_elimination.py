@@ -145,7 +145,7 @@ def test_states_are_accepted_where_they_keep_their_digits():
     """Lanes: all is well, a small pivot, a right side that is not finite, a state that is NaN."""
     a, x, b = np.full((2, 3, 4), 7.0), np.full((2, 4), 5.0), np.zeros((3, 4))
     x[:, 3] = np.nan
-    b[LEAST], b[LARGEST], b[TO_SOLVE, 2] = [1.0, 2.0**-7, 1.0, 2.0**-7], 1.0, 2.0
+    b[LEAST], b[LARGEST], b[TO_SOLVE, 2] = [1.0, 2.0**-5, 1.0, 2.0**-5], 4.0, 2.0
     a[:, 2, 3] = np.nan
     assert accept(a, x, b, 4) == 2
     assert b[TO_SOLVE].tolist() == [0.0, 1.0, 1.0, 0.0]

@@ -215,3 +215,32 @@ assert (run(2) == expected).all()
 def test_a_child_of_a_parent_that_ran_fields_in_threads():
     """It has none of their threads, and neither hangs nor computes other bits."""
     children.run(FORK, timeout=120)
+
+
+LOCK = """
+import os, threading, time
+from suslov_fast.core import machine_code
+
+held = threading.Event()
+
+
+def compile_something():
+    with machine_code._lock:
+        held.set()
+        time.sleep(0.2)
+
+
+thread = threading.Thread(target=compile_something)
+thread.start()
+held.wait()
+child = os.fork()
+if child == 0:
+    os._exit(0 if machine_code._lock.acquire(timeout=1) else 1)
+thread.join()
+assert os.waitpid(child, 0)[1] == 0
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_no_child_has_the_lock_of_a_thread_that_it_lacks():
+    children.run(LOCK, timeout=60)

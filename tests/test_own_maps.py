@@ -620,6 +620,7 @@ WRONG = [
     ("x[:] = after", "x[:] = after; x[0] += 1e-3 * (i >= 128)", 7),
     ("x[:] = after", "x[:] = after; x[0] += 1e-3 * (n % 64 == 0)", 4),
     ("range(start, stop + 1)", "range(start, max(stop, start + 1) + 1)", 4),
+    ("x[:] = after", "x[:] = after; failed_at[i] = n if status[i] == 0 else failed_at[i]", 7),
 ]
 
 

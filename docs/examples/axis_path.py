@@ -42,4 +42,4 @@ axes.set_aspect("equal")  # after all artists, whose extent it uses
 axes.legend(
     loc="upper center", bbox_to_anchor=(0.5, 1.05), ncols=2, frameon=False, fontsize="small"
 )
-figure.colorbar(path, label=r"time, in steps of $\epsilon = 0.02$", shrink=0.7, pad=0.1)
+figure.colorbar(path, label=r"time ($\epsilon = 0.02$)", shrink=0.7, pad=0.1)

@@ -1,8 +1,8 @@
 """Singularity confinement.
 
-A planar Kahan map contracts three lines, each to a point. Dots of the same colour are the orbit of
-this point. It is confined if it ends at a point without an image (black square): then degrees of
-iterates are lower. Left all three orbits end, and the entropy is 0. Right two do not: they
+A planar Kahan map contracts three lines, each to a point. Markers of the colour of a line are the
+orbit of this point. It is confined if it ends at a point without an image (black square): then
+degrees of iterates are lower. Left all three orbits end, and the entropy is 0. Right two do not: they
 converge to the origin along invariant lines.
 """
 
@@ -52,15 +52,18 @@ LINES = {
     ],
 }
 
+STYLES = ("C0", "C1", "C2"), ("-", "--", "-."), ("o", "^", "D")
+
 figure, panels = plt.subplots(1, 2, figsize=(8.4, 4.4), layout="constrained")
 for ax, (name, map) in zip(panels, MAPS.items(), strict=True):
-    for (first, second), colour in zip(LINES[name], ("C0", "C1", "C2"), strict=True):
+    for (first, second), colour, dash, dot in zip(LINES[name], *STYLES, strict=True):
         points, ends = orbit(map, map(first))
         assert points[0] == map(second)  # the line is contracted
-        ax.axline(*[tuple(float(a) for a in x) for x in (first, second)], color=colour, lw=1.2)
+        ends_of_line = [tuple(float(a) for a in x) for x in (first, second)]
+        ax.axline(*ends_of_line, color=colour, ls=dash, lw=1.2)
         x, y = np.array(points, float).T
         ax.plot(x, y, ":", color=colour, lw=0.8)
-        ax.plot(x, y, "o", color=colour, ms=5)
+        ax.plot(x, y, dot, color=colour, ms=5)
         for k in range(len(points) if ends else 2):
             ax.annotate(str(k + 1), (x[k], y[k]), (4, 4), textcoords="offset points", fontsize=7)
         if ends:

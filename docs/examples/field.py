@@ -3,7 +3,7 @@
 On the left a run of the Lorenz system with eps = 1/64, drawn by the run itself. On the right the
 system of Henon and Heiles at the energy 1/8, with eps = 1/16: the points where 17 orbits of the map
 cross the plane q1 = 0 upwards. Most of them lie on curves; orbits whose largest Lyapunov exponent
-exceeds 0.01 per unit of time are red.
+exceeds 0.01 per unit of time are red crosses.
 """
 
 import matplotlib.pyplot as plt
@@ -40,6 +40,8 @@ chaotic = lyapunov_exponents(henon_heiles, starts, eps, 200_000)[:, 0] / eps > 0
 for k in range(len(starts)):
     points = section.of(k).states
     colour = "crimson" if chaotic[k] else plt.colormaps["viridis"](k / len(starts))
-    axes[1].plot(points[:, 1], points[:, 3], ".", color=colour, markersize=1.2)
+    mark, size = ("x", 2.5) if chaotic[k] else (".", 1.2)
+    style = {"color": colour, "markersize": size, "markeredgewidth": 0.5}
+    axes[1].plot(points[:, 1], points[:, 3], mark, **style)
 axes[1].set(xlabel="$q_2$", ylabel="$p_2$")
 axes[1].set_title("Hénon-Heiles system, section at $q_1 = 0$", fontsize="small")

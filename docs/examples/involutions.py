@@ -79,9 +79,12 @@ for ax, (name, body) in zip(axes, BODIES.items(), strict=True):
     x = [Fraction(3), Fraction(-1, 5)]
     for _ in range(6):
         between, image = second_point(body, x, through(C, x)), step(x)
-        for ends, colour in (((x, between), "C0"), ((between, image), "C1")):
-            ax.plot(*np.array(ends, float).T, color=colour, linewidth=1)
-        ax.plot(float(x[0]), float(x[1]), "ko", markersize=4)
+        first, second = np.array([(x, between), (between, image)], float)
+        (one,) = ax.plot(*first.T, "C0-", linewidth=1)
+        (two,) = ax.plot(*second.T, "C1--", linewidth=1)
+        (dots,) = ax.plot(*first[0], "ko", markersize=4)
         x = image
     ax.set(title=name, xlabel=r"$\Omega_1$", aspect="equal")
 axes[0].set_ylabel(r"$\Omega_2$")
+names = "first involution", "second involution", "states of the map"
+figure.legend([one, two, dots], names, loc="outside lower center", ncols=3, frameon=False)

@@ -1,6 +1,6 @@
 """Orbits of the Suslov body, and of a field with a cubic Hamiltonian.
 
-Left, picture 2 of the paper: every orbit leaves the dashed half of the line of steady states and
+Left, figure 2 of the paper: every orbit leaves the dashed half of the line of steady states and
 tends to the solid half; thin lines are levels of the first integral of the map. Right, orbits of
 the map of a cubic Hamiltonian around its centre: the map conserves the modified energy exactly.
 """
@@ -12,7 +12,7 @@ from suslov_fast import QuadraticField, Suslov3D, iterate, plot_phase
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(8, 4.2), layout="constrained")
 plot_phase(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0, legend=False, ax=left)
-left.set_title("the Suslov body of picture 2")
+left.set_title("the Suslov body of figure 2")
 
 field = QuadraticField.from_hamiltonian(
     lambda x: x[1] ** 2 / 2 + x[0] ** 2 / 2 - x[0] ** 3 / 3, dimension=2

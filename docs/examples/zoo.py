@@ -1,7 +1,8 @@
 """A zoo of Kahan maps.
 
 Orbits of the maps of 24 quadratic fields, in the plane of two components. The first fifteen maps
-are integrable. Orbits whose largest Lyapunov exponent exceeds 0.02 per unit of time are red.
+are integrable. Orbits whose largest Lyapunov exponent exceeds 0.02 per unit of time are
+red crosses.
 The page "A zoo of Kahan maps" has the equations, their sources and the table.
 """
 
@@ -90,8 +91,9 @@ for part, (kind, names, rows) in zip(parts, kinds, strict=True):
         chaotic = exponents(name) > CHAOTIC
         colours = plt.colormaps["viridis"](np.linspace(0, 0.85, len(chaotic)))
         colours[chaotic] = to_rgba("crimson")
-        for orbit, colour in zip(np.moveaxis(states, 1, 0), colours, strict=True):
-            ax.plot(*orbit.T, ".", color=colour, markersize=0.8)
+        for k, orbit in enumerate(np.moveaxis(states, 1, 0)):
+            mark, size = ("x", 1.8) if chaotic[k] else (".", 0.8)
+            ax.plot(*orbit.T, mark, color=colours[k], markersize=size, markeredgewidth=0.3)
         low, high = np.percentile(states, [2, 98], axis=(0, 1))
         (left, bottom), (right, top) = low - 0.25 * (high - low), high + 0.25 * (high - low)
         if reach := REACH.get(name):

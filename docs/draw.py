@@ -1,4 +1,4 @@
-"""Draw the pictures of the pages into docs/images: `python docs/draw.py [NAME ...]`.
+"""Draw the figures of the pages into docs/images: `python docs/draw.py [NAME ...]`.
 
 A name is that of a script in docs/examples, or of a page whose Python blocks draw. Every figure
 that is open at the end becomes NAME_1.png, NAME_2.png and so on; an animation, its middle frame.
@@ -39,7 +39,7 @@ def run(name):
 
 
 def draw(name, folder=IMAGES):
-    """Write the pictures of a script or of a page, with at most 256 colours."""
+    """Write the figures of a script or of a page, with at most 256 colours."""
     plt.close("all")
     names = run(name)
     if "animation" in names:
@@ -60,7 +60,7 @@ def draw(name, folder=IMAGES):
 
 
 def main():
-    """Draw the pictures that are named, or all."""
+    """Draw the figures that are named, or all."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME")
     matplotlib.use("Agg")

@@ -2,8 +2,8 @@
 
 A planar Kahan map contracts three lines, each to a point. Markers of the colour of a line are the
 orbit of this point. It is confined if it ends at a point without an image (black square): then
-degrees of iterates are lower. Left all three orbits end, and the entropy is 0. Right two do not: they
-converge to the origin along invariant lines.
+degrees of iterates are lower. Left all three orbits end, and the entropy is 0. Right two do not:
+they converge to the origin along invariant lines.
 """
 
 from fractions import Fraction

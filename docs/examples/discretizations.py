@@ -2,7 +2,7 @@
 
 The map of this package, Runge-Kutta 4, the implicit midpoint rule, a variational nonholonomic
 integrator and the exact flow, on one realizable body. Numba compiles all steps with the
-same options; each computes one orbit. The picture shows the largest error on the way from one
+same options; each computes one orbit. The figure shows the largest error on the way from one
 steady rotation to the other against the processor time; the page "Which discretization?" has the
 printed tables.
 """

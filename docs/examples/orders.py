@@ -2,7 +2,7 @@
 
 Steps of order 2, 4, 6 and 8 beside SciPy's DOP853 and, where it is installed, heyoka's Taylor
 integrator, all on one thread, for the system of Hénon and Heiles until time 100: one orbit, and
-1024 side by side. The picture shows processor time over the largest error; the page "Which
+1024 side by side. The figure shows processor time over the largest error; the page "Which
 discretization?" has the printed tables.
 """
 

@@ -3,7 +3,7 @@
 The criticality t (criticality) determines the regime of an orbit. For t < 1 it
 follows the continuous motion along an ellipse. At t = 1 it reaches a steady state in one or two
 steps. For t > 1 it jumps from one side of the line of steady states to the other, on a hyperbola.
-In X = eps x / (2 sqrt(I1 I2)) and Y = eps y / (2 I1 I2) the picture is the same for every body and
+In X = eps x / (2 sqrt(I1 I2)) and Y = eps y / (2 I1 I2) the figure is the same for every body and
 step size. Numbers count steps.
 """
 

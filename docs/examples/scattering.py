@@ -1,7 +1,7 @@
 """Scattering angle.
 
 At time minus infinity and at plus infinity the body turns steadily, about two axes in space. The
-angle between them (scattering_angle) depends on the body alone. The picture
+angle between them (scattering_angle) depends on the body alone. The figure
 shows it as a function of the products of inertia, for all bodies with two ratios of I1 and I2;
 black lines, also in the colour bar, are at 1, 10 and 30 degrees. Where
 Suslov3D.admissible_I3 is NaN, no rigid body has the parameters.

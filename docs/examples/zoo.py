@@ -1,9 +1,8 @@
 """A zoo of Kahan maps.
 
 Orbits of the maps of 24 quadratic fields, in the plane of two components. The first fifteen maps
-are integrable. Orbits whose largest Lyapunov exponent exceeds 0.02 per unit of time are
-red crosses.
-The page "A zoo of Kahan maps" has the equations, their sources and the table.
+are integrable. Orbits whose largest Lyapunov exponent exceeds 0.02 per unit of time are red
+crosses. The page "A zoo of Kahan maps" has the equations, their sources and the table.
 """
 
 import warnings
@@ -28,7 +27,7 @@ ZOO = {name: (field, eps) for name, (field, eps) in zoo().items() if eps is not 
 TOP = [[0.3, 0.2, each, 0.1, 0.4, 0.8] for each in (0.5, 1)]
 POTENTIAL = [[0.4, each, 0.6, 0, 0.8] for each in (-0.5, 0.1, 0.7, 1.2)]
 CHAIN = (0.2, 0.5, 0.8, 1.5, 2)
-# Initial states, and the components that the picture shows, by default the first two.
+# Initial states, and the components that the figure shows, by default the first two.
 STARTS = {
     "Suslov body": random(2, 2, 24),
     "Suslov gyrostat": random(2, 2, 24),
@@ -66,12 +65,12 @@ INTEGRABLE = 15
 
 @cache
 def exponents(name, steps=50_000):
-    """Largest Lyapunov exponent of each orbit of the picture, per unit of time."""
+    """Largest Lyapunov exponent of each orbit of the figure, per unit of time."""
     field, eps = ZOO[name]
     return lyapunov_exponents(field, STARTS[name], float(eps), steps)[:, 0] / float(eps)
 
 
-# The picture. Axes show the middle of the orbits; some of them come close to poles.
+# The figure. Axes show the middle of the orbits; some of them come close to poles.
 
 figure = plt.figure(figsize=(8.4, 10), layout="constrained")
 kinds = (

@@ -21,6 +21,7 @@ from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
 pytest.importorskip("flint")
 
 import flint
+from test_planar import three_lines
 
 from suslov_fast.integrability import (
     RationalFunction,
@@ -250,16 +251,6 @@ LATE = {
     (F(5, 2), F(5, 2)): ([2, 4, 8, 16, 32, 64, 127, 252, 500, 992, 1968, 3904], 0.684905),
     (F(5, 2), F(1, 2)): ([2, 4, 8, 16, 31, 60, 116, 224, 431, 829, 1594, 3064], 0.653433),
 }
-
-
-def three_lines(a, b):
-    return field_of(
-        lambda x: (
-            b * x[0] * (x[0] + x[1]) + x[0] * x[1],
-            -a * x[1] * (x[0] + x[1]) - x[0] * x[1],
-        ),
-        2,
-    )
 
 
 @pytest.mark.parametrize("exponents", LATE)

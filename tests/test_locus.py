@@ -10,6 +10,8 @@ from suslov_fast import QuadraticField, Suslov3D
 
 pytest.importorskip("flint")
 
+from test_planar import three_lines
+
 from suslov_fast.integrability import kahan, locus, rational_map
 from suslov_fast.integrability.arithmetic import exponents_up_to
 from suslov_fast.integrability.relations import counts
@@ -32,17 +34,6 @@ def kirchhoff(b, a=(1, 2, 4)):
         return (*first, *cross(p, w))
 
     return field_of(f, 6)
-
-
-def three_lines(g):
-    """Zander (2021): exponents (b, g, 1)."""
-    return lambda b: field_of(
-        lambda x: (
-            g * x[0] * (x[0] + x[1]) + x[0] * x[1],
-            -b * x[1] * (x[0] + x[1]) - x[0] * x[1],
-        ),
-        2,
-    )
 
 
 def henon_heiles(c):
@@ -88,9 +79,13 @@ def counted(map, degree):
     ("f", "degree", "generic", "values"),
     [
         (kirchhoff, 2, 0, {F(4): 4}),
-        (three_lines(1), 4, 0, {F(-2): 10, F(-1): 6, F(0): 6, F(1): 3, F(2): 1}),
+        (lambda b: three_lines(b, 1), 4, 0, {F(-2): 10, F(-1): 6, F(0): 6, F(1): 3, F(2): 1}),
         pytest.param(
-            three_lines(2), 6, 0, {F(-3): 21, F(-1): 10, F(1): 6, F(3): 1}, marks=pytest.mark.slow
+            lambda b: three_lines(b, 2),
+            6,
+            0,
+            {F(-3): 21, F(-1): 10, F(1): 6, F(3): 1},
+            marks=pytest.mark.slow,
         ),
         (henon_heiles, 3, 0, {F(1): 2}),
         (rotors, 3, 4, {F(0): 8}),
@@ -117,10 +112,10 @@ def test_known_loci(f, degree, generic, values):
 
 def test_texts_heights_and_monomials():
     """Of 7 b, 1 and 2 are 1/7 and 2/7, of a height that may be too large."""
-    wide = locus(lambda b: three_lines(1)(7 * b), 4, height=7)
+    wide = locus(lambda b: three_lines(7 * b, 1), 4, height=7)
     assert [each.value for each in wide] == [F(k, 7) for k in (-2, -1, 0, 1, 2)]
     assert repr(wide).endswith("1/7 (3), 2/7 (1), of all fractions of height up to 7)")
-    narrow = locus(lambda b: three_lines(1)(7 * b), 4, height=6)
+    narrow = locus(lambda b: three_lines(7 * b, 1), 4, height=6)
     assert [each.value for each in narrow] == [0]
     assert [{7 * r % p for r in narrow.algebraic[p]} for p in (211, 223)] == [
         {p - 2, p - 1, 1, 2} for p in (211, 223)
@@ -133,7 +128,7 @@ def test_texts_heights_and_monomials():
 
 def test_algebraic_values():
     """Residues of square roots, in the primes modulo which there are some."""
-    roots = locus(lambda b: three_lines(1)(b * b - 5), 4, height=3)
+    roots = locus(lambda b: three_lines(b * b - 5, 1), 4, height=3)
     assert [each.value for each in roots] == [-2, 2]
     for p, found in roots.algebraic.items():
         assert {(r * r - 5) % p for r in found} == {

@@ -31,6 +31,7 @@ ZOO = zoo()
 
 
 def three_lines(a, b):
+    """Zander (2021): exponents (a, b, 1)."""
     return field_of(
         lambda x: (
             b * x[0] * (x[0] + x[1]) + x[0] * x[1],

@@ -156,9 +156,9 @@ def _integrals(map: RationalMap, degree: int, enough: int, seed: int) -> Polynom
     """Return polynomials whose quotients are first integrals, until enough are independent."""
     search = Search(map, degree, seed, only_integrals=True)
     for _ in search.queue:
-        if len(search.integrals) >= enough:
+        if len(search.known.integrals) >= enough:
             break
-    polynomials = functions.over_common_denominator(search.integrals, map.ring)
+    polynomials = functions.over_common_denominator(search.known.integrals, map.ring)
     return tuple(sorted(polynomials, key=arithmetic.size))
 
 

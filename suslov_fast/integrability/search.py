@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import islice
-from typing import Any
+from typing import Any, NamedTuple
 
 from . import arithmetic, implicit
 from .arithmetic import PRIME, Polynomials, degree_of, factors, rank, size
@@ -43,6 +43,15 @@ ONE = RationalFunction(())
 Tasks = Iterable[Task]
 
 
+class Known(NamedTuple):
+    """The facts of a search that follow from others."""
+
+    integrals: tuple[RationalFunction, ...] = ()  # independent
+    implicit: tuple[ImplicitIntegral, ...] = ()  # independent of those that are written out
+    measures: tuple[RationalFunction, ...] = ()  # densities
+    polynomials: tuple[RationalFunction, ...] = ()  # Darboux polynomials
+
+
 class Search:
     """The facts known about a map, and the tasks that find more."""
 
@@ -58,61 +67,39 @@ class Search:
         self._forms = Forms(self.invariants)
         self._levels: dict[int, int] = {}  # the degree of the latest task of each cofactor
         self._unknown: list[Polynomials] = []  # spaces whose cofactors wait for factors of the map
-        self._seen = -1
-        self._integrals: tuple[RationalFunction, ...] = ()
-        self._measures: tuple[RationalFunction, ...] = ()
-        self._polynomials: tuple[RationalFunction, ...] = ()
         self._of_relations: list[ImplicitIntegral] = []  # between few monomials
-        self._implicit: tuple[ImplicitIntegral, ...] = ()
+        self._known, self._seen = Known(), self.version
         self.queue = Queue(self._first(), self._is_wanted)
 
     def fill(self, report: Any) -> None:
         """Put what is known into a report."""
         report.degrees, report.relations = self.degrees, self.relations
         for name in ("integrals", "measures", "polynomials"):
-            found = getattr(self, name)
-            setattr(report, name, tuple(f.renamed(self.map.names) for f in found))
-        report.implicit = self.implicit
+            functions = getattr(self.known, name)
+            setattr(report, name, tuple(f.renamed(self.map.names) for f in functions))
+        report.implicit = self.known.implicit
         report.symmetries, report.planar = self.symmetries, self.planar
         report.searched = [*self._searched()]
 
-    def _update(self) -> None:
+    @property
+    def known(self) -> Known:
+        """What follows from the polynomials and relations that were found."""
         if self._seen != self.version:
-            self._seen = self.version
-            self._integrals = self.invariants.integrals
-            self._measures = self.invariants.measures
-            self._polynomials = self.invariants.polynomials
-            self._implicit = tuple(implicit.independent_of(self._integrals, self._of_relations))
-
-    @property
-    def integrals(self) -> tuple[RationalFunction, ...]:
-        """The independent first integrals that are known."""
-        self._update()
-        return self._integrals
-
-    @property
-    def measures(self) -> tuple[RationalFunction, ...]:
-        """The densities that are known."""
-        self._update()
-        return self._measures
-
-    @property
-    def polynomials(self) -> tuple[RationalFunction, ...]:
-        """The Darboux polynomials that are known."""
-        self._update()
-        return self._polynomials
-
-    @property
-    def implicit(self) -> tuple[ImplicitIntegral, ...]:
-        """The integrals from relations that are independent of those written out."""
-        self._update()
-        return self._implicit
+            self._seen, polynomials = self.version, self.invariants
+            integrals = polynomials.integrals
+            self._known = Known(
+                integrals,
+                tuple(implicit.independent_of(integrals, self._of_relations)),
+                polynomials.measures,
+                polynomials.polynomials,
+            )
+        return self._known
 
     @property
     def is_complete(self) -> bool:
         """True if as many integrals as the relations show are known, and a measure."""
-        known = len(self.integrals)
-        return bool(self.measures) and known >= (self.relations or self.map.dimension)
+        enough = self.relations or self.map.dimension
+        return bool(self.known.measures) and len(self.known.integrals) >= enough
 
     def _is_wanted(self, level: int) -> bool:
         """Return True if polynomials up to a degree may add integrals or replace known ones.
@@ -123,8 +110,12 @@ class Search:
         """
         is_small = self._unknowns(level) <= _FEW
         if level > self.degree:
-            return is_small and self.relations is not None and len(self.integrals) < self.relations
-        highest = max((f.degree for f in self.integrals), default=0)
+            return (
+                is_small
+                and self.relations is not None
+                and len(self.known.integrals) < self.relations
+            )
+        highest = max((f.degree for f in self.known.integrals), default=0)
         if self.is_complete:
             return highest > self.degree or (is_small and level <= highest)
         return True
@@ -171,19 +162,19 @@ class Search:
             yield Task(cost, partial(self._quotients, k), "quotients of relations", k)
 
     def _quotients(self, k: int) -> Tasks:
-        if len(self.integrals) >= (self.relations or 0):
+        if len(self.known.integrals) >= (self.relations or 0):
             return []
         exponents = arithmetic.exponents_up_to(k, self.map.dimension)
         return self._add(integrals_of(self.map, exponents, self.seed))
 
     def _few_monomials(self, k: int) -> Tasks:
         """Find integrals from relations between few monomials, if formulas are missing."""
-        missing = (self.relations or 0) - len(self.integrals)
+        missing = (self.relations or 0) - len(self.known.integrals)
         exponents = arithmetic.exponents_up_to(k, self.map.dimension)
-        if missing <= len(self.implicit):
+        if missing <= len(self.known.implicit):
             return
         candidates = implicit.implicit_integrals(self.map, exponents)
-        chosen = implicit.independent_of(self.integrals, candidates)
+        chosen = implicit.independent_of(self.known.integrals, candidates)
         self._of_relations = [*islice(chosen, missing)]
         self.version += 1
         # Darboux polynomials, which come with the factors, give nicer formulas, if they come soon.
@@ -194,7 +185,7 @@ class Search:
 
     def _write(self, integral: ImplicitIntegral) -> Tasks:
         """Write out the formula of an integral of a relation, if it is still needed."""
-        formula = implicit.written_out(integral) if integral in self.implicit else None
+        formula = implicit.written_out(integral) if integral in self.known.implicit else None
         return [] if formula is None else self._add(formula.quotient_in(self.map.ring))
 
     def _simple(self) -> Iterator[Task]:

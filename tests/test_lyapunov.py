@@ -63,11 +63,20 @@ def test_against_derivatives_one_by_one(rng, body, omega, eps, steps, tolerance)
     np.testing.assert_allclose(exponents.sum(), of_det / steps, atol=tolerance)
 
 
+@pytest.mark.compiled  # interpreted, a million steps take more than half an hour
 def test_tangent_vectors_go_through_the_transient(rng):
     """From vectors that start with the mean the exponent that is 0 has the bias -1.1 / T."""
     x0 = sf.iterate(LORENZ, rng.normal((1, 1, 20), size=(400, 3)), 1 / 128, 3840, save_every=None)
     found = sf.lyapunov_exponents(LORENZ, x0.final, 1 / 128, 1280, transient=1280).mean(axis=0)
     assert abs(128 * found[1]) < 0.015
+
+
+def test_a_line_without_machine_code_ends_when_no_lane_is_left(monkeypatch):
+    """As of dense fields of 26 variables. One start is NaN, and one reaches a pole."""
+    monkeypatch.setattr("suslov_fast.core.tangent.LARGE", 0)
+    square = sf.QuadraticField([[[1.0]]])
+    with pytest.warns(sf.SingularStepWarning):
+        assert np.isnan(sf.lyapunov_exponents(square, [[np.nan], [2.0]], 0.5, 40)).all()
 
 
 def test_batches_and_a_transient():

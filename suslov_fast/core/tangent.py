@@ -162,6 +162,8 @@ def take(given, memory, place, stage, ignored, steps):
     found = np.int64(every & ~ignored) << STEP
     if address != 0:
         found = call_code(address, (line.ctypes.data, table, ignored, steps))
+    elif found == 0:  # no lane is left
+        found = steps
     taken, step = found & (2**STEP - 1), (found >> STEP) & every
     solved, negative = step | (found >> DERIVATIVE) & every, (found >> NEGATIVE) & every
     if solved != 0:

@@ -722,3 +722,10 @@ def test_arguments_of_kernels_are_checked():
         with pytest.raises((TypeError, ValueError), match=words):
             registered(arguments=arguments)
         maps.MAPS.pop("new")
+
+    def of_first_axis(body, eps, batch):  # right for a batch of one axis
+        return *by_field(body, 0.1, batch)[:2], np.full(batch[0], eps)
+
+    with_steps(arguments=of_first_axis)()
+    with pytest.raises(ValueError, match=r"^arguments\[2\]: expected 1 or 6 rows.*got 2"):
+        iterate(HENON, np.zeros((2, 3, 4)), 0.1, 1, method="new")

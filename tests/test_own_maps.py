@@ -608,6 +608,7 @@ WRONG = [
     ("saved[row, i, d] = x[d]", "saved[row, i - begin, d] = x[d]", 2),
     ("final[i, d] = x[d]", "final[(i + 1) % len(final), d] = x[d]", 6),
     ("final[i, d] = x[d]", "final[i, d] = omega0[i, d] = x[d]", 3),
+    ("saved[row, i, d] = x[d]", "saved[row, i, d] = x[d] * (n > 0)", 3),
     ("row += 1", "row += 0", 5),
     ("first, last = share", "carry.base[-1] = 0.5; first, last = share", 5),
     ("eps[i % len(eps)]", "abs(eps[i % len(eps)])", 1),

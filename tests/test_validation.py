@@ -441,6 +441,12 @@ def test_units_and_labels_are_refused(wrap, message, name):
         CALLS[name](wrap(20.0))
 
 
+@pytest.mark.parametrize("name", ["n", "time"])
+def test_times_have_one_axis(name):
+    with pytest.raises(ValueError, match=rf"^{name}: .*1-D array, got shape \(1, 2\)"):
+        CALLS[name]([[1, 2]])
+
+
 def test_variables_of_our_datasets_are_arrays():
     names = ["Omega1", "Omega2"]
     states = xarray.DataArray([OMEGA] * 3, dims=("n", "start", "component"))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import flint
 
 from . import arithmetic
-from .arithmetic import modulo, value_at
+from .arithmetic import modulo, monomial_values, value_at
 from .maps import RationalMap
 from .normal_form import count_factors
 
@@ -84,6 +84,9 @@ class Residues:
         self.p, self.rng = p, random.Random(seed)
         self.forms = [modulo(F, p, eps) for F in plane.forms]
         self.curves = [modulo(C, p, eps) for C in plane.curves]
+        terms = [P.to_dict() for P in (*self.forms, *self.curves)]
+        self._monomials = tuple({e: None for of_one in terms for e in of_one})
+        self._terms = [[(e, int(c)) for e, c in of_one.items()] for of_one in terms]
 
     def component(self, number: int) -> Any:
         """Return a factor of a curve on which there are points with coordinates modulo p, if any.
@@ -119,8 +122,10 @@ class Residues:
 
         None if there are too few terms. Orders of curves are at most their number.
         """
-        met = tuple(_order(value_at(C, x), terms) for C in self.curves)
-        y = [value_at(F, x) for F in self.forms]
+        # All forms and curves have these monomials in common.
+        at = dict(zip(self._monomials, monomial_values(self._monomials, x), strict=True))
+        values = [sum((c * at[e] for e, c in of_one), 0 * x[0]) for of_one in self._terms]
+        y, met = values[:3], tuple(_order(P, terms) for P in values[3:])
         order = min(_order(P, terms) for P in y)
         if order == terms:
             return None

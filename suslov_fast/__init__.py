@@ -13,8 +13,10 @@ The map of the Suslov problem is that of V. Dragovic and B. Gajic, arXiv:0807.29
 import ast
 import os
 import sys
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
+from threading import RLock
 
 __version__ = "0.8.0"
 
@@ -74,6 +76,13 @@ def _after_fork() -> None:
         _threads_are_gone |= "torch" in sys.modules
     if ours is not None:
         ours.renew()
+    if sys.version_info < (3, 12):  # a thread may have been in a cached property, which has a lock
+        modules = [each for name, each in sys.modules.items() if name.startswith(f"{__name__}.")]
+        named = [each for module in modules for each in vars(module).values()]
+        classes = [each for each in named if isinstance(each, type)]
+        for each in [value for cls in classes for value in vars(cls).values()]:
+            if isinstance(each, cached_property):
+                each.lock = RLock()  # type: ignore[attr-defined]
 
 
 if hasattr(os, "register_at_fork"):

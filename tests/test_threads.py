@@ -71,8 +71,6 @@ expected = run(1, threads=1)
 FIELDS_IN_CHILDREN = """
 zeros, rng = np.zeros((9, 9, 9)), np.random.default_rng(0)
 fields = [sf.QuadraticField(zeros, 1.0 * (rng.random((9, 9)) < 0.5)) for _ in range(200)]
-for each in fields:  # in Python 3.11 `cached_property` has a lock, which a child would have
-    each.terms
 is_over = threading.Event()
 def compile():
     for each in fields:
@@ -102,6 +100,37 @@ thread.start()
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_children_of_a_parent_that_compiles_a_field():
     children.run(FIELDS + FIELDS_IN_CHILDREN, timeout=120)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_child_of_a_parent_that_is_in_a_cached_property():
+    """In Python 3.11 the property has a lock, which the child would wait for."""
+    code = """
+        import os, signal, threading, warnings
+        import suslov_fast as sf
+        from suslov_fast.bodies import field
+        warnings.simplefilter("ignore", DeprecationWarning)
+        first, second = (sf.QuadraticField([[[number]]]) for number in (1.0, 2.0))
+        is_inside, is_over, sparse = threading.Event(), threading.Event(), field.sparse
+        def wait(*arguments):
+            is_inside.set()
+            is_over.wait()
+            return sparse(*arguments)
+        field.sparse = wait
+        thread = threading.Thread(target=lambda: first.terms)
+        thread.start()
+        is_inside.wait()
+        child = os.fork()
+        if child == 0:
+            signal.alarm(20)
+            field.sparse = sparse
+            os._exit(len(second.terms))
+        status = os.waitpid(child, 0)[1]
+        is_over.set()
+        thread.join()
+        print(os.waitstatus_to_exitcode(status), len(first.terms))
+    """
+    assert children.run(code).split() == ["2", "2"]
 
 
 @pytest.mark.parametrize("before", ["", "run(1, threads=2)"])

@@ -18,12 +18,6 @@ from .numba import c_function, function, inlined
 (LANES, D_, T_, FIRST, EACH, ALL) = range(SLOTS + 7, SLOTS + 13)
 
 
-@inlined
-def memory_of_lane(D, columns):
-    """Return a system with these right sides, units and a state: the memory of `solve_lane`."""
-    return np.empty((D, D + columns, 1)), np.empty((2, D)), np.empty((D,))
-
-
 @function
 def fill_system(indices, half, sign, x, system):
     """Fill A(x), for eps or, if the sign is -1, for -eps; `half` is eps / 2 times the values."""

@@ -713,6 +713,12 @@ def test_records_whose_formulas_are_all_conserved_and_families_without_members()
     assert iterate(HENON, START[:1], 0.1, 5, method="new").ok
 
 
+def test_states_whose_multiples_overflow_are_tried_without_a_warning():
+    with_steps(arguments=lambda *given: by_field(*given))()
+    run = iterate(HENON, np.full(4, 1e300), 0.1, 1, method="new", on_singular="ignore")
+    assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
+
+
 def test_arguments_of_kernels_are_checked():
     wrong = {
         "a tuple of arrays, got list": lambda *given: [*by_field(*given)],

@@ -126,12 +126,13 @@ def _expect_same(run: _Run, expected: _Run, words: str, item: int) -> None:
 def _check_failures(run: _Run, notes_poles: bool) -> None:
     """Compare statuses with the states that are not finite."""
     n, (status, failed_at) = np.arange(len(run.saved))[:, None], (run.status, run.failed_at)
+    is_known, known = np.isin(status, [*Status]), [int(each) for each in Status]
+    _expect(is_known.all(), f"a status of {known}", short({*status[~is_known].tolist()}), 7)
     exist: Any = np.isfinite(run.saved).all(axis=-1)
     gone = (status < 0) & (n >= failed_at)
     # A positive status may say since when it holds.
     told = (failed_at == -1) | (status > 0) & (failed_at > 0) & (failed_at < len(n))
     told = (failed_at >= 0) & (status < 0) | told & (status >= 0)
-    told &= np.isin(status, [*Status])
     if notes_poles:
         told &= (status != codes.PASSED_POLE) | (failed_at == run.carry[0])
     else:
@@ -230,7 +231,8 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
     given = states[0] if len(states) else np.ones(body.dimension)
     scales = np.linspace(1.0, 0.5, size)
     scales[3:7] = 1e200, 1e1, 1e2, 1e3  # some fail, at once or later
-    omega0 = np.clip(given * scales[:, None], -1e300, 1e300)
+    with np.errstate(over="ignore"):
+        omega0 = np.clip(given * scales[:, None], -1e300, 1e300)
     omega0[1], omega0[7:9] = np.nan, 1e300
     omega0[8, 1::2] *= -1.0
     eps = next((float(each) for each in np.ravel(problem.eps) if each), 1.0)

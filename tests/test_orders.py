@@ -414,6 +414,14 @@ def test_a_pole_in_a_sub_step(method):
         assert (found, np.isnan(out[0])) == (Status.SINGULAR, True)
 
 
+def test_own_loops_keep_the_status_of_the_sub_step_that_failed():
+    record = sf.maps.MAPS["Kahan, order 4"]
+    body, x = record.pole[0], np.array(record.pole[1])
+    system = sf.compiled.system(body, 1.0, method="order4")
+    status = sf.compiled.step_system(system, x, x, sf.compiled.work(system))
+    assert (status, np.isnan(x).all()) == (sf.Status.SINGULAR, True)
+
+
 def test_after_a_pole_orbits_of_higher_order_stay_near_infinity():
     """Order 2 comes back at once from the other side; the page says so."""
     with pytest.warns(PoleWarning):

@@ -1,4 +1,4 @@
-"""Checks of arguments: every message reads "name: expected ..., got ..."."""
+"""Checks of arguments: most messages read "name must be ..., not ...: what to type"."""
 
 import math
 import numbers
@@ -36,9 +36,12 @@ _PACKAGES = {"flint": "python-flint"}  # of modules with another name
 _HERE = os.path.dirname(__file__) + os.sep
 
 
-def wrong(name: str, expected: str, received: object, error: Any = ValueError) -> Any:
-    """Return an error with the one wording of all messages."""
-    return error(f"{name}: expected {expected}, got {received}")
+def wrong(name: str, expected: str, received: object = None, error: Any = ValueError) -> Any:
+    """Return the error "name must be expected, not received"; `expected` may begin with "have"."""
+    be, but = "" if expected.startswith("have ") else "be ", ""
+    if received is not None:
+        but = f", not {received}"
+    return error(f"{name} must {be}{expected}{but}")
 
 
 def page(name: str) -> str:
@@ -63,7 +66,7 @@ def extra(module: str, name: str) -> Any:
     except ImportError as error:
         needed = _PACKAGES.get(module.partition(".")[0], module.partition(".")[0])
         how = f"pip install {needed}, or '.[{name}]' in a copy of the repository"
-        raise ImportError(f"expected the package {needed}, got none: {how}") from error
+        raise ImportError(f"the package {needed} is not installed: {how}") from error
 
 
 def warn(message: str, category: type[Warning] = UserWarning) -> None:
@@ -103,8 +106,8 @@ def within(name: str, value: Any, exponent: int) -> Any:
     array, low, high = np.asarray(value), 10.0**-exponent, 10.0**exponent
     size = abs(array[array != 0])
     if len(bad := size[(size < low) | (size > high)]):
-        expected = f"0 or numbers from 1e-{exponent} to 1e{exponent} in modulus"
-        raise wrong(name, expected, f"{short(bad.tolist()[0])}: change the units")
+        expected = f"0, or have a modulus from 1e-{exponent} to 1e{exponent}"
+        raise wrong(name, expected, f"{short(bad.tolist()[0])}: use other units")
     return value
 
 
@@ -122,10 +125,10 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     array = _floats(name, value)
     if array.ndim == 0 or array.shape[-1] != len(labels):
         transposed = array.ndim > 1 and array.shape[0] == len(labels)
-        how = ": components are the last axis, pass the transpose" if transposed else ""
+        how = ": the last axis holds the components, pass the transpose" if transposed else ""
         if not how and array.shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
-            how = ": pass (rotation @ omega)[:2], of the adapted basis that from_inertia returns"
-        raise wrong(name, f"shape (..., {len(labels)})", f"{array.shape}{how}")
+            how = ": pass (rotation @ omega)[:2], with the rotation that from_inertia returns"
+        raise wrong(name, f"have the shape (..., {len(labels)})", f"{array.shape}{how}")
     if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
         return array
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
@@ -141,7 +144,7 @@ def _floats(name: str, value: Any) -> FloatArray:
         if array.dtype.kind == "O" and all(isinstance(each, numbers.Real) for each in array.flat):
             array = array.astype(np.float64)
     except (ValueError, OverflowError) as error:
-        expected = "a rectangular array of numbers in the range of float64"
+        expected = "numbers in the range of float64, with rows of equal length"
         raise wrong(name, expected, short(value)) from error
     if array.dtype.kind not in "iuf":
         raise wrong(name, "real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
@@ -159,7 +162,7 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
     if bad.any():
         index = first_index(bad)
         where = f" at index {index}" if index else ""
-        raise wrong(name, "finite real numbers", f"{array[index]}{where}")
+        raise wrong(name, "finite", f"{array[index]}{where}")
     return False
 
 
@@ -176,25 +179,25 @@ def refuse(name: str, value: Any) -> None:
         return
     kind = type(value).__name__
     if isinstance(value, (bool, np.bool_)):
-        raise wrong(name, "real numbers", f"{value} of dtype bool", TypeError)
+        raise wrong(name, "real numbers", f"the bool {value}", TypeError)
     has_index = not callable(getattr(value, "index", len))
     if has_index or hasattr(value, "dims") or hasattr(value, "columns"):
-        how = f"{kind} with labels: pass its array, by .to_numpy()"
-        raise wrong(name, "an array without labels", how, TypeError)
+        how = f"a labelled {kind}: pass its array, by .to_numpy()"
+        raise wrong(name, "a plain array", how, TypeError)
     if hasattr(value, "unit") or hasattr(value, "units"):
         number = "magnitude" if hasattr(value, "magnitude") else "value"
         unit = getattr(value, "unit", getattr(value, "units", None))
-        how = f"pass its number in the unit of all arguments, as {name}.to(...).{number}"
-        raise wrong(name, "numbers without a unit", f"{kind} in {unit}: {how}", TypeError)
+        how = f"convert it to the unit of the other arguments, as {name}.to(...).{number}"
+        raise wrong(name, "numbers without a unit", f"a {kind} in {unit}: {how}", TypeError)
     if isinstance(value, np.ndarray) and np.ma.is_masked(value):
-        raise wrong(name, "real numbers", "a masked array with missing values")
+        raise wrong(name, "real numbers", "a masked array with values missing: .filled(np.nan)")
 
 
 def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
     """Return matrices (..., n, n) of finite real numbers."""
     matrices = real_array(name, value, allow_nan)
     if matrices.shape[-2:] != (n, n):
-        raise wrong(name, f"shape (..., {n}, {n})", matrices.shape)
+        raise wrong(name, f"have the shape (..., {n}, {n})", matrices.shape)
     return matrices
 
 
@@ -204,8 +207,8 @@ def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
     error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
     least = np.linalg.det(matrices).min(initial=1.0)
     if error > 1e-10 or least < 0:
-        received = f"|R R.T - 1| = {error:.2g} and determinant {least:.2g}"
-        raise wrong(name, "rotation matrices", received)
+        found = f"|R R.T - 1| = {error:.2g} and the determinant {least:.2g}"
+        raise wrong(name, f"a rotation matrix: it has {found}")
     return matrices
 
 
@@ -217,22 +220,22 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
         return np.broadcast_shapes(*shapes.values())
     except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
         received = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
-        expected = "expected batch shapes that broadcast against each other"
-        how = "for each with each, insert axes of length 1, as by x[:, np.newaxis]"
-        raise ValueError(f"{expected}, got {received}: {how}") from error
+        how = "to combine each with each, insert axes of length 1, as by x[:, np.newaxis]"
+        raise ValueError(f"batch shapes do not broadcast: {received}; {how}") from error
 
 
 def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: int = 2**62) -> int:
     """Return an integer from `minimum` to `maximum`; with the latter, pass `expected`, too."""
     if type(value) is int and minimum <= value <= maximum:
         return value
-    expected = expected or f"an integer from {minimum} to 2**62"
+    expected = expected or f"an integer, {minimum} or more"
     try:
         if isinstance(value, (bool, np.bool_)):
             raise TypeError
         number = operator.index(value)
     except TypeError as error:
-        received = f"{short(value)} of type {type(value).__name__}"
+        how = f": pass {value:.0f}" if isinstance(value, float) and value.is_integer() else ""
+        received = f"the {type(value).__name__} {short(value)}{how}"
         raise wrong(name, expected, received, TypeError) from error
     if not minimum <= number <= maximum:
         raise wrong(name, expected, short(number))
@@ -252,7 +255,7 @@ def instance(name: str, value: Any, expected: Any) -> None:
         names = " or ".join(vars(each).get("_called", each.__name__) for each in classes)
         instead = ""
         if isinstance(value, (str, bytes)) and expected is Mapping:
-            instead = ": json.loads(text) is the dictionary of a text"
+            instead = ": json.loads(text) makes a dictionary of a text"
         elif all(hasattr(each, "_instead") for each in classes):
             instead = in_place_of(value)
         raise wrong(name, names, kind_of(value) + instead, TypeError)
@@ -262,7 +265,7 @@ def in_place_of(value: Any) -> str:
     """Return what to use in place of a body of another class, or of what is no body."""
     instead: str = getattr(value, "_instead", "")
     if callable(value) and not isinstance(value, type) and not instead:
-        return ": QuadraticField.from_function(f, dimension) is the field of a function"
+        return ": QuadraticField.from_function(f, dimension) makes a field of a function"
     return instead
 
 

@@ -198,9 +198,9 @@ def run(options: argparse.Namespace) -> None:
     """
     path = options.output
     if path is not None and path.suffix not in (".npz", ".zarr"):
-        options.usage_error(f"argument -o/--output: expected FILE.npz or FILE.zarr, got '{path}'")
+        options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr")
     if path is None and (options.attitude or options.save_every is not None):
-        options.usage_error("arguments --save-every and --attitude: expected -o FILE with them")
+        options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
     body, eps = _body_and_step(options)
     work = body, _starts(options, body), eps, options.steps
     import numba
@@ -260,17 +260,18 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
         extent = 2.0 if options.extent is None else options.extent
         return sf.RandomStarts(count, extent, options.seed or 0)
     if (options.extent, options.seed) != (None, None):
-        options.usage_error("arguments --extent and --seed: expected random states with them")
+        options.usage_error(
+            "arguments --extent and --seed are for random states: leave out --initial and --omega0"
+        )
     name = str(path or "--omega0")
     with _about(name):
         if path:
             try:
                 states = np.asarray(np.lib.format.open_memmap(path, mode="r"))
             except (ValueError, EOFError) as error:
-                expected = f"numbers (count, {body.dimension}) that numpy.save wrote"
-                raise ValueError(
-                    f"expected {expected}, got another file, or a part of it"
-                ) from error
+                text = "this is no whole file of numpy.save"
+                how = f"save an array of numbers (count, {body.dimension})"
+                raise ValueError(f"{text}: {how}") from error
         return checks.states(name, checks.real_array(name, states), body._labels)
 
 
@@ -281,7 +282,7 @@ def _held(path: Path | None, force: bool, work: Any, settings: Any) -> dict[str,
     if path is not None:
         _require_new([path], force)
         if not os.access(f"{path.absolute().parent}/", os.W_OK):
-            raise PermissionError(f"{path}: expected a name in a folder that can be written to")
+            raise PermissionError(f"{path}: nothing can be written there: choose another folder")
     body, starts, eps, steps = work
     if isinstance(starts, sf.RandomStarts):
         starts = starts.states(starts.shape[0], dimension=body.dimension)
@@ -321,7 +322,7 @@ def _stored(path: Path, force: bool, work: Any, settings: Any) -> dict[str, Any]
 
 def _require_new(paths: Sequence[Path], force: bool) -> None:
     for path in [] if force else filter(Path.exists, paths):
-        raise FileExistsError(f"{path}: expected a new name, or --force to replace it")
+        raise FileExistsError(f"{path} exists: choose a new name, or add --force to replace it")
 
 
 def info(options: argparse.Namespace) -> int:

@@ -198,8 +198,8 @@ def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | Gyrosta
     given = tuple(map(float, body.constants))
     *inertia, k = given
     if number == 0.0 or not any((*inertia[2:], k)):
-        expected = "eps != 0, and I13, I23 or k != 0"
-        raise wrong("body, eps", expected, f"{body!r}, eps = {number!r}: the map is the identity")
+        text = f"body, eps: the map of {body!r} with eps = {number!r} is the identity"
+        raise ValueError(f"{text}, which has no frame: use eps != 0, and I13, I23 or k != 0")
     make: Any = steps_3d.frame_of.py_func
     with np.errstate(all="ignore"):
         if "k" in body.parameters:
@@ -215,7 +215,8 @@ def _single(body: Any, eps: ArrayLike) -> float:
     number = within("eps", real_number("eps", eps), MOMENTS)
     shape = np.broadcast_shapes(body.shape, np.shape(number))
     if shape or not isinstance(number, float):
-        raise wrong("body, eps", "one body and one step size", f"the shape {shape}: loop over both")
+        received = f"a batch of shape {shape}: loop over both"
+        raise wrong("body, eps", "a single body and a single step size", received)
     return number
 
 
@@ -303,9 +304,8 @@ def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem |
     map = map_of(body, method)
     make = map.methods[method].system
     if make is None:
-        expected = "a body whose map has compiled steps"
         received = f"{type(body).__name__}: {map.title} has none"
-        raise wrong("body", expected, received, TypeError)
+        raise wrong("body", "one whose map has compiled steps", received, TypeError)
     return make(body, number)
 
 
@@ -328,7 +328,7 @@ def step_system(
     _check(x, out)
     m, (of_work, memory) = system.dimension, work
     if (len(x) != m) | (len(out) != m) | (of_work != m):
-        raise ValueError("step_system: expected x, out and work of the dimension of the system")
+        raise ValueError("step_system: x, out and work must have the dimension of the system")
     return _one_step(uncounted(system), uncounted(x), uncounted(out), uncounted(memory))
 
 
@@ -346,5 +346,5 @@ def _check_types(x, out):
 
 @typeof_impl.register(Body)
 def _refuse_bodies(body, context):
-    expected = "frame(body, eps) or system(body, eps)"
-    raise wrong("compiled code", expected, type(body).__name__, TypeError)
+    how = "pass frame(body, eps) or system(body, eps)"
+    raise TypeError(f"compiled code cannot take a {type(body).__name__}: {how}")

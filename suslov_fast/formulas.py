@@ -78,8 +78,8 @@ def of_constants(names: str, **options: Any) -> dict[str, Formula]:
 # -------------------------------------------------------------------- of Kahan's map of any field
 def _check_hamiltonian(body: Any) -> None:
     if body.field().H is None:
-        expected = "a field with a Hamiltonian, made by QuadraticField.from_hamiltonian"
-        raise wrong("body", expected, "one without", TypeError)
+        how = "make it by QuadraticField.from_hamiltonian"
+        raise TypeError(f"body: this field has no Hamiltonian: {how}")
 
 
 def _energy(problem: Problem) -> FloatArray:
@@ -289,10 +289,10 @@ def check_formulas(formulas: Mapping[str, Any], conserved: Any) -> None:
         instance(f"formulas[{name!r}]", formula, Formula)
         if name not in FUNCTIONS:
             nearest = get_close_matches(name, FUNCTIONS, 1)
-            expected = nearest[0] if nearest else f"one of {', '.join(sorted(FUNCTIONS))}"
-            raise wrong("formulas", f"names of functions, {expected}", repr(name))
+            known = nearest[0] if nearest else f"one of {', '.join(sorted(FUNCTIONS))}"
+            raise ValueError(f"formulas: no function asks for {name!r}: name it {known}")
     if isinstance(conserved, str) or not {*conserved} <= {*formulas}:
-        expected = f"a tuple of names of formulas, of {', '.join(formulas) or 'none'}"
+        expected = f"a tuple of names of these formulas: {', '.join(formulas) or 'none'}"
         raise wrong("conserved", expected, repr(conserved))
 
 

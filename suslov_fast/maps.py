@@ -163,17 +163,17 @@ class Map:
         """Return the formula of a public function; an error if there is none for this body."""
         if name not in self.formulas:
             if self is not map_of(body):
-                received = f"{', '.join(self.methods)}: {self.title}, which has no {name}"
+                received = f"{', '.join(map(repr, self.methods))}: {self.title} has no {name}"
                 if name == "modified_energy" and "energy" in self.functions(body):
                     received += ": use energy, which varies along orbits"
-                raise checks.wrong("method", "auto", received, TypeError)
+                raise checks.wrong("method", "'auto'", received, TypeError)
             having = dict.fromkeys(each.body for each in MAPS.values() if name in each.formulas)
             received, names = checks.kind_of(body), [kind.__name__ for kind in having]
             if isinstance(body, tuple(having)):
                 received += f", whose map ({self.title}) has no {name}"
             else:
                 received += getattr(body, "_instead", "") or INSTEAD.get(name, "")
-            raise checks.wrong("body", " or ".join(names) or "another", received, TypeError)
+            raise checks.wrong("body", " or ".join(names) or "another one", received, TypeError)
         formula = self.formulas[name]
         if formula.check is not None:
             formula.check(body)
@@ -217,17 +217,17 @@ def register(record: Map) -> None:
     checks.instance("record", record, Map)
     checks.instance("name", record.name, str)
     if record.name in MAPS or not record.name:
-        raise checks.wrong("name", "a new one", repr(record.name))
+        raise checks.wrong("name", "new, and not empty", repr(record.name))
     if not (isinstance(record.body, type) and issubclass(record.body, Body)):
         raise checks.wrong("body", "a class derived from Body", repr(record.body), TypeError)
     checks.one_of("variable", record.variable, ["omega", "x"])
     taken = [name for other in MAPS.values() if other.body is record.body for name in other.methods]
     if not record.methods or (clashing := {*record.methods} & {*taken}):
         received = ", ".join(sorted(clashing)) if record.methods else "none"
-        raise checks.wrong("methods", f"other names than {', '.join(taken) or 'none'}", received)
+        raise checks.wrong("methods", f"none of {', '.join(taken)}", received)
     if "auto" not in {*record.methods, *_methods_of(record.body)}:
-        expected = f"one with the name auto, as {record.body.__name__} has no other map"
-        raise checks.wrong("methods", expected, ", ".join(record.methods))
+        why = f"because {record.body.__name__} has no other map"
+        raise ValueError(f"methods: name one of {', '.join(record.methods)} auto, {why}")
     for method, steps in record.methods.items():
         check_steps(f"methods[{method!r}]", steps)
     check_formulas(record.formulas, record.conserved)
@@ -256,7 +256,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
         if isinstance(body, Body):
             received += ", a class without a record of its own: see maps.register"
         raise checks.wrong("body", " or ".join(dict.fromkeys(kinds)), received, TypeError)
-    of_fields = ", a method of fields: QuadraticField.of(body) is that of a body"
+    of_fields = ", a method of fields: pass QuadraticField.of(body)"
     instead = of_fields if method in [*_methods_of(QuadraticField)] else ""
     return by_method[checks.one_of("method", method, by_method, instead)]
 
@@ -285,8 +285,8 @@ def _by_method(kind: type[Any], records: tuple[Map, ...]) -> dict[str, Map]:
 def named(name: str) -> Map:
     """Return the map with this name, which files and pickles contain."""
     if name not in MAPS:
-        expected = f"{' or '.join(MAPS)}, or a map that `maps.register` made known before"
-        raise checks.wrong("map", expected, repr(name))
+        how = "import the module that registers it"
+        raise ValueError(f"there is no map {name!r}, only {', '.join(MAPS)}: {how}")
     return MAPS[name]
 
 
@@ -324,8 +324,8 @@ def class_named(name: Any) -> type[Any]:
     for each in _classes():
         kinds.setdefault(each.__name__, each)
     if name not in kinds:
-        expected = f"{' or '.join(kinds)}, or a class whose module was imported before"
-        raise checks.wrong("body", expected, repr(name))
+        how = "import the module that defines it"
+        raise ValueError(f"body: there is no class {name!r}, only {', '.join(kinds)}: {how}")
     return kinds[name]
 
 

@@ -132,7 +132,7 @@ def _shown(
         values = formula.compute(given)
     axes, n = values.ndim - len(given.batch), body.dimension + 1
     if rotation is not None and attitude is not None:
-        raise wrong("rotation, attitude", "at most one of them", "both")
+        raise ValueError("pass rotation or attitude, not both")
     if rotation is not None:
         turn = checks.square_matrices("rotation", rotation, n).swapaxes(-2, -1)
     elif attitude is not None:
@@ -191,7 +191,7 @@ def attitude(
     map_of(body).formula("attitude", body)
     path, D = checks.states("omega", omega, body._labels), body.dimension
     if path.ndim < 2 or len(path) == 0:
-        raise wrong("omega", f"shape (N + 1, ..., {D})", path.shape)
+        raise wrong("omega", f"have the shape (N + 1, ..., {D})", path.shape)
     first, axial = problem("attitude", body, path[0], eps, threads)
     R0 = np.eye(D + 1) if R0 is None else checks.rotations("R0", R0, D + 1)
     batch = common_shape({"omega and eps": first.batch, "R0": R0.shape[:-2]})
@@ -222,8 +222,10 @@ def _check_that_states_follow(first: Problem, states: FloatArray) -> None:
     if strays.any():
         row, *place = first_index(strays)
         where = f" of trajectory {spell(tuple(place))}" if place else ""
-        received = f"states {row} and {row + 1}{where} that are not: save every state"
-        raise wrong("omega", "consecutive states of the map with this eps", received)
+        text = (
+            f"omega: a step of the map with this eps does not take state {row}{where} to the next"
+        )
+        raise ValueError(f"{text}: save every state")
 
 
 def scattering_angle(body: Suslov3D, /) -> FloatArray:

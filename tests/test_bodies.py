@@ -166,14 +166,14 @@ def test_selection_by_value():
     assert bodies.sel(I1=slice(7, None)).shape == (0, 3)
     decreasing = QuadraticField.from_function(lambda x, a: (a * x[0],), 1, a=[3, 1, 2])
     assert decreasing.sel(a=slice(2, 9)).parameters["a"].tolist() == [3, 2]
-    with pytest.raises(ValueError, match=r"^I1: .* 4.0, or method="):  # equal, not close
+    with pytest.raises(ValueError, match=r"^I1.* 4.0, or method="):  # equal, not close
         bodies.sel(I1=np.nextafter(4.0, 5.0))
 
 
 def test_an_I3_that_no_body_has():
     """One warning for a batch, none for copies, flat bodies, or the inside of the interval."""
     for kind, k in ((Suslov3D, ()), (SuslovGyrostat, (0.1,))):
-        with pytest.warns(UserWarning, match="I3: .* 20") as caught:
+        with pytest.warns(UserWarning, match="I3.* 20") as caught:
             body = kind(4, 2, -0.5, -0.3, *k, I3=[[3, 20], [20, 4]])
         assert len(caught) == 1
         assert pickle.loads(pickle.dumps(body)) == body
@@ -264,7 +264,7 @@ def test_errors_of_tensors_name_the_member_and_the_amount():
 def test_tensors_of_printed_digits():
     turn = np.linalg.qr(np.vander([0.3, 1.0, 2.0]))[0].astype("f4")
     tensor = turn @ np.diag([1, 2, 2.5]).astype("f4") @ turn.T
-    with pytest.raises(ValueError, match=r"I is not symmetric: .*e-0.*pass \(I \+ I.T\)/2"):
+    with pytest.raises(ValueError, match=r"I is not symmetric.*e-0.*pass \(I \+ I.T\)/2"):
         Suslov3D.from_inertia(tensor, [0, 0, 1])
     with pytest.raises(ValueError, match=r"I: member 1 .*\(I \+ I.T\)/2 of each"):
         Suslov3D.from_inertia([np.eye(3), tensor], [0, 0, 1])

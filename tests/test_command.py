@@ -108,7 +108,7 @@ def test_a_warning_is_one_line():
     line = "run --I1 4 --I2 1 --I13 -.5 --I23 -.3 --I3 50 --eps .1 --omega0 1,2 --steps 2"
     done = run(line)
     assert done.code == 0
-    assert done.err.startswith("suslov-fast: warning: I3: expected")
+    assert done.err.startswith("suslov-fast: warning: no body has I3 = 50")
     assert done.err.count("\n") == 1
 
 
@@ -256,36 +256,36 @@ MISTAKES = """
 2 | run --I1 4.5 | required: --I2, --I13, --I23, --eps
 2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k
 2 | run --I1 4 --picture 1 | --I1: not allowed with --picture
-2 | run --omega0 1,2 --seed 0 | --seed: expected random
-2 | run --save-every 3 | --save-every .* expected -o FILE
-2 | run -o o.csv | -o/--output: expected FILE.npz or FILE.zarr, got 'o.csv'
+2 | run --omega0 1,2 --seed 0 | --seed are for random
+2 | run --save-every 3 | --save-every .* add -o FILE
+2 | run -o o.csv | -o/--output: 'o.csv' must end in .npz or .zarr
 2 | report --body good.json --eps 1/0 | --eps: invalid fraction value: '1/0'
 2 | report --body good.json --eps 1e99999999 | --eps: invalid fraction value: '1e99999999'
 2 | run --steps 1e-99999999 | --steps: invalid integer value: '1e-99999999'
-1 | run --omega0 1,2,3 | --omega0: expected shape
-1 | run --J 1,-2 --I 1,1 --eps 1 | J: .* -2
-1 | run --trajectories 0 | --trajectories: expected .* 0
+1 | run --omega0 1,2,3 | --omega0 must have the shape
+1 | run --J 1,-2 --I 1,1 --eps 1 | J must be positive, not -2
+1 | run --trajectories 0 | --trajectories must .* 0
 1 | run --trajectories 1e12 --steps 9 | memory
-1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* bytes, fewer than
+1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* bytes are free
 1 | run --threads 100000 | --threads:
 1 | run --body missing.json --eps 1 | missing.json: No such file
 1 | run --body cut.json --eps 1 | cut.json: .* line 1 column 10
 1 | run --body wrong.json --eps 1 | wrong.json: .* I1 .* -4
 1 | run --initial cut.npy | cut.npy:
-1 | run --initial part.npy | part.npy: expected numbers (count, 2) that .* a part of it
-1 | run --initial nan.npy | nan.npy: expected finite .* nan .* (2, 1)
-1 | run -o good.npz | good.npz: expected a new name, or --force
-1 | run -o missing/o.npz | missing/o.npz: expected a name in a folder that can be written to
+1 | run --initial part.npy | part.npy: this is no whole file of numpy.save: .* (count, 2)
+1 | run --initial nan.npy | nan.npy must be finite .* nan .* (2, 1)
+1 | run -o good.npz | good.npz exists: choose a new name, or add --force
+1 | run -o missing/o.npz | missing/o.npz: nothing can be written there
 1 | run -o folder.zarr --force | folder.zarr
-1 | info foreign.npz | foreign.npz: expected
+1 | info foreign.npz | foreign.npz
 2 | plot good.npz | required: -o/--output
 1 | plot missing.npz -o o.png | missing.npz: No such file
-1 | plot foreign.npz -o o.png | foreign.npz: expected
-1 | plot run.npz -o picture1.png | picture1.png: expected a new name, or --force
+1 | plot foreign.npz -o o.png | foreign.npz
+1 | plot run.npz -o picture1.png | picture1.png exists: choose a new name, or add --force
 1 | plot run.npz -o o.docx | o.docx: .* docx
-1 | plot folder.zarr -o o.png | path: expected a name that ends in .npz
-1 | info folder.zarr | folder.zarr: .* expected
-1 | pictures | picture1.png: expected a new name, or --force
+1 | plot folder.zarr -o o.png | path must be a name that ends in .npz
+1 | info folder.zarr | folder.zarr
+1 | pictures | picture1.png exists: choose a new name, or add --force
 1 | explore --port 65536 | --port 65536:
 """
 

@@ -278,11 +278,11 @@ def test_what_does_not_exist_is_nan():
 def test_bodies_and_step_sizes_are_checked():
     for call, error, words in (
         (lambda: frame(sf.SuslovND([1, 2], [1, 1]), 0.1), TypeError, r"system\(body, eps\)"),
-        (lambda: frame(4, 0.1), TypeError, "^body: "),
-        (lambda: system(4, 0.1), TypeError, "^body: "),
-        (lambda: frame(BODY, np.inf), ValueError, "^eps: "),
-        (lambda: frame(BODY, 5e-324), ValueError, "^eps: .*change the units"),
-        (lambda: frame(BODY, "0.1"), TypeError, "^eps: "),
+        (lambda: frame(4, 0.1), TypeError, "^body must"),
+        (lambda: system(4, 0.1), TypeError, "^body must"),
+        (lambda: frame(BODY, np.inf), ValueError, "^eps must"),
+        (lambda: frame(BODY, 5e-324), ValueError, "^eps.*use other units"),
+        (lambda: frame(BODY, "0.1"), TypeError, "^eps must"),
         (lambda: frame(BODY, 0.0), ValueError, "identity"),
         (lambda: frame(sf.Suslov3D(1, 2, 0, 0), 0.1), ValueError, "identity"),
         (lambda: frame(BODY, [[0.1], [0.2]]), ValueError, r"\(2, 1\)"),
@@ -305,10 +305,10 @@ def test_what_does_not_fit_is_refused_when_a_loop_is_compiled(body):
     memory = work(constants)
     for call in (one_step, step_system):
         for arguments, words in (
-            ((np.ones(3, int), three), "^x: .*int64"),
-            ((three, np.ones(3, np.float32)), "^out: .*float32"),
-            (([1.0, 2.0, 3.0], three), "^x: "),
-            ((np.ones((3, 1)), three), "^x: .* 2d"),
+            ((np.ones(3, int), three), "^x.*int64"),
+            ((three, np.ones(3, np.float32)), "^out.*float32"),
+            (([1.0, 2.0, 3.0], three), "^x must"),
+            ((np.ones((3, 1)), three), "^x.* 2d"),
         ):
             with pytest.raises(TypeError, match=words):
                 call(constants, *arguments, memory)
@@ -318,7 +318,7 @@ def test_what_does_not_fit_is_refused_when_a_loop_is_compiled(body):
     for each in (advance, enter, leave, compiled.step, *quantities):
         with pytest.raises(TypingError):
             each(constants, 1.0, 2.0)
-        with pytest.raises(TypeError, match=r"expected frame\(body, eps\)"):
+        with pytest.raises(TypeError, match=r"pass frame\(body, eps\)"):
             each(body, 1.0, 2.0)
 
 

@@ -155,7 +155,7 @@ def test_every_initial_state_identifies_a_run(tmp_path):
     for place in ((0, 0), (350, 1), (699, 1)):
         other = array.copy()
         other[place] = np.nextafter(other[place], 0.0)
-        with pytest.raises(ValueError, match=r"omega0: .*, the store has others"):
+        with pytest.raises(ValueError, match=r"omega0.*, the store has others"):
             ensemble(BODY, other, 0.2, 2, store=store)
     large = np.arange(2.0**21 + 5)[:, None]  # in two parts
     text = described("omega0", large)
@@ -195,7 +195,7 @@ def oscillator(constant):
     ("asked", "change", "words"),
     [
         (ASKED, {"body": Suslov3D(4, 1, -0.5, -0.31)}, "I23: -0.31, the store has -0.3"),
-        (ASKED, {"omega0": [[1.0, 0.5 + 1e-12]]}, "omega0: .*, the store has others"),
+        (ASKED, {"omega0": [[1.0, 0.5 + 1e-12]]}, "omega0.*, the store has others"),
         (ASKED, {"save_every": None}, "save_every: None, the store has 2"),
         (ASKED, {"attitude": True}, "attitude: 9 values from 0 to 1, the store has None"),
         (ASKED, {"functions": {"radius": radius}}, "functions: radius, the store has None"),
@@ -230,7 +230,7 @@ BAD = [
     ({"functions": {"r": np.sin}}, TypeError, "functions.*r"),
     ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
     ({"functions": {"r": lambda x: x[..., 0] * 1j}}, ValueError, "functions.*r"),
-    ({"omega0": RandomStarts(10**15, 1)}, OSError, r"[\d,]{9,} bytes, fewer than the [\d,]{20,}"),
+    ({"omega0": RandomStarts(10**15, 1)}, OSError, r"[\d,]{9,} bytes are free, .* [\d,]{20,}"),
     ({"store": None}, TypeError, "store"),
     ({"client": 5}, TypeError, "client"), ({"progress": 5}, TypeError, "progress"),
     (FIELD | {"attitude": True}, TypeError, "attitude"),
@@ -251,11 +251,11 @@ def test_places_that_cannot_hold_a_store(store):
             call(ensemble, **ASKED, store=store.parent / place)
     (store.parent / "thesis").mkdir()
     (store.parent / "thesis" / "thesis.tex").touch()
-    with pytest.raises(ValueError, match=r"store: .*thesis\.tex"):
+    with pytest.raises(ValueError, match=r"store.*thesis\.tex"):
         call(ensemble, **ASKED, store=store.parent / "thesis")
     zarr.open_group(store, mode="w").attrs.update({"source": "suslov_fast 0.5.0", "steps": 3})
     for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
-        with pytest.raises(ValueError, match=r"store: .*0\.5\.0"):
+        with pytest.raises(ValueError, match=r"store.*0\.5\.0"):
             opens(store)
     with pytest.raises(FileNotFoundError, match="store"):
         open_ensemble(store.with_name("missing.zarr"))
@@ -355,7 +355,7 @@ def test_damage_is_an_error(store, name):
         with pytest.raises(ValueError, match=rf"1 chunk of {array}:|checksum|char \d+"):
             open_ensemble(store).load()
         if name == "zarr.json":
-            with pytest.raises(ValueError, match=r"damaged metadata: .* \(char \d+\)"):
+            with pytest.raises(ValueError, match=r"damaged metadata.* \(char \d+\)"):
                 call(ensemble, **ASKED, store=store)
         else:
             call(ensemble, **ASKED, store=store)
@@ -416,7 +416,7 @@ def test_metadata_that_contradict_themselves(store, change):
     assert_same(open_ensemble(store), call(iterate, **ASKED))
     change(made["attributes"], consolidated["metadata"])
     (store / "zarr.json").write_text(json.dumps(made))
-    with pytest.raises(ValueError, match=r"store: .* damaged metadata"):
+    with pytest.raises(ValueError, match=r"store.* damaged metadata"):
         open_ensemble(store)
 
 
@@ -440,7 +440,7 @@ def test_folders_and_files_in_places_of_the_other_are_named(store, place):
         shutil.rmtree(path)
         path.touch()
     for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
-        with pytest.raises(ValueError, match=f"store: .*{place}: remove it"):
+        with pytest.raises(ValueError, match=f"store.*{place}: remove it"):
             opens(store)
 
 
@@ -464,7 +464,7 @@ def test_workers_of_a_cluster(store):
             dataset = ensemble(BODY, omega0, 0.2, 40, store=place, client=client, **settings)
             assert_same(dataset, orbits)
             assert np.array_equal(dataset.r, radius(orbits.omega))
-    with pytest.raises(ValueError, match="client: expected an open client"):
+    with pytest.raises(ValueError, match="client must be an open client"):
         ensemble(BODY, random, 0.2, 40, store=store, client=client)
     assert not store.exists()
 
@@ -585,7 +585,7 @@ def test_an_array_that_others_replaced_is_named(store):
     mine = xarray.Dataset({"final": data.final.astype(np.float32).drop_encoding()})
     shutil.rmtree(store / "final")
     mine.to_zarr(store, mode="a")
-    with pytest.raises(ValueError, match=r"store: .*final: expected .* ensemble ma"):
+    with pytest.raises(ValueError, match=r"store.*final must .* ensemble ma"):
         open_ensemble(store)
 
 
@@ -598,7 +598,7 @@ def test_a_store_in_a_zip_file(store):
     assert_same(open_ensemble(closed), call(iterate, **ASKED))
     assert open_ensemble(closed).attrs == data.attrs
     for mode, name in (("r", f"{store}.zip"), ("w", f"{store}.new.zip")):
-        with pytest.raises(ValueError, match=r"store: .* ZipStore: write into a folder"):
+        with pytest.raises(ValueError, match=r"store.* ZipStore: write into a folder"):
             call(ensemble, **ASKED, store=zarr.storage.ZipStore(name, mode=mode))
     closed.close()
 
@@ -657,7 +657,7 @@ def test_only_format_3_is_opened(store):
     """Zarr reads no metadata of format 2, and no codecs that stores do not have."""
     zarr.open_group(store, mode="w", zarr_format=2).attrs.update({"format": 9})
     for opens in (open_ensemble, lambda store: call(ensemble, **ASKED, store=store)):
-        with pytest.raises(ValueError, match=r"store: .*format 2"):
+        with pytest.raises(ValueError, match=r"store.*format 2"):
             opens(store)
     shutil.rmtree(store)
     call(ensemble, **ASKED, store=store)
@@ -667,7 +667,7 @@ def test_only_format_3_is_opened(store):
         metadata = {**arrays, "final": arrays["final"] | change}
         about = {**made, "consolidated_metadata": {"kind": "inline", "metadata": metadata}}
         (store / "zarr.json").write_text(json.dumps(about))
-        with pytest.raises(ValueError, match=r"store: .*final"):
+        with pytest.raises(ValueError, match=r"store.*final"):
             open_ensemble(store)
 
 
@@ -677,7 +677,7 @@ def test_workers_that_do_not_share_the_store():
     with (
         distributed.LocalCluster(1, threads_per_worker=1, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
-        pytest.raises(ValueError, match="client: expected workers that write to the store"),
+        pytest.raises(ValueError, match="client must have workers that write to the store"),
     ):
         ensemble(BODY, RandomStarts(50, 1.5), 0.2, 10, store=place, client=client, chunk=7)
 
@@ -737,6 +737,6 @@ def test_tasks_read_as_many_chunks_as_fill_one(store, monkeypatch):
 
 def test_without_dask_nothing_is_computed(store, monkeypatch):
     monkeypatch.setitem(sys.modules, "dask", None)
-    with pytest.raises(ImportError, match="expected the package dask"):
+    with pytest.raises(ImportError, match="the package dask is not installed"):
         call(ensemble, **ASKED, store=store)
     assert not store.exists()

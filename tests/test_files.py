@@ -86,7 +86,7 @@ def test_existing_files(path):
     run.save(os.fspath(path), overwrite=True)
     assert sf.Trajectories.load(path) == run
     for name in ("run.nc", "run", "run.zarr"):
-        with pytest.raises(ValueError, match=r"^path: .*\.npz.*ensemble"):
+        with pytest.raises(ValueError, match=r"^path.*\.npz.*ensemble"):
             run.save(path.with_name(name))
     with pytest.raises(FileNotFoundError, match=r"absent.run\.npz"):
         run.save(path.parent / "absent" / "run.npz")
@@ -120,7 +120,7 @@ def test_files_of_others(path):
     others.append({"format": 5, "version": "0.5.0", "omega": np.zeros(3)})
     for each in others:
         np.savez(path, **each)
-        with pytest.raises(ValueError, match=r"run\.npz: "):
+        with pytest.raises(ValueError, match=r"run\.npz "):
             sf.Trajectories.load(path)
     with pytest.raises(ValueError, match=r"0\.5\.0"):
         sf.Trajectories.load(path)
@@ -131,7 +131,7 @@ def test_damaged_files(path):
     whole = path.read_bytes()
     for cut in (0, 10, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:cut])
-        with pytest.raises(ValueError, match=r"run\.npz: "):
+        with pytest.raises(ValueError, match=r"run\.npz "):
             sf.Trajectories.load(path)
     for place in range(200, len(whole) // 2, 301):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 255]) + whole[place + 1 :])
@@ -159,7 +159,7 @@ def test_arrays_of_other_types_and_shapes(path, name):
             others.append(values[..., np.newaxis])
         for other in others:
             np.savez(path, **(found | {array: other}))
-            with pytest.raises(ValueError, match=r"run\.npz: .*: expected|broadcast"):
+            with pytest.raises(ValueError, match=r"run\.npz .*: .* must |broadcast"):
                 sf.Trajectories.load(path)
     changes = [
         ("steps", -1),
@@ -172,7 +172,7 @@ def test_arrays_of_other_types_and_shapes(path, name):
     for key, value in changes:
         if about[key] != value:
             np.savez(path, **(found | {"about": json.dumps(about | {key: value})}))
-            with pytest.raises(ValueError, match=r"run\.npz: "):
+            with pytest.raises(ValueError, match=r"run\.npz "):
                 sf.Trajectories.load(path)
 
 
@@ -215,11 +215,7 @@ def test_of_several_that_save_at_once_one_succeeds(path, monkeypatch, links):
         for _ in range(5):
             told = [*pool.map(attempt, runs)]
             assert told.count("") == 1
-            assert all(
-                f"overwrite=True, got one that exists: {os.fspath(path)!r}" in text
-                for text in told
-                if text
-            )
+            assert all(f"pass overwrite=True: {os.fspath(path)!r}" in text for text in told if text)
             assert sf.Trajectories.load(path) == runs[told.index("")]
             assert os.listdir(path.parent) == [path.name]
             path.unlink()
@@ -305,7 +301,7 @@ def test_files_that_contradict_themselves(path, name):
     found = entries(path)
     change(found)
     np.savez(path, **found)
-    with pytest.raises(ValueError, match=r"run\.npz: .*(final|status|failed_at|states): expected"):
+    with pytest.raises(ValueError, match=r"run\.npz .*(final|status|failed_at|states) must"):
         sf.Trajectories.load(path)
 
 
@@ -361,18 +357,18 @@ def test_files_of_crossings(path, name):
     found = entries(path)
     OF_CROSSINGS[name](found)
     np.savez(path, **found)
-    with pytest.raises(ValueError, match=r"run\.npz: expected a file that Crossings\.save wrote"):
+    with pytest.raises(ValueError, match=r"run\.npz is no whole file of Crossings\.save: "):
         sf.Crossings.load(path)
 
 
 def test_each_kind_of_file_names_what_loads_it(path):
     points = two_crossings(path)
-    with pytest.raises(ValueError, match=r"run\.npz: .* Crossings\.load"):
+    with pytest.raises(ValueError, match=r"run\.npz .* Crossings\.load"):
         sf.Trajectories.load(path)
     with pytest.raises(FileExistsError):
         points.save(path)
     run_of("batch").save(path, overwrite=True)
-    with pytest.raises(ValueError, match=r"run\.npz: .* Trajectories\.load"):
+    with pytest.raises(ValueError, match=r"run\.npz .* Trajectories\.load"):
         sf.Crossings.load(path)
 
 
@@ -414,7 +410,7 @@ def test_entries_are_refused_by_their_sizes(path, name, monkeypatch):
         return data
 
     monkeypatch.setattr(zipfile.ZipExtFile, "read", counted)
-    with pytest.raises(ValueError, match=rf"run\.npz: .*(bytes|{array})"):
+    with pytest.raises(ValueError, match=rf"run\.npz .*(bytes|{array})"):
         sf.Trajectories.load(path)
     assert sum(sizes) < 2**18
 

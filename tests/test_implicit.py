@@ -215,7 +215,7 @@ def test_eps_as_a_letter():
     x = [F(k * k - 7, 5) for k in range(1, 7)]
     for letter, number in zip(letters, chosen("Lagrange"), strict=True):
         assert letter(x, eps=eps) == number(x)
-        with pytest.raises(TypeError, match="eps: expected a number"):
+        with pytest.raises(TypeError, match="eps is symbolic"):
             letter(x)
     formula = written_out(letters[1])
     assert "eps" in str(formula)
@@ -237,7 +237,7 @@ def test_points_without_a_value():
     integral = chosen("Clebsch")[2]
     with pytest.raises(ZeroDivisionError, match="more relations"):
         integral([0, 0, 0, 1, 0, 0])  # a steady state
-    with pytest.raises(ValueError, match=r"x: expected shape \(6,\)"):
+    with pytest.raises(ValueError, match=r"x must have the shape \(6,\)"):
         integral([1, 2])
     map = rational_map(lambda x: (x[1], (x[1] + 3) / x[0]), 2)
     (curve,) = independent_of((), implicit_integrals(map, exponents_up_to(3, 2)))

@@ -236,5 +236,5 @@ def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian
     assert len(seen) > 3
     assert seen[-1] == (45, 45)
     assert sf.lyapunov_exponents(family, np.empty((0, 1, 2)), 0.1, 4, progress=progress).size == 0
-    with pytest.raises(TypeError, match=r"^progress: expected True"):
+    with pytest.raises(TypeError, match=r"^progress must be True"):
         sf.lyapunov_exponents(family, starts, 0.1, 40, progress=len)

@@ -54,14 +54,14 @@ def test_at_poles_and_missing_states(body, unit):
 @pytest.mark.parametrize(
     ("body", "x", "where"),
     [
-        (sf.Suslov3D(4, 1, -0.5, -0.3), [[0.6, -1.0], [0.6, -1.0 + 1e-6]], "1 .*first: 1"),
-        (sf.SuslovND([1, 2, 3], [1, 2, 3]), [[np.nan] * 3, [1, 2, 3], [1, 2, 3.1]], "1 .*first: 2"),
-        (sf.SuslovGyrostat(2, 1, 0.5, -0.5, 0.25), [0.0, 1e-9], "1 other states: use jacobian"),
-        (LORENZ, [[FOCUS, [1e-9, 0, 0]], [FOCUS, [1, 2, 3]]], r"2 .*first: \(0, 1\)"),
+        (sf.Suslov3D(4, 1, -0.5, -0.3), [[0.6, -1.0], [0.6, -1.0 + 1e-6]], "first: 1"),
+        (sf.SuslovND([1, 2, 3], [1, 2, 3]), [[np.nan] * 3, [1, 2, 3], [1, 2, 3.1]], "first: 2"),
+        (sf.SuslovGyrostat(2, 1, 0.5, -0.5, 0.25), [0.0, 1e-9], "not a fixed point: use jacobian"),
+        (LORENZ, [[FOCUS, [1e-9, 0, 0]], [FOCUS, [1, 2, 3]]], r"first: \(0, 1\)"),
     ],
 )
 def test_states_that_move(body, x, where):
-    with pytest.raises(ValueError, match=f"x: expected fixed points of the map, got {where}"):
+    with pytest.raises(ValueError, match=f"^x.*{where}"):
         sf.multipliers(body, x, 0.1)
 
 
@@ -98,20 +98,20 @@ def test_multipliers_of_a_family():
             assert found[i].shape == points[i].shape
             assert (found[i] == sf.multipliers(family[i], points[i], steps[i])).all()
     several = points[2][[0, 1, 0]]  # an array broadcasts against the family, as everywhere
-    with pytest.raises(ValueError, match=r"x: .* got 2 other states, first: 0"):
+    with pytest.raises(ValueError, match=r"x.*not fixed points, first: 0"):
         sf.multipliers(family, several, 0.1)
-    with pytest.raises(ValueError, match=r"x: .* got 1 other states of member 1 \(a=1.0, b=2.0\)"):
+    with pytest.raises(ValueError, match=r"x.*states of member 1 \(a=1.0, b=2.0\) that are not"):
         sf.multipliers(family, [points[0], points[1] + [[0, 0], [0, 1]], points[2]], 0.1)
-    with pytest.raises(ValueError, match=r"x: expected a list of 3 arrays, .*, got 2"):
+    with pytest.raises(ValueError, match=r"x must be a list of 3 arrays, .*, not 2"):
         sf.multipliers(family, points[:2], 0.1)
-    with pytest.raises(ValueError, match=r"eps: expected a number, or one for each of 3"):
+    with pytest.raises(ValueError, match=r"eps must be a number, or one for each of 3"):
         sf.multipliers(family, points, [[0.1], [0.2]])
 
 
 def test_states_whose_field_overflows_are_not_fixed():
     field = sf.QuadraticField.from_function(lambda x: (x[0] * x[1] + x[0], x[0] ** 2 - x[1]), 2)
     for size in (1e100, 1e154, 1e155, 1e300):
-        with pytest.raises(ValueError, match=r"^x: expected fixed points"):
+        with pytest.raises(ValueError, match=r"^x is not a fixed point"):
             sf.multipliers(field, [size, size], 0.1)
-    with pytest.raises(ValueError, match=r"^x: expected fixed points .*got 1 other.*first: 1"):
+    with pytest.raises(ValueError, match=r"^x: .*first: 1"):
         sf.multipliers(field, [[0.0, 0.0], [1e300, 1e300]], 0.1)

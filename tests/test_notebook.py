@@ -79,7 +79,7 @@ def test_notebook(browser, notebook):
     assert pixels(browser, **frame) != before
     browser.wait("model.get('query').includes('I1=2.5')")
     put(browser, "I1", "0", **frame)
-    assert text(browser, "message", **frame).startswith("I1: expected")
+    assert text(browser, "message", **frame).startswith("I1 must")
     # The frame can neither read the notebook nor load anything.
     for script in ("parent.document.body", "localStorage.length", "fetch('data:,')"):
         refused = f"(async () => {{ try {{ await {script}; }} catch {{ return true; }} }})()"

@@ -255,7 +255,7 @@ def test_multipliers(method):
     family = sf.QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[1, 4])
     each = sf.multipliers(family, sf.fixed_points(family), 0.1, method=method)
     assert [len(of_member) for of_member in each] == [2, 2]
-    with pytest.raises(ValueError, match="fixed points"):
+    with pytest.raises(ValueError, match="fixed point"):
         sf.multipliers(LORENZ, [1.0, 2, 3], 0.1, method=method)
 
 
@@ -443,7 +443,7 @@ def test_after_a_pole_orbits_of_higher_order_stay_near_infinity():
 def test_energy_varies_and_the_modified_energy_is_refused(method):
     run = sf.iterate(HENON_HEILES, [0.1, 0.2, 0.3, -0.1], 1 / 4, 2000, method=method)
     assert 1e-16 < np.ptp(run.energy()) < 1e-4
-    with pytest.raises(TypeError, match=rf"method: .*{method}.* no modified_energy: use energy"):
+    with pytest.raises(TypeError, match=rf"method.*{method}.* no modified_energy: use energy"):
         run.modified_energy()
     # Functions of a state are of one step of Kahan's map.
     assert np.ptp(sf.modified_energy(HENON_HEILES, run.x, 1 / 4)) > 1e-16

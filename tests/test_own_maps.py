@@ -171,21 +171,21 @@ def test_steps_that_break_the_contract_do_not_run():
     run = iterate(counter(forgets), [0.0], 0.1, 3, on_singular="ignore")
     assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
     maps.MAPS.pop("counter")
-    with pytest.raises(ValueError, match=r"^kernel: .*\(item \d of maps.Map\)"):
+    with pytest.raises(ValueError, match=r"^kernel: item \d of maps.Map"):
         iterate(counter(remembers, 1), [0.0], 0.1, 3)
     maps.MAPS.pop("counter")
-    words = r"^step: .*eps, work, \*row\) with a row of 1, .*got changes\(x, out, .*, numbers\)"
+    words = r"^step must take \(x, out, eps, work, \*row\), .* 1, not changes\(x, out, .*numbers\)"
     with pytest.raises(TypeError, match=words):
         iterate(counter(changes), [0.0], 0.1, 3)
-    with pytest.raises(TypeError, match=r"^step: expected a compiled function, got int"):
+    with pytest.raises(TypeError, match=r"^step must be a compiled function, not int"):
         maps.steps_of(5)
-    with pytest.raises(ValueError, match=r"^work: "):
+    with pytest.raises(ValueError, match=r"^work must"):
         maps.steps_of(counting, -1)
 
 
 @pytest.mark.compiled
 def test_a_step_without_a_status_does_not_run():
-    with pytest.raises(TypeError, match=r"^step: expected .*returns a Status as an int"):
+    with pytest.raises(TypeError, match=r"^step must.*return a Status as an int"):
         iterate(counter(lambda x, out, eps, work, values: None), [0.0], 0.1, 3)
 
 
@@ -210,9 +210,9 @@ def test_a_run_has_the_quantities_of_its_map_alone(tmp_path, capsys):
     assert run.map is own.MIDPOINT
     np.testing.assert_array_equal(run.energy(), sf.energy(HENON, run.x))
     assert {"energy"} == {"energy", "modified_energy", "first_integral"} & {*dir(run)}
-    with pytest.raises(TypeError, match="Explicit midpoint rule, which has no modified_energy"):
+    with pytest.raises(TypeError, match="Explicit midpoint rule has no modified_energy"):
         run.modified_energy()
-    with pytest.raises(TypeError, match=r"^attitude: .* no orientation"):
+    with pytest.raises(TypeError, match=r"^attitude.* no orientation"):
         midpoint(attitude=True)
     assert run.to_xarray().title == run.to_xarray().attrs["title"] == "Explicit midpoint rule"
     axes = run.plot()
@@ -243,9 +243,7 @@ def test_files_name_the_map(tmp_path):
     code = "import sys, suslov_fast as sf; sf.Trajectories.load(sys.argv[1])"
     done = children.attempt(code, path)
     assert done.returncode == 1
-    assert re.search(
-        r"map: expected .*a map that `maps.register` made known.*'midpoint'", done.stderr
-    )
+    assert re.search(r"'midpoint'.* import the module that registers it", done.stderr)
 
 
 def test_stores_hold_the_map(tmp_path):
@@ -274,7 +272,7 @@ def test_a_body_that_turns_nothing(tmp_path):
     constants, state = compiled.system(SLEIGHS[0], 0.3), np.array(SPEEDS[0])
     assert compiled.step_system(constants, state, state, compiled.work(constants)) == 0
     np.testing.assert_allclose(state, run.omega[1, 0], rtol=1e-15)
-    with pytest.raises(TypeError, match=r"attitude: .*no orientation"):
+    with pytest.raises(TypeError, match=r"attitude.*no orientation"):
         iterate(SLEIGHS, SPEEDS, 0.3, 5, attitude=True)
     refused = (
         "to_xy closed_form first_integral reaction to_matrix to_vector momentum attitude".split()
@@ -282,12 +280,12 @@ def test_a_body_that_turns_nothing(tmp_path):
     for name in (*refused, "exact", "limits", "flow"):
         given = (SPEEDS,) if name.startswith(("to_", "momentum")) else (SPEEDS, 0.3)
         given = (*given, 3) if name == "exact" else given
-        with pytest.raises(TypeError, match=r"^body: expected Suslov3D.*got Sleigh"):
+        with pytest.raises(TypeError, match=r"^body must be Suslov3D.*not Sleigh"):
             getattr(sf, name)(SLEIGHS, *given)
     for f in (compiled.frame, sf.plot_phase):
-        with pytest.raises(TypeError, match=r"^body: expected Suslov3D.*got Sleigh"):
+        with pytest.raises(TypeError, match=r"^body must be Suslov3D.*not Sleigh"):
             f(SLEIGHS[0], 0.3, *(2.0,) * (f is sf.plot_phase))
-    with pytest.raises(TypeError, match=r"^body: .*got Sleigh"):
+    with pytest.raises(TypeError, match=r"^body.*not Sleigh"):
         sf.scattering_angle(SLEIGHS)
 
 
@@ -299,7 +297,7 @@ def test_compiled_steps_are_those_of_the_map_or_refused():
     maps.register(
         dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods, pole=None)
     )
-    with pytest.raises(TypeError, match=r"^body: expected .*compiled steps, got Midpoint: Sleigh"):
+    with pytest.raises(TypeError, match=r"^body must.*compiled steps, not Midpoint: Sleigh"):
         compiled.system(Midpoint(1.0, 1.5, 0.4), 0.1)
 
 
@@ -331,7 +329,7 @@ def test_exponents_of_a_map_with_a_jacobian(monkeypatch):
     rest = [[2.0, 0.0], [np.nan, 0.0]]
     values = sf.multipliers(Alone(*given), rest, eps)
     np.testing.assert_allclose(values, sf.multipliers(own.Sleigh(*given), rest, eps), rtol=1e-13)
-    with pytest.raises(TypeError, match=r"^body: .*got Alone"):
+    with pytest.raises(TypeError, match=r"^body.*not Alone"):
         sf.energy(Alone(*given), starts)
     with pytest.warns(sf.SingularStepWarning):
         pole = sf.lyapunov_exponents(Alone(1.0, 1.0, 1.0), own.SLEIGH.pole[1], 1.0, 1)
@@ -364,15 +362,15 @@ def test_functions_of_a_second_method_of_a_class():
     slope = 0.1 * -2.0 * 0.4 * 2.0 / (1.5 + 2.0 * 0.16)  # f' has -c v on its diagonal
     values = sf.multipliers(body, [2.0, 0.0], 0.1, **method)
     np.testing.assert_allclose(values, [1.0, 1.0 + slope + slope**2 / 2], rtol=1e-13)
-    with pytest.raises(ValueError, match=r"^x: expected fixed points of the map, got 1 other"):
+    with pytest.raises(ValueError, match=r"^x is not a fixed point: use jacobian"):
         sf.multipliers(body, [2.0, 0.1], 0.1, **method)
     points = sf.crossings(body, x, 0.1, 50, lambda x: x[..., 1] - 0.4, direction=0, **method)
     n = np.flatnonzero((orbit[:-1, 1] > 0.4) != (orbit[1:, 1] > 0.4))
     assert len(n) > 0
     np.testing.assert_array_equal(points.before, orbit[n])
-    with pytest.raises(TypeError, match=r"^method: .*Explicit midpoint rule, which has no jac"):
+    with pytest.raises(TypeError, match=r"^method.*Explicit midpoint rule has no jac"):
         sf.jacobian(HENON, START[0], 0.1, method="midpoint")
-    with pytest.raises(TypeError, match=r"^body: .*compiled steps, got .*: Explicit midpoint rule"):
+    with pytest.raises(TypeError, match=r"^body.*compiled steps, not .*: Explicit midpoint rule"):
         compiled.system(HENON, 0.1, method="midpoint")
 
 
@@ -393,13 +391,13 @@ def test_a_subclass_comes_back_as_itself(tmp_path):
     assert type(sf.body_from_dict(field.to_dict())) is Named
     code = "import sys, suslov_fast as sf; sf.Trajectories.load(sys.argv[1])"
     done = children.attempt(code, tmp_path / "run.npz")
-    assert "a class whose module was imported before" in done.stderr
+    assert "import the module that defines it" in done.stderr
     assert "'Named'" in done.stderr
 
 
 def test_classes_without_a_name_of_their_own_are_not_saved(tmp_path):
     same = type("QuadraticField", (sf.QuadraticField,), {})
-    with pytest.raises(TypeError, match="body: expected a class whose name no other one has"):
+    with pytest.raises(TypeError, match="body must be a class whose name no other one has"):
         iterate(same([[[1]]]), [0.5], 0.1, 5).save(tmp_path / "run.npz")
 
 
@@ -416,33 +414,37 @@ def with_steps(**changes):
 @pytest.mark.parametrize(
     ("register", "error", "words"),
     [
-        (changed(name="Kahan"), ValueError, "name: "),
-        (changed(methods={}), ValueError, "methods: .*none"),
+        (changed(name="Kahan"), ValueError, "name "),
+        (changed(methods={}), ValueError, "methods.*none"),
         (
             changed(),
             ValueError,
-            "methods: .*other names than auto, .*, order8, midpoint",
+            "methods.*must be none of auto, .*, order8, midpoint",
         ),
-        (changed(body=int), TypeError, "body: "),
-        (changed(variable="y"), ValueError, "variable: "),
-        (lambda: maps.register("midpoint"), TypeError, "record: "),
-        (changed(name=""), ValueError, "name: "),
-        (changed(name=5), TypeError, "name: "),
-        (changed(body=own.Body), ValueError, "methods: expected one with the name auto"),
-        (with_steps(kernel=own.midpoint_steps.py_func), TypeError, r"methods\['new'\].kernel: "),
-        (with_steps(arguments=None), TypeError, r"methods\['new'\].arguments: "),
-        (with_steps(cost=2.0), TypeError, r"methods\['new'\].cost: "),
-        (with_steps(carried=-1), ValueError, r"methods\['new'\].carried: "),
-        (with_steps(notes_poles=True), ValueError, r"methods\['new'\].carried: "),
-        (with_steps(lanes=0), ValueError, r"methods\['new'\].lanes: "),
-        (with_steps(lanes=12), ValueError, r"methods\['new'\].lanes: .*multiple of 8"),
-        (with_steps(formulas={"energy": KAHAN}), TypeError, r"formulas\['energy'\]: "),
-        (with_steps(formulas={"enregy": Formula(len)}), ValueError, "formulas: .*energy, got 'enr"),
-        (with_steps(formulas={"zzz": Formula(len)}), ValueError, "formulas: .*one of .*energy, "),
-        (with_steps(conserved="energy"), ValueError, "conserved: "),
-        (with_steps(conserved=("jacobian",)), ValueError, "conserved: .*vector_field, energy"),
-        (with_steps(random=iter), TypeError, "random: "),
-        (with_steps(pole=own.SLEIGH.pole), TypeError, "pole: expected a QuadraticField"),
+        (changed(body=int), TypeError, "body "),
+        (changed(variable="y"), ValueError, "variable "),
+        (lambda: maps.register("midpoint"), TypeError, "record "),
+        (changed(name=""), ValueError, "name "),
+        (changed(name=5), TypeError, "name "),
+        (changed(body=own.Body), ValueError, "methods: name one of midpoint auto"),
+        (with_steps(kernel=own.midpoint_steps.py_func), TypeError, r"methods\['new'\].kernel "),
+        (with_steps(arguments=None), TypeError, r"methods\['new'\].arguments "),
+        (with_steps(cost=2.0), TypeError, r"methods\['new'\].cost "),
+        (with_steps(carried=-1), ValueError, r"methods\['new'\].carried "),
+        (with_steps(notes_poles=True), ValueError, r"methods\['new'\].carried "),
+        (with_steps(lanes=0), ValueError, r"methods\['new'\].lanes "),
+        (with_steps(lanes=12), ValueError, r"methods\['new'\].lanes .*multiple of 8"),
+        (with_steps(formulas={"energy": KAHAN}), TypeError, r"formulas\['energy'\] "),
+        (
+            with_steps(formulas={"enregy": Formula(len)}),
+            ValueError,
+            "formulas: .*'enregy': name it energy",
+        ),
+        (with_steps(formulas={"zzz": Formula(len)}), ValueError, "formulas.*one of .*energy, "),
+        (with_steps(conserved="energy"), ValueError, "conserved "),
+        (with_steps(conserved=("jacobian",)), ValueError, "conserved.*vector_field, energy"),
+        (with_steps(random=iter), TypeError, "random "),
+        (with_steps(pole=own.SLEIGH.pole), TypeError, "pole must be a QuadraticField"),
     ],
 )
 def test_records_are_checked(register, error, words):
@@ -476,9 +478,11 @@ def test_a_vector_among_the_parameters_needs_its_axes(monkeypatch):
     """Without them its components would be the members of a batch."""
     new = dataclasses.replace(own.SLEIGH, name="top", body=Top, formulas={}, pole=None, random=())
     random = (lambda rng, shape: Top(rng.uniform(1, 2, (*shape, 3))),)
-    with pytest.raises(ValueError, match=r"random\[0\]: .*axes of I in Top._axes, .*batch \(3,\)"):
+    with pytest.raises(
+        ValueError, match=r"random\[0\] made a batch \(3,\) .*axes of I in Top._axes"
+    ):
         maps.register(dataclasses.replace(new, random=random))
-    with pytest.raises(ValueError, match=r"^body: .*ByIndex._axes.*got TypeError: 'float'"):
+    with pytest.raises(ValueError, match=r"^body.*ByIndex._axes.*not TypeError: 'float'"):
         maps.register(dataclasses.replace(new, body=ByIndex))
     monkeypatch.setattr(ByIndex, "_axes", {"I": 1})
     maps.register(dataclasses.replace(new, body=ByIndex))
@@ -519,12 +523,10 @@ def test_a_formula_of_another_shape_is_refused():
     maps.register(dataclasses.replace(own.SLEIGH, **new))
     body = kind(2.0, 1.5, 0.4)
     assert sf.modified_energy(body, [1.0, 0.5], 0.1) == 1.0
-    words = (
-        r"^modified_energy: expected values of the batch shape \(3,\) .*'new', got the shape \(\)"
-    )
+    words = r"^modified_energy: .* 'new' returns the shape \(\), .*batch shape \(3,\)"
     with pytest.raises(ValueError, match=words):
         sf.modified_energy(body, [1.0, 0.5], [0.1, 0.2, 0.3])
-    with pytest.raises(ValueError, match=r"^energy: expected .*shape \(\) .*got the shape \(2,\)"):
+    with pytest.raises(ValueError, match=r"^energy: .*returns the shape \(2,\), .*shape \(\)"):
         sf.energy(body, [1.0, 0.5])
 
 
@@ -532,7 +534,7 @@ def test_a_class_without_a_record_is_refused():
     class Other(own.Body):
         pass
 
-    with pytest.raises(TypeError, match=r"^body: expected Suslov3D or .*got Other"):
+    with pytest.raises(TypeError, match=r"^body must be Suslov3D or.*not Other"):
         iterate(Other(), [0.5, 1.0], 0.1, 5)
 
 
@@ -545,7 +547,7 @@ class Faster(own.Sleigh):
 
 def test_a_class_with_other_equations_needs_a_record():
     given = 2.0, 1.5, 0.4
-    with pytest.raises(TypeError, match=r"^body: .*got Faster, a class without a record"):
+    with pytest.raises(TypeError, match=r"^body.*not Faster, a class without a record"):
         iterate(Faster(*given), SPEEDS[0], 0.1, 5)
     maps.register(dataclasses.replace(own.SLEIGH, name="faster", body=Faster, pole=None))
     run = iterate(Faster(*given), SPEEDS[0], 0.1, 5)
@@ -563,7 +565,7 @@ def test_another_discretization_as_the_map_of_a_class():
     field = Field.from_dict(HENON.to_dict() | {"body": "Field"})
     np.testing.assert_array_equal(iterate(field, START[:2], 0.1, 40).x, midpoint().x[:, :2])
     with pytest.raises(
-        TypeError, match=r"got Field, whose map \(Explicit midpoint rule\) has no jac"
+        TypeError, match=r"not Field, whose map \(Explicit midpoint rule\) has no jac"
     ):
         sf.jacobian(field, START[0], 0.1)
 
@@ -571,10 +573,13 @@ def test_another_discretization_as_the_map_of_a_class():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"field": lambda body: 5}, r"^field\(\): expected a body or a field, got int"),
-        ({"dimension": 3}, "^_labels: expected 3 labels, the dimension of Wrong"),
-        ({"dimension": 1, "_labels": ("x",)}, "^field: expected 1 components"),
-        ({"field": lambda body: SLEIGHS.field()}, r"^field: expected the shape \(\) of the body"),
+        ({"field": lambda body: 5}, r"^field\(\) must be a body or a field, not int"),
+        ({"dimension": 3}, "^_labels must have 3 entries, the dimension of Wrong"),
+        ({"dimension": 1, "_labels": ("x",)}, r"^field\(\) must have 1 components"),
+        (
+            {"field": lambda body: SLEIGHS.field()},
+            r"^field\(\) must have the shape \(\) of the body",
+        ),
     ],
 )
 def test_bodies_that_contradict_themselves(changes, words):
@@ -589,7 +594,7 @@ def test_orientations_of_other_states_than_two_are_refused():
     formulas = {"attitude": Formula(AXIAL)}
     new = {"name": "new", "body": kind, "formulas": formulas, "conserved": (), "pole": None}
     maps.register(dataclasses.replace(own.SLEIGH, **new))
-    with pytest.raises(ValueError, match=r"^attitude: expected IN_ROWS"):
+    with pytest.raises(ValueError, match=r"^attitude must be IN_ROWS"):
         iterate(kind(2.0, 1.5, 0.4), [1.0, 0.5, 0.2], 0.1, 5, attitude=True)
 
 
@@ -645,7 +650,7 @@ def test_kernels_that_break_the_contract_do_not_run(right, wrong, item):
     """Each with advice: the item of the contract; here as Python functions."""
     broken = changed_kernel(right, wrong)
     broken.compiled = np.errstate(all="ignore")(broken.py_func)
-    with pytest.raises(ValueError, match=rf"^kernel: .*\(item {item} of maps.Map\)"):
+    with pytest.raises(ValueError, match=rf"^kernel: item {item} of maps.Map "):
         registered(kernel=broken)
 
 
@@ -653,7 +658,7 @@ def test_kernels_that_break_the_contract_do_not_run(right, wrong, item):
 @pytest.mark.skipif(numba.config.BOUNDSCHECK == 1, reason="Numba itself raises an IndexError")
 @pytest.mark.parametrize(("right", "wrong", "item"), WRONG_IF_COMPILED)
 def test_kernels_that_read_or_write_beyond_arrays_do_not_run(right, wrong, item):
-    with pytest.raises(ValueError, match=rf"^kernel: .*\(item {item} of maps.Map\)"):
+    with pytest.raises(ValueError, match=rf"^kernel: item {item} of maps.Map "):
         registered(kernel=changed_kernel(right, wrong))
 
 
@@ -721,9 +726,9 @@ def test_states_whose_multiples_overflow_are_tried_without_a_warning():
 
 def test_arguments_of_kernels_are_checked():
     wrong = {
-        "a tuple of arrays, got list": lambda *given: [*by_field(*given)],
-        "1 or 19 rows.*got 3": lambda *given: (np.ones(3), *by_field(*given)),
-        "an array of float64, got float32": lambda *given: (np.float32([1]), *by_field(*given)),
+        "a tuple of arrays, not list": lambda *given: [*by_field(*given)],
+        "1 or 19 rows.*not 3": lambda *given: (np.ones(3), *by_field(*given)),
+        "an array of float64, not float32": lambda *given: (np.float32([1]), *by_field(*given)),
     }
     for words, arguments in wrong.items():
         with pytest.raises((TypeError, ValueError), match=words):
@@ -734,5 +739,5 @@ def test_arguments_of_kernels_are_checked():
         return *by_field(body, 0.1, batch)[:2], np.full(batch[0], eps)
 
     with_steps(arguments=of_first_axis)()
-    with pytest.raises(ValueError, match=r"^arguments\[2\]: expected 1 or 6 rows.*got 2"):
+    with pytest.raises(ValueError, match=r"^arguments\[2\] must have 1 or 6 rows.*not 2"):
         iterate(HENON, np.zeros((2, 3, 4)), 0.1, 1, method="new")

@@ -351,7 +351,7 @@ def test_files_and_datasets(tmp_path):
         other = {key: each.copy() for key, each in found.items()}
         other[name][index] = value
         np.savez(path, **other)
-        with pytest.raises(ValueError, match=r"run\.npz: .*(status|failed_at|final): expected"):
+        with pytest.raises(ValueError, match=r"run\.npz .*(status|failed_at|final) must"):
             sf.Trajectories.load(path)
 
 

@@ -236,19 +236,19 @@ def test_bad_input(rng, name, kind):
     row, (body, omega, eps) = ROWS[name], sample(rng, kind, (), (2,), (), name)
     state = "x" if RECORDS[kind].variable == "x" else "omega0?|xy"
     omega[1, 1] = -np.inf
-    with pytest.raises(ValueError, match=rf"^({state}): .* -inf at index \(1, 1\)"):
+    with pytest.raises(ValueError, match=rf"^({state}) must be .* -inf at index \(1, 1\)"):
         list(row.values(body, omega, eps))
-    with pytest.raises(ValueError, match=f"^({state}): "):
+    with pytest.raises(ValueError, match=f"^({state}) must "):
         list(row.values(body, np.ones(9), eps))
-    with pytest.raises(TypeError, match=r"^body: "):
+    with pytest.raises(TypeError, match=r"^body must"):
         row.call(1, omega, *(eps,) * row.eps)
     with pytest.raises(ValueError, match="broadcast"):
         row.call(part(body, ..., (3,)), np.ones_like(omega), *(eps,) * row.eps)
     for wrong in (np.inf, 1e-51, 1e51, "a") if row.eps else ():
-        with pytest.raises((ValueError, TypeError), match=r"^eps: "):
+        with pytest.raises((ValueError, TypeError), match=r"^eps must"):
             list(row.values(body, np.ones_like(omega), wrong))
     for count in (0, 1.5, 10**6) if row.threads else ():
-        with pytest.raises((ValueError, TypeError), match=r"^threads: "):
+        with pytest.raises((ValueError, TypeError), match=r"^threads must"):
             list(row.values(body, np.ones_like(omega), eps, threads=count))
 
 

@@ -90,20 +90,20 @@ def check_arguments(
             advice = _adapted(called, f, names, given, states, maker)
         if is_timed:
             advice += f"; for a forcing see {page(CUBIC)}"
-        what = "the state alone, as one tuple, and of parameters by name"
-        got = f"{called}({', '.join(places)})"
-        raise TypeError(f"{argument}: expected a function of {what}, got {got}: {advice}")
+        must = "must take the state alone, as one tuple, and parameters by name"
+        received = f"{called}({', '.join(places)})"
+        raise TypeError(f"{argument} {must}, not {received}: {advice}")
     unknown = _unknown(f, given)
     if missing:
-        how = f"pass {missing[0]}=28, say"
+        how = f"pass {missing[0]}=28, for example"
         if what := clash(missing[0], names, maker):
             other = free(missing[0], names, maker)
-            how = f"a name that is in use, for {what}: call it {other}, say"
+            how = f"this name is in use, for {what}: rename it, to {other} for example"
         others = f", not {', '.join(unknown)}" if unknown else ""
         raise TypeError(f"{argument}: {called} needs {missing[0]}{others}: {how}")
     if unknown:
         known = ", ".join(a.name for a in _arguments(f)[1:]) or "none"
-        text = f"{called} has no parameter {', '.join(unknown)}; its parameters: {known}"
+        text = f"{called} has no parameter {', '.join(unknown)}; choose from: {known}"
         raise TypeError(f"{argument}: {text}")
 
 

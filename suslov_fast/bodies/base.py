@@ -53,7 +53,7 @@ class Body:
             array = checks.real_array(name, value)
             checks.within(name, array, self._positive.get(name, checks.OTHERS))
             if name in self._positive and not (array > 0).all():
-                raise wrong(name, "positive numbers", array.min())
+                raise wrong(name, "positive", array.min())
             vars(self)[name] = frozen(array)
         _ = self.shape  # an error unless there is one
 
@@ -99,10 +99,10 @@ class Body:
         field = self.field()
         checks.instance("field()", field, Body)
         if field.dimension != self.dimension:
-            expected = f"{self.dimension} components, the dimension of {type(self).__name__}"
-            raise wrong("field", expected, field.dimension)
+            expected = f"have {self.dimension} components, the dimension of {type(self).__name__}"
+            raise wrong("field()", expected, field.dimension)
         if np.broadcast_shapes(field.shape, self.shape) != self.shape:
-            raise wrong("field", f"the shape {self.shape} of the body", field.shape)
+            raise wrong("field()", f"have the shape {self.shape} of the body", field.shape)
         return field.terms
 
     @property
@@ -138,15 +138,16 @@ class Body:
             if name in vars(self).get("_coordinates", ()):
                 instead = f"parameters[{name!r}]"
             elif name in import_module("suslov_fast").__all__ or name in _ELSEWHERE:
-                instead = f"suslov_fast.{_ELSEWHERE.get(name, name)}(body, ...), a function"
+                instead = f"suslov_fast.{_ELSEWHERE.get(name, name)}(body, ...)"
             if instead:
-                raise AttributeError(f"{name}: expected {instead}, got an attribute of {kind}")
+                raise AttributeError(f"{kind!r} object has no attribute {name!r}: use {instead}")
             text = f"{kind!r} object has no attribute {name!r}"
             raise AttributeError(text, name=name, obj=self)
 
     def __len__(self) -> int:
         if not self.shape:
-            raise wrong("body", "a batch", f"a single {type(self).__name__}", TypeError)
+            text = f"this body is a single {type(self).__name__}, without members to count or index"
+            raise TypeError(text)
         return self.shape[0]
 
     def __iter__(self: Kind) -> Iterator[Kind]:
@@ -164,7 +165,7 @@ class Body:
             try:
                 place, axes = place_in(body.shape[axis:], entry)
             except (IndexError, TypeError) as error:
-                expected = f"integers, slices or masks along axes of lengths {self.shape}"
+                expected = f"integers, slices or masks along the axes, of lengths {self.shape}"
                 raise wrong("index", expected, checks.short(index), type(error)) from None
             body = body._merged(axis, axes)._part(axis, place)
             axis += 1 if isinstance(place, slice) else np.ndim(place)
@@ -201,7 +202,7 @@ class Body:
             if isinstance(value, slice):
                 if value.step is not None or method is not None:
                     received = f"{value} and method {method}"
-                    raise wrong(name, "a slice without a step and without a method", received)
+                    raise wrong(name, "a slice without step and method", received)
                 low = -np.inf if value.start is None else value_to_select(name, value.start)
                 high = np.inf if value.stop is None else value_to_select(name, value.stop)
                 index: Any = np.flatnonzero((low <= there) & (there <= high))
@@ -239,12 +240,10 @@ class Body:
             known = ", ".join(along_one) or "none varies along one axis"
             raise ValueError(f"sel: there is no parameter {name!r}; choose from: {known}")
         if name not in along_one:
-            expected = (
-                f"a parameter that varies along one axis, of {', '.join(along_one) or 'none'}"
-            )
-            a = columns[name]
+            a, known = columns[name], ", ".join(along_one) or "none"
             what = f"has the shape {a.shape}" if a.ndim else f"is {a} for all members"
-            raise wrong("sel", expected, f"{name}, which {what}")
+            text = f"sel: {name} {what}: choose a parameter that varies along one axis"
+            raise ValueError(f"{text}, of {known}")
         return along_one[name]
 
     def _merged(self: Kind, axis: int, axes: int) -> Kind:
@@ -330,8 +329,9 @@ class Body:
         try:
             inspect.signature(read).bind(**given)
         except TypeError as error:
-            expected = f"those of {cls.__name__} ({error})"
-            raise wrong("parameters", expected, ", ".join(map(str, given))) from None
+            names = ", ".join(map(str, given)) or "none"
+            text = f"these are not the parameters of {cls.__name__}: {names} ({error})"
+            raise ValueError(text) from None
         texts = {name: given.pop(name) for name in cls._texts if name in given}
         return read(**from_lists("parameters", given), **texts)
 

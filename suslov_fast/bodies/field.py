@@ -118,7 +118,7 @@ class QuadraticField(Body):
     ) -> None:
         if callable(quadratic):
             received = "a function: use QuadraticField.from_function(f, dimension)"
-            raise wrong("quadratic", "coefficients (..., D, D, D)", received, TypeError)
+            raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
         arrays = {"quadratic": as_given("quadratic", quadratic)}
         D = (0, *arrays["quadratic"].shape)[-1]
         for name, each, axes in (("linear", linear, 2), ("constant", constant, 1)):
@@ -127,7 +127,7 @@ class QuadraticField(Body):
         for name, array in arrays.items():
             axes = self._axes[name]
             if D == 0 or array.shape[-axes:] != (D,) * axes:
-                raise wrong(name, f"shape (..., {', '.join('D' * axes)})", array.shape)
+                raise wrong(name, f"have the shape (..., {', '.join('D' * axes)})", array.shape)
             shapes[name] = array.shape[:-axes]
         batch = checks.common_shape(shapes)
         q, l, c = (coefficients(name, array, bool(batch)) for name, array in arrays.items())
@@ -331,11 +331,11 @@ class QuadraticField(Body):
             values = named(parameters or {}, field.names)
             return field._with({**field._parts, **values})
         if quadratic is not None or linear is not None or constant is not None:
-            raise wrong("parameters", "coefficients, or H and K", "both")
+            raise ValueError("the parameters hold both coefficients and H: keep one of them")
         tensor = np.atleast_3d(coefficients("H", H, False))
         twins = tensor.swapaxes(-1, -2), tensor.swapaxes(-1, -3)
         if tensor.shape[-1] < 2 or not all(np.array_equal(tensor, each) for each in twins):
-            raise wrong("H", "a symmetric tensor", checks.short(H))
+            raise wrong("H", "symmetric in all its axes", checks.short(H))
         called = variables("names", names, tensor.shape[-1] - 1)
         values = named(parameters or {}, called)
         return cls._of_hamiltonian(tensor, structure(K, len(called)), {NAMES: called, **values})
@@ -345,12 +345,12 @@ def structure(K: Any, D: int) -> Any:
     """Return the antisymmetric matrix of a Hamiltonian field, exact; by default canonical."""
     if K is None:
         if D % 2:
-            raise wrong("dimension", "an even number without K", D)
+            raise wrong("dimension", "even where K is left out, the matrix of x' = K grad H", D)
         K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
     matrix = coefficients("K", K, False)
     if matrix.shape != (D, D) or (matrix != -matrix.T).any():
         received = checks.short(matrix.astype(float).tolist())
-        raise wrong("K", f"an antisymmetric matrix ({D}, {D})", received)
+        raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", received)
     return matrix
 
 

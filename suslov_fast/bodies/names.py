@@ -62,17 +62,19 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
     elif isinstance(given, (list, tuple)) or np.ndim(given) == 1:
         names = [*given]
     elif D is None:
-        return labels(integer(argument, given, 1, 'an integer from 1, or names as "u v w"', 2**62))
+        return labels(integer(argument, given, 1, 'an integer from 1, or names: "u v w"', 2**62))
     else:
-        raise wrong(argument, 'names as "u v w"', short(given), TypeError)
+        raise wrong(argument, 'names, such as "u v w"', short(given), TypeError)
     if not all(isinstance(name, str) for name in names):
-        kind = "integer or names of variables" if D is None else "names of variables"
+        kind = "an integer, or names of variables" if D is None else "names of variables"
         raise wrong(argument, f"{kind}, such as 'u v w'", short(given), TypeError)
     names = [str(name) for name in names if name]
     if not names:
-        raise wrong(argument, "at least one variable", short(given))
+        raise wrong(argument, "the name of at least one variable", short(given))
     if D is not None and len(names) != D:
-        raise wrong(argument, f"{D} names of variables", f"{len(names)}: {short(given)}")
+        raise wrong(
+            argument, f"one name for each of {D} variables", f"{len(names)}: {short(given)}"
+        )
     for i, name in enumerate(names):
         if reason := _refused(name, i, names):
             raise ValueError(f"{argument}: the variable {name!r} {reason}")
@@ -115,7 +117,9 @@ def free(name: str, names: Collection[str] = (), maker: str = "") -> str:
 def check_parameter(name: str, names: Collection[str]) -> None:
     """Raise ValueError if a parameter of a field with these variables cannot have a name."""
     if not name.isidentifier() or iskeyword(name):
-        raise wrong("parameters", "names that Python can use, such as a or rho", repr(name))
+        raise ValueError(
+            f"parameters: {name!r} is no name in Python: rename it, to rho for example"
+        )
     if name in TIME:
         how = f"fields have no time; to make it a variable see {page('howto/cubic')}"
         raise ValueError(f"parameters: {name!r}: {how}")

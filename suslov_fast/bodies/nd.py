@@ -64,7 +64,7 @@ class SuslovND(Body):
         super().__post_init__()
         J, I = np.shape(self.J), np.shape(self.I)
         if J[-1:] != I[-1:] or J[-1:] in ((), (0,)):
-            raise wrong("J, I", "shapes (..., n - 1) with the same n > 1", f"{J} and {I}")
+            raise ValueError(f"J and I must both have the shape (..., n - 1), not {J} and {I}")
 
     @cached_property
     def dimension(self) -> int:
@@ -135,7 +135,7 @@ class SuslovND(Body):
         given = real_array("I", I)
         n = (0, *given.shape)[-1]
         if n < 2:
-            raise wrong("I", "shape (..., n, n) with n > 1", given.shape)
+            raise wrong("I", "have the shape (..., n, n) with n > 1", given.shape)
         tensors, rotation = adapted(given, np.eye(n)[-1] if a is None else a, n)
         moments = np.diagonal(tensors, axis1=-2, axis2=-1)
         return cls(moments[..., :-1] + moments[..., -1:], tensors[..., :-1, -1]), rotation
@@ -172,5 +172,6 @@ def check_known(body: SuslovND, function: str) -> None:
         expected = "n = 3, or with n = 4 and I along one axis"
     if not known.all():
         which = f"body {spell(first_index(~known))}" if known.ndim else "this body"
-        known_for = f"only for bodies with {expected}: use {_INSTEAD[function]}"
-        raise NotIntegrableError(f"{function}: no formula is known for {which}, {known_for}")
+        known_for = f"only for bodies with {expected}"
+        how = f"use {_INSTEAD[function]}"
+        raise NotIntegrableError(f"{function} has no known formula for {which}, {known_for}: {how}")

@@ -26,7 +26,7 @@ def exact(name: str, value: Any) -> Fraction:
     """Return a number, of NumPy or SymPy too, as a fraction: a float as its binary value."""
     is_ratio = isinstance(value, Rational)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
-        received = f"{short(value)} of type {type(value).__name__}"
+        received = f"the {type(value).__name__} {short(value)}"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
     try:
         if not is_ratio and value and float(value) in (0.0, math.inf, -math.inf):
@@ -34,7 +34,7 @@ def exact(name: str, value: Any) -> Fraction:
         ratio = (value.numerator, value.denominator) if is_ratio else value.as_integer_ratio()
         return Fraction(*map(int, ratio))
     except (OverflowError, ValueError):
-        raise wrong(name, "finite numbers", value) from None
+        raise wrong(name, "finite, and in the range of float64", value) from None
 
 
 def as_given(name: str, value: Any) -> Any:
@@ -61,7 +61,7 @@ def named(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, 
         check_parameter(name, variables)
         if name == "names" and np.asarray(value).dtype.kind == "U":
             how = 'pass the names of variables in place of the dimension, as "u v w"'
-            raise TypeError(f"names: {how}; this is a parameter with the value {short(value)}")
+            raise TypeError(f"names={short(value)} is taken as a parameter of the field: {how}")
         array = as_given(name, value)
         found[name] = real_array(name, value) if array.ndim else array.item()
         if not array.ndim:

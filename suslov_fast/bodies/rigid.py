@@ -39,8 +39,8 @@ class _In3D(Body):
             tensors = self._inertia(self._arrays["I3"])
             # Twice the rounding, since adapted bases have some of their own.
             if not (fits := _excess(tensors) >= -2 * _ROUNDING).all():
-                expected = "one that a body with these parameters can have (see admissible_I3)"
-                checks.warn(str(wrong("I3", expected, tensors[~fits][0, 2, 2])))
+                text = "no body has I3 = {} with these I1, I2, I13 and I23: see admissible_I3()"
+                checks.warn(text.format(tensors[~fits][0, 2, 2]))
 
     @property
     def constants(self) -> tuple[Any, ...]:
@@ -297,7 +297,7 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
             f"{which}is not positive definite: its least eigenvalue is {least[where]:.9g}"
         )
     if axis.shape[-1:] != (n,):
-        raise wrong("a", f"shape (..., {n})", axis.shape)
+        raise wrong("a", f"have the shape (..., {n})", axis.shape)
     length = np.linalg.norm(axis, axis=-1, keepdims=True)
     if (bad := ~((length > 0) & (length < np.inf)))[..., 0].any():
         where = checks.first_index(bad[..., 0])

@@ -140,7 +140,7 @@ def _components(found: Any, D: int) -> Any:
         received = f"{short(found)}: return a tuple of {D}"
         if isinstance(found, (tuple, list, np.ndarray)):
             received = f"{len(found)}: {short(found)}"
-        raise ValueError(f"expected {D} components, got {received}")
+        raise ValueError(f"must return {D} components, not {received}")
     return found
 
 
@@ -172,7 +172,7 @@ def _tensor(value: Any, what: str, D: int, degree: int) -> Any:
     try:
         terms, table = Polynomial.of(value).terms, np.full((D + 1,) * degree, Fraction(0))
     except TypeError:
-        raise TypeError(f"{what}: expected a polynomial, got {short(value)}") from None
+        raise TypeError(f"{what} must be a polynomial, not {short(value)}") from None
     within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
     for indices, c in terms.items():
         if len(indices) > degree:

@@ -41,8 +41,8 @@ def require(nbytes: int, what_to_do: str) -> None:
     free = 1024 * int(found[1]) if found else math.inf
     if nbytes > free - SMALL:
         raise MemoryError(
-            f"expected arrays that fit in memory, of which {free:,} bytes are available, "
-            f"got {nbytes:,} bytes; {what_to_do}"
+            f"the arrays need {nbytes:,} bytes, and {free:,} bytes of memory are available: "
+            f"{what_to_do}"
         )
 
 
@@ -88,7 +88,7 @@ class RandomStarts:
         """Return the states `start` to `start + count`, shape (count, dimension)."""
         count, start = integer("count", count, 0), integer("start", start, 0)
         dimension = integer("dimension", dimension, 1)
-        require(32 * count * dimension, "fewer initial states, or `ensemble`, need less")
+        require(32 * count * dimension, "use fewer initial states, or ensemble")
         # One value of the counter gives four 64-bit words.
         first, skipped = divmod(start * dimension, 4)
         generator = np.random.Philox(key=self.seed, counter=first)
@@ -168,7 +168,7 @@ def check(
     """
     labels, turns = components or body._labels, None
     if components is None and len(labels) != body.dimension:
-        expected = f"{body.dimension} labels, the dimension of {type(body).__name__}"
+        expected = f"have {body.dimension} entries, the dimension of {type(body).__name__}"
         raise wrong("_labels", expected, checks.short(labels))
     if map.variable == "x":
         name = "x"
@@ -181,11 +181,11 @@ def check(
     shapes["eps"] = () if type(eps) is float else eps.shape
     if attitude is not False:
         if "attitude" not in map.formulas:
-            expected = "False, as states of this map have no orientation"
-            raise wrong("attitude", expected, checks.short(attitude), TypeError)
+            expected = "left out, because states of this map have no orientation"
+            raise wrong("attitude", expected, error=TypeError)
         n = body.dimension + 1
         if map.formulas["attitude"].compute is True and n != 3:
-            raise wrong("attitude", "IN_ROWS, as states have not two components", "AXIAL")
+            raise wrong("attitude", "IN_ROWS, because states have not two components", "AXIAL")
         turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]
     batch, threads = common_shape(shapes), thread_count(threads)

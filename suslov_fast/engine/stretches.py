@@ -47,7 +47,7 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
         return _bar(extra("tqdm.auto", "progress").tqdm, total)  # a notebook bar in a notebook
     if not callable(progress) or isinstance(progress, type) or not _takes_two(progress):
         name = kind_of(progress) if isinstance(progress, type) else short(progress)
-        expected = "True for a bar, or a function that is called as progress(done, total)"
+        expected = "True, for a bar, or a function that is called as progress(done, total)"
         raise wrong("progress", expected, name, TypeError)
 
     def report(done: int) -> bool:

@@ -115,7 +115,7 @@ def _same(one: Any, two: Any) -> bool:
 
 def _expect(holds: Any, expected: str, received: str, item: int) -> None:
     if not holds:
-        raise wrong("kernel", f"{expected} (item {item} of maps.Map)", received)
+        raise ValueError(f"kernel: item {item} of maps.Map asks for {expected}, not {received}")
 
 
 def _expect_same(run: _Run, expected: _Run, words: str, item: int) -> None:
@@ -172,8 +172,8 @@ def arguments_for(problem: Problem, steps: Any, size: int) -> Arguments:
         except numba.TypingError as error:
             if not isinstance(steps.kernel, KernelOfStep):
                 raise
-            expected = "a function that Numba compiles, and that returns a Status as an int"
-            raise wrong("step", expected, "the error above", TypeError) from error
+            expected = "have code that Numba compiles, and return a Status as an int: see above"
+            raise wrong("step", expected, error=TypeError) from error
         _TRIED.add(key)
     arguments: Arguments = steps.arguments(problem.body, problem.eps, problem.batch)
     if is_foreign:
@@ -190,7 +190,7 @@ def _check_arguments(arguments: Any, size: int) -> None:
         if kind is not None and kind.kind == "f" and kind != np.float64:
             raise wrong(f"arguments[{k}]", "an array of float64", str(kind), TypeError)
         if kind == np.float64 and len(array) not in (1, size):
-            expected = f"1 or {size} rows, those of the batch (item 1 of maps.Map)"
+            expected = f"have 1 or {size} rows, those of the batch (item 1 of maps.Map)"
             raise wrong(f"arguments[{k}]", expected, len(array))
 
 
@@ -201,8 +201,9 @@ def _check_step(kernel: Any, count: int) -> None:
     try:
         signature.bind(*range(4 + count))
     except TypeError:
-        expected = f"step(x, out, eps, work, *row) with a row of {count}, those of Steps.arguments"
-        raise wrong("step", expected, f"{step.__name__}{signature}", TypeError) from None
+        text = "step must take (x, out, eps, work, *row), with a row as long as Steps.arguments"
+        received = f"{step.__name__}{signature}"
+        raise TypeError(f"{text}, {count}, not {received}") from None
 
 
 def _rows(arguments: Any, has_rows: Any, which: Any, scale: Any = 1.0) -> Any:
@@ -298,8 +299,8 @@ def check_parameters(kind: Any, random: Any) -> None:
         body = make(np.random.default_rng(0), ())
         if shape := getattr(body, "shape", ()):
             given = [n for n, each in body._parts.items() if np.ndim(each) > body._axes.get(n, 0)]
-            expected = f"a single body for the shape (), or the axes of {', '.join(given)} in {how}"
-            raise wrong(f"random[{k}]", expected, f"a batch {shape}")
+            text = f"random[{k}] made a batch {shape} for the shape (): return a single body"
+            raise ValueError(f"{text}, or give the axes of {', '.join(given)} in {how}")
     if kind._axes:
         return
     with np.errstate(all="ignore"), warnings.catch_warnings():

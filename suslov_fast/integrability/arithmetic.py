@@ -51,7 +51,7 @@ def rationals(name: str, value: Any, count: int) -> Point:
     """Return a point with `count` coordinates, as fractions."""
     given = np.asarray(value, object)
     if given.shape != (count,):
-        raise wrong(name, f"shape ({count},)", given.shape)
+        raise wrong(name, f"have the shape ({count},)", given.shape)
     return tuple(rational(name, a) for a in given)
 
 

@@ -177,6 +177,6 @@ def exponents_of(monomials: Any, n: int) -> Exponents:
     except TypeError:
         raise wrong("monomials", "a degree or a list of exponents", monomials, TypeError) from None
     if {*map(len, exponents)} != {n} or not len({*exponents}) == len(exponents) <= _MOST:
-        expected = f"{n} exponents for each monomial, none twice, and at most {_MOST} monomials"
+        expected = f"at most {_MOST} different tuples of {n} exponents"
         raise wrong("monomials", expected, short(monomials))
     return exponents

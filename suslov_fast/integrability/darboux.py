@@ -12,7 +12,7 @@ from typing import Any
 
 import flint
 
-from ..checks import integer, wrong
+from ..checks import integer
 from . import arithmetic
 from .arithmetic import (
     EPS,
@@ -77,7 +77,8 @@ def darboux_polynomials(
     if cofactor is not None and not callable(cofactor):
         cofactor = RationalFunction((), arithmetic.rational("cofactor", cofactor))
     if map.has_letter and not isinstance(cofactor, RationalFunction | None):
-        raise wrong("cofactor", "a number or RationalFunction", "another function", TypeError)
+        how = "where eps is symbolic, not another function"
+        raise TypeError(f"cofactor must be a number or a RationalFunction {how}")
     found = space_of(map, degree, cofactor, seed=seed)
     return tuple(arithmetic.renamed(P, map.names) for P in found)
 
@@ -95,7 +96,7 @@ def space_of(
 
     rows = over_rationals(random.Random(seed), search, map.has_letter)
     if rows is None:
-        raise ArithmeticError("the coefficients are too long")
+        raise ArithmeticError("the coefficients of the polynomials are too long to reconstruct")
     exponents = arithmetic.exponents_up_to(degree, map.dimension)
     return polynomials_with(rows, exponents, map.has_letter)
 
@@ -202,7 +203,8 @@ class _Points:
     def _of_function(self, cofactor: Any, x: list[Any]) -> Any:
         value = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
         if isinstance(value, float):
-            raise wrong("cofactor", "exact numbers", "float", TypeError)
+            how = "return integers or fractions"
+            raise TypeError(f"the cofactor returns the float {value}: {how}")
         return flint.nmod(arithmetic.fmpq(arithmetic.rational("cofactor", value)), self._p)
 
 
@@ -228,8 +230,8 @@ def candidates(map: RationalMap, degree: int) -> Iterator[RationalFunction | Non
     Necessary ones, not sufficient. Between them None is yielded, so that a search can pause there.
     """
     if (determinant := map.jacobian_cofactor) is None:
-        expected = f"a map with an inverse and factors of det DPhi of at most {TERMS} terms"
-        raise ArithmeticError(f"expected {expected}")
+        needed = f"a map with an inverse, and factors of at most {TERMS} terms"
+        raise ArithmeticError(f"the factors of det DPhi are not known: they need {needed}")
     # The Jacobian determinant of F: its zeros have images of lower dimension. Those of any other
     # factor of a pullback are mapped to a hypersurface, and it has a cofactor itself.
     jacobian = factored(map.forms[-1]) ** (map.dimension + 1) * determinant

@@ -46,7 +46,7 @@ class RationalFunction:
     def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
         """Return the value at a point; a function with a symbolic eps needs its value."""
         if self.has_letter and eps is None:
-            raise TypeError("eps: expected a number, as in f(x, eps=Fraction(1, 3)), got None")
+            raise TypeError("eps is symbolic here: pass a number, as in f(x, eps=Fraction(1, 3))")
         point = [arithmetic.step_size(eps)] if self.has_letter else []
         point += [arithmetic.rational("x", a) for a in x]
         values = (Fraction(value_at(P, point)) ** e for P, e in self.factors)

@@ -120,7 +120,7 @@ def check_degrees(search: Any) -> None:
     pairs = zip(search.degrees, expected, strict=False)
     if any(found != predicted for found, predicted in pairs):
         count = len(search.degrees)
-        text = f"expected the degrees {expected[:count]}, got {search.degrees}"
+        text = f"the degrees are {search.degrees}, but {expected[:count]} by the contracted lines"
         raise ArithmeticError(f"{search.map}: {text}: this is an error of the package")
 
 
@@ -183,10 +183,10 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     try:
         d = [operator.index(each) for each in degrees]
     except TypeError:
-        expected = "integers, as degrees(map, n) returns them"
+        expected = "a list of integers, as degrees(map, n) returns it"
         raise wrong("degrees", expected, short(degrees), TypeError) from None
     if min(d, default=0) < 0:
-        raise wrong("degrees", "integers of at least 0", min(d))
+        raise wrong("degrees", "0 or more", min(d))
     if not isinstance(planar, bool | np.bool_):
         raise wrong("planar", "True or False", short(planar), TypeError)
     return _by_recurrence(d, bool(planar)) or _by_fit(d, bool(planar))

@@ -72,7 +72,7 @@ class ImplicitIntegral:
         map = self.map
         if map.has_letter:
             if eps is None:
-                raise TypeError("eps: expected a number, as in f(x, eps=Fraction(1, 3)), got None")
+                raise TypeError("eps is symbolic here: pass a number, as f(x, eps=Fraction(1, 3))")
             assert isinstance(map, KahanMap)
             map = map.subs(eps)
         point = (*arithmetic.rationals("x", x, map.dimension), Fraction(1))

@@ -42,7 +42,7 @@ class KahanMap(RationalMap):
     def inverse(self) -> KahanMap:
         """The inverse map, which is the Kahan map of the same field with -eps."""
         if self.eps is None:
-            raise TypeError("eps: expected a number here, as in map.subs(eps=Fraction(1, 3))")
+            raise TypeError("eps is symbolic here: set it by map.subs(eps=Fraction(1, 3))")
         return KahanMap(self.field, -self.eps)
 
     @property
@@ -220,7 +220,7 @@ def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:
     """
     if not isinstance(field, QuadraticField):
         how = ": use QuadraticField.of(body)" if isinstance(field, Body) else in_place_of(field)
-        raise wrong("field", "QuadraticField", f"{kind_of(field)}{how}", TypeError)
+        raise wrong("field", "a QuadraticField", f"{kind_of(field)}{how}", TypeError)
     if field.shape:
-        raise wrong("field", "a single field", f"a batch of shape {field.shape}")
+        raise wrong("field", "a single one", f"a batch of shape {field.shape}: pass field[i]")
     return KahanMap(field, None if eps is None else step_size(eps))

@@ -128,7 +128,7 @@ def locus(
     degree, height = integer("degree", degree, 1), integer("height", height, 1)
     rng = random.Random(integer("seed", seed, 0))
     if progress is not None and not callable(progress):
-        expected = "None or a callable (done, parts)"
+        expected = "a function that is called as progress(done, parts)"
         raise wrong("progress", expected, type(progress).__name__, TypeError)
     maps = _Maps(f)
     general = [
@@ -137,7 +137,7 @@ def locus(
     ]
     known = next((each for each in map(maps.at, general) if each is not None), None)
     if known is None:
-        raise ArithmeticError("f: expected a map for general values, got none") from maps.error
+        raise ArithmeticError("f makes no map for general values of the parameter") from maps.error
     exponents = exponents_of(degree if monomials is None else monomials, known.dimension)
 
     def counts(values: Sequence[Fraction], p: int, eps: int) -> dict[Fraction, int]:
@@ -154,7 +154,7 @@ def locus(
             progress(part, 2 + len(_PRIMES))
 
     if not (usual := [n for n in general_counts(general).values() if n >= 0]):
-        raise ArithmeticError("f: expected a map for general values, got none")
+        raise ArithmeticError("f makes no map for general values of the parameter")
     generic = min(usual)
     first = general_counts(fractions_up_to(height))
     done(1)
@@ -225,7 +225,7 @@ class _Maps:
             raise wrong("f", "a single QuadraticField or map for each number", got, TypeError)
         self._dimension = self._dimension or given.dimension
         if given.dimension != self._dimension:
-            expected = f"{self._dimension} variables for each number"
+            expected = f"have {self._dimension} variables for each number"
             raise wrong("f", expected, f"{given.dimension} at {value}")
         return given
 

@@ -16,7 +16,6 @@ from typing import Any
 import flint
 import numpy as np
 
-from ..checks import wrong
 from . import arithmetic
 from .arithmetic import Point, degree_of, value_at
 from .functions import RationalFunction, factored
@@ -131,7 +130,7 @@ class RationalMap:
 
     def _numbers(self, point: Any) -> list[Any]:
         if self.has_letter:
-            raise TypeError("eps: expected a number here, as in map.subs(eps=Fraction(1, 3))")
+            raise TypeError("eps is symbolic here: set it by map.subs(eps=Fraction(1, 3))")
         return [
             arithmetic.fmpq(a) for a in (*arithmetic.rationals("point", point, self.dimension), 1)
         ]
@@ -318,13 +317,13 @@ def cramer(system: list[list[Any]]) -> list[Any]:
 def check_map(map: Any) -> None:
     """Raise an error for anything but a map, and for equations that define none."""
     if not isinstance(map, RationalMap):
-        expected = "a map, as kahan(field, eps) or rational_map(f, dimension) returns it"
-        raise wrong("map", expected, type(map).__name__, TypeError)
+        how = "pass kahan(field, eps) or rational_map(f, dimension)"
+        raise TypeError(f"map is a {type(map).__name__}: {how}")
     now = map.at(arithmetic.EPS)
     try:
         image = now.image(arithmetic.random_point(map.dimension))
     except ZeroDivisionError:
-        raise ArithmeticError(f"{map} is no map: its equations have no solution") from None
+        raise ArithmeticError(f"{map} is no map, because its equations have no solution") from None
     try:
         now.image(image)
     except ZeroDivisionError:

@@ -129,7 +129,7 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     check_map(map)
     seed = integer("seed", seed, 0)
     if map.dimension != 2:
-        raise wrong("map", "a map of two variables", f"one of {map.dimension}")
+        raise wrong("map", "one of two variables", f"of {map.dimension}")
     if not map.is_planar:
         missing = "det DPhi = 0" if not map.is_invertible else "no inverse was given"
         return PlanarEntropy(reason=f"the map is not known to be birational: {missing}")

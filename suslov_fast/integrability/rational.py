@@ -60,7 +60,7 @@ def rational_map(
     # The inverse takes images back, as an identity.
     *above, below = map.inverse.homogeneous(forms)
     if below == 0 or above != [x * below for x in map.variables[:-1]]:
-        raise wrong("inverse", "the inverse of f", "another map")
+        raise ValueError("inverse is not the inverse of f: inverse(f(x)) differs from x")
     return map
 
 
@@ -71,14 +71,14 @@ def _traced(name: str, f: Any, n: int) -> list[Any]:
         raise wrong(name, expected, type(f).__name__, TypeError)
     check_arguments(name, f, labels(n), {}, "rational_map" if name == "f" else "")
     of = ring(n, False)
-    expected = f"{n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, / and powers"
+    must = f"must return {n} quotients of polynomials in x[0] to x[{n - 1}], by +, -, *, /, **"
     try:
         found = f(tuple(map(factored, of.gens())))
         components = [*map(as_function, found)]
     except (TypeError, AttributeError) as error:
-        raise wrong(name, expected, f"another operation: {error}", TypeError) from error
+        raise TypeError(f"{name} {must}: {error}") from error
     except (ValueError, IndexError, ArithmeticError) as error:
-        raise wrong(name, expected, f"an error: {error}") from error
+        raise ValueError(f"{name} {must}: {error}") from error
     if len(components) != n:
-        raise wrong(name, expected, f"{len(components)} components: {found!r:.60}")
+        raise ValueError(f"{name} {must}, not {len(components)} of them: {found!r:.60}")
     return over_common_denominator(components, of)

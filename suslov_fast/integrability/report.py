@@ -263,7 +263,7 @@ def report(
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0, and the image is {shape}")
     arithmetic.check_unknowns("degree", degree, map.dimension)
     if progress is not None and not callable(progress):
-        expected = "None or a callable (done, parts)"
+        expected = "a function that is called as progress(done, parts)"
         raise wrong("progress", expected, type(progress).__name__, TypeError)
     found = Report(map, degree, notes=notes)
     if time_limit is None:
@@ -271,7 +271,7 @@ def report(
     else:
         seconds = float(real_number("time_limit", time_limit))
         if seconds < 0:
-            raise wrong("time_limit", "None or a number of seconds of at least 0", seconds)
+            raise wrong("time_limit", "0 seconds or more, or left out", seconds)
         parts = search_until(time.monotonic() + seconds, found, seed)
     with closing(parts):
         try:
@@ -289,7 +289,7 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
     """Return the map of the arguments of a report, and notes on them."""
     if isinstance(field, RationalMap):
         if eps is not None:
-            raise wrong("eps", "none for a map", eps)
+            raise wrong("eps", "left out, because a map has its own", eps)
         missing = not isinstance(field, KahanMap) and field.inverse is None
         text = "No inverse was given: it is not checked that the map is birational."
         return field, [text] if missing else []

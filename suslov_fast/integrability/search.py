@@ -346,7 +346,7 @@ class Search:
                 scale = g.cofactor * factored(map.forms[-1]) ** g.degree
                 above, below = scale.quotient_in(map.ring)
                 if map.pullback(P, g.degree) * below != P * above:
-                    raise ArithmeticError(f"{g}: expected the cofactor {g.cofactor}")
+                    raise ArithmeticError(f"{g} has not the cofactor {g.cofactor}")
                 number = self.invariants.generators.index(g)
                 self.invariants.generators[number] = replace(g, basis=IDENTITY)
                 self.version += 1
@@ -364,7 +364,7 @@ class Search:
                 images = [map.pullback(P, degree) for P in space]
                 pairs = zip(images, space, strict=True)
                 if any(image * space[0] != images[0] * P for image, P in pairs):
-                    raise ArithmeticError(f"{space}: expected equal cofactors")
+                    raise ArithmeticError(f"{space} have different cofactors")
                 proved = [replace(factored(P), basis=IDENTITY) for P in space]
                 for number, each in enumerate(self.invariants.spaces):
                     if each and str(each) == str(proved):

@@ -77,17 +77,16 @@ def animate_body(
         run = body
         run.map.formula("animate_body", run.body)
         if omega0 is not None:
-            raise wrong("omega0", "None, as a run has its own", short(omega0))
+            raise wrong("omega0", "left out, because the run has states", short(omega0))
         if R0 is not None and run.attitude is not None:
-            raise wrong("R0", "None, as this run has orientations", short(R0))
+            raise wrong("R0", "left out, because the run has orientations", short(R0))
     else:
         run = _new_run(body, omega0, eps, steps, True if R0 is None else R0)
     if run.status.ndim:
         what = "run" if is_run else "omega0, R0"
         raise wrong(what, "a single state and orientation", f"a batch {run.status.shape}")
     if not run.ok:
-        received = f"one without a state at step {int(run.failed_at)}"
-        raise wrong("run", "an orbit whose states all exist", received)
+        raise ValueError(f"this orbit has no state at step {int(run.failed_at)}: draw fewer steps")
     whole, rotations = cast(BodyIn3D, run.body), run.attitude
     if rotations is None:
         rotations = attitude(whole, run.states, run.eps, R0)
@@ -102,8 +101,8 @@ def _new_run(body: BodyIn3D, omega0: Any, eps: float, steps: int, attitude: Any)
     """Return the run of one orbit, by default from a state near the repelling steady rotation."""
     map_of(body).formula("animate_body", body)
     if body.shape or np.ndim(eps):
-        shapes = f"the shapes {body.shape} and {np.shape(eps)}: animate_body(run) takes a run"
-        raise wrong("body, eps", "a single body and step size", shapes)
+        shapes = f"the shapes {body.shape} and {np.shape(eps)}: for a run call animate_body(run)"
+        raise wrong("body, eps", "a single body and a single step size", shapes)
     if omega0 is None:
         middle, (x, y) = Plane(body, eps).steady_line() or (0.0, (1.0, 0.0))
         omega0 = middle + 2.0 * np.array([x, y]) + 0.3 * np.array([-y, x])
@@ -116,7 +115,8 @@ def _turning_body(body: BodyIn3D, rotations: FloatArray, times: FloatArray) -> t
 
     drawn = ellipsoid(body)
     if drawn is None:
-        raise wrong("I3", "one with a positive definite inertia tensor", body.I3)
+        how = "no body has it: choose one in body.admissible_I3()"
+        raise ValueError(f"I3 = {body.I3}: {how}")
     radii, principal = _RADIUS * drawn["radii"], drawn["axes"]
     v = np.linspace(np.pi - _POLE, _POLE, 33)  # normals point outwards
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 65), v)

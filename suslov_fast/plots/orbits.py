@@ -121,7 +121,7 @@ def _pair(run: Any, components: Any) -> list[int]:
     """Return the indices of two components, given by index or label."""
     labels = [*run.body._labels]
     last = len(labels) - 1
-    expected = f"two integers from 0 to {last}, or two labels of {', '.join(labels)}"
+    expected = f"two integers from 0 to {last}, or two of {', '.join(labels)}"
     given = components if isinstance(components, (tuple, list)) else ()
     if len(given) != 2 or any(isinstance(k, str) and k not in labels for k in given):
         raise wrong("components", expected, short(components))
@@ -152,8 +152,8 @@ def _colours(run: Any, color: Any, shape: tuple[int, ...], others: dict[str, Any
             return _Colours()
     if isinstance(color, str):
         if color not in {*named, *others}:
-            expected = ", ".join([*named, *others]) or "none"
-            raise wrong("color", f"numbers, or a name of {expected}", short(color))
+            known = ", ".join([*named, *others]) or "none"
+            raise ValueError(f"color: {short(color)} is none of the names here: {known}")
         if color in others:
             return _Colours(np.asarray(others[color], float), color)
         values = named[color]
@@ -163,10 +163,10 @@ def _colours(run: Any, color: Any, shape: tuple[int, ...], others: dict[str, Any
     if of_crossings and values.shape == run.count.shape != shape:
         values = run._at_crossings(values)
     if values.shape != shape:
-        expected = f"a name, or numbers of shape {shape}"
+        expected = f"have the shape {shape}"
         if of_crossings:
             expected += f", one for each crossing, or {run.count.shape}, for each trajectory"
-        raise wrong("color", expected, f"shape {values.shape}")
+        raise wrong("color", expected, values.shape)
     return _Colours(values.ravel())
 
 

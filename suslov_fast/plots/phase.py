@@ -140,12 +140,13 @@ def plot_phase(
     eps, extent = positive("eps", eps), positive("extent", extent)
     I1, I2, I13, I23, k = map_of(body).formula("plot_phase", body).compute(body)
     if body.shape or not (I13 or I23 or k):
-        raise wrong("body", "a single one with I13 or I23 other than 0", body)
+        raise wrong("body", "a single one, with I13 or I23 other than 0", body)
     plane, levels = Plane(body, eps), integer("levels", levels, 1)
     largest = plane.radius([extent, extent])
     t = plane.e * largest * abs(plane.g)
     if not t < 1:
-        raise wrong("extent", "a criticality below 1 in the corners of the picture", f"{t:.3g}")
+        text = f"the criticality is {t:.3g} in the corners of the figure, and must be below 1"
+        raise ValueError(f"extent: {text}: use a smaller extent or eps")
     axes = axes_for(ax, (5.2, 5.8))
     colours = COLOURS(np.linspace(0.05, 0.9, levels))
     for R, colour in zip(largest * np.arange(1, levels + 1) / (levels + 1), colours, strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, wrong
+from ..checks import FloatArray
 from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField
 from ..maps import map_of, problem
 from .evaluation import evaluate, mask_and_warn
@@ -230,7 +230,7 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
     """
     map_of(body).formula("from_xy", body)
     if np.any((body.I13 == 0) & (body.I23 == 0)):
-        raise wrong("body", "I13 or I23 other than 0", "both 0")
+        raise ValueError("body: x and y are defined only where I13 or I23 is other than 0")
     given, formula = problem("from_xy", body, xy, name="xy", components=("x", "y"), later=True)
     return mask_and_warn(given, formula.compute(given))
 

@@ -261,11 +261,11 @@ def _refuse_moving(given: Problem, moves: Any, member: str) -> None:
     """Raise ValueError if components (..., D) of states move."""
     if moves.any():
         moves = np.broadcast_to(moves.any(axis=-1), given.batch)
-        where = f", first: {spell(first_index(moves))}" if given.batch else ""
-        raise ValueError(
-            f"{given.name}: expected fixed points of the map, got {np.count_nonzero(moves)} other "
-            f"states{member}{where}: use jacobian for the derivative at these"
-        )
+        text = f"{given.name} is not a fixed point"
+        if given.batch:
+            where = spell(first_index(moves))
+            text = f"{given.name}: states{member} that are not fixed points, first: {where}"
+        raise ValueError(f"{text}: use jacobian for the derivative there")
 
 
 def lyapunov_exponents(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import FloatArray, first_index, real_array, spell, warn, wrong
+from ..checks import FloatArray, first_index, real_array, spell, warn
 from ..engine.arguments import Problem, check, part_of
 from ..engine.status import SingularStepWarning
 from ..maps import Map, map_of
@@ -40,8 +40,8 @@ def evaluate(
 
 
 def _wrong_shape(name: str, map: Map, problem: Problem, shape: tuple[int, ...]) -> Any:
-    expected = f"values of the batch shape {problem.batch} from the formula of the map {map.name!r}"
-    return wrong(name, expected, f"the shape {shape}")
+    text = f"the formula of the map {map.name!r} returns the shape {shape}"
+    return ValueError(f"{name}: {text}, and must return the batch shape {problem.batch}")
 
 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:

@@ -60,7 +60,7 @@ def fixed_points(field: Body, /) -> OneOrEach:
     """
     whole = QuadraticField.of(field)
     if whole.dimension > 3:
-        raise wrong("field", "at most 3 variables", f"{whole.dimension}: {_BEYOND}")
+        raise wrong("field", "have at most 3 variables", f"{whole.dimension}: {_BEYOND}")
     found: OneOrEach = _in_order(whole, field) if whole.shape else _points_of(whole, field)
     return found
 
@@ -90,11 +90,11 @@ def _points_of(field: Any, named: Any, index: tuple[int, ...] = ()) -> Any:
     points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
     if points is None:
         how = f"its steady states are {named._steady}" if named._steady else _BEYOND
-        received = f"infinitely many{named._of_member(i)}: {how}"
-        raise wrong("field", "finitely many fixed points", received)
+        raise ValueError(f"field: infinitely many fixed points{named._of_member(i)}: {how}")
     found = np.array(sorted(points), np.float64).reshape(-1, field.dimension)
     if np.isinf(found).any():
-        raise wrong("field", "fixed points in the range of float64", f"others{named._of_member(i)}")
+        where = f"fixed points{named._of_member(i)} are beyond the range of float64"
+        raise ValueError(f"field: {where}: use other units")
     return found
 
 

@@ -235,7 +235,7 @@ class Crossings:
         array([ 37,  88, 138, 188])
         """
         if self._carry is None:
-            raise ValueError("extend: expected a result of crossings or Crossings.load, got a copy")
+            raise ValueError("extend: this is a part or a copy of a result: extend that itself")
         if surface is None and (surface := self._surface) is None:
             text = "surface: files, pickles and of() do not keep it: pass extend(steps, surface)"
             raise ValueError(text)

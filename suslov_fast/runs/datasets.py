@@ -139,7 +139,8 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
         raise wrong("dims", "names that are not taken", ", ".join(clashing))
     for axis, name in enumerate(names):
         if name in parameters and run.status.shape[axis] > 1 and alone.get(name) != axis:
-            raise wrong("dims", f"{name} for the axis along which it varies alone", repr(dims))
+            text = f"{name} is the parameter that varies along another axis: choose another name"
+            raise ValueError(f"dims {dims!r}: {text}")
     return tuple(names)
 
 

@@ -131,7 +131,7 @@ def ensemble(
         omega0 = checks.states("omega0", omega0, body._labels)
     shape = (*omega0.shape, body.dimension) if is_random else omega0.shape
     if shape[-1:] != (body.dimension,) or np.isnan(shape).any():
-        raise wrong("omega0", f"known shape (..., {body.dimension})", shape)
+        raise wrong("omega0", f"have a known shape (..., {body.dimension})", shape)
     batch = checks.common_shape({"omega0": shape[:-1], "the other arguments": whole.batch})
     functions = functions or {}
     checks.instance("functions", functions, Mapping)
@@ -193,14 +193,14 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
 
     found = metadata.contents(store)
     if found is None or not found.arrays:
-        raise wrong("store", "a store of ensemble", f"none at {store}", FileNotFoundError)
+        raise FileNotFoundError(f"store: there is no store of ensemble at {store}")
     lost = stores.Lost({}, set(), set()) if is_known else stores.lost(store, found)
     if lost.chunks:
         received = f"{store} without {lost}: ensemble, called again, computes them anew"
-        raise wrong("store", "whole chunks of all its tiles", received)
+        raise wrong("store", "have whole chunks of all its tiles", received)
     if is_finished and lost.pending:
         received = f"{store} without {len(lost.pending)} of the tiles that were computed"
-        raise wrong("client", "workers that write to the store", received)
+        raise wrong("client", "have workers that write to the store", received)
     if found.foreign:
         names = ", ".join(found.foreign)
         how = "keep derived variables in a store of their own"
@@ -269,7 +269,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
         data[name] = (("n", *data.status.dims), np.broadcast_to(np.nan, (rows, *batch)))
     names = *data.variables, *data.dims
     if refused := [repr(str(name)) for name in names if not _is_storable(name)]:
-        expected = "names that a store can have, without / and other than '', '.' and 'zarr.json'"
+        expected = "have names without /, and other than '', '.' and 'zarr.json'"
         raise wrong("dims, coords and functions", expected, ", ".join(refused))
     identity = {
         name: each if isinstance(each, str) else stores.described(name, each)
@@ -366,7 +366,7 @@ def _finished(
             worker = job.result()
             if worker not in known and not stores.has_tile(store, tile):
                 received = f"{worker}, whose tile is not at {store}"
-                raise wrong("client", "workers that write to the store", received)
+                raise wrong("client", "have workers that write to the store", received)
             known.add(worker)
             yield where
             submit()

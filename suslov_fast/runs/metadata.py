@@ -159,7 +159,7 @@ def _stored(name: str, metadata: dict[str, Any]) -> Stored:
         raise wrong(name, "an array as ensemble makes it", ", ".join(sorted(codecs)))
     shape, dims = tuple(metadata["shape"]), tuple(metadata.get("dimension_names") or ())
     if len(dims) != len(shape) or len(grid) != len(shape) or min((*grid, 1)) < 1:
-        raise wrong(name, "a size of chunks and a name for each axis", f"{shape}, {grid}, {dims}")
+        raise wrong(name, "have chunks and a name for each axis", f"{shape}, {grid}, {dims}")
     return Stored(shape, str(metadata["data_type"]), tuple(grid), dims)
 
 
@@ -179,15 +179,15 @@ def _check(found: Contents) -> None:
     sizes = dict(zip(batch.dims, batch.shape, strict=True))
     chunks = dict(zip(batch.dims, batch.chunks, strict=True))
     if absent := {*found.shared, "eps"} - {*arrays}:
-        raise wrong(min(absent), "an array", "none")
+        raise ValueError(f"the array {min(absent)} is missing")
     for name, each in arrays.items():
         if name in found.tiled and not {*batch.dims} <= {*each.dims}:
-            raise wrong(name, f"axes {', '.join(batch.dims)}", ", ".join(each.dims))
+            raise wrong(name, f"have the axes {', '.join(batch.dims)}", ", ".join(each.dims))
         for dim, length, chunk in zip(each.dims, each.shape, each.chunks, strict=True):
             if length != sizes.setdefault(dim, length):
-                raise wrong(name, f"length {sizes[dim]} along {dim}", length)
+                raise wrong(name, f"have the length {sizes[dim]} along {dim}", length)
             if name in found.tiled and chunk != chunks.setdefault(dim, chunk):
-                raise wrong(name, f"chunks of {chunks[dim]} along {dim}", chunk)
+                raise wrong(name, f"have chunks of {chunks[dim]} along {dim}", chunk)
 
 
 def overlaid(store: Any, found: Contents, read_only: bool = True) -> Any:

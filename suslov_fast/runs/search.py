@@ -99,19 +99,21 @@ class Search:
             if not re.search(_OF_ONE_STATE, str(error)):
                 raise
             kind = IndexError if isinstance(error, IndexError) else ValueError
-            raise wrong("surface", _LAST, error, kind) from error
+            raise kind(f"surface must take {_LAST}: {error}") from error
         if isinstance(found, np.ma.MaskedArray):
             how = "return NaN where there is no value, as by values.filled(np.nan)"
-            raise wrong("surface", "real numbers", f"a masked array: {how}", TypeError)
+            raise wrong(
+                "surface", "have real numbers as values", f"a masked array: {how}", TypeError
+            )
         values = np.asarray(found)
         if values.dtype.kind == "b":
             how = "pass the difference, not the comparison"
-            raise wrong("surface", "real numbers", f"bool: {how}", TypeError)
+            raise wrong("surface", "have real numbers as values", f"bool: {how}", TypeError)
         if values.dtype.kind not in "iuf":
-            raise wrong("surface", "real numbers", f"values of dtype {values.dtype}", TypeError)
+            raise wrong("surface", "have real numbers as values", f"{values.dtype}", TypeError)
         if values.shape != states.shape[:-1]:
             received = f"values {values.shape} for states {states.shape}"
-            expected = f"a number for each state, values (...) for (..., D), with {_LAST}"
+            expected = f"have a value for each state, (...) for states (..., D), with {_LAST}"
             raise wrong("surface", expected, received)
         values = values.astype(np.float64, copy=False)
         if self.march.n == 0 or (self.march.status < 0).any():

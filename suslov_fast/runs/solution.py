@@ -144,7 +144,7 @@ def _states_at(
     """Return states of the map or the flow at given times, and warn of those that are missing."""
     times = np.asarray(real_number(name, value))
     if times.ndim > 1:
-        raise wrong(name, "a number or a 1-D array", f"shape {times.shape}")
+        raise wrong(name, "a number or a 1-D array", f"an array of shape {times.shape}")
     start, reduction = problem(function, body, omega0, eps, threads, name="omega0")
     plane, leave = reduction.compute(start)
     batch, threads, all_times = plane.batch, plane.threads, times.reshape(-1)

@@ -50,7 +50,9 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
         raise _exists(path)
     kind, described = type(result).__name__, result.body.to_dict()
     if result._carry is None:
-        raise ValueError(f"save: expected a result of a run or of {kind}.load, got a copy of one")
+        raise ValueError(
+            f"save: this is a part or a copy of a result: save that, or what {kind}.load returns"
+        )
     about = {"format": FORMAT, "version": __version__, "kind": kind, "map": result.map.name}
     about |= {name: getattr(result, name) for name in _NUMBERS[kind]}
     if class_named(described["body"]) is not type(result.body):
@@ -67,7 +69,7 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
 
 
 def _exists(path: PathLike) -> FileExistsError:
-    message = "expected the name of a new file, or overwrite=True, got one that exists"
+    message = "the file exists: choose a new name, or pass overwrite=True"
     return FileExistsError(errno.EEXIST, message, os.fspath(path))
 
 
@@ -135,7 +137,7 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
     right. Errors name the file.
     """
     name = os.fspath(_checked(path))
-    expected = f"a file that {' or '.join(f'{kind}.save' for kind in kinds or _ARRAYS)} wrote"
+    writers = " or ".join(f"{kind}.save" for kind in kinds or _ARRAYS)
     try:
         with open(name, "rb") as file, zipfile.ZipFile(file) as entries:
             about, texts = _about(entries)
@@ -147,8 +149,8 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
     except (OSError, MemoryError):
         raise
     except Exception as error:  # from NumPy, zipfile or json
-        raise wrong(name, expected, f"another, or a damaged one: {error}") from error
-    raise wrong(name, expected, f"one of {kind}.save: {kind}.load reads it")
+        raise ValueError(f"{name} is no whole file of {writers}: {error}") from error
+    raise ValueError(f"{name} is a file of {kind}.save: load it by {kind}.load")
 
 
 def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
@@ -179,7 +181,7 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, described: str) -> di
         expected["eps"] = "float64", given["eps"][1]
         shapes = {"body": body.shape, "eps": given["eps"][1], "status": batch}
         if common_shape(shapes) != batch:
-            raise wrong("status", f"shape {common_shape(shapes)}", batch)
+            raise wrong("status", f"have the shape {common_shape(shapes)}", batch)
     check_arrays(given, expected)
     found: dict[str, Any] = dict.fromkeys(_ARRAYS[kind])
     found |= {name: _entry(entries, name) for name in expected} | numbers
@@ -224,7 +226,7 @@ def _check_failures(found: Mapping[str, Any], steps: int) -> None:
     """Check that statuses, `failed_at` and last states agree."""
     status, failed_at, failed = found["status"], found["failed_at"], found["status"] < 0
     if not np.isin(status, [*Status]).all():
-        raise wrong("status", "values of Status", "others")
+        raise wrong("status", "have values of Status", "others")
     passed = status == Status.PASSED_POLE
     told, early = (failed_at >= 0) != (failed | passed), passed & (failed_at < 1)
     if ((failed_at < -1) | (failed_at > steps) | told | early).any():
@@ -264,7 +266,7 @@ def _check_crossings(points: Mapping[str, Any]) -> Any:
     final = points["final"].reshape(len(count), -1)[ended]
     if not np.array_equal(final, after[np.cumsum(count)[ended] - 1]):
         raise wrong(
-            "final", "of trajectories that ended the state after the last crossing", "others"
+            "final", "have the state after the last crossing of trajectories that ended", "others"
         )
     return trajectory
 
@@ -326,7 +328,7 @@ def check_arrays(given: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
     """Check types and shapes of the arrays of a file or a store, by name."""
     for name, (kind, shape) in expected.items():
         if name not in given:
-            raise wrong(name, f"{kind} of shape {shape}", "none")
+            raise ValueError(f"{name} is missing: {kind} of shape {shape}")
         if given[name] != (kind, shape):
             raise wrong(name, f"{kind} of shape {shape}", "{} of shape {}".format(*given[name]))
 

@@ -100,9 +100,9 @@ def _is_whole(path: str, nbytes: int | None) -> bool:
         return False
     except NotADirectoryError:
         place = next(each for each in Path(path).parents if each.is_file())
-        raise wrong("store", "a folder of chunks", f"the file {place}: remove it") from None
+        raise wrong("store", "have a folder of chunks", f"the file {place}: remove it") from None
     if stat.S_ISDIR(about.st_mode):
-        raise wrong("store", "a file for each chunk", f"the folder {path}: remove it")
+        raise wrong("store", "have a file for each chunk", f"the folder {path}: remove it")
     return nbytes is None or about.st_size == nbytes
 
 
@@ -204,8 +204,7 @@ def _check_new(store: Any, data: Any) -> None:
         raise wrong("store", "a new name or a store", f"{store} with {min(others)} in it")
     free = shutil.disk_usage(next(each for each in store.parents if each.exists())).free
     if data.nbytes > free:
-        received = f"{free:,} bytes, fewer than the {data.nbytes:,} of the run"
-        message = f"expected space for the run, got {received}: raise save_every"
+        message = f"{free:,} bytes are free, the run takes {data.nbytes:,}: raise save_every"
         raise OSError(errno.ENOSPC, message, str(store))
 
 

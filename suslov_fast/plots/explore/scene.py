@@ -1,6 +1,7 @@
 """Contents of the page: parameters from its URL, and the numbers that it draws."""
 
 import math
+import re
 import warnings
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -80,7 +81,7 @@ def answer(query: str) -> Any:
             return _json_values(_scene(parse_query(query)))
     except (ValueError, ArithmeticError) as error:
         # A message begins with the names of the fields that it is about.
-        named = str(error).partition(":")[0].split(", ")
+        named = re.split(": | must ", str(error), maxsplit=1)[0].split(", ")
         fields = [name for name in named if name in Parameters._fields]
         return {"error": str(error), "fields": fields}
 

@@ -200,7 +200,8 @@ def explore(
     constants = map_of(body).formula("explore", body).compute(body)
     state = states("omega0", omega0, body._labels)
     if body.shape or state.ndim != 1:
-        raise wrong("body, omega0", "a single body and a single state", (body.shape, state.shape))
+        received = f"of the shapes {body.shape} and {state.shape}"
+        raise wrong("body, omega0", "a single body and a single state", received)
     extent = 1.5 * float(abs(state).max()) or 1.0
     values = *map(float, constants), eps, *state.tolist(), steps, extent
     query = urlencode(Parameters(*values)._asdict())

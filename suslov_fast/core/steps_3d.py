@@ -19,9 +19,6 @@ plain     (X, Y), for k = 0 and T < 1 (that is |Y| < 1), where no pole is met. N
 general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X is a number of its own, because
           ell = I13 w1 + I23 w2 + k loses its digits next to a steady state, and so are u and v,
           because K may outweigh X - K and Y
-
-Other modules use `frame_of`, `scale_state`, `is_supercritical`, `turn`, `one_step` and
-`step_in_frame`, which are formulas of floats.
 """
 
 from typing import NamedTuple
@@ -175,12 +172,6 @@ def is_at_rest(X, Y):
 
 
 @formula
-def form_of(frame, X, Y):
-    """Return GENERAL, PLAIN or RESTS."""
-    return select(is_plain(frame, X, Y), PLAIN, select(is_at_rest(X, Y), RESTS, GENERAL))
-
-
-@formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
     """The next state, bit-identical to that of `steps`; NaN where there is none."""
     frame, e = frame_of(I1, I2, I13, I23, k, eps)
@@ -204,13 +195,14 @@ def step_in_frame(frame, e, I13, I23, k, w1, w2):
 
 
 # Rows of a block. KIND is a form; X_ and Y_ are the numbers of the plain one; XG, U and V those of
-# the general one, whose R is restored. They are what a trajectory continues from, the first three
-# if all of its block have the plain form, and U and V the state of one that rests. Then come, of a
-# single lane, how many states of the general form exist, and 1 after one on a pole; the state; the
-# frame; what gives X.
-KIND, X_, Y_, XG, U, V, R, EXIST, POLE, W1, W2, FRAME = range(12)
+# the general one, whose R is restored. A trajectory continues from these: from the first three if
+# its whole block has the plain form, from U and V as its state if it rests. TAKEN and AT_POLE, of a
+# lane alone, count its general steps, and those from a pole. Then come state, frame, what gives X.
+KIND, X_, Y_, XG, U, V, R, TAKEN, AT_POLE, W1, W2, FRAME = range(12)
 E_, I13_, I23_, K_ = range(FRAME + 6, FRAME + 10)
-CARRIED, CARRIED_BY_PLAIN, ROWS = EXIST, XG, K_ + 1
+CARRIED, CARRIED_BY_PLAIN, ROWS = TAKEN, XG, K_ + 1
+# What rows hold before they are needed: parameters until frames are made, a flag until steps are.
+I1_, I2_, EPS_, TOO_LONG = KIND, X_, E_, TAKEN
 STATE = np.int64(W1)  # typed, as FIRST
 new_block = block_of(ROWS, int(LANES))
 
@@ -239,12 +231,11 @@ def fill_frames(b, lanes, first, width, parameters):
     I1, I2, I13, I23, k, eps = parameters
     for l in range(lanes):
         i = first + (l if l < width else 0)
-        # KIND, X_ and E_ hold I1, I2 and eps until the loop below.
-        b[KIND, l], b[X_, l] = pick(I1, i), pick(I2, i)
+        b[I1_, l], b[I2_, l] = pick(I1, i), pick(I2, i)
         b[I13_, l], b[I23_, l] = pick(I13, i), pick(I23, i)
-        b[K_, l], b[E_, l] = pick(k, i), pick(eps, i)
+        b[K_, l], b[EPS_, l] = pick(k, i), pick(eps, i)
     for l in range(LANES):
-        frame, e = frame_of(b[KIND, l], b[X_, l], b[I13_, l], b[I23_, l], b[K_, l], b[E_, l])
+        frame, e = frame_of(b[I1_, l], b[I2_, l], b[I13_, l], b[I23_, l], b[K_, l], b[EPS_, l])
         b[FRAME, l], b[FRAME + 1, l], b[FRAME + 2, l] = frame.K, frame.a1, frame.a2
         b[FRAME + 3, l], b[FRAME + 4, l], b[FRAME + 5, l] = frame.back, frame.m1, frame.m2
         b[E_, l] = e
@@ -262,14 +253,15 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
     for l in range(LANES):
         frame, w1, w2 = frame_at(b, l), b[W1, l], b[W2, l]
         X, Y = scaled(frame, b[E_, l], b[I13_, l], b[I23_, l], b[K_, l], w1, w2)
-        form, v = form_of(frame, X, Y), w2 / frame.back
-        rests = form == RESTS
+        plain, v = is_plain(frame, X, Y), w2 / frame.back
+        rests = ~plain & is_at_rest(X, Y)
+        form = select(plain, PLAIN, select(rests, RESTS, GENERAL))
         b[KIND, l], b[U, l], b[V, l] = form, select(rests, 0.0, w1), select(rests, 0.0, v)
         b[X_, l], b[Y_, l] = X, Y
         b[XG, l] = select(is_lost(frame, X, Y), np.nan, X)  # there is no next state
-        b[EXIST, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)  # for the loop below
-        flagged += select((b[EXIST, l] > 0.0) | ~(abs(w1) + abs(v) < np.inf), 1, 0)
-        plains += select(form == PLAIN, 1, 0)
+        b[TOO_LONG, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)
+        flagged += select((b[TOO_LONG, l] > 0.0) | ~(abs(w1) + abs(v) < np.inf), 1, 0)
+        plains += select(plain, 1, 0)
     if lanes == 1:  # the others are of no trajectory
         plains, flagged = LANES if b[KIND, 0] == PLAIN else 0, 1
     if plains < LANES:
@@ -277,7 +269,7 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
             X = b[XG, l]
             b[R, l] = length(b[U, l], b[V, l]) / np.sqrt(1.0 + X * X)
     for l in range(width if flagged > 0 else 0):
-        if b[EXIST, l] > 0.0:
+        if b[TOO_LONG, l] > 0.0:
             status[first + l] = SUPERCRITICAL
         if not abs(b[U, l]) + abs(b[V, l]) < np.inf:
             status[first + l], failed_at[first + l] = NONFINITE, 0
@@ -315,15 +307,43 @@ def take_steps(b, lanes, plains, n, pause):
             frame = frame_at(b, l)
             b[XG, l], b[U, l], b[V, l], pole = general_step(frame, b[XG, l], b[U, l], b[V, l])
             if lanes == 1:
-                b[POLE, l] += pole
+                b[AT_POLE, l] += pole
                 if not abs(b[U, l]) + abs(b[V, l]) < np.inf:
                     b[U, l], b[V, l] = np.nan, np.nan
                     return
-                b[EXIST, l] += 1.0
+                b[TAKEN, l] += 1.0
     if pause % PROJECTED == 0:
         for l in range(lanes):
             X, u, v = b[XG, l], b[U, l], b[V, l]
             b[XG, l], b[U, l], b[V, l] = project_on_level(frame_at(b, l), b[R, l], X, u, v)
+
+
+@inlined
+def finish_lanes(b, few, plains, first, last, span, carry, final, status, failed_at):
+    """Write last states, statuses, and what is carried; return how many failures are to find."""
+    (_, _, start, stop, _, _), to_find = span, 0
+    if plains == LANES:
+        store_rows(b, STATE, final.reshape(-1), 2 * first, last - first)
+        for j in range(CARRIED_BY_PLAIN):
+            for l in range(last - first):
+                carry[j, first + l] = b[j, l]
+    for l in range(last - first if plains < LANES else 0):
+        i = first + l
+        may_fail = b[KIND, l] != PLAIN and status[i] >= 0
+        if not few and may_fail and not abs(b[U, l]) + abs(b[V, l]) < LARGEST:
+            failed_at[i], to_find = TO_FIND, to_find + 1
+            continue
+        final[i, 0], final[i, 1] = b[W1, l], b[W2, l]
+        if b[KIND, l] == RESTS:
+            b[U, l], b[V, l] = b[W1, l], b[W2, l]
+        for j in range(CARRIED):
+            carry[j, i] = b[j, l]
+        if few and may_fail:
+            failed_at[i] = -1
+            if b[TAKEN, l] < stop - start:
+                status[i] = SINGULAR if b[AT_POLE, l] > 0.0 else NONFINITE
+                failed_at[i] = start + b[TAKEN, l] + 1
+    return to_find
 
 
 @kernel
@@ -366,7 +386,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             plains = start_lanes(b, abreast, first, width, omega0, status, failed_at)
         else:
             plains = continue_lanes(b, abreast, first, width, carry)
-        b[EXIST, FIRST], b[POLE, FIRST] = 0.0, 0.0
+        b[TAKEN, FIRST], b[AT_POLE, FIRST] = 0.0, 0.0
         all_plain = plains == LANES and not few
         n, due, row, frame = start, first_due, first_row, frame_at(b, FIRST)
         while True:
@@ -393,27 +413,7 @@ def steps(part, parts, parameters, omega0, carry, span, saved, final, status, fa
             elif not stepped:
                 take_steps(b, LANES, plains, n, pause)
             n = pause
-        if plains == LANES:
-            store_rows(b, STATE, final.reshape(-1), 2 * first, last - first)
-            for j in range(CARRIED_BY_PLAIN):
-                for l in range(last - first):
-                    carry[j, first + l] = b[j, l]
-        for l in range(last - first if plains < LANES else 0):
-            i = first + l
-            may_fail = b[KIND, l] != PLAIN and status[i] >= 0
-            if not few and may_fail and not abs(b[U, l]) + abs(b[V, l]) < LARGEST:
-                failed_at[i], to_find = TO_FIND, to_find + 1
-                continue
-            final[i, 0], final[i, 1] = b[W1, l], b[W2, l]
-            if b[KIND, l] == RESTS:
-                b[U, l], b[V, l] = b[W1, l], b[W2, l]
-            for j in range(CARRIED):
-                carry[j, i] = b[j, l]
-            if few and may_fail:
-                failed_at[i] = -1
-                if b[EXIST, l] < stop - start:
-                    status[i] = SINGULAR if b[POLE, l] > 0.0 else NONFINITE
-                    failed_at[i] = start + b[EXIST, l] + 1
+        to_find += finish_lanes(b, few, plains, first, last, span, carry, final, status, failed_at)
         first = last
         if first == end and to_find > 0:
             first, once_more, to_find, first_due = begin, True, 0, stop + 1

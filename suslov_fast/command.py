@@ -136,17 +136,24 @@ def fraction(text: str) -> Fraction:
     """Return a number, which may be written as 1/3 or 1e6."""
     from .bodies.polynomials import from_text
 
-    return from_text(text)
+    try:
+        return from_text(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number, such as 0.1 or 1/3") from None
 
 
 def integer(text: str) -> int:
     if (value := fraction(text)).denominator > 1:
-        raise ValueError
+        raise argparse.ArgumentTypeError(f"{text!r} is no integer")
     return int(value)
 
 
 def numbers(text: str) -> list[float]:
-    return [float(each) for each in text.split(",")]
+    try:
+        return [float(each) for each in text.split(",")]
+    except ValueError:
+        how = "write numbers with commas, as 1,0.5"
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers: {how}") from None
 
 
 def _add_options_of_run(parser: Any) -> None:

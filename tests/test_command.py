@@ -251,17 +251,17 @@ MISTAKES = """
 2 | rum | invalid choice: 'rum' .* did you mean run?
 2 | run --stpes 3 | unrecognized arguments: --stpes 3; did you mean --steps?
 2 | run --i1 3 | --i1 3; did you mean --I1?
-2 | run --steps 1.5 | --steps: invalid integer value: '1.5'
-2 | run --omega0 1,x | --omega0: invalid numbers value: '1,x'
+2 | run --steps 1.5 | --steps: '1.5' is no integer
+2 | run --omega0 1,x | --omega0: '1,x' is no list of numbers
 2 | run --I1 4.5 | required: --I2, --I13, --I23, --eps
 2 | run --J 1,2 --I 1,2 --k 3 --eps 1 | --k
 2 | run --I1 4 --picture 1 | --I1: not allowed with --picture
 2 | run --omega0 1,2 --seed 0 | --seed are for random
 2 | run --save-every 3 | --save-every .* add -o FILE
 2 | run -o o.csv | -o/--output: 'o.csv' must end in .npz or .zarr
-2 | report --body good.json --eps 1/0 | --eps: invalid fraction value: '1/0'
-2 | report --body good.json --eps 1e99999999 | --eps: invalid fraction value: '1e99999999'
-2 | run --steps 1e-99999999 | --steps: invalid integer value: '1e-99999999'
+2 | report --body good.json --eps 1/0 | --eps: '1/0' is no number, such as 0.1 or 1/3
+2 | report --body good.json --eps 1e99999999 | --eps: '1e99999999' is no number
+2 | run --steps 1e-99999999 | --steps: '1e-99999999' is no number
 1 | run --omega0 1,2,3 | --omega0 must have the shape
 1 | run --J 1,-2 --I 1,1 --eps 1 | J must be positive, not -2
 1 | run --trajectories 0 | --trajectories must .* 0

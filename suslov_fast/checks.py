@@ -38,10 +38,9 @@ _HERE = os.path.dirname(__file__) + os.sep
 
 def wrong(name: str, expected: str, received: object = None, error: Any = ValueError) -> Any:
     """Return the error "name must be expected, not received"; `expected` may begin with "have"."""
-    be, but = "" if expected.startswith("have ") else "be ", ""
-    if received is not None:
-        but = f", not {received}"
-    return error(f"{name} must {be}{expected}{but}")
+    must = expected if expected.startswith("have ") else f"be {expected}"
+    instead = "" if received is None else f", not {received}"
+    return error(f"{name} must {must}{instead}")
 
 
 def page(name: str) -> str:
@@ -190,7 +189,11 @@ def refuse(name: str, value: Any) -> None:
         how = f"convert it to the unit of the other arguments, as {name}.to(...).{number}"
         raise wrong(name, "numbers without a unit", f"a {kind} in {unit}: {how}", TypeError)
     if isinstance(value, np.ndarray) and np.ma.is_masked(value):
-        raise wrong(name, "real numbers", "a masked array with values missing: .filled(np.nan)")
+        raise wrong(
+            name,
+            "real numbers",
+            "a masked array with missing values: fill them first, as by .filled(0.0)",
+        )
 
 
 def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:

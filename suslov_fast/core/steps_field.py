@@ -165,12 +165,12 @@ class _Lines:
         status, _, poles = self.notes
         if status.any() or self.count * self.W > self.B:
             ended = status < 0
-            self.x.swapaxes(1, 2)[self._in_lines(ended, False)] = np.nan
-            self.marks[0] = _packed(self._in_lines(ended, True))
-            self.marks[1] = _packed(self._in_lines(ended | (poles > 0.0), True))
+            self.x.swapaxes(1, 2)[self._of_lanes(ended, False)] = np.nan
+            self.marks[0] = _packed(self._of_lanes(ended, True))
+            self.marks[1] = _packed(self._of_lanes(ended | (poles > 0.0), True))
 
-    def _in_lines(self, truths, beyond):
-        """Return truth values (lines, W) of trajectories; lanes beyond the last have another."""
+    def _of_lanes(self, truths, beyond):
+        """Return truth values (lines, W) of trajectories; `beyond` for lanes beyond the last."""
         padded = np.full(self.count * self.W, beyond)
         padded[: self.B] = truths
         return padded.reshape(self.count, self.W)

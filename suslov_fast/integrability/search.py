@@ -83,7 +83,7 @@ class Search:
 
     @property
     def known(self) -> Known:
-        """What follows from the polynomials and relations that were found."""
+        """The facts that follow from the polynomials and relations found so far."""
         if self._seen != self.version:
             self._seen, polynomials = self.version, self.invariants
             integrals = polynomials.integrals

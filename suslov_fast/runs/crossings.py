@@ -235,7 +235,9 @@ class Crossings:
         array([ 37,  88, 138, 188])
         """
         if self._carry is None:
-            raise ValueError("extend: this is a part or a copy of a result: extend that itself")
+            raise ValueError(
+                "extend: this is a part or a copy: extend the result of crossings itself"
+            )
         if surface is None and (surface := self._surface) is None:
             text = "surface: files, pickles and of() do not keep it: pass extend(steps, surface)"
             raise ValueError(text)

@@ -51,7 +51,7 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     kind, described = type(result).__name__, result.body.to_dict()
     if result._carry is None:
         raise ValueError(
-            f"save: this is a part or a copy of a result: save that, or what {kind}.load returns"
+            "save: this is a part or a copy of a result: save the result of the run itself"
         )
     about = {"format": FORMAT, "version": __version__, "kind": kind, "map": result.map.name}
     about |= {name: getattr(result, name) for name in _NUMBERS[kind]}

@@ -178,7 +178,9 @@ class Trajectories:
         True
         """
         if self._carry is None:
-            raise ValueError("extend: this is a part or a copy of a run: extend the run itself")
+            raise ValueError(
+                "extend: this is a part or a copy of a run: extend the result of iterate itself"
+            )
         total, batch = self.steps + integer("steps", steps, 0), self.status.shape
         problem = Problem(self.map, self.body, self.final, self.eps, batch, thread_count(threads))
         reached = Progressed(

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import checks
 from ..bodies.advice import arguments_of
 from ..checks import FloatArray, wrong
-from ..core.crossings import keep, put
+from ..core.sign_changes import sort_by_orbit, write_crossings
 from ..engine.arguments import require
 from ..engine.status import Status
 from ..engine.stretches import March, Report
@@ -71,7 +71,7 @@ class Search:
         self.limit = most or _WITHOUT_END
         B, D = march.omega0.shape
         self.batch, self.is_stopped = march.problem.batch, False
-        self.pieces: list[tuple[NDArray[np.int64], FloatArray]] = []  # as `keep` writes them
+        self.pieces: list[tuple[NDArray[np.int64], FloatArray]] = []  # by `write_crossings`
         if earlier is None:
             self.last = self.values_of(march.omega0.reshape(1, *self.batch, D))[0]
             self.counts, self.alive = np.zeros(B, np.int64), march.status.ravel()
@@ -166,7 +166,7 @@ class Search:
             integers = np.empty((places.size, 3), np.int64)
             numbers = np.empty((places.size, 2 * flat.shape[-1] + 1))
             given = places, n, values, flat, self.limit, self.counts, integers, numbers
-            count = keep(*given)
+            count = write_crossings(*given)
             if count == len(places):
                 self.pieces.append((integers, numbers))
             elif count:  # copies, for memory
@@ -188,7 +188,7 @@ class Search:
             before[places], after[places] = earlier.before, earlier.after
         self.pieces.reverse()
         while self.pieces:  # memory for them is given back on the way
-            put(*self.pieces.pop(), starts, n, before, after, fraction)
+            sort_by_orbit(*self.pieces.pop(), starts, n, before, after, fraction)
         final, status, failed_at = march.final.copy(), march.status.copy(), march.failed_at.copy()
         ended = counts >= self.limit
         final.reshape(-1, D)[ended] = after[ends[ended] - 1]

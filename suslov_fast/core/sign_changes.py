@@ -1,4 +1,4 @@
-"""Crossings of a surface s(x) = 0: changes of sign of s from one state to the next.
+"""Crossings of a surface s(x) = 0: changes of the sign of s from one state to the next.
 
 A value of 0 counts as positive. With a = s(x_n) and b = s(x_{n+1}), an orbit crosses upwards if
 a < 0 <= b, and downwards if b < 0 <= a. The straight line from x_n to x_{n+1} meets the surface, to
@@ -11,12 +11,12 @@ from .numba import for_users
 
 
 @for_users
-def keep(places, n, values, states, most, counts, integers, numbers):
-    """Write the crossings among changes of sign in a piece of B orbits; return how many.
+def write_crossings(places, n, values, states, most, counts, integers, numbers):
+    """Write the crossings of B orbits over a stretch of states; return how many there are.
 
-    A value that is not finite makes no crossing; nor does an orbit that has had `most` of them.
+    A value that is not finite makes no crossing, and an orbit has at most `most` of them.
 
-    places     k B + i in ascending order, where the values of orbit i differ in sign after row k
+    places     k B + i in ascending order, where the values of orbit i change sign after row k
     n          the number of row 0
     values     (rows + 1, B), of s
     states     (rows + 1, B, D)
@@ -44,8 +44,8 @@ def keep(places, n, values, states, most, counts, integers, numbers):
 
 
 @for_users
-def put(integers, numbers, starts, n, before, after, fraction):
-    """Put the crossings of a piece in their places, after `starts` (B,) of each orbit."""
+def sort_by_orbit(integers, numbers, starts, n, before, after, fraction):
+    """Copy what `write_crossings` wrote to arrays where those of orbit i are from starts[i] on."""
     D = before.shape[1]
     for row in range(len(integers)):
         place = starts[integers[row, 0]] + integers[row, 1]

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import naive
+import numba
 import numpy as np
 import pytest
 
@@ -158,7 +159,9 @@ def test_the_sum_is_that_of_determinants(start, eps, steps):
     logs = [log_of_step(lorenz, naive.mpf(eps), *each) for each in pairwise(states)]
     modulus = float(sum(map(abs, logs)))
     total = sf.lyapunov_exponents(LORENZ, start, eps, steps).sum()
-    assert abs(total * steps - float(sum(logs))) < 1e-11 * modulus
+    # Interpreted steps, all by `solve`, take the logarithm of a determinant that is rounded near 1.
+    rounding = steps * 1e-15 if numba.config.DISABLE_JIT else 0.0
+    assert abs(total * steps - float(sum(logs))) < 1e-11 * modulus + rounding
 
 
 @pytest.mark.parametrize(("body", "eps"), [(LORENZ, 1 / 64), (LORENZ, 0.5), (ND, 0.4), (ND, 30.0)])

@@ -9,6 +9,7 @@ import pytest
 from test_field import HENON, LORENZ, henon_heiles, of_hamiltonian
 
 import suslov_fast as sf
+from suslov_fast.core import operations, steps_field
 
 
 def exact_matrix(f, eps, x):
@@ -165,6 +166,16 @@ def test_of_fields(rng):
         assert error(found[1][k], exact_matrix(field_of, 0.1, x[k]).tolist()) < 1e-15
     det = mpmath.det(exact_matrix(field_of_henon, 0.25, [0.1] * 4))
     assert float(abs(sf.invariant_density(HENON, [0.1] * 4, 0.25) * det - 1)) < 1e-15
+
+
+def test_the_density_of_a_field_too_large_to_plan(rng, monkeypatch):
+    """Its determinants are found by pivoting; those of a plan are the same."""
+    x = rng.normal(size=(5, 4))
+    planned = sf.invariant_density(HENON, x, 0.25)
+    monkeypatch.setattr(operations, "MOST", -1)
+    monkeypatch.setattr(steps_field, "_step_of", steps_field._step_of.__wrapped__)
+    assert not steps_field.method_of(HENON.terms[0], 4).step.usual
+    np.testing.assert_allclose(sf.invariant_density(HENON, x, 0.25), planned, rtol=1e-14)
 
 
 def test_the_hamiltonian_of_components_in_other_units():

@@ -102,6 +102,38 @@ def test_children_of_a_parent_that_compiles_a_field():
     children.run(FIELDS + FIELDS_IN_CHILDREN, timeout=120)
 
 
+@pytest.mark.compiled
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_child_of_a_parent_that_compiles_a_kernel():
+    """It can compile, and its garbage collector is on."""
+    code = """
+        import gc, os, signal, threading, time, warnings
+        import numba
+        from numba.extending import overload
+        from suslov_fast.core.numba import kernel
+        warnings.simplefilter("ignore", DeprecationWarning)
+        is_inside = threading.Event()
+        def slow():
+            pass
+        @overload(slow)
+        def _():
+            is_inside.set()
+            time.sleep(0.3)
+            return lambda: 0
+        thread = threading.Thread(target=kernel(lambda part, parts: slow()).serial)
+        thread.start()
+        is_inside.wait()
+        child = os.fork()
+        if child == 0:
+            signal.alarm(20)
+            os._exit(10 * gc.isenabled() + numba.njit(lambda x: x + 1)(1))
+        status = os.waitpid(child, 0)[1]
+        thread.join()
+        print(os.waitstatus_to_exitcode(status), gc.isenabled())
+    """
+    assert children.run(code).split() == ["12", "True"]
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_child_of_a_parent_that_is_in_a_cached_property():
     """In Python 3.11 the property has a lock, which the child would wait for."""

@@ -22,6 +22,7 @@ integers have types of their own: a function that takes one is compiled for each
 
 import functools
 import gc
+import os
 import re
 from contextlib import contextmanager, suppress
 
@@ -56,6 +57,9 @@ def _cached(compile_with, py_function):
     return compiled
 
 
+_pauses = []  # of the garbage collector, one for each thread that compiles
+
+
 @contextmanager
 def _compiling():
     """Pause Python's garbage collector, which takes an eighth of the time of compiling.
@@ -64,6 +68,7 @@ def _compiling():
     """
     was_enabled = gc.isenabled()
     gc.disable()
+    _pauses.append(was_enabled)
     try:
         yield
     except Exception as error:
@@ -76,8 +81,27 @@ def _compiling():
             f"of suslov_fast was tested with is {tested}: pip install 'numba<{next_one}'"
         ) from error
     finally:
+        _pauses.pop()
         if was_enabled:
             gc.enable()
+
+
+def _after_fork():
+    """End in a child what a thread began that compiled in the parent."""
+    global_compiler_lock.release()
+    if any(_pauses):
+        gc.enable()
+
+
+# A fork waits for a thread that compiles: its child would wait forever for the lock of this thread.
+with suppress(ImportError, AttributeError):  # names that Numba does not promise; or Windows
+    from numba.core.compiler_lock import global_compiler_lock
+
+    os.register_at_fork(
+        before=global_compiler_lock.acquire,
+        after_in_parent=global_compiler_lock.release,
+        after_in_child=_after_fork,
+    )
 
 
 class Function:

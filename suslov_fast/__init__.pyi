@@ -1,17 +1,17 @@
 # The public names and the modules that define them. Each module is imported when one of its
 # names is first used; type checkers read this file as it is.
 
+from .bodies.classes import body_from_dict as body_from_dict
 from .bodies.field import QuadraticField as QuadraticField
 from .bodies.nd import NotIntegrableError as NotIntegrableError
 from .bodies.nd import SuslovND as SuslovND
 from .bodies.rigid import Suslov3D as Suslov3D
 from .bodies.rigid import SuslovGyrostat as SuslovGyrostat
-from .engine.arguments import RandomStarts as RandomStarts
+from .engine.random_starts import RandomStarts as RandomStarts
 from .engine.status import PoleWarning as PoleWarning
 from .engine.status import SingularStepError as SingularStepError
 from .engine.status import SingularStepWarning as SingularStepWarning
 from .engine.status import Status as Status
-from .maps import body_from_dict as body_from_dict
 from .plots.animation import animate_body as animate_body
 from .plots.explore.server import explore as explore
 from .plots.phase import plot_phase as plot_phase
@@ -35,13 +35,13 @@ from .quantities.fixed_points import fixed_points as fixed_points
 from .runs.crossings import Crossings as Crossings
 from .runs.ensemble import ensemble as ensemble
 from .runs.ensemble import open_ensemble as open_ensemble
+from .runs.find_crossings import crossings as crossings
 from .runs.iterate import iterate as iterate
 from .runs.iterate import step as step
 from .runs.iterate import step_full as step_full
 from .runs.solution import exact as exact
 from .runs.solution import flow as flow
 from .runs.solution import limits as limits
-from .runs.surface import crossings as crossings
 from .runs.trajectories import Trajectories as Trajectories
 from .space import attitude as attitude
 from .space import momentum as momentum

@@ -4,11 +4,13 @@ import math
 import numbers
 import operator
 import os
+import re
 import sys
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
@@ -33,6 +35,8 @@ _MANY = 2**14
 # Moments and step sizes have a modulus between 10**-50 and 10**50, other parameters 10**60.
 MOMENTS, OTHERS = 50, 60
 _PACKAGES = {"flint": "python-flint"}  # of modules with another name
+# Requests up to this many bytes are not tested, for speed; as many bytes are kept free.
+_SMALL = 2**26
 _HERE = os.path.dirname(__file__) + os.sep
 
 
@@ -215,6 +219,20 @@ def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
     return matrices
 
 
+def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Return the array of the user to which states are written, checked."""
+    if not isinstance(out, np.ndarray) or np.ma.isMA(out) or out.dtype != np.float64:
+        received = f"{kind_of(out)} of dtype {getattr(out, 'dtype', None)}"
+        raise wrong("out", "a NumPy array of dtype float64", received, TypeError)
+    if out.shape != shape or not out.flags.carray:
+        expected = f"a C-contiguous, writeable, aligned array of shape {shape}"
+        received = f"shape {out.shape}, strides {out.strides}"
+        if not out.flags.writeable:
+            received += ", read-only, as the states of runs are: pass an array of your own"
+        raise wrong("out", expected, received)
+    return out
+
+
 def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
     """Return the shape that the named batch shapes broadcast to."""
     if not any(shapes.values()):
@@ -288,3 +306,17 @@ def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
 def spell(index: tuple[int, ...]) -> str:
     """Return an index as users write it: `3`, `(1, 2)`, or `0` for a single trajectory."""
     return f"{index}" if len(index) > 1 else f"{(*index, 0)[0]}"
+
+
+def require(nbytes: int, what_to_do: str) -> None:
+    """Raise MemoryError if `nbytes` are not available: Linux lends more, and kills the process."""
+    if nbytes <= _SMALL or not os.path.exists("/proc/meminfo"):
+        return
+    text = Path("/proc/meminfo").read_text("ascii", "replace")
+    found = re.search(r"MemAvailable: *(\d+)", text)
+    free = 1024 * int(found[1]) if found else math.inf
+    if nbytes > free - _SMALL:
+        raise MemoryError(
+            f"the arrays need {nbytes:,} bytes, and {free:,} bytes of memory are available: "
+            f"{what_to_do}"
+        )

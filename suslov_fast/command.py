@@ -350,7 +350,7 @@ def plot(options: argparse.Namespace) -> None:
     """Draw a saved run, or saved crossings, as PNG, SVG or PDF."""
     _require_new([options.output], options.force)
     found = result_in(options.file)
-    from .plots.orbits import plt
+    from .runs.plot import plt
 
     with _about(options.output):
         found.plot().figure.savefig(options.output, dpi=150)
@@ -383,8 +383,8 @@ def report(options: argparse.Namespace) -> None:
 def pictures(options: argparse.Namespace) -> None:
     """Draw the four figures of the paper. The gallery of the documentation has others."""
     from .bodies.rigid import PICTURES
-    from .plots.orbits import plt
     from .plots.phase import plot_phase
+    from .runs.plot import plt
 
     paths = [options.output / f"picture{number}.png" for number in PICTURES]
     _require_new(paths, options.force)

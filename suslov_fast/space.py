@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import checks
+from .bodies.classes import AnyBody, BodyIn3D
 from .bodies.rigid import Suslov3D
 from .checks import FloatArray, common_shape, first_index, spell, wrong
 from .core import orientations
-from .engine import arguments
-from .engine.arguments import AnyBody, BodyIn3D, Problem
+from .engine.arguments import flat_arrays, flat_parameter
+from .engine.problem import Problem
 from .engine.stretches import states_after
 from .engine.threads import call_kernel
 from .maps import map_of, problem
@@ -198,11 +199,11 @@ def attitude(
     path = np.expand_dims(path, tuple(range(1, len(batch) + 3 - path.ndim)))
     path = np.broadcast_to(path, (len(path), *batch, D))
     _check_that_states_follow(first, path)
-    flat = arguments.flat_arrays(path.reshape(len(path), math.prod(batch), D), (len(path),), 2)
+    flat = flat_arrays(path.reshape(len(path), math.prod(batch), D), (len(path),), 2)
     turns = np.empty((*flat.shape[:2], D + 1, D + 1))
-    turns[0] = arguments.flat_arrays(R0, batch, 2)
+    turns[0] = flat_arrays(R0, batch, 2)
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
-    given = flat, arguments.flat_parameter(first.eps, batch), axial.compute
+    given = flat, flat_parameter(first.eps, batch), axial.compute
     after = turns[0].copy(), 0, 1, 1, turns
     call_kernel(orientations.turn_along, turns.size, first.threads, *given, *after)
     return turns.reshape((len(path), *batch, D + 1, D + 1))

@@ -10,9 +10,7 @@ from suslov_fast import maps
 from suslov_fast.bodies.base import Body
 from suslov_fast.core.codes import NONFINITE, OK
 from suslov_fast.core.numba import function, kernel, share
-from suslov_fast.engine.arguments import by_field
-from suslov_fast.engine.stretches import Steps
-from suslov_fast.formulas import KAHAN, Formula
+from suslov_fast.maps import KAHAN, Formula, Steps, by_field
 
 
 @function

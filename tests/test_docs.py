@@ -14,6 +14,7 @@ import sys
 from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -93,11 +94,11 @@ def test_page(path, folder, tmp_path, monkeypatch):
     matplotlib.use("Agg")
     plt.close("all")
     monkeypatch.setattr(threads, "CROSSOVER", math.inf)  # parallel loops take long to compile
-    monkeypatch.setattr(maps, "MAPS", dict(maps.MAPS))  # a page may register one
     monkeypatch.chdir(folder if path.parent.name == "howto" else tmp_path)
     names = {"__name__": "__main__"}
-    for code in blocks(path, "python"):
-        run(code, path.name, names)
+    with mock.patch.dict(maps.MAPS):  # a page may register one
+        for code in blocks(path, "python"):
+            run(code, path.name, names)
     if path.stem in script_of("draw").PAGES:
         figures = [plt.figure(number) for number in plt.get_fignums()]
         sizes = [tuple((100 * each.get_size_inches()).round()) for each in figures]

@@ -11,6 +11,7 @@ import warnings
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
+from unittest import mock
 
 import children
 import numba
@@ -25,9 +26,7 @@ from suslov_fast.command import main
 from suslov_fast.core import cache
 from suslov_fast.core.numba import kernel
 from suslov_fast.engine import threads
-from suslov_fast.engine.arguments import by_field
-from suslov_fast.engine.stretches import Steps
-from suslov_fast.formulas import AXIAL, KAHAN, Formula
+from suslov_fast.maps import AXIAL, KAHAN, Formula, Steps, by_field
 
 HENON = sf.QuadraticField.from_hamiltonian(
     lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
@@ -37,11 +36,12 @@ SLEIGHS, SPEEDS = own.Sleigh([1.0, 2.0, 3.0], 1.5, 0.4), [[1.0, 0.5]] * 3
 
 
 @pytest.fixture(autouse=True)
-def _registered(monkeypatch):
-    monkeypatch.setattr(maps, "MAPS", dict(maps.MAPS))
-    maps.register(own.MIDPOINT)
-    maps.register(own.SLEIGH)
-    maps.register(own.BY_STEP)
+def _registered():
+    with mock.patch.dict(maps.MAPS):
+        maps.register(own.MIDPOINT)
+        maps.register(own.SLEIGH)
+        maps.register(own.BY_STEP)
+        yield
 
 
 def midpoint(eps=0.1, steps=40, **options):

@@ -10,7 +10,7 @@ import pytest
 import suslov_fast as sf
 from suslov_fast import PoleWarning, QuadraticField, Status, SuslovND, compiled, iterate, matrix
 from suslov_fast.command import main
-from suslov_fast.engine.methods import FRACTIONS
+from suslov_fast.maps.methods import FRACTIONS
 
 quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 LONG = "eps is too long (an eigenvalue of f' above 2/eps)"

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.engine import arguments, stretches, threads, trial
+from suslov_fast.engine import stretches, threads, trial
+from suslov_fast.engine.problem import check
 from suslov_fast.maps import MAPS
 from suslov_fast.quantities.evaluation import evaluate
 from suslov_fast.runs import solution
@@ -298,7 +299,7 @@ def test_kernels_keep_the_contract(rng, kind):
     """Item by item, between numbers that no kernel may touch; and steps follow the field."""
     body, omega, eps = sample(rng, kind, (), (3,), ())
     for method, steps in RECORDS[kind].methods.items():
-        problem = arguments.check(RECORDS[kind], body, omega, eps)
+        problem = check(RECORDS[kind], body, omega, eps)
         trial.try_steps(problem, steps, steps.lanes + 3)
         if "vector_field" in RECORDS[kind].formulas:
             after = sf.iterate(body, omega, 1e-7, 1, method=method).final

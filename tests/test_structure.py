@@ -29,17 +29,35 @@ FILES = {name_of(path): path for path in TEXTS}
 
 
 def importing(path):
-    """Yield the modules that a file imports from, in functions and for type checkers, too."""
+    """Yield the modules that a file imports from, in functions and for type checkers, too.
+
+    A public name of the package counts as the module that defines it.
+    """
     own = [PACKAGE.name, *path.relative_to(PACKAGE).parts]
+    roots = set()  # names of the package in this file
     for node in NODES[path]:
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            for alias in node.names:
+                yield alias.name
+                roots |= {alias.asname or alias.name} & {"sf", PACKAGE.name}
         elif isinstance(node, ast.ImportFrom):
             base = own[: -node.level] if node.level else []
             base += filter(None, [node.module])
             for alias in node.names:
                 whole = ".".join([*base, alias.name])
                 yield whole if whole in FILES else ".".join(base)
+                if base == [PACKAGE.name]:
+                    yield defining(alias.name)
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "import_module":
+            yield from (each.value for each in node.args if isinstance(each, ast.Constant))
+    for node in NODES[path]:
+        if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") in roots:
+            yield defining(node.attr)
+
+
+def defining(name):
+    """Return the module that defines a public name."""
+    return PACKAGE.name + suslov_fast._MODULE_OF.get(name, "")
 
 
 # Rooms from the bottom up, and those from which each imports: all below it, and no others.
@@ -48,16 +66,15 @@ ARROWS = {
     "checks": "",
     "bodies": "checks",
     "engine": "core checks bodies",
-    "formulas": "core checks bodies engine",
-    "maps": "checks bodies engine formulas",
-    "quantities": "checks bodies engine formulas maps",
+    "maps": "core checks bodies engine",
+    "quantities": "checks bodies engine maps",
     "space": "core checks bodies engine maps",
     "runs": "core checks bodies engine maps quantities",
     "plots": "checks bodies engine maps quantities space runs",
     "integrability": "checks bodies",
     "compiled": "core checks bodies maps",
     "warm_up": "core maps compiled",
-    "summary": "maps runs",
+    "summary": "bodies engine maps runs",
     "command": "checks bodies engine runs plots integrability warm_up summary",
     "__main__": "command",
 }

@@ -10,7 +10,7 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.core import orientations, steps_3d
-from suslov_fast.engine.arguments import check
+from suslov_fast.engine.problem import check
 from suslov_fast.engine.stretches import March
 from suslov_fast.maps import MAPS
 

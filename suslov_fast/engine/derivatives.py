@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core import tangent
-from .arguments import ALL, Problem, by_zeros, flat_arrays, in_stages
+from .arguments import ALL, by_zeros, flat_arrays, in_stages
+from .problem import Problem
 from .stretches import March, Report
 from .threads import call_kernel
 

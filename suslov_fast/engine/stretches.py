@@ -14,12 +14,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, extra, instance, integer, kind_of, short, wrong
+from ..checks import FloatArray, extra, instance, integer, kind_of, require, short, wrong
 from ..core import orientations
 from ..core.numba import Kernel
 from ..core.steps_field import FieldSystem
 from ..core.steps_nd import NDSystem
-from .arguments import ALL, Arguments, Problem, flat_arrays, flat_parameter, require
+from .arguments import ALL, Arguments, flat_arrays, flat_parameter
+from .problem import Problem
 from .threads import call_kernel
 from .trial import arguments_for
 

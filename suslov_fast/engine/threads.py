@@ -7,6 +7,7 @@ import numba
 
 import suslov_fast
 
+from ..checks import integer
 from ..core.numba import Kernel
 
 # Lane-steps below which a call is serial. Measured on two cores: active threads gain from some
@@ -17,6 +18,15 @@ CROSSOVER = 1_000_000
 # makes a serial call, whose results are bit-identical.
 _one_at_a_time = threading.RLock()
 _threads_are_gone = suslov_fast._threads_are_gone
+
+
+def thread_count(threads: int | None) -> int | None:
+    """Return the number of threads of a call, checked; None for all that Numba has."""
+    if threads is None:
+        return None
+    limit = int(numba.config.NUMBA_NUM_THREADS)
+    expected = f"None or an integer from 1 to {limit} (NUMBA_NUM_THREADS)"
+    return integer("threads", threads, 1, expected, limit)
 
 
 def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:

@@ -20,7 +20,8 @@ from ..bodies.field import MATRIX
 from ..checks import FloatArray, short, wrong
 from ..core import codes
 from ..core.one_step import KernelOfStep
-from .arguments import Arguments, Problem, flat_arrays
+from .arguments import Arguments, by_constants, flat_arrays
+from .problem import Problem
 from .status import Status
 
 _SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, and steps
@@ -156,7 +157,7 @@ def _is_of_package(kernel: Any, arguments: Any) -> bool:
     maker = getattr(arguments, "__module__", None)  # callables may lack one
     where: str = kernel.py_func.__module__
     is_ours = where.startswith(codes.__package__) and not isinstance(kernel, KernelOfStep)
-    return maker == Problem.__module__ and is_ours
+    return maker == by_constants.__module__ and is_ours
 
 
 def arguments_for(problem: Problem, steps: Any, size: int) -> Arguments:

@@ -7,9 +7,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..bodies.classes import BodyIn3D
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, integer, positive, short, wrong
-from ..engine.arguments import BodyIn3D
 from ..maps import map_of
 from ..runs.iterate import iterate
 from ..runs.trajectories import Trajectories
@@ -111,7 +111,7 @@ def _new_run(body: BodyIn3D, omega0: Any, eps: float, steps: int, attitude: Any)
 
 def _turning_body(body: BodyIn3D, rotations: FloatArray, times: FloatArray) -> tuple[Any, Any]:
     """Return a figure, and a function that draws the body in a given state."""
-    from .orbits import plt
+    from ..runs.plot import plt
 
     drawn = ellipsoid(body)
     if drawn is None:

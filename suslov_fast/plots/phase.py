@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ..bodies.classes import BodyIn3D
 from ..checks import FloatArray, integer, positive, wrong
-from ..engine.arguments import BodyIn3D
 from ..maps import map_of
 from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
@@ -135,7 +135,7 @@ def plot_phase(
     >>> [float(end) for end in ax.get_xlim()]
     [-4.0, 4.0]
     """
-    from .orbits import COLOURS, axes_for, spelled
+    from ..runs.plot import COLOURS, axes_for, spelled
 
     eps, extent = positive("eps", eps), positive("extent", extent)
     I1, I2, I13, I23, k = map_of(body).formula("plot_phase", body).compute(body)

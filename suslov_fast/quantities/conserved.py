@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..bodies.classes import AnyBody, BodyIn3D, BodyOrField
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray
-from ..engine.arguments import AnyBody, BodyIn3D, BodyOrField
 from ..maps import map_of, problem
 from .evaluation import evaluate, mask_and_warn
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..bodies.classes import AnyBody, BodyOrField
 from ..checks import (
     FloatArray,
     OneOrEach,
@@ -17,11 +18,10 @@ from ..checks import (
     spell,
     wrong,
 )
-from ..engine.arguments import AnyBody, BodyOrField, Method, Problem
+from ..engine.problem import Problem
 from ..engine.status import report_poles
 from ..engine.stretches import Progress, reporter, states_after
-from ..formulas import Formula
-from ..maps import map_of, problem
+from ..maps import Formula, Method, map_of, problem
 from .evaluation import evaluate, mask_and_warn
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.

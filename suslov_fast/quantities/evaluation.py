@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import FloatArray, first_index, real_array, spell, warn
-from ..engine.arguments import Problem, check, part_of
+from ..engine.problem import Problem, check, part_of
 from ..engine.status import SingularStepWarning
 from ..maps import Map, map_of
 

@@ -7,17 +7,18 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import checks
+from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, integer, one_of, wrong
-from ..engine.arguments import BodyOrField, Problem, thread_count
+from ..engine.problem import Problem
 from ..engine.status import ON_SINGULAR, OnSingular, report_failures
 from ..engine.stretches import March, Progress, Progressed, reporter
+from ..engine.threads import thread_count
 from ..maps import Map
 from .search import Search, Surface, check_surface
 from .trajectories import equal, in_short
@@ -304,8 +305,9 @@ class Crossings:
         (K,) or for each trajectory (...). By default it is the named parameter of a family. `ax`
         are axes to draw on.
         """
-        plots = import_module("suslov_fast.plots.orbits")
-        return plots.plot_crossings(self, components, color, ax)
+        from . import plot  # which imports Matplotlib
+
+        return plot.plot_crossings(self, components, color, ax)
 
     def __repr__(self) -> str:
         n = self.n

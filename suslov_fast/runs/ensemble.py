@@ -19,16 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import checks
-from ..checks import FloatArray, wrong
-from ..engine.arguments import (
-    Problem,
-    RandomStarts,
-    Where,
-    along,
-    check,
-    part_of,
-    require,
-)
+from ..checks import FloatArray, require, wrong
+from ..engine.problem import Problem, Where, along, check, part_of
+from ..engine.random_starts import RandomStarts
 from ..engine.status import warn_of_poles
 from ..engine.stretches import March, Progress, reporter
 from ..maps import map_of

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..bodies.classes import BodyOrField
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, integer, warn, wrong
-from ..engine.arguments import BodyOrField, Method, RandomStarts, check
+from ..engine.problem import check
+from ..engine.random_starts import RandomStarts
 from ..engine.status import OnSingular, report_failures
 from ..engine.stretches import March, Progress
-from ..maps import map_of
+from ..maps import Method, map_of
 from ..quantities.evaluation import mask_and_warn
 from .trajectories import Trajectories, run_to_end
 

@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import checks
 from ..bodies.advice import arguments_of
-from ..checks import FloatArray, wrong
+from ..checks import FloatArray, require, wrong
 from ..core.sign_changes import sort_by_orbit, write_crossings
-from ..engine.arguments import require
 from ..engine.status import Status
 from ..engine.stretches import March, Report
 

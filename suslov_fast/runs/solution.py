@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import FloatArray, real_number, warn, wrong
+from ..bodies.classes import AnyBody
+from ..checks import FloatArray, real_number, require, warn, wrong
 from ..core import closed_form
-from ..engine.arguments import AnyBody, by_constants, flat_arrays, require
+from ..engine.arguments import by_constants, flat_arrays
 from ..engine.status import SingularStepWarning
 from ..engine.threads import call_kernel
 from ..maps import problem

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..checks import MOMENTS, common_shape, integer, real_array, within, wrong
-from ..engine.arguments import require
+from ..bodies.classes import body_from_dict, class_named
+from ..checks import MOMENTS, common_shape, integer, real_array, require, within, wrong
 from ..engine.status import Status
-from ..maps import body_from_dict, class_named, map_of, named
+from ..maps import map_of, named
 
 PathLike = str | os.PathLike[str]
 

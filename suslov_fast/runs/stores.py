@@ -27,7 +27,7 @@ import numpy as np
 
 from .. import checks
 from ..checks import first_index, wrong
-from ..engine.arguments import RandomStarts
+from ..engine.random_starts import RandomStarts
 from ..engine.status import Status
 from . import access
 from .metadata import COPY, Contents, Stored, Tile, contents, digest_of, overlaid

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, integer, one_of
-from ..engine.arguments import BodyOrField, Problem, checked_out, thread_count
+from ..bodies.classes import BodyOrField
+from ..checks import FloatArray, checked_out, integer, one_of
+from ..engine.problem import Problem
 from ..engine.status import ON_SINGULAR, OnSingular, count_in_words, report_failures
 from ..engine.stretches import March, Progress, Progressed, reporter
+from ..engine.threads import thread_count
 from ..maps import Map
 
 if TYPE_CHECKING:
@@ -286,8 +288,9 @@ class Trajectories:
         it is the named parameter of a family, else the level of the conserved quantity. `ax` are
         axes to draw on. Of many states some are drawn: whole orbits or pieces of them, if joined.
         """
-        plots = import_module("suslov_fast.plots.orbits")
-        return plots.plot_run(self, components, lines, color, ax)
+        from . import plot  # which imports Matplotlib
+
+        return plot.plot_run(self, components, lines, color, ax)
 
     def to_xarray(
         self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None

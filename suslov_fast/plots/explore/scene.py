@@ -11,9 +11,9 @@ from urllib.parse import parse_qsl
 import numpy as np
 
 from ... import __version__
+from ...bodies.classes import BodyIn3D
 from ...bodies.rigid import Suslov3D, SuslovGyrostat
 from ...checks import real_number, wrong
-from ...engine.arguments import BodyIn3D
 from ...engine.status import Status
 from ...quantities.conserved import rotation_number
 from ...quantities.derivatives import vector_field

@@ -17,8 +17,8 @@ from urllib.parse import unquote, urlencode
 
 from numpy.typing import ArrayLike
 
+from ...bodies.classes import BodyIn3D
 from ...checks import states, wrong
-from ...engine.arguments import BodyIn3D
 from ...maps import map_of
 from .scene import PAGE, Parameters, answer, parse_query
 

@@ -1,6 +1,6 @@
 """Formulas of a map for public functions: a `Formula` for each, by the name of the function.
 
-The records of `maps.py` list the formulas of each map. A formula of a function with one value for
+The records list the formulas of each map. A formula of a function with one value for
 each state takes a checked problem and returns the values; comments say what the others take.
 """
 
@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .bodies.nd import check_known
-from .bodies.rigid import Suslov3D
-from .checks import FloatArray, instance, wrong
-from .core import quantities, quantities_field
-from .core.numba import Universal
-from .engine.arguments import Problem
-from .engine.derivatives import density, growth, growth_by_jacobian, jacobian
-from .engine.stretches import states_after
+from ..bodies.nd import check_known
+from ..bodies.rigid import Suslov3D
+from ..checks import FloatArray, instance, wrong
+from ..core import quantities, quantities_field
+from ..core.numba import Universal
+from ..engine.derivatives import density, growth, growth_by_jacobian, jacobian
+from ..engine.problem import Problem
+from ..engine.stretches import states_after
 
 # How states turn a body, the formula of `attitude`: they are Omega1 and Omega2, or Omega_in.
 AXIAL, IN_ROWS = True, False

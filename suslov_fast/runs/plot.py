@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from ..bodies.names import latex
 from ..checks import FloatArray, extra, integer, real_array, short, wrong
 from ..quantities.evaluation import evaluate
-from ..runs.crossings import Crossings
-from ..runs.datasets import varying
+from .datasets import varying
 
 try:
     import matplotlib.pyplot as plt
@@ -81,7 +80,7 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any)
     if lines not in (None, True, False):
         raise wrong("lines", "True, False or None", lines)
     B, is_whole = math.prod(run.status.shape), run.n[-1] == len(run) - 1
-    colours = _colours(run, color, run.status.shape, {})
+    colours = _colours(run, color, run.status.shape)
     if colours.values is None and color is None:
         colours = _levels(run, run.states[0])
     axes = axes_for(ax, (5.4, 5.0))
@@ -99,12 +98,12 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any)
     return axes
 
 
-def plot_crossings(points: Crossings, components: Any, color: Any, ax: Any) -> Any:
+def plot_crossings(points: Any, components: Any, color: Any, ax: Any) -> Any:
     """Draw crossings, and return the axes; see `Crossings.plot`."""
     K = len(points)
     pair = _pair(points, _varying(points.states) if components is None else components)
-    others = {name: getattr(points, name) for name in ("trajectory", "n", "time")}
-    colours = _colours(points, color, (K,), others)
+    numbers = {name: getattr(points, name) for name in ("trajectory", "n", "time")}
+    colours = _colours(points, color, (K,), numbers)
     if colours.values is None and color is None and np.size(points.eps) == 1:
         colours = _levels(points, points.before)
     axes = axes_for(ax, (5.4, 5.0))
@@ -136,13 +135,15 @@ def _varying(states: FloatArray) -> list[int]:
     return sorted(np.argsort(is_constant, kind="stable")[:2].tolist())
 
 
-def _colours(run: Any, color: Any, shape: tuple[int, ...], others: dict[str, Any]) -> _Colours:
+def _colours(
+    run: Any, color: Any, shape: tuple[int, ...], of_crossings: dict[str, Any] | None = None
+) -> _Colours:
     """Return the colours that the user wants: by default the first parameter that varies.
 
     `shape` is that of numbers: of the batch, or (K,) for crossings, which also take those of the
-    batch; `others` are named ones.
+    batch, and the numbers `of_crossings` by their names.
     """
-    of_crossings = isinstance(run, Crossings)
+    others = of_crossings or {}
     named = {n: a for n, a in varying(run.body).items() if n not in run.body._axes}
     if np.ndim(run.eps):
         named["eps"] = np.asarray(run.eps)
@@ -157,14 +158,14 @@ def _colours(run: Any, color: Any, shape: tuple[int, ...], others: dict[str, Any
         if color in others:
             return _Colours(np.asarray(others[color], float), color)
         values = named[color]
-        values = run._at_crossings(values) if of_crossings else np.broadcast_to(values, shape)
+        values = run._at_crossings(values) if others else np.broadcast_to(values, shape)
         return _Colours(values.ravel(), color, is_parameter=True)
     values = real_array("color", color, allow_nan=True)
-    if of_crossings and values.shape == run.count.shape != shape:
+    if others and values.shape == run.count.shape != shape:
         values = run._at_crossings(values)
     if values.shape != shape:
         expected = f"have the shape {shape}"
-        if of_crossings:
+        if others:
             expected += f", one for each crossing, or {run.count.shape}, for each trajectory"
         raise wrong("color", expected, values.shape)
     return _Colours(values.ravel())

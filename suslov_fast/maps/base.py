@@ -1,37 +1,24 @@
-"""One record for each map, with all that depends on it; lookup of maps and of classes of bodies."""
+"""The record of a map, with all that depends on it, and the map of a body and a method."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from . import checks
-from .bodies.base import Body
-from .bodies.field import QuadraticField
-from .bodies.nd import SuslovND
-from .bodies.rigid import Suslov3D, SuslovGyrostat
-from .bodies.samples import random_3d, random_field, random_nd, random_with_I3
-from .engine import arguments, methods
-from .engine.arguments import WHOLE, Problem
-from .engine.arguments import by_constants as by_constants
-from .engine.arguments import by_field as by_field
-from .engine.methods import FIELD
-from .engine.methods import steps_of as steps_of
-from .engine.stretches import Steps, check_steps
-from .engine.trial import check_parameters
-from .formulas import (
-    BY_JACOBIAN,
-    GYROSTAT,
-    IN_3D,
-    IN_ND,
-    INSTEAD,
-    KAHAN,
-    OF_ORDER,
-    Formula,
-    check_formulas,
-)
+from .. import checks
+from ..bodies.base import Body
+from ..bodies.field import QuadraticField
+from ..engine.arguments import WHOLE
+from ..engine.problem import Problem, check
+from ..engine.stretches import Steps, check_steps
+from ..engine.trial import check_parameters
+from .formulas import BY_JACOBIAN, INSTEAD, Formula, check_formulas
+from .methods import with_notes
+
+# Those of the package, and of maps that `maps.register` made known.
+Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"] | str
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +42,7 @@ class Map:
         Ways to compute the steps, by the values of the argument `method`, the default first.
         `Steps(kernel, arguments, carried, cost, lanes, system)` is described below.
     formulas : mapping of str to Formula
-        What public functions need from this map, by their names (see `formulas.py`):
+        What public functions need from this map, by their names (see `maps/formulas.py`):
         ``{**KAHAN}`` for Kahan's map of the field of any body, ``{}`` for a map of which only the
         steps are known. In `Formula(compute, check, poles)`, `compute` takes a `Problem` and
         returns the values (...), `check` raises an error for a body that lacks the quantity, and
@@ -151,7 +138,7 @@ class Map:
     meaning: str = "angular velocity"
 
     def __post_init__(self) -> None:
-        vars(self)["methods"] = methods.with_notes(self.methods)
+        vars(self)["methods"] = with_notes(self.methods)
         if "jacobian" in self.formulas:
             vars(self)["formulas"] = {**BY_JACOBIAN, **self.formulas}
 
@@ -301,120 +288,8 @@ def problem(
 ) -> tuple[Problem, Formula]:
     """Check the arguments of a public function; return the problem and the formula for it.
 
-    Options are those of `engine.arguments.check`.
+    Options are those of `engine.problem.check`.
     """
     map = map_of(body, method)
     formula = map.formula(function, body)
-    return arguments.check(map, body, omega, eps, threads, method=method, **options), formula
-
-
-def _classes() -> Iterator[type[Any]]:
-    """Yield the classes of bodies that files can name, and then those derived from them."""
-    classes = [record.body for record in MAPS.values()]
-    yield from classes
-    for each in classes:
-        subclasses = each.__subclasses__()
-        classes.extend(subclasses)
-        yield from subclasses
-
-
-def class_named(name: Any) -> type[Any]:
-    """Return the class of bodies of a name, as files hold it."""
-    kinds: dict[Any, type[Any]] = {}
-    for each in _classes():
-        kinds.setdefault(each.__name__, each)
-    if name not in kinds:
-        how = "import the module that defines it"
-        raise ValueError(f"body: there is no class {name!r}, only {', '.join(kinds)}: {how}")
-    return kinds[name]
-
-
-def body_from_dict(parameters: Mapping[str, Any]) -> Any:
-    """Return the body, of any class, that a dictionary from `to_dict` describes.
-
-    Parameters
-    ----------
-    parameters : mapping
-        What `to_dict` returned.
-
-    Returns
-    -------
-    Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-
-    Examples
-    --------
-    >>> from suslov_fast import SuslovND, body_from_dict
-    >>> body_from_dict(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]).to_dict())
-    SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
-    """
-    checks.instance("parameters", parameters, Mapping)
-    return class_named(parameters.get("body")).from_dict(parameters)
-
-
-# ---------------------------------------------------------------------------------- of the package
-for _record in (
-    Map(  # equation (4) of the paper
-        name="Suslov3D",
-        title="Discrete Suslov problem",
-        body=Suslov3D,
-        methods={"auto": methods.STEPS_3D},
-        formulas=IN_3D,
-        random=(
-            lambda rng, shape: Suslov3D(**random_3d(rng, shape)),
-            random_with_I3,
-        ),
-        pole=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
-        conserved=("first_integral",),
-    ),
-    Map(  # equation (15)
-        name="SuslovND",
-        title="Discrete Suslov problem in n dimensions",
-        body=SuslovND,
-        methods={"auto": methods.STEPS_ND, "gauss": methods.GAUSS, "rank2": methods.STEPS_ND},
-        formulas=IN_ND,
-        random=(random_nd, lambda rng, shape: random_nd(rng, shape, 3, equal=True)),
-        pole=(SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
-        conserved=("first_integral", "modified_energy"),
-    ),
-    Map(
-        name="SuslovGyrostat",
-        title="Discrete Suslov gyrostat",
-        body=SuslovGyrostat,
-        methods={"auto": methods.STEPS_WITH_ROTOR},
-        formulas=GYROSTAT,
-        random=(
-            lambda rng, shape: SuslovGyrostat(**random_3d(rng, shape), k=rng.uniform(-1, 1, shape)),
-        ),
-        pole=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
-        conserved=("first_integral",),
-    ),
-    Map(
-        name="Kahan",
-        title="Kahan map of a quadratic field",
-        body=QuadraticField,
-        methods={"auto": FIELD},
-        formulas=KAHAN,
-        random=(random_field,),
-        pole=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
-        conserved=("modified_energy",),
-        variable="x",
-        meaning="state",
-    ),
-    *(
-        Map(
-            name=f"Kahan, order {order}",
-            title=f"Composition of Kahan maps, order {order}",
-            body=QuadraticField,
-            methods={f"order{order}": methods.FIELD_OF_ORDER[order]},
-            formulas=OF_ORDER,
-            random=(random_field,),
-            pole=(QuadraticField([[[1]]]), (1.0 / methods.FRACTIONS[order][0],)),
-            conserved=("energy",),
-            fractions=methods.FRACTIONS[order],
-            variable="x",
-            meaning="state",
-        )
-        for order in methods.FRACTIONS
-    ),
-):
-    register(_record)
+    return check(map, body, omega, eps, threads, method=method, **options), formula

@@ -7,8 +7,15 @@ from typing import Any
 from ..checks import integer, kind_of, wrong
 from ..core import one_step, steps_3d, steps_field, steps_nd
 from ..core.numba import Kernel
-from .arguments import by_constants, by_method, by_zeros, field_system, in_stages, nd_system
-from .stretches import Steps
+from ..engine.arguments import (
+    by_constants,
+    by_method,
+    by_zeros,
+    field_system,
+    in_stages,
+    nd_system,
+)
+from ..engine.stretches import Steps
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:

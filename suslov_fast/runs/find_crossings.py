@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..bodies.classes import BodyOrField
 from ..checks import integer, one_of
-from ..engine.arguments import BodyOrField, RandomStarts, check
+from ..engine.problem import check
+from ..engine.random_starts import RandomStarts
 from ..engine.status import ON_SINGULAR, OnSingular
 from ..engine.stretches import March, Progress, reporter
 from ..maps import map_of

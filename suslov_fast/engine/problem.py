@@ -1,0 +1,95 @@
+"""Checked problems, states of a body and a step size for a map, and their parts."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import checks
+from ..checks import FloatArray, common_shape, real_number, wrong
+from .random_starts import RandomStarts
+from .threads import thread_count
+
+
+class Problem(NamedTuple):
+    """A checked problem: states of a body and a step size, for a map."""
+
+    map: Any  # the record of the map, see `maps.Map`
+    body: Any
+    omega: FloatArray  # (..., D)
+    eps: float | FloatArray  # 0 if there is no step size
+    batch: tuple[int, ...]  # to which all broadcast
+    threads: int | None = None
+    name: str = "omega"  # of the argument that holds the states
+    method: str = "auto"
+    orientation: FloatArray | None = None  # (..., n, n)
+
+
+Where = tuple[slice, ...]  # a part of each axis of a batch
+
+
+def part_of(problem: Problem, where: Where) -> Problem:
+    """Return the problem of a part of the batch, without copies; it keeps `RandomStarts`."""
+    _, body, omega, eps, *_, turns = problem
+    for axis, part in enumerate(along(body.shape, where)):
+        body = body._part(axis, part)
+    if not isinstance(omega, RandomStarts):
+        omega = omega[along(omega.shape[:-1], where)]
+    if type(eps) is not float:
+        eps = np.asarray(eps)
+        eps = eps[along(eps.shape, where)]
+    if turns is not None:
+        turns = turns[along(turns.shape[:-2], where)]
+    batch = tuple(part.stop - part.start for part in where)
+    return problem._replace(body=body, omega=omega, eps=eps, batch=batch, orientation=turns)
+
+
+def along(shape: tuple[int, ...], where: Where) -> Where:
+    """Return the slices, for a part of the batch, of an array that broadcasts to the batch."""
+    last = where[len(where) - len(shape) :]
+    return tuple(slice(0, 1) if n == 1 else each for n, each in zip(shape, last, strict=True))
+
+
+def check(
+    map: Any,
+    body: Any,
+    omega: Any,
+    eps: Any = 0.0,
+    threads: int | None = None,
+    *,
+    name: str = "omega",
+    components: tuple[str, ...] | None = None,
+    attitude: Any = False,
+    later: bool = False,
+    method: str = "auto",
+) -> Problem:
+    """Check the arguments of a public function that takes states of a body, for a map of it.
+
+    Messages call the states `name`, or x if the map does; they may be NaN, and have `components`,
+    by default those of the body. `attitude` is a bool or rotations, `later` as for
+    `checks.states`.
+    """
+    labels, turns = components or body._labels, None
+    if components is None and len(labels) != body.dimension:
+        expected = f"have {body.dimension} entries, the dimension of {type(body).__name__}"
+        raise wrong("_labels", expected, checks.short(labels))
+    if map.variable == "x":
+        name = "x"
+    if isinstance(omega, RandomStarts):
+        states = omega.states(math.prod(omega.shape), 0, len(labels))
+        omega = states.reshape(*omega.shape, len(labels))
+    omega = checks.states(name, omega, labels, later)
+    eps = checks.within("eps", real_number("eps", eps), checks.MOMENTS)
+    shapes = {"body": body.shape, name: omega.shape[:-1]}
+    shapes["eps"] = () if type(eps) is float else eps.shape
+    if attitude is not False:
+        if "attitude" not in map.formulas:
+            expected = "left out, because states of this map have no orientation"
+            raise wrong("attitude", expected, error=TypeError)
+        n = body.dimension + 1
+        if map.formulas["attitude"].compute is True and n != 3:
+            raise wrong("attitude", "IN_ROWS, because states have not two components", "AXIAL")
+        turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
+        shapes["attitude"] = turns.shape[:-2]
+    batch, threads = common_shape(shapes), thread_count(threads)
+    return Problem(map, body, omega, eps, batch, threads, name, method, turns)

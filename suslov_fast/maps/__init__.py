@@ -1,0 +1,22 @@
+"""Maps: a record for each (`base`, `records`), its steps (`methods`) and its formulas.
+
+Authors of maps of their own find here all that they need.
+"""
+
+from ..engine.arguments import by_constants as by_constants
+from ..engine.arguments import by_field as by_field
+from ..engine.stretches import Steps as Steps
+from . import records as records  # which makes the maps of the package known
+from .base import MAPS as MAPS
+from .base import Map as Map
+from .base import Method as Method
+from .base import map_of as map_of
+from .base import named as named
+from .base import problem as problem
+from .base import register as register
+from .formulas import AXIAL as AXIAL
+from .formulas import IN_ROWS as IN_ROWS
+from .formulas import KAHAN as KAHAN
+from .formulas import Formula as Formula
+from .methods import FIELD as FIELD
+from .methods import steps_of as steps_of

@@ -1,0 +1,84 @@
+"""The records of the maps of the package."""
+
+from ..bodies.field import QuadraticField
+from ..bodies.nd import SuslovND
+from ..bodies.rigid import Suslov3D, SuslovGyrostat
+from ..bodies.samples import random_3d, random_field, random_nd, random_with_I3
+from .base import Map, register
+from .formulas import GYROSTAT, IN_3D, IN_ND, KAHAN, OF_ORDER
+from .methods import (
+    FIELD,
+    FIELD_OF_ORDER,
+    FRACTIONS,
+    GAUSS,
+    STEPS_3D,
+    STEPS_ND,
+    STEPS_WITH_ROTOR,
+)
+
+for _record in (
+    Map(  # equation (4) of the paper
+        name="Suslov3D",
+        title="Discrete Suslov problem",
+        body=Suslov3D,
+        methods={"auto": STEPS_3D},
+        formulas=IN_3D,
+        random=(
+            lambda rng, shape: Suslov3D(**random_3d(rng, shape)),
+            random_with_I3,
+        ),
+        pole=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
+        conserved=("first_integral",),
+    ),
+    Map(  # equation (15)
+        name="SuslovND",
+        title="Discrete Suslov problem in n dimensions",
+        body=SuslovND,
+        methods={"auto": STEPS_ND, "gauss": GAUSS, "rank2": STEPS_ND},
+        formulas=IN_ND,
+        random=(random_nd, lambda rng, shape: random_nd(rng, shape, 3, equal=True)),
+        pole=(SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
+        conserved=("first_integral", "modified_energy"),
+    ),
+    Map(
+        name="SuslovGyrostat",
+        title="Discrete Suslov gyrostat",
+        body=SuslovGyrostat,
+        methods={"auto": STEPS_WITH_ROTOR},
+        formulas=GYROSTAT,
+        random=(
+            lambda rng, shape: SuslovGyrostat(**random_3d(rng, shape), k=rng.uniform(-1, 1, shape)),
+        ),
+        pole=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
+        conserved=("first_integral",),
+    ),
+    Map(
+        name="Kahan",
+        title="Kahan map of a quadratic field",
+        body=QuadraticField,
+        methods={"auto": FIELD},
+        formulas=KAHAN,
+        random=(random_field,),
+        pole=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
+        conserved=("modified_energy",),
+        variable="x",
+        meaning="state",
+    ),
+    *(
+        Map(
+            name=f"Kahan, order {order}",
+            title=f"Composition of Kahan maps, order {order}",
+            body=QuadraticField,
+            methods={f"order{order}": FIELD_OF_ORDER[order]},
+            formulas=OF_ORDER,
+            random=(random_field,),
+            pole=(QuadraticField([[[1]]]), (1.0 / FRACTIONS[order][0],)),
+            conserved=("energy",),
+            fractions=FRACTIONS[order],
+            variable="x",
+            meaning="state",
+        )
+        for order in FRACTIONS
+    ),
+):
+    register(_record)

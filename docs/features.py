@@ -104,7 +104,7 @@ def table():
         lines.append([f"{title}: {functions}" if title else functions, *cells])
     records = [map_of(body) for body, *_ in BODIES.values()]
     lines.append(
-        ["`attitude=True`", *("yes" if "attitude" in each.formulas else "no" for each in records)]
+        ["`attitude=True`", *("yes" if each.has("attitude") else "no" for each in records)]
     )
     methods = [
         ", ".join(

@@ -193,7 +193,7 @@ def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | Gyrosta
     >>> print(round(omega1, 6), round(omega2, 6))
     1.013781 0.372248
     """
-    map_of(body).formula("frame", body)
+    map_of(body).require("frame", body)
     number = _single(body, eps)
     given = tuple(map(float, body.constants))
     *inertia, k = given

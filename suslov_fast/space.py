@@ -128,9 +128,9 @@ def _shown(
     function: str, body: Any, omega: Any, rotation: ArrayLike | None, attitude: ArrayLike | None
 ) -> FloatArray:
     """Return vectors (..., n), or matrices (..., n, n), in the requested basis."""
-    given, formula = problem(function, body, omega)
+    given = problem(function, body, omega)
     with np.errstate(all="ignore"):
-        values = formula.compute(given)
+        values = given.map.formulas[function].compute(given)
     axes, n = values.ndim - len(given.batch), body.dimension + 1
     if rotation is not None and attitude is not None:
         raise ValueError("pass rotation or attitude, not both")
@@ -189,11 +189,11 @@ def attitude(
     >>> attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2).shape
     (101, 3, 3)
     """
-    map_of(body).formula("attitude", body)
+    map_of(body).require("attitude", body)
     path, D = checks.states("omega", omega, body._labels), body.dimension
     if path.ndim < 2 or len(path) == 0:
         raise wrong("omega", f"have the shape (N + 1, ..., {D})", path.shape)
-    first, axial = problem("attitude", body, path[0], eps, threads)
+    first = problem("attitude", body, path[0], eps, threads)
     R0 = np.eye(D + 1) if R0 is None else checks.rotations("R0", R0, D + 1)
     batch = common_shape({"omega and eps": first.batch, "R0": R0.shape[:-2]})
     path = np.expand_dims(path, tuple(range(1, len(batch) + 3 - path.ndim)))
@@ -203,7 +203,7 @@ def attitude(
     turns = np.empty((*flat.shape[:2], D + 1, D + 1))
     turns[0] = flat_arrays(R0, batch, 2)
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
-    given = flat, flat_parameter(first.eps, batch), axial.compute
+    given = flat, flat_parameter(first.eps, batch), first.map.attitude == "axial"
     after = turns[0].copy(), 0, 1, 1, turns
     call_kernel(orientations.turn_along, turns.size, first.threads, *given, *after)
     return turns.reshape((len(path), *batch, D + 1, D + 1))
@@ -258,8 +258,8 @@ def scattering_angle(body: Suslov3D, /) -> FloatArray:
     >>> float(scattering_angle(Suslov3D(I1=4, I2=1, I13=-1.5, I23=-0.3)).round(12))
     1.221073798141
     """
-    constants = map_of(body).formula("scattering_angle", body).compute(body)
-    I1, I2, I13, I23 = np.broadcast_arrays(*constants[:4])
+    map_of(body).require("scattering_angle", body)
+    I1, I2, I13, I23 = np.broadcast_arrays(*body.constants[:4])
     # Sums of positive terms: with A, B, C and P + i Q = pi / 2 times alpha, beta, abs(gamma) and
     # the conjugate of kappa, A - P is the real part of B**2 / (A + i C + P + i Q), and
     # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,

@@ -26,7 +26,7 @@ from suslov_fast.command import main
 from suslov_fast.core import cache
 from suslov_fast.core.numba import kernel
 from suslov_fast.engine import threads
-from suslov_fast.maps import AXIAL, KAHAN, Formula, Steps, by_field
+from suslov_fast.maps import KAHAN, Formula, Steps, by_field
 
 HENON = sf.QuadraticField.from_hamiltonian(
     lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
@@ -440,6 +440,13 @@ def with_steps(**changes):
             ValueError,
             "formulas: .*'enregy': name it energy",
         ),
+        (
+            with_steps(formulas={"multipliers": Formula(len)}),
+            ValueError,
+            "formulas: leave out 'multipliers', because 'jacobian'",
+        ),
+        (with_steps(attitude=True), ValueError, "attitude"),
+        (with_steps(serves=("animate",)), ValueError, "serves"),
         (with_steps(formulas={"zzz": Formula(len)}), ValueError, "formulas.*one of .*energy, "),
         (with_steps(conserved="energy"), ValueError, "conserved "),
         (with_steps(conserved=("jacobian",)), ValueError, "conserved.*vector_field, energy"),
@@ -591,10 +598,9 @@ def test_bodies_that_contradict_themselves(changes, words):
 
 def test_orientations_of_other_states_than_two_are_refused():
     kind = type("Wrong", (own.Sleigh,), {"dimension": 3, "_labels": ("a", "b", "c")})
-    formulas = {"attitude": Formula(AXIAL)}
-    new = {"name": "new", "body": kind, "formulas": formulas, "conserved": (), "pole": None}
+    new = {"name": "new", "body": kind, "attitude": "axial", "pole": None}
     maps.register(dataclasses.replace(own.SLEIGH, **new))
-    with pytest.raises(ValueError, match=r"^attitude must be IN_ROWS"):
+    with pytest.raises(ValueError, match=r"^attitude of the map 'new' must be 'in_rows', "):
         iterate(kind(2.0, 1.5, 0.4), [1.0, 0.5, 0.2], 0.1, 5, attitude=True)
 
 

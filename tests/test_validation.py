@@ -102,7 +102,7 @@ BODIES = [
     (lambda: Suslov3D.from_dict(ROTOR.to_dict()), ValueError, "body"),
     (lambda: sf.body_from_dict(json.dumps(BODY.to_dict())), TypeError, r"parameters.*json.loads"),
     (lambda: Suslov3D.from_dict("body.json"), TypeError, r"parameters.*json.loads"),
-    (lambda: sf.body_from_dict({"body": "Other"}), ValueError, "body"),
+    (lambda: sf.body_from_dict({"body": "Unknown"}), ValueError, "body"),
     (lambda: sf.body_from_dict({"body": "QuadraticField", "quadratic": [[["1e99999999"]]]}), ValueError, "quadratic"),
     (lambda: QuadraticField([[[Decimal("1e99999999")]]]), ValueError, "quadratic"),
     (lambda: QuadraticField([[[Decimal("1e-99999999")]]]), ValueError, "quadratic"),

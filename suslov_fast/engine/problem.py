@@ -83,12 +83,13 @@ def check(
     shapes = {"body": body.shape, name: omega.shape[:-1]}
     shapes["eps"] = () if type(eps) is float else eps.shape
     if attitude is not False:
-        if "attitude" not in map.formulas:
+        if map.attitude is None:
             expected = "left out, because states of this map have no orientation"
             raise wrong("attitude", expected, error=TypeError)
         n = body.dimension + 1
-        if map.formulas["attitude"].compute is True and n != 3:
-            raise wrong("attitude", "IN_ROWS, because states have not two components", "AXIAL")
+        if map.attitude == "axial" and n != 3:
+            expected = "'in_rows', because states have not two components"
+            raise wrong(f"attitude of the map {map.name!r}", expected, "'axial'")
         turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]
     batch, threads = common_shape(shapes), thread_count(threads)

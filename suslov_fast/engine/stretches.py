@@ -277,7 +277,7 @@ class March:
         length = min(max(_TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop - n, 1))
         path = np.empty((length + 1, size, D))
         eps = flat_parameter(self.problem.eps, self.problem.batch)
-        axial = self.problem.map.formulas["attitude"].compute
+        axial = self.problem.map.attitude == "axial"
         for start in range(n, max(stop, n + 1), length):
             path[0], until = self.final.reshape(size, D), min(start + length, stop)
             self._step_to(until, 1, path[1:] if start else path, None)

@@ -14,9 +14,8 @@ from .base import map_of as map_of
 from .base import named as named
 from .base import problem as problem
 from .base import register as register
-from .formulas import AXIAL as AXIAL
-from .formulas import IN_ROWS as IN_ROWS
 from .formulas import KAHAN as KAHAN
 from .formulas import Formula as Formula
+from .formulas import Plane as Plane
 from .methods import FIELD as FIELD
 from .methods import steps_of as steps_of

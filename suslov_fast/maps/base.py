@@ -6,19 +6,25 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import checks
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
+from ..checks import FloatArray
 from ..engine.arguments import WHOLE
+from ..engine.derivatives import Growth, growth, growth_by_jacobian
 from ..engine.problem import Problem, check
-from ..engine.stretches import Steps, check_steps
+from ..engine.stretches import Report, Steps, check_steps
 from ..engine.trial import check_parameters
-from .formulas import BY_JACOBIAN, INSTEAD, Formula, check_formulas
+from .formulas import INSTEAD, KAHAN, PARTS, SERVED, Formula, Plane, check_formulas, rates
 from .methods import with_notes
 
 # Those of the package, and of maps that `maps.register` made known.
 Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"] | str
+
+
+Rates = Callable[[Problem, FloatArray], NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +52,8 @@ class Map:
         ``{**KAHAN}`` for Kahan's map of the field of any body, ``{}`` for a map of which only the
         steps are known. In `Formula(compute, check, poles)`, `compute` takes a `Problem` and
         returns the values (...), `check` raises an error for a body that lacks the quantity, and
-        `poles` is True where infinite values are meant. ``"attitude"`` is `AXIAL` or `IN_ROWS`: how
-        states turn a body. A map with ``"jacobian"`` has ``"lyapunov_exponents"`` and
-        ``"multipliers"``.
+        `poles` is True where infinite values are meant. With ``"jacobian"``, `lyapunov_exponents`
+        and `multipliers` follow.
     random : tuple of callables
         Functions ``random(rng, shape)`` that return a batch of bodies for tests.
     pole : tuple or None
@@ -58,6 +63,22 @@ class Map:
     fractions : tuple of float
         A step is made of steps of Kahan's map by these fractions of eps, one after the other:
         (1.0,) for Kahan's map itself, and for all other discretizations.
+    attitude : {"axial", "in_rows"} or None
+        How states turn a body: they are Omega1 and Omega2, or (Omega_1n, ..., Omega_n-1,n).
+    plane : Plane or None
+        How `exact`, `flow` and `limits` reduce a problem to one in three dimensions.
+    growth : callable or None
+        ``growth(problem, steps, transient, report)`` returns the sums for `lyapunov_exponents`, see
+        `engine.derivatives`. None: that of Kahan's map, if ``"jacobian"`` is that of `KAHAN`, or
+        else products of ``"jacobian"``.
+    rates : callable or None
+        ``rates(problem, slopes)`` returns the eigenvalues (..., D) of f' (..., D, D) at steady
+        states, from which the `multipliers` of Kahan's map follow. None: those of a field, if
+        ``"jacobian"`` is that of `KAHAN`, or else `multipliers` are the eigenvalues of
+        ``"jacobian"``.
+    serves : tuple of str
+        Further public functions for bodies with these states, of those that need no formula:
+        "plot_phase", "animate_body", "explore", "frame" of `compiled`, "scattering_angle".
     variable : {"omega", "x"}
         The name of states in runs and datasets.
     meaning : str
@@ -134,37 +155,76 @@ class Map:
     pole: tuple[Any, tuple[float, ...]] | None
     conserved: tuple[str, ...] = ()
     fractions: tuple[float, ...] = WHOLE
+    attitude: Literal["axial", "in_rows"] | None = None
+    plane: Plane | None = None
+    growth: Callable[[Problem, int, int, Report | None], Growth] | None = None
+    rates: Rates | None = None
+    serves: tuple[str, ...] = ()
     variable: str = "omega"
     meaning: str = "angular velocity"
 
     def __post_init__(self) -> None:
         vars(self)["methods"] = with_notes(self.methods)
-        if "jacobian" in self.formulas:
-            vars(self)["formulas"] = {**BY_JACOBIAN, **self.formulas}
+
+    @property
+    def has_jacobian_of_kahan(self) -> bool:
+        """Whether "jacobian" is that of the field of any body; then so are `growth` and `rates`."""
+        return self.formulas.get("jacobian") is KAHAN["jacobian"]
+
+    def find_growth(
+        self, problem: Problem, steps: int, transient: int, report: Report | None
+    ) -> Growth:
+        """Return the sums for `lyapunov_exponents`, by `growth` or what is in its place."""
+        default = growth if self.has_jacobian_of_kahan else growth_by_jacobian
+        return (self.growth or default)(problem, steps, transient, report)
+
+    @property
+    def known_rates(self) -> Rates | None:
+        """`rates`, or those of Kahan's map in their place; None if neither is known."""
+        return self.rates or (rates if self.has_jacobian_of_kahan else None)
+
+    def has(self, name: str) -> bool:
+        """Return whether there is what a public function needs, at least for some bodies."""
+        if name in PARTS:
+            return PARTS[name] in self.formulas or getattr(self, PARTS[name], None) is not None
+        return name in self.formulas or name in self.serves
 
     def functions(self, body: Any) -> list[str]:
-        """Return the names of the public functions that need a formula and have it for a body."""
-        return [name for name, formula in self.formulas.items() if _has(formula, body)]
+        """Return the names of the public functions of states that there are for a body."""
+        names = filter(self.has, [*self.formulas, *self.serves, *PARTS])
+        return [name for name in names if self._has_for(name, body)]
 
-    def formula(self, name: str, body: Any) -> Formula:
-        """Return the formula of a public function; an error if there is none for this body."""
-        if name not in self.formulas:
+    def _has_for(self, name: str, body: Any) -> bool:
+        try:
+            self.require(name, body)
+        except (TypeError, ValueError):
+            return False
+        return True
+
+    def require(self, name: str, body: Any) -> None:
+        """Raise an error if there is not what a public function needs for this body."""
+        if not self.has(name):
             if self is not map_of(body):
                 received = f"{', '.join(map(repr, self.methods))}: {self.title} has no {name}"
                 if name == "modified_energy" and "energy" in self.functions(body):
                     received += ": use energy, which varies along orbits"
                 raise checks.wrong("method", "'auto'", received, TypeError)
-            having = dict.fromkeys(each.body for each in MAPS.values() if name in each.formulas)
+            having = dict.fromkeys(each.body for each in MAPS.values() if each.has(name))
             received, names = checks.kind_of(body), [kind.__name__ for kind in having]
             if isinstance(body, tuple(having)):
                 received += f", whose map ({self.title}) has no {name}"
             else:
                 received += getattr(body, "_instead", "") or INSTEAD.get(name, "")
             raise checks.wrong("body", " or ".join(names) or "another one", received, TypeError)
-        formula = self.formulas[name]
-        if formula.check is not None:
-            formula.check(body)
-        return formula
+        if name in self.formulas and (check := self.formulas[name].check):
+            check(body)
+        if PARTS.get(name) == "plane" and self.plane and self.plane.check:
+            self.plane.check(body, name)
+
+    def formula(self, name: str, body: Any) -> Formula:
+        """Return the formula of a public function; an error if there is none for this body."""
+        self.require(name, body)
+        return self.formulas[name]
 
     def conserves(self, body: Any) -> str | None:
         """Return the name of a conserved, or nearly conserved, quantity; None without one."""
@@ -173,15 +233,6 @@ class Map:
 
     def __reduce__(self) -> Any:
         return named, (self.name,)
-
-
-def _has(formula: Formula, body: Any) -> bool:
-    try:
-        if formula.check is not None:
-            formula.check(body)
-    except (TypeError, ValueError):
-        return False
-    return True
 
 
 # ------------------------------------------------------------------------------------------ records
@@ -208,6 +259,10 @@ def register(record: Map) -> None:
     if not (isinstance(record.body, type) and issubclass(record.body, Body)):
         raise checks.wrong("body", "a class derived from Body", repr(record.body), TypeError)
     checks.one_of("variable", record.variable, ["omega", "x"])
+    if record.attitude is not None:
+        checks.one_of("attitude", record.attitude, ["axial", "in_rows"])
+    if not {*record.serves} <= {*SERVED}:
+        raise checks.wrong("serves", f"some of {SERVED}", repr(record.serves))
     taken = [name for other in MAPS.values() if other.body is record.body for name in other.methods]
     if not record.methods or (clashing := {*record.methods} & {*taken}):
         received = ", ".join(sorted(clashing)) if record.methods else "none"
@@ -285,11 +340,11 @@ def problem(
     threads: int | None = None,
     method: str = "auto",
     **options: Any,
-) -> tuple[Problem, Formula]:
-    """Check the arguments of a public function; return the problem and the formula for it.
+) -> Problem:
+    """Check the arguments of a public function, and that the map has what it needs.
 
     Options are those of `engine.problem.check`.
     """
     map = map_of(body, method)
-    formula = map.formula(function, body)
-    return check(map, body, omega, eps, threads, method=method, **options), formula
+    map.require(function, body)
+    return check(map, body, omega, eps, threads, method=method, **options)

@@ -1,7 +1,6 @@
 """Formulas of a map for public functions: a `Formula` for each, by the name of the function.
 
-The records list the formulas of each map. A formula of a function with one value for
-each state takes a checked problem and returns the values; comments say what the others take.
+The records list the formulas of each map. A formula takes a checked problem and returns its values.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,20 +16,25 @@ from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, instance, wrong
 from ..core import quantities, quantities_field
 from ..core.numba import Universal
-from ..engine.derivatives import density, growth, growth_by_jacobian, jacobian
+from ..engine.derivatives import density, jacobian
 from ..engine.problem import Problem
 from ..engine.stretches import states_after
 
-# How states turn a body, the formula of `attitude`: they are Omega1 and Omega2, or Omega_in.
-AXIAL, IN_ROWS = True, False
-
 
 class Formula(NamedTuple):
-    """The part of a map that a public function needs."""
+    """The values of a function of a state."""
 
-    compute: Any
+    compute: Callable[[Problem], Any]  # returns the values (...), or an array for each state
     check: Callable[[Any], None] | None = None  # raises an error for a body without the quantity
     poles: bool = False  # True if infinite values are meant; else they are returned as NaN
+
+
+class Plane(NamedTuple):
+    """How orbits reduce to those of a body in three dimensions, whose solution is known."""
+
+    # Returns an equivalent problem, and the function that maps its states back.
+    reduce: Callable[[Problem], tuple[Problem, Callable[[FloatArray], FloatArray]]]
+    check: Callable[[Any, str], None] | None = None  # raises an error for a body and a function
 
 
 def by_constants(formula: Universal, problem: Problem) -> Any:
@@ -92,23 +96,16 @@ def _modified_energy(problem: Problem) -> FloatArray:
     return by_terms(quantities_field.cubic_form, problem, terms, states_after(problem))
 
 
-def _rates(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
+def rates(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     """Return the eigenvalues (..., D) of f' (..., D, D) at steady states, for `multipliers`."""
     return np.linalg.eigvals(slopes).astype(complex)
 
 
-# The formulas that follow from `jacobian`.
-BY_JACOBIAN = {
-    "lyapunov_exponents": Formula(growth_by_jacobian),
-    "multipliers": Formula(None),  # there are no rates: eigenvalues of the Jacobian
-}
 # The formulas of Kahan's map of any field; for a body they use the terms of its field.
 KAHAN = {
     "vector_field": Formula(partial(by_terms, quantities_field.vector_field)),
     "matrix": Formula(partial(by_terms, quantities_field.matrix)),
     "jacobian": Formula(jacobian),
-    "multipliers": Formula(_rates),
-    "lyapunov_exponents": Formula(growth),
     "energy": Formula(_energy, _check_hamiltonian),
     "modified_energy": Formula(_modified_energy, _check_hamiltonian),
     "invariant_density": Formula(density, _check_hamiltonian, poles=True),
@@ -121,16 +118,16 @@ OF_ORDER = {name: formula for name, formula in KAHAN.items() if name not in _NOT
 
 
 # ------------------------------------------------------------------------------ in three dimensions
-def _rates_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
-    """Return the eigenvalues of `_rates`; that along a line of steady states is exactly 0."""
+def rates_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
+    """Return the eigenvalues of `rates`; that along a line of steady states is exactly 0."""
     (I1, I2, _, _, k), x = problem.body.constants, problem.omega
     trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
     root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
     return np.asarray(0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0]))
 
 
-def _rates_in_3d(problem: Problem, slopes: FloatArray) -> FloatArray:
-    return _rates_of_gyrostat(problem, slopes).real
+def rates_in_3d(problem: Problem, slopes: FloatArray) -> FloatArray:
+    return rates_of_gyrostat(problem, slopes).real
 
 
 def whole_states(problem: Problem) -> FloatArray:
@@ -156,14 +153,17 @@ def _momentum_in_3d(problem: Problem) -> FloatArray:
     return np.stack([I1 * w1, I2 * w2, I13 * w1 + I23 * w2 + k], axis=-1)
 
 
-def _itself(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
-    """Return a problem in three dimensions as it is, and the function that maps states back."""
-    return problem, lambda states: states
+def _closed_form(problem: Problem) -> FloatArray:
+    """Return h, k1, k2 and t (..., 4)."""
+    return np.stack(by_constants(quantities.closed_form, problem), axis=-1)
 
 
-def _constants(body: Any) -> Any:
-    return body.constants
+def _step_full(problem: Problem) -> Any:
+    body = problem.body
+    return quantities.step_full(*body.constants[:4], body.I3, problem.eps, problem.omega)
 
+
+SOLVED = Plane(lambda problem: (problem, lambda states: states))
 
 GYROSTAT = {
     **KAHAN,
@@ -174,20 +174,15 @@ GYROSTAT = {
     "criticality": Formula(partial(by_rows, quantities.criticality)),
     "step": Formula(partial(by_rows, quantities.step)),
     **of_constants("invariant_density", poles=True),
-    **dict.fromkeys(("exact", "flow", "limits"), Formula(_itself)),
-    **dict.fromkeys(("plot_phase", "animate_body", "explore", "frame"), Formula(_constants)),
-    "multipliers": Formula(_rates_of_gyrostat),
-    "attitude": Formula(AXIAL),
     "to_matrix": Formula(_matrix_in_3d),
     "to_vector": Formula(whole_states),
     "momentum": Formula(_momentum_in_3d),
 }
 IN_3D = {
     **GYROSTAT,
-    **of_constants("to_xy from_xy closed_form"),
-    "step_full": Formula(quantities.step_full),
-    "scattering_angle": Formula(_constants),
-    "multipliers": Formula(_rates_in_3d),
+    **of_constants("to_xy from_xy"),
+    "closed_form": Formula(_closed_form),
+    "step_full": Formula(_step_full),
 }
 
 
@@ -199,8 +194,8 @@ def _reaction_nd(problem: Problem) -> FloatArray:
     return values
 
 
-def _rates_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """Return the eigenvalues of `_rates`: those of f' = (I.x) J**-1 P.
+def rates_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
+    """Return the eigenvalues of `rates`: those of f' = (I.x) J**-1 P.
 
     P projects onto the vectors orthogonal to I. With B = P J**-1/2 they are (I.x) times the squares
     of the singular values of B, of which small ones keep their digits beside large ones.
@@ -271,22 +266,27 @@ IN_ND = {
     **_nd("vector_field"),
     **_nd("invariant_density", poles=True),
     **_nd("reaction", _reaction_nd),
-    **_nd("exact", _in_plane),
-    **_nd("flow", _in_plane),
-    **_nd("limits", _in_plane),
-    "multipliers": Formula(_rates_nd),
-    "attitude": Formula(IN_ROWS),
     "to_matrix": Formula(_matrix_nd),
     "momentum": Formula(_momentum_nd),
 }
-# The functions that ask the record of a map for a formula.
+IN_PLANE = Plane(_in_plane, check_known)
+# The functions that ask the record of a map for a formula, those that need none, and those that
+# ask for another part.
 FUNCTIONS = {*IN_3D, *IN_ND}
+SERVED = "plot_phase", "animate_body", "explore", "frame", "scattering_angle"
+PARTS = {
+    "attitude": "attitude",
+    **dict.fromkeys(("exact", "flow", "limits"), "plane"),
+    **dict.fromkeys(("multipliers", "lyapunov_exponents"), "jacobian"),
+}
 
 
 def check_formulas(formulas: Mapping[str, Any], conserved: Any) -> None:
     """Raise an error for formulas that no function asks for, or `conserved` of other names."""
     for name, formula in formulas.items():
         instance(f"formulas[{name!r}]", formula, Formula)
+        if name in PARTS:
+            raise ValueError(f"formulas: leave out {name!r}, because {PARTS[name]!r} gives it")
         if name not in FUNCTIONS:
             nearest = get_close_matches(name, FUNCTIONS, 1)
             known = nearest[0] if nearest else f"one of {', '.join(sorted(FUNCTIONS))}"

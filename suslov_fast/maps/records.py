@@ -4,8 +4,21 @@ from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..bodies.samples import random_3d, random_field, random_nd, random_with_I3
+from ..engine.derivatives import growth
 from .base import Map, register
-from .formulas import GYROSTAT, IN_3D, IN_ND, KAHAN, OF_ORDER
+from .formulas import (
+    GYROSTAT,
+    IN_3D,
+    IN_ND,
+    IN_PLANE,
+    KAHAN,
+    OF_ORDER,
+    SERVED,
+    SOLVED,
+    rates_in_3d,
+    rates_nd,
+    rates_of_gyrostat,
+)
 from .methods import (
     FIELD,
     FIELD_OF_ORDER,
@@ -29,6 +42,11 @@ for _record in (
         ),
         pole=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
         conserved=("first_integral",),
+        attitude="axial",
+        plane=SOLVED,
+        growth=growth,
+        rates=rates_in_3d,
+        serves=SERVED,
     ),
     Map(  # equation (15)
         name="SuslovND",
@@ -39,6 +57,9 @@ for _record in (
         random=(random_nd, lambda rng, shape: random_nd(rng, shape, 3, equal=True)),
         pole=(SuslovND([4.0, 1.0, 1.0], [0.5, 0.25, -0.25]), (-2.0, 6.0, -6.0)),
         conserved=("first_integral", "modified_energy"),
+        attitude="in_rows",
+        plane=IN_PLANE,
+        rates=rates_nd,
     ),
     Map(
         name="SuslovGyrostat",
@@ -51,6 +72,11 @@ for _record in (
         ),
         pole=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
         conserved=("first_integral",),
+        attitude="axial",
+        plane=SOLVED,
+        growth=growth,
+        rates=rates_of_gyrostat,
+        serves=SERVED[:-1],
     ),
     Map(
         name="Kahan",

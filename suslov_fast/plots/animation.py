@@ -75,7 +75,7 @@ def animate_body(
     is_run = isinstance(body, Trajectories)
     if isinstance(body, Trajectories):
         run = body
-        run.map.formula("animate_body", run.body)
+        run.map.require("animate_body", run.body)
         if omega0 is not None:
             raise wrong("omega0", "left out, because the run has states", short(omega0))
         if R0 is not None and run.attitude is not None:
@@ -99,7 +99,7 @@ def animate_body(
 
 def _new_run(body: BodyIn3D, omega0: Any, eps: float, steps: int, attitude: Any) -> Trajectories:
     """Return the run of one orbit, by default from a state near the repelling steady rotation."""
-    map_of(body).formula("animate_body", body)
+    map_of(body).require("animate_body", body)
     if body.shape or np.ndim(eps):
         shapes = f"the shapes {body.shape} and {np.shape(eps)}: for a run call animate_body(run)"
         raise wrong("body, eps", "a single body and a single step size", shapes)

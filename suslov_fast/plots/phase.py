@@ -138,7 +138,8 @@ def plot_phase(
     from ..runs.plot import COLOURS, axes_for, spelled
 
     eps, extent = positive("eps", eps), positive("extent", extent)
-    I1, I2, I13, I23, k = map_of(body).formula("plot_phase", body).compute(body)
+    map_of(body).require("plot_phase", body)
+    I1, I2, I13, I23, k = body.constants
     if body.shape or not (I13 or I23 or k):
         raise wrong("body", "a single one, with I13 or I23 other than 0", body)
     plane, levels = Plane(body, eps), integer("levels", levels, 1)

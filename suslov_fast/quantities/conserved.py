@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from ..bodies.classes import AnyBody, BodyIn3D, BodyOrField
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray
+from ..engine.problem import check
 from ..maps import map_of, problem
 from .evaluation import evaluate, mask_and_warn
 
@@ -228,11 +229,12 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
     >>> from_xy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25), [-0.625, -0.75])
     array([1. , 0.5])
     """
-    map_of(body).formula("from_xy", body)
+    map = map_of(body)
+    map.require("from_xy", body)
     if np.any((body.I13 == 0) & (body.I23 == 0)):
         raise ValueError("body: x and y are defined only where I13 or I23 is other than 0")
-    given, formula = problem("from_xy", body, xy, name="xy", components=("x", "y"), later=True)
-    return mask_and_warn(given, formula.compute(given))
+    given = check(map, body, xy, name="xy", components=("x", "y"), later=True)
+    return mask_and_warn(given, map.formulas["from_xy"].compute(given))
 
 
 class ClosedForm(NamedTuple):
@@ -272,5 +274,6 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
     >>> print(*(f"{value:.6f}" for value in constants))
     0.161860 -0.402536 -0.678170 0.040232
     """
-    given, formula = problem("closed_form", body, omega0, eps, name="omega0")
-    return ClosedForm(*formula.compute(given))
+    given = problem("closed_form", body, omega0, eps, name="omega0")
+    values: FloatArray = given.map.formulas["closed_form"].compute(given)
+    return ClosedForm(*np.moveaxis(values, -1, 0))

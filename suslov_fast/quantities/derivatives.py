@@ -21,7 +21,7 @@ from ..checks import (
 from ..engine.problem import Problem
 from ..engine.status import report_poles
 from ..engine.stretches import Progress, reporter, states_after
-from ..maps import Formula, Method, map_of, problem
+from ..maps import Method, map_of, problem
 from .evaluation import evaluate, mask_and_warn
 
 # A state is fixed if no component of the field is above this part of the sum of its terms.
@@ -181,7 +181,7 @@ def multipliers(
     array([1.062919, 1.      ])
     """
     points: Any = x
-    map_of(body, method).formula("multipliers", body)
+    map_of(body, method).require("multipliers", body)
     is_list = isinstance(points, list) and len(body.shape) == 1 and len(points) > 0
     if is_list and all(isinstance(each, np.ndarray) and each.ndim == 2 for each in points):
         if len(points) != len(body):
@@ -195,7 +195,7 @@ def multipliers(
         in_array: OneOrEach = values
         return in_array
     given = problem("multipliers", body, points, eps, method=method, name="x")
-    of_all: OneOrEach = _multipliers(*given)
+    of_all: OneOrEach = _multipliers(given)
     return of_all
 
 
@@ -209,19 +209,19 @@ def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike, metho
     for each, index in zip(points, np.ndindex(family.shape), strict=True):
         member, name = family[index], index if len(index) > 1 else index[0]
         of_member = problem("multipliers", member, each, steps[index], method=method, name="x")
-        values.append(_multipliers(*of_member, family._of_member(name)))
+        values.append(_multipliers(of_member, family._of_member(name)))
     return values
 
 
-def _multipliers(given: Problem, rates_of: Formula, member: str = "") -> Any:
+def _multipliers(given: Problem, member: str = "") -> Any:
     """Return the multipliers (..., D); `member` is for messages."""
     with np.errstate(all="ignore"):
-        is_kahan = rates_of.compute is not None
-        slopes = (_slopes_at_fixed_points if is_kahan else _jacobian_at_fixed_points)(given, member)
+        rates = given.map.known_rates
+        slopes = (_slopes_at_fixed_points if rates else _jacobian_at_fixed_points)(given, member)
         known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
         slopes = np.where(known[..., np.newaxis], slopes, 0.0)
-        if is_kahan:
-            Y = 0.5 * np.asarray(given.eps)[..., np.newaxis] * rates_of.compute(given, slopes)
+        if rates:
+            Y = 0.5 * np.asarray(given.eps)[..., np.newaxis] * rates(given, slopes)
             parts = [each * Y for each in given.map.fractions]
             at_pole = np.any([part == 1.0 for part in parts], axis=0)
             values = np.prod([(1.0 + part) / (1.0 - part) for part in parts], axis=0)
@@ -314,10 +314,10 @@ def lyapunov_exponents(
     >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
     array([ 0.    , -0.0805])
     """
-    given, growth = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
+    given = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
-        found = growth.compute(given, steps, transient, report)
+        found = given.map.find_growth(given, steps, transient, report)
         sums, of_det = found.sums, found.of_det
         others = sums[:, :-1].sum(axis=1)
         # The last follows from the others and the determinant, unless these are 0.

@@ -208,12 +208,11 @@ def step_full(
     array([ 0.9897  ,  0.406546, -0.1     ])
     """
     map = map_of(body)
-    scheme = map.formula("step_full", body)
+    map.require("step_full", body)
     if I3 is not None:
         body = replace(body, I3=I3)
     elif body.I3 is None:
         raise wrong("I3", "a number, or a body whose I3 is set", "neither", TypeError)
     labels = "Omega1", "Omega2", "Omega3"
     problem = check(map, body, omega, eps, components=labels)
-    values = scheme.compute(*body.constants[:4], body.I3, problem.eps, problem.omega)
-    return mask_and_warn(problem, values)
+    return mask_and_warn(problem, map.formulas["step_full"].compute(problem))

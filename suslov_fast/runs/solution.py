@@ -1,6 +1,6 @@
 """The closed form: any state of the map and of the flow, and the limits of orbits.
 
-Bodies in n dimensions that have one are reduced to three, see `formulas`.
+Bodies in n dimensions that have one are reduced to three, see `maps.formulas`.
 """
 
 from __future__ import annotations
@@ -133,8 +133,8 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatAr
     >>> omega_minus.round(6), omega_plus.round(6)
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
-    given, reduction = problem("limits", body, omega0, eps, name="omega0")
-    plane, leave = reduction.compute(given)
+    given = problem("limits", body, omega0, eps, name="omega0")
+    plane, leave = given.map.plane.reduce(given)
     minus, plus = closed_form.limits(*plane.body.constants, plane.eps, plane.omega)
     return leave(minus), leave(plus)
 
@@ -146,8 +146,8 @@ def _states_at(
     times = np.asarray(real_number(name, value))
     if times.ndim > 1:
         raise wrong(name, "a number or a 1-D array", f"an array of shape {times.shape}")
-    start, reduction = problem(function, body, omega0, eps, threads, name="omega0")
-    plane, leave = reduction.compute(start)
+    start = problem(function, body, omega0, eps, threads, name="omega0")
+    plane, leave = start.map.plane.reduce(start)
     batch, threads, all_times = plane.batch, plane.threads, times.reshape(-1)
     flat = flat_arrays(plane.omega, batch)
     given = by_constants(plane.body, plane.eps, batch), flat, float(name == "n")

@@ -197,7 +197,8 @@ def explore(
     True
     >>> page.close()
     """
-    constants = map_of(body).formula("explore", body).compute(body)
+    map_of(body).require("explore", body)
+    constants = body.constants
     state = states("omega0", omega0, body._labels)
     if body.shape or state.ndim != 1:
         received = f"of the shapes {body.shape} and {state.shape}"

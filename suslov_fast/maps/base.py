@@ -261,6 +261,11 @@ def register(record: Map) -> None:
     checks.one_of("variable", record.variable, ["omega", "x"])
     if record.attitude is not None:
         checks.one_of("attitude", record.attitude, ["axial", "in_rows"])
+    if record.plane is not None:
+        checks.instance("plane", record.plane, Plane)
+    for name, part in (("growth", record.growth), ("rates", record.rates)):
+        if part is not None and not callable(part):
+            raise checks.wrong(name, "a function, or None", repr(part), TypeError)
     if not {*record.serves} <= {*SERVED}:
         raise checks.wrong("serves", f"some of {SERVED}", repr(record.serves))
     taken = [name for other in MAPS.values() if other.body is record.body for name in other.methods]

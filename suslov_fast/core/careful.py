@@ -1,21 +1,21 @@
-"""Steps of a field whose digits operations do not keep: one lane at a time, by `solve`.
+"""Steps of a field by elimination with pivoting, for lanes whose list of operations loses digits.
 
-A lane solves A(x) x_next = x + (eps/2) l x + eps c, where l and c are the linear and constant parts
-of the field.
+Such a lane solves A(x) x_next = x + (eps/2) l x + eps c, A(x) = 1 - (eps/2) f'(x), where l and c
+are the linear and constant parts of the field f.
 """
+
+from collections import namedtuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import carray, types
 
 from .codes import OK, PASSED_POLE
 from .elimination import solve
-from .generated import BUDGET, COUNT, ENDED, LINES, PASSED, SLOTS, STAGES, X
 from .llvm import address_as_pointer
 from .numba import c_function, function, inlined
 
-# Slots of a job for `careful`, after those of the machine code, and their number.
-(HALVES, FRACTIONS, INDICES, STATUS, FAILED_AT, POLES, MEMORY) = range(SLOTS, SLOTS + 7)
-(LANES, D_, T_, FIRST, EACH, ALL) = range(SLOTS + 7, SLOTS + 13)
+ENDED, PASSED = range(2)  # rows of `LineArrays.marks`
 
 
 @function
@@ -35,10 +35,7 @@ def fill_system(indices, half, sign, x, system):
 
 @function
 def solve_lane(indices, half, x, system, units):
-    """Take the step from x (D,) by `solve`; x becomes the next state, NaN if there is none.
-
-    Return its status; and whether det A < 0.
-    """
+    """Replace x (D,) by the next state, NaN if there is none; return its status, and det A < 0."""
     D, negative = len(x), False
     fill_system(indices, half, 1.0, x, system)
     for i in range(D):
@@ -54,39 +51,78 @@ def solve_lane(indices, half, x, system, units):
     return status, negative
 
 
-@function
-def step_carefully(arrays, first, line, bad, negative, n):
-    """Take the steps of the lanes of a line whose bits are in `bad`, by `solve`; note what fails.
+class LineArrays(NamedTuple):
+    """The arrays of trajectories in lines of W lanes."""
 
-    Lanes in `negative` took their step from det A < 0. `n` is the number of the stage, from the
-    one after state `first` on.
+    x: Any  # (lines, D, W)
+    halves: Any  # (1 or lines, T, 1 or W), half the step size times the values of the terms
+    fractions: Any  # (stages,), of eps
+    indices: Any  # (3, T)
+    status: Any  # (B,)
+    failed_at: Any  # (B,)
+    poles: Any  # (B,), the first state beyond a pole
+    marks: Any  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
+    memory: Any  # (D (D + 4) + T,)
+
+
+@function
+def step_carefully(lines, first, line, bad, negative, n):
+    """Take step n of the lanes of a line whose bits are in `bad`, and note failures and poles.
+
+    Steps count the stages from state `first` on. Bits in `negative` mark lanes that took this step
+    with det A < 0.
     """
-    x, halves, fractions, indices, status, failed_at, poles, ended, passed, memory = arrays
-    D, W, T = x.shape[1], x.shape[2], halves.shape[1]
-    stages = len(fractions)
-    fraction, n = fractions[n % stages], first + n // stages + 1
+    D, W, T = lines.x.shape[1], lines.x.shape[2], lines.halves.shape[1]
+    stages = len(lines.fractions)
+    fraction, n = lines.fractions[n % stages], first + n // stages + 1
+    memory, halves = lines.memory, lines.halves
     system = memory[: D * (D + 1)].reshape((D, D + 1, 1))
     units = memory[D * (D + 1) : D * (D + 3)].reshape((2, D))
     state, half = memory[D * (D + 3) : D * (D + 4)], memory[D * (D + 4) :]
-    for k in range(W):
-        bit, i = 1 << k, line * W + k
-        beyond, code = negative & bit != 0, OK
+    for l in range(W):
+        bit, i = 1 << l, line * W + l
+        beyond, status = negative & bit != 0, OK
         if bad & bit:
             for j in range(D):
-                state[j] = x[line, j, k]
+                state[j] = lines.x[line, j, l]
             for t in range(T):
-                half[t] = fraction * halves[line % len(halves), t, k % halves.shape[2]]
-            code, beyond = solve_lane(indices, half, state, system, units)
+                half[t] = fraction * halves[line % len(halves), t, l % halves.shape[2]]
+            status, beyond = solve_lane(lines.indices, half, state, system, units)
             for j in range(D):
-                x[line, j, k] = state[j]
-        if code != OK:
-            status[i], failed_at[i] = code, n
-            ended[line] |= bit
-            passed[line] |= bit
-        elif beyond and not passed[line] & bit:
-            poles[i] = n
-            status[i], failed_at[i] = PASSED_POLE, n
-            passed[line] |= bit
+                lines.x[line, j, l] = state[j]
+        if status != OK:
+            lines.status[i], lines.failed_at[i] = status, n
+            lines.marks[ENDED, line] |= bit
+            lines.marks[PASSED, line] |= bit
+        elif beyond and not lines.marks[PASSED, line] & bit:
+            lines.poles[i] = n
+            lines.status[i], lines.failed_at[i] = PASSED_POLE, n
+            lines.marks[PASSED, line] |= bit
+
+
+# Integers of the array that `careful` takes: addresses of `LineArrays`, lengths, 1 if lanes have
+# parameters of their own and 0 if not, and the number of the state before the first step.
+_NUMBERS = ("lines", "D", "W", "T", "for_each", "stages", "B", "first")
+Arguments = namedtuple("Arguments", (*LineArrays._fields, *_NUMBERS))
+PLACE = Arguments(*range(len(Arguments._fields)))
+_COUNT = len(PLACE)
+
+
+def arguments_of(arrays, first):
+    """Return the array for `careful`; it holds addresses of these `LineArrays`."""
+    addresses, (lines, D, W) = [array.ctypes.data for array in arrays], arrays.x.shape
+    arguments = Arguments(
+        *addresses,
+        lines=lines,
+        D=D,
+        W=W,
+        T=arrays.halves.shape[1],
+        for_each=arrays.halves.shape[2] > 1,
+        stages=len(arrays.fractions),
+        B=len(arrays.status),
+        first=first,
+    )
+    return np.array(arguments, np.int64)
 
 
 @inlined
@@ -95,22 +131,20 @@ def _array(address, shape, kind):
 
 
 @c_function(types.void(*[types.int64] * 5))
-def careful(job, line, bad, negative, n):
-    """Call `step_carefully` by addresses, for machine code whose steps are not good."""
-    a = _array(job, (ALL,), np.int64)
-    lines, stages, B, each = a[LINES], a[STAGES], a[COUNT], a[EACH]
-    D, T, W = a[D_], a[T_], a[LANES]
-    arrays = (
-        _array(a[X], (lines, D, W), np.float64),
-        _array(a[HALVES], (lines if each else 1, T, W if each else 1), np.float64),
-        _array(a[FRACTIONS], (stages,), np.float64),
-        _array(a[INDICES], (3, T), np.int64),
-        _array(a[STATUS], (B,), np.int8),
-        _array(a[FAILED_AT], (B,), np.int64),
-        _array(a[POLES], (B,), np.float64),
-        _array(a[ENDED], (lines,), np.uint8),
-        _array(a[PASSED], (lines,), np.uint8),
-        _array(a[MEMORY], (D * (D + 4) + T,), np.float64),
+def careful(address, line, bad, negative, n):
+    """Call `step_carefully` for machine code, with the address of its `Arguments`."""
+    a = _array(address, (_COUNT,), np.int64)
+    count, D, W, T, B = a[PLACE.lines], a[PLACE.D], a[PLACE.W], a[PLACE.T], a[PLACE.B]
+    shape = (count, T, W) if a[PLACE.for_each] else (1, T, 1)
+    lines = LineArrays(
+        _array(a[PLACE.x], (count, D, W), np.float64),
+        _array(a[PLACE.halves], shape, np.float64),
+        _array(a[PLACE.fractions], (a[PLACE.stages],), np.float64),
+        _array(a[PLACE.indices], (3, T), np.int64),
+        _array(a[PLACE.status], (B,), np.int8),
+        _array(a[PLACE.failed_at], (B,), np.int64),
+        _array(a[PLACE.poles], (B,), np.float64),
+        _array(a[PLACE.marks], (2, count), np.uint8),
+        _array(a[PLACE.memory], (D * (D + 4) + T,), np.float64),
     )
-    a[BUDGET] -= 1
-    step_carefully(arrays, a[FIRST], line, bad, negative, n)
+    step_carefully(lines, a[PLACE.first], line, bad, negative, n)

@@ -1,12 +1,12 @@
 """Gaussian elimination for systems A y = b, where A is the identity plus other terms.
 
-`eliminate` solves the systems of all lanes without row exchanges. So loops over lanes are SIMD, and
-powers of two as units of the unknowns change no digit. The pivots show which systems lose digits,
-see `keeps_digits`; `solve` solves these one at a time, with pivoting.
+`eliminate` solves the systems of all lanes without row exchanges, so that loops over lanes are
+SIMD, and units of the unknowns that are powers of two change no digit. Its pivots show which
+systems lose digits (`keeps_digits`); `solve` solves those one at a time, with pivoting.
 
 A block of systems is a[row, column, lane], the columns of A followed by right sides, and
-b[LEAST, LARGEST or TO_SOLVE, lane]. A single system is a block of one lane; LLVM drops its loops
-over lanes, because `lanes` is an argument.
+b[LEAST, LARGEST or TO_SOLVE, lane]. A single system is a block of one lane. The number of lanes is
+an argument, so that LLVM removes loops over one lane.
 """
 
 import math
@@ -17,47 +17,47 @@ from .codes import NONFINITE, OK, SINGULAR
 from .llvm import for_size
 from .numba import formula, function, inlined, lesser, select
 
-# Rows of b: the least pivot; the largest modulus that the diagonal had, at least 1; 1 if the lane
-# is left to `solve`, else 0.
+# Rows of b: the least modulus of a pivot; the largest modulus that the diagonal had, at least 1;
+# and 1 for lanes that need `solve`, else 0.
 LEAST, LARGEST, TO_SOLVE = range(3)
-# Elimination without row exchanges is accurate if LEAST / LARGEST is above this quotient.
+# Elimination without row exchanges is accurate if LEAST / LARGEST is above this number.
 LEAST_PIVOT = 2.0**-6
-ZERO_TO_ROUNDING = 2.0**-50  # a pivot below m times this part of its terms counts as 0
-ROUNDS = 20  # at most, of `balance`; units 2**120 apart, in dense systems of 6, took 4 or 5
+ZERO_TO_ROUNDING = 2.0**-50  # a pivot counts as 0 if it is below m times this part of its terms
+ROUNDS = 20  # the most of `balance`; dense systems of 6 with units 2**120 apart took 4 or 5
 
 
+# Sums with 0 avoid masked stores, which are slow.
 @formula
-def larger(v, w):
-    """Return the larger number; w if v is NaN. (The sum avoids masked stores, which are slow.)"""
+def simd_max(v, w):
+    """Return the larger number; w if v is NaN."""
     return select(v > w, v, w) + 0.0
 
 
 @formula
-def smaller(v, w):
+def simd_min(v, w):
     """Return the smaller number; w if v is NaN."""
     return select(v < w, v, w) + 0.0
 
 
 @formula
 def keeps_digits(b, l):
-    """True if no pivot was small beside the largest: elimination in this order lost no digits."""
+    """True if elimination in this order lost no digits: no pivot was small beside the largest."""
     return b[LEAST, l] > LEAST_PIVOT * b[LARGEST, l]
 
 
 @function
 def eliminate(a, b, lanes):
-    """Replace the right sides of all lanes by solutions, with the diagonal as pivots.
+    """Replace the right sides of all lanes by solutions, with pivots on the diagonal.
 
-    A is factorised in place: above the diagonal is U; on it, inverse pivots; below it, L, whose own
-    diagonal is 1. Two pivots are taken at a time, which halves loads and stores. The rows LEAST
-    and LARGEST of b are filled.
+    A is replaced by U above the diagonal, inverse pivots on it, and L below it, whose diagonal is
+    1. Two pivots at a time halve the loads and stores. Rows LEAST and LARGEST of b are filled.
     """
     m, columns, _ = a.shape
     for l in range(lanes):
         b[LEAST, l], b[LARGEST, l] = np.inf, 1.0
     for i in range(m):
         for l in range(lanes):
-            b[LARGEST, l] = larger(abs(a[i, i, l]), b[LARGEST, l])
+            b[LARGEST, l] = simd_max(abs(a[i, i, l]), b[LARGEST, l])
     for k in range(0, m, 2):
         for second in range(k, lesser(k + 2, m)):
             if second > k:
@@ -68,8 +68,8 @@ def eliminate(a, b, lanes):
                         a[second, j, l] -= a[second, k, l] * a[k, j, l]
             for l in range(lanes):
                 pivot = a[second, second, l]
-                b[LEAST, l] = smaller(abs(pivot), b[LEAST, l])
-                b[LARGEST, l] = larger(abs(pivot), b[LARGEST, l])
+                b[LEAST, l] = simd_min(abs(pivot), b[LEAST, l])
+                b[LARGEST, l] = simd_max(abs(pivot), b[LARGEST, l])
                 a[second, second, l] = 1.0 / pivot
         for i in range(k + 2, m):
             for l in range(lanes):
@@ -91,9 +91,9 @@ def eliminate(a, b, lanes):
 
 @formula
 def accept(a, x, b, lanes):
-    """Replace states x by the right sides where these keep their digits; return how many do not.
+    """Replace states x by solutions that keep their digits; return how many lanes have others.
 
-    On entry b[TO_SOLVE] is below the length of x if the right sides are finite and accurate.
+    On entry b[TO_SOLVE] is NaN, or at least the length of x, for solutions that are not usable.
     """
     m, to_solve = len(a), 0
     for l in range(lanes):
@@ -108,17 +108,18 @@ def accept(a, x, b, lanes):
 
 @inlined
 def memory_of_one(m):
-    """Return `a` and `units` for `solve`, with one right side."""
+    """Return the memory of `solve` for a system with one right side."""
     return np.empty((m, m + 1, 1)), np.empty((2, m))
 
 
 @function
 def solve(system, units):
-    """Solve one system (m, columns, 1), scaled, with partial pivoting; return its status.
+    """Solve one system (m, columns, 1) by scaling and partial pivoting; return its status.
 
-    The right sides become solutions, and the diagonal holds the pivots of scaled rows: NaN where
-    one is 0 to rounding (SINGULAR). Numbers that are not finite give NONFINITE. `units` (2, m)
-    receives the units of the unknowns and the factors of rows: det A = prod pivot k / units[1, k].
+    Solutions replace the right sides, and pivots of the scaled rows replace the diagonal. A pivot
+    that is 0 to rounding becomes NaN (SINGULAR); numbers that are not finite make NONFINITE.
+    `units` (2, m) receives units of the unknowns, and factors of rows: det A is the product of
+    pivot k / units[1, k].
     """
     for_size()
     a, weights, undefined, size = system[:, :, 0], units[1], 0.0, 0.0
@@ -127,7 +128,7 @@ def solve(system, units):
     for i in range(m):
         largest = 1.0
         for j in range(m):
-            largest = larger(abs(a[i, j]), largest)
+            largest = simd_max(abs(a[i, j]), largest)
         weights[i] = 1.0 / largest
         for j in range(columns):
             undefined += 0.0 * a[i, j]
@@ -141,7 +142,7 @@ def solve(system, units):
             weights[k], weights[pivot] = weights[pivot], weights[k]
             for j in range(columns):
                 a[k, j], a[pivot, j] = a[pivot, j], -a[k, j]
-        terms = weights[k] + abs(a[k, k])  # the 1 of the identity, and what it is changed by
+        terms = weights[k] + abs(a[k, k])  # the scaled 1 of the identity, the pivot, and products
         for j in range(k):
             terms += abs(a[k, j] * a[j, k])
         if abs(a[k, k]) <= m * ZERO_TO_ROUNDING * terms:
@@ -167,8 +168,10 @@ def solve(system, units):
 
 @inlined
 def balance(a, units):
-    """Change to units of the unknowns, powers of two, in which the largest entries beside the
-    diagonal are alike in the row and in the column of each unknown.
+    """Change the units of the unknowns by powers of two.
+
+    In the new units the largest entries off the diagonal are about equal in the row and in the
+    column of each unknown.
     """
     m, columns = a.shape
     units[:] = 1.0
@@ -178,8 +181,8 @@ def balance(a, units):
             of_row, of_column = 0.0, 0.0
             for j in range(m):
                 if j != i:
-                    of_row = larger(abs(a[i, j]), of_row)
-                    of_column = larger(abs(a[j, i]), of_column)
+                    of_row = simd_max(abs(a[i, j]), of_row)
+                    of_column = simd_max(abs(a[j, i]), of_column)
             power = math.frexp(of_row)[1] - math.frexp(of_column)[1]
             if of_row > 0.0 and of_column > 0.0:
                 power = power // 2
@@ -187,9 +190,9 @@ def balance(a, units):
                 changed = True
                 factor = math.ldexp(1.0, power)
                 units[i] *= factor
-                for j in range(columns):  # the second loop restores the diagonal
+                for j in range(columns):
                     a[i, j] /= factor
-                for j in range(m):
+                for j in range(m):  # restores the diagonal, too
                     a[j, i] *= factor
         if not changed:
             break
@@ -197,7 +200,7 @@ def balance(a, units):
 
 @formula
 def determinant_of(system, units):
-    """Return the determinant of a matrix that `solve` has treated, 0 if it is so to rounding."""
+    """Return the determinant of A after `solve`; 0 if it is 0 to rounding."""
     product = 1.0
     for k in range(len(system)):
         product *= system[k, k, 0] / units[1, k]

@@ -1,169 +1,194 @@
-"""Machine code for the steps of a field: text in LLVM's language, made from a list of operations.
+"""Machine code of the steps of a field: LLVM's text, made from a list of operations.
 
-A list (`operations.Step`) becomes straight-line code for a line of W lanes, whose values stay in
-registers, in loops over lines and steps. LLVM forms no FMA and keeps the order of operations, so
-that the numbers are those of `operations.evaluate`, to the bit. Compiling takes 0.3 to 0.5 ms an
-operation. Machine code stays until the process ends, since addresses of it may be anywhere.
-
-The code takes addresses as integers: versions of LLVM write the types of pointers differently.
+A list (`operations.Step`) becomes straight-line code for a line of W lanes, in loops over lines and
+steps. Its values stay in registers, and are those of `operations.evaluate`, to the bit.
 """
+
+from typing import NamedTuple
 
 from .machine_code import Text, pointer
 
 WIDTH = 8  # lanes of a line
-# Slots of a job, the integers that `steps` takes: the states x (lines, D, W), how many lines there
-# are, and in a block; how many steps of the list, and the values of `table`, of each stage in turn,
-# (stages, n) or (stages, lines, n, W); the first saved state, bytes from one to the next, steps
-# until the first, and from one to the next; how many trajectories there are; for each line bits of
-# lanes that have ended, and of those that have passed a pole or ended; the function that is called
-# for steps that are not good, 0 before it is compiled; memory for values between pieces of a long
-# list. The code returns when the budget of calls of this function is spent, and goes on where it
-# was when it is called again: at line LINE, step NOW, a stage, steps until a saved state, and its
-# place. `careful` has slots of its own after these.
-(X, LINES, BLOCK, STEPS, TABLE, STAGE, STAGES) = range(7)
-(SAVED, ROW, UNTIL, EVERY, COUNT, ENDED, PASSED, CALL, KEPT) = range(7, 16)
-(BUDGET, LINE, NOW, STAGE_NOW, UNTIL_NOW, ROW_NOW, SLOTS) = range(16, 23)
+
+
+class CodeArguments(NamedTuple):
+    """The integers of an array that the code of `text_of_steps` takes."""
+
+    x: int  # address of the states (lines, D, W)
+    lines: int
+    block: int  # lines of a block, which takes all steps before the next block begins
+    steps: int  # of all stages
+    table: int  # address of `Step.table` for each stage: (stages, n) or (stages, lines, n, W)
+    table_bytes: int  # of a stage
+    stages: int
+    first_row: int  # address of the first saved states
+    row_bytes: int  # from one saved row to the next
+    first_until: int  # steps before the one that makes the first saved state
+    between: int  # steps between those that make two saved states
+    trajectories: int
+    marks: int  # address of bits of lanes (2, lines): that have ended; passed a pole or ended
+    careful: int  # address of `careful.careful`, 0 before it is compiled
+    careful_arguments: int  # address of its array
+    kept: int  # address of memory for values that later pieces of a long list need
+    # Where the code is. It returns when the budget is spent, and goes on there in the next call.
+    budget: int  # calls of `careful` before it returns
+    line: int
+    n: int
+    stage: int
+    until: int
+    row: int  # address
+
+
+SLOT = CodeArguments(*range(len(CodeArguments._fields)))  # places in the array
 
 
 def text_of_steps(step, name, W, for_each, align):
-    """Return the text of i64 name(job): steps of lines of W lanes, see the slots of a job.
+    """Return the text of i64 name(arguments): steps of lines of W lanes, see `CodeArguments`.
 
-    It returns 1; or 0 as soon as it would have to call a function that is not compiled yet.
-
-    The table is that of all lanes, or `for_each` of them. Saved states begin at multiples of
-    `align` bytes: they go past the caches if that is more than 8, and 0 means that none are saved.
+    It returns 1; or 0 at a step that needs `careful` before that is compiled. The table is common
+    to all lanes, or `for_each` of them. Saved states begin at multiples of `align` bytes, and go
+    past the caches if that is more than 8; 0 means that none are saved.
     """
     t, D = Text(W), step.D
     new, integer, size, every = t.new, t.integer, 8 * W, (1 << W) - 1
     (*before, usual), _ = step.pieces
     for k, piece in enumerate(before):
         _piece(t, step, f"{name}_{k}", piece, for_each)
-    t.add(f"define i64 @{name}(i64 %job) #0 {{")
+    t.add(f"define i64 @{name}(i64 %arguments) #0 {{")
     t.label("entry")
-    slots = [t.load("i64", t.plus("%job", 8 * k)) for k in range(SLOTS)]
+    arguments = CodeArguments(*(t.load("i64", t.plus("%arguments", 8 * k)) for k in SLOT))
     t.add("  br label %blocks")
 
     t.label("blocks")
-    t.add(f"  %lo = phi i64 [ {slots[LINE]}, %entry ], [ %hi, %after ]")
-    for each, now, begin in (
-        ("n", NOW, "0"),
-        ("stage", STAGE_NOW, "0"),
-        ("until", UNTIL_NOW, slots[UNTIL]),
-        ("row", ROW_NOW, slots[SAVED]),
+    t.add(f"  %lo = phi i64 [ {arguments.line}, %entry ], [ %hi, %after ]")
+    for register, resumed, at_first in (
+        ("n", arguments.n, "0"),
+        ("stage", arguments.stage, "0"),
+        ("until", arguments.until, arguments.first_until),
+        ("row", arguments.row, arguments.first_row),
     ):
-        t.add(f"  %{each}0 = phi i64 [ {slots[now]}, %entry ], [ {begin}, %after ]")
-    end = integer("add", "%lo", slots[BLOCK])
-    less = t.compare("ult", end, slots[LINES])
-    t.add(f"  %hi = select i1 {less}, i64 {end}, i64 {slots[LINES]}")
-    one = [t.load(t.V, t.plus(slots[X], size * i)) for i in range(D if W == 1 else 0)]
+        t.add(f"  %{register}0 = phi i64 [ {resumed}, %entry ], [ {at_first}, %after ]")
+    end = integer("add", "%lo", arguments.block)
+    less = t.compare_integers("ult", end, arguments.lines)
+    t.add(f"  %hi = select i1 {less}, i64 {end}, i64 {arguments.lines}")
+    single = [t.load(t.V, t.plus(arguments.x, size * i)) for i in range(D if W == 1 else 0)]
     t.add("  br label %steps")
 
     t.label("steps")
-    for each in ("n", "stage", "until", "row"):
-        t.add(f"  %{each} = phi i64 [ %{each}0, %blocks ], [ %{each}1, %more ]")
-    for i, each in enumerate(one):  # a single line: what was stored is not waited for
-        t.add(f"  %x{i} = phi {t.V} [ {each}, %blocks ], [ %final{i}, %more ]")
-    saves = t.compare("eq", "%until", 0)
-    table = integer("add", slots[TABLE], integer("mul", "%stage", slots[STAGE]))
+    for register in ("n", "stage", "until", "row"):
+        t.add(f"  %{register} = phi i64 [ %{register}0, %blocks ], [ %{register}1, %more ]")
+    # The state of a single orbit stays in registers: a load would wait for the store before it.
+    for i, component in enumerate(single):
+        t.add(f"  %x{i} = phi {t.V} [ {component}, %blocks ], [ %final{i}, %more ]")
+    saves = t.compare_integers("eq", "%until", 0)
+    table = integer("add", arguments.table, integer("mul", "%stage", arguments.table_bytes))
     t.add("  br label %lines")
 
     t.label("lines")
     t.add("  %line = phi i64 [ %lo, %steps ], [ %line1, %next ]")
-    place = integer("add", slots[X], integer("mul", "%line", D * size))
-    places = [t.plus(place, size * i) for i in range(D)]
-    x = [f"%x{i}" if W == 1 else t.load(t.V, each) for i, each in enumerate(places)]
+    state = integer("add", arguments.x, integer("mul", "%line", D * size))
+    places = [t.plus(state, size * i) for i in range(D)]
+    x = [f"%x{i}" if W == 1 else t.load(t.V, place) for i, place in enumerate(places)]
     if for_each:
         table = integer("add", table, integer("mul", "%line", len(step.table) * size))
 
     for k in range(len(before)):
-        t.add(f"  call void @{name}_{k}(i64 {place}, i64 {table}, i64 {slots[KEPT]})")
-    get, values = _getter(t, step, for_each, place, table, slots[KEPT]), dict(enumerate(x))
-    t.carry_out(usual, values, get)
-    after = [values[k] if k in values else get(k) for k in step.after]
+        t.add(f"  call void @{name}_{k}(i64 {state}, i64 {table}, i64 {arguments.kept})")
+    load, values = _loader(t, step, for_each, state, table, arguments.kept), dict(enumerate(x))
+    t.carry_out(usual, values, load)
+    after = [values[k] if k in values else load(k) for k in step.after]
     t.add(f"  br i1 {t.all_true(values[step.good])}, label %finish, label %rare, !prof !0")
 
     t.label("rare")
-    t.carry_out(step.rare, values, get)
+    t.carry_out(step.rare, values, load)
     accurate = values[step.accurate]
-    kept = [
-        new(f"select {t.M} {accurate}, {t.V} {one}, {t.V} {other}")
-        for one, other in zip(after, x, strict=True)
-    ]
+    advanced = [t.select(accurate, *both) for both in zip(after, x, strict=True)]
     for k in range(D):
-        t.store(t.V, kept[k], places[k])
+        t.store(t.V, advanced[k], places[k])
     ended, passed = (
-        new(f"zext i8 {t.load('i8', integer('add', slots[k], '%line'), 1)} to i64")
-        for k in (ENDED, PASSED)
+        new(f"zext i8 {t.load('i8', integer('add', bits, '%line'), 1)} to i64")
+        for bits in (arguments.marks, integer("add", arguments.marks, arguments.lines))
     )
     good, negative = t.bits(accurate), t.bits(values[step.negative])
     bad = integer("and", integer("xor", good, every), integer("xor", ended, every))
     negative = integer("and", negative, integer("and", good, integer("xor", passed, every)))
-    some = t.compare("ne", integer("or", bad, negative), 0)
+    some = t.compare_integers("ne", integer("or", bad, negative), 0)
     t.add(f"  br i1 {some}, label %careful, label %finish")
 
     t.label("careful")
-    t.add(f"  br i1 {t.compare('eq', slots[CALL], 0)}, label %unable, label %call")
+    t.add(f"  br i1 {t.compare_integers('eq', arguments.careful, 0)}, label %unable, label %call")
     t.label("unable")
     t.add("  ret i64 0")
     t.label("call")
     kind = "void (i64, i64, i64, i64, i64)"
-    function = new(f"inttoptr i64 {slots[CALL]} to {pointer(kind)}")
-    t.add(f"  call void {function}(i64 %job, i64 %line, i64 {bad}, i64 {negative}, i64 %n)")
-    again = [t.load(t.V, places[k]) for k in range(D)]
+    function = new(f"inttoptr i64 {arguments.careful} to {pointer(kind)}")
+    line_arrays = f"i64 {arguments.careful_arguments}"
+    t.add(f"  call void {function}({line_arrays}, i64 %line, i64 {bad}, i64 {negative}, i64 %n)")
+    left = t.load("i64", t.plus("%arguments", 8 * SLOT.budget))
+    t.store("i64", integer("sub", left, 1), t.plus("%arguments", 8 * SLOT.budget))
+    solved = [t.load(t.V, places[k]) for k in range(D)]
     t.add("  br label %finish")
 
     t.label("finish")
     final = [f"%final{k}" for k in range(D)]
     for k in range(D):
-        ways = f"[ {after[k]}, %lines ], [ {kept[k]}, %rare ], [ {again[k]}, %call ]"
+        ways = f"[ {after[k]}, %lines ], [ {advanced[k]}, %rare ], [ {solved[k]}, %call ]"
         t.add(f"  {final[k]} = phi {t.V} {ways}")
     for k in range(D):
         if step.after[k] != k:
             t.store(t.V, final[k], places[k])
     t.add(f"  br i1 {saves}, label %save, label %next" if align else "  br label %next")
     if align:
-        _save(t, final, D, slots[COUNT], align)
+        _save(t, final, D, arguments.trajectories, align)
 
     t.label("next")
     t.add("  %line1 = add i64 %line, 1")
-    t.add(f"  br i1 {t.compare('ult', '%line1', '%hi')}, label %lines, label %done")
+    t.add(f"  br i1 {t.compare_integers('ult', '%line1', '%hi')}, label %lines, label %done")
 
     t.label("done")
     t.add("  %n1 = add i64 %n, 1")
-    later = integer("add", "%stage", 1)
-    last = t.compare("eq", later, slots[STAGES])
-    t.add(f"  %stage1 = select i1 {last}, i64 0, i64 {later}")
-    sooner = integer("sub", "%until", 1)
-    t.add(f"  %until1 = select i1 {saves}, i64 {slots[EVERY]}, i64 {sooner}")
-    below = integer("add", "%row", slots[ROW])
-    t.add(f"  %row1 = select i1 {saves}, i64 {below}, i64 %row")
-    t.add(f"  br i1 {t.compare('ult', '%n1', slots[STEPS])}, label %more, label %after")
+    next_stage = integer("add", "%stage", 1)
+    is_last = t.compare_integers("eq", next_stage, arguments.stages)
+    t.add(f"  %stage1 = select i1 {is_last}, i64 0, i64 {next_stage}")
+    less = integer("sub", "%until", 1)
+    t.add(f"  %until1 = select i1 {saves}, i64 {arguments.between}, i64 {less}")
+    next_row = integer("add", "%row", arguments.row_bytes)
+    t.add(f"  %row1 = select i1 {saves}, i64 {next_row}, i64 %row")
+    t.add(f"  br i1 {t.compare_integers('ult', '%n1', arguments.steps)}, label %more, label %after")
 
     t.label("more")
-    left = t.load("i64", t.plus("%job", 8 * BUDGET))
-    t.add(f"  br i1 {t.compare('sgt', left, 0)}, label %steps, label %pause")
+    left = t.load("i64", t.plus("%arguments", 8 * SLOT.budget))
+    t.add(f"  br i1 {t.compare_integers('sgt', left, 0)}, label %steps, label %pause")
 
     t.label("pause")
-    now = {LINE: "%lo", NOW: "%n1", STAGE_NOW: "%stage1", UNTIL_NOW: "%until1", ROW_NOW: "%row1"}
-    for slot, value in now.items():
-        t.store("i64", value, t.plus("%job", 8 * slot))
+    for slot, register in (
+        (SLOT.line, "%lo"),
+        (SLOT.n, "%n1"),
+        (SLOT.stage, "%stage1"),
+        (SLOT.until, "%until1"),
+        (SLOT.row, "%row1"),
+    ):
+        t.store("i64", register, t.plus("%arguments", 8 * slot))
     t.add("  ret i64 1")
 
     t.label("after")
-    t.add(f"  br i1 {t.compare('ult', '%hi', slots[LINES])}, label %blocks, label %end")
+    t.add(f"  br i1 {t.compare_integers('ult', '%hi', arguments.lines)}, label %blocks, label %end")
     t.label("end")
-    t.store("i64", "%hi", t.plus("%job", 8 * LINE))
+    t.store("i64", "%hi", t.plus("%arguments", 8 * SLOT.line))
     t.add("  ret i64 1")
-    return t.whole()
+    return t.finished()
 
 
-def _getter(t, step, for_each, place, table, kept):
-    """Return the function that loads a value: of the state, of the table, or of a piece before."""
+def _loader(t, step, for_each, state, table, kept):
+    """Return the function that loads a value: of the state, of an earlier piece, or of the table.
+
+    `state`, `table` and `kept` are the addresses of their rows for one line.
+    """
     rows, size = step.pieces[1], 8 * t.W
 
-    def get(number):
+    def load(number):
         if number < step.D:
-            return t.load(t.V, t.plus(place, size * number))
+            return t.load(t.V, t.plus(state, size * number))
         if number in rows:
             return t.load(t.V, t.plus(kept, size * rows[number]))
         address = t.plus(table, (size if for_each else 8) * step.places[number])
@@ -171,14 +196,14 @@ def _getter(t, step, for_each, place, table, kept):
             return t.load(t.V, address)
         return t.splat(t.load("double", address), t.W)
 
-    return get
+    return load
 
 
 def _piece(t, step, name, operations, for_each):
-    """Add the function of a piece of the usual operations, for one line."""
+    """Add a function that carries out a piece of the usual operations, for one line."""
     rows, values = step.pieces[1], {}
-    t.add(f"define internal void @{name}(i64 %place, i64 %table, i64 %kept) #0 {{")
-    t.carry_out(operations, values, _getter(t, step, for_each, "%place", "%table", "%kept"))
+    t.add(f"define internal void @{name}(i64 %state, i64 %table, i64 %kept) #0 {{")
+    t.carry_out(operations, values, _loader(t, step, for_each, "%state", "%table", "%kept"))
     for _, number, _ in operations:
         if number in rows:
             t.store(t.V, values[number], t.plus("%kept", 8 * t.W * rows[number]))
@@ -186,8 +211,8 @@ def _piece(t, step, name, operations, for_each):
     t.add("}")
 
 
-def _save(t, states, D, count, align):
-    """Add the block `save`: the states of a line, component by component, to the row."""
+def _save(t, states, D, trajectories, align):
+    """Add the block `save`, which writes the states of a line to the row, one after the other."""
     new, integer, W = t.new, t.integer, t.W
     t.label("save")
     place = integer("add", "%row", integer("mul", "%line", 8 * W * D))
@@ -196,31 +221,32 @@ def _save(t, states, D, count, align):
             t.store("double", states[k], t.plus(place, 8 * k))
         t.add("  br label %next")
         return
-    rows = []
+    vectors = []
     for first in range(0, W * D, W):
-        row, taken = "undef", [divmod(n, D) for n in range(first, first + W)]
-        for k in dict.fromkeys(k for _, k in taken):
-            order = [W + lane if i == k else n for n, (lane, i) in enumerate(taken)]
+        vector, sources = "undef", [divmod(n, D) for n in range(first, first + W)]
+        for k in dict.fromkeys(component for _, component in sources):
+            order = [
+                W + lane if component == k else n for n, (lane, component) in enumerate(sources)
+            ]
             order = ", ".join(f"i32 {n}" for n in order)
-            row = new(f"shufflevector {t.V} {row}, {t.V} {states[k]}, <{W} x i32> <{order}>")
-        rows.append(row)
+            vector = new(f"shufflevector {t.V} {vector}, {t.V} {states[k]}, <{W} x i32> <{order}>")
+        vectors.append(vector)
     last = integer("mul", integer("add", "%line", 1), W)
-    t.add(f"  br i1 {t.compare('ule', last, count)}, label %whole, label %part")
+    t.add(f"  br i1 {t.compare_integers('ule', last, trajectories)}, label %whole, label %part")
     t.label("whole")
     mark = ", !nontemporal !1" if align > 8 else ""
-    for k, row in enumerate(rows):
-        t.store(t.V, row, t.plus(place, 8 * W * k), align, mark)
+    for k, vector in enumerate(vectors):
+        t.store(t.V, vector, t.plus(place, 8 * W * k), align, mark)
     t.add("  br label %next")
-    # Of the last line, number by number.
-    t.label("part")
-    left = integer("mul", integer("sub", count, integer("mul", "%line", W)), D)
+    t.label("part")  # the last line has fewer trajectories, and is written number by number
+    left = integer("mul", integer("sub", trajectories, integer("mul", "%line", W)), D)
     t.add("  br label %number0")
     for n in range(W * D):
         t.label(f"number{n}")
-        t.add(f"  br i1 {t.compare('ult', n, left)}, label %put{n}, label %next")
+        t.add(f"  br i1 {t.compare_integers('ult', n, left)}, label %put{n}, label %next")
         t.label(f"put{n}")
-        one = new(f"extractelement {t.V} {rows[n // W]}, i32 {n % W}")
-        t.store("double", one, t.plus(place, 8 * n))
+        number = new(f"extractelement {t.V} {vectors[n // W]}, i32 {n % W}")
+        t.store("double", number, t.plus(place, 8 * n))
         t.add(f"  br label %number{n + 1}")
     t.label(f"number{W * D}")
     t.add("  br label %next")
@@ -229,7 +255,7 @@ def _save(t, states, D, count, align):
 def text_of_step(step, name, *_):
     """Return the text of i64 name(x, table): one step of a state (D,), in place.
 
-    It returns 1 if the step is not accurate, and then leaves the state; else 2 if det A < 0, or 0.
+    It returns 1, and leaves the state, if the step is not accurate; else 2 if det A < 0, or 0.
     """
     t = Text(1)
     t.add(f"define i64 @{name}(i64 %x, i64 %table) #0 {{")
@@ -257,4 +283,4 @@ def text_of_step(step, name, *_):
         if number != k:
             t.store("double", values[number], places[k])
     t.add("  ret i64 %code")
-    return t.whole()
+    return t.finished()

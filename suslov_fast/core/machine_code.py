@@ -1,8 +1,8 @@
-"""Text in LLVM's language, and its machine code.
+"""LLVM's intermediate representation as text, and the machine code that LLVM makes of it.
 
 LLVM forms no FMA and keeps the order of operations. Compiling takes 0.3 to 0.5 ms an operation.
-Machine code stays until the process ends, since addresses of it may be anywhere. Addresses in the
-text are integers: versions of LLVM write the types of pointers differently.
+Machine code stays until the process ends, because its addresses may be stored anywhere. Addresses
+in the text are integers, because versions of LLVM write the types of pointers differently.
 """
 
 import ctypes
@@ -15,10 +15,10 @@ import numpy as np
 from llvmlite import binding
 from numba import config
 
-from .operations import OF_TRUTH
+from .operations import OF_TRUTH_VALUES
 
-MANY = 6000  # operations, above which optimising takes longer than it mostly saves
-LARGE = 40_000  # operations, above which one function needs too much memory of the stack
+MANY = 6000  # operations, above which optimising mostly takes longer than it saves
+LARGE = 40_000  # operations, above which one function needs too much stack
 
 
 def pointer(kind):
@@ -27,88 +27,118 @@ def pointer(kind):
 
 
 class Text:
-    """Text of a function, for lines of W lanes."""
+    """The text of a function for lines of W lanes; instructions go to `target`, if there is one.
 
-    def __init__(self, W, of=None):
-        self.W, self.of = W, of or self
+    V and M are the types of W numbers and of W truth values.
+    """
+
+    def __init__(self, W, target=None):
+        self.W, self.target = W, target or self
         self.lines, self.count = [], 0
         self.V = f"<{W} x double>" if W > 1 else "double"
         self.M = f"<{W} x i1>" if W > 1 else "i1"
         self.suffix = f"v{W}f64" if W > 1 else "f64"
 
     def add(self, line):
-        self.of.lines.append(line)
+        self.target.lines.append(line)
 
-    def new(self, text):
+    def new(self, instruction):
         """Add an instruction; return the name of its value."""
-        self.of.count += 1
-        self.of.lines.append(f"  %v{self.of.count} = {text}")
-        return f"%v{self.of.count}"
+        self.target.count += 1
+        self.target.lines.append(f"  %v{self.target.count} = {instruction}")
+        return f"%v{self.target.count}"
 
     def label(self, name):
         self.lines.append(f"{name}:")
 
-    def each(self, constant):
-        """Return a line of equal constants."""
-        number = f"double 0x{np.float64(constant).view(np.uint64):016X}"
-        return number.split()[1] if self.W == 1 else f"<{', '.join([number] * self.W)}>"
-
     def load(self, kind, address, align=8):
-        place = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
-        return self.new(f"load {kind}, {pointer(kind)} {place}, align {align}")
+        pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
+        return self.new(f"load {kind}, {pointer(kind)} {pointed}, align {align}")
 
     def store(self, kind, value, address, align=8, mark=""):
-        place = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
-        self.add(f"  store {kind} {value}, {pointer(kind)} {place}, align {align}{mark}")
+        pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
+        self.add(f"  store {kind} {value}, {pointer(kind)} {pointed}, align {align}{mark}")
 
+    # ------------------------------------------------------------------------------------ integers
     def integer(self, instruction, a, b):
         return self.new(f"{instruction} i64 {a}, {b}")
 
     def plus(self, address, offset):
         return self.integer("add", address, offset) if offset else address
 
+    def compare_integers(self, how, a, b):
+        return self.new(f"icmp {how} i64 {a}, {b}")
+
+    # --------------------------------------------------------------------------------------- lines
+    def constant(self, number):
+        """Return W equal constants."""
+        text = f"double 0x{np.float64(number).view(np.uint64):016X}"
+        return text.split()[1] if self.W == 1 else f"<{', '.join([text] * self.W)}>"
+
+    def splat(self, number, W):
+        """Return a vector of W numbers that are equal to a number."""
+        kind = f"<{W} x double>"
+        first = self.new(f"insertelement {kind} undef, double {number}, i32 0")
+        return self.new(f"shufflevector {kind} {first}, {kind} undef, <{W} x i32> zeroinitializer")
+
     def operate(self, instruction, a, b):
         return self.new(f"{instruction} {self.V} {a}, {b}")
 
-    def test(self, how, a, b):
+    def compare(self, how, a, b):
         return self.new(f"fcmp {how} {self.V} {a}, {b}")
 
-    def choose_line(self, truth, a, b):
+    def select(self, truth, a, b):
         return self.new(f"select {self.M} {truth}, {self.V} {a}, {self.V} {b}")
 
     def joined(self, instruction, truths):
-        first, *others = truths
-        for each in others:
-            first = self.new(f"{instruction} {self.M} {first}, {each}")
-        return first
-
-    def splat(self, number, W):
-        """Return a vector of W equal numbers."""
-        kind = f"<{W} x double>"
-        one = self.new(f"insertelement {kind} undef, double {number}, i32 0")
-        return self.new(f"shufflevector {kind} {one}, {kind} undef, <{W} x i32> zeroinitializer")
-
-    def compare(self, how, a, b):
-        return self.new(f"icmp {how} i64 {a}, {b}")
-
-    def choose(self, truth, a, b):
-        return self.new(f"select i1 {truth}, i64 {a}, i64 {b}")
+        """Return all truth values joined by an instruction, from left to right."""
+        result, *others = truths
+        for truth in others:
+            result = self.new(f"{instruction} {self.M} {result}, {truth}")
+        return result
 
     def all_true(self, truth):
-        """Return whether a line of truth values are all true."""
+        """Return whether the truth values of all lanes are true."""
         if self.W == 1:
             return truth
         truth = self.new(f"bitcast {self.M} {truth} to i{self.W}")
         return self.new(f"icmp eq i{self.W} {truth}, -1")
 
     def bits(self, truth):
-        """Return the truth values of a line as an integer."""
+        """Return the truth values of all lanes as the bits of an integer."""
         if self.W > 1:
             truth = self.new(f"bitcast {self.M} {truth} to i{self.W}")
         return self.new(f"zext i{self.W} {truth} to i64")
 
-    def whole(self):
-        """Return the text, with what it needs."""
+    def carry_out(self, operations, values, load):
+        """Add operations; `load` returns the name of a value that is not in the dict `values`."""
+        V, M = self.V, self.M
+        for instruction, number, operands in operations:
+            names = []
+            for operand in operands:
+                if isinstance(operand, float):
+                    names.append(self.constant(operand))
+                    continue
+                if operand not in values:
+                    values[operand] = load(operand)
+                names.append(values[operand])
+            if instruction == "fabs":
+                name = self.new(f"call {V} @llvm.fabs.{self.suffix}({V} {names[0]})")
+            elif instruction in ("max", "min"):
+                is_first = self.compare("ogt" if instruction == "max" else "olt", *names)
+                name = self.select(is_first, *names)
+            elif instruction == "select":
+                name = self.select(*names)
+            elif instruction in ("and", "or", "xor"):
+                name = self.new(f"{instruction} {M} {names[0]}, {names[1]}")
+            elif instruction in OF_TRUTH_VALUES:
+                name = self.compare(instruction, *names)
+            else:
+                name = self.operate(instruction, *names)
+            values[number] = name
+
+    def finished(self):
+        """Return the text with the end of the function and all that it refers to."""
         return "\n".join([
             *self.lines, "}",
             f"declare {self.V} @llvm.fabs.{self.suffix}({self.V})",
@@ -118,46 +148,23 @@ class Text:
             '!0 = !{!"branch_weights", i32 1000000, i32 1}', "!1 = !{i32 1}", "",
         ])  # fmt: skip
 
-    def carry_out(self, operations, values, get):
-        """Add operations; `get` returns the name of a value that is not in `values`."""
-        V, M = self.V, self.M
-        for instruction, number, operands in operations:
-            names = []
-            for each in operands:
-                if not isinstance(each, float) and each not in values:
-                    values[each] = get(each)
-                names.append(self.each(each) if isinstance(each, float) else values[each])
-            both = ", ".join(names)
-            if instruction == "fabs":
-                name = self.new(f"call {V} @llvm.fabs.{self.suffix}({V} {both})")
-            elif instruction in ("larger", "lesser"):
-                code = "ogt" if instruction == "larger" else "olt"
-                name = self.new(f"fcmp {code} {V} {both}")
-                name = self.new(f"select {M} {name}, {V} {names[0]}, {V} {names[1]}")
-            elif instruction == "select":
-                name = self.new(f"select {M} {names[0]}, {V} {names[1]}, {V} {names[2]}")
-            elif instruction in ("and", "or", "xor"):
-                name = self.new(f"{instruction} {M} {both}")
-            elif instruction in OF_TRUTH:
-                name = self.test(instruction, *names)
-            else:
-                name = self.operate(instruction, *names)
-            values[number] = name
-
 
 # ------------------------------------------------------------------------------------------ compile
-_codes = {}  # addresses, by what the code is for
-_engines = {}  # by levels of optimisation
-_numbers = itertools.count()  # of names, of which no two are the same, also after Ctrl-C
-_lock = threading.RLock()  # the handler of a signal may need code while code is compiled
-if hasattr(os, "register_at_fork"):  # no child has the lock of a thread that it does not have
+_codes = {}  # addresses, by the arguments of `code_of`
+_engines = {}  # by level of optimisation
+_numbers = itertools.count()  # which make names unique, also after Ctrl-C
+_lock = threading.RLock()  # reentrant, because a signal may arrive while code is compiled
+if hasattr(os, "register_at_fork"):  # a child lacks the thread that holds the lock of its parent
     os.register_at_fork(
         before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
     )
 
 
 def code_of(text_of, step, W=1, for_each=False, align=0):
-    """Return the address of the code of one of the texts; None where there can be none."""
+    """Return the address of the machine code of `text_of(step, name, W, for_each, align)`.
+
+    It is None with NUMBA_DISABLE_JIT, and where LLVM refuses the text.
+    """
     if config.DISABLE_JIT:
         return None
     key = text_of, step.indices.tobytes(), step.D, W, for_each, align
@@ -169,7 +176,7 @@ def code_of(text_of, step, W=1, for_each=False, align=0):
                 text = text_of(step, name, W, for_each, align)
                 _codes[key] = _compile(text, name, level)
             except Exception as error:
-                if None not in _codes.values():  # once a process
+                if None not in _codes.values():  # one warning for a process
                     warnings.warn(
                         f"LLVM refuses the code of a field ({error}): NumPy takes steps of "
                         "thousands of trajectories, in 100 times the time, and of one, in 5000 "
@@ -182,7 +189,7 @@ def code_of(text_of, step, W=1, for_each=False, align=0):
 
 
 def _compile(text, name, level):
-    """Return the address of a function in this text."""
+    """Return the address of the function with this name in a text."""
     module = binding.parse_assembly(text)
     if level in _engines:
         _engines[level].add_module(module)
@@ -196,7 +203,7 @@ def _compile(text, name, level):
 
 
 def _machine(level):
-    """Return the processor as Numba sees it, with its settings."""
+    """Return the target machine for the processor and the features that Numba compiles for."""
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
     features = config.CPU_FEATURES
@@ -211,6 +218,6 @@ def _machine(level):
 _CALL = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
 
 
-def call(address, job):
-    """Call the code at an address with that of a job, an array; return its integer."""
-    return _CALL(address)(job.ctypes.data)
+def call(address, array):
+    """Call the code at an address with the address of an array; return its integer."""
+    return _CALL(address)(array.ctypes.data)

@@ -315,11 +315,6 @@ def of_kind(name):
 
 
 @formula
-def keep(arrays):
-    """Keep arrays alive: called after the last use of their `uncounted` copies."""
-
-
-@formula
 def lesser(a, b):
     """Return the smaller number. (Each kernel would compile its own `min`.)"""
     return a if a < b else b

@@ -1,8 +1,8 @@
 """A step of a field as a list of operations on numbers, planned from its pattern of zeros.
 
 With h = eps / 2 and N(x) = h f'(x) a step solves (1 - N) delta = h f(x), x_next = x + 2 delta
-(theory, section 7). Which entries of N are zero is known from the terms of the field alone, so
-elimination is planned once, here, on the pattern. For pivots k, in an order with little fill-in,
+(theory, section 7). Elimination is planned once, because the terms of the field alone decide which
+entries of N are 0. For pivots k, in an order with little fill-in,
 
 pivot_k = 1 - N_kk,   m_ik = N_ik / pivot_k,   N_ij += m_ik N_kj,   g_i += m_ik g_k,
 
@@ -10,12 +10,12 @@ for i and j that come later, where g = h f(x) at first; then, backwards,
 
 delta_k = (g_k + sum_j N_kj delta_j) / pivot_k.
 
-The derivative is (1 - N(x))**-1 (1 - M(x_next)) with M(x) = -h f'(x). All of these are sums of
-products, the same for all states, and so are the tests whether they keep their digits. They become
-a list of operations (instruction, operands), each of which makes the next value. `generated` makes
-machine code of a list, and `evaluate` carries it out in NumPy, with the same bits. What depends on
-parameters alone is evaluated once for a run. A step of the Lorenz system takes 81 operations with
-its tests, two of them divisions.
+The derivative is (1 - N(x))**-1 (1 - M(x_next)) with M(x) = -h f'(x). These sums of products, and
+the tests that they keep their digits, are the same for all states. They form a list of operations
+(instruction, number, operands), each of which computes the value with this number. `generated`
+makes machine code of a list; `evaluate` carries it out in NumPy, with the same bits. A run computes
+only once what depends on parameters alone. A step of the Lorenz system takes 81 operations with its
+tests, two of them divisions.
 """
 
 import functools
@@ -24,25 +24,14 @@ import numpy as np
 
 from .planned_elimination import Factors, Matrix, elimination_order, work_of
 
-# A state has lost digits if one component falls below the small part of half its increment, or if
-# all fall below the large part.
+# A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
+# components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 PIECE = 4000  # operations of a function
 MOST = 15_000  # products of elimination, above which a plan takes longer than it saves
 
-
-def larger(a, b):
-    """Return a where it is larger, else b."""
-    return np.where(a > b, a, b)
-
-
-def lesser(a, b):
-    """Return a where it is smaller, else b."""
-    return np.where(a < b, a, b)
-
-
-# Instructions that make numbers, and those that make truth values, by their names in LLVM; but for
-# two, which are made of others there.
+# Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
+# second operand where one of them is NaN.
 OF_NUMBERS = {
     "fadd": np.add,
     "fsub": np.subtract,
@@ -50,10 +39,10 @@ OF_NUMBERS = {
     "fdiv": np.divide,
     "fabs": np.absolute,
     "select": np.where,
-    "larger": larger,
-    "lesser": lesser,
+    "max": lambda a, b: np.where(a > b, a, b),
+    "min": lambda a, b: np.where(a < b, a, b),
 }
-OF_TRUTH = {
+OF_TRUTH_VALUES = {
     "olt": np.less,
     "ogt": np.greater,
     "oge": np.greater_equal,
@@ -62,21 +51,22 @@ OF_TRUTH = {
     "or": np.logical_or,
     "xor": np.logical_xor,
 }
-_FUNCTIONS = {**OF_NUMBERS, **OF_TRUTH}
+_FUNCTIONS = {**OF_NUMBERS, **OF_TRUTH_VALUES}
 
 
 def evaluate(operations, values):
-    """Carry out operations on numbers or arrays, and put what they make into the dict `values`."""
+    """Carry out operations on numbers or arrays; add their results to the dict `values`."""
     for instruction, number, operands in operations:
-        given = (each if isinstance(each, float) else values[each] for each in operands)
-        values[number] = _FUNCTIONS[instruction](*given)
+        numbers = (a if isinstance(a, float) else values[a] for a in operands)
+        values[number] = _FUNCTIONS[instruction](*numbers)
 
 
 class Values:
-    """Values by number, in the order in which they are computed; the first ones are given.
+    """Values by number, in the order in which they are computed, and the operations that do so.
 
-    An operation is (instruction, number of its value, operands): numbers of values, which are
-    integers, and constants, which are floats. `fixed` depend on parameters alone.
+    The first `count` values need no operation. Operands are numbers of values, which are integers,
+    and constants, which are floats. `fixed` has the numbers of values that depend on parameters
+    alone.
     """
 
     def __init__(self, count, fixed):
@@ -95,33 +85,35 @@ class Values:
         return isinstance(operand, float) or operand in self.fixed
 
     def total(self, start, products):
-        """Return the value start + sum of products (a, c), in this order; start may be None."""
+        """Return the value start + sum of a c over the pairs (a, c), in this order.
+
+        It is None if `start` is None and there are no pairs.
+        """
         for pair in products:
             product = self.emit("fmul", *pair)
             start = product if start is None else self.emit("fadd", start, product)
         return start
 
     def joined(self, instruction, values):
-        """Return these values joined by an instruction, one after the other."""
-        first, *others = [*values]
-        for each in others:
-            first = self.emit(instruction, first, each)
-        return first
+        """Return all values joined by an instruction, from left to right."""
+        result, *others = [*values]
+        for value in others:
+            result = self.emit(instruction, result, value)
+        return result
 
 
 class Step:
     """The operations of a step of fields with terms at these indices (3, T).
 
-    The first values are the state x (D) and h v of the terms (T).
-
-    For a large dense field nothing is planned, and `usual` is empty: `solve` takes all steps.
+    Values 0 to D - 1 are the state x, and the next T are h v of the terms. A large dense field has
+    no plan: then the lists are empty, and `careful` takes all steps.
 
     fixed       operations on parameters alone
-    table       the values of parameters alone that others need
+    table       the values of parameters alone that other operations need
     usual       operations for all states
-    rare        operations where `good` does not hold
+    rare        operations for states where `good` is false
     after       the next state
-    good        true if the step is accurate, and all pivots are positive
+    good        true if the step is accurate and all pivots are positive
     accurate    true if the step is accurate; a value of `rare`
     negative    true if the number of negative pivots is odd, det A(x) < 0; a value of `rare`
     """
@@ -129,25 +121,25 @@ class Step:
     def __init__(self, indices, D, carried=0):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
         values = self.values = Values(D + self.T + carried, range(D, D + self.T))
+        self.fixed, self.table, self.usual, self.rare = [], [], [], []
+        self.after, self.good, self.accurate, self.negative = [*range(D)], None, None, None
         matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         order, right = elimination_order(matrix.pattern, D), {}
-        self.fixed, self.table, self.usual, self.rare = [], [], [], []
         if work_of(matrix.pattern, order) > MOST:
             return
         self.factors = Factors(matrix, order, right)
         for k in reversed(order):
             right[k] = self.factors.backward(k, right)
         halves = {k: half for k, half in sorted(right.items()) if half is not None}
-        self.after = [*range(D)]
         for k, half in halves.items():
             self.after[k] = values.emit("fadd", k, values.emit("fmul", 2.0, half))
         self._add_tests(halves)
-        self._divide()
+        self._separate_fixed()
 
     def _add_tests(self, halves):
-        """Test whether increments cancel the state, and the pivots.
+        """Add the tests that increments do not cancel the state, and that pivots are not small.
 
-        What holds for a good step is more than for an accurate one, and takes less time to test.
+        `good` asks for more than `accurate`, because this takes fewer operations.
         """
         emit, joined = self.values.emit, self.values.joined
         sizes = {k: emit("fabs", self.after[k]) for k in halves}
@@ -165,9 +157,9 @@ class Step:
         first_rare = len(self.values.operations)
         if halves:
             beyond = [emit("fsub", sizes[k], emit("fmul", LARGE_PART, parts[k])) for k in halves]
-            far = joined("fadd", [emit("larger", 0.0, each) for each in beyond])  # NaN stays
+            far = joined("fadd", [emit("max", 0.0, excess) for excess in beyond])  # NaN stays NaN
             common.append(emit("olt", far, np.inf))
-            if len(halves) == self.D:  # or a component is just at its limit, as 0 that stays 0
+            if len(halves) == self.D:  # or a component equals its limit, such as 0 that stays 0
                 at_limit = [emit("oeq", sizes[k], limits[k]) for k in halves]
                 common.append(joined("or", [emit("ogt", far, 0.0), *at_limit]))
         self.accurate = joined("and", [*common, *self._accurate_pivots()])
@@ -181,43 +173,42 @@ class Step:
     def _accurate_pivots(self):
         return [self.values.emit("ogt", *self.factors.least_and_limit())]
 
-    def _divide(self):
-        """Set apart the operations on parameters alone."""
-        values, table = self.values, {}
-        self.fixed = [each for each in values.operations if each[1] in values.fixed]
-        others = [each for each in values.operations if each[1] not in values.fixed]
+    def _separate_fixed(self):
+        """Separate the operations on parameters alone, and list which of their values are used."""
+        fixed, table = self.values.fixed, {}
+        rare = {number for _, number, _ in self.rare}
+        self.fixed = [operation for operation in self.values.operations if operation[1] in fixed]
+        others = [operation for operation in self.values.operations if operation[1] not in fixed]
         for _, _, operands in others:
-            table.update(dict.fromkeys(each for each in operands if each in values.fixed))
-        table.update(dict.fromkeys(each for each in self._made() if each in values.fixed))
+            table.update(dict.fromkeys(a for a in operands if a in fixed))
+        table.update(dict.fromkeys(number for number in self._results() if number in fixed))
         self.table = [*table]
         self.places = {number: place for place, number in enumerate(self.table)}
-        rare = {number for _, number, _ in self.rare}
-        self.usual = [each for each in others if each[1] not in rare]
-        self.rare = [each for each in others if each[1] in rare]
+        self.usual = [operation for operation in others if operation[1] not in rare]
+        self.rare = [operation for operation in others if operation[1] in rare]
+
+    def _results(self):
+        """Return the numbers of values that are read after the operations."""
+        return self.after
 
     @functools.cached_property
     def pieces(self):
-        """The usual operations, PIECE at a time, and rows for the values that others need.
+        """The usual operations, PIECE at a time, and a row for each value that a later piece needs.
 
         One function for all would take more memory of a stack than a thread has. All tests are in
-        the last piece, as rows are of numbers.
+        the last piece, because rows hold numbers and no truth values.
         """
-        tests = (k for k, (instruction, *_) in enumerate(self.usual) if instruction in OF_TRUTH)
+        usual = enumerate(self.usual)
+        tests = (k for k, (instruction, *_) in usual if instruction in OF_TRUTH_VALUES)
         first = range(0, max(next(tests, len(self.usual)), 1), PIECE)
         pieces = [self.usual[k : k + PIECE] for k in first[:-1]] + [self.usual[first[-1] :]]
         piece_of = {number: k for k, piece in enumerate(pieces) for _, number, _ in piece}
-        needed = [(k, each) for k, piece in enumerate(pieces) for _, _, of in piece for each in of]
         last = len(pieces) - 1
-        needed += [(last, each) for _, _, of in self.rare for each in of]
-        needed += [(last, each) for each in (self.good, *self.after)]
-        kept = dict.fromkeys(
-            each for k, each in needed if isinstance(each, int) and piece_of.get(each, k) < k
-        )
+        needed = [(k, a) for k, piece in enumerate(pieces) for *_, of in piece for a in of]
+        needed += [(last, a) for *_, of in self.rare for a in of]
+        needed += [(last, number) for number in (self.good, *self.after)]
+        kept = dict.fromkeys(a for k, a in needed if isinstance(a, int) and piece_of.get(a, k) < k)
         return pieces, {number: row for row, number in enumerate(kept)}
-
-    def _made(self):
-        """Return the numbers of values that are used after the operations."""
-        return self.after
 
     def table_of(self, halves):
         """Return the values of the table (n, ...), for h v of the terms (T, ...)."""
@@ -225,18 +216,19 @@ class Step:
         with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
             evaluate(self.fixed, values)
         table = np.empty((len(self.table), *np.shape(halves)[1:]))
-        for k, each in enumerate(self.table):
-            table[k] = values[each]
+        for k, number in enumerate(self.table):
+            table[k] = values[number]
         return table
 
 
 class Tangent(Step):
     """The operations of a step and of its derivative, which multiplies columns q.
 
-    The values begin with x (D), h v (T), VOLUME, NEAR_1 and FAR_FROM_1 of `tangent`, which are
-    multiplied by abs(det DPhi), the last two by factors near 1, less 1, and by others.
+    Three values come after x (D) and h v (T): VOLUME, NEAR_1 and FAR_FROM_1 of `generated_tangent`.
+    A step multiplies VOLUME by abs(det DPhi), NEAR_1 + 1 by the factors of it that are near 1, and
+    FAR_FROM_1 by the others.
 
-    derived     true if the elimination of the derivative is accurate; of `rare`
+    derived     true if the elimination of the derivative is accurate; a value of `rare`
     columns     operations for -DPhi q in place of q, whose values follow those of the step
     column      the D values of a column q
     products    the D values of -DPhi q
@@ -273,20 +265,20 @@ class Tangent(Step):
             per_q, per_p = self.factors.inverse[k], self.back.inverse[k]
             change = emit("fsub", self.factors.diagonal[k], self.back.diagonal[k])
             change = emit("fmul", change, per_q)
-            near = emit("olt", emit("fabs", change), 0.5)
-            quotient = emit("select", near, 1.0, emit("fabs", emit("fdiv", per_q, per_p)))
-            change = emit("select", near, change, 0.0)
+            is_near = emit("olt", emit("fabs", change), 0.5)
+            quotient = emit("select", is_near, 1.0, emit("fabs", emit("fdiv", per_q, per_p)))
+            change = emit("select", is_near, change, 0.0)
             near_1 = emit("fadd", near_1, emit("fadd", change, emit("fmul", near_1, change)))
             far = emit("fmul", far, quotient)
-            both = emit("fadd", quotient, emit("fmul", quotient, change))
-            volume = emit("fmul", volume, both)
+            factor = emit("fadd", quotient, emit("fmul", quotient, change))
+            volume = emit("fmul", volume, factor)
         self.scaled = volume, near_1, far
 
     def _add_columns(self):
         values, step, first = self.values, self.factors, len(self.values.operations)
         self.column = [*range(values.count, values.count + self.D)]
         values.count += self.D
-        products = [[(-1.0, each)] for each in self.column]
+        products = [[(-1.0, number)] for number in self.column]
         for (i, j), number in self.entries.items():
             products[i].append((number, self.column[j]))
         v = {}
@@ -301,6 +293,6 @@ class Tangent(Step):
         self.columns = values.operations[first:]
         del values.operations[first:]
 
-    def _made(self):
-        operands = [each for _, _, operands in self.columns for each in operands]
-        return [*self.after, *self.scaled, *(each for each in operands if isinstance(each, int))]
+    def _results(self):
+        operands = [a for *_, operands in self.columns for a in operands if isinstance(a, int)]
+        return [*self.after, *self.scaled, *operands]

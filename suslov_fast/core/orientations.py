@@ -10,7 +10,7 @@ Rounding errors are removed at each state whose index is a multiple of CLEAN_EVE
 
 import numpy as np
 
-from .elimination import larger
+from .elimination import simd_max
 from .numba import function, kernel, share
 
 SQUARE, ALONG, QUARTER = range(3)  # rows of numbers of lanes: |b|**2; r.b; and eps / 4
@@ -69,7 +69,7 @@ def turn_lanes(r, b, c):
         c[ALONG, l], c[SQUARE, l] = HALF_TURN, 0.0
     for i in range(D):
         for l in range(lanes):
-            c[ALONG, l] = larger(abs(b[i, l]), c[ALONG, l])
+            c[ALONG, l] = simd_max(abs(b[i, l]), c[ALONG, l])
     for l in range(lanes):
         c[ALONG, l] = HALF_TURN / c[ALONG, l]
     for i in range(D):

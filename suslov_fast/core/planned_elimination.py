@@ -1,15 +1,22 @@
-"""Elimination in the matrix of a step, planned on its pattern of zeros: see `operations`."""
+"""Elimination in the matrix 1 - N of a step, planned on its pattern of zeros.
+
+`operations` has the equations. Here numbers of values stand for the values themselves, and None
+stands for 0.
+"""
 
 from collections import defaultdict
 
 import numpy as np
 
-# Elimination has lost digits if a pivot is below this part of the largest.
+# Elimination has lost digits if a pivot is below this part of the largest one.
 LEAST_PIVOT = 2.0**-6
 
 
 class Matrix:
-    """The terms of N(x) and f(x) by entry, and the values made of them."""
+    """The entries of N(x) and the right sides h f(x), as sums over the terms of a field.
+
+    x and `halves` are the numbers of the components and of h v of the terms.
+    """
 
     def __init__(self, indices, D, values, x, halves):
         self.D, self.values, self.x = D, values, x
@@ -25,7 +32,8 @@ class Matrix:
                 cross.append((i, j, k, half))
                 self.products[i, j].append((half, self.x[k]))
                 self.products[i, k].append((half, self.x[j]))
-        # h v x_j x_k of f is a product of x_j and of an early part of N_ij, or of x_k and of N_ik.
+        # A term h v x_j x_k of h f_i is x_j times a part of N_ij, or x_k times a part of N_ik. That
+        # part is added up first, so that the right side can use it: the `early` part of the entry.
         self.early = defaultdict(list)
         for i, j, k, half in cross:
             sizes = [len(self.products[i, m]) + ((i, m) in self.linear) for m in (j, k)]
@@ -39,18 +47,18 @@ class Matrix:
             self.columns[i].add(j)
 
     def entry(self, i, j):
-        """Return the value N_ij, None where it is 0; and its early part."""
+        """Return N_ij and its early part."""
         if (i, j) not in self.entries:
             early = self.values.total(None, self.early.get((i, j), []))
-            rest, linear = self.products.get((i, j), []), self.linear.get((i, j))
-            value = self.values.total(linear if early is None else early, rest)
+            others, linear = self.products.get((i, j), []), self.linear.get((i, j))
+            value = self.values.total(linear if early is None else early, others)
             if early is not None and linear is not None:
                 value = self.values.emit("fadd", value, linear)
             self.entries[i, j] = value, early
         return self.entries[i, j]
 
     def right_side(self, i):
-        """Return the value h f_i, None where it is 0."""
+        """Return h f_i."""
         products = []
         for j in sorted(self.columns[i]):
             early = self.entry(i, j)[1]
@@ -62,9 +70,14 @@ class Matrix:
 
 
 class Factors:
-    """The values of elimination in a matrix 1 - N: pivots, multipliers and upper triangle.
+    """The factors of 1 - N: pivots, their inverses, multipliers and the upper triangle of N.
 
-    With `right` the right sides h f are eliminated, too.
+    With a dict `right`, elimination fills it with the right sides.
+
+    diagonal, original   N_kk after and before elimination
+    pivot, inverse       1 - N_kk after elimination, and its inverse; missing where N_kk is 0
+    lower, upper         m_ik, and N_kj after elimination
+    before, after        for each row, the columns of earlier and of later pivots
     """
 
     def __init__(self, matrix, order, right=None):
@@ -98,53 +111,56 @@ class Factors:
 
     def _forward(self, k, start, right):
         """Return right side k after elimination, from those of earlier pivots."""
-        earlier = [(self.lower[k, i], right[i]) for i in self.before[k] if right[i] is not None]
-        return self.values.total(start, earlier)
+        products = [(self.lower[k, i], right[i]) for i in self.before[k] if right[i] is not None]
+        return self.values.total(start, products)
 
     def backward(self, k, right):
-        """Return unknown k, from the later ones."""
-        later = [(self.upper[k, j], right[j]) for j in self.after[k] if right[j] is not None]
-        value = self.values.total(right[k], later)
+        """Return unknown k, from those of later pivots."""
+        products = [(self.upper[k, j], right[j]) for j in self.after[k] if right[j] is not None]
+        value = self.values.total(right[k], products)
         if value is None or k not in self.inverse:
             return value
         return self.values.emit("fmul", value, self.inverse[k])
 
     def least_and_limit(self, most=np.inf):
-        """Return the least modulus of pivots, and the value below which it is small: beside all
-        pivots, and the diagonal before elimination.
+        """Return the least modulus of a pivot, at most `most`, and its limit: LEAST_PIVOT times the
+        largest modulus of a pivot, or of the diagonal before elimination.
         """
-        emit, least, largest = self.values.emit, min(most, self._no_pivot()), 1.0
+        emit, least, largest = self.values.emit, min(most, self._constant_pivots()), 1.0
         for k in self._fixed_first():
             size = emit("fabs", self.pivot[k])
-            least, largest = emit("lesser", size, least), emit("larger", size, largest)
+            least, largest = emit("min", size, least), emit("max", size, largest)
             if self.original[k] not in (None, self.diagonal[k]):
                 before = emit("fabs", emit("fsub", 1.0, self.original[k]))
-                largest = emit("larger", before, largest)
+                largest = emit("max", before, largest)
         return least, emit("fmul", LEAST_PIVOT, largest)
 
     def bounds(self, most=np.inf):
-        """Return the least pivot, and a value that is not below the limit if that is positive."""
-        emit, least, largest = self.values.emit, min(most, self._no_pivot()), 0.0
+        """Return the least pivot, at most `most`, and an upper bound of its limit.
+
+        The bound holds if all pivots are positive, and takes fewer operations than the limit.
+        """
+        emit, least, largest = self.values.emit, min(most, self._constant_pivots()), 0.0
         for k in self._fixed_first():
-            least = emit("lesser", self.pivot[k], least)
-            largest = emit("larger", self.pivot[k], largest)
+            least = emit("min", self.pivot[k], least)
+            largest = emit("max", self.pivot[k], largest)
             if self.original[k] not in (None, self.diagonal[k]):
-                largest = emit("larger", emit("fabs", self.original[k]), largest)
+                largest = emit("max", emit("fabs", self.original[k]), largest)
         return least, emit("fmul", LEAST_PIVOT, emit("fadd", 1.0, largest))
 
-    def _no_pivot(self):
-        """Return the least of the pivots that are 1 for all states; infinity without any."""
+    def _constant_pivots(self):
+        """Return the least of the pivots that are 1 for all states: 1, or infinity without any."""
         return 1.0 if len(self.pivot) < len(self.order) else np.inf
 
     def _fixed_first(self):
-        """Return the places of pivots, of which those of parameters alone are compared first."""
+        """Return the places of the pivots; those of parameters alone come first."""
         return sorted(self.pivot, key=lambda k: self.pivot[k] not in self.values.fixed)
 
 
 def elimination_order(pattern, D):
-    """Return an order of pivots with little fill-in: the next pivot is always one of least degree.
+    """Return an order of pivots with little fill-in: the next pivot always has the least degree.
 
-    The degree is the number of unknowns that occur in equations together with the pivot's.
+    The degree of an unknown is the number of others that occur in an equation together with it.
     """
     neighbours = [set() for _ in range(D)]
     for i, j in pattern:
@@ -163,7 +179,7 @@ def elimination_order(pattern, D):
 
 
 def filled(pattern, order):
-    """Return the columns of earlier and of later pivots that each row has after elimination."""
+    """Return, for each row, the columns of earlier and of later pivots after elimination."""
     place = {k: n for n, k in enumerate(order)}
     rows, columns = defaultdict(set), defaultdict(set)
     for i, j in pattern:
@@ -185,6 +201,6 @@ def filled(pattern, order):
 
 
 def work_of(pattern, order):
-    """Return how many products elimination takes."""
+    """Return the number of products in elimination."""
     before, after = filled(pattern, order)
     return sum(len(after[k]) for i in order for k in before[i])

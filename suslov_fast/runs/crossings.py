@@ -1,11 +1,10 @@
-"""Crossings of a surface by orbits."""
+"""The result of `crossings`: points, states on both sides, and what can be done with them."""
 
 from __future__ import annotations
 
 import operator
-import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -20,49 +19,51 @@ from ..engine.status import ON_SINGULAR, OnSingular, report_failures
 from ..engine.stretches import March, Progress, Progressed, reporter
 from ..engine.threads import thread_count
 from ..maps import Map
+from .results import Result, in_short, read_only
 from .search import Search, Surface, check_surface
-from .trajectories import equal, in_short
 
 if TYPE_CHECKING:
     import xarray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Crossings:
-    """The crossings of a surface by a batch of orbits, as :func:`crossings` returns them.
+class Crossings(Result):
+    """Points where orbits of a batch cross a surface: the result of :func:`crossings`.
 
-    There are K crossings, ordered by trajectory, then by n. Arrays are read-only.
+    There are K crossings, ordered by trajectory, then by n.
 
     Attributes
     ----------
     trajectory : ndarray(int, shape=(K,))
-        The index of the trajectory, in the batch flattened in C order.
+        Index of the trajectory, in the batch flattened in C order.
     n : ndarray(int, shape=(K,))
         The orbit crosses between its states n and n + 1, counted from the initial state.
     before, after : ndarray(float, shape=(K, D))
-        The states n and n + 1, those of :func:`iterate` bit for bit. A return map starts from
-        `after`: a point of `states` may lie below the surface by rounding, and return at once.
+        The states n and n + 1, those of :func:`iterate` bit for bit. Start a return map from
+        `after`: by rounding, a point of `states` may lie below the surface, and cross it again at
+        once.
     fraction : ndarray(float, shape=(K,))
-        a / (a - b) in [0, 1], for the values a and b of the surface at n and n + 1.
+        a / (a - b), from 0 to 1, where a and b are the values of the surface at n and n + 1.
+    states, time : ndarray(float, shape=(K, D) and (K,))
+        Points and times by linear interpolation between `before` and `after`.
     count : ndarray(int, shape=(...))
-        The number of crossings of each trajectory.
+        Number of crossings of each trajectory.
     status, failed_at, final : ndarray, shape=(...), (...) and (..., D)
-        Those of a run of transient + steps steps. For a trajectory that ended at its crossing
-        number `most`, `final` is the state after this crossing, and `status` and `failed_at` do
-        not report later failures and poles. Beyond a pole, ``n + 1 >= failed_at`` where the status
-        is PASSED_POLE, crossings are those of the map, and say nothing about the motion.
+        As in :class:`Trajectories`, after transient + steps steps. A trajectory that ended at its
+        crossing number `most` has the state after this crossing, and reports no later failures or
+        poles. Crossings with ``n + 1 >= failed_at`` of a trajectory with the status PASSED_POLE are
+        those of the map: they say nothing about the motion.
     body, eps, steps, transient, direction, most, method
-        The arguments of :func:`crossings`; `steps` with those of :meth:`extend`.
+        The arguments of :func:`crossings`; `steps` includes those of :meth:`extend`.
     map : Map
-        The record of the map, an instance of `maps.Map`.
+        The record of the map.
 
-    Notes
-    -----
-    ``len(points)`` is K. Two objects are equal if all attributes above are equal, where NaN equals
-    NaN, whatever their surfaces are; they are not hashable.
+    Notes ----- ``len(points)`` is K. Two objects are equal if all attributes are equal; NaN equals
+    NaN. Arrays are read-only: change a copy, such as ``points.after.copy()``.
 
-    Examples
-    --------
+    Examples -------- When does x1 of a harmonic oscillator change sign upwards? At 3 pi / 2, and
+    every 2 pi from then on:
+
     >>> from suslov_fast import QuadraticField, crossings
     >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
     >>> points = crossings(oscillator, [1.0, 0.0], 1 / 8, 200, lambda x: x[..., 0])
@@ -89,41 +90,35 @@ class Crossings:
     transient: int
     direction: int
     most: int | None
-    # What `extend` continues: the state that the march has reached, the numbers (B, C) that steps
-    # carry, the values of the surface there, (B,), if they are known, and the surface.
-    # `dataclasses.replace` makes a result without them.
+    # What `extend` needs besides the last states: their number, the numbers (C, B) that steps
+    # carry, the values of the surface, (B,), if they are known, and the surface. A copy by
+    # `dataclasses.replace` lacks them.
     _n: int = field(init=False, default=0, compare=False)
     _carry: FloatArray | None = field(init=False, default=None, compare=False)
     _last: FloatArray | None = field(init=False, default=None, compare=False)
     _surface: Surface | None = field(init=False, default=None, compare=False)
 
-    def __post_init__(self) -> None:
-        for value in vars(self).values():
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
-
     @cached_property
     def states(self) -> FloatArray:
         """The points ``before + fraction * (after - before)``, shape (K, D).
 
-        There the linear interpolation of the surface's values between states n and n + 1 is 0.
+        The value of the surface, interpolated linearly between the states n and n + 1, is 0 there.
         """
-        share = self.fraction[:, np.newaxis]
-        points: FloatArray = self.before + share * (self.after - self.before)
-        points.flags.writeable = False
+        fraction = self.fraction[:, np.newaxis]
+        points: FloatArray = read_only(self.before + fraction * (self.after - self.before))
         return points
 
     @cached_property
     def time(self) -> FloatArray:
         """Times (n + fraction) eps of the crossings, shape (K,), negative for negative eps."""
-        times: FloatArray = (self.n + self.fraction) * self._at_crossings(np.asarray(self.eps))
-        times.flags.writeable = False
+        eps = self._at_crossings(np.asarray(self.eps))
+        times: FloatArray = read_only((self.n + self.fraction) * eps)
         return times
 
-    if not TYPE_CHECKING:  # checkers know the attributes
+    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 
         def __getattr__(self, name: str) -> Any:
-            """Raise an AttributeError that says where else a name is to be found."""
+            """Raise an AttributeError that names the attribute to use instead, if there is one."""
             if name in _INSTEAD:
                 raise AttributeError(f"no attribute {name!r}: use {_INSTEAD[name]}")
             text = f"crossings have no attribute {name!r}"
@@ -131,45 +126,53 @@ class Crossings:
 
     @property
     def ok(self) -> bool:
-        """True if no trajectory failed before it ended."""
+        """True if no trajectory failed; those that passed a pole, or ended early, did not."""
         return bool((self.status >= 0).all())
 
     def _at_crossings(self, values: Any, axes: int = 0) -> Any:
-        """Return, for each crossing, the value of its trajectory, with its last axes if `axes`."""
+        """Return for each crossing the value (...) of its trajectory, an array of `axes` axes."""
         inner = values.shape[values.ndim - axes :]
-        each = np.broadcast_to(values, (*self.count.shape, *inner)).reshape(-1, *inner)
-        return each[self.trajectory]
+        by_trajectory = np.broadcast_to(values, (*self.count.shape, *inner)).reshape(-1, *inner)
+        return by_trajectory[self.trajectory]
 
     def __len__(self) -> int:
         return len(self.n)
 
-    def __reduce__(self) -> Any:  # NumPy's pickles forget what is read-only
-        given = tuple(getattr(self, item.name) for item in fields(self) if item.init)
-        return type(self), given, {"_n": self._n, "_carry": self._carry, "_last": self._last}
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Crossings):
-            return NotImplemented
-        names = [item.name for item in fields(self) if item.compare]
-        return all(equal(getattr(self, name), getattr(other, name)) for name in names)
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the surface, because most functions cannot be pickled."""
+        return super().__getstate__() | {"_surface": None}
 
     def of(self, index: Any) -> Crossings:
-        """Return the crossings of one trajectory, with its own body and step size.
+        """Return the crossings of one trajectory, with its body and step size.
 
         Parameters
         ----------
         index : int or sequence of int
-            An index of one element of `count`: a number, or one for each axis of the batch.
+            The index of the trajectory in the batch, with a number for each axis.
 
         Returns
         -------
         Crossings
-            Its batch has shape ().
+            A result whose batch has the shape (). Its `extend` needs the surface as an argument.
+
+        Raises
+        ------
+        IndexError, TypeError
+            If `index` does not select one trajectory.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField, crossings
+        >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)
+        >>> starts = [[1.0, 0.0], [0.0, -1.0]]
+        >>> points = crossings(oscillator, starts, 1 / 8, 100, lambda x: x[..., 0])
+        >>> points.of(1).n
+        array([25, 75])
         """
         batch = self.count.shape
         try:
-            given = tuple(index) if np.ndim(index) else (index,)
-            pairs = zip(given, batch, strict=True)
+            numbers = tuple(index) if np.ndim(index) else (index,)
+            pairs = zip(numbers, batch, strict=True)
             place = tuple(range(size)[operator.index(k)] for k, size in pairs)
         except (IndexError, TypeError, ValueError) as error:
             expected = f"an index of one trajectory of a batch of shape {batch}"
@@ -177,25 +180,19 @@ class Crossings:
             raise wrong("index", expected, checks.short(index), kind) from None
         body = self.body
         if body.shape:
-            own = zip(place[len(batch) - len(body.shape) :], body.shape, strict=True)
-            body = body[tuple(k if size > 1 else 0 for k, size in own)]
+            body_place = zip(place[len(batch) - len(body.shape) :], body.shape, strict=True)
+            body = body[tuple(k if size > 1 else 0 for k, size in body_place)]
         i = int(np.ravel_multi_index(place, batch)) if place else 0
         begin, end = np.searchsorted(self.trajectory, [i, i + 1])
-        parts = {name: getattr(self, name)[begin:end] for name in _OF_EACH}
-        parts |= {name: np.array(getattr(self, name)[place]) for name in _OF_BATCH}
-        eps = float(np.broadcast_to(self.eps, batch)[place])
+        parts = {name: getattr(self, name) for name in ("map", *_NUMBERS, "_n")}
+        parts |= {name: getattr(self, name)[begin:end] for name in _BY_CROSSING}
+        parts |= {name: np.array(getattr(self, name)[place]) for name in _BY_TRAJECTORY}
+        parts |= {"body": body, "eps": float(np.broadcast_to(self.eps, batch)[place])}
         parts["trajectory"] = np.zeros(end - begin, np.int64)
-        parts |= {name: getattr(self, name) for name in ("map", *_NUMBERS)}
-        points = Crossings(**parts, body=body, eps=eps)
-        if self._carry is not None:
-            last = None if self._last is None else self._last[i : i + 1]
-            points._keep(self._n, self._carry[:, i : i + 1], last, None if batch else self._surface)
-        return points
-
-    def _keep(self, n: int, carry: Any, last: Any, surface: Any = None) -> None:
-        """Keep what `extend` continues."""
-        vars(self).update(_n=n, _carry=carry, _last=last, _surface=surface)
-        self.__post_init__()
+        parts["_carry"] = None if self._carry is None else self._carry[:, i : i + 1]
+        parts["_last"] = None if self._last is None else self._last[i : i + 1]
+        parts["_surface"] = None if batch else self._surface  # which may depend on the trajectory
+        return Crossings._of(parts)
 
     def extend(
         self,
@@ -206,26 +203,30 @@ class Crossings:
         on_singular: OnSingular = "warn",
         progress: Progress = None,
     ) -> Crossings:
-        """Continue the run; the result is bit-identical to one call of :func:`crossings`.
+        """Return the crossings of the run continued by some steps, as if found by one call.
 
         Trajectories that ended at their crossing number `most` stay ended.
 
         Parameters
         ----------
         steps : int
-            Number of additional steps, 0 or more. A run that ended in its transient finishes this
+            Number of additional steps, 0 or more. A run that ended in its transient completes it
             first.
         surface : callable, optional
-            The surface, which files, pickles and members by `of` do not have; by default that of
-            :func:`crossings`.
+            The surface of this run; required after `load`, `of` and unpickling.
         threads, on_singular, progress
             As in :func:`crossings`.
 
         Returns
         -------
         Crossings
-            A new object, which also has the crossings of this one. A copy made by
-            `dataclasses.replace` lacks what is needed to go on: a ValueError.
+            A new object, which also has the crossings of this one.
+
+        Raises
+        ------
+        ValueError
+            If `surface` is required; if this is a copy by `dataclasses.replace`, which lacks what a
+            next step needs.
 
         Examples
         --------
@@ -252,43 +253,20 @@ class Crossings:
         search = Search(march, surface, self.direction, self.most, self)
         return searched(search, total, self.transient, self.method, on_singular, reports)
 
-    def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
-        """Write the crossings to `path`, a name that ends in .npz, without loss.
-
-        The file has all but the surface, and appears under its name when it is complete. An
-        existing file is an error unless `overwrite` is True.
-        """
-        from .storage import save
-
-        save(self, path, overwrite)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Crossings:
-        """Read crossings written by :meth:`save`; ValueError if the file is something else."""
-        from .storage import load
-
-        return cls._of(load(path, "Crossings"))
-
-    @classmethod
-    def _of(cls, found: dict[str, Any]) -> Crossings:
-        """Return the crossings that a file has."""
-        own = {name: found.pop(name) for name in ("_n", "_carry", "_last")}
-        points = cls(**found)
-        points._keep(own["_n"], own["_carry"], own["_last"])
-        return points
-
     def to_xarray(self) -> xarray.Dataset:
-        """Return the crossings as an `xarray.Dataset` of dimensions "crossing" and "component".
-
-        The coordinates `trajectory`, `n`, `time` and `eps`, and each parameter of the body that
-        varies, have the dimension "crossing": ``data.where(data.rho > 24, drop=True)`` selects
-        crossings by a parameter.
+        """Return the crossings as a labelled `xarray.Dataset` (extra `xarray`).
 
         Returns
         -------
         xarray.Dataset
-            Variables `before`, `after` and `fraction`, and the points under the name that the map
-            has for states, "omega" or "x".
+            Dimensions: "crossing" and "component". Variables: `before`, `after` and `fraction`, and
+            the points as "omega", or "x" for a field. Coordinates along "crossing": `trajectory`,
+            `n`, `time`, `eps`, and each parameter of the body that varies.
+
+        Examples
+        --------
+        >>> data = points.to_xarray()  # doctest: +SKIP
+        >>> chaotic = data.where(data.rho > 24.74, drop=True)  # doctest: +SKIP
         """
         from .datasets import crossings_to_xarray
 
@@ -297,13 +275,26 @@ class Crossings:
     def plot(
         self, components: Sequence[int | str] | None = None, color: Any = None, ax: Any = None
     ) -> Any:
-        """Draw the crossings in the plane of two components, and return Matplotlib axes.
+        """Draw the crossings in the plane of two components (extra `plots`).
 
-        `components` are indices or labels, by default of the first two that vary: a section x1 = 0
-        is drawn over x2 and x3. `color` is the name of the quantity that colours the points: a
-        parameter that varies, "eps", "trajectory", "n" or "time"; or numbers, one for each crossing
-        (K,) or for each trajectory (...). By default it is the named parameter of a family. `ax`
-        are axes to draw on.
+        Parameters
+        ----------
+        components : pair of int or str, optional
+            Indices or labels, such as ``("x2", "x3")``; by default the first two that vary.
+        color : str or array_like(float, shape=(K,) or (...)), optional
+            A parameter that varies, "eps", "trajectory", "n" or "time"; or a number for each
+            crossing, or each trajectory. By default the parameter of a family, else the level of
+            the conserved quantity.
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; by default those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Examples
+        --------
+        >>> points.plot(color="trajectory").figure.savefig("section.png")  # doctest: +SKIP
         """
         from . import plot  # which imports Matplotlib
 
@@ -325,24 +316,34 @@ def searched(
     on_singular: OnSingular,
     reports: Any,
 ) -> Crossings:
-    """Carry out a search, report failures on the way, and return the crossings."""
+    """Carry out a search, report its failures, and return the crossings."""
     march = search.march
     since = 0 if search.earlier is None else march.n + 1
     with reports as report:
         search.run(transient, transient + steps, report)
     if search.is_stopped:
         steps = max(march.n - transient, 0)
-    problem, most = march.problem, search.most
-    points = Crossings(
-        **search.result(), body=problem.body, eps=problem.eps, map=problem.map, method=method,
-        steps=steps, transient=transient, direction=search.direction, most=most,
-    )  # fmt: skip
-    points._keep(march.n, march.carry, search.last, search.surface)
+    problem = march.problem
+    attributes = search.result() | {
+        "body": problem.body,
+        "eps": problem.eps,
+        "map": problem.map,
+        "method": method,
+        "steps": steps,
+        "transient": transient,
+        "direction": search.direction,
+        "most": search.most,
+        "_n": march.n,
+        "_carry": march.carry,
+        "_last": search.last,
+        "_surface": search.surface,
+    }
+    points = Crossings._of(attributes)
     report_failures(points, on_singular, since, name="crossings")
     return points
 
 
-# Names that users of runs or of SciPy may try, and what to use instead.
+# Attributes of runs and of SciPy's results, and what to use here.
 _INSTEAD = {
     **dict.fromkeys(
         ("x", "omega", "y", "u", "points", "y_events"),
@@ -350,6 +351,7 @@ _INSTEAD = {
     ),
     **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),
 }
-_OF_EACH = "trajectory", "n", "before", "after", "fraction"
-_OF_BATCH = "count", "status", "failed_at", "final"
+# Attributes with a row for each crossing; with one for each trajectory; the same for all.
+_BY_CROSSING = "n", "before", "after", "fraction"
+_BY_TRAJECTORY = "count", "status", "failed_at", "final"
 _NUMBERS = "method", "steps", "transient", "direction", "most"

@@ -1,4 +1,4 @@
-"""The crossings of a surface: sections, maxima, exits, returns."""
+"""The search for crossings of a surface, `crossings`: arguments and their checks."""
 
 from __future__ import annotations
 
@@ -32,64 +32,48 @@ def crossings(
     on_singular: OnSingular = "warn",
     progress: Progress = None,
 ) -> Crossings:
-    """Find where orbits cross a surface s(x) = 0, and keep no other states.
+    """Find where orbits cross a surface s(x) = 0: Poincaré sections, maxima, escapes, basins.
 
-    Poincaré sections, maxima, times of escape and basins are crossings. States are those of
-    :func:`iterate`, bit for bit. With a = s(x_n) and
-    b = s(x_{n+1}), an orbit crosses between states n and n + 1 upwards if a < 0 <= b, and downwards
-    if b < 0 <= a. So 0 counts as positive: an orbit that starts on the surface does not cross it
-    upwards there, and crosses it downwards at once if b < 0.
+    The states are those of :func:`iterate`, bit for bit; only the crossings are kept, so memory
+    does not grow with the length of the run. With a = s(x_n) and b = s(x_{n+1}), an orbit crosses
+    upwards between states n and n + 1 if a < 0 <= b, and downwards if b < 0 <= a: 0 counts as
+    positive.
 
     Parameters
     ----------
     body, omega0, eps, method, threads
         As in :func:`iterate`.
     steps : int
-        Number of steps after the transient, 0 or more: transient <= n < transient + steps.
+        Number of steps after the transient, 0 or more.
     surface : callable
-        The function s, which takes states (..., D) and returns real numbers (...), each from its
-        own state alone, with NumPy or compiled by Numba. A section:
-        ``lambda x: x[..., 2] - 27``; a maximum of a component:
-        ``lambda x: -vector_field(field, x)[..., 2]``; an exit: ``lambda x: (x**2).sum(-1) - 4``.
-        It is called in the calling thread, once with the initial states before any step, then with
-        read-only pieces (rows, ..., D) of the run, in which the batch keeps its shape; the next
-        piece overwrites them, so copy what you keep. There is no crossing next to a value that is
-        NaN or infinite, or to a state that is NaN.
+        The function s of states (..., D) with real values (...), each of its own state alone, by
+        NumPy or compiled by Numba. A section: ``lambda x: x[..., 2] - 27``; an escape:
+        ``lambda x: (x**2).sum(-1) - 4``. It is called with read-only pieces (rows, ..., D) of the
+        run, which later pieces overwrite: copy states that you keep. No crossing lies next to a
+        value of s that is NaN or infinite.
     direction : {1, -1, 0}
-        Crossings upwards, downwards, or both, in the order of n, also for a negative step size.
-        Unlike events of SciPy's `solve_ivp`, the default is upwards.
+        Upwards, downwards, or both, in the order of n. SciPy's events have the default 0.
     transient : int
-        Number of steps that are taken first, in which crossings are ignored.
+        Number of steps taken first, in which crossings are ignored.
     most : int, optional
-        The number of crossings, 1 or more, at which a trajectory ends: ``most=1`` for first
-        returns, times of escape and basins. The run ends when all trajectories have ended or
-        failed.
+        The number of crossings, 1 or more, at which a trajectory ends; the run ends when all
+        trajectories have ended or failed.
     on_singular : {"warn", "raise", "ignore"}
-        What to do if trajectories fail: one :class:`SingularStepWarning` for all, a
-        :class:`SingularStepError` that holds the result as `crossings`, or nothing. Of
-        poles that are passed one :class:`PoleWarning` tells, unless this is "ignore".
+        As in :func:`iterate`; the error holds the result as `crossings`.
     progress : bool or callable, optional
-        True shows a bar (needs tqdm); a callable is called as ``progress(done, transient +
-        steps)``. If it returns False, the run ends at the state `done`, with the crossings so far;
-        :meth:`Crossings.extend` continues it.
+        As in :func:`iterate`, called with the steps of the transient included;
+        :meth:`Crossings.extend` continues a run that it ended.
 
     Returns
     -------
     Crossings
-
-    Notes
-    -----
-    The points :attr:`Crossings.states` lie on the straight line between two states of the map. If
-    eps is so small that the map approximates the flow, a point differs from the crossing of the
-    flow by O(eps**2), as a state of the map at a fixed time does. For larger eps points between two
-    states have no meaning: use `before` or `after`. Where the status is PASSED_POLE, crossings with
-    n + 1 >= failed_at lie beyond a pole; most often the motion ended before.
-
-    Memory: the crossings, and one piece of about 4 MB, or a few states of each trajectory.
+        Its points lie on straight lines between consecutive states, so a point has an error of
+        O(eps**2), as states have. Where eps is too large for the map to follow the flow, use
+        `before` or `after` instead.
 
     Examples
     --------
-    The section of the Lorenz system at x3 = 27, and successive maxima of x3:
+    The section of the Lorenz attractor at x3 = 27, and the successive maxima of x3:
 
     >>> from suslov_fast import QuadraticField, crossings, vector_field
     >>> def lorenz(x, rho):
@@ -112,7 +96,7 @@ def crossings(
     one_of("on_singular", on_singular, ON_SINGULAR)
     reports = reporter(progress, transient + steps)
     check_surface(surface)
-    if type(problem.eps) is not float:  # a copy, for the result
+    if type(problem.eps) is not float:  # copied, because the result keeps it
         problem = problem._replace(eps=np.array(problem.eps))
     search = Search(March(problem, method), surface, direction, most)
     return searched(search, steps, transient, method, on_singular, reports)

@@ -1,4 +1,4 @@
-"""One step and many steps of the map of a body or a field."""
+"""One step and many steps of the map of a body or a field: `step`, `iterate`, `step_full`."""
 
 from __future__ import annotations
 
@@ -28,29 +28,35 @@ def step(
     method: Method = "auto",
     threads: int | None = None,
 ) -> FloatArray:
-    """One step of the discrete Suslov problem, equation (4) of the paper, or (15) in n dimensions.
+    """Return the next state: one step of the map of a body or a field.
 
-    For a :class:`QuadraticField` it is a step of Kahan's map from the state x.
+    Kahan's method makes x' = f(x) linear in the next state: squares x_i**2 become x_i next_i,
+    products x_i x_j become (x_i next_j + next_i x_j) / 2, and x_i becomes (x_i + next_i) / 2. For
+    bodies this is equation (4) of the paper, or (15) in n dimensions. A step with -eps undoes a
+    step with eps.
 
     Parameters
     ----------
     body, eps, method, threads
         As in :func:`iterate`; a step in three dimensions always runs on one thread.
     omega : array_like(float, shape=(..., D))
-        Angular velocities, or states x of a field.
+        Angular velocities, or the states x of a field.
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`,
-        where there is no next state.
+        The next states, in the unit of `omega`. A state that contains NaN gives NaN; so does a
+        state on a pole of the map, with one :class:`SingularStepWarning`.
 
     Examples
     --------
     >>> from suslov_fast import Suslov3D, step
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> step(body, [1.0, 0.5], eps=0.2).round(6)
+    >>> later = step(body, [1.0, 0.5], eps=0.2)
+    >>> later.round(6)
     array([1.013781, 0.372248])
+    >>> step(body, later, eps=-0.2).round(6)
+    array([1. , 0.5])
     """
     map = map_of(body, method)
     problem = check(map, body, omega, eps, threads)
@@ -58,8 +64,8 @@ def step(
         return mask_and_warn(problem, map.formulas["step"].compute(problem))
     march = March(problem, method)
     march.to(1)
-    march.status[march.status > 0] = 0  # poles are a matter of runs
-    report_failures(march, "warn", since=1)  # those at step 0 are NaN as given
+    march.status[march.status > 0] = 0  # `step` reports no passed poles
+    report_failures(march, "warn", since=1)  # not at step 0, where the given states are NaN
     return march.final
 
 
@@ -78,90 +84,79 @@ def iterate(
     on_singular: OnSingular = "warn",
     progress: Progress = None,
 ) -> Trajectories:
-    """Iterate a batch of trajectories of the discrete Suslov problem, or of Kahan's map of a field.
+    """Iterate the map of a body or a field: orbits from a batch of initial states.
 
-    The shapes of the body, of `eps` and of `omega0` without its last axis broadcast to the batch
-    shape ``...``. A trajectory has the same bits in any batch, order and number of threads, for any
-    `save_every`, and in however many calls it is computed.
+    One step is that of :func:`step`. The shapes of the body, of `eps` and of `omega0` without its
+    last axis broadcast to the batch shape ``...``. The bits of a trajectory depend neither on the
+    rest of the batch nor on `threads` or `save_every`.
 
     Parameters
     ----------
     body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch.
+        A single body or field, or a batch of them.
     omega0 : array_like(float, shape=(..., D)) or RandomStarts
-        State 0: angular velocities (Omega1, Omega2), or the n - 1 components Omega_in; or states x
-        of a field. A trajectory from NaN has the status NONFINITE and failed at step 0.
+        Initial states: angular velocities (Omega1, Omega2), the n - 1 components Omega_in, or
+        states x of a field. A state that contains NaN has failed at step 0.
     eps : array_like(float, shape=(...))
-        Step size, in the unit of time of the states, 0 or between 1e-50 and 1e50 in modulus; a
-        negative one is that of the inverse map.
+        Step size, in the unit of time of the states, 0 or with a modulus from 1e-50 to 1e50.
+        Negative step sizes run backwards in time, by the inverse map.
     steps : int
         Number of steps, 0 or more.
     save_every : int or None
         Save the states 0, k, 2k, ... up to `steps`; None saves only the last.
-    method : {"auto"}, {"auto", "gauss", "rank2"} in n dimensions, or of a field \
-            {"auto", "order4", "order6", "order8"}
-        A step of order 4, 6 or 8 is made of 5, 9 or 17 steps of the map, by fractions of eps. It is
-        far more accurate for the same work, but no longer conserves what the map conserves.
-        "gauss" eliminates the matrix A with pivoting, in n**3 / 3 operations; "rank2" uses
-        that A is diagonal plus rank two, in about 20 n, and eliminates where digits would be lost,
-        as "auto" does.
+    method : str
+        "auto" is Kahan's method, of order 2. For fields "order4", "order6" and "order8" compose 5,
+        9 and 17 of its steps: more digits for the same work, but what the map conserves now drifts.
+        In n dimensions "gauss" eliminates the matrix A at every step, and "rank2" is another name
+        of "auto", which does so only where digits would be lost.
     attitude : bool or array_like(float, shape=(..., n, n))
-        True, or the initial rotation matrix (by default the identity), to carry the orientation of
-        the body along at every step; see :func:`attitude`.
+        True, or rotation matrices at state 0, to compute the orientation as well: :func:`attitude`.
     out : ndarray(float64, shape=(n_saved, ..., D)), optional
-        C-contiguous array that receives the saved states, instead of a new one.
+        C-contiguous array to hold the saved states, in place of a new one.
     threads : int, optional
-        Number of threads, by default Numba's. Results do not depend on it.
+        Number of threads; by default Numba's.
     on_singular : {"warn", "raise", "ignore"}
-        What to do if trajectories fail: one :class:`SingularStepWarning` for all, a
-        :class:`SingularStepError` that holds the result, or nothing. Of poles that
-        are passed one :class:`PoleWarning` tells, unless this is "ignore".
+        Whether failed trajectories cause a :class:`SingularStepWarning`, a
+        :class:`SingularStepError`, which holds the run, or neither. Passed poles cause a
+        :class:`PoleWarning`, unless this is "ignore".
     progress : bool or callable, optional
-        True shows a bar (needs tqdm); a callable is called as ``progress(done, steps)``, while all
-        trajectories stand at the state `done`. If it returns False, the run ends there;
-        :meth:`Trajectories.extend` continues it. All other answers go on: with a
-        `threading.Event` write ``lambda done, steps: not event.is_set()``.
+        True shows a bar (needs tqdm). A function is called as ``progress(done, steps)``; if it
+        returns False, the run ends at state `done`, and :meth:`Trajectories.extend` can continue
+        it.
 
     Returns
     -------
     Trajectories
-
-    Notes
-    -----
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond the pole, as the birational map does:
-    :func:`exact` and :func:`limits` have the states after it, and only the state directly after
-    the pole is NaN.
-
-    A step of a field, or of a body in n dimensions, from a state with det A < 0 has the status
-    PASSED_POLE, and `failed_at` is the state after it: the motion escapes to infinity, or eps is
-    too long. The states beyond are there, and are those of the map alone. See
-    :class:`PoleWarning`, also for what it does not see.
+        The saved states and the status of each trajectory. After a pole, where no next state
+        exists, states are NaN; :func:`exact` continues beyond.
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, iterate
+    Where are 1000 orbits after 400 steps, and is the first integral still the same?
+
+    >>> from suslov_fast import RandomStarts, Suslov3D, iterate
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> orbit = iterate(body, [1.0, 0.5], eps=0.2, steps=25)
-    >>> orbit.omega.shape
-    (26, 2)
-    >>> orbit.final.round(6)
-    array([ 0.873325, -1.093093])
+    >>> run = iterate(body, RandomStarts(1000, extent=2.0), eps=0.2, steps=400, save_every=100)
+    >>> run.omega.shape, run.ok
+    ((5, 1000, 2), True)
+    >>> F = run.first_integral()
+    >>> bool(abs(F / F[0] - 1).max() < 1e-12)
+    True
     """
     map = map_of(body, method)
     problem = check(map, body, omega0, eps, threads, name="omega0", attitude=attitude)
     counts = checked_counts(steps, save_every)
-    if type(problem.eps) is not float:  # a copy, for the run
-        given = np.array(problem.eps)
-        problem = problem._replace(eps=given)
-        if given.shape in ((counts[0],), (counts[0] + 1,)) and counts[0] > 9:
-            _advise_on_times(given, counts[0])
+    if type(problem.eps) is not float:  # copied, because the run keeps it
+        step_sizes = np.array(problem.eps)
+        problem = problem._replace(eps=step_sizes)
+        if step_sizes.shape in ((counts[0],), (counts[0] + 1,)) and counts[0] > 9:
+            _warn_of_times(step_sizes)
     march = March(problem, method)
     return run_to_end(march, method, *counts, on_singular, progress, out)
 
 
-def _advise_on_times(eps: FloatArray, steps: int) -> None:
-    """Warn of what `odeint` takes, times from 0 to the end: here they are a step size each."""
+def _warn_of_times(eps: FloatArray) -> None:
+    """Warn if step sizes look like the grid of times that `odeint` takes."""
     step = float(eps[1] - eps[0])
     if eps[0] == 0.0 and step > 0.0 and np.allclose(np.diff(eps), step, rtol=1e-6, atol=0.0):
         text = (
@@ -171,7 +166,7 @@ def _advise_on_times(eps: FloatArray, steps: int) -> None:
 
 
 def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:
-    """Return the checked numbers of steps, of the run and from one saved state to the next."""
+    """Return `steps` and `save_every`, checked."""
     if save_every is not None:
         save_every = integer("save_every", save_every, 1, "None or an integer of at least 1")
     return integer("steps", steps, 0, "the number of steps, an integer of 0 or more"), save_every
@@ -180,28 +175,35 @@ def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]
 def step_full(
     body: Suslov3D, omega: ArrayLike, /, eps: ArrayLike, I3: ArrayLike | None = None
 ) -> FloatArray:
-    """One step of the scheme in three components, equation (3) of the paper.
+    """Return the next state of the scheme in three components, equation (3) of the paper.
 
-    The constraint requires Omega3 = 0; the scheme itself only changes the sign of Omega3, and
-    unless Omega3 is 0 it has no limit for eps -> 0.
+    The constraint requires Omega3 = 0. The scheme itself only changes the sign of Omega3; where
+    Omega3 is not 0, it has no limit for eps -> 0.
 
     Parameters
     ----------
     body, eps
-        As in :func:`iterate`.
+        As in :func:`iterate`; the body is a `Suslov3D`.
     omega : array_like(float, shape=(..., 3))
         Angular velocities (Omega1, Omega2, Omega3).
     I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, positive; by default that of the body.
+        Third moment of inertia, positive, in the unit of I1; by default that of the body.
 
     Returns
     -------
     ndarray(float, shape=(..., 3))
-        The next states; NaN for states that are NaN, and, with one :class:`SingularStepWarning`,
-        where there is no next state.
+        The next states, in the unit of `omega`. A state that contains NaN gives NaN; so does a
+        state on a pole of the map, with one :class:`SingularStepWarning`.
+
+    Raises
+    ------
+    TypeError
+        If neither `I3` nor ``body.I3`` is given.
 
     Examples
     --------
+    Does a violation of the constraint decay?
+
     >>> from suslov_fast import Suslov3D, step_full
     >>> body = Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3)
     >>> step_full(body, [1.0, 0.5, 0.1], eps=0.2, I3=3).round(6)

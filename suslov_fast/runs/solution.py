@@ -1,6 +1,6 @@
-"""The closed form: any state of the map and of the flow, and the limits of orbits.
+"""The closed form of the map (Theorem 1), of the flow, and of the limits of orbits.
 
-Bodies in n dimensions that have one are reduced to three, see `maps.formulas`.
+An integrable body in n dimensions is reduced to one in three first, see `maps.formulas`.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from ..engine.status import SingularStepWarning
 from ..engine.threads import call_kernel
 from ..maps import problem
 
-# States in a call of the kernel, between which Python handles Ctrl-C; and costs of entering an
-# orbit, and of a state, in steps of the three-dimensional map.
-_SLICE, _ENTERING, _STATE = 2**21, 64, 8
-# Why orbits lack states, in the order of the flags of the closed form.
+# States per call of the kernel: Python handles Ctrl-C between two calls.
+_SLICE = 2**21
+# Costs of preparing an orbit and of computing a state, in steps of the three-dimensional map.
+_ORBIT_COST, _STATE_COST = 64, 8
+# Reasons for missing states, in the order of the kernel's flags.
 _REASONS = (
     ("non-integer n, or |n| > 2**53, where t >= 1", RuntimeWarning),
     ("beyond the range of the closed form, 1e8 for X, Y and K", RuntimeWarning),
@@ -32,44 +33,45 @@ _REASONS = (
 def exact(
     body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """Return state n of the map by the closed form, without iteration.
+    """Return any state of an orbit of the map by its closed form, at the same cost for every n.
+
+    The formula is Theorem 1 in Section 4 of the paper, corrected, and extended to t >= 1 and to the
+    gyrostat; t is :func:`criticality`.
 
     Parameters
     ----------
     body : Suslov3D, SuslovND or SuslovGyrostat
-        In n dimensions it must be integrable, else :class:`NotIntegrableError`.
+        Any body in three dimensions; in n dimensions an integrable one.
     omega0, eps, threads
         As in :func:`iterate`.
     n : array_like(float, shape=() or (N,))
-        Indices of the states, positive or negative. For t < 1 (:func:`criticality`) n may be any
-        real number, which gives a curve through the orbit; also for a gyrostat that is periodic.
+        Numbers of the states, positive or negative. If t < 1, or if the orbit of a gyrostat is
+        periodic, n may be any real number, which gives a curve through the orbit.
 
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states. They are NaN directly after a pole, with a :class:`SingularStepWarning`; and,
-        with a `RuntimeWarning`, for non-integer n and for ``|n| > 2**53`` if t >= 1, and where
-        the dimensionless X, Y or K is above 1e8 (then use :func:`iterate`).
+        The states, in the unit of `omega0`. NaN with a `RuntimeWarning` for ``|n| > 2**53`` or n
+        that is not an integer, if t >= 1, and where the dimensionless X, Y or K exceeds 1e8 (then
+        use :func:`iterate`). Beyond a pole of the map, where :func:`iterate` stops, the formula
+        continues; only the state directly after the pole is NaN, with a
+        :class:`SingularStepWarning`.
 
-    Notes
-    -----
-    The formula is Theorem 1 in Section 4 of the paper, corrected, and extended to t >= 1 and to
-    the gyrostat.
-
-    At a pole there is no next state: :func:`iterate` and :func:`step` stop there, with NaN and the
-    status SINGULAR. The closed form goes on beyond the pole, as the birational map does:
-    :func:`exact` and :func:`limits` have the states after it, and only the state directly after
-    the pole is NaN.
+    Raises
+    ------
+    NotIntegrableError
+        If no closed form is known for this body in n dimensions.
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, exact, iterate
+    Where is the body after 25 steps, and after 10**12 steps forwards and backwards?
+
+    >>> from suslov_fast import Suslov3D, exact
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> exact(body, [1.0, 0.5], eps=0.2, n=25).round(6)
     array([ 0.873325, -1.093093])
-    >>> exact(body, [1.0, 0.5], eps=0.2, n=[-(10**12), 0.5, 10**12]).round(6)
+    >>> exact(body, [1.0, 0.5], eps=0.2, n=[-(10**12), 10**12]).round(6)
     array([[-0.791446,  1.319077],
-           [ 1.007482,  0.435551],
            [ 0.791446, -1.319077]])
     """
     return _states_at("exact", body, omega0, eps, "n", n, threads)
@@ -78,39 +80,48 @@ def exact(
 def flow(
     body: AnyBody, omega0: ArrayLike, /, time: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
-    """Return the continuous motion at given times, the solution of equation (2) of the paper.
+    """Return the continuous motion at given times, the exact solution of equation (2) of the paper.
 
     Parameters
     ----------
-    body, omega0, threads
-        As in :func:`exact`.
+    body : Suslov3D, SuslovND or SuslovGyrostat
+        Any body in three dimensions; in n dimensions an integrable one.
+    omega0, threads
+        As in :func:`iterate`.
     time : array_like(float, shape=() or (N,))
-        Times, positive or negative, in the unit of time of omega0.
+        Times, positive or negative, in the unit of time of `omega0`.
 
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The angular velocities.
+        The angular velocities, in the unit of `omega0`.
+
+    Raises
+    ------
+    NotIntegrableError
+        If no solution is known for this body in n dimensions.
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, energy, flow
+    How far is the map from the motion at time 5, and does half the step size give a quarter of it?
+
+    >>> from suslov_fast import Suslov3D, exact, flow
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> states = flow(body, [1.0, 0.5], time=[0.0, 5.0, 1e6])
-    >>> states.round(6)
-    array([[ 1.      ,  0.5     ],
-           [ 0.873751, -1.093725],
-           [ 0.791864, -1.319774]])
-    >>> energy(body, states).round(12)
-    array([2.125, 2.125, 2.125])
+    >>> motion = flow(body, [1.0, 0.5], time=5.0)
+    >>> motion.round(6)
+    array([ 0.873751, -1.093725])
+    >>> for eps, n in (0.2, 25), (0.1, 50):
+    ...     print(abs(exact(body, [1.0, 0.5], eps, n) - motion).max().round(6))
+    0.000632
+    0.000158
     """
     return _states_at("flow", body, omega0, 0.0, "time", time, threads)
 
 
 def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the limits of an orbit of the map for n to minus and to plus infinity.
+    """Return the limits of an orbit of the map as n goes to minus and to plus infinity.
 
-    They are those of Proposition 2 in Section 4 of the paper.
+    Proposition 2 in Section 4 of the paper: orbits go from one steady rotation to the opposite one.
 
     Parameters
     ----------
@@ -120,49 +131,60 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatAr
     Returns
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
-        Opposite points of the line I13 Omega1 + I23 Omega2 = 0, or for a gyrostat points of the
-        line I13 Omega1 + I23 Omega2 = -k. Orbits are continued beyond poles. A fixed point is its
-        own limit. NaN where the orbit of a gyrostat lies on a closed curve, if omega0 is NaN, and
-        for the one state of a body at which the map, or its inverse, is undefined.
+        Angular velocities, in the unit of `omega0`: opposite points of the line I13 Omega1 + I23
+        Omega2 = 0; for a gyrostat, points of the line I13 Omega1 + I23 Omega2 = -k. Orbits continue
+        beyond poles, and a fixed point is its own limit. NaN for an orbit of a gyrostat on a closed
+        curve, for a state that contains NaN, and for the one state of a body at which the map or
+        its inverse is undefined.
+
+    Raises
+    ------
+    NotIntegrableError
+        If no closed form is known for this body in n dimensions.
 
     Examples
     --------
+    Which steady rotation does the body come from, and which does it approach?
+
     >>> from suslov_fast import Suslov3D, limits
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> omega_minus, omega_plus = limits(body, [1.0, 0.5], eps=0.2)
-    >>> omega_minus.round(6), omega_plus.round(6)
+    >>> before, after = limits(body, [1.0, 0.5], eps=0.2)
+    >>> before.round(6), after.round(6)
     (array([-0.791446,  1.319077]), array([ 0.791446, -1.319077]))
     """
-    given = problem("limits", body, omega0, eps, name="omega0")
-    plane, leave = given.map.plane.reduce(given)
+    start = problem("limits", body, omega0, eps, name="omega0")
+    plane, from_plane = start.map.plane.reduce(start)
     minus, plus = closed_form.limits(*plane.body.constants, plane.eps, plane.omega)
-    return leave(minus), leave(plus)
+    return from_plane(minus), from_plane(plus)
 
 
 def _states_at(
     function: str, body: Any, omega0: Any, eps: Any, name: str, value: Any, threads: int | None
 ) -> FloatArray:
-    """Return states of the map or the flow at given times, and warn of those that are missing."""
+    """Return states of the map or the flow, and warn of missing ones.
+
+    `name` is that of the argument `value`: "n" for the map, "time" for the flow.
+    """
     times = np.asarray(real_number(name, value))
     if times.ndim > 1:
         raise wrong(name, "a number or a 1-D array", f"an array of shape {times.shape}")
     start = problem(function, body, omega0, eps, threads, name="omega0")
-    plane, leave = start.map.plane.reduce(start)
-    batch, threads, all_times = plane.batch, plane.threads, times.reshape(-1)
-    flat = flat_arrays(plane.omega, batch)
-    given = by_constants(plane.body, plane.eps, batch), flat, float(name == "n")
-    require(8 * times.size * flat.size, "compute fewer states at a time")
-    states, reasons = np.empty((times.size, *flat.shape)), np.zeros((3, len(flat)), bool)
-    rows = max(_SLICE // max(len(flat), 1), 1)
+    plane, from_plane = start.map.plane.reduce(start)
+    batch, threads, flat_times = plane.batch, plane.threads, times.reshape(-1)
+    starts = flat_arrays(plane.omega, batch)
+    orbits = by_constants(plane.body, plane.eps, batch), starts, float(name == "n")
+    require(8 * times.size * starts.size, "compute fewer states at a time")
+    states, reasons = np.empty((times.size, *starts.shape)), np.zeros((3, len(starts)), bool)
+    rows = max(_SLICE // max(len(starts), 1), 1)
     for row in range(0, times.size, rows):
-        some = all_times[row : row + rows]
-        work = len(flat) * (_ENTERING + _STATE * len(some))
-        call_kernel(closed_form.states, work, threads, *given, some, states[row:], reasons)
+        slice_times = flat_times[row : row + rows]
+        work = len(starts) * (_ORBIT_COST + _STATE_COST * len(slice_times))
+        call_kernel(closed_form.states, work, threads, *orbits, slice_times, states[row:], reasons)
     if reasons.any():
-        for flags, (what, category) in zip(reasons, _REASONS, strict=True):
+        for flags, (reason, category) in zip(reasons, _REASONS, strict=True):
             if flags.any():
-                warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {what}", category)
-    states = np.asarray(leave(states.reshape(*times.shape, *batch, 2)))
-    if plane is not start:
+                warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {reason}", category)
+    states = np.asarray(from_plane(states.reshape(*times.shape, *batch, 2)))
+    if plane is not start:  # the reduction rounds
         states[times == 0.0] = start.omega
     return states

@@ -1,10 +1,9 @@
-"""The result of an iteration."""
+"""The result of `iterate`: saved states, statuses, and what can be done with them."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -15,16 +14,17 @@ from numpy.typing import NDArray
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, checked_out, integer, one_of
 from ..engine.problem import Problem
-from ..engine.status import ON_SINGULAR, OnSingular, count_in_words, report_failures
+from ..engine.status import ON_SINGULAR, OnSingular, report_failures
 from ..engine.stretches import March, Progress, Progressed, reporter
 from ..engine.threads import thread_count
 from ..maps import Map
+from .results import Result, in_short, read_only
 
 if TYPE_CHECKING:
     import xarray
 
 
-# How a run has what results of other packages have under these names; x is that of the states.
+# Attributes that results of other packages have, and what to use here; {x} is omega or x.
 _INSTEAD = {
     **dict.fromkeys(
         ("sel", "isel"),
@@ -48,7 +48,7 @@ _INSTEAD = {
 
 
 def _quantity(name: str) -> Callable[[Trajectories], FloatArray]:
-    """Return the method that evaluates a public function for the saved states."""
+    """Return a method of `Trajectories` that evaluates a public function for the saved states."""
 
     def method(self: Trajectories) -> FloatArray:
         return self._value(name, self.states)
@@ -59,59 +59,61 @@ def _quantity(name: str) -> Callable[[Trajectories], FloatArray]:
     return method
 
 
-# Names of these methods; a run has those of its map.
+# Names of these methods; `dir(run)` hides those that its map does not have.
 _QUANTITIES: set[str] = set()
 
 
-def _states(name: str, what: str) -> Any:
-    """Return the property of the saved states under the name that only some maps have."""
+def _states(name: str, kind: str) -> Any:
+    """Return the property `omega` or `x`, which a run has if its map calls the states so."""
 
     def states(self: Trajectories) -> FloatArray:
         if name != self.map.variable:
-            raise AttributeError  # `__getattr__` has the words
+            raise AttributeError  # `__getattr__` words the message
         return self.states
 
-    return property(states, doc=f"The saved states, if they are {what}.")
+    return property(states, doc=f"The saved states of {kind}, shape (n_saved, ..., D).")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Trajectories:
-    """A batch of trajectories, as :func:`iterate` returns it.
+class Trajectories(Result):
+    """Orbits of a batch, with the status of each: the result of :func:`iterate`.
 
     Attributes
     ----------
     states : ndarray(float, shape=(n_saved, ..., D))
-        The saved states; NaN from the first nonexistent state on. ``run.omega``, or ``run.x`` for
-        a field, and ``np.asarray(run)`` are the same array.
+        The saved states, in the unit of the initial ones; NaN from the first state on that does not
+        exist. ``run.omega``, or ``run.x`` for a field, and ``np.asarray(run)`` are the same array.
+    n, time : ndarray
+        Step numbers (n_saved,) and times of the saved states.
     body, eps, method, steps, save_every
-        The arguments of :func:`iterate`; `steps` with those of :meth:`extend`.
+        The arguments of :func:`iterate`; `steps` includes those of :meth:`extend`.
     map : Map
-        The record of the map, which says what the run has.
+        The record of the map, which decides the quantities that the run has, see ``dir(run)``.
     status : ndarray(int8, shape=(...))
         The :class:`Status` of each trajectory; negative if it failed.
     failed_at : ndarray(int, shape=(...))
-        The number of the first state that does not exist, if a trajectory failed; of the first
-        state beyond a pole, if its status is PASSED_POLE; else -1.
+        Number of the first state that does not exist, if a trajectory failed; of the first state
+        beyond a pole, if its status is PASSED_POLE; else -1.
     final : ndarray(float, shape=(..., D))
-        The state after the last step, even if not saved.
+        The state after the last step, saved or not.
     attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
-        The orientations of the body at the saved states, if requested.
+        Rotation matrices from body to space at the saved states, if requested.
 
-    Notes
-    -----
-    ``len(run)`` is the number of saved states, ``run[k]`` is ``run.states[k]`` for any index of
-    NumPy, and a run iterates over its states. Runs are equal if all of the above is equal, where
-    NaN equals NaN; they are not hashable. All arrays are read-only; a copy, as
-    ``run.states.copy()``, is not. An array that was passed as `out` stays writeable.
+    Notes ----- ``len(run)``, ``run[k]`` and iteration are those of `states`. Two runs are equal if
+    all attributes are equal; NaN equals NaN. Arrays are read-only: change a copy, such as
+    ``run.states.copy()``.
 
     Examples
     --------
+    How well does one orbit conserve the energy, and the modified energy?
+
     >>> from suslov_fast import Suslov3D, iterate
     >>> orbit = iterate(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2, steps=25)
     >>> orbit
     Trajectories(omega: (26, 2), n: 0, 1 ... 25, eps: 0.2, failed: 0 of 1)
-    >>> orbit.energy().shape
-    (26,)
+    >>> energy, modified = orbit.energy(), orbit.modified_energy()
+    >>> f"{energy.max() / energy.min() - 1:.3f}", bool(modified.max() / modified.min() - 1 < 1e-14)
+    ('0.001', True)
     """
 
     states: FloatArray
@@ -124,28 +126,11 @@ class Trajectories:
     method: str
     steps: int
     save_every: int | None
-    attitude: FloatArray | Any = None  # with `Any`, callers need no test of None
-    # What `extend` continues, beside the last state: numbers (B, C) and orientations (B, n, n).
-    # `dataclasses.replace` makes a run without them.
+    attitude: FloatArray | Any = None  # `Any`, so that type checkers ask for no test of None
+    # What `extend` needs besides the last state: numbers (C, B) that steps carry, and orientations
+    # (B, n, n). A run by `dataclasses.replace` lacks them.
     _carry: FloatArray | None = field(init=False, default=None, compare=False)
     _turned: FloatArray | None = field(init=False, default=None, compare=False)
-
-    def __post_init__(self) -> None:  # arrays that a caller may go on to use
-        arrays = {name: each for name, each in vars(self).items() if isinstance(each, np.ndarray)}
-        vars(self).update({name: _read_only(each.view()) for name, each in arrays.items()})
-
-    def __setstate__(self, attributes: dict[str, Any]) -> None:  # of copies, which own their arrays
-        for value in attributes.values():
-            if type(value) is np.ndarray:
-                value.setflags(write=False)
-        object.__setattr__(self, "__dict__", attributes)
-
-    @classmethod
-    def _of(cls, attributes: dict[str, Any]) -> Trajectories:
-        """Return a run with these attributes, whose arrays belong to it."""
-        run = cls.__new__(cls)
-        run.__setstate__(attributes)  # faster than a call of the class
-        return run
 
     def extend(
         self,
@@ -155,21 +140,24 @@ class Trajectories:
         on_singular: OnSingular = "warn",
         progress: Progress = None,
     ) -> Trajectories:
-        """Continue the run; the result is bit-identical to an uninterrupted run.
+        """Return the run continued by some steps, with the bits of an uninterrupted run.
 
         Parameters
         ----------
         steps : int
-            Number of additional steps, 0 or more. Failures and poles before them are not reported
-            again.
+            Number of additional steps, 0 or more.
         threads, on_singular, progress
-            As in :func:`iterate`.
+            As in :func:`iterate`. Failures and poles of earlier steps are not reported again.
 
         Returns
         -------
         Trajectories
-            A new object, whose arrays also hold the states of this one. A copy made by
-            `dataclasses.replace` lacks what is needed to go on: a ValueError.
+            A new run, which also holds the states of this one.
+
+        Raises
+        ------
+        ValueError
+            If this run is a copy by `dataclasses.replace`, which lacks what a next step needs.
 
         Examples
         --------
@@ -193,19 +181,18 @@ class Trajectories:
         return run_to_end(march, *about, on_singular, progress, earlier=self)
 
     def _value(self, name: str, states: FloatArray) -> FloatArray:
-        """Return a function of states of the map of this run."""
+        """Return the values of a public function for states of this run."""
         from ..quantities.evaluation import evaluate
 
         return evaluate(name, self.body, states, self.eps, map=self.map)
 
-    omega = _states("omega", "angular velocities")
-    x = _states("x", "those of a field")
+    omega = _states("omega", "a body, its angular velocities")
+    x = _states("x", "a field")
 
-    if not TYPE_CHECKING:  # checkers know the attributes
+    if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 
         def __getattr__(self, name: str) -> Any:
-            """Raise an AttributeError that says how the run has what users of others look for."""
-            received = f"a run has no attribute {name!r}"
+            """Raise an AttributeError that names the attribute to use instead, if there is one."""
             if "states" in vars(self):
                 x = self.map.variable
                 if name in ("omega", "x"):
@@ -219,7 +206,7 @@ class Trajectories:
                     instead = f"suslov_fast.{name}(run.body, run.{x}, ...)"
                 if instead:
                     raise AttributeError(f"no attribute {name!r}: use {instead}")
-            raise AttributeError(received, name=name, obj=self)
+            raise AttributeError(f"a run has no attribute {name!r}", name=name, obj=self)
 
     def __dir__(self) -> list[str]:
         other = "x" if self.map.variable == "omega" else "omega"
@@ -236,33 +223,27 @@ class Trajectories:
         return iter(self.states)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        if copy is None:  # which NumPy 1.26 does not take
+        if copy is None:  # NumPy 1.26 does not accept None
             return np.asarray(self.states, dtype)
         return np.array(self.states, dtype, copy=copy)
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Trajectories):
-            return NotImplemented
-        names = [item.name for item in fields(self) if item.compare]
-        return all(equal(getattr(self, name), getattr(other, name)) for name in names)
-
     @cached_property
     def n(self) -> NDArray[np.int64]:
-        """Step numbers of the saved states, shape (n_saved,)."""
+        """Step numbers of the saved states, shape (n_saved,): 0, save_every, 2 save_every, ..."""
         if self.save_every is None:
-            return _read_only(np.array([self.steps]))
-        return _read_only(self.save_every * np.arange(self.steps // self.save_every + 1))
+            return read_only(np.array([self.steps]))
+        return read_only(self.save_every * np.arange(self.steps // self.save_every + 1))
 
     @property
     def time(self) -> FloatArray:
-        """Times n eps of the saved states, (n_saved,), or (n_saved, ...) if eps varies."""
+        """Times n eps of the saved states, shape (n_saved,), or (n_saved, ...) if eps varies."""
         n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
-        times: FloatArray = _read_only(n * np.asarray(self.eps))
+        times: FloatArray = read_only(n * np.asarray(self.eps))
         return times
 
     @property
     def ok(self) -> bool:
-        """True if every trajectory finished, also beyond a pole."""
+        """True if no trajectory failed; those that passed a pole count as finished."""
         return bool((self.status >= 0).all())
 
     first_integral = _quantity("first_integral")
@@ -280,13 +261,31 @@ class Trajectories:
         color: Any = None,
         ax: Any = None,
     ) -> Any:
-        """Draw the saved states in the plane of two components, and return Matplotlib axes.
+        """Draw the saved states in the plane of two components (extra `plots`).
 
-        `components` are their indices or labels, as ``("x1", "x3")``. `lines` joins consecutive
-        states, by default where all are saved and are close. `color` is the name of what gives the
-        colours, a parameter that varies or "eps"; or numbers (...), one for each orbit. By default
-        it is the named parameter of a family, else the level of the conserved quantity. `ax` are
-        axes to draw on. Of many states some are drawn: whole orbits or pieces of them, if joined.
+        Parameters
+        ----------
+        components : pair of int or str
+            Indices or labels, such as ``("x1", "x3")``.
+        lines : bool, optional
+            Whether to join consecutive states; by default if all are saved and lie close together.
+        color : str or array_like(float, shape=(...)), optional
+            A parameter that varies, "eps", or a number for each orbit. By default the parameter
+            of a family, else the level of the conserved quantity.
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; by default those of a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The title says how many states are drawn, because of very many it shows a part.
+
+        Examples
+        --------
+        >>> from suslov_fast import RandomStarts, Suslov3D, iterate
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> run = iterate(body, RandomStarts(20, extent=2.0), eps=0.02, steps=500)
+        >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
         """
         from . import plot  # which imports Matplotlib
 
@@ -295,24 +294,28 @@ class Trajectories:
     def to_xarray(
         self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
     ) -> xarray.Dataset:
-        """Return the run as an `xarray.Dataset`, without what `extend` needs.
+        """Return the run as a labelled `xarray.Dataset` (extra `xarray`).
 
         Parameters
         ----------
         dims : str or sequence of str, optional
-            Names for the axes of the batch; by default that of a parameter of the body that varies
-            along this axis alone, else "trajectory", or "batch_0", "batch_1", ... The name of such
-            a parameter, or "eps", makes it the coordinate: ``data.sel(eps=0.2)``.
+            Names of the batch axes. By default an axis has the name of the parameter that varies
+            along it alone, else "trajectory", or "batch_0", "batch_1", ... The name of such a
+            parameter, or "eps", makes its values the coordinate: ``data.sel(eps=0.2)``.
         coords : mapping, optional
-            Coordinates along them, as `xarray.Dataset.assign_coords` takes them.
+            Coordinates along these axes, as for `xarray.Dataset.assign_coords`.
 
         Returns
         -------
         xarray.Dataset
-            Its dimensions are "n", those of the batch, and "component", so that without `attitude`
-            ``to_dataframe()`` has a row for each component of each state. Coefficients of fields
-            are coordinates, a column for each monomial that occurs: linear_2 for x2, quadratic_1_3
-            for x1 x3.
+            Dimensions: "n", those of the batch, and "component"; ``to_dataframe()`` has a row for
+            each component of each state. The coefficients of a field are coordinates with a name
+            for each monomial: linear_2 for x2, quadratic_1_3 for x1 x3.
+
+        Raises
+        ------
+        ValueError
+            If the number of names is not that of the axes, or a name is taken.
 
         Examples
         --------
@@ -326,23 +329,6 @@ class Trajectories:
         from .datasets import to_xarray
 
         return to_xarray(self, dims, coords)
-
-    def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
-        """Write the run to `path`, a name that ends in .npz, without loss.
-
-        The file appears under its name when it is complete. An existing file is an error unless
-        `overwrite` is True.
-        """
-        from .storage import save
-
-        save(self, path, overwrite)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Trajectories:
-        """Read a run written by :meth:`save`; ValueError if the file is something else."""
-        from .storage import load
-
-        return cls._of(load(path, "Trajectories"))
 
     def __repr__(self) -> str:
         n = self.n
@@ -361,11 +347,11 @@ def run_to_end(
     out: FloatArray | None = None,
     earlier: Trajectories | None = None,
 ) -> Trajectories:
-    """Continue a march to state `steps`; return its run, after the states of an `earlier` one."""
+    """Continue a march to state `steps`, and return its run; with `earlier`, the states of both."""
     one_of("on_singular", on_singular, ON_SINGULAR)
     start, every = march.n, save_every or 0
     reports = reporter(progress, steps - start)
-    if out is not None:  # which may overlap state 0
+    if out is not None:  # state 0 is copied, because `out` may overlap it
         rows = steps // every + 1 if every else 1
         out = checked_out(out, (rows, *march.final.shape))
         march.omega0 = march.omega0.copy()
@@ -373,11 +359,11 @@ def run_to_end(
         saved, turns = march.to(steps, every, out, report)
     steps = march.n  # fewer, if `progress` ended the run
     if out is not None:
-        saved = saved.view()  # that of the run becomes read-only, `out` stays as it is
+        saved = saved.view()  # because the run makes its array read-only, but not `out`
     if every and earlier is not None and start > 0:
         saved = np.concatenate([earlier.states, saved])
         turns = None if turns is None else np.concatenate([earlier.attitude, turns])
-    found = {
+    attributes = {
         "states": saved,
         "eps": march.problem.eps,
         "body": march.problem.body,
@@ -392,24 +378,6 @@ def run_to_end(
         "_carry": march.carry,
         "_turned": march.turned,
     }
-    run = Trajectories._of(found)
+    run = Trajectories._of(attributes)
     report_failures(run, on_singular, start + 1 if earlier else 0)
     return run
-
-
-def _read_only(array: NDArray[Any]) -> NDArray[Any]:
-    array.setflags(write=False)
-    return array
-
-
-def in_short(found: Any) -> str:
-    """Return the step sizes and the number of failures of a run or of crossings."""
-    low, high = np.min(found.eps, initial=np.inf), np.max(found.eps, initial=-np.inf)
-    eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
-    return f"eps: {eps}, {count_in_words(found.status)}"
-
-
-def equal(a: Any, b: Any) -> bool:
-    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
-        return np.array_equal(a, b, equal_nan=True)
-    return type(a) is type(b) and bool(a == b)

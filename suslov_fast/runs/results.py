@@ -1,0 +1,127 @@
+"""What results of runs have in common: read-only arrays, equality, copies and files."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, fields
+from typing import Any, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engine.status import count_in_words
+
+T = TypeVar("T", bound=np.generic)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result:
+    """The base of `Trajectories` and `Crossings`, frozen dataclasses whose arrays are read-only."""
+
+    def __post_init__(self) -> None:
+        """Make arrays read-only: views of them, because a caller may go on writing to their own."""
+        arrays = {k: value for k, value in vars(self).items() if isinstance(value, np.ndarray)}
+        vars(self).update({k: read_only(array.view()) for k, array in arrays.items()})
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields, without cached properties."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    def __setstate__(self, attributes: dict[str, Any]) -> None:
+        """Set the attributes of a new or unpickled result, whose arrays are in no other hands."""
+        for value in attributes.values():
+            if type(value) is np.ndarray:
+                value.setflags(write=False)
+        object.__setattr__(self, "__dict__", attributes)
+
+    @classmethod
+    def _of(cls, attributes: dict[str, Any]) -> Self:
+        """Return a result with these attributes, whose arrays are in no other hands."""
+        result = cls.__new__(cls)
+        result.__setstate__(attributes)  # faster than a call of the class
+        return result
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, type(self)):
+            return NotImplemented
+        names = [item.name for item in fields(self) if item.compare]
+        return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+    def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+        """Write the result to a file, without loss; `load` of its class reads it.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A name that ends in .npz. The file appears under it only when it is complete.
+        overwrite : bool
+            Whether to replace an existing file.
+
+        Raises
+        ------
+        FileExistsError
+            If the file exists and `overwrite` is False.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> from suslov_fast import Suslov3D, Trajectories, iterate
+        >>> run = iterate(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2, steps=25)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     run.save(f"{folder}/run.npz")
+        ...     Trajectories.load(f"{folder}/run.npz") == run
+        True
+        """
+        from .storage import save
+
+        save(self, path, overwrite)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Return the result in a file of `save`, which `extend` can continue.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The name of the file.
+
+        Returns
+        -------
+        Trajectories or Crossings
+            An instance of the class whose method this is, equal to the saved one.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no file of this name.
+        ValueError
+            If the file is damaged, or holds something else.
+
+        Examples
+        --------
+        >>> from suslov_fast import Trajectories
+        >>> later = Trajectories.load("run.npz").extend(1000)  # doctest: +SKIP
+        """
+        from .storage import load
+
+        return cls._of(load(path, cls.__name__))
+
+
+def read_only(array: NDArray[T]) -> NDArray[T]:
+    """Return an array after it was made read-only."""
+    array.setflags(write=False)
+    return array
+
+
+def in_short(result: Any) -> str:
+    """Return the step sizes and the number of failures of a result, as text."""
+    low, high = np.min(result.eps, initial=np.inf), np.max(result.eps, initial=-np.inf)
+    eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
+    return f"eps: {eps}, {count_in_words(result.status)}"
+
+
+def _equal(a: Any, b: Any) -> bool:
+    """Return whether two attributes are equal, where NaN equals NaN."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return np.array_equal(a, b, equal_nan=True)
+    return type(a) is type(b) and bool(a == b)

@@ -16,34 +16,33 @@ from .polynomials import from_lists, to_lists
 
 Kind = TypeVar("Kind", bound="Body")
 
-# Names that systems of other packages have for functions of this one.
+# Names of other packages for functions of this one.
 _ELSEWHERE = {
     "trajectory": "iterate",
     "lyapunov": "lyapunov_exponents",
     "poincare_section": "crossings",
 }
-# Attributes for other modules, which `dir` leaves out.
+# Attributes for other modules of the package; `dir` hides them.
 _FOR_KERNELS = {"batch_of_one", "constants", "table", "terms"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Body:
-    """A body, or a batch of them; the fields of a subclass are its parameters."""
+    """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters."""
 
-    _axes: ClassVar[dict[str, int]] = {}  # of parameters with axes besides those of the batch
-    _positive: ClassVar[dict[str, int]] = {}  # parameters, with the exponents of their range
-    _called: ClassVar[str] = "a body or a field"  # in messages
-    # What to use instead, where a function does not take this class.
+    _axes: ClassVar[dict[str, int]] = {}  # of vector parameters: their number of axes
+    _positive: ClassVar[dict[str, int]] = {}  # parameters, with their range: `within`
+    _called: ClassVar[str] = "a body or a field"  # the name of the class in messages
+    # What messages advise where a function does not accept this class.
     _instead: ClassVar[str] = ""
-    _steady: ClassVar[str] = ""  # the steady states of all bodies of this class
-    # The number of components of a state and their labels, and the parts that are coordinates of
-    # datasets, which equal bodies need not share.
-    dimension: ClassVar[Any] = 2
-    _labels: ClassVar[Any] = "Omega1", "Omega2"
+    _steady: ClassVar[str] = ""  # the steady states, in words
+    dimension: ClassVar[Any] = 2  # number of components of a state
+    _labels: ClassVar[Any] = "Omega1", "Omega2"  # their names
+    # Named parameters: coordinates of datasets, which == does not compare.
     _coordinates: ClassVar[Any] = ()
-    _field: ClassVar[Any]
-    _read: ClassVar[Any] = None  # makes a body from its dictionary, if the class does not
-    _texts: ClassVar[tuple[str, ...]] = ()  # of the dictionary, which are no numbers
+    _field: ClassVar[Any]  # the equations of motion, a QuadraticField
+    _read: ClassVar[Any] = None  # makes a body from its dictionary; None: the class itself does
+    _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary that hold no numbers
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -55,26 +54,27 @@ class Body:
             if name in self._positive and not (array > 0).all():
                 raise wrong(name, "positive", array.min())
             vars(self)[name] = frozen(array)
-        _ = self.shape  # an error unless there is one
+        _ = self.shape  # raises if the parameters do not broadcast
 
     @cached_property
     def _parts(self) -> dict[str, Any]:
-        """The parameters by name: numbers and arrays, which are exact for a single field."""
+        """The parameters that are not None, by name; those of a single field are exact."""
         named = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in named.items() if value is not None}
 
     def _take(self, parts: Mapping[str, Any]) -> None:
-        """Store the parts of another body, or members of them, without checks."""
-        vars(self).update({name: frozen(each) for name, each in parts.items()})
+        """Store parameters that were checked before, such as those of members of a batch."""
+        vars(self).update({name: frozen(value) for name, value in parts.items()})
 
     @classmethod
     def _of(cls: type[Kind], parts: Mapping[str, Any]) -> Kind:
+        """Return the body with these parameters, which were checked before."""
         self = object.__new__(cls)
         self._take(parts)
         return self
 
     def _with(self: Kind, parts: Mapping[str, Any]) -> Kind:
-        """Return the body with other parts, all else being equal."""
+        """Return a copy of the body with these parameters, checked before."""
         return self._of(parts)
 
     @property
@@ -83,10 +83,10 @@ class Body:
 
     @property
     def _described(self) -> dict[str, Any]:
-        """The identity of the body in a store: texts and arrays by the names of attributes."""
+        """The attributes that identify the body in a store: texts and arrays, by name."""
         return self._arrays
 
-    # True if motions may escape to infinity; those of bodies have a constant energy.
+    # True if motions may escape to infinity. Those of bodies cannot: their energy is constant.
     _may_escape = False
 
     def field(self) -> Any:
@@ -95,7 +95,7 @@ class Body:
 
     @property
     def terms(self) -> Any:
-        """The terms v x_j x_k of the components i: indices i, j <= k (3, T), values v (..., T)."""
+        """The terms v x_j x_k of all f_i: indices i and j <= k (3, T), and values v (..., T)."""
         field = self.field()
         checks.instance("field()", field, Body)
         if field.dimension != self.dimension:
@@ -107,17 +107,17 @@ class Body:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The parameters by name; of a field, the named parameters of its function."""
+        """The parameters by name; for a field, the named parameters of its function."""
         return dict(self._parts)
 
     @property
     def constants(self) -> tuple[Any, ...]:
-        """The numbers that formulas and kernels of the map take, in their order."""
+        """The parameters in the order in which formulas and kernels of the map take them."""
         return tuple(self._arrays.values())
 
     @cached_property
     def batch_of_one(self) -> tuple[Any, ...]:
-        """The constants of a single body with an axis for the batch."""
+        """The constants of a single body, with a batch axis of length 1."""
         return tuple(np.array(each)[np.newaxis] for each in self.constants)
 
     @cached_property
@@ -133,7 +133,7 @@ class Body:
     if not TYPE_CHECKING:  # checkers know the attributes
 
         def __getattr__(self, name: str) -> Any:
-            """Raise an AttributeError that says where else a name is to be found."""
+            """Raise an AttributeError that says where a public name is found instead."""
             kind, instead = type(self).__name__, ""
             if name in vars(self).get("_coordinates", ()):
                 instead = f"parameters[{name!r}]"
@@ -154,33 +154,38 @@ class Body:
         return (self[i] for i in range(len(self)))
 
     def __getitem__(self: Kind, index: Any) -> Kind:
-        """Return a member of a batch, or those of a slice or a mask.
+        """Return one member of a batch, or the members that slices, lists or masks select.
 
-        There is an integer, a slice, or a mask of booleans (or a list of integers) for each of the
-        first axes of the batch; a mask may have several axes, which become one.
+        Each entry of the index is for the next axis of the batch: an integer, a slice, a list of
+        integers, or a mask of booleans. A mask with several axes merges them into one.
         """
-        len(self)  # an error unless there is a batch
+        len(self)  # raises for a single body
         body, axis = self, 0
         for entry in index if isinstance(index, tuple) else (index,):
             try:
-                place, axes = place_in(body.shape[axis:], entry)
+                selection, axes = place_in(body.shape[axis:], entry)
             except (IndexError, TypeError) as error:
                 expected = f"integers, slices or masks along the axes, of lengths {self.shape}"
                 raise wrong("index", expected, checks.short(index), type(error)) from None
-            body = body._merged(axis, axes)._part(axis, place)
-            axis += 1 if isinstance(place, slice) else np.ndim(place)
+            body = body._merged(axis, axes)._part(axis, selection)
+            axis += 1 if isinstance(selection, slice) else np.ndim(selection)
         return body
 
     def sel(self: Kind, /, *, method: str | None = None, **values: Any) -> Kind:
-        """Return the members of a batch that have given values of named parameters.
+        """Return the members of a batch with given values of parameters.
 
         Parameters
         ----------
         method : {None, "nearest"}
             "nearest" selects the nearest value in the batch; None requires an equal one.
         **values : float or slice of float
-            Values of parameters, each of which varies along a single axis of the batch. The result
-            lacks these axes. A slice selects the members between two values, both included.
+            A number selects along the one axis on which its parameter varies, and removes that
+            axis. A slice selects all values between its two ends, both included.
+
+        Raises
+        ------
+        ValueError
+            If no member has the value, or the parameter does not vary along exactly one axis.
 
         Examples
         --------
@@ -198,40 +203,40 @@ class Body:
         for name, value in values.items():
             column = self._column(name)
             axis = len(self.shape) - column.ndim + int(np.argmax(column.shape))
-            there = column.ravel()
+            choices = column.ravel()
             if isinstance(value, slice):
                 if value.step is not None or method is not None:
                     received = f"{value} and method {method}"
                     raise wrong(name, "a slice without step and method", received)
                 low = -np.inf if value.start is None else value_to_select(name, value.start)
                 high = np.inf if value.stop is None else value_to_select(name, value.stop)
-                index: Any = np.flatnonzero((low <= there) & (there <= high))
+                index: Any = np.flatnonzero((low <= choices) & (choices <= high))
             else:
                 wanted = value_to_select(name, value)
-                index = int(np.argmin(abs(there - wanted)))
-                nearest = there[index]
+                index = int(np.argmin(abs(choices - wanted)))
+                nearest = choices[index]
                 if method is None and nearest != wanted:
                     advice = f'pass one of them, such as {nearest}, or method="nearest"'
                     raise ValueError(
-                        f"{name}: {wanted} is not one of its {there.size} values: {advice}"
+                        f"{name}: {wanted} is not one of its {choices.size} values: {advice}"
                     )
             self = self._part(axis, index)
         return self
 
     @property
     def _scalars(self) -> dict[str, Any]:
-        """The parameters that are one number for each member."""
+        """The parameters that are a number, not a vector, for each member."""
         return {name: each for name, each in self._parts.items() if name not in self._axes}
 
     def _of_member(self, i: int | tuple[int, ...]) -> str:
-        """Return " of member i (a=1.0)", for messages; nothing for a single body."""
+        """Return " of member i (a=1.0)" for messages, "" for a single body."""
         if not self.shape:
             return ""
         values = ", ".join(f"{name}={value}" for name, value in self[i]._scalars.items())
         return f" of member {i}" + (f" ({values})" if values else "")
 
     def _column(self, name: str) -> FloatArray:
-        """Return the values of a parameter that varies along one axis alone."""
+        """Return the values of a parameter that varies along exactly one axis, else raise."""
         columns = {each: np.asarray(a, np.float64) for each, a in self._scalars.items()}
         along_one = {
             each: a for each, a in columns.items() if 0 < a.size == max(a.shape, default=0)
@@ -247,44 +252,44 @@ class Body:
         return along_one[name]
 
     def _merged(self: Kind, axis: int, axes: int) -> Kind:
-        """Return the batch with several of its axes as one."""
+        """Return the batch with `axes` of its axes, from `axis` on, merged into one."""
         if axes == 1:
             return self
         parts, end = {}, axis + axes
-        for name, each in self._parts.items():
-            array = np.asarray(each)
-            own = array.shape[array.ndim - self._axes.get(name, 0) :]
-            batch = array.shape[: array.ndim - len(own)]
-            if len(batch) > len(self.shape) - end:  # it has some of these axes
+        for name, value in self._parts.items():
+            array = np.asarray(value)
+            inner = array.shape[array.ndim - self._axes.get(name, 0) :]
+            batch = array.shape[: array.ndim - len(inner)]
+            if len(batch) > len(self.shape) - end:  # the parameter has some of these axes
                 batch = (1,) * (len(self.shape) - len(batch)) + batch
-                array = array.reshape(batch + own)
+                array = array.reshape(batch + inner)
                 if max(batch[axis:end]) > 1:
                     batch = batch[:axis] + self.shape[axis:end] + batch[end:]
-                    array = np.broadcast_to(array, batch + own)
+                    array = np.broadcast_to(array, batch + inner)
                 length = math.prod(batch[axis:end])
-                array = array.reshape((*batch[:axis], length, *batch[end:], *own))
+                array = array.reshape((*batch[:axis], length, *batch[end:], *inner))
             parts[name] = array
         return self._with(parts)
 
     def _part(self: Kind, axis: int, index: Any) -> Kind:
-        """Return the members with an integer, a slice or indices along one axis of the batch."""
-        # A parameter that all members share has length 1 here.
+        """Return the members that an integer, a slice or indices select along one axis."""
+        # For parameters that all members share, whose length is 1 here.
         common = slice(None) if isinstance(index, slice) or np.ndim(index) else 0
         parts = {}
-        for name, each in self._parts.items():
-            array = np.asarray(each)
-            place = axis - len(self.shape) + array.ndim - self._axes.get(name, 0)
-            if place >= 0:
-                own = index if array.shape[place] == self.shape[axis] else common
-                array = array[(slice(None),) * place + (own,)]
+        for name, value in self._parts.items():
+            array = np.asarray(value)
+            its_axis = axis - len(self.shape) + array.ndim - self._axes.get(name, 0)
+            if its_axis >= 0:
+                selected = index if array.shape[its_axis] == self.shape[axis] else common
+                array = array[(slice(None),) * its_axis + (selected,)]
             parts[name] = array
         return self._with(parts)
 
     @property
     def _key(self) -> tuple[Any, ...]:
-        """The values that equal bodies share."""
-        own = {name: each for name, each in self._parts.items() if name not in self._coordinates}
-        return tuple((name, np.shape(a), *np.ravel(a).tolist()) for name, a in own.items())
+        """The values that == and hash compare."""
+        compared = {n: a for n, a in self._parts.items() if n not in self._coordinates}
+        return tuple((name, np.shape(a), *np.ravel(a).tolist()) for name, a in compared.items())
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if type(other) is type(self) else NotImplemented
@@ -308,8 +313,8 @@ class Body:
     def to_dict(self) -> dict[str, Any]:
         """Return the class and the exact parameters as a dictionary for JSON.
 
-        Numbers of a field that no float equals are strings "p/q". In place of coefficients, a field
-        with a Hamiltonian has K and H, which is a symmetric tensor in (x1, ..., xD, 1).
+        A coefficient that no float equals becomes a string "p/q". A field with a Hamiltonian has K
+        and H, a symmetric tensor in (x1, ..., xD, 1), in place of coefficients.
 
         Examples
         --------
@@ -321,7 +326,20 @@ class Body:
 
     @classmethod
     def from_dict(cls: type[Kind], parameters: Mapping[str, Any]) -> Kind:
-        """Return the body of a dictionary from :meth:`to_dict` of this class."""
+        """Return the body that a dictionary from :meth:`to_dict` of this class describes.
+
+        Raises
+        ------
+        ValueError
+            If the dictionary is that of another class, or its parameters are not those of this one.
+
+        Examples
+        --------
+        >>> from suslov_fast import Suslov3D
+        >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+        >>> Suslov3D.from_dict(body.to_dict()) == body
+        True
+        """
         checks.instance("parameters", parameters, Mapping)
         given = dict(parameters)
         checks.one_of("body", given.pop("body", None), [cls.__name__])
@@ -346,14 +364,14 @@ def summary(name: str, values: Any) -> str:
 
 
 def frozen(part: Any) -> Any:
-    """Return a read-only copy of an array, or the number of one without axes."""
+    """Return a read-only copy of an array; a plain number if it has no axes."""
     array = np.array(part, order="C")
     array.flags.writeable = False
     return array if array.ndim else array.item()
 
 
 def place_in(shape: tuple[int, ...], entry: Any) -> tuple[Any, int]:
-    """Return an integer, a slice or indices for the first axes, and how many axes it is for."""
+    """Return an entry of an index as an integer, a slice or indices, and its number of axes."""
     if not shape:
         raise IndexError
     if isinstance(entry, slice):
@@ -371,8 +389,9 @@ def place_in(shape: tuple[int, ...], entry: Any) -> tuple[Any, int]:
 
 
 def value_to_select(name: str, value: Any) -> float:
+    """Return a finite number from the arguments of `sel`."""
     number = checks.real_number(name, value)
     if type(number) is not float:
-        expected = "a number, or a slice of values, as slice(1, 2)"
+        expected = "a number, or a slice of values, such as slice(1, 2)"
         raise wrong(name, expected, checks.short(value))
     return number

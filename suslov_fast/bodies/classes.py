@@ -1,4 +1,4 @@
-"""Classes of bodies: their unions for types, and the class that a file names."""
+"""Classes of bodies: unions for type hints, and classes by the name that files contain."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,14 +15,14 @@ BodyOrField = AnyBody | QuadraticField
 
 
 def class_named(name: Any) -> type[Any]:
-    """Return the class of bodies of a name, as files hold it; those of the package come first."""
+    """Return the class of bodies with this name; those of the package come first."""
     classes: list[Any] = [Suslov3D, SuslovND, SuslovGyrostat, QuadraticField, Body]
-    for each in classes:
-        classes.extend(each.__subclasses__())
+    for class_ in classes:
+        classes.extend(class_.__subclasses__())
     kinds: dict[Any, type[Any]] = {}
-    for each in classes:
-        if each is not Body and not each.__name__.startswith("_"):
-            kinds.setdefault(each.__name__, each)
+    for class_ in classes:
+        if class_ is not Body and not class_.__name__.startswith("_"):
+            kinds.setdefault(class_.__name__, class_)
     if name not in kinds:
         how = "import the module that defines it"
         raise ValueError(f"body: there is no class {name!r}, only {', '.join(kinds)}: {how}")
@@ -30,21 +30,29 @@ def class_named(name: Any) -> type[Any]:
 
 
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:
-    """Return the body, of any class, that a dictionary from `to_dict` describes.
+    """Return the body or field that a dictionary from `to_dict` describes.
 
     Parameters
     ----------
     parameters : mapping
-        What `to_dict` returned.
+        The dictionary that `to_dict` returned, also if it was saved as JSON and read again.
 
     Returns
     -------
     Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        The class that the entry ``"body"`` names.
+
+    Raises
+    ------
+    ValueError
+        If there is no such class, or the other entries are not its parameters.
 
     Examples
     --------
+    >>> import json
     >>> from suslov_fast import SuslovND, body_from_dict
-    >>> body_from_dict(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]).to_dict())
+    >>> text = json.dumps(SuslovND(J=[1.3, 2.1], I=[0.4, -0.7]).to_dict())
+    >>> body_from_dict(json.loads(text))
     SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
     """
     instance("parameters", parameters, Mapping)

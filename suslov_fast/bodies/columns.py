@@ -1,7 +1,7 @@
-"""A parameter of a family as one number, with which a function of the user computes.
+"""Columns: a parameter of a family as one object, so that one call of f gives all members.
 
 Arithmetic among columns is that of floats, for all members at once. Where a column meets the state
-it becomes a letter: a variable with a negative index in polynomials whose coefficients are exact.
+it becomes a symbol: a variable with a negative index in a polynomial with exact coefficients.
 """
 
 from __future__ import annotations
@@ -19,72 +19,71 @@ from ..checks import OTHERS, FloatArray, within
 
 _NUMBERS = (float, int, np.float64)
 _ARITHMETIC = {np.positive, np.negative, np.add, np.subtract, np.multiply, np.true_divide}
-# Coefficients with their letters, which are the sorted indices of the letters.
+# A sum of products: each coefficient with the sorted indices of its symbols.
 Terms = Sequence[tuple[Fraction, Sequence[int]]]
 
 
 class Refused(Exception):
-    """A column cannot do what is asked of it: f is called for each member instead."""
+    """A column cannot do what f asks of it: f is called for each member instead."""
 
 
-class Letter(NamedTuple):
-    """A symbol of a column: it stands for the values of the column, or for their inverses."""
+class Symbol(NamedTuple):
+    """A symbol in a polynomial: it stands for the values of a column, or for their inverses."""
 
     values: Any
     is_inverse: bool
 
 
 class Column(NDArrayOperatorsMixin):
-    """The values that a parameter, or an expression of parameters, has for all members."""
+    """The values of a parameter, or of an expression of parameters, for all members of a family."""
 
-    def __init__(self, values: FloatArray, letters: list[Letter]) -> None:
+    def __init__(self, values: FloatArray, symbols: list[Symbol]) -> None:
         self.values = values
-        self._letters = letters  # of all columns of the family
-        self._own: dict[bool, int] = {}
+        self._symbols = symbols  # of all columns of the family
+        self._indices: dict[bool, int] = {}  # of the symbols of this column, by is_inverse
 
-    def letter(self, *, is_inverse: bool = False) -> int:
-        """Return the index of the letter that stands for the values, or for their inverses.
+    def symbol(self, *, is_inverse: bool = False) -> int:
+        """Return the index of the symbol that stands for the values, or for their inverses.
 
-        They are in a range where products of two neither overflow nor lose digits at its lower end.
+        Values outside 1e-100 to 1e100 are refused: products of two could leave the range of floats.
         """
         size = abs(self.values[self.values != 0])
         if not ((size > 1e-100) & (size < 1e100)).all() or (is_inverse and not self.values.all()):
             raise Refused
-        if is_inverse not in self._own:
-            self._letters.append(Letter(self.values, is_inverse))
-            self._own[is_inverse] = -len(self._letters)
-        return self._own[is_inverse]
+        if is_inverse not in self._indices:
+            self._symbols.append(Symbol(self.values, is_inverse))
+            self._indices[is_inverse] = -len(self._symbols)
+        return self._indices[is_inverse]
 
     def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
-        arrays = [each for each in operands if isinstance(each, np.ndarray)]
-        if arrays:  # of variables, entry by entry; arrays of floats may add in another order
-            if any(each.dtype != object for each in arrays):
+        arrays = [a for a in operands if isinstance(a, np.ndarray)]
+        if arrays:  # of objects: entry by entry. NumPy may add floats in another order.
+            if any(a.dtype != object for a in arrays):
                 raise Refused
-            return operation(
-                *(each if isinstance(each, np.ndarray) else _alone(each) for each in operands)
-            )
+            return operation(*(a if isinstance(a, np.ndarray) else _alone(a) for a in operands))
         if operation is np.power:
             return self._power(*operands)
         if operation not in _ARITHMETIC:
             raise Refused
         numbers: list[Any] = []
-        for each in operands:
-            if isinstance(each, Column):
-                numbers.append(each.values)
-            elif type(each) in _NUMBERS or isinstance(each, Fraction):
-                numbers.append(float(each))  # as Python does where a number meets a float
+        for operand in operands:
+            if isinstance(operand, Column):
+                numbers.append(operand.values)
+            elif type(operand) in _NUMBERS or isinstance(operand, Fraction):
+                numbers.append(float(operand))  # as Python does for a number and a float
             else:
                 return NotImplemented
         if operation is np.true_divide and not np.all(numbers[1]):
             raise Refused  # a float would raise ZeroDivisionError
         with np.errstate(all="ignore"):
-            return Column(operation(*numbers), self._letters)
+            return Column(operation(*numbers), self._symbols)
 
     def _power(self, base: Any, power: Any) -> Column:
         if not isinstance(base, Column) or type(power) is not int or power not in range(100):
             raise Refused
-        values = [value**power for value in base.values.ravel().tolist()]  # as of one member
-        return Column(np.array(values, np.float64).reshape(base.values.shape), self._letters)
+        # By Python, because powers by NumPy may differ in the last bit.
+        values = [value**power for value in base.values.ravel().tolist()]
+        return Column(np.array(values, np.float64).reshape(base.values.shape), self._symbols)
 
     def __bool__(self) -> bool:
         raise Refused
@@ -94,42 +93,45 @@ class Column(NDArrayOperatorsMixin):
 
 
 def _alone(value: Any) -> Any:
-    """Return an array without axes, of one object."""
+    """Return an array without axes that holds one object."""
     array = np.empty((), object)
     array[()] = value
     return array
 
 
-def rounded(terms: Terms, letters: Sequence[Letter]) -> Any:
-    """Return a sum of products of letters for all members, rounded once."""
-    ((c, own), *others) = terms
-    alone = letters[-1 - own[0]] if len(own) == 1 and not others else None
-    if alone is not None and not alone.is_inverse and _is_power(c):
-        values = float(c) * alone.values  # as most coefficients are, without rounding
+def rounded(terms: Terms, symbols: Sequence[Symbol]) -> Any:
+    """Return a sum of products of symbols for all members, rounded once."""
+    ((c, indices), *others) = terms
+    single = symbols[-1 - indices[0]] if len(indices) == 1 and not others else None
+    if single is not None and not single.is_inverse and _is_power(c):
+        values = float(c) * single.values  # exact, and the case of most coefficients
     else:
-        values = exact_values(terms, letters).astype(np.float64)
+        values = exact_values(terms, symbols).astype(np.float64)
     return _checked(values) + 0.0  # no -0.0
 
 
-def exact_values(terms: Terms, letters: Sequence[Letter]) -> Any:
-    """Return a sum of products of letters for all members, as fractions."""
-    return reduce(operator.add, (_product(c, [letters[-1 - i] for i in own]) for c, own in terms))
+def exact_values(terms: Terms, symbols: Sequence[Symbol]) -> Any:
+    """Return a sum of products of symbols for all members, as fractions."""
+    products = (_product(c, [symbols[-1 - i] for i in indices]) for c, indices in terms)
+    return reduce(operator.add, products)
 
 
-def _product(c: Fraction, factors: Sequence[Letter]) -> Any:
-    found = _alone(c)
+def _product(c: Fraction, factors: Sequence[Symbol]) -> Any:
+    """Return c times the values of symbols for all members, as fractions."""
+    product = _alone(c)
     for values, is_inverse in factors:
-        p, q = (1, 1) if found.ndim else c.as_integer_ratio()
+        p, q = (1, 1) if product.ndim else c.as_integer_ratio()
         ratios = (a.as_integer_ratio() for a in values.ravel().tolist())
         array: Any = np.empty(values.shape, object)
         array.flat = [
             Fraction(p * d, q * n) if is_inverse else Fraction(p * n, q * d) for n, d in ratios
         ]
-        found = found * array if found.ndim else array
-    return found
+        product = product * array if product.ndim else array
+    return product
 
 
 def _checked(values: Any) -> Any:
+    """Return coefficients that are in their range, or refuse them."""
     try:
         return within("coefficients", values, OTHERS)
     except ValueError:

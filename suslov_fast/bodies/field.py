@@ -5,7 +5,7 @@ A field is one table of coefficients. With x = (x1, ..., xD, 1) it is
     dx_i/dt = sum_jk table[i, j, k] x_j x_k,    symmetric in j and k,
 
 and a Hamiltonian of degree 3 is a symmetric tensor, H(x) = sum_ijk H[i, j, k] x_i x_j x_k, whose
-gradient is 3 H[:D]. Tables of a single field hold fractions, those of a batch floats.
+gradient is 3 H[:D]. The table of a single field holds fractions, that of a batch floats.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ from .names import labels, variables
 from .polynomials import as_given, coefficients, named, numbers, polynomial_of, to_lists
 from .tracing import traced
 
-# The parts of a field beside its named parameters, which may have any name of Python.
+# Names of the parts of a field other than its named parameters. They hold spaces, because a named
+# parameter can have any name that Python accepts.
 TABLE, TENSOR, MATRIX, NAMES = "table of f", "tensor of H", "matrix K", "names of variables"
-# Attributes of stores that no parameter writes over.
+# Attributes of stores. A parameter with one of these names gets another one there.
 _OF_STORES = frozenset(
     "H K body coords dims eps format functions map method names omega0 save_every shared steps "
     "tiled title version attitude".split()
@@ -39,7 +40,7 @@ _OF_STORES = frozenset(
 class Hamiltonian:
     """A polynomial of degree 3, or a batch: ``H(x) = sum_ijk H_ijk x_i x_j x_k``, x_(D+1) = 1.
 
-    Called with a state it returns a fraction if all numbers are exact, else floats (...).
+    Its value at a state is a fraction if all numbers are exact, else floats (...).
     """
 
     def __init__(self, tensor: Any, names: Sequence[str] | None = None) -> None:
@@ -64,15 +65,17 @@ class Hamiltonian:
 class QuadraticField(Body):
     """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
 
-    :func:`iterate` and the functions of a state take it like a body; the state is x. Its map is the
-    discretization of Kahan. `suslov_fast.integrability` analyses that map exactly.
+    Functions that take a body take a field; its state is x. Its map is Kahan's discretization,
+    (x_next - x) / eps = f with (x_j x_next_k + x_next_j x_k) / 2 for each x_j x_k and
+    (x_j + x_next_j) / 2 for each x_j. :meth:`from_function` makes a field from a function.
 
     Parameters
     ----------
     quadratic : array_like(shape=(..., D, D, D))
-        q, made symmetric in j and k. All coefficients are 0 or between 1e-60 and 1e60 in modulus.
-        Those of a single field may be integers, fractions or floats, and remain exact: 0.1 is the
-        binary number, not 1/10, which is ``Fraction(1, 10)``. Those of a batch are floats.
+        q, of which only the part symmetric in j and k counts. Coefficients are 0 or between 1e-60
+        and 1e60 in modulus, in any units. A single field keeps integers, fractions and floats
+        exactly: 0.1 is the double nearest to 1/10, which is ``Fraction(1, 10)``. A batch of fields
+        has floats.
     linear, constant : array_like(shape=(..., D, D)), array_like(shape=(..., D)), optional
         l and c, by default 0.
     names : str or sequence of str, optional
@@ -81,22 +84,22 @@ class QuadraticField(Body):
     Attributes
     ----------
     names : tuple of str
-        The names of the variables, which labels, equations, datasets and reports have. ``==`` and
-        hash do not look at them.
-    H, K
-        The Hamiltonian of :meth:`from_hamiltonian`, which can be called with a state, and its
-        matrix (D, D), or None.
+        Names of the variables in equations, plots, datasets and reports. ``==`` ignores them.
+    H, K : Hamiltonian and ndarray(shape=(D, D)), or None
+        The Hamiltonian of :meth:`from_hamiltonian`, a function of a state, and its matrix.
     parameters : dict
-        The named parameters of :meth:`from_function` and :meth:`from_hamiltonian`, which are
-        coordinates of datasets and stores. ``==`` and hash do not look at them.
+        Named parameters, which are coordinates of datasets and stores. ``==`` ignores them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If shapes do not match, or a coefficient is no number or out of range.
 
     Examples
     --------
-    >>> from suslov_fast import QuadraticField, Suslov3D
+    >>> from suslov_fast import QuadraticField
     >>> QuadraticField([[[0, 1], [0, 0]], [[-1, 0], [0, 0]]], constant=[0, 0.5])
     QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
-    >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25))
-    QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
     """
 
     _axes: ClassVar[Any] = {
@@ -133,25 +136,25 @@ class QuadraticField(Body):
         q, l, c = (coefficients(name, array, bool(batch)) for name, array in arrays.items())
         table = np.zeros((*batch, D, D + 1, D + 1), q.dtype)
         table[..., :-1, :-1], table[..., :-1, -1], table[..., -1, -1] = q, l, c
-        called = variables("names", names, D)
-        self._take({TABLE: (table + table.swapaxes(-2, -1)) / 2, NAMES: called})
+        names = variables("names", names, D)
+        self._take({TABLE: (table + table.swapaxes(-2, -1)) / 2, NAMES: names})
 
     def _take(self, parts: Mapping[str, Any]) -> None:
-        """Store a table, or H, K and their table, names of variables, and named parameters."""
+        """Store a table, or H and K with or without theirs, the names, and named parameters."""
         table: Any = parts.get(TABLE)
         if TENSOR in parts and np.ndim(table) <= 3:  # exact, unless a family has its table
             table = rates(parts[TENSOR], parts[MATRIX])
         table = frozen(numbers("table", table, table.ndim > 3))
         D = table.shape[-3]
-        called = parts.get(NAMES) or labels(D)
-        kept = {name: frozen(each) for name, each in parts.items() if name not in (TABLE, NAMES)}
-        own_names = tuple(name for name in kept if name not in self._axes)
+        names = parts.get(NAMES) or labels(D)
+        others = {name: frozen(a) for name, a in parts.items() if name not in (TABLE, NAMES)}
+        parameters = tuple(name for name in others if name not in self._axes)
         q, l, c = table[..., :-1, :-1], frozen(2 * table[..., :-1, -1]), table[..., -1, -1]
-        own = {"quadratic": q, "linear": l, "constant": c}
-        H = Hamiltonian(kept[TENSOR], called) if TENSOR in kept else None
-        vars(self).update(own, table=table, H=H, K=kept.get(MATRIX), _coefficients=own)
-        vars(self).update(_parts={TABLE: table, **kept}, _coordinates=own_names)
-        vars(self).update(dimension=D, names=called, _labels=called)
+        qlc = {"quadratic": q, "linear": l, "constant": c}
+        H = Hamiltonian(others[TENSOR], names) if TENSOR in others else None
+        vars(self).update(qlc, table=table, H=H, K=others.get(MATRIX), _coefficients=qlc)
+        vars(self).update(_parts={TABLE: table, **others}, _coordinates=parameters)
+        vars(self).update(dimension=D, names=names, _labels=names)
 
     def _with(self, parts: Mapping[str, Any]) -> QuadraticField:
         return self._of({**parts, NAMES: self.names})
@@ -161,49 +164,57 @@ class QuadraticField(Body):
 
     @property
     def _arrays(self) -> dict[str, FloatArray]:
-        found = self._coefficients | self.parameters
-        return {name: np.asarray(each, np.float64) for name, each in found.items()}
+        arrays = self._coefficients | self.parameters
+        return {name: np.asarray(a, np.float64) for name, a in arrays.items()}
 
     @property
     def _described(self) -> dict[str, Any]:
-        own = self._coefficients
+        arrays = self._coefficients
         if self.H is not None:
-            own = own | {"H": self.H.tensor, "K": self.K}
-        called = (f"parameter {n}" if n in _OF_STORES else n for n in self._coordinates)
-        found = own | dict(zip(called, self.parameters.values(), strict=True))
+            arrays = arrays | {"H": self.H.tensor, "K": self.K}
+        names = (f"parameter {n}" if n in _OF_STORES else n for n in self._coordinates)
+        arrays = arrays | dict(zip(names, self.parameters.values(), strict=True))
         texts = {} if self.names == labels(self.dimension) else {"names": ", ".join(self.names)}
-        return {name: np.asarray(each, np.float64) for name, each in found.items()} | texts
+        return {name: np.asarray(a, np.float64) for name, a in arrays.items()} | texts
 
     @classmethod
     def from_function(
         cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
     ) -> QuadraticField:
-        """Return the field with components ``f(x, **parameters)``.
+        """Return the field ``x' = f(x, **parameters)``, or a family of fields.
 
         Parameters
         ----------
         f : callable
-            It maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
-            symbolic variables, so coefficients are exact; a float counts as its binary value.
+            Maps a tuple x of D variables to D polynomials of degree 2 or less. It is called with
+            symbols, so that coefficients are exact: 0.1 is the double nearest to 1/10.
         dimension : int, str or sequence of str
-            The number of variables, D, or their names, as in ``"u v w"`` or ``["u", "v", "w"]``.
+            The number of variables, D, or their names, such as ``"u v w"``.
         **parameters : float or array_like(float, shape=(...))
-            Named parameters; the names of variables, eps, t and those of datasets are refused.
-            Numbers remain exact; arrays broadcast, and make a batch of fields.
+            Named parameters of f. Numbers remain exact; arrays broadcast, and make a batch of
+            fields. Names of variables, eps, t and those of datasets are refused.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If f does not take the state as one tuple, lacks a parameter, or a component is not such
+            a polynomial. The message says how to change f.
 
         Examples
         --------
         >>> from suslov_fast import QuadraticField
-        >>> fields = QuadraticField.from_function(lambda x, a: (a - x[0] ** 2,), 1, a=[1, 2, 3])
-        >>> fields.parameters, fields.sel(a=2)
-        ({'a': array([1., 2., 3.])}, QuadraticField(x1' = -x1^2 + 2))
-        >>> QuadraticField.from_function(lambda x: (x[1], -x[0] - x[0] * x[1]), "u v")
-        QuadraticField(u' = v, v' = -u*v - u)
+        >>> def lotka_volterra(x, a):
+        ...     return x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])
+        >>> QuadraticField.from_function(lotka_volterra, "u v", a=0.5)
+        QuadraticField(u' = -u*v + u, v' = 1/2*u*v - 1/2*v)
+        >>> family = QuadraticField.from_function(lotka_volterra, "u v", a=[0.5, 1, 2])
+        >>> family.shape, family.sel(a=2)
+        ((3,), QuadraticField(u' = -u*v + u, v' = 2*u*v - 2*v))
         """
-        called = variables("dimension", dimension)
-        values = named(parameters, called)
-        table, _ = traced("f", f, called, values)
-        return cls._of({TABLE: table, NAMES: called, **values})
+        names = variables("dimension", dimension)
+        values = named(parameters, names)
+        table, _ = traced("f", f, names, values)
+        return cls._of({TABLE: table, NAMES: names, **values})
 
     @classmethod
     def from_hamiltonian(
@@ -214,17 +225,24 @@ class QuadraticField(Body):
         K: Any = None,
         **parameters: Any,
     ) -> QuadraticField:
-        """Return the field ``x' = K grad H(x, **parameters)``, with the attributes H and K.
+        """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
+
+        Its map conserves :func:`modified_energy` exactly, and so is free of energy drift.
 
         Parameters
         ----------
         H : callable
-            It maps a tuple x of D variables to a polynomial of degree 3 or less.
+            Maps a tuple x of D variables to a polynomial of degree 3 or less.
         K : array_like(shape=(D, D)), optional
-            A constant antisymmetric matrix, of any rank. By default, for even D, it is the
-            canonical one of coordinates and momenta x = (q1, ..., qm, p1, ..., pm).
+            A constant antisymmetric matrix, of any rank. By default D is even, and K is the
+            canonical matrix of coordinates and momenta, x = (q1, ..., qm, p1, ..., pm).
         dimension, **parameters
             As in :meth:`from_function`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`from_function`; also if K is not antisymmetric, or D odd without K.
 
         Examples
         --------
@@ -232,12 +250,12 @@ class QuadraticField(Body):
         >>> QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
         QuadraticField(x1' = x2, x2' = -3*x1^2 + 1, H = x1^3 + 1/2*x2^2 - x1)
         """
-        called = variables("dimension", dimension)
-        values = named(parameters, called)
-        matrix = structure(K, len(called))
-        tensor, table = traced("H", H, called, values, matrix)
+        names = variables("dimension", dimension)
+        values = named(parameters, names)
+        matrix = structure(K, len(names))
+        tensor, table = traced("H", H, names, values, matrix)
         tables = {} if table is None else {TABLE: table}
-        return cls._of_hamiltonian(tensor, matrix, {NAMES: called, **tables, **values})
+        return cls._of_hamiltonian(tensor, matrix, {NAMES: names, **tables, **values})
 
     @classmethod
     def _of_hamiltonian(cls, tensor: Any, K: Any, others: Mapping[str, Any]) -> QuadraticField:
@@ -248,9 +266,15 @@ class QuadraticField(Body):
 
     @classmethod
     def of(cls, body: Any) -> QuadraticField:
-        """Return the equations of motion of a body of any class: its ``field()``.
+        """Return the equations of motion of a body, or of a batch, as a field.
 
-        The parameters of a single body are taken exactly; a batch of bodies gives one of fields.
+        Coefficients of a single body are exact functions of its parameters, which are doubles.
+
+        Examples
+        --------
+        >>> from suslov_fast import QuadraticField, Suslov3D
+        >>> QuadraticField.of(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.25))
+        QuadraticField(x1' = 1/8*x1*x2 + 1/16*x2^2, x2' = -1/2*x1^2 - 1/4*x1*x2)
         """
         checks.instance("body", body, Body)
         field: QuadraticField = body.field()
@@ -281,17 +305,17 @@ class QuadraticField(Body):
     def components(self) -> tuple[Any, ...]:
         """The components as ``flint.fmpq_mpoly`` in the variables; needs python-flint.
 
-        It takes names in ASCII alone; where one is not, the variables are x1, ..., xD.
+        If a name is not ASCII, which flint refuses, the variables are x1, ..., xD.
         """
         flint = checks.extra("flint", "algebra")
-        called = self.names if all(map(str.isascii, self.names)) else labels(self.dimension)
-        context = flint.fmpq_mpoly_ctx.get(called, ordering="deglex")
+        names = self.names if all(map(str.isascii, self.names)) else labels(self.dimension)
+        context = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
         x = np.fromiter([*context.gens(), context.constant(1)], object)
         ratios = np.vectorize(lambda c: flint.fmpq(*c.as_integer_ratio()), "O")(self.table)
         return tuple(ratios @ x @ x)
 
     def __call__(self, x: Any) -> Any:
-        """Return the field at a point: fractions if all numbers are exact, else floats (..., D)."""
+        """Return f(x): a tuple of fractions if all numbers are exact, else floats (..., D)."""
         found = at_points(self.table, x, 2, self.names)
         return tuple(found) if found.dtype == object else found
 
@@ -309,10 +333,10 @@ class QuadraticField(Body):
         return f"QuadraticField({short})"
 
     def to_dict(self) -> dict[str, Any]:
-        own = self._coefficients if self.H is None else {"H": self.H.tensor, "K": self.K}
+        arrays = self._coefficients if self.H is None else {"H": self.H.tensor, "K": self.K}
         values = {"parameters": self.parameters} if self.parameters else {}
         texts = {} if self.names == labels(self.dimension) else {"names": [*self.names]}
-        return {"body": type(self).__name__, **to_lists(own | values), **texts}
+        return {"body": type(self).__name__, **to_lists(arrays | values), **texts}
 
     @classmethod
     def _read(
@@ -336,9 +360,9 @@ class QuadraticField(Body):
         twins = tensor.swapaxes(-1, -2), tensor.swapaxes(-1, -3)
         if tensor.shape[-1] < 2 or not all(np.array_equal(tensor, each) for each in twins):
             raise wrong("H", "symmetric in all its axes", checks.short(H))
-        called = variables("names", names, tensor.shape[-1] - 1)
-        values = named(parameters or {}, called)
-        return cls._of_hamiltonian(tensor, structure(K, len(called)), {NAMES: called, **values})
+        names = variables("names", names, tensor.shape[-1] - 1)
+        values = named(parameters or {}, names)
+        return cls._of_hamiltonian(tensor, structure(K, len(names)), {NAMES: names, **values})
 
 
 def structure(K: Any, D: int) -> Any:
@@ -355,7 +379,7 @@ def structure(K: Any, D: int) -> Any:
 
 
 def rates(H: Any, K: Any) -> Any:
-    """Return the table of K grad H; most entries of K are 0."""
+    """Return the table of K grad H, by the entries of K that are not 0."""
     table = np.full_like(H[..., :-1, :, :], Fraction(0))
     for i, j in np.argwhere(K != 0):
         table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
@@ -374,9 +398,9 @@ def sparse(tensor: Any, degree: int) -> tuple[Any, FloatArray]:
 
 
 def at_points(tensor: Any, x: Any, degree: int, names: Sequence[str]) -> Any:
-    """Return the values at x of polynomials, whose variables are the last `degree` axes.
+    """Return the values at x of polynomials: tensors whose last `degree` axes stand for (x, 1).
 
-    They are fractions if all numbers are exact, else floats.
+    Values are fractions if all numbers are exact, else floats.
     """
     D = tensor.shape[-1] - 1
     is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)

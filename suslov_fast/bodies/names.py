@@ -10,7 +10,7 @@ import numpy as np
 from ..checks import integer, page, short, wrong
 
 TIME = {"t", "time"}
-# Names of parameters that would stand for two things, and for what else.
+# Names that parameters of fields cannot have, and what they stand for.
 _TAKEN = {
     **dict.fromkeys(TIME, "time, which fields do not have"),
     "dimension": "an argument of from_function and from_hamiltonian",
@@ -28,7 +28,7 @@ _TAKEN = {
     ),
 }
 _NUMBERED = re.compile(r"x[1-9]\d*")
-# A letter of any alphabet or the name of a Greek one, and its index, of which n is a part.
+# A letter, or the name of a Greek one, and an index: digits, with n after them in n dimensions.
 _SYMBOL = re.compile(
     r"(?P<greek>alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|"
     r"sigma|tau|upsilon|phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|"
@@ -38,22 +38,23 @@ _AXIS = re.compile(r"batch_\d+|linear_\d+|quadratic_\d+_\d+")
 
 
 def labels(D: int) -> tuple[str, ...]:
-    """Return the names of variables to which nobody gave others."""
+    """Return the default names of variables: x1, ..., xD."""
     return tuple(f"x{i}" for i in range(1, D + 1))
 
 
 def latex(name: str) -> str:
-    r"""Return `\Omega_{1}` for "Omega1"; "" for a name that is no letter with an index."""
-    if not (found := _SYMBOL.fullmatch(name)):
+    r"""Return `\Omega_{1}` for "Omega1"; "" for a name that is not a letter with an index."""
+    if not (match := _SYMBOL.fullmatch(name)):
         return ""
-    letter = rf"\{found['greek']}" if found["greek"] else found["letter"]
-    return f"{letter}_{{{found['index']}}}" if found["index"] else letter
+    letter = rf"\{match['greek']}" if match["greek"] else match["letter"]
+    return f"{letter}_{{{match['index']}}}" if match["index"] else letter
 
 
 def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...]:
-    """Return the names of variables: those given, or x1, ..., xD for a number or None.
+    """Return the checked names of variables; x1, ..., xD if only their number is known.
 
-    Names are a text, separated by spaces or commas, or a sequence; D of them, if D is known.
+    `given` is a text with names between spaces or commas, a sequence of names, the number of
+    variables, or None. If D is known there must be D names.
     """
     if given is None and D:
         return labels(D)
@@ -82,11 +83,11 @@ def variables(argument: str, given: Any, D: int | None = None) -> tuple[str, ...
 
 
 def _refused(name: str, i: int, names: list[str]) -> str:
-    """Return why a name cannot be that of variable i; nothing if it can."""
+    """Return why variable i cannot have this name; "" if it can."""
     if iskeyword(name):
         return f"has a name that is a keyword of Python: call it {name}_, for example"
     if not name.isidentifier():
-        return "has no name that Python can use: letters, digits and _, first a letter"
+        return "is no name in Python: use letters, digits and _, and begin with a letter"
     if name in names[:i]:
         return "stands twice: give each variable its own name"
     if name == "eps":
@@ -97,7 +98,10 @@ def _refused(name: str, i: int, names: list[str]) -> str:
 
 
 def clash(name: str, names: Collection[str] = (), maker: str = "") -> str:
-    """Return with what a parameter of a field with these variables clashes, "" with nothing."""
+    """Return what the name of a parameter already stands for; "" if it is free.
+
+    `names` are those of the variables, and `maker` is the function that makes the field.
+    """
     if name == "K" and maker.endswith("from_hamiltonian"):
         return "the matrix of from_hamiltonian"
     if name in names:
@@ -108,14 +112,14 @@ def clash(name: str, names: Collection[str] = (), maker: str = "") -> str:
 
 
 def free(name: str, names: Collection[str] = (), maker: str = "") -> str:
-    """Return a name for a parameter that nothing else has: its own, or one with an underscore."""
+    """Return a free name for a parameter: this one, or this one with underscores after it."""
     while iskeyword(name) or clash(name, names, maker):
         name += "_"
     return name
 
 
 def check_parameter(name: str, names: Collection[str]) -> None:
-    """Raise ValueError if a parameter of a field with these variables cannot have a name."""
+    """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
     if not name.isidentifier() or iskeyword(name):
         raise ValueError(
             f"parameters: {name!r} is no name in Python: rename it, to rho for example"

@@ -1,4 +1,4 @@
-"""The n-dimensional body, and the test for a known closed form of its motion."""
+"""The n-dimensional body, equations (13) and (14), and which formulas are known for it."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .field import QuadraticField
 from .polynomials import numbers
 from .rigid import adapted
 
-# Rounding error of J and I, which from_mass_tensor rotates.
+# Relative rounding error of J and I that from_mass_tensor has rotated.
 _ROUNDING = 1e-14
-# What to use for bodies of which no formula is known.
+# What to use, in place of these functions, for bodies without a known formula.
 _INSTEAD = {
     "exact": "iterate",
     "limits": "iterate",
@@ -90,7 +90,7 @@ class SuslovND(Body):
 
     @property
     def terms(self) -> Any:
-        """The terms of the field in floats, since exact numbers take long."""
+        """The terms of the field, computed in floats because exact numbers are slow."""
         return self._terms(self.J, self.I)
 
     def _terms(self, J: Any, I: Any) -> tuple[Any, Any]:
@@ -103,17 +103,18 @@ class SuslovND(Body):
     def from_mass_tensor(
         cls, I: ArrayLike, a: ArrayLike | None = None
     ) -> tuple[SuslovND, FloatArray]:
-        """Return the body with given second moments of mass and a given constrained axis.
+        """Return the body with these second moments of mass and this constrained axis.
 
         Parameters
         ----------
         I : array_like(float, shape=(..., n, n))
-            The second moments of mass in any basis fixed in the body: I of M = I Omega + Omega I,
-            positive definite, symmetric to 1e-12 of its largest entry: the integrals of x_i x_j dm
-            about the fixed point, with a plus off the diagonal, too. For n = 3 it is
-            trace(T) / 2 - T with the inertia tensor T of :meth:`Suslov3D.from_inertia`. Any unit.
+            Second moments of mass about the fixed point, the integrals of x_i x_j dm (positive off
+            the diagonal, too), in any basis fixed in the body and any unit: the matrix of
+            M = I Omega + Omega I. It is positive definite, and symmetric to 1e-12 of its largest
+            entry. For n = 3 it is trace(T) / 2 - T, with the inertia tensor T of
+            :meth:`Suslov3D.from_inertia`.
         a : array_like(float, shape=(..., n)), optional
-            The axis that becomes e_n, of any finite length but 0; by default e_n itself.
+            The constrained axis, which becomes e_n, of any length but 0; by default e_n itself.
 
         Returns
         -------
@@ -121,9 +122,13 @@ class SuslovND(Body):
             The body in its adapted basis. Products of inertia below 2**-50 of the largest moment
             count as rounding errors, and become 0.
         rotation : ndarray(float, shape=(..., n, n))
-            The matrix, of determinant 1, that takes components to the adapted basis:
-            ``I_adapted = rotation @ I @ rotation.T``. It is the identity if the given basis is
-            adapted already.
+            The rotation matrix that takes components to the adapted basis:
+            ``I_adapted = rotation @ I @ rotation.T``. The identity if the basis is adapted already.
+
+        Raises
+        ------
+        ValueError
+            If I is not symmetric or not positive definite, or a is 0; for a batch, of which member.
 
         Examples
         --------
@@ -142,11 +147,15 @@ class SuslovND(Body):
 
 
 class NotIntegrableError(ValueError):
-    """No closed form or first integral is known for this body."""
+    """No formula is known for this body: no closed form, first integral or invariant measure.
+
+    Functions that need one raise it; the message says for which bodies a formula is known, and what
+    to use for this one.
+    """
 
 
 def are_solved(body: SuslovND) -> Any:
-    """Return True where J I = b I and J = a orthogonal to I, to rounding, or n = 3."""
+    """Return True where n = 3, or, to rounding, J I = b I and J = a on vectors orthogonal to I."""
     J, coupled = np.broadcast_arrays(body.J, _coupled(body))
     count = coupled.sum(axis=-1, keepdims=True)
     left_out = coupled & (count == 1)
@@ -156,12 +165,13 @@ def are_solved(body: SuslovND) -> Any:
 
 
 def _coupled(body: SuslovND) -> Any:
+    """Return True for those I_i that are not 0, to rounding."""
     size = abs(body.I)
     return size > _ROUNDING * size.max(axis=-1, keepdims=True)
 
 
 def check_known(body: SuslovND, function: str) -> None:
-    """Raise an error unless the formula of a function is known for all bodies."""
+    """Raise NotIntegrableError unless the formula of a function is known for all bodies."""
     if function not in _INSTEAD:
         return
     known = are_solved(body)

@@ -1,4 +1,4 @@
-"""Exact numbers and named parameters from users, and polynomials from their functions."""
+"""Exact numbers, named parameters, and the polynomials with which functions of users are called."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LARGEST_EXPONENT = 400  # of a decimal
 
 
 def exact(name: str, value: Any) -> Fraction:
-    """Return a number, of NumPy or SymPy too, as a fraction: a float as its binary value."""
+    """Return a number of Python, NumPy or SymPy as a fraction; a float is exact as it is."""
     is_ratio = isinstance(value, Rational)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = f"the {type(value).__name__} {short(value)}"
@@ -38,40 +38,41 @@ def exact(name: str, value: Any) -> Fraction:
 
 
 def as_given(name: str, value: Any) -> Any:
-    """Return an array of the numbers as they are: one of integers and floats is one of objects."""
+    """Return an array that keeps every number as it is; lists become arrays of objects."""
     refuse(name, value)
     return value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
 
 
 def numbers(name: str, value: Any, is_batch: bool) -> Any:
-    """Return floats of a batch, or fractions of a single field."""
+    """Return an array of floats for a batch, of fractions for a single field."""
     if is_batch:
         return real_array(name, value)
     return np.vectorize(partial(exact, name), "O")(as_given(name, value))
 
 
 def coefficients(name: str, value: Any, is_batch: bool) -> Any:
+    """Return `numbers` that are in the range of coefficients."""
     return within(name, numbers(name, value, is_batch), OTHERS)
 
 
 def named(parameters: Mapping[str, Any], variables: Sequence[str]) -> dict[str, Any]:
-    """Return parameters by name: numbers as they are, and arrays of floats."""
-    found: dict[str, Any] = {}
+    """Return checked parameters by name: numbers as they are, arrays as floats."""
+    checked: dict[str, Any] = {}
     for name, value in parameters.items():
         check_parameter(name, variables)
         if name == "names" and np.asarray(value).dtype.kind == "U":
             how = 'pass the names of variables in place of the dimension, as "u v w"'
             raise TypeError(f"names={short(value)} is taken as a parameter of the field: {how}")
         array = as_given(name, value)
-        found[name] = real_array(name, value) if array.ndim else array.item()
+        checked[name] = real_array(name, value) if array.ndim else array.item()
         if not array.ndim:
-            exact(name, found[name])
-    common_shape({name: np.shape(value) for name, value in found.items()})
-    return found
+            exact(name, checked[name])
+    common_shape({name: np.shape(value) for name, value in checked.items()})
+    return checked
 
 
 def plain(value: Any) -> float | str:
-    """Return a number as a float if it is one, else as the string "p/q"."""
+    """Return a number as a float if one equals it, else as the string "p/q"."""
     number = exact("value", value) if value else 0  # most entries of tensors are 0
     return float(number) if float(number) == number else str(number)
 
@@ -97,9 +98,9 @@ def from_lists(name: str, value: Any) -> Any:
 
 
 def from_text(text: str) -> Fraction:
-    """Return the number that a text is, as 1/3, 0.1 or 1e6; ValueError if it is none.
+    """Return the number in a text, such as 1/3, 0.1 or 1e6; ValueError if there is none.
 
-    Nor is one that no float comes near: the fraction of 1e99999999 would take minutes and memory.
+    Exponents above 400 are refused, because the fraction of 1e99999999 would take minutes.
     """
     exponent = re.search(r"e([-+]?[\d_]+)", text, re.IGNORECASE)
     if exponent and abs(int(exponent[1])) > _LARGEST_EXPONENT:
@@ -110,7 +111,7 @@ def from_text(text: str) -> Fraction:
         raise ValueError(text) from error
 
 
-# Operations that become quadratic as new variables, and those that need one for a quotient, too.
+# Functions that become quadratic as a new variable, and those that need one for a quotient, too.
 _AS_VARIABLES = set("exp exp2 expm1 sinh cosh tanh tan".split())
 _WITH_QUOTIENTS = set(
     "log log2 log10 log1p sqrt cbrt hypot arctan arctan2 arcsin arccos arcsinh arccosh arctanh "
@@ -120,14 +121,14 @@ _COMPARISONS = set("if less less_equal greater greater_equal equal not_equal".sp
 
 
 class NoPolynomial(TypeError):
-    """An operation on a polynomial whose result is none."""
+    """An operation on a polynomial whose result is not a polynomial."""
 
     def __init__(self, operation: str, of: Polynomial) -> None:
         super().__init__(f"{operation} of {of!r}")
         self._operation, self._of = operation, of
 
     def in_words(self, names: Sequence[str]) -> str:
-        """Return what is done to which polynomial, and whether a new variable helps."""
+        """Return what f does with the polynomial, and whether a new variable makes it quadratic."""
         f, of = self._operation, self._of.text(names)
         of = of if len(of) <= 60 else f"{of[:57]}..."
         if f in ("quotient", "reciprocal"):
@@ -153,14 +154,14 @@ class NoPolynomial(TypeError):
 
 
 class NoPower(ValueError):
-    """A power of a polynomial that is no polynomial."""
+    """A power of a polynomial that is not a polynomial."""
 
     def __init__(self, power: Any, of: Polynomial) -> None:
         super().__init__(f"the power {power} of {of!r}")
         self._power, self._of = power, of
 
     def in_words(self, names: Sequence[str]) -> str:
-        """Return which power of which polynomial is asked, and which new variable helps."""
+        """Return which power f asks for, and which new variables make it quadratic."""
         of, power = _in_brackets(self._of.text(names)), short(self._power)
         how = f"with the new variables {of}**{power} and 1/{of}"
         return f"raises {of} to the power {power}: it becomes quadratic {how}"
@@ -171,19 +172,19 @@ def _in_brackets(text: str) -> str:
 
 
 class Polynomial(NDArrayOperatorsMixin):
-    """A sum of terms with exact coefficients: the argument of functions of the user."""
+    """A polynomial with exact coefficients; functions of users are called with it as a number."""
 
     def __init__(self, terms: Iterable[tuple[Sequence[int], Fraction]]) -> None:
-        found = defaultdict[tuple[int, ...], Fraction](Fraction)
-        for indices, c in terms:  # indices of the variables of a monomial
-            found[tuple(sorted(indices))] += c
-        self.terms = {indices: c for indices, c in found.items() if c}
+        sums = defaultdict[tuple[int, ...], Fraction](Fraction)
+        for indices, c in terms:  # (0, 0, 1) stands for x1 x1 x2
+            sums[tuple(sorted(indices))] += c
+        self.terms = {indices: c for indices, c in sums.items() if c}
 
     @classmethod
     def of(cls, value: Any) -> Polynomial:
         """Return a polynomial unchanged; a number is a constant, a column a variable."""
         if isinstance(value, Column):
-            return cls([((value.letter(),), Fraction(1))])
+            return cls([((value.symbol(),), Fraction(1))])
         return value if isinstance(value, cls) else cls([((), exact("coefficient", value))])
 
     def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
@@ -204,11 +205,11 @@ class Polynomial(NDArrayOperatorsMixin):
         if isinstance(number, Polynomial):
             return self * number.inverse()
         if isinstance(number, Column):
-            return self * Polynomial([((number.letter(is_inverse=True),), Fraction(1))])
+            return self * Polynomial([((number.symbol(is_inverse=True),), Fraction(1))])
         return self * self.of(number).inverse()
 
     def inverse(self) -> Polynomial:
-        """Return the inverse of a constant other than 0."""
+        """Return the inverse of a constant; raise if it is 0, or if this is not a constant."""
         if not self.terms:
             raise ZeroDivisionError("division by zero")
         if self.terms.keys() == {()}:
@@ -225,13 +226,13 @@ class Polynomial(NDArrayOperatorsMixin):
         return math.prod([self] * int(power))
 
     def conjugate(self) -> Polynomial:
-        """Return the polynomial, since variables are real: NumPy asks for it in products."""
+        """Return the polynomial itself, because variables are real; products in NumPy call this."""
         return self
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Return a method that NumPy calls for functions of arrays of polynomials."""
+            """Return a method that raises; np.exp of an array of objects calls their method exp."""
             if name not in {"sin", "cos"} | _AS_VARIABLES | _WITH_QUOTIENTS:
                 raise AttributeError(f"'Polynomial' object has no attribute {name!r}")
 
@@ -256,7 +257,7 @@ class Polynomial(NDArrayOperatorsMixin):
         return self.text(labels(max((i for m in self.terms for i in m), default=0) + 1))
 
     def text(self, names: Sequence[str]) -> str:
-        """Return the polynomial in variables with these names."""
+        """Return the polynomial as text in variables with these names."""
         text = ""
         for indices, c in sorted(self.terms.items(), key=lambda term: (-len(term[0]), term[0])):
             size = abs(c)

@@ -1,4 +1,7 @@
-"""Bodies in three dimensions, without and with a rotor, those of the paper, and adapted bases."""
+"""Bodies in three dimensions, with and without a rotor: the Suslov problem, equation (2).
+
+Also the four examples of the paper, and the rotation of inertia tensors to adapted bases.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +18,16 @@ from ..checks import FloatArray, wrong
 from .base import Body
 from .field import TABLE, QuadraticField
 
-# Rounding of the triangle inequality, which is an equality for flat bodies, relative to the largest
-# moment; the parallel axis theorem loses a few digits.
+# Tolerance of the triangle inequality of moments, relative to the largest one: flat bodies have
+# equality, and the parallel axis theorem loses a few digits.
 _ROUNDING = 1e-12
-# Asymmetry of a tensor whose digits were printed, or are those of single precision.
+# Relative asymmetry that printed digits or single precision may explain.
 _PRINTED = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _In3D(Body):
-    """A rigid body in three dimensions, whose subclasses add I3."""
+    """The parameters and equations that both bodies in three dimensions share."""
 
     I1: Any  # array_like when given, then a float or an array
     I2: Any
@@ -37,18 +40,19 @@ class _In3D(Body):
         super().__post_init__()
         if "I3" in self._arrays:
             tensors = self._inertia(self._arrays["I3"])
-            # Twice the rounding, since adapted bases have some of their own.
+            # Twice the tolerance of from_inertia, because the rotation to its basis rounds, too.
             if not (fits := _excess(tensors) >= -2 * _ROUNDING).all():
                 text = "no body has I3 = {} with these I1, I2, I13 and I23: see admissible_I3()"
                 checks.warn(text.format(tensors[~fits][0, 2, 2]))
 
     @property
     def constants(self) -> tuple[Any, ...]:
-        """I1, I2, I13, I23 and k, 0 without a rotor. I1 has the batch shape, which I3 may give."""
+        """I1 in the shape of the batch, which I3 alone may have; I2, I13, I23; k or 0."""
         I1 = np.broadcast_to(self.I1, self.shape) if self.shape else self.I1
         return I1, self.I2, self.I13, self.I23, vars(self).get("k", 0.0)
 
     def _inertia(self, I3: Any) -> FloatArray:
+        """Return the inertia tensors (..., 3, 3) with this I3."""
         I1, I2, I13, I23, I3, zero = np.broadcast_arrays(*self.constants[:4], I3, 0.0)
         rows = [I1, zero, I13], [zero, I2, I23], [I13, I23, I3]
         return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
@@ -65,9 +69,9 @@ class _In3D(Body):
 
 
 def _excess(tensors: FloatArray) -> Any:
-    """Return the sum of the two lesser principal moments over the largest one, less 1.
+    """Return (m1 + m2) / m3 - 1 for the principal moments m1 <= m2 <= m3 of inertia tensors.
 
-    The tensor is that of a rigid body if this is positive, and of a flat one if it is 0.
+    It is positive for a rigid body, 0 for a flat one, and negative if no body has the tensor.
     """
     moments = np.linalg.eigvalsh(tensors)
     return moments.sum(axis=-1) / moments[..., -1] - 2.0
@@ -88,8 +92,13 @@ class Suslov3D(_In3D):
         Products of inertia, 0 or between 1e-60 and 1e60 in modulus. Where both are 0 every angular
         velocity is constant.
     I3 : array_like(float, shape=(...)), optional
-        The third moment of inertia, for :func:`step_full` and :func:`animate_body`: it does not
-        enter the map. A value that no rigid body has gives a warning; see :meth:`admissible_I3`.
+        The third moment of inertia, which only :func:`step_full` and :func:`animate_body` use: it
+        drops out of the map. A warning tells if no rigid body has it: see :meth:`admissible_I3`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is not finite and in its range, or shapes do not broadcast.
 
     Examples
     --------
@@ -109,7 +118,7 @@ class Suslov3D(_In3D):
         Returns
         -------
         low, high : ndarray(float, shape=(...))
-            The ends of the open interval; NaN if no body has these parameters.
+            The ends of the open interval, in the unit of I1; NaN if no body has these parameters.
 
         Examples
         --------
@@ -118,8 +127,8 @@ class Suslov3D(_In3D):
         >>> round(float(low), 6), round(float(high), 6)
         (0.053816, 5.946184)
         """
-        # The second moments of mass, tr(T) / 2 - T = (B + I3 diag(1, 1, -1)) / 2, are singular at
-        # both ends, which are the larger eigenvalues of -diag(1, 1, -1) B.
+        # At both ends the second moments of mass, tr(T) / 2 - T = (B + I3 diag(1, 1, -1)) / 2, are
+        # singular. So the ends are the two larger eigenvalues of -diag(1, 1, -1) B.
         T, signs = self._inertia(0.0), np.diag([-1.0, -1.0, 1.0])
         B = np.trace(T, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - 2 * T
         ends = np.sort(np.linalg.eigvals(signs @ B).real, axis=-1)[..., 1:]
@@ -129,35 +138,34 @@ class Suslov3D(_In3D):
 
     @classmethod
     def from_inertia(cls, I: ArrayLike, a: ArrayLike) -> tuple[Suslov3D, FloatArray]:
-        """Return the body with a given inertia tensor and constrained axis.
+        """Return the body with this inertia tensor and this constrained axis.
 
         Parameters
         ----------
         I : array_like(float, shape=(..., 3, 3))
-            Inertia tensor about the fixed point, in any basis fixed in the body: the matrix of
-            M = I Omega, with the integrals of -x y dm off the diagonal, where some CAD programs
-            print +x y dm. From one about the centre of mass, at the vector d from the fixed point,
-            it is ``I_centre + m * (d @ d * np.eye(3) - np.outer(d, d))``. Any unit, which the
-            parameters of the body then have: 1 g mm^2 is 1e-9 kg m^2. It is symmetric to 1e-12 of
-            its size, positive definite, and no principal moment exceeds the sum of the others.
+            Inertia tensor about the fixed point, in any basis fixed in the body and any unit (which
+            the parameters of the body then have): the matrix of M = I Omega. Its entries off the
+            diagonal are integrals of -x y dm; some CAD programs print +x y dm. From the tensor
+            about the centre of mass, at the vector d from the fixed point, it is
+            ``I_centre + m * (d @ d * np.eye(3) - np.outer(d, d))``; 1 g mm^2 is 1e-9 kg m^2.
         a : array_like(float, shape=(..., 3))
-            The axis in that basis about which it may not rotate, of any length but 0.
+            The axis, in that basis, about which the body must not rotate; of any length but 0.
 
         Returns
         -------
         body : Suslov3D
             The body in its adapted basis. Products of inertia below 2**-50 of the largest moment
-            are rounding errors, and set to 0.
+            count as rounding errors, and become 0.
         rotation : ndarray(float, shape=(..., 3, 3))
-            The matrix, of determinant 1, that takes components to the adapted basis:
-            ``omega_adapted = rotation @ omega`` and ``I_adapted = rotation @ I @ rotation.T``.
-            It is the identity if the given basis is adapted already. The state of the body is
-            ``(rotation @ omega)[:2]``.
+            The rotation matrix that takes components to the adapted basis:
+            ``I_adapted = rotation @ I @ rotation.T``. The state of the body with angular velocity
+            omega is ``(rotation @ omega)[:2]``. The identity if the basis is adapted already.
 
         Raises
         ------
         ValueError
-            If no rigid body has such a tensor; of a batch, the member and by how much.
+            If I is not symmetric to 1e-12 of its size or not positive definite, or a principal
+            moment exceeds the sum of the others. For a batch, the message names the member.
 
         Examples
         --------
@@ -173,18 +181,24 @@ class Suslov3D(_In3D):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SuslovGyrostat(_In3D):
-    """A rigid body, or a batch, with a rotor along the constrained axis.
+    """A rigid body, or a batch of them, with a rotor along the constrained axis.
 
-    With l = I13 Omega1 + I23 Omega2 + k the equations are I1 Omega1' = -l Omega2 and
-    I2 Omega2' = l Omega1, so that Omega rotates also where I13 = I23 = 0.
+    With l = I13 Omega1 + I23 Omega2 + k the equations of motion are I1 Omega1' = -l Omega2 and
+    I2 Omega2' = l Omega1: equation (2) of Dragovic and Gajic, with the momentum k of the rotor.
+    Omega rotates even if I13 = I23 = 0.
 
     Parameters
     ----------
     I1, I2, I13, I23, I3
         As in :class:`Suslov3D`; I3 is optional.
     k : array_like(float, shape=(...))
-        Momentum of the rotor, of either sign, in units of inertia times angular velocity; 0 or
-        between 1e-60 and 1e60 in modulus.
+        Momentum of the rotor, of either sign, in the unit of inertia times that of angular
+        velocity; 0 or between 1e-60 and 1e60 in modulus.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :class:`Suslov3D`.
 
     Examples
     --------
@@ -203,12 +217,12 @@ class SuslovGyrostat(_In3D):
     def from_inertia(
         cls, I: ArrayLike, a: ArrayLike, k: ArrayLike
     ) -> tuple[SuslovGyrostat, FloatArray]:
-        """Return the body with a given inertia tensor, constrained axis and momentum of its rotor.
+        """Return the body with this inertia tensor, constrained axis and momentum of its rotor.
 
         Parameters
         ----------
         I, a : array_like
-            As in :meth:`Suslov3D.from_inertia`. I is that of the whole body, the rotor included.
+            As in :meth:`Suslov3D.from_inertia`, for the whole body, the rotor included.
         k : array_like(float, shape=(...))
             Momentum of the rotor along a, positive in the direction of a, in the unit of I times
             that of the angular velocity.
@@ -218,7 +232,12 @@ class SuslovGyrostat(_In3D):
         body : SuslovGyrostat
             The body in its adapted basis.
         rotation : ndarray(float, shape=(..., 3, 3))
-            The matrix that takes components to the adapted basis, as of a body without a rotor.
+            The rotation to the adapted basis, as in :meth:`Suslov3D.from_inertia`.
+
+        Raises
+        ------
+        ValueError
+            As :meth:`Suslov3D.from_inertia`.
 
         Examples
         --------
@@ -249,13 +268,13 @@ PICTURES = {  # of the paper, end of Section 4
 
 
 def _in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
-    """Return I1, I2, I13, I23, I3 and the rotation, if a rigid body has the inertia tensor I."""
+    """Return I1, I2, I13, I23, I3 and the rotation; ValueError if no rigid body has the tensor."""
     tensors, rotation = adapted(I, a, 3)
-    given = np.linalg.eigvalsh(checks.real_array("I", I))
-    largest, others = given[..., -1], given[..., 0] + given[..., 1]
+    principal = np.linalg.eigvalsh(checks.real_array("I", I))
+    largest, others = principal[..., -1], principal[..., 0] + principal[..., 1]
     if (bad := others - largest < -_ROUNDING * largest).any():
         where = checks.first_index(bad)
-        low, middle, high = given[where].tolist()
+        low, middle, high = principal[where].tolist()
         which, by = _of_batch("I", where, bad), high - low - middle
         raise ValueError(
             f"{which}violates the triangle inequality of principal moments: "
@@ -266,7 +285,7 @@ def _in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
 
 
 def _of_batch(name: str, where: tuple[int, ...], bad: Any) -> str:
-    """Return "I: member 3 " for messages, with how many are like it; "I " without a batch."""
+    """Return "I: member 3 " for messages, with the number of bad members; "I " without a batch."""
     if not np.ndim(bad):
         return f"{name} "
     count = np.count_nonzero(bad)
@@ -304,23 +323,24 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
         which = _of_batch("a", where, bad[..., 0])
         raise ValueError(f"{which}is no axis: its length is {length[where][0]:g}")
     checks.common_shape({"I": matrix.shape[:-2], "a": axis.shape[:-1]})
-    # The least rotation to e_n of the axis or, if it points down, of its opposite; then a half turn
+    # Rotate the axis to e_n by the smallest angle. If it points down, rotate its opposite in this
+    # way, and then make half a turn.
     sign = np.where(axis[..., -1:] < 0.0, -1.0, 1.0)
     up = sign * axis / length
-    middle = up + np.eye(n)[-1]
-    to_last = np.eye(n) - middle[..., :, None] * middle[..., None, :] / middle[..., -1:, None]
+    between = up + np.eye(n)[-1]
+    to_last = np.eye(n) - between[..., :, None] * between[..., None, :] / between[..., -1:, None]
     to_last[..., -1, :] = up
     to_last[..., [0, -1], :] *= sign[..., None]
-    turned = to_last @ matrix @ to_last.swapaxes(-2, -1)
-    vectors = np.linalg.eigh(turned[..., :-1, :-1])[1]
+    rotated = to_last @ matrix @ to_last.swapaxes(-2, -1)
+    vectors = np.linalg.eigh(rotated[..., :-1, :-1])[1]
     order = abs(vectors).argmax(axis=-2).argsort(axis=-1)
     vectors = np.take_along_axis(vectors, order[..., None, :], axis=-1)
     vectors *= np.where(np.diagonal(vectors, axis1=-2, axis2=-1) < 0.0, -1.0, 1.0)[..., None, :]
-    turn = np.broadcast_to(np.eye(n), turned.shape).copy()
+    turn = np.broadcast_to(np.eye(n), rotated.shape).copy()
     turn[..., :-1, :-1] = vectors.swapaxes(-2, -1)
     turn[..., 0, :] *= np.sign(np.linalg.det(turn))[..., None]
-    found = turn @ turned @ turn.swapaxes(-2, -1)
-    # Products of inertia that are 0 receive rounding errors of the moments.
-    largest = np.diagonal(found, axis1=-2, axis2=-1).max(axis=-1)[..., None]
-    found[..., :-1, -1][abs(found[..., :-1, -1]) < 2.0**-50 * largest] = 0.0
-    return found, turn @ to_last + 0.0  # no -0.0
+    tensors = turn @ rotated @ turn.swapaxes(-2, -1)
+    # Products of inertia that should be 0 have rounding errors of the moments.
+    largest = np.diagonal(tensors, axis1=-2, axis2=-1).max(axis=-1)[..., None]
+    tensors[..., :-1, -1][abs(tensors[..., :-1, -1]) < 2.0**-50 * largest] = 0.0
+    return tensors, turn @ to_last + 0.0  # no -0.0

@@ -20,7 +20,7 @@ def random_3d(rng: np.random.Generator, shape: tuple[int, ...]) -> dict[str, Any
 
 
 def random_with_I3(rng: np.random.Generator, shape: tuple[int, ...]) -> Suslov3D:
-    """Return bodies with a third moment of inertia that they can have."""
+    """Return bodies with an admissible I3."""
     moments, products = rng.uniform(2, 4, (2, *shape)), rng.uniform(-0.1, 0.1, (2, *shape))
     I3 = rng.uniform(2.7, 3.3, shape)
     return Suslov3D(moments[0], moments[1], products[0], products[1], I3)
@@ -29,10 +29,11 @@ def random_with_I3(rng: np.random.Generator, shape: tuple[int, ...]) -> Suslov3D
 def random_nd(
     rng: np.random.Generator, shape: tuple[int, ...], m: int = 4, equal: bool = False
 ) -> SuslovND:
-    """Return bodies, with a closed form if all J of a body are equal."""
+    """Return bodies in n = m + 1 dimensions; with `equal`, all J of a body are equal."""
     J = rng.uniform(0.5, 4, (*shape, 1 if equal else m))
     return SuslovND(J * np.ones(m), rng.uniform(-1, 1, (*shape, m)))
 
 
 def random_field(rng: np.random.Generator, shape: tuple[int, ...], D: int = 5) -> QuadraticField:
+    """Return fields with normally distributed coefficients."""
     return QuadraticField(*(rng.normal(size=(*shape, *(D,) * axes)) / 10 for axes in (3, 2, 1)))

@@ -1,8 +1,8 @@
-"""Coefficients of fields from functions of the user, which are called with polynomials.
+"""Coefficients of a field, from calls of the user's function f with polynomials.
 
-For a family f is called once, with a column for each parameter that varies, and for three members,
-which must have the same coefficients. Where a column refuses what f does with it, a comparison for
-example, f is called for each member.
+For a family, f is called once with a column for each parameter that varies, and for three members,
+to confirm the coefficients. If they differ, or if f does something that a column refuses, such as
+a comparison, f is called for each member.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ import numpy as np
 
 from ..checks import OTHERS, page, short, within, wrong
 from .advice import CUBIC, check_arguments, explained, name_of
-from .columns import Column, Letter, Refused, exact_values, rounded
+from .columns import Column, Refused, Symbol, exact_values, rounded
 from .polynomials import Polynomial
 
-# A family of fewer members is made by a call of f for each of them.
+# For families with fewer members, f is called for each at once.
 _FEWEST = 4
 
 
 class Variables(tuple[Polynomial, ...]):
-    """The variables x: a tuple that says which one is asked for in vain."""
+    """The variables x: a tuple whose IndexError names the dimension."""
 
     def __getitem__(self, index: Any) -> Any:
         try:
@@ -34,9 +34,9 @@ class Variables(tuple[Polynomial, ...]):
 
 
 class _Call(NamedTuple):
-    """A function f(x, **parameters) of D variables, which returns polynomials of a degree."""
+    """A user's function f(x, **parameters), and the degree that its polynomials may have."""
 
-    argument: str  # its name in messages
+    argument: str  # the public argument that holds f, for messages
     f: Callable[..., Any]
     names: Sequence[str]
     degree: int
@@ -58,9 +58,10 @@ class _Call(NamedTuple):
 def traced(
     argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], K: Any = None
 ) -> tuple[Any, Any]:
-    """Return the table of a field f; with K the tensor of a Hamiltonian f, and a table or None.
+    """Return the table of a field f, and None; with K, the tensor of a Hamiltonian f, and a table.
 
-    They are exact, but for tables of families that one call of f made, which are rounded once.
+    Entries are fractions, except that tables of families from one call of f hold floats, rounded
+    once. The table of a Hamiltonian is None where f was called for each member.
     """
     if not callable(f):
         raise wrong(argument, "a function of x, a tuple of the variables", short(f), TypeError)
@@ -77,36 +78,36 @@ def traced(
 
     indices = [*np.ndindex(shape)]
     if len(indices) >= _FEWEST:
-        some = indices[0], indices[len(indices) // 2], indices[-1]
-        tensors = [member(index) for index in some]
+        samples = indices[0], indices[len(indices) // 2], indices[-1]
+        tensors = [member(index) for index in samples]
         try:
-            found = _by_columns(call, K)
-        except Exception:  # whatever a column does not do as a float does
-            found = None
-        if found and all(_agree(found[0][i], each) for i, each in zip(some, tensors, strict=True)):
-            return found
+            whole = _by_columns(call, K)
+        except Exception:  # f may raise anything where a column behaves unlike a float
+            whole = None
+        if whole and all(_agree(whole[0][i], a) for i, a in zip(samples, tensors, strict=True)):
+            return whole
     tensors = [member(index) for index in indices]
     axes = (call.D,) * (K is None) + (call.D + 1,) * call.degree
     return np.array(tensors, dtype=object).reshape(*shape, *axes), None
 
 
-def _agree(ours: Any, exact: Any) -> bool:
-    return bool((ours == exact.astype(ours.dtype)).all())
+def _agree(tensor: Any, exact: Any) -> bool:
+    return bool((tensor == exact.astype(tensor.dtype)).all())
 
 
 def _by_columns(call: _Call, K: Any) -> tuple[Any, Any]:
-    """Return what `traced` does, from one call with columns; any exception if that fails."""
-    letters: list[Letter] = []
-    columns = {n: Column(a, letters) if np.ndim(a) else a for n, a in call.parameters.items()}
-    found, shape, D = call(columns), call.shape, call.D
+    """Return the result of `traced` from one call with columns; raise anything if that fails."""
+    symbols: list[Symbol] = []
+    columns = {n: Column(a, symbols) if np.ndim(a) else a for n, a in call.parameters.items()}
+    result, shape, D = call(columns), call.shape, call.D
     if K is None:
-        rows = [Polynomial.of(each) for each in _components(found, D)]
+        rows = [Polynomial.of(component) for component in _components(result, D)]
     else:
-        H = Polynomial.of(found)
+        H = Polynomial.of(result)
         tensor = np.full((*shape, *(D + 1,) * 3), Fraction(0), object)
         for places, terms in _monomials(H, D, 3):
-            rounded(terms, letters)  # refused where they are out of range
-            values = exact_values([(c / len(places), own) for c, own in terms], letters)
+            rounded(terms, symbols)  # raises for coefficients out of range
+            values = exact_values([(c / len(places), i) for c, i in terms], symbols)
             for place in places:
                 tensor[(..., *place)] = values
         slopes = [H.derivative(j) for j in range(D)]
@@ -117,68 +118,69 @@ def _by_columns(call: _Call, K: Any) -> tuple[Any, Any]:
     table = np.zeros((*shape, D, D + 1, D + 1))
     for i, row in enumerate(rows):
         for places, terms in _monomials(row, D, 2):
-            values = rounded(terms, letters)
+            values = rounded(terms, symbols)
             for place in places:
                 table[(..., i, *place)] = values / len(places)
     return (table, None) if K is None else (tensor, table)
 
 
 def _monomials(polynomial: Polynomial, D: int, degree: int) -> Iterator[tuple[Any, Any]]:
-    """Yield the places in a symmetric tensor of each monomial of the state, and its terms."""
-    groups: dict[tuple[int, ...], list[Any]] = {}
+    """Yield, for each monomial of the state, its places in a symmetric tensor and its terms."""
+    terms_of: dict[tuple[int, ...], list[Any]] = {}
     for indices, c in polynomial.terms.items():
         state = tuple(i for i in indices if i >= 0)
-        groups.setdefault(state, []).append((c, [i for i in indices if i < 0]))
-    for state, terms in groups.items():
+        terms_of.setdefault(state, []).append((c, [i for i in indices if i < 0]))
+    for state, terms in terms_of.items():
         if len(state) > degree:
             raise Refused
         yield {*permutations((*state, *[D] * (degree - len(state))))}, terms
 
 
-def _components(found: Any, D: int) -> Any:
-    if not isinstance(found, (tuple, list, np.ndarray)) or len(found) != D:
-        received = f"{short(found)}: return a tuple of {D}"
-        if isinstance(found, (tuple, list, np.ndarray)):
-            received = f"{len(found)}: {short(found)}"
+def _components(result: Any, D: int) -> Any:
+    """Return the result of f, if it has D components."""
+    is_sequence = isinstance(result, (tuple, list, np.ndarray))
+    if not is_sequence or len(result) != D:
+        received = f"{short(result)}: return a tuple of {D}"
+        if is_sequence:
+            received = f"{len(result)}: {short(result)}"
         raise ValueError(f"must return {D} components, not {received}")
-    return found
+    return result
 
 
 def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> Any:
-    """Return the exact tensors of one member of a family, or of a single field."""
-    called = name_of(call.f, call.argument)
+    """Return the exact table or tensor of one member of a family, or of a single field."""
+    f_name = name_of(call.f, call.argument)
     try:
-        found = call(parameters)
-    except Exception as error:  # only of f
-        what = explained(error, called, call.names, is_family)
+        result = call(parameters)
+    except Exception as error:  # raised by f
+        cause = explained(error, f_name, call.names, is_family)
         kinds = (TypeError, AttributeError, ValueError, IndexError, ArithmeticError)
-        if not isinstance(error, kinds) and what == " ".join(str(error).split()):
+        if not isinstance(error, kinds) and cause == " ".join(str(error).split()):
             raise
         kind = ValueError if isinstance(error, kinds[2:]) else TypeError
-        raise kind(f"{call.argument}: {what}") from (error if isinstance(error, kinds) else None)
+        raise kind(f"{call.argument}: {cause}") from (error if isinstance(error, kinds) else None)
     try:
         if call.degree == 3:
-            return _tensor(found, called, call.D, 3)
-        parts = _components(found, call.D)
-        return np.stack(
-            [_tensor(each, f"component {i} of {called}", call.D, 2) for i, each in enumerate(parts)]
-        )
+            return _tensor(result, f_name, call.D, 3)
+        parts = _components(result, call.D)
+        names = (f"component {i} of {f_name}" for i in range(call.D))
+        return np.stack([_tensor(*pair, call.D, 2) for pair in zip(parts, names, strict=True)])
     except (TypeError, ValueError) as error:
         raise type(error)(f"{call.argument}: {error}") from None
 
 
-def _tensor(value: Any, what: str, D: int, degree: int) -> Any:
+def _tensor(value: Any, name: str, D: int, degree: int) -> Any:
     """Return a polynomial as a symmetric tensor of fractions in homogeneous coordinates."""
     try:
         terms, table = Polynomial.of(value).terms, np.full((D + 1,) * degree, Fraction(0))
     except TypeError:
-        raise TypeError(f"{what} must be a polynomial, not {short(value)}") from None
+        raise TypeError(f"{name} must be a polynomial, not {short(value)}") from None
     within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
     for indices, c in terms.items():
         if len(indices) > degree:
             how = f"with more variables it may become quadratic, see {page(CUBIC)}"
-            raise ValueError(f"{what} has degree {max(map(len, terms))}: {how}")
+            raise ValueError(f"{name} has degree {max(map(len, terms))}: {how}")
         places = {*permutations((*indices, *[D] * (degree - len(indices))))}
-        for each in places:
-            table[each] = c / len(places)
+        for place in places:
+            table[place] = c / len(places)
     return table

@@ -10,12 +10,14 @@ import signal
 import threading
 from fractions import Fraction as F
 from itertools import pairwise, permutations, product
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import sympy
 
+import suslov_fast
 from suslov_fast import QuadraticField, Suslov3D, SuslovGyrostat, SuslovND
 
 pytest.importorskip("flint")
@@ -33,6 +35,7 @@ from suslov_fast.integrability import (
     functions,
     hk_bases,
     kahan,
+    polynomials,
     rational_map,
     report,
     zoo,
@@ -393,9 +396,9 @@ def test_exceptional_primes_and_lines_are_drawn_again():
         assert hk_bases(map, 2).dimension == 1
         assert len(darboux_polynomials(map, 3)) == 2
     results = iter([[1], [2], [3], [2]])
-    assert arithmetic.confirmed(random.Random(0), lambda p, eps: next(results)) == [2]
+    assert arithmetic.agreed_by_primes(random.Random(0), lambda p, eps: next(results)) == [2]
     with pytest.raises(ArithmeticError, match="do not agree"):
-        arithmetic.confirmed(random.Random(0), lambda p, eps: p)
+        arithmetic.agreed_by_primes(random.Random(0), lambda p, eps: p)
 
 
 # Reports.
@@ -517,8 +520,8 @@ def test_integrals_with_irrational_coefficients(monkeypatch, with_relations):
     Relations between monomials give them, and so do Darboux polynomials of higher degree.
     """
     if not with_relations:
-        monkeypatch.setattr(Search, "_quotients", lambda self, k: ())
-        monkeypatch.setattr(Search, "_few_monomials", lambda self, k: ())
+        monkeypatch.setattr(Search, "_quotients_of_relations", lambda self, k: ())
+        monkeypatch.setattr(Search, "_integrals_between_few_monomials", lambda self, k: ())
 
     def nambu(x):
         a, b = (2 * x[0], 4 * x[1], 6 * x[2]), (x[1], x[0], 2 * x[2] + 1)
@@ -646,7 +649,7 @@ def assert_text(found):
     x = [F(2 * k + 3, 7) for k in range(found.map.dimension)]
     for f in (*found.integrals, *found.measures, *found.polynomials):
         for each in (f, f.cofactor) if f.cofactor else (f,):
-            expected = each(x, eps) if each.has_letter else each(x)
+            expected = each(x, eps) if each.is_symbolic else each(x)
             assert by_sympy(each, x, eps=eps) == expected
             assert by_sympy(each**-2, x, eps=eps) == expected**-2
             text = each._repr_latex_()
@@ -659,7 +662,7 @@ def assert_text(found):
 
 
 def test_texts_of_products_and_long_formulas():
-    x, y = arithmetic.ring(2, False).gens()
+    x, y = polynomials.polynomial_ring(2, False).gens()
     f = RationalFunction(((x * y, 2), (x, -1), (x + y, 1)), F(-3, 2))
     assert str(f) == "-3*(x1*x2)^2*(x1 + x2)/(2*x1)"
     assert by_sympy(f, (2, 3)) == f((2, 3)) == F(-135)
@@ -695,15 +698,15 @@ def test_names_of_variables(eps):
     assert r"ω_{1}" in found.integrals[1]._repr_latex_()
     assert pickle.loads(pickle.dumps(found)).integrals == found.integrals
     here, there = kahan(other, eps), kahan(CYCLE, eps)
-    assert plain(arithmetic.decoded(repr(hk_bases(here, 3)))) == repr(hk_bases(there, 3))
+    assert plain(polynomials.decoded(repr(hk_bases(here, 3)))) == repr(hk_bases(there, 3))
     for C, D in zip(cofactors(here, 1), cofactors(there, 1), strict=True):
         assert plain(C) == repr(D)
-        texts = arithmetic.decoded(repr(darboux_polynomials(here, 1, C)))
+        texts = polynomials.decoded(repr(darboux_polynomials(here, 1, C)))
         assert plain(texts) == repr(darboux_polynomials(there, 1, D))
     if eps:
         assert_holds(found)
         basis = hk_bases(here, 3)
-        texts = arithmetic.decoded(repr(basis.polynomials))
+        texts = polynomials.decoded(repr(basis.polynomials))
         assert plain(texts) == repr(hk_bases(there, 3).polynomials)
 
 
@@ -807,8 +810,8 @@ def test_the_cheapest_task_goes_first():
 
         return Task(cost, run, name[0], int(name[1]), needed)
 
-    late, refused = task("b1", 0.1, needed=False), task("b2", 0.1, needed=False)
-    first = [task("a2", 3.0), task("a1", 1.0, task("a3", 2.0), task("a4", 2.0)), late, refused]
+    late, unwanted = task("b1", 0.1, needed=False), task("b2", 0.1, needed=False)
+    first = [task("a2", 3.0), task("a1", 1.0, task("a3", 2.0), task("a4", 2.0)), late, unwanted]
     queue = Queue(first, wanted.__contains__)
     for done, _ in enumerate(queue, start=1):
         assert queue.done == done
@@ -816,7 +819,7 @@ def test_the_cheapest_task_goes_first():
             wanted.add(1)
             assert queue.finished() == {"a": 1}
     assert order == ["a1", "a3", "b1", "a4", "a2"]
-    assert (len(queue), queue.has_refused, queue.finished()) == (1, True, {"a": 4, "b": 1})
+    assert (len(queue), queue.has_set_aside, queue.finished()) == (1, True, {"a": 4, "b": 1})
 
 
 @pytest.mark.sampled(2)
@@ -1012,7 +1015,7 @@ def test_reversing_symmetries(field, symmetries):
 
 def test_a_root_of_a_polynomial_is_no_density():
     """Here det DPhi = 4, and P goes to 16 P: the density would be P to the power -1/2."""
-    (x,) = arithmetic.ring(1, False).gens()
+    (x,) = polynomials.polynomial_ring(1, False).gens()
     map = kahan(field_of(lambda x: (F(6, 5) * x[0],), 1), 1)  # x goes to 4 x
     invariants = Invariants(map, 2)
     invariants.has_factors = True
@@ -1040,7 +1043,7 @@ def test_every_report_on_the_way_has_a_text():
     for _ in search.queue:
         search.fill(found)
         assert repr(found).startswith("Map of 2 variables")
-        early += search.invariants.raw
+        early += search.invariants.early_densities
     assert {f.basis for f in early} == {MODULAR}
 
 
@@ -1102,6 +1105,20 @@ def test_a_search_ends_with_the_process_that_waits_for_it(monkeypatch):
 
     assert written_by([7, 1]) == b""
     assert len(written_by([7] * 1000)) > 1000
+
+
+def test_the_order_of_files():
+    """The package lists its files such that each imports from those before it only."""
+    folder = Path(suslov_fast.integrability.__file__).parent
+    _, listed = suslov_fast.integrability.__doc__.split("before it:")
+    before = []
+    for name in re.findall(r"`(\w+)`", listed):
+        text = (folder / f"{name}.py").read_text(encoding="utf-8")
+        imported = re.findall(r"^from \.(\w+) import", text, re.M)
+        imported += ", ".join(re.findall(r"^from \. import (.+)$", text, re.M)).split(", ")
+        assert {*imported} <= {*before, ""}, name
+        before.append(name)
+    assert sorted(before) == sorted({path.stem for path in folder.glob("*.py")} - {"__init__"})
 
 
 def test_linear_and_trivial_fields():

@@ -13,8 +13,8 @@ pytest.importorskip("flint")
 from test_planar import three_lines
 
 from suslov_fast.integrability import kahan, locus, rational_map
-from suslov_fast.integrability.arithmetic import exponents_up_to
-from suslov_fast.integrability.relations import counts
+from suslov_fast.integrability.polynomials import exponents_up_to
+from suslov_fast.integrability.relations import count_relations
 
 field_of = QuadraticField.from_function
 
@@ -72,7 +72,7 @@ def so4(b):
 
 def counted(map, degree):
     """The number of relations, by another program."""
-    return counts(map, exponents_up_to(degree, map.dimension), 0)[0]
+    return count_relations(map, exponents_up_to(degree, map.dimension), 0)[0]
 
 
 @pytest.mark.parametrize(

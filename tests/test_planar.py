@@ -17,6 +17,7 @@ from suslov_fast.integrability import (
     degrees,
     growth,
     kahan,
+    never_confined,
     planar,
     planar_entropy,
     rational_map,
@@ -196,15 +197,15 @@ def test_powers_of_a_moebius_transformation():
             orbit.append(start)
         matrix = [[a, b], [c, d]]
         for end in (orbit[3], orbit[17], orbit[29]):
-            assert not confinement._never_meets(matrix, orbit[0], end)
+            assert not never_confined._never_meets(matrix, orbit[0], end)
         for end in (F(1, 11), F(-5, 3), orbit[0]):
-            assert confinement._never_meets(matrix, orbit[1], end)
-    assert confinement._never_meets([[0, -1], [1, 0]], F(1, 3), F(2)) is False  # of finite order
+            assert never_confined._never_meets(matrix, orbit[1], end)
+    assert never_confined._never_meets([[0, -1], [1, 0]], F(1, 3), F(2)) is False  # of finite order
 
 
 @pytest.mark.parametrize("map", [kahan(QUARTIC, THIRD), kahan(QUARTIC)])
 def test_invariant_lines_decide_where_no_small_prime_does(map, monkeypatch):
-    monkeypatch.setattr(confinement, "_SMALL_PRIMES", ())
+    monkeypatch.setattr(never_confined, "_SMALL_PRIMES", ())
     found = planar_entropy(map)
     assert found.proved
     assert found.based_on.count("never, since the orbit is on an invariant line") == 2
@@ -218,8 +219,11 @@ def test_a_wrong_passage_is_no_proof():
     passages = planar.passages_across(plane, 80, 0)
     for number, right in enumerate(passages):
         assert confinement.is_proved(plane, number, right)
-        longer = Passage((0, *right.common), (right.met[0], *right.met), right.steps + 1)
-        tangent = right._replace(met=(*right.met[:-1], tuple(2 * k for k in right.met[-1])))
+        longer = Passage(
+            (0, *right.common_orders), (right.curve_orders[0], *right.curve_orders), right.steps + 1
+        )
+        *before, last = right.curve_orders
+        tangent = right._replace(curve_orders=(*before, tuple(2 * k for k in last)))
         for wrong in (longer, tangent, right._replace(steps=None)):
             assert not confinement.is_proved(plane, number, wrong)
 

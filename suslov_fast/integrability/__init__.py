@@ -6,6 +6,22 @@ measures and first integrals. All are evidence for or against integrability.
 
 Arithmetic is exact, over the rationals or modulo random primes of 62 bits, two of which must agree
 on each result. A seed determines primes, points and lines. Extra `algebra`: python-flint.
+
+The files, in an order in which each uses only those before it:
+
+- `arithmetic`, `polynomials`: exact numbers and polynomials. `reconstruction`: rational results
+  from residues modulo primes. `functions`: rational functions in factors. `arguments`, `decimals`:
+  checks, and floats as decimals.
+- `maps`, `kahan`: birational maps, and the Kahan maps of fields. `zoo`: examples.
+- `tasks`: the queue of a search. `growth`: degrees of iterates.
+- `reducible`: reducible polynomials of a space. `contracted`, `confinement`, `never_confined`,
+  `planar`: the entropy of maps of the plane, from the curves that they contract.
+- `relations`: linear relations along orbits. `implicit`: integrals by them, without a formula.
+  `locus`: parameters with more of them.
+- `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures
+  that follow from them. `normal_form`: which of many formulas. `symmetries`: reversing ones.
+- `search`: all of this, task by task. `bases`: Hirota-Kimura bases. `process`: a search that can be
+  interrupted. `report`: the results in one object.
 """
 
 from ..bodies.field import QuadraticField
@@ -24,9 +40,8 @@ from .growth import Growth, degrees, growth
 from .implicit import ImplicitIntegral
 from .kahan import KahanMap, kahan
 from .locus import Locus, Special, locus
-from .maps import RationalMap
+from .maps import RationalMap, rational_map
 from .planar import Contraction, PlanarEntropy, planar_entropy
-from .rational import rational_map
 from .report import Report, report
 from .zoo import zoo
 

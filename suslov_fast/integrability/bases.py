@@ -1,26 +1,26 @@
-"""Hirota-Kimura bases: what linear relations ``sum_i c_i m_i(x_k) = 0`` along orbits show.
+"""Hirota-Kimura bases: the linear relations of `relations`, over the rationals, and integrals.
 
-The relations hold for all points x_k of an orbit, so that quotients of their coefficients c_i are
-first integrals (Petrera, Pfadler and Suris, arXiv:1008.1040).
+The relations hold for all points of an orbit, so that quotients of their coefficients are first
+integrals (Petrera, Pfadler and Suris, arXiv:1008.1040).
 """
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..checks import integer, short, wrong
-from . import arithmetic, functions
-from .arithmetic import Exponents, Point, Polynomials
-from .functions import rank_of_quotients
+from ..checks import integer
+from . import arithmetic
+from .arguments import exponents_of
+from .arithmetic import Point, Residues
+from .functions import over_common_denominator, rank_of_quotients
 from .maps import RationalMap, check_map
+from .polynomials import Exponents, Polynomials, exponents_up_to, renamed, sort_key
 from .reconstruction import over_rationals, polynomials_with
-from .relations import counts, integrals_of, relations_along
+from .relations import count_relations, integrals_of_relations, relations_along
 from .search import Search
-
-_MOST = 500  # monomials up to a degree
 
 Matrix = tuple[Point, ...]
 
@@ -37,21 +37,21 @@ class HKBasis:
     """
 
     degree: int
-    monomials: Exponents = field(repr=False)
+    monomials: Exponents
     dimension: int
     independent: int
     integrals: Polynomials
     complete: bool
-    point: Point = field(repr=False)
-    basis: Matrix | None = field(repr=False)
-    names: tuple[str, ...] | None = field(default=None, repr=False)  # if not x1, ..., xD
+    point: Point
+    basis: Matrix | None
+    names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
 
     @property
     def polynomials(self) -> Polynomials:
         """Polynomials that vanish on the orbit of `point`, with the same span as the relations."""
         rows = [[[a] for a in row] for row in self.basis or ()]
-        found = polynomials_with(rows, self.monomials)
-        return tuple(arithmetic.renamed(P, self.names) for P in found)
+        polynomials = polynomials_with(rows, self.monomials)
+        return tuple(renamed(P, self.names) for P in polynomials)
 
     def __repr__(self) -> str:
         text = (
@@ -112,39 +112,33 @@ def hk_bases(
     """
     check_map(map)
     n, seed = map.dimension, integer("seed", seed, 0)
-    exponents, by_degree = exponents_of(monomials, n), isinstance(monomials, int | np.integer)
+    exponents = exponents_of(monomials, n)
     rng = random.Random(seed)
-    start = arithmetic.rationals(
-        "point", rng.sample(range(2, 100), n) if point is None else point, n
-    )
-    dimension, independent = counts(map, exponents, seed)
+    given = rng.sample(range(2, 100), n) if point is None else point
+    start = arithmetic.rationals("point", given, n)
+    dimension, independent = count_relations(map, exponents, seed)
     integrals: Polynomials = ()
-    if by_degree and independent:
-        integrals = _integrals(map, _degree(exponents), independent, seed)
-        for d in range(1, _degree(exponents)):
-            lower = arithmetic.exponents_up_to(d, n)
-            if counts(map, lower, seed)[1] == independent:
-                exponents, (dimension, _) = lower, counts(map, lower, seed)
+    if independent and isinstance(monomials, int | np.integer):
+        integrals = _integrals_up_to(map, int(monomials), independent, seed)
+        for d in range(1, int(monomials)):
+            lower = exponents_up_to(d, n)
+            relations, integrals_shown = count_relations(map, lower, seed)
+            if integrals_shown == independent:
+                exponents, dimension = lower, relations
                 break
     elif independent:
-        integrals = integrals_of(map, exponents, seed)
+        integrals = integrals_of_relations(map, exponents, seed)
     complete = rank_of_quotients(integrals) == independent
-    basis: Any = None if map.has_letter else ()
-    if not map.has_letter and (dimension > 0 or point is not None):
-        rows = over_rationals(
-            rng,
-            lambda p, eps: relations_along(
-                map, exponents, p, eps, arithmetic.point_modulo(p, start)
-            ),
-        )
-        basis = rows and tuple(tuple(a for (a,) in row) for row in rows)
+    basis: Matrix | None = None if map.is_symbolic else ()
+    if not map.is_symbolic and (dimension > 0 or point is not None):
+        basis = _basis_over_rationals(map, exponents, start, rng)
         dimension = dimension if basis is None else len(basis)
     return HKBasis(
-        _degree(exponents),
+        max(sum(e) for e in exponents),
         exponents,
         dimension,
         independent,
-        tuple(arithmetic.renamed(P, map.names) for P in integrals),
+        tuple(renamed(P, map.names) for P in integrals),
         complete,
         start,
         basis,
@@ -152,31 +146,23 @@ def hk_bases(
     )
 
 
-def _integrals(map: RationalMap, degree: int, enough: int, seed: int) -> Polynomials:
+def _integrals_up_to(map: RationalMap, degree: int, enough: int, seed: int) -> Polynomials:
     """Return polynomials whose quotients are first integrals, until enough are independent."""
     search = Search(map, degree, seed, only_integrals=True)
     for _ in search.queue:
         if len(search.known.integrals) >= enough:
             break
-    polynomials = functions.over_common_denominator(search.known.integrals, map.ring)
-    return tuple(sorted(polynomials, key=arithmetic.size))
+    polynomials = over_common_denominator(search.known.integrals, map.ring)
+    return tuple(sorted(polynomials, key=sort_key))
 
 
-def _degree(exponents: Exponents) -> int:
-    return max(sum(e) for e in exponents)
+def _basis_over_rationals(
+    map: RationalMap, exponents: Exponents, start: Point, rng: random.Random
+) -> Matrix | None:
+    """Return the relations along the orbit of a point; None if they are too long."""
 
+    def search(p: int, eps: int) -> Residues:
+        return relations_along(map, exponents, eps, arithmetic.point_modulo(p, start))
 
-def exponents_of(monomials: Any, n: int) -> Exponents:
-    """Return the exponents of monomials in n variables, those up to a degree in ascending order."""
-    if isinstance(monomials, int | np.integer):
-        degree = integer("monomials", monomials, 0)
-        arithmetic.check_unknowns("monomials", degree, n, _MOST)
-        return arithmetic.exponents_up_to(degree, n)
-    try:
-        exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
-    except TypeError:
-        raise wrong("monomials", "a degree or a list of exponents", monomials, TypeError) from None
-    if {*map(len, exponents)} != {n} or not len({*exponents}) == len(exponents) <= _MOST:
-        expected = f"at most {_MOST} different tuples of {n} exponents"
-        raise wrong("monomials", expected, short(monomials))
-    return exponents
+    rows = over_rationals(rng, search)
+    return None if rows is None else tuple(tuple(a for (a,) in row) for row in rows)

@@ -14,18 +14,20 @@ import flint
 
 from ..checks import integer
 from . import arithmetic
-from .arithmetic import (
-    EPS,
-    MORE,
-    PRIME,
+from .arguments import check_unknowns
+from .arithmetic import EPS, EXTRA, PRIME, Residues
+from .functions import RationalFunction, factored, product_of, rational_roots
+from .maps import TERMS, RationalMap, check_map
+from .polynomials import (
     Polynomials,
-    Residues,
     degree_of,
+    exponents_up_to,
     modulo,
     monomial_values,
+    on_line,
+    random_line,
+    renamed,
 )
-from .functions import RationalFunction, factored, product_of
-from .maps import TERMS, RationalMap, check_map, on_line, random_line, rational_roots
 from .reconstruction import over_rationals, polynomials_with
 
 
@@ -72,15 +74,15 @@ def darboux_polynomials(
     """
     check_map(map)
     degree = integer("degree", degree, 0)
-    arithmetic.check_unknowns("degree", degree, map.dimension)
+    check_unknowns("degree", degree, map.dimension)
     seed = integer("seed", seed, 0)
     if cofactor is not None and not callable(cofactor):
         cofactor = RationalFunction((), arithmetic.rational("cofactor", cofactor))
-    if map.has_letter and not isinstance(cofactor, RationalFunction | None):
+    if map.is_symbolic and not isinstance(cofactor, RationalFunction | None):
         how = "where eps is symbolic, not another function"
         raise TypeError(f"cofactor must be a number or a RationalFunction {how}")
-    found = space_of(map, degree, cofactor, seed=seed)
-    return tuple(arithmetic.renamed(P, map.names) for P in found)
+    space = space_of(map, degree, cofactor, seed=seed)
+    return tuple(renamed(P, map.names) for P in space)
 
 
 def space_of(
@@ -90,15 +92,15 @@ def space_of(
 
     def search(p: int, eps: int) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
-        if map.has_letter and space:  # formulas without LLL: pivots are monomials of low degree
+        if map.is_symbolic and space:  # formulas without LLL: pivots are monomials of low degree
             return arithmetic.integer_rows(flint.nmod_mat(space, p).rref()[0])
         return space
 
-    rows = over_rationals(random.Random(seed), search, map.has_letter)
+    rows = over_rationals(random.Random(seed), search, map.is_symbolic)
     if rows is None:
         raise ArithmeticError("the coefficients of the polynomials are too long to reconstruct")
-    exponents = arithmetic.exponents_up_to(degree, map.dimension)
-    return polynomials_with(rows, exponents, map.has_letter)
+    exponents = exponents_up_to(degree, map.dimension)
+    return polynomials_with(rows, exponents, map.is_symbolic)
 
 
 def nullity(map: RationalMap, degree: int, cofactor: Any, sign: int = 1) -> int:
@@ -143,18 +145,20 @@ def cofactors(map: RationalMap, degree: int) -> tuple[RationalFunction, ...]:
     """
     check_map(map)
     degree = integer("degree", degree, 0)
-    arithmetic.check_unknowns("degree", degree, map.dimension)
+    check_unknowns("degree", degree, map.dimension)
     one = RationalFunction(())
-    found = [C for k in range(1, degree + 1) for C in cofactors_of(map, k)]
-    different = dict.fromkeys([one, map.jacobian_cofactor or one, *found])
-    return tuple(f.renamed(map.names) for f in different)
+    different = dict.fromkeys([one, map.jacobian_cofactor or one])
+    for k in range(1, degree + 1):
+        for candidate in filter(None, candidate_cofactors(map, k)):
+            different |= dict.fromkeys(with_constants(map, k, candidate))
+    return tuple(C.renamed(map.names) for C in different)
 
 
 def _equations(map: RationalMap, degree: int, cofactor: Any, sign: int, p: int, eps: int) -> Any:
     """Return the matrix of C(x) P(x) - P(Phi(x)) at random points, for the coefficients of P."""
     points = _random_points(map, degree, p, eps)
-    here = flint.nmod_mat(points.times(cofactor, sign), p)
-    return here - flint.nmod_mat(points.images, p)
+    at_points = flint.nmod_mat(points.monomials_times(cofactor, sign), p)
+    return at_points - flint.nmod_mat(points.monomials_of_images, p)
 
 
 class _Points:
@@ -162,45 +166,46 @@ class _Points:
 
     def __init__(self, map: RationalMap, degree: int, p: int, eps: int) -> None:
         n, rng = map.dimension, random.Random(p)
-        exponents = arithmetic.exponents_up_to(degree, n)
-        self._map, self._p, self._eps = map.at(eps), p, eps
+        exponents = exponents_up_to(degree, n)
+        self._map, self._p, self._eps = map.at_eps(eps), p, eps
         self._values: dict[str, list[Any]] = {}  # of factors of cofactors
-        self.points = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + MORE)]
-        self.monomials = [monomial_values(exponents, x).tolist() for x in self.points]
-        images = [self._map.image(x) for x in self.points]
-        self.images = [monomial_values(exponents, y).tolist() for y in images]
+        self._x = [arithmetic.random_point(n, p, rng) for _ in range(len(exponents) + EXTRA)]
+        self._monomials = [monomial_values(exponents, x).tolist() for x in self._x]
+        images = [self._map.image(x) for x in self._x]
+        self.monomials_of_images = [monomial_values(exponents, y).tolist() for y in images]
 
-    def times(self, cofactor: Any, sign: int = 1) -> list[Any]:
+    def monomials_times(self, cofactor: Any, sign: int = 1) -> list[Any]:
         """Return the monomials at the points times a cofactor."""
         try:
-            values = self._of(cofactor)
+            values = self._values_of(cofactor)
         except ZeroDivisionError:
             raise ArithmeticError("the cofactor is undefined at random points") from None
-        pairs = zip(values, self.monomials, strict=True)
+        pairs = zip(values, self._monomials, strict=True)
         return [[sign * c * a for a in row] for c, row in pairs]
 
-    def _of(self, cofactor: Any) -> list[Any]:
+    def _values_of(self, cofactor: Any) -> list[Any]:
+        """Return the values of a cofactor at the points; None stands for det DPhi."""
         if cofactor is None:
             if "det" not in self._values:
-                determinants = [self._map.derivative(x).det() for x in self.points]
+                determinants = [self._map.derivative(x).det() for x in self._x]
                 self._values["det"] = determinants
             return self._values["det"]
         if isinstance(cofactor, RationalFunction):
             constant = flint.nmod(arithmetic.fmpq(cofactor.constant), self._p)
-            values = [constant] * len(self.points)
+            values = [constant] * len(self._x)
             for P, e in cofactor.factors:
-                values = [c * a**e for c, a in zip(values, self._of_factor(P), strict=True)]
+                values = [c * a**e for c, a in zip(values, self._values_of_factor(P), strict=True)]
             return values
-        return [self._of_function(cofactor, x) for x in self.points]
+        return [self._value_of_callable(cofactor, x) for x in self._x]
 
-    def _of_factor(self, P: Any) -> list[Any]:
-        name = str(P)
-        if name not in self._values:
-            here = modulo(P, self._p, self._eps)
-            self._values[name] = [flint.nmod(here(*x[:-1]), self._p) for x in self.points]
-        return self._values[name]
+    def _values_of_factor(self, P: Any) -> list[Any]:
+        text = str(P)
+        if text not in self._values:
+            residue = modulo(P, self._p, self._eps)
+            self._values[text] = [flint.nmod(residue(*x[:-1]), self._p) for x in self._x]
+        return self._values[text]
 
-    def _of_function(self, cofactor: Any, x: list[Any]) -> Any:
+    def _value_of_callable(self, cofactor: Any, x: list[Any]) -> Any:
         value = cofactor(tuple(Fraction(int(a)) for a in x[:-1]))
         if isinstance(value, float):
             how = "return integers or fractions"
@@ -214,17 +219,7 @@ def _random_points(map: RationalMap, degree: int, p: int, eps: int) -> _Points:
     return _Points(map, degree, p, eps)
 
 
-def cofactors_of(map: RationalMap, degree: int) -> Iterator[RationalFunction]:
-    """Yield the cofactors of polynomials up to a degree; the factors of the map must be known.
-
-    Such a polynomial is an eigenvector of the pullback, divided by powers of the factors.
-    """
-    for candidate in candidates(map, degree):
-        if candidate is not None:
-            yield from with_constants(map, degree, candidate)
-
-
-def candidates(map: RationalMap, degree: int) -> Iterator[RationalFunction | None]:
+def candidate_cofactors(map: RationalMap, degree: int) -> Iterator[RationalFunction | None]:
     """Yield products of powers of factors that are cofactors of polynomials up to constants.
 
     Necessary ones, not sufficient. Between them None is yielded, so that a search can pause there.
@@ -237,32 +232,37 @@ def candidates(map: RationalMap, degree: int) -> Iterator[RationalFunction | Non
     jacobian = factored(map.forms[-1]) ** (map.dimension + 1) * determinant
     factors = [f for f, _ in jacobian.factors if degree_of(f)]
     at_infinity = (map.dimension + 1) * (map.degree - 1) > jacobian.degree
-    below = factored(map.forms[-1]) ** -degree
+    poles = factored(map.forms[-1]) ** -degree
     for powers in _divisors(map, degree, factors, at_infinity):
         if powers is None:
             yield None
         else:
-            yield product_of(zip(factors, powers, strict=True), Fraction(1)) * below
+            yield product_of(zip(factors, powers, strict=True), Fraction(1)) * poles
 
 
 def with_constants(
     map: RationalMap, degree: int, candidate: RationalFunction
 ) -> Iterator[RationalFunction]:
-    """Yield the constants, times a candidate, for which there are polynomials."""
+    """Yield the constants, times a candidate, for which there are polynomials.
+
+    The constants are eigenvalues of the pullback divided by the candidate.
+    """
 
     def search(p: int, eps: int) -> Residues:
         points = _random_points(map, degree, p, eps)
-        here, images = points.times(candidate), points.images
-        n = len(here[0])
-        # As many points as unknowns: eigenvalues of true solutions do not depend on them.
-        first, second = (
-            flint.nmod_mat(here[k:][:n], p).solve(flint.nmod_mat(images[k:][:n], p)).minpoly()
-            for k in (0, MORE)
-        )
-        common = first.gcd(second)
+        at_points, at_images = points.monomials_times(candidate), points.monomials_of_images
+        n = len(at_points[0])
+
+        def minimal_polynomial(start: int) -> Any:
+            """Return that of the matrix for as many points as there are unknowns."""
+            here, there = (flint.nmod_mat(rows[start:][:n], p) for rows in (at_points, at_images))
+            return here.solve(there).minpoly()
+
+        # Eigenvalues of true solutions do not depend on the points.
+        common = minimal_polynomial(0).gcd(minimal_polynomial(EXTRA))
         return [[int(c) for c in common.coeffs()]] if common.degree() else []
 
-    rows = over_rationals(random.Random(degree), search, map.has_letter)
+    rows = over_rationals(random.Random(degree), search, map.is_symbolic)
     for c in rational_roots(rows[0], map.ring) if rows else ():
         yield c * candidate
 
@@ -280,39 +280,41 @@ def _divisors(
     rng = random.Random(degree)
     p = arithmetic.random_prime(rng)
     eps = rng.randrange(2, p)
-    monomials = [(*e, degree - sum(e)) for e in arithmetic.exponents_up_to(degree, map.dimension)]
+    monomials = [(*e, degree - sum(e)) for e in exponents_up_to(degree, map.dimension)]
     count, most = len(monomials), degree * (map.degree - 1)
-    divisors = [(modulo(f, p, eps), degree_of(f)) for f in factors]
+    divisors = [modulo(f, p, eps) for f in factors]
+    sizes = [degree_of(f) for f in factors]
     if at_infinity:
-        divisors.insert(0, (modulo(map.ring.constant(1), p, eps), 1))
-    enough = 1 + 2 * count // min((k for _, k in divisors), default=1)
+        divisors, sizes = [modulo(map.ring.constant(1), p, eps), *divisors], [1, *sizes]
+    enough = 1 + 2 * count // min(sizes, default=1)
     lines = [random_line(map.dimension, p, rng) for _ in range(enough)]
-    images = [list(monomial_values(monomials, map.at(eps).reduced(line))) for line in lines]
+    at_number = map.at_eps(eps)
+    pullbacks = [list(monomial_values(monomials, at_number.coprime_image(line))) for line in lines]
 
-    def equations(f: Any, k: int, power: int) -> Residues:
+    def equations(f: Any, size: int, power: int) -> Residues:
         """Return equations for the polynomials whose pullback is divisible by f**power."""
+        divisor_degree = size * power
         rows: Residues = []
-        for line, values in zip(lines[: 1 + 2 * count // (k * power)], images, strict=False):
-            divisor = on_line(f, line, k) ** power
-            remainders = [each % divisor for each in values]
-            rows += [[each[j] for each in remainders] for j in range(k * power)]
-        reduced, rank = flint.nmod_mat(rows, p).rref()
-        return arithmetic.integer_rows(reduced)[:rank]
+        enough = 1 + 2 * count // divisor_degree
+        for line, of_monomials in zip(lines[:enough], pullbacks, strict=False):
+            divisor = on_line(f, line, size) ** power
+            remainders = [pullback % divisor for pullback in of_monomials]
+            rows += [[remainder[j] for remainder in remainders] for j in range(divisor_degree)]
+        return arithmetic.row_space(rows, p)
 
+    # The equations by factor and power, up to the highest power that divides some pullback.
     systems: list[list[Residues]] = []
-    for f, k in divisors:
+    for f, size in zip(divisors, sizes, strict=True):
         systems.append([[]])
-        for power in range(1, most // k + 1):
+        for power in range(1, most // size + 1):
             yield None
-            if len(rows := equations(f, k, power)) == count:
+            if len(rows := equations(f, size, power)) == count:
                 break
             systems[-1].append(rows)
+    largest = [size * (len(system) - 1) for size, system in zip(sizes, systems, strict=True)]
 
-    sizes = [k for _, k in divisors]
-    largest = [k * (len(system) - 1) for k, system in zip(sizes, systems, strict=True)]
-
-    def fit(
-        chosen: Residues, powers: tuple[int, ...], left: int
+    def extended(
+        powers: tuple[int, ...], system: Residues, left: int
     ) -> Iterator[tuple[int, ...] | None]:
         """Extend powers of the first factors that all divide some pullback, to the degree left."""
         k = len(powers)
@@ -325,13 +327,12 @@ def _divisors(
                 return
             if rest > sum(largest[k + 1 :]):
                 continue
-            both = chosen
+            joint = system
             if rows:
                 yield None
-                reduced, rank = flint.nmod_mat(chosen + rows, p).rref()
-                if rank == count:  # nor do higher powers divide one
+                joint = arithmetic.row_space(system + rows, p)
+                if len(joint) == count:  # higher powers divide no pullback either
                     return
-                both = arithmetic.integer_rows(reduced)[:rank]
-            yield from fit(both, (*powers, power), rest)
+            yield from extended((*powers, power), joint, rest)
 
-    yield from fit([], (), most)
+    yield from extended((), [], most)

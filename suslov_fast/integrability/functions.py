@@ -20,7 +20,21 @@ import flint
 from ..bodies.names import latex
 from ..checks import extra
 from . import arithmetic
-from .arithmetic import EPS, PRIME, Polynomials, decoded, degree_of, modulo, value_at
+from .arithmetic import EPS, PRIME
+from .polynomials import (
+    Polynomials,
+    decoded,
+    degree_of,
+    has_eps,
+    irreducible_factors,
+    modulo,
+    polynomial_ring,
+    renamed,
+    sort_key,
+    value_at,
+    variables_of,
+)
+from .reconstruction import polynomials_with
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 _NAME = r"[^\W\d]\w*"
@@ -45,17 +59,17 @@ class RationalFunction:
 
     def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
         """Return the value at a point; a function with a symbolic eps needs its value."""
-        if self.has_letter and eps is None:
+        if self.is_symbolic and eps is None:
             raise TypeError("eps is symbolic here: pass a number, as in f(x, eps=Fraction(1, 3))")
-        point = [arithmetic.step_size(eps)] if self.has_letter else []
+        point = [arithmetic.step_size(eps)] if self.is_symbolic else []
         point += [arithmetic.rational("x", a) for a in x]
         values = (Fraction(value_at(P, point)) ** e for P, e in self.factors)
         return math.prod(values, start=self.constant)
 
     @property
-    def has_letter(self) -> bool:
+    def is_symbolic(self) -> bool:
         """True if eps is symbolic."""
-        return any(arithmetic.has_letter(P) for P, _ in self.factors)
+        return any(has_eps(P) for P, _ in self.factors)
 
     def subs(self, eps: Any) -> RationalFunction:
         """Return the function of x alone for a value of eps.
@@ -71,12 +85,11 @@ class RationalFunction:
         value = arithmetic.step_size(eps)
         powers = (factored(modulo(P, 0, arithmetic.fmpq(value))) ** e for P, e in self.factors)
         try:
-            found = math.prod(powers, start=RationalFunction((), self.constant))
+            product = math.prod(powers, start=RationalFunction((), self.constant))
         except ZeroDivisionError:
             raise ZeroDivisionError(f"{self} has no value at eps = {value}") from None
-        return replace(
-            found, basis=self.basis, cofactor=self.cofactor and self.cofactor.subs(value)
-        )
+        cofactor = self.cofactor and self.cofactor.subs(value)
+        return replace(product, basis=self.basis, cofactor=cofactor)
 
     def symbols(self) -> dict[str, Any]:
         """Return the symbols of SymPy for the names in the formula.
@@ -99,19 +112,19 @@ class RationalFunction:
         """Return the function with other names of its variables."""
         if names is None:
             return self
-        factors = tuple((arithmetic.renamed(P, names), e) for P, e in self.factors)
+        factors = tuple((renamed(P, names), e) for P, e in self.factors)
         cofactor = self.cofactor and self.cofactor.renamed(names)
         return replace(self, factors=factors, cofactor=cofactor)
 
     @property
     def special(self) -> tuple[Fraction, ...]:
         """The rational eps at which a factor is 0 for all x."""
-        found = set()
+        values = set()
         for P, _ in self.factors:
             if degree_of(P) == 0 and P.total_degree() == 1:  # a * eps + b
                 a, *b = map(int, P.coeffs())
-                found.add(Fraction(-sum(b), a))
-        return tuple(sorted(found))
+                values.add(Fraction(-sum(b), a))
+        return tuple(sorted(values))
 
     def __mul__(self, other: Any) -> RationalFunction:
         other = as_function(other)
@@ -120,9 +133,9 @@ class RationalFunction:
 
     def __add__(self, other: Any) -> RationalFunction:
         other = as_function(other)
-        of = self._ring or other._ring or arithmetic.ring(0, False)
-        *above, below = over_common_denominator((self, other), of)
-        return factored(sum(above)) / factored(below)
+        ring = self._ring or other._ring or polynomial_ring(0, False)
+        *numerators, denominator = over_common_denominator((self, other), ring)
+        return factored(sum(numerators)) / factored(denominator)
 
     __radd__ = __add__
     __rmul__ = __mul__
@@ -155,25 +168,29 @@ class RationalFunction:
     @property
     def numerator(self) -> Any:
         """The numerator as one polynomial."""
-        return self.quotient_in()[0]
+        return self.as_quotient()[0]
 
     @property
     def denominator(self) -> Any:
         """The denominator as one polynomial."""
-        return self.quotient_in()[1]
+        return self.as_quotient()[1]
 
-    def quotient_in(self, of: Any = None) -> tuple[Any, Any]:
-        """Return numerator and denominator as polynomials, in a ring of as many variables."""
-        of = of or self._ring or arithmetic.ring(0, False)
-        above, below = map(of.constant, (self.constant.numerator, self.constant.denominator))
-        above *= math.prod(P**e for P, e in self._powers(1))
-        return above, below * math.prod(P**e for P, e in self._powers(-1))
+    def as_quotient(self, ring: Any = None) -> tuple[Any, Any]:
+        """Return numerator and denominator as polynomials; a constant needs their ring."""
+        ring = ring or self._ring or polynomial_ring(0, False)
+        constants = map(ring.constant, (self.constant.numerator, self.constant.denominator))
+        numerator, denominator = (
+            math.prod((P**e for P, e in self._powers(sign)), start=c)
+            for c, sign in zip(constants, (1, -1), strict=True)
+        )
+        return numerator, denominator
 
     @property
     def _ring(self) -> Any:
         return self.factors[0][0].context() if self.factors else None
 
     def _powers(self, sign: int) -> tuple[tuple[Any, int], ...]:
+        """Return the powers in the numerator, or with the sign -1 those in the denominator."""
         return tuple((P, sign * e) for P, e in self.factors if sign * e > 0)
 
     @property
@@ -189,23 +206,28 @@ class RationalFunction:
 
     def text(self, longest: int | None = None) -> str:
         """Return the formula; polynomials of more characters are described in brackets."""
-        alone = self.constant == 1 and [e for _, e in self.factors] == [1]
-        parts = []
-        for sign, number in ((1, abs(self.constant.numerator)), (-1, self.constant.denominator)):
+        is_one_polynomial = self.constant == 1 and [e for _, e in self.factors] == [1]
+
+        def texts(number: int, sign: int) -> list[str]:
             powers = self._powers(sign)
-            texts = [] if number == 1 and powers else [str(number)]
-            parts.append(texts + [_power_text(P, e, alone, longest) for P, e in powers])
-        above, below = map("*".join, parts)
-        below = f"({below})" if len(parts[1]) > 1 else below
-        return f"{'-' if self.constant < 0 else ''}{above}{'' if below == '1' else f'/{below}'}"
+            numbers = [] if number == 1 and powers else [str(number)]
+            return numbers + [_power_text(P, e, is_one_polynomial, longest) for P, e in powers]
+
+        numerator = "*".join(texts(abs(self.constant.numerator), 1))
+        denominators = texts(self.constant.denominator, -1)
+        denominator = "*".join(denominators)
+        if len(denominators) > 1:
+            denominator = f"({denominator})"
+        minus = "-" if self.constant < 0 else ""
+        return f"{minus}{numerator}" + (f"/{denominator}" if denominator != "1" else "")
 
     def _repr_latex_(self) -> str:
-        text = re.sub(_NAME, lambda found: _latex_of_name(found[0]), str(self))
+        text = re.sub(_NAME, lambda name: _latex_of_name(name[0]), str(self))
         if "/" in text:
-            above, below = text.removeprefix("-").split("/")
-            above = re.sub(r"^\(([^()]*)\)$", r"\1", above)
-            below = re.sub(r"^\((.*)\)$", r"\1", below)
-            text = f"{'-' * (self.constant < 0)}\\frac{{{above}}}{{{below}}}"
+            numerator, denominator = text.removeprefix("-").split("/")
+            numerator = re.sub(r"^\(([^()]*)\)$", r"\1", numerator)
+            denominator = re.sub(r"^\((.*)\)$", r"\1", denominator)
+            text = f"{'-' * (self.constant < 0)}\\frac{{{numerator}}}{{{denominator}}}"
         text = re.sub(r"\^(\d+)", r"^{\1}", text.replace("*", " "))
         return f"$\\displaystyle {text}$"
 
@@ -220,13 +242,17 @@ def _latex_of_name(name: str) -> str:
     return rf"\mathrm{{{word}}}" + (f"_{{{index}}}" if index else "")
 
 
-def _power_text(P: Any, e: int, alone: bool, longest: int | None) -> str:
+def _power_text(P: Any, e: int, is_one_polynomial: bool, longest: int | None) -> str:
+    """Return the text of a power; a polynomial that is the whole formula needs no brackets."""
     text = decoded(str(P))
     if longest is not None and len(text) > longest:
         text = f"[degree {degree_of(P)}, {len(P)} terms]"
-    elif not alone and not re.fullmatch(rf"{_NAME}|\d+", text):
+    elif not is_one_polynomial and not re.fullmatch(rf"{_NAME}|\d+", text):
         text = f"({text})"
     return f"{text}^{e}" if e > 1 else text
+
+
+# Functions from numbers and polynomials.
 
 
 def as_function(value: Any) -> RationalFunction:
@@ -240,17 +266,9 @@ def factored(P: Any) -> RationalFunction:
     """Return a polynomial in irreducible factors."""
     if P == 0:
         return RationalFunction((), Fraction(0))
-    powers = arithmetic.factors(P)
+    powers = irreducible_factors(P)
     leading = math.prod(int(f.leading_coefficient()) ** e for f, e in powers)
     return product_of(powers, arithmetic.fraction(flint.fmpq(P.leading_coefficient())) / leading)
-
-
-def without_content(P: Any) -> Any:
-    """Return a polynomial without factors that do not depend on x."""
-    if not arithmetic.has_letter(P):
-        return arithmetic.primitive(P)
-    powers = arithmetic.factors(P)
-    return math.prod((f**e for f, e in powers if degree_of(f)), start=P.context().constant(1))
 
 
 def without_constant(f: RationalFunction) -> RationalFunction:
@@ -263,10 +281,10 @@ def quotient_of(P: Any, Q: Any, basis: str) -> RationalFunction:
     return replace(factored(P) / factored(Q), constant=Fraction(1), basis=basis)
 
 
-def over_common_denominator(functions: Iterable[RationalFunction], of: Any) -> list[Any]:
+def over_common_denominator(functions: Iterable[RationalFunction], ring: Any) -> list[Any]:
     """Return numerators over a common denominator, and this one, as polynomials in a ring."""
-    pairs = [f.quotient_in(of) for f in functions]
-    common = reduce(lambda a, b: a * b // a.gcd(b), (Q for _, Q in pairs), of.constant(1))
+    pairs = [f.as_quotient(ring) for f in functions]
+    common = reduce(lambda P, Q: P * Q // P.gcd(Q), (Q for _, Q in pairs), ring.constant(1))
     return [*(P * (common // Q) for P, Q in pairs), common]
 
 
@@ -274,12 +292,35 @@ def product_of(
     powers: Iterable[tuple[Any, int]], constant: Fraction, basis: str = ""
 ) -> RationalFunction:
     """Return a product of powers of primitive polynomials, in the order of their size."""
-    total: dict[str, tuple[Any, int]] = {}
+    exponents: dict[str, tuple[Any, int]] = {}  # by the text of the polynomial
     for P, e in powers:
-        total[str(P)] = P, total.get(str(P), (P, 0))[1] + e
-    chosen = [(P, e) for P, e in total.values() if e and constant]
-    chosen.sort(key=lambda power: arithmetic.size(power[0]))
-    return RationalFunction(tuple(chosen), constant, basis)
+        exponents[str(P)] = P, exponents.get(str(P), (P, 0))[1] + e
+    factors = [(P, e) for P, e in exponents.values() if e and constant]
+    factors.sort(key=lambda power: sort_key(power[0]))
+    return RationalFunction(tuple(factors), constant, basis)
+
+
+def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
+    """Return the rational roots of a polynomial, numbers or functions of eps in a ring.
+
+    Its coefficients, lowest first, are a row as of `over_rationals`.
+    """
+    symbolic = has_eps(ring.gens()[0])
+    powers = tuple((k,) for k in range(len(coefficients)))
+    (f,) = polynomials_with([coefficients], powers, symbolic)
+    *_, t = f.context().gens()
+    roots = []
+    for linear in (g for g, _ in irreducible_factors(f) if degree_of(g) == 1):
+        slope = linear.derivative(int(symbolic))
+        minus_constant = slope * t - linear
+        numerator, denominator = (
+            factored(P.project_to_context(ring)) for P in (minus_constant, slope)
+        )
+        roots.append(numerator / denominator)
+    return roots
+
+
+# Independence.
 
 
 def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunction, ...]:
@@ -298,11 +339,11 @@ def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunctio
 
 def gradient_of_logarithm(f: RationalFunction) -> list[Any]:
     """Return the gradient of log f at the random point of `arithmetic`, modulo its prime."""
-    powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
-    n = powers[0][0].context().nvars()
+    n = variables_of(f.factors[0][0])
     x = arithmetic.random_point(n)
-    scales = [(P, e / value_at(P, x)) for P, e in powers]
-    return [sum(c * value_at(P.derivative(i), x) for P, c in scales) for i in range(n)]
+    powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
+    scaled = [(P, e / value_at(P, x)) for P, e in powers]
+    return [sum(c * value_at(P.derivative(i), x) for P, c in scaled) for i in range(n)]
 
 
 def rank_of_quotients(polynomials: Polynomials) -> int:

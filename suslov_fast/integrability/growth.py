@@ -1,26 +1,28 @@
 """Degrees of iterates, and their growth: ``lim log(d_n) / n`` is the algebraic entropy.
 
 The degree of an iterate is that of its restriction to a random line modulo a prime, without common
-factors (Bellon and Viallet 1999).
+factors (Bellon and Viallet 1999). Degrees mostly satisfy a linear recurrence with integer
+coefficients; the largest root of its characteristic polynomial is the limit of d_(n+1) / d_n.
 """
 
 import math
 import operator
 import random
 from collections.abc import Iterator, Sequence
-from itertools import islice
+from itertools import count, islice
 from typing import Any, NamedTuple
 
 import flint
 import numpy as np
 
 from ..checks import integer, short, wrong
-from .arithmetic import DRAWS, confirmed, random_prime
-from .maps import RationalMap, check_map, random_line
+from .arithmetic import DRAWS, random_prime
+from .maps import RationalMap, check_map
+from .polynomials import random_line
 from .tasks import Task
 
-_ENOUGH, _DEGREES = 10, 24  # iterates: enough if a recurrence holds, and at most
-_SMALL, _LARGE, _LARGEST = 100, 3_000, 8_000  # degrees: cheap; costly; too costly
+_ENOUGH, _MOST = 10, 24  # iterates: enough if a recurrence holds, and at most
+_CHEAP, _COSTLY, _TOO_COSTLY = 100, 3_000, 8_000  # degrees
 
 
 def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
@@ -53,74 +55,75 @@ def degrees(map: RationalMap, n: int, *, seed: int = 0) -> list[int]:
     [2, 4, 6, 8, 10, 12, 14, 16]
     """
     check_map(map)
-    n, rng = integer("n", n, 0), random.Random(integer("seed", seed, 0))
-    found: list[int] = confirmed(rng, lambda p, eps: [*islice(degrees_on_a_line(map, p, eps), n)])
-    return found
+    n, seed = integer("n", n, 0), integer("seed", seed, 0)
+    return [*islice(agreed_degrees(map, seed), n)]
 
 
-def degrees_on_a_line(map: RationalMap, p: int, eps: int) -> Iterator[int]:
-    line, map = random_line(map.dimension, p, random.Random(p)), map.at(eps)
-    while True:
-        line = map.reduced(line)
-        yield max(each.degree() for each in line)
-
-
-class Lines:
-    """Degrees of iterates on random lines modulo primes, two of which agree."""
-
-    def __init__(self, map: RationalMap, seed: int) -> None:
-        self._map, self._rng = map, random.Random(seed)
-        self._runs: list[tuple[Iterator[int], list[int]]] = []
-
-    def next(self) -> list[int]:
-        """Return one degree more."""
-        count = 1 + max((len(found) for _, found in self._runs), default=0)
+def agreed_degrees(map: RationalMap, seed: int) -> Iterator[int]:
+    """Yield the degrees of iterates, as found on random lines modulo two primes that agree."""
+    rng = random.Random(seed)
+    runs: list[tuple[Iterator[int], list[int]]] = []  # on one line each, with the degrees so far
+    for length in count(1):
         for _ in range(DRAWS):
-            for each, found in self._runs:
-                found += [next(each) for _ in range(count - len(found))]
-            results = [found for _, found in self._runs]
-            for found in results:
-                if results.count(found) > 1:
-                    self._runs = [run for run in self._runs if run[1] == found][:2]
-                    return [*found]
-            p = random_prime(self._rng)
-            eps = self._rng.randrange(2, p)
-            self._runs.append((degrees_on_a_line(self._map, p, eps), []))
-        raise ArithmeticError("the iterates reach poles of the map")
+            for run, sequence in runs:
+                sequence += islice(run, length - len(sequence))
+            sequences = [sequence for _, sequence in runs if len(sequence) == length]
+            agreed = next((d for d in sequences if sequences.count(d) > 1), None)
+            if agreed:
+                runs = [(run, sequence) for run, sequence in runs if sequence == agreed][:2]
+                yield agreed[-1]
+                break
+            p = random_prime(rng)
+            runs.append((_degrees_on_a_line(map, p, rng.randrange(2, p)), []))
+        else:
+            raise ArithmeticError("the iterates reach poles of the map")
+
+
+def _degrees_on_a_line(map: RationalMap, p: int, eps: int) -> Iterator[int]:
+    """Yield the degrees of iterates on a random line; end where the line has no image."""
+    line, map = random_line(map.dimension, p, random.Random(p)), map.at_eps(eps)
+    while True:
+        try:
+            line = map.coprime_image(line)
+        except ZeroDivisionError:
+            return
+        yield max(x.degree() for x in line)
 
 
 def degrees_of_iterates(search: Any) -> Iterator[Task]:
     """Yield the task of a search for the next degree: as a recurrence needs it, or it is cheap."""
-    map, lines = search.map, Lines(search.map, search.seed)
+    map, following = search.map, agreed_degrees(search.map, search.seed)
 
-    def following() -> float:
+    def expected() -> float:
         """Return the degree that is expected next."""
         first, *more = search.degrees[-2:] or [1]
         return float(more[0] ** 2 / max(1, first) if more else first * map.degree)
 
     def task() -> Task:
-        n, degree = map.dimension, following()
+        n, degree = map.dimension, expected()
         return Task(1e-7 * n**3 * degree + 2e-8 * n * degree**2, run, "degrees")
 
     def run() -> list[Task]:
-        search.degrees = lines.next()
+        search.degrees = [*search.degrees, next(following)]
         check_degrees(search)
-        last, next_degree = search.degrees[-1], following()
-        settled = (len(search.degrees) >= _ENOUGH and last > _SMALL) or next_degree > _LARGE
-        if settled and growth(search.degrees, planar=map.is_planar).entropy_error == 0:
+        if expected() > _TOO_COSTLY or len(search.degrees) == _MOST:
             return []
-        return [] if next_degree > _LARGEST or len(search.degrees) == _DEGREES else [task()]
+        are_enough = len(search.degrees) >= _ENOUGH and search.degrees[-1] > _CHEAP
+        may_end = are_enough or expected() > _COSTLY
+        if may_end and growth(search.degrees, planar=map.is_planar).entropy_error == 0:
+            return []
+        return [task()]
 
     yield task()
 
 
 def check_degrees(search: Any) -> None:
     """Raise an error if the degrees are not those that contracted curves predict."""
-    expected = search.planar.degrees if search.planar else ()
-    pairs = zip(search.degrees, expected, strict=False)
-    if any(found != predicted for found, predicted in pairs):
-        count = len(search.degrees)
-        text = f"the degrees are {search.degrees}, but {expected[:count]} by the contracted lines"
+    predicted = search.planar.degrees if search.planar else ()
+    pairs = zip(search.degrees, predicted, strict=False)
+    if any(found != expected for found, expected in pairs):
+        by_lines = predicted[: len(search.degrees)]
+        text = f"the degrees are {search.degrees}, but {by_lines} by the contracted lines"
         raise ArithmeticError(f"{search.map}: {text}: this is an error of the package")
 
 
@@ -133,7 +136,7 @@ class Growth(NamedTuple):
     based_on: str  # the recurrence or fit from which kind and entropy follow
 
 
-_SPARE = 3  # degrees more, at least, than determine a recurrence and its transient
+_SPARE = 3  # more degrees, at least, than those that determine a recurrence and its transient
 _ROUNDING = 1e-9  # of the modulus of a root
 _HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow if they do not so exponentially
 
@@ -181,7 +184,7 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     (0.6765, 0.0008)
     """
     try:
-        d = [operator.index(each) for each in degrees]
+        d = [operator.index(degree) for degree in degrees]
     except TypeError:
         expected = "a list of integers, as degrees(map, n) returns it"
         raise wrong("degrees", expected, short(degrees), TypeError) from None
@@ -212,17 +215,17 @@ def _kind(power: int) -> str:
 
 
 def _by_recurrence(d: list[int], planar: bool) -> Growth | None:
+    """Return the growth by the shortest recurrence with suitable roots; None without one."""
     for total in range(len(d) - _SPARE + 2):
         for order in range(total + 1):
             transient = total - order
             # Where no transient is needed, the recurrence may hold from the identity on.
-            starts = ([1, *d], d) if transient == 0 else (d,)
-            for terms in starts:
-                if recurrence := _recurrence(terms[transient:], order, max(_SPARE, transient)):
-                    from_identity = len(terms) > len(d)
-                    found = _growth_of(recurrence, transient, len(d), from_identity, planar)
-                    if found:
-                        return found
+            sequences = ([1, *d], d) if transient == 0 else (d,)
+            for terms in sequences:
+                recurrence = _recurrence(terms[transient:], order, max(_SPARE, transient))
+                if recurrence and (growth := _growth_of(recurrence, planar)):
+                    text = _text_of(recurrence, len(d), transient, from_identity=terms is not d)
+                    return Growth(*growth, 0.0, text)
     return None
 
 
@@ -238,48 +241,52 @@ def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
     return coefficients if is_minimal and not any(np.array(rows, object) @ coefficients) else None
 
 
-def _growth_of(
-    recurrence: list[int], transient: int, count: int, from_identity: bool, planar: bool
-) -> Growth | None:
-    """Return the growth of a sequence with a monic recurrence; None if its roots forbid it."""
-    order = len(recurrence) - 1
-    terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
-    what = f"d(k+{order}) = {' + '.join(terms) or 0}, all {count} degrees"
-    what = what.replace("+ -", "- ").replace("k+0", "k")
-    what += " and that of the identity" if from_identity else ""
-    what += f" but the first {transient}" if transient else ""
-    power, outside = 0, []
+def _growth_of(recurrence: list[int], planar: bool) -> tuple[str, float] | None:
+    """Return the kind and entropy of a monic recurrence; None if its roots are not suitable."""
+    power = 0  # of n with which terms grow, if no root is outside the unit circle
+    outside = []  # the moduli and multiplicities of such roots
     for factor, multiplicity in flint.fmpz_poly(recurrence).factor()[1]:
         if factor.is_cyclotomic():
             power = max(power, multiplicity - 1)
         else:
-            sizes = [abs(complex(root)) for root, _ in factor.complex_roots()]
-            outside += [(size, multiplicity) for size in sizes if size > 1 + _ROUNDING]
-    size = max((size for size, _ in outside), default=1.0)
-    largest_is_simple = all(m == 1 for each, m in outside if each > size * (1 - _ROUNDING))
+            moduli = [abs(complex(root)) for root, _ in factor.complex_roots()]
+            outside += [(modulus, multiplicity) for modulus in moduli if modulus > 1 + _ROUNDING]
+    largest = max((modulus for modulus, _ in outside), default=1.0)
+    largest_is_simple = all(m == 1 for modulus, m in outside if modulus > largest * (1 - _ROUNDING))
     fits_the_plane = sum(m for _, m in outside) <= 1 and (outside or power <= _HIGHEST_IN_THE_PLANE)
     if not largest_is_simple or (planar and not fits_the_plane):
         return None
-    return Growth("exponential" if outside else _kind(power), math.log(size), 0.0, what)
+    return "exponential" if outside else _kind(power), math.log(largest)
+
+
+def _text_of(recurrence: list[int], number: int, transient: int, from_identity: bool) -> str:
+    """Return a recurrence in words, and which of a number of degrees satisfy it."""
+    order = len(recurrence) - 1
+    terms = [f"{-recurrence[i]} d(k+{i})" for i in range(order)[::-1] if recurrence[i]]
+    text = f"d(k+{order}) = {' + '.join(terms) or 0}, all {number} degrees"
+    text = text.replace("+ -", "- ").replace("k+0", "k")
+    text += " and that of the identity" if from_identity else ""
+    return text + (f" but the first {transient}" if transient else "")
 
 
 def _by_fit(d: list[int], planar: bool) -> Growth:
+    """Return the growth by a fit, with tolerances that are rules of thumb."""
     n, without = len(d), "without a short recurrence"
     unclear = Growth("unclear", math.nan, math.nan, f"{n} degrees {without}")
     if n < 5 or min(d) == 0:
         return unclear
     if len({*d[-max(5, n // 4) :]}) == 1:
-        what, spread = f"{n} degrees, the last of them equal", float(np.ptp(np.diff(np.log(d))))
-        return Growth("bounded", 0.0, spread, what)
-    if suggested := _suggested(d):
-        return unclear._replace(based_on=f"{unclear.based_on}; {suggested}")
+        spread = float(np.ptp(np.diff(np.log(d))))
+        return Growth("bounded", 0.0, spread, f"{n} degrees, the last of them equal")
+    if order := _order_of_second_differences(d):
+        return unclear._replace(based_on=f"{unclear.based_on}; {order}")
     last = max(4, n // 2)
     rates = np.diff(np.log(d[-last:]))
     rate, spread = float(rates.mean()), float(np.ptp(rates))
     # The slope of a long line looks the same, but does not double.
     if spread < 0.1 * rate and d[-1] >= 2 * d[-last]:
-        what = f"a fit to the last {last} of {n} degrees, {without}"
-        return Growth("exponential", rate, spread, what)
+        based_on = f"a fit to the last {last} of {n} degrees, {without}"
+        return Growth("exponential", rate, spread, based_on)
     if n < 6:
         return unclear
     k, extent = np.arange(n), max(d) - min(d)
@@ -287,16 +294,16 @@ def _by_fit(d: list[int], planar: bool) -> Growth:
     for power in range(1, min(highest + 1, n - _SPARE)):
         residuals = np.polyval(np.polyfit(k, d, power), k) - d
         if abs(residuals).max() < max(0.5, 0.01 * extent) < 0.1 * extent:
-            what = f"a fit to all {n} degrees, {without}"
-            return Growth(_kind(power), 0.0, float(rates[-1]), what)
+            based_on = f"a fit to all {n} degrees, {without}"
+            return Growth(_kind(power), 0.0, float(rates[-1]), based_on)
     return unclear
 
 
-def _suggested(d: list[int]) -> str:
-    """Return what second differences suggest that stay bounded, but show no period.
+def _order_of_second_differences(d: list[int]) -> str:
+    """Return the order of growth, in words, if second differences are bounded without a period.
 
     Degrees of polynomial growth often have periodic second differences. Until a period shows, any
-    function can be fitted to them.
+    function can be fitted to them. For other sequences the text is empty.
     """
     differences = [np.diff(np.array(d, object), power) for power in range(3)]
     second = differences[2]
@@ -310,9 +317,9 @@ def _suggested(d: list[int]) -> str:
 
 
 def _is_bounded(sequence: Any, slack: int = 0) -> bool:
-    """Return True if the last third of a sequence is no larger than what comes before."""
-    sizes, begin = abs(sequence), len(sequence) - -(-len(sequence) // 3)
-    return bool(max(sizes[begin:]) <= max(sizes[:begin]) + slack)
+    """Return True if the last third of a sequence is no larger than the terms before it."""
+    moduli, begin = abs(sequence), 2 * len(sequence) // 3
+    return bool(max(moduli[begin:]) <= max(moduli[:begin]) + slack)
 
 
 def _is_periodic(sequence: Any) -> bool:

@@ -21,11 +21,13 @@ import flint
 
 from ..bodies.polynomials import Polynomial
 from . import arithmetic
-from .arithmetic import EPS, MORE, PRIME, Exponents, monomial_values
+from .arithmetic import EPS, EXTRA, PRIME
 from .functions import MODULAR, RationalFunction, gradient_of_logarithm, quotient_of
 from .kahan import KahanMap
 from .maps import RationalMap
+from .polynomials import Exponents, exponents_up_to, monomial_values, ring_modulo
 from .reconstruction import over_rationals, polynomials_with
+from .relations import monomials_along, relations_along
 
 _ORDERS = 200  # random orders of the monomials, each of which gives circuits
 _QUOTIENTS = 4_000  # of coefficients, whose degrees are compared
@@ -70,7 +72,7 @@ class ImplicitIntegral:
     def __call__(self, x: Sequence[Any], eps: Any = None) -> Fraction:
         """Return the value at a point; if eps is symbolic, at a value of eps."""
         map = self.map
-        if map.has_letter:
+        if map.is_symbolic:
             if eps is None:
                 raise TypeError("eps is symbolic here: pass a number, as f(x, eps=Fraction(1, 3))")
             assert isinstance(map, KahanMap)
@@ -94,15 +96,15 @@ class ImplicitIntegral:
 
     def gradient_of_logarithm(self) -> list[Any]:
         """Return the gradient of its logarithm at the random point of `arithmetic`."""
-        gradients = _gradients(self.map, self.monomials)
-        above, below = gradients[self.numerator], gradients[self.denominator]
-        return [a - b for a, b in zip(above, below, strict=True)]
+        gradients = _gradients_of_coefficients(self.map, self.monomials)
+        pairs = zip(gradients[self.numerator], gradients[self.denominator], strict=True)
+        return [a - b for a, b in pairs]
 
     def __str__(self) -> str:
         variables = self.map.names or [f"x{i + 1}" for i in range(self.map.dimension)]
-        names = [_text(e, variables) for e in (self.numerator, self.denominator)]
+        numerator, denominator = (_text(e, variables) for e in (self.numerator, self.denominator))
         relation = ", ".join(_text(e, variables) for e in self.monomials)
-        return f"c({names[0]})/c({names[1]}) of the relation between {relation}"
+        return f"c({numerator})/c({denominator}) of the relation between {relation}"
 
     def __repr__(self) -> str:
         return f"ImplicitIntegral({self}; degree {self.degree})"
@@ -115,18 +117,13 @@ def _text(exponents: Sequence[int], names: Sequence[str]) -> str:
 
 
 def _orbit_around(map: RationalMap, x: list[Any], length: int) -> list[Sequence[Any]]:
-    """Return points of an orbit around x, as numbers are shorter there; after x without inverse."""
-    before = 0 if map.inverse is None else (length - 1) // 2
+    """Return points of an orbit around x, where numbers are shorter; after x without an inverse."""
+    before = (length - 1) // 2 if map.has_inverse else 0
     backward = [*map.inverse.orbit(x, before + 1)] if before else [x]
     return [*backward[:0:-1], *map.orbit(x, length - before)]
 
 
 # A circuit is a set of monomials that has one relation along orbits, without a zero coefficient.
-
-
-def _values(map: RationalMap, monomials: Exponents, x: Sequence[Any], length: int) -> Any:
-    """Return the values of monomials at the points of an orbit modulo a prime, in rows."""
-    return flint.nmod_mat([[*monomial_values(monomials, y)] for y in map.orbit(x, length)], PRIME)
 
 
 def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list[Exponents]:
@@ -135,31 +132,34 @@ def circuits(map: RationalMap, monomials: Exponents, rng: random.Random) -> list
     Whatever the order of the monomials, each row of the reduced row echelon form of the relations
     belongs to a circuit.
     """
-    x = arithmetic.random_point(map.dimension, PRIME, rng)
-    relations = arithmetic.null_space(_values(map.at(EPS), monomials, x, len(monomials) + MORE))
+    relations = relations_along(
+        map, monomials, EPS, arithmetic.random_point(map.dimension, PRIME, rng)
+    )
     positions = range(len(monomials))
-    found = set()
+    supports = set()  # of rows: the positions of monomials with a coefficient
     for _ in range(_ORDERS if relations else 0):
         order = rng.sample(positions, len(positions))
-        rows = [[row[k] for k in order] for row in relations]
-        reduced = flint.nmod_mat(rows, PRIME).rref()[0].tolist()
-        for row in reduced:
-            found.add(tuple(sorted(k for k, c in zip(order, row, strict=True) if c != 0)))
-    shortest = sorted(found, key=lambda circuit: (len(circuit), circuit))
-    counts = accumulate(math.comb(len(circuit), 2) for circuit in shortest)
-    chosen = [each for each, count in zip(shortest, counts, strict=True) if count <= _QUOTIENTS]
-    return [tuple(monomials[k] for k in circuit) for circuit in chosen]
+        rows = [[relation[k] for k in order] for relation in relations]
+        for row in flint.nmod_mat(rows, PRIME).rref()[0].tolist():
+            supports.add(tuple(sorted(k for k, c in zip(order, row, strict=True) if c != 0)))
+    shortest = sorted(supports, key=lambda support: (len(support), support))
+    quotients = accumulate(math.comb(len(support), 2) for support in shortest)
+    return [
+        tuple(monomials[k] for k in support)
+        for support, count in zip(shortest, quotients, strict=True)
+        if count <= _QUOTIENTS
+    ]
 
 
-class _Line:
+class _RelationsOnLine:
     """The relations of circuits at points of a random line, of which `extend` adds more."""
 
     def __init__(self, map: RationalMap, circuits: list[Exponents], rng: random.Random) -> None:
-        self.map, self.circuits, self.rng = map.at(EPS), circuits, rng
+        self.map, self.circuits, self.rng = map.at_eps(EPS), circuits, rng
         self.monomials = tuple({e: None for circuit in circuits for e in circuit})
         self.columns = [[self.monomials.index(e) for e in circuit] for circuit in circuits]
-        draw = (arithmetic.random_point(map.dimension, PRIME, rng)[:-1] for _ in range(2))
-        self.ends = list(zip(*draw, strict=True))
+        a, b = (arithmetic.random_point(map.dimension, PRIME, rng)[:-1] for _ in range(2))
+        self.line = list(zip(a, b, strict=True))  # a + b t
         self.parameters: list[Any] = []
         self.coefficients: list[list[list[int]]] = []  # by point, circuit and monomial
 
@@ -168,60 +168,60 @@ class _Line:
         length = max(map(len, self.circuits))
         while len(self.parameters) < count:
             t = flint.nmod(self.rng.randrange(PRIME), PRIME)
-            x = [*(a + b * t for a, b in self.ends), t**0]
-            values = _values(self.map, self.monomials, x, length).tolist()
-            columns = ([[row[k] for k in each] for row in values] for each in self.columns)
-            spaces = [arithmetic.null_space(flint.nmod_mat(rows, PRIME)) for rows in columns]
+            x = [*(a + b * t for a, b in self.line), t**0]
+            values = monomials_along(self.map, self.monomials, x, length).tolist()
+            matrices = ([[row[k] for k in columns] for row in values] for columns in self.columns)
+            spaces = [arithmetic.null_space(flint.nmod_mat(rows, PRIME)) for rows in matrices]
             self.parameters.append(t)
             self.coefficients.append([space[0] for space in spaces])
         powers = [[t**k for k in range(count)] for t in self.parameters]
-        self._inverse = flint.nmod_mat(powers, PRIME).inv()
-        self._product = flint.nmod_poly([1], PRIME)
+        self._from_values = flint.nmod_mat(powers, PRIME).inv()  # to coefficients of polynomials
+        self._zeros = flint.nmod_poly([1], PRIME)  # product of all t - t_k
         for t in self.parameters:
-            self._product *= flint.nmod_poly([-t, 1], PRIME)
+            self._zeros *= flint.nmod_poly([-t, 1], PRIME)
 
-    def degree(self, circuit: int, above: int, below: int) -> int | None:
+    def degree(self, circuit: int, numerator: int, denominator: int) -> int | None:
         """Return the degree of the quotient of two coefficients; None if more points are needed.
 
         A quotient N / D of polynomials in the parameter is determined by deg N + deg D + 1 points;
         two more must agree with it.
         """
-        coefficients = [each[circuit] for each in self.coefficients]
-        quotients = [[flint.nmod(c[above], PRIME) / c[below]] for c in coefficients]
-        through = (self._inverse * flint.nmod_mat(quotients, PRIME)).entries()
+        coefficients = [of_point[circuit] for of_point in self.coefficients]
+        quotients = [[flint.nmod(c[numerator], PRIME) / c[denominator]] for c in coefficients]
+        interpolating = (self._from_values * flint.nmod_mat(quotients, PRIME)).entries()
         count = len(quotients)
-        # Euclid's algorithm keeps N = D through modulo the product of all t - t_k.
-        N, last_N = flint.nmod_poly(through, PRIME), self._product
+        # Euclid's algorithm keeps N = D times the interpolating polynomial, modulo the zeros.
+        N, last_N = flint.nmod_poly(interpolating, PRIME), self._zeros
         D, last_D = flint.nmod_poly([1], PRIME), flint.nmod_poly([0], PRIME)
         while N.degree() > (count - 1) // 2:
-            factor = last_N // N
-            N, last_N = last_N - factor * N, N
-            D, last_D = last_D - factor * D, D
+            quotient = last_N // N
+            N, last_N = last_N - quotient * N, N
+            D, last_D = last_D - quotient * D, D
         degrees = max(0, N.degree()), D.degree()
         return max(degrees) if sum(degrees) <= count - 3 else None
 
 
 @lru_cache(maxsize=1024)
-def _gradients(map: RationalMap, circuit: Exponents) -> dict[tuple[int, ...], Any]:
+def _gradients_of_coefficients(map: RationalMap, circuit: Exponents) -> dict[tuple[int, ...], Any]:
     """Return the gradients of the logarithms of the coefficients of a relation, by monomial.
 
     They are evaluated at the random point x_0 of `arithmetic`, and follow from the derivatives of
     ``sum_i c_i m_i(x_k) = 0`` with respect to x_0, for each k. The first coefficient is 1.
     """
-    n, now, x = map.dimension, map.at(EPS), arithmetic.random_point(map.dimension)
-    others = circuit[1:]
-    values = _values(now, circuit, x, len(others)).tolist()
-    rows = flint.nmod_mat([row[1:] for row in values], PRIME)
-    coefficients = rows.solve(flint.nmod_mat([[-row[0]] for row in values], PRIME)).entries()
-    ring = arithmetic.ring(n, False, flint.nmod_mpoly_ctx, PRIME)
-    relation = ring.from_dict(dict(zip(circuit, [1, *(int(c) for c in coefficients)], strict=True)))
-    slopes = [relation.derivative(i) for i in range(n)]
+    n, map, x = map.dimension, map.at_eps(EPS), arithmetic.random_point(map.dimension)
+    length = len(circuit) - 1
+    values = monomials_along(map, circuit, x, length).tolist()
+    others = flint.nmod_mat([row[1:] for row in values], PRIME)
+    coefficients = others.solve(flint.nmod_mat([[-row[0]] for row in values], PRIME)).entries()
+    terms = dict(zip(circuit, [1, *(int(c) for c in coefficients)], strict=True))
+    relation = ring_modulo(PRIME, n).from_dict(terms)
+    gradient = [relation.derivative(i) for i in range(n)]
     changes = []
-    for y, derivative in now.variations(x, len(others)):
-        slope = flint.nmod_mat([[each(*y[:-1]) for each in slopes]], PRIME)
-        changes.append((slope * derivative * -1).entries())
-    changed = rows.solve(flint.nmod_mat(changes, PRIME)).tolist()
-    logarithms = [[a / c for a in row] for row, c in zip(changed, coefficients, strict=True)]
+    for y, derivative in map.variations(x, length):
+        at_y = flint.nmod_mat([[slope(*y[:-1]) for slope in gradient]], PRIME)
+        changes.append((at_y * derivative * -1).entries())
+    gradients = others.solve(flint.nmod_mat(changes, PRIME)).tolist()
+    logarithms = [[a / c for a in row] for row, c in zip(gradients, coefficients, strict=True)]
     return dict(zip(circuit, [[0 * x[0]] * n, *logarithms], strict=True))
 
 
@@ -229,15 +229,12 @@ def independent_of(
     known: Sequence[RationalFunction], candidates: Iterable[ImplicitIntegral]
 ) -> Iterator[ImplicitIntegral]:
     """Yield the candidates that are independent of known integrals and of earlier candidates."""
-    rows = [gradient_of_logarithm(f) for f in known]
-    rank = len(rows)
-    for each in candidates:
-        rows.append(each.gradient_of_logarithm())
-        if flint.nmod_mat(rows, PRIME).rank() > rank:
-            rank += 1
-            yield each
-        else:
-            rows.pop()
+    gradients = [gradient_of_logarithm(f) for f in known]
+    for integral in candidates:
+        more = [*gradients, integral.gradient_of_logarithm()]
+        if flint.nmod_mat(more, PRIME).rank() == len(more):
+            gradients = more
+            yield integral
 
 
 def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[ImplicitIntegral]:
@@ -246,21 +243,24 @@ def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[Impli
     Most of them are functions of others: `independent_of` selects independent ones.
     """
     rng = random.Random(0)
-    chosen = circuits(map, monomials, rng)
-    if not chosen:
+    with_relation = circuits(map, monomials, rng)
+    if not with_relation:
         return
-    line = _Line(map, chosen, rng)
+    on_line = _RelationsOnLine(map, with_relation, rng)
+    # Quotients of coefficients: the number of a circuit, and the positions of two monomials.
     unknown = [
-        (k, *pair) for k, each in enumerate(chosen) for pair in combinations(range(len(each)), 2)
+        (k, *pair)
+        for k, circuit in enumerate(with_relation)
+        for pair in combinations(range(len(circuit)), 2)
     ]
     for most in _DEGREES:
-        line.extend(2 * most + 3)
-        degrees = {quotient: line.degree(*quotient) for quotient in unknown}
+        on_line.extend(2 * most + 3)
+        degrees = {quotient: on_line.degree(*quotient) for quotient in unknown}
         unknown = [quotient for quotient in unknown if degrees[quotient] is None]
-        found = [(degree, *quotient) for quotient, degree in degrees.items() if degree]
-        for degree, k, above, below in sorted(found):
-            circuit = chosen[k]
-            yield ImplicitIntegral(map, circuit, circuit[above], circuit[below], degree)
+        known = [(degree, *quotient) for quotient, degree in degrees.items() if degree]
+        for degree, k, numerator, denominator in sorted(known):
+            circuit = with_relation[k]
+            yield ImplicitIntegral(map, circuit, circuit[numerator], circuit[denominator], degree)
 
 
 def is_short(integral: ImplicitIntegral) -> bool:
@@ -274,26 +274,29 @@ def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
     if not is_short(integral):
         return None
     map, D = integral.map, integral.map.dimension
-    exponents = arithmetic.exponents_up_to(integral.degree, D)
+    exponents = exponents_up_to(integral.degree, D)
 
     def search(p: int, eps: int) -> arithmetic.Residues:
-        rng, now = random.Random(p), map.at(eps)
+        rng, at_number = random.Random(p), map.at_eps(eps)
         rows = []
-        for _ in range(2 * len(exponents) + MORE):
+        for _ in range(2 * len(exponents) + EXTRA):
             x = arithmetic.random_point(D, p, rng)
-            values, quotient = monomial_values(exponents, x), integral.value(now, x)
-            rows.append([*values, *(-quotient * values)])
+            values, quotient = monomial_values(exponents, x), integral.value(at_number, x)
+            rows.append([*values, *(-quotient * values)])  # numerator - quotient denominator = 0
         space = arithmetic.null_space(flint.nmod_mat(rows, p))
         return space if len(space) == 1 else []
 
-    rows = over_rationals(random.Random(integral.degree), search, map.has_letter)
+    rows = over_rationals(random.Random(integral.degree), search, map.is_symbolic)
     if not rows:
         return None
-    # An additional variable distinguishes the denominator.
-    parts = tuple((*e, part) for part in (0, 1) for e in exponents)
-    (whole,) = polynomials_with(rows, parts, map.has_letter)
-    above, below = (
-        map.ring.from_dict({(*e,): c for (*e, own), c in whole.to_dict().items() if own == part})
+    # One polynomial for both: an additional variable y distinguishes the denominator.
+    (both,) = polynomials_with(
+        rows, tuple((*e, y) for y in (0, 1) for e in exponents), map.is_symbolic
+    )
+    if len(both) > _TERMS:
+        return None
+    numerator, denominator = (
+        map.ring.from_dict({(*e,): c for (*e, y), c in both.to_dict().items() if y == part})
         for part in (0, 1)
     )
-    return quotient_of(above, below, MODULAR) if len(whole) <= _TERMS else None
+    return quotient_of(numerator, denominator, MODULAR)

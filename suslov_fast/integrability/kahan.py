@@ -20,11 +20,12 @@ from ..bodies.base import Body
 from ..bodies.field import QuadraticField
 from ..bodies.names import labels
 from ..checks import in_place_of, kind_of, wrong
-from .arithmetic import degree_of, matrix, step_size
+from .arithmetic import matrix, step_size
 from .functions import MODULAR, RationalFunction, factored, quotient_of
-from .maps import LONGEST, TERMS, RationalMap, coprime, cramer
+from .maps import LONGEST, TERMS, RationalMap
+from .polynomials import coprime, cramer, degree_of
 
-_POINTS = 3  # whose common roots are those of all points
+_POINTS = 3  # random points, whose common roots in eps are those of all points
 
 
 class KahanMap(RationalMap):
@@ -35,7 +36,7 @@ class KahanMap(RationalMap):
 
     def __init__(self, field: QuadraticField, eps: Fraction | None) -> None:
         self.field, self.eps = field, eps
-        self.dimension, self.has_letter = field.dimension, eps is None
+        self.dimension, self.is_symbolic = field.dimension, eps is None
         self.names = None if field.names == labels(field.dimension) else field.names
 
     @cached_property
@@ -46,18 +47,19 @@ class KahanMap(RationalMap):
         return KahanMap(self.field, -self.eps)
 
     @property
-    def _has_inverse(self) -> bool:
+    def has_inverse(self) -> bool:
+        """True: every Kahan map has the inverse with -eps."""
         return True
 
     def subs(self, eps: Any) -> KahanMap:
         """Return the map for a value of eps."""
         return kahan(self.field, eps)
 
-    def at(self, eps: int) -> KahanMap:
-        if not self.has_letter:
+    def at_eps(self, eps: int) -> KahanMap:
+        if not self.is_symbolic:
             return self
         map = KahanMap(self.field, Fraction(eps))
-        map._rows = self._rows  # these take long, and do not depend on eps
+        map._equations = self._equations  # these take long, and do not depend on eps
         return map
 
     def __repr__(self) -> str:
@@ -67,17 +69,17 @@ class KahanMap(RationalMap):
         return KahanMap, (self.field, self.eps)
 
     @cached_property
-    def _rows(self) -> list[Any]:
+    def _equations(self) -> list[Any]:
         """The rows of (A | b) of the equations A(x) x~ = b(x), times a common denominator.
 
-        Entries are lists of (j, a, b), for the terms (a + b eps) x_j of forms in x1, ..., xD, 1.
+        Entries are lists of (j, c, d), for the terms (c + d eps) x_j of forms in x1, ..., xD, 1.
         """
         (T, scale), D = _integers(self.field.table), self.dimension
 
         def entry(i: int, k: int) -> list[tuple[int, int, int]]:
             sign = 1 if k == D else -1  # at eps = 0, A is the unit matrix and b is x
             terms = ((j, scale * ({j, k} == {i, D}), sign * T[i, k, j]) for j in range(D + 1))
-            return [(j, a, b) for j, a, b in terms if a or b]
+            return [(j, c, d) for j, c, d in terms if c or d]
 
         return [[entry(i, k) for k in range(D + 1)] for i in range(D)]
 
@@ -89,11 +91,11 @@ class KahanMap(RationalMap):
             eps, unit = sign * self.eps.numerator, self.eps.denominator
         zero = 0 * x[-1]
         return [
-            [sum(((a * unit + b * eps) * x[j] for j, a, b in form), zero) for form in row]
-            for row in self._rows
+            [sum(((c * unit + d * eps) * x[j] for j, c, d in form), zero) for form in row]
+            for row in self._equations
         ]
 
-    def homogeneous(self, x: Sequence[Any]) -> list[Any]:
+    def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
         rows = self._system(x)
         if not isinstance(x[-1], flint.nmod | flint.fmpq):
             return cramer(rows)
@@ -101,14 +103,14 @@ class KahanMap(RationalMap):
         return [*A.solve(b).entries(), x[-1]]
 
     def derivative(self, x: Sequence[Any]) -> Any:
-        # It is A(x; eps)^-1 A(Phi(x); -eps).
+        # A(x; eps) DPhi(x) = A(Phi(x); -eps)
         systems = self._system(x), self._system(self.image(x), -1)
-        A, backward = (matrix([row[:-1] for row in rows]) for rows in systems)
-        return A.solve(backward)
+        A, A_backward = (matrix([row[:-1] for row in rows]) for rows in systems)
+        return A.solve(A_backward)
 
     @cached_property
     def _solution(self) -> list[Any]:
-        return self.homogeneous(self.variables)
+        return self.homogeneous_image(self.variables)
 
     @cached_property
     def forms(self) -> list[Any]:
@@ -121,17 +123,17 @@ class KahanMap(RationalMap):
 
     def _determinant(self) -> RationalFunction | None:
         # With det A homogeneous of degree D: det A(F; -eps) / (F_0^D det A(x; eps)).
-        whole = factored(cramer(self._system(self.variables, -1))[-1])
-        found = RationalFunction((), whole.constant) / factored(self.denominator)
-        found /= factored(self.forms[-1]) ** whole.degree
-        for f, e in whole.factors:
+        backward = factored(cramer(self._system(self.variables, -1))[-1])
+        determinant = RationalFunction((), backward.constant) / factored(self.denominator)
+        determinant /= factored(self.forms[-1]) ** backward.degree
+        for f, e in backward.factors:
             if self.cost_of_pullback(f, degree_of(f)) > LONGEST:
                 return None
             P = self.pullback(f, degree_of(f))
             if len(P) > TERMS:
                 return None
-            found *= factored(P) ** e
-        return found
+            determinant *= factored(P) ** e
+        return determinant
 
     @property
     def cost_of_factors(self) -> float:
@@ -150,11 +152,11 @@ class KahanMap(RationalMap):
         for _ in range(_POINTS):
             numbers = (*rng.sample(range(2, 10**6), self.dimension), 1)
             x = [self.ring.constant(a) for a in numbers]
-            y = self.homogeneous(x)
+            y = self.homogeneous_image(x)
             # det DPhi is this determinant at the homogeneous image y, over y_0^D det A(x).
             determinant = cramer(self._system(y, -1))[-1]
-            below = y[-1] ** (self.dimension + 1)
-            numerator = determinant // determinant.gcd(below)
+            denominator = y[-1] ** (self.dimension + 1)
+            numerator = determinant // determinant.gcd(denominator)
             common = common.gcd(numerator * y[-1])
         roots = factored(common).special
         return tuple(sorted({sign * eps for eps in roots for sign in (1, -1)}))
@@ -172,12 +174,12 @@ class KahanMap(RationalMap):
         """The integral H + grad H (x~ - x) / 3 of a field K grad H; None if it is constant."""
         if (H := self.hamiltonian) is None:
             return None
-        *above, F = self.forms
-        numerator = 3 * H * F
-        for i, (f, y) in enumerate(zip(above, self.variables, strict=False), self.has_letter):
-            numerator += H.derivative(i) * (f - y * F)
-        found = quotient_of(numerator, 3 * F, MODULAR)
-        return found if found.degree else None
+        *numerators, F_0 = self.forms
+        energy = 3 * H * F_0  # times 3 F_0
+        for i, (F, x) in enumerate(zip(numerators, self.variables, strict=False), self.is_symbolic):
+            energy += H.derivative(i) * (F - x * F_0)
+        modified = quotient_of(energy, 3 * F_0, MODULAR)
+        return modified if modified.degree else None
 
 
 def _integers(table: Any) -> tuple[Any, int]:

@@ -16,15 +16,16 @@ import numpy as np
 from ..bodies.field import QuadraticField
 from ..checks import integer, kind_of, wrong
 from . import arithmetic
-from .arithmetic import Exponents
-from .bases import exponents_of
+from .arguments import exponents_of, progress_function
 from .kahan import KahanMap, kahan
 from .maps import RationalMap
+from .polynomials import Exponents
 from .relations import relations_along
 
 _GENERAL = 3  # general values that tell how many relations there are in general
 _PRIMES = 211, 223  # all of whose residues are tried
-_STARTS = 3  # orbits modulo these: some of them are short
+_STEP_SIZES = 3  # modulo each of these
+_STARTS = 3  # orbits at each of these
 
 
 class Special(NamedTuple):
@@ -46,23 +47,22 @@ class Locus(list[Special]):
 
     def __init__(
         self,
-        found: Sequence[Special],
+        special: Sequence[Special],
         generic: int,
         height: int,
         left_out: Sequence[Fraction],
         algebraic: dict[int, tuple[int, ...]],
     ) -> None:
-        super().__init__(found)
+        super().__init__(special)
         self.generic, self.height = generic, height
         self.left_out, self.algebraic = tuple(left_out), algebraic
 
     def __repr__(self) -> str:
-        found = ", ".join(
-            f"{each.value} ({each.relations}{f', {each.degenerate}' * bool(each.degenerate)})"
-            for each in self
+        special = ", ".join(
+            f"{value} ({relations}, {why})" if why else f"{value} ({relations})"
+            for value, relations, why in self
         )
-        text = f"general values: {self.generic} relations; "
-        text += f"more at {found}" if found else "more at none"
+        text = f"general values: {self.generic} relations; more at {special or 'none'}"
         text += f", of all fractions of height up to {self.height}"
         if self.left_out:
             text += f" but {', '.join(map(str, self.left_out))}, without a map"
@@ -127,59 +127,61 @@ def locus(
     """
     degree, height = integer("degree", degree, 1), integer("height", height, 1)
     rng = random.Random(integer("seed", seed, 0))
-    if progress is not None and not callable(progress):
-        expected = "a function that is called as progress(done, parts)"
-        raise wrong("progress", expected, type(progress).__name__, TypeError)
+    report_progress = progress_function(progress)
+    parts = 2 + len(_PRIMES)
     maps = _Maps(f)
     general = [
         Fraction(rng.randrange(10**3, 10**6), rng.randrange(10**3, 10**6) | 1)
         for _ in range(_GENERAL)
     ]
-    known = next((each for each in map(maps.at, general) if each is not None), None)
-    if known is None:
+    example = next(filter(None, map(maps.at, general)), None)
+    if example is None:
         raise ArithmeticError("f makes no map for general values of the parameter") from maps.error
-    exponents = exponents_of(degree if monomials is None else monomials, known.dimension)
+    exponents = exponents_of(degree if monomials is None else monomials, example.dimension)
 
     def counts(values: Sequence[Fraction], p: int, eps: int) -> dict[Fraction, int]:
         """Return the numbers of relations along orbits from one random point modulo p."""
-        x = arithmetic.random_point(known.dimension, p, rng)
-        return {v: _count(maps.at(v), exponents, p, eps, x) for v in values}
+        x = arithmetic.random_point(example.dimension, p, rng)
+        return {value: _count(maps.at(value), exponents, eps, x) for value in values}
 
-    def general_counts(values: Sequence[Fraction]) -> dict[Fraction, int]:
+    def counts_modulo_large_prime(values: Sequence[Fraction]) -> dict[Fraction, int]:
         p = arithmetic.random_prime(rng)
         return counts(values, p, rng.randrange(2, p))
 
-    def done(part: int) -> None:
-        if progress is not None:
-            progress(part, 2 + len(_PRIMES))
-
-    if not (usual := [n for n in general_counts(general).values() if n >= 0]):
+    of_general = [n for n in counts_modulo_large_prime(general).values() if n >= 0]
+    if not of_general:
         raise ArithmeticError("f makes no map for general values of the parameter")
-    generic = min(usual)
-    first = general_counts(fractions_up_to(height))
-    done(1)
-    again = general_counts([v for v, n in first.items() if n > generic])
-    done(2)
-    found = [
-        Special(v, min(n, first[v]), _why_degenerate(maps.at(v)))
-        for v, n in again.items()
+    generic = min(of_general)
+    first = counts_modulo_large_prime(fractions_up_to(height))
+    report_progress(1, parts)
+    second = counts_modulo_large_prime([value for value, n in first.items() if n > generic])
+    report_progress(2, parts)
+    special = [
+        Special(value, min(n, first[value]), _why_degenerate(maps.at(value)))
+        for value, n in second.items()
         if n > generic
     ]
+
+    def other_residues(p: int) -> tuple[int, ...]:
+        """Return the residues that have more relations at each eps, and are of no listed value."""
+        fractions = [value for value, *_ in special if value.denominator % p]
+        listed = {value.numerator * pow(value.denominator, -1, p) % p for value in fractions}
+        residues = [Fraction(k) for k in range(p) if k not in listed]
+        for _ in range(_STEP_SIZES):
+            eps, with_orbit = rng.randrange(2, p - 1), set[Fraction]()
+            for _ in range(_STARTS):  # a short orbit has more relations, or ends at a pole
+                relations = counts(residues, p, eps)
+                residues = [k for k in residues if not 0 <= relations[k] <= generic]
+                with_orbit |= {k for k in residues if relations[k] >= 0}
+            residues = [k for k in residues if k in with_orbit]
+        return tuple(map(int, residues))
+
     algebraic = {}
     for part, p in enumerate(_PRIMES, start=3):
-        fractions = [each.value for each in found if each.value.denominator % p]
-        listed = {a.numerator * pow(a.denominator, -1, p) % p for a in fractions}
-        left = [Fraction(k) for k in range(p) if k not in listed]
-        for _ in range(_STARTS):
-            eps, counted = rng.randrange(2, p - 1), set[Fraction]()
-            for _ in range(_STARTS):
-                now = counts(left, p, eps)
-                left = [v for v in left if not 0 <= now[v] <= generic]
-                counted |= {v for v in left if now[v] >= 0}
-            left = [v for v in left if v in counted]
-        algebraic[p] = tuple(map(int, left))
-        done(part)
-    return Locus(found, generic, height, [v for v, n in first.items() if n < 0], algebraic)
+        algebraic[p] = other_residues(p)
+        report_progress(part, parts)
+    left_out = [value for value, n in first.items() if n < 0]
+    return Locus(special, generic, height, left_out, algebraic)
 
 
 def fractions_up_to(height: int) -> list[Fraction]:
@@ -200,43 +202,44 @@ class _Maps:
         if not callable(f):
             raise wrong("f", "a function of the parameter", kind_of(f), TypeError)
         self._f = f
-        self._known: dict[Fraction, RationalMap | None] = {}
+        self._by_value: dict[Fraction, RationalMap | None] = {}
         self._dimension: int | None = None
         self.error: Exception | None = None  # of a value without a map
 
     def at(self, value: Fraction) -> RationalMap | None:
         """Return the map; None if there is none."""
-        if value not in self._known:
-            self._known[value] = self._new(value)
-        return self._known[value]
+        if value not in self._by_value:
+            self._by_value[value] = self._call(value)
+        return self._by_value[value]
 
-    def _new(self, value: Fraction) -> RationalMap | None:
+    def _call(self, value: Fraction) -> RationalMap | None:
         try:
-            given = self._f(value)
+            returned = self._f(value)
         except (ArithmeticError, ValueError) as error:
             if not _is_arithmetic(error):
                 raise
             self.error = error
             return None
-        if isinstance(given, QuadraticField) and not given.shape:
-            given = kahan(given)
-        if not isinstance(given, RationalMap):
-            got = f"{kind_of(given)} at {value}"
+        if isinstance(returned, QuadraticField) and not returned.shape:
+            returned = kahan(returned)
+        if not isinstance(returned, RationalMap):
+            got = f"{kind_of(returned)} at {value}"
             raise wrong("f", "a single QuadraticField or map for each number", got, TypeError)
-        self._dimension = self._dimension or given.dimension
-        if given.dimension != self._dimension:
+        self._dimension = self._dimension or returned.dimension
+        if returned.dimension != self._dimension:
             expected = f"have {self._dimension} variables for each number"
-            raise wrong("f", expected, f"{given.dimension} at {value}")
-        return given
+            raise wrong("f", expected, f"{returned.dimension} at {value}")
+        return returned
 
 
-def _count(map: RationalMap | None, exponents: Exponents, p: int, eps: int, x: list[Any]) -> int:
+def _count(map: RationalMap | None, exponents: Exponents, eps: int, x: list[Any]) -> int:
     """Return the number of relations along an orbit modulo a prime; -1 without a map or orbit."""
+    p = int(x[0].modulus())
     coefficients = map.field.table.flat if isinstance(map, KahanMap) else ()
     if map is None or not all(c.denominator % p for c in coefficients):
         return -1
     try:
-        return len(relations_along(map, exponents, p, eps, x))
+        return len(relations_along(map, exponents, eps, x))
     except ZeroDivisionError:
         return -1
 
@@ -248,5 +251,5 @@ def _why_degenerate(map: RationalMap | None) -> str:
     field = map.field
     if not np.any(field.table[:, :-1, :-1] != 0):
         return "the field is linear"
-    rows = zip(field.names, field.table, strict=True)
-    return " and ".join(f"{name}' = 0" for name, row in rows if not np.any(row != 0))
+    components = zip(field.names, field.table, strict=True)
+    return " and ".join(f"{name}' = 0" for name, table in components if not np.any(table != 0))

@@ -14,15 +14,18 @@ from typing import Any
 import flint
 
 from ..checks import integer, wrong
-from .confinement import is_proved, why_never
+from .confinement import is_proved
 from .contracted import Passage, Plane, passages_across
 from .growth import check_degrees, rational_series
-from .maps import RationalMap, check_map, cramer
+from .maps import RationalMap, check_map
+from .never_confined import why_never
+from .polynomials import determinant
 from .tasks import Task
 
-_STEPS = 80  # of an orbit that are looked at
+_STEPS = 80  # of an orbit that are computed
 _DEGREES = 24  # that are predicted
 _COST = 0.2  # seconds, roughly
+_ROUNDING = 1e-9  # of the modulus of a root
 
 
 @dataclass(frozen=True)
@@ -42,9 +45,9 @@ class Contraction:
 
     def __str__(self) -> str:
         points = "1 point" if self.length == 1 else f"{self.length} points"
-        what = f"confined after {points}" if self.length else ""
+        confined = f"confined after {points}, " if self.length else ""
         curves = f" ({self.count} conjugate curves)" if self.count > 1 else ""
-        return f"{self.curve}{curves}: {', '.join(filter(None, (what, self.how)))}"
+        return f"{self.curve}{curves}: {confined}{self.how}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,7 +58,7 @@ class PlanarEntropy:
     of the action on the plane blown up at the points of the confined orbits; `minimal` is its
     factor with this root. `degrees` are those of the first iterates, as they follow from it. If
     `proved`, the entropy is exact. Else `entropy_error` is the difference that it would make if the
-    orbits that are not decided were confined at the first step that was not looked at. Without an
+    orbits that are not decided were confined at the first step that was not computed. Without an
     entropy, `reason` says why there is none.
     """
 
@@ -72,7 +75,7 @@ class PlanarEntropy:
     @property
     def lengths(self) -> tuple[int | None, ...]:
         """The lengths of the orbits, one for each curve; None for those that are not confined."""
-        return tuple(each.length for each in self.contractions for _ in range(each.count))
+        return tuple(curve.length for curve in self.contractions for _ in range(curve.count))
 
     @property
     def root(self) -> float | None:
@@ -84,7 +87,7 @@ class PlanarEntropy:
             return f"PlanarEntropy(none: {self.reason})"
         how = "proved" if self.proved else f"not proved, error {self.entropy_error:.1g}"
         root = f", the largest root of {self.minimal}" if self.entropy else ""
-        lines = "".join(f"\n  {each}" for each in self.contractions)
+        lines = "".join(f"\n  {curve}" for curve in self.contractions)
         return f"PlanarEntropy({self.entropy:.10g}{root}; {how}){lines}"
 
 
@@ -140,9 +143,9 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     if (polynomial := characteristic_polynomial(plane, passages)) is None:
         why = "a contracted curve comes to points without an image again and again, without a rule"
         return PlanarEntropy(reason=why)
-    contractions = tuple(_decided(plane, k, passage) for k, passage in enumerate(passages))
-    minimal, root = _largest(polynomial)
-    proved = all(each.proved for each in contractions)
+    contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
+    minimal, root = _factor_with_largest_root(polynomial)
+    proved = all(curve.proved for curve in contractions)
     error = 0.0 if proved else _error(plane, passages, contractions, root)
     return PlanarEntropy(
         contractions,
@@ -150,9 +153,9 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
         _in_x(minimal),
         math.log(root),
         error,
-        tuple(predicted(plane, passages, _DEGREES)),
+        tuple(predicted_degrees(plane, passages, _DEGREES)),
         proved,
-        "; ".join(str(each) for each in contractions) or "no contracted curve",
+        "; ".join(str(curve) for curve in contractions) or "no contracted curve",
     )
 
 
@@ -168,7 +171,8 @@ def entropy_of_planar_maps(search: Any) -> Iterator[Task]:
         yield Task(_COST, run, "planar entropy")
 
 
-def _decided(plane: Plane, number: int, passage: Passage) -> Contraction:
+def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
+    """Return what becomes of a curve, with a proof if one is found."""
     exact = is_proved(plane, number, passage)
     length = None if passage.steps is None else passage.steps - 1
     if passage.endless:
@@ -183,33 +187,33 @@ def _decided(plane: Plane, number: int, passage: Passage) -> Contraction:
     return Contraction(plane.text(number), plane.count(number), length, exact, how)
 
 
-# S_j are the curves that the j-th iterate maps onto a contracted curve C, of degree s_j. A curve
-# among them is a factor of P(F) after k more steps, for P = C and for the common factor of the
-# next iterate, with the orders of a germ. So, with d_0 = 1 and the degree d of the map,
-#   s_j = deg(C) d_j - sum over curves and k of met(k) s_(j - k),
-#   d_(j + 1) = d d_j - sum over curves and k of common(k) s_(j - k).
+# The curve that the j-th iterate maps onto a contracted curve C has the degree s_j. It is a factor
+# of P(F) after k more steps, for P = C and for the common factor of the next iterate, with the
+# orders of a germ. So, with d_0 = 1 and the degree d of the map,
+#   s_j = deg(C) d_j - sum over curves and k of curve_orders(k) s_(j - k),
+#   d_(j + 1) = d d_j - sum over curves and k of common_orders(k) s_(j - k).
 
 
-def predicted(plane: Plane, passages: list[Passage], count: int) -> list[int]:
+def predicted_degrees(plane: Plane, passages: list[Passage], count: int) -> list[int]:
     """Return the degrees of iterates that follow from the passages."""
-    known = (len(passage.common) + 1 for passage in passages if passage.endless)
-    degrees: list[int] = [1]
-    curves: list[list[int]] = [[] for _ in passages]
+    known = (len(passage.common_orders) + 1 for passage in passages if passage.endless)
+    d = [1]
+    s: list[list[int]] = [[] for _ in passages]
     for j in range(min([count, *known])):
-        for number, each in enumerate(curves):
-            less = sum(
-                met[number] * curves[other][j - k]
+        for curve, degree in enumerate(plane.degrees):
+            lost = sum(
+                orders[curve] * s[other][j - k]
                 for other, passage in enumerate(passages)
-                for k, met in enumerate(passage.met[:j], start=1)
+                for k, orders in enumerate(passage.curve_orders[:j], start=1)
             )
-            each.append(plane.degrees[number] * degrees[j] - less)
-        less = sum(
-            order * curves[other][j - k]
+            s[curve].append(degree * d[j] - lost)
+        lost = sum(
+            order * s[other][j - k]
             for other, passage in enumerate(passages)
-            for k, order in enumerate(passage.common[:j], start=1)
+            for k, order in enumerate(passage.common_orders[:j], start=1)
         )
-        degrees.append(plane.degree * degrees[j] - less)
-    return degrees[1:]
+        d.append(plane.degree * d[j] - lost)
+    return d[1:]
 
 
 def characteristic_polynomial(plane: Plane, passages: list[Passage]) -> Any:
@@ -218,15 +222,18 @@ def characteristic_polynomial(plane: Plane, passages: list[Passage]) -> Any:
     For generating functions in z they are linear; the determinant is the polynomial of 1 / z. If a
     passage has no end, the generating functions of its orders are quotients; None if none are seen.
     """
-    zero, one, z = (flint.fmpz_poly(c) for c in ([], [1], [0, 1]))
-    used = [k for k, passage in enumerate(passages) if passage.common]
-    columns, below = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]], one
+    one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
+    used = [k for k, passage in enumerate(passages) if passage.common_orders]
+    # The unknowns are the generating functions of d, and of s for each curve that is used; a column
+    # is multiplied by the common denominator of its entries.
+    columns, denominator = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]], one
     for k in used:
-        orders = [
-            (0, *passages[k].common),
-            *((0, *(met[i] for met in passages[k].met)) for i in used),
+        passage = passages[k]
+        sequences = [
+            (0, *passage.common_orders),
+            *((0, *(orders[i] for orders in passage.curve_orders)) for i in used),
         ]
-        pairs = [rational_series(each) if passages[k].endless else (each, (1,)) for each in orders]
+        pairs = [rational_series(d) if passage.endless else (d, (1,)) for d in sequences]
         if None in pairs:
             return None
         series = [[flint.fmpz_poly([*part]) for part in pair] for pair in pairs if pair]
@@ -235,11 +242,11 @@ def characteristic_polynomial(plane: Plane, passages: list[Passage]) -> Any:
         column[0] *= z
         column[1 + used.index(k)] += common
         columns.append(column)
-        below *= common
-    determinant = cramer([[*row, zero] for row in zip(*columns, strict=True)])[-1]
-    determinant //= determinant.gcd(below)
-    reversed_polynomial = flint.fmpz_poly(determinant.coeffs()[::-1])
-    return reversed_polynomial * (1 if determinant[0] > 0 else -1)
+        denominator *= common
+    P = determinant([*zip(*columns, strict=True)])
+    P //= P.gcd(denominator)
+    reversed_polynomial = flint.fmpz_poly(P.coeffs()[::-1])
+    return reversed_polynomial * (1 if P[0] > 0 else -1)
 
 
 def _in_x(polynomial: Any) -> Any:
@@ -247,15 +254,15 @@ def _in_x(polynomial: Any) -> Any:
     return flint.fmpz_mpoly_ctx.get(("x",), ordering="deglex").from_dict(terms)
 
 
-def _largest(polynomial: Any) -> tuple[Any, float]:
-    """Return the factor with the largest root, and this root; 1 if no root is larger."""
-    largest, factor = 1.0, flint.fmpz_poly([-1, 1])
-    for each, _ in polynomial.factor()[1]:
-        if each.degree() > 0 and not each.is_cyclotomic():
-            size = max(abs(complex(root)) for root, _ in each.complex_roots())
-            if size > largest + 1e-9:
-                largest, factor = size, each
-    return factor, largest
+def _factor_with_largest_root(polynomial: Any) -> tuple[Any, float]:
+    """Return the factor with the largest root, and this root; x - 1 if no root is larger."""
+    largest, with_it = 1.0, flint.fmpz_poly([-1, 1])
+    for factor, _ in polynomial.factor()[1]:
+        if not factor.is_cyclotomic():
+            modulus = max(abs(complex(root)) for root, _ in factor.complex_roots())
+            if modulus > largest + _ROUNDING:
+                largest, with_it = modulus, factor
+    return with_it, largest
 
 
 def _error(
@@ -266,22 +273,24 @@ def _error(
     Of orbits without an end, what changes if they end there.
     """
     if any(passage.endless for passage in passages):
-        polynomials = [each._replace(endless=False) for each in passages]
-        _, other = _largest(characteristic_polynomial(plane, polynomials))
+        ended = [passage._replace(endless=False) for passage in passages]
+        _, other = _factor_with_largest_root(characteristic_polynomial(plane, ended))
         return abs(math.log(root / other))
-    undecided = [k for k, each in enumerate(contractions) if not each.proved and not each.length]
+    undecided = [k for k, curve in enumerate(contractions) if not curve.proved and not curve.length]
     if root == 1 or not undecided:
         return 0.0
     none = (0,) * len(passages)
-    changed = [*passages]
+    confined = [*passages]
     for k in undecided:
-        common = (*passages[k].common, *(0,) * (_STEPS - len(passages[k].common)), 1)
-        met = (*passages[k].met, *(none,) * (_STEPS + 1 - len(passages[k].met)))
-        changed[k] = Passage(common, met, _STEPS + 2)
-    before, after = (characteristic_polynomial(plane, each) for each in (passages, changed))
+        common, curves = passages[k].common_orders, passages[k].curve_orders
+        common = (*common, *(0,) * (_STEPS - len(common)), 1)
+        curves = (*curves, *(none,) * (_STEPS + 1 - len(curves)))
+        confined[k] = Passage(common, curves, _STEPS + 2)
+    before, after = (characteristic_polynomial(plane, p) for p in (passages, confined))
+    # The change of the root is too small for floats, but not that of the polynomial there. Both
+    # polynomials are multiplied by powers of x to the same degree.
     shift = after.degree() - before.degree()
-    powers = [flint.fmpz_poly([0] * max(0, each) + [1]) for each in (shift, -shift)]
-    # The change of the root is too small for floats, but not that of the polynomial there.
-    change = after * powers[1] - before * powers[0]
-    at = flint.arb(root)
-    return abs(float(change(at) / powers[0](at) / before.derivative()(at) / at))
+    of_before, of_after = (flint.fmpz_poly([0] * max(0, k) + [1]) for k in (shift, -shift))
+    change = after * of_after - before * of_before
+    x = flint.arb(root)
+    return abs(float(change(x) / of_before(x) / before.derivative()(x) / x))

@@ -30,43 +30,42 @@ _BRIEF = 1.0  # seconds of processor time that a search may take in this process
 Parts = Iterator[tuple[Any, int, int]]
 
 
-def search(found: Any, seed: int, may_go_on: Callable[[float], bool] | None = None) -> Parts:
+def search(report: Any, seed: int, may_go_on: Callable[[float], bool] | None = None) -> Parts:
     """Fill a `Report`; yield it after each task, with the numbers of tasks done and known.
 
     The search ends before the first task for whose estimated seconds `may_go_on` is False.
     """
-    facts = Search(found.map, found.degree, seed)
+    facts = Search(report.map, report.degree, seed)
     queue = facts.queue
     for _ in queue:
-        facts.fill(found)
-        if found.map.has_letter:
-            formulas = [*found.integrals, *found.measures, *found.polynomials]
+        facts.fill(report)
+        if report.map.is_symbolic:
+            formulas = [*report.integrals, *report.measures, *report.polynomials]
             special = {eps for f in formulas for eps in f.special}
-            found.special_eps = tuple(sorted(special.union(found.map.degenerate_eps)))
-        yield found, queue.done, queue.done + len(queue)
+            report.special_eps = tuple(sorted(special.union(report.map.degenerate_eps)))
+        yield report, queue.done, queue.done + len(queue)
         if may_go_on and not may_go_on(queue.next_cost):
             return
-    found.finished = True
+    report.finished = True
     known = queue.done + len(queue)
-    yield found, known, known
+    yield report, known, known
 
 
-def search_with_interrupts(found: Any, seed: int) -> Parts:
+def search_with_interrupts(report: Any, seed: int) -> Parts:
     """Yield what `search` yields, such that Ctrl-C takes effect within about a second.
 
-    python-flint cannot be interrupted, so a search that takes longer is repeated in another
-    process, and goes on there.
+    A search that takes longer is repeated in another process, and goes on there.
     """
-    begin, done, again = time.thread_time(), 0, dataclasses.replace(found)
+    begin, done, empty = time.thread_time(), 0, dataclasses.replace(report)
 
     def may_go_on(estimate: float) -> bool:
         return time.thread_time() - begin + estimate < _BRIEF or _is_frozen()
 
-    for result in search(found, seed, may_go_on):
+    for result in search(report, seed, may_go_on):
         done = result[1]
         yield result
-    if not found.finished:
-        yield from (result for result in search_until(math.inf, again, seed) if result[1] > done)
+    if not report.finished:
+        yield from (result for result in search_until(math.inf, empty, seed) if result[1] > done)
 
 
 def _is_frozen() -> bool:
@@ -74,11 +73,8 @@ def _is_frozen() -> bool:
     return getattr(sys, "frozen", False) or not sys.executable
 
 
-def search_until(deadline: float, found: Any, seed: int) -> Parts:
-    """Yield what `search` yields, until `time.monotonic()` reaches the deadline.
-
-    It runs in another process, since python-flint cannot be interrupted.
-    """
+def search_until(deadline: float, report: Any, seed: int) -> Parts:
+    """Yield what `search` yields in another process, until `time.monotonic()` is the deadline."""
     pipe, command = subprocess.PIPE, [sys.executable, "-c", _START.format(sys.path)]
     process: Any = subprocess.Popen(command, stdin=pipe, stdout=pipe)
     left = min(deadline - time.monotonic(), threading.TIMEOUT_MAX)
@@ -87,12 +83,12 @@ def search_until(deadline: float, found: Any, seed: int) -> Parts:
         try:
             timer.start()
             with process.stdin:
-                pickle.dump((found, seed), process.stdin)
-            while not found.finished:
+                pickle.dump((report, seed), process.stdin)
+            while not report.finished:
                 result = pickle.load(process.stdout)
                 if isinstance(result, Exception):
                     raise result
-                found = result[0]
+                report = result[0]
                 yield result
         except (EOFError, BrokenPipeError, pickle.UnpicklingError):
             if time.monotonic() < deadline:
@@ -109,14 +105,14 @@ def serve() -> None:
     """
     parent = os.getppid()
     out = sys.stdout.buffer
-    last = b""
+    written = b""
     try:
         for result in search(*pickle.load(sys.stdin.buffer)):
             report, _, _ = result
             if os.getppid() != parent:
                 return
-            if (now := pickle.dumps(report)) != last or report.finished:
-                last = now
+            if (pickled := pickle.dumps(report)) != written or report.finished:
+                written = pickled
                 pickle.dump(result, out)
                 out.flush()
     except Exception as error:

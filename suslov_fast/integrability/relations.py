@@ -1,33 +1,39 @@
-"""Linear relations between monomials along orbits modulo primes, and the integrals they show.
+"""Linear relations ``sum_i c_i m_i(x_k) = 0`` between monomials along orbits, modulo primes.
 
-They are the null space of the monomials at the points of an orbit, which has some points more than
-there are monomials (arXiv:1008.1040).
+They are the null space of the monomials at the points x_k of an orbit, which has some points more
+than there are monomials (Petrera, Pfadler and Suris, arXiv:1008.1040). The coefficients depend on
+the orbit alone. `bases`, `implicit`, `locus` and `search` use them.
 """
 
 import random
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
 import flint
 
 from . import arithmetic
-from .arithmetic import MORE, Exponents, Polynomials, Residues, monomial_values
+from .arithmetic import EXTRA, Residues
 from .maps import RationalMap
+from .polynomials import Exponents, Polynomials, monomial_values, ring_modulo
 from .reconstruction import over_rationals, polynomials_with
 
+_ORBITS = 3  # whose relations span those of all orbits
 
-def relations_along(
-    map: RationalMap, exponents: Exponents, p: int, eps: int, x: list[Any]
-) -> Residues:
-    """Return the relations along an orbit, in the form of `HKBasis.basis`."""
-    orbit = map.at(eps).orbit(x, len(exponents) + MORE)
-    return arithmetic.null_space(
-        flint.nmod_mat([[*monomial_values(exponents, y)] for y in orbit], p)
-    )
+
+def monomials_along(map: RationalMap, exponents: Exponents, x: Sequence[Any], length: int) -> Any:
+    """Return the values of monomials at the points of an orbit modulo a prime, in rows."""
+    return arithmetic.matrix([[*monomial_values(exponents, y)] for y in map.orbit(x, length)])
+
+
+def relations_along(map: RationalMap, exponents: Exponents, eps: int, x: list[Any]) -> Residues:
+    """Return the relations along an orbit modulo a prime, in the form of `HKBasis.basis`."""
+    length = len(exponents) + EXTRA
+    return arithmetic.null_space(monomials_along(map.at_eps(eps), exponents, x, length))
 
 
 @lru_cache(maxsize=32)
-def counts(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]:
+def count_relations(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]:
     """Return the number of relations along an orbit, and of the independent integrals they show.
 
     The latter is the rank of the derivatives of their coefficients c by the first point x_0, from
@@ -35,17 +41,18 @@ def counts(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]
     """
     rng, n, count = random.Random(seed), map.dimension, len(exponents)
 
-    def count_once(p: int, eps: int) -> tuple[int, int]:
+    def count_modulo(p: int, eps: int) -> tuple[int, int]:
         x = arithmetic.random_point(n, p, rng)
-        relations = relations_along(map, exponents, p, eps, x)
+        relations = relations_along(map, exponents, eps, x)
         if not relations:
             return 0, 0
-        ring = arithmetic.ring(n, False, flint.nmod_mpoly_ctx, p)
+        ring = ring_modulo(p, n)
         polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
-        gradients = [[each.derivative(i) for i in range(n)] for each in polynomials]
+        gradients = [[P.derivative(i) for i in range(n)] for P in polynomials]
+        # sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k): elimination solves these equations for dc.
         rows = []
-        for y, derivative in map.at(eps).variations(x, count + MORE):
-            values = [[each(*y[:-1]) for each in row] for row in gradients]
+        for y, derivative in map.at_eps(eps).variations(x, count + EXTRA):
+            values = [[slope(*y[:-1]) for slope in gradient] for gradient in gradients]
             changes = flint.nmod_mat(values, p) * derivative
             rows.append([*monomial_values(exponents, y), *changes.entries()])
         reduced = flint.nmod_mat(rows, p).rref()[0].tolist()[: count - len(relations)]
@@ -53,20 +60,23 @@ def counts(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]
         rank = flint.nmod_mat([row[k : k + n] for row in reduced for k in starts], p).rank()
         return len(relations), int(rank)
 
-    return arithmetic.confirmed(rng, count_once)  # type: ignore[no-any-return]
+    return arithmetic.agreed_by_primes(rng, count_modulo)  # type: ignore[no-any-return]
 
 
-def integrals_of(map: RationalMap, exponents: Exponents, seed: int) -> Polynomials:
-    """Return the polynomials of all relations if their quotients are first integrals."""
-    rng, (dimension, _) = random.Random(seed), counts(map, exponents, seed)
+def integrals_of_relations(map: RationalMap, exponents: Exponents, seed: int) -> Polynomials:
+    """Return the polynomials of all relations if their quotients are first integrals, else ().
+
+    They are if the relations of all orbits span one dimension more than those of one orbit.
+    """
+    rng, (dimension, _) = random.Random(seed), count_relations(map, exponents, seed)
     if dimension == 0:
         return ()
 
     def span(p: int, eps: int) -> Residues:
-        points = [arithmetic.random_point(map.dimension, p, rng) for _ in range(3)]
-        rows = [row for x in points for row in relations_along(map, exponents, p, eps, x)]
-        reduced, rank = flint.nmod_mat(rows, p).rref()
-        return arithmetic.integer_rows(reduced)[:rank] if rank == dimension + 1 else []
+        points = [arithmetic.random_point(map.dimension, p, rng) for _ in range(_ORBITS)]
+        rows = [row for x in points for row in relations_along(map, exponents, eps, x)]
+        basis = arithmetic.row_space(rows, p)
+        return basis if len(basis) == dimension + 1 else []
 
-    rows = over_rationals(rng, span, map.has_letter)
-    return polynomials_with(rows or [], exponents, map.has_letter)
+    rows = over_rationals(rng, span, map.is_symbolic)
+    return polynomials_with(rows or [], exponents, map.is_symbolic)

@@ -9,17 +9,14 @@ import dataclasses
 import json
 import math
 import time
-from collections.abc import Iterable
 from contextlib import closing
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
-
 from ..bodies.field import QuadraticField
-from ..bodies.polynomials import polynomial_of
 from ..checks import integer, real_number, wrong
-from . import arithmetic
+from .arguments import check_unknowns, progress_function
+from .decimals import as_decimal, in_decimals, note_on_floats
 from .functions import IDENTITY, MODULAR, RationalFunction
 from .growth import Growth, growth
 from .implicit import ImplicitIntegral
@@ -31,12 +28,7 @@ from .symmetries import Reversor
 
 _WIDTH = 150  # characters of a polynomial in the text
 _PROOF = {IDENTITY: "proved", MODULAR: "checked modulo primes, at random points"}
-
 _ROUNDING = 1e-12  # of an entropy
-_LONG = 2**20  # denominators of floats such as 0.1
-_ODD = 1000  # factors of denominators of fractions of floats
-_DIGITS = 12  # of decimals that sums and products of floats can be
-
 Functions = tuple[RationalFunction, ...]
 
 
@@ -76,14 +68,14 @@ class Report:
 
         If `planar` shows that a recurrence is accidental, the entropy is no longer exact.
         """
-        found, exact = growth(self.degrees, planar=self.map.is_planar), self.planar
-        if exact is None or exact.entropy is None or found.entropy_error > 0:
-            return found
-        error = abs(exact.entropy - found.entropy)
-        if error <= exact.entropy_error + _ROUNDING:
-            return found
-        what = f"{found.based_on}, by accident, as the contracted curves show"
-        return found._replace(entropy_error=error, based_on=what)
+        by_degrees, planar = growth(self.degrees, planar=self.map.is_planar), self.planar
+        if planar is None or planar.entropy is None or by_degrees.entropy_error > 0:
+            return by_degrees
+        error = abs(planar.entropy - by_degrees.entropy)
+        if error <= planar.entropy_error + _ROUNDING:
+            return by_degrees
+        based_on = f"{by_degrees.based_on}, by accident, as the contracted curves show"
+        return by_degrees._replace(entropy_error=error, based_on=based_on)
 
     @property
     def dimension(self) -> int:
@@ -92,91 +84,104 @@ class Report:
         return self.map.dimension - max(known, self.relations or 0)
 
     def __repr__(self) -> str:
-        d, D = self.degree, self.map.dimension
-        title = f"Map of {D} variables"
-        if isinstance(self.map, KahanMap):
-            field, eps = str(self.map.field), self.map.eps
-            field = field if len(field) <= 2 * _WIDTH else f"a quadratic field of {D} variables"
-            title = f"Kahan map of {field}, eps {'symbolic' if eps is None else f'= {eps}'}"
-        kind, entropy, error, based_on = self.growth
-        rate = "" if math.isnan(entropy) else f", entropy {entropy:.4g}"
-        rate += f" with a spread of {error:.1g}" if error > 0 else ""
-        if kind == "linear" and D == 2:
-            based_on += "; in the plane a sign of an invariant fibration, which may be no integral"
-        none = f"none found up to degree {d}" if self.finished else "none found so far"
+        none = f"none found up to degree {self.degree}" if self.finished else "none found so far"
         if self.finished and self.relations is None:
             none = "not sought"
-        no_formula = "none written" if self.implicit else none
-        more = ", ..." if len(self.degrees) > 8 else ""
-        sign = ", up to sign" if any(f.cofactor for f in self.measures) else ""
+        up_to_sign = ", up to sign" if any(f.cofactor for f in self.measures) else ""
+        no_integral = "none written" if self.implicit else none
         lines = [
-            title,
-            f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
-            f"Growth: {kind}{rate}; evidence, not a proof: {based_on}",
+            self._title(),
+            *self._lines_of_growth(),
             *self._lines_of_planar_entropy(),
-            _listed("First integrals", self.integrals, 6, no_formula),
-            _listed(f"Densities of measures{sign}", self.measures, 1, none),
+            _listed("First integrals", self.integrals, 6, no_integral),
+            *self._lines_of_implicit_integrals(),
+            _listed(f"Densities of measures{up_to_sign}", self.measures, 1, none),
             _listed("Darboux polynomials", self.polynomials, 6, none),
         ]
-        if self.implicit:
-            where = next(k for k, line in enumerate(lines) if line.startswith("First integrals"))
-            lines.insert(where + 1, f"{self._count_of_integrals()}.")
         if self.symmetries:
             lines.append(f"Reversing symmetries: {'; '.join(map(str, self.symmetries))}")
-        if (self.relations or 0) > len(self.integrals) + len(self.implicit):
-            text = f"{self.relations} independent integrals, {MODULAR}"
-            lines.append(f"Relations along orbits up to degree {d} show {text}.")
-        if self.integrals or self.relations:
-            more = ". These may not be all: a larger degree may show more" * (self.dimension > 1)
-            lines.append(
-                f"Level sets of the integrals have dimension {self.dimension} of {D}{more}."
-            )
+        lines += self._lines_of_level_sets()
         if self.special_eps:
-            listed = ", ".join(map(str, self.special_eps))
-            lines.append(
-                f"A formula has no meaning, or there is no birational map, at eps = {listed}."
-            )
+            what = "A formula has no meaning, or there is no birational map"
+            lines.append(f"{what}, at eps = {', '.join(map(str, self.special_eps))}.")
         lines += [f"Searched: {'; '.join(self.searched) or 'nothing yet'}.", *self.notes]
         lines += [] if self.finished else ["Not finished."]
         return "\n".join(lines)
 
-    def _lines_of_planar_entropy(self) -> list[str]:
-        exact = self.planar
-        if exact is None:
-            return []
-        if exact.entropy is None:
-            return [f"Entropy from contracted curves: none, {exact.reason}"]
-        how = "proved" if exact.proved else f"not proved, error {exact.entropy_error:.1g}"
-        root = f", log of the largest root of {exact.minimal}" if exact.entropy else ""
-        lengths = ", ".join("not confined" if n is None else str(n) for n in exact.lengths)
-        orbits = f"; lengths of their orbits: {lengths}" if lengths else ""
-        return [f"Entropy from contracted curves ({how}): {exact.entropy:.6g}{root}{orbits}"]
+    def _title(self) -> str:
+        D = self.map.dimension
+        if not isinstance(self.map, KahanMap):
+            return f"Map of {D} variables"
+        field, eps = str(self.map.field), self.map.eps
+        field = field if len(field) <= 2 * _WIDTH else f"a quadratic field of {D} variables"
+        return f"Kahan map of {field}, eps {'symbolic' if eps is None else f'= {eps}'}"
 
-    def _count_of_integrals(self) -> str:
+    def _lines_of_growth(self) -> list[str]:
+        kind, entropy, error, based_on = self.growth
+        rate = "" if math.isnan(entropy) else f", entropy {entropy:.4g}"
+        rate += f" with a spread of {error:.1g}" if error > 0 else ""
+        if kind == "linear" and self.map.dimension == 2:
+            based_on += "; in the plane a sign of an invariant fibration, which may be no integral"
+        more = ", ..." if len(self.degrees) > 8 else ""
+        return [
+            f"Degrees of iterates: {', '.join(map(str, self.degrees[:8]))}{more}",
+            f"Growth: {kind}{rate}; evidence, not a proof: {based_on}",
+        ]
+
+    def _lines_of_planar_entropy(self) -> list[str]:
+        planar = self.planar
+        if planar is None:
+            return []
+        if planar.entropy is None:
+            return [f"Entropy from contracted curves: none, {planar.reason}"]
+        how = "proved" if planar.proved else f"not proved, error {planar.entropy_error:.1g}"
+        root = f", log of the largest root of {planar.minimal}" if planar.entropy else ""
+        lengths = ", ".join("not confined" if n is None else str(n) for n in planar.lengths)
+        orbits = f"; lengths of their orbits: {lengths}" if lengths else ""
+        return [f"Entropy from contracted curves ({how}): {planar.entropy:.6g}{root}{orbits}"]
+
+    def _lines_of_implicit_integrals(self) -> list[str]:
         """Return how many integrals are written, and the degrees of the others."""
-        *first, last = (f.degree for f in self.implicit)
-        degrees = " and ".join([", ".join(map(str, first))] * bool(first) + [str(last)])
-        if len({*first, last}) == 1:
-            degrees = str(last)
-        total, written = len(self.integrals) + len(self.implicit), len(self.integrals)
-        others = f"{len(self.implicit)} of degree {degrees} by their bases"
-        return f"{total} integrals: {written} written, {others}"
+        if not self.implicit:
+            return []
+        *degrees, last = (str(integral.degree) for integral in self.implicit)
+        listed = f"{', '.join(degrees)} and {last}" if {*degrees} - {last} else last
+        written, others = len(self.integrals), len(self.implicit)
+        by_bases = f"{others} of degree {listed} by their bases"
+        return [f"{written + others} integrals: {written} written, {by_bases}."]
+
+    def _lines_of_level_sets(self) -> list[str]:
+        lines = []
+        if (self.relations or 0) > len(self.integrals) + len(self.implicit):
+            shown = f"{self.relations} independent integrals, {MODULAR}"
+            lines.append(f"Relations along orbits up to degree {self.degree} show {shown}.")
+        if self.integrals or self.relations:
+            dimension = f"{self.dimension} of {self.map.dimension}"
+            more = ". These may not be all: a larger degree may show more" * (self.dimension > 1)
+            lines.append(f"Level sets of the integrals have dimension {dimension}{more}.")
+        return lines
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as numbers, strings, lists and dictionaries, for JSON."""
-        parts = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        parts = _attributes(self)
         parts |= {name: getattr(self.map, name, None) for name in ("field", "eps")}
         parts |= {"growth": self.growth._asdict(), "dimension": self.dimension}
         text = json.dumps(parts, default=_plain)
         return json.loads(text, parse_constant=lambda nan: None)  # type: ignore[no-any-return]
 
 
+def _attributes(instance: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass; `dataclasses.asdict` would convert their values, too."""
+    return {field.name: getattr(instance, field.name) for field in dataclasses.fields(instance)}
+
+
 def _plain(value: Any) -> Any:
+    """Return what JSON holds of a value that it does not know."""
     if isinstance(value, QuadraticField):
         return value.to_dict()
     if isinstance(value, PlanarEntropy):
-        plain = {each.name: getattr(value, each.name) for each in dataclasses.fields(value)}
-        return plain | {"lengths": value.lengths, "contractions": [*map(str, value.contractions)]}
+        lengths, contractions = value.lengths, [*map(str, value.contractions)]
+        return _attributes(value) | {"lengths": lengths, "contractions": contractions}
     if isinstance(value, ImplicitIntegral):
         return {"relation": str(value), "degree": value.degree, "basis": value.basis}
     if not isinstance(value, RationalFunction):
@@ -185,13 +190,14 @@ def _plain(value: Any) -> Any:
     return plain if value.cofactor is None else {**plain, "cofactor": str(value.cofactor)}
 
 
-def _listed(title: str, found: Functions, most: int, none: str) -> str:
-    if not found:
+def _listed(title: str, functions: Functions, most: int, none: str) -> str:
+    """Return the line of a kind of functions, of which at most some are written."""
+    if not functions:
         return f"{title}: {none}"
-    formulas = "; ".join(f.text(_WIDTH) for f in found[:most])
-    more = f"; {len(found) - most} more" if len(found) > most else ""
-    how = " and ".join(_PROOF[each] for each in sorted({f.basis for f in found}))
-    return f"{title} ({len(found)}, {how}): {formulas}{more}"
+    formulas = "; ".join(f.text(_WIDTH) for f in functions[:most])
+    more = f"; {len(functions) - most} more" if len(functions) > most else ""
+    how = " and ".join(_PROOF[basis] for basis in sorted({f.basis for f in functions}))
+    return f"{title} ({len(functions)}, {how}): {formulas}{more}"
 
 
 def report(
@@ -261,28 +267,25 @@ def report(
     if isinstance(map, KahanMap) and not map.is_invertible:
         shape = map.shape_of_image
         raise ArithmeticError(f"{map} has no inverse: det DPhi = 0, and the image is {shape}")
-    arithmetic.check_unknowns("degree", degree, map.dimension)
-    if progress is not None and not callable(progress):
-        expected = "a function that is called as progress(done, parts)"
-        raise wrong("progress", expected, type(progress).__name__, TypeError)
-    found = Report(map, degree, notes=notes)
+    check_unknowns("degree", degree, map.dimension)
+    report_progress = progress_function(progress)
+    latest = Report(map, degree, notes=notes)
     if time_limit is None:
-        parts: Any = search_with_interrupts(found, seed)
+        parts: Any = search_with_interrupts(latest, seed)
     else:
         seconds = float(real_number("time_limit", time_limit))
         if seconds < 0:
             raise wrong("time_limit", "0 seconds or more, or left out", seconds)
-        parts = search_until(time.monotonic() + seconds, found, seed)
+        parts = search_until(time.monotonic() + seconds, latest, seed)
     with closing(parts):
         try:
-            for now, done, known in parts:
-                found = now
-                if progress is not None:
-                    progress(done, known)
+            for part in parts:
+                latest, done, known = part
+                report_progress(done, known)
         except KeyboardInterrupt as error:
-            error.report = found  # type: ignore[attr-defined]
+            error.report = latest  # type: ignore[attr-defined]
             raise
-    return found
+    return latest
 
 
 def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str]]:
@@ -290,64 +293,11 @@ def _map_of(field: Any, eps: Any, decimals: bool) -> tuple[RationalMap, list[str
     if isinstance(field, RationalMap):
         if eps is not None:
             raise wrong("eps", "left out, because a map has its own", eps)
-        missing = not isinstance(field, KahanMap) and field.inverse is None
-        text = "No inverse was given: it is not checked that the map is birational."
-        return field, [text] if missing else []
-    found = QuadraticField.of(field)
-    if decimals and not found.shape:
-        found = _in_decimals(field)
-        eps = _decimal(eps) if isinstance(eps, float) else eps
-    map = kahan(found, eps)
-    given = [*_numbers_in(field), map.eps or 0]
-    return map, [] if decimals else _note_on_floats(arithmetic.rational("field", c) for c in given)
-
-
-def _numbers_in(body: Any) -> list[Any]:
-    """Return the numbers of a body or field as they are written: parameters, then coefficients."""
-    if not isinstance(body, QuadraticField):
-        return [c for each in body._parts.values() for c in np.ravel(each)]
-    polynomials = [*body.table] if body.H is None else [body.H.tensor]
-    terms = [c for each in polynomials for c in polynomial_of(each).terms.values()]
-    return [*body.parameters.values(), *terms, *np.ravel(0 if body.H is None else body.K)]
-
-
-def _in_decimals(body: Any) -> QuadraticField:
-    """Return the field of a single body or field with its floats as decimals."""
-    decimals = np.vectorize(_decimal, "O")
-    if not isinstance(body, QuadraticField):
-        parts = {name: decimals(each) for name, each in body._parts.items()}
-        return QuadraticField.of(body._of(parts))
-    own = body._coefficients if body.H is None else {"H": body.H.tensor, "K": body.K}
-    own, names = ({n: decimals(a)[()] for n, a in each.items()} for each in (own, body.parameters))
-    return QuadraticField._read(**own, parameters=names, names=body.names)
-
-
-def _decimal(a: Any) -> Fraction:
-    """Return the decimal of at most 15 digits that a float was written as, or its binary value.
-
-    So 0.1 is 1/10, and 1/3 remains the binary number. Of the thirds of floats, say, that
-    coefficients of a Hamiltonian are, the float is replaced.
-    """
-    binary = Fraction(a)
-    odd = binary.denominator // (binary.denominator & -binary.denominator)
-    if odd > 1:
-        return _decimal(binary * odd) / odd if odd < _ODD else binary
-    if binary.denominator < _LONG:
-        return binary
-    text = f"{float(binary):.14e}"
-    simple = Fraction(text)
-    digits = len(text.partition("e")[0].replace(".", "").lstrip("-").rstrip("0"))
-    near = digits <= _DIGITS and abs(simple - binary) <= abs(binary) / 2**50
-    return simple if near or float(simple) == binary else binary
-
-
-def _note_on_floats(numbers: Iterable[Any]) -> list[str]:
-    """Return a note on the first number that looks like a decimal rounded to a float."""
-    for c in numbers:
-        simple, q = c.limit_denominator(10**6), c.denominator
-        if q > _LONG and q & (q - 1) == 0 and float(simple) == c:
-            return [
-                f"The float {float(c)!r} is taken exactly, as {c}: if {simple} is meant, write "
-                f"Fraction({simple.numerator}, {simple.denominator}), or decimals=True for all."
-            ]
-    return []
+        note = "No inverse was given: it is not checked that the map is birational."
+        return field, [] if field.has_inverse else [note]
+    exact = QuadraticField.of(field)
+    if decimals and not exact.shape:
+        exact = in_decimals(field)
+        eps = as_decimal(eps) if isinstance(eps, float) else eps
+    map = kahan(exact, eps)
+    return map, [] if decimals else note_on_floats(field, map.eps)

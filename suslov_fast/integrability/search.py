@@ -14,28 +14,31 @@ from functools import partial
 from itertools import islice
 from typing import Any, NamedTuple
 
-from . import arithmetic, implicit
-from .arithmetic import PRIME, Polynomials, degree_of, factors, rank, size
-from .darboux import candidates, nullity, space_of, with_constants
-from .forms import Forms
-from .functions import (
-    IDENTITY,
-    MODULAR,
-    RationalFunction,
-    factored,
-    quotient_of,
-    without_content,
-)
+from . import implicit
+from .arithmetic import PRIME
+from .darboux import candidate_cofactors, nullity, space_of, with_constants
+from .functions import IDENTITY, MODULAR, RationalFunction, factored, quotient_of
 from .growth import degrees_of_iterates
 from .implicit import ImplicitIntegral
 from .invariants import Invariants
 from .maps import LONGEST, RationalMap
+from .normal_form import NormalForms
 from .planar import PlanarEntropy, entropy_of_planar_maps
-from .relations import counts, integrals_of
+from .polynomials import (
+    Polynomials,
+    degree_of,
+    exponents_up_to,
+    irreducible_factors,
+    rank,
+    sort_key,
+    without_content,
+)
+from .relations import count_relations, integrals_of_relations
 from .symmetries import Reversor, reversing_symmetries
 from .tasks import LATE, Queue, Task
 
 _FEW = 80  # coefficients, at most, of polynomials whose degree exceeds that of the report
+_EPS = 20  # values of a symbolic eps, from which coefficients are interpolated, roughly
 _FEW_MONOMIALS = 0.1  # the least cost of integrals from relations between few monomials
 _SOON = 5.0  # seconds, at most, that formulas from relations wait for Darboux polynomials
 
@@ -64,12 +67,12 @@ class Search:
         self.symmetries: tuple[Reversor, ...] = ()
         self.planar: PlanarEntropy | None = None
         self.version = 0  # of the polynomials, from which integrals and measures follow
-        self._forms = Forms(self.invariants)
+        self._normal_forms = NormalForms(self.invariants)
         self._levels: dict[int, int] = {}  # the degree of the latest task of each cofactor
-        self._unknown: list[Polynomials] = []  # spaces whose cofactors wait for factors of the map
+        self._waiting: list[Polynomials] = []  # spaces found before the factors of the map
         self._of_relations: list[ImplicitIntegral] = []  # between few monomials
-        self._known, self._seen = Known(), self.version
-        self.queue = Queue(self._first(), self._is_wanted)
+        self._known, self._version_of_known = Known(), self.version
+        self.queue = Queue(self._first_tasks(), self._is_wanted)
 
     def fill(self, report: Any) -> None:
         """Put what is known into a report."""
@@ -84,15 +87,11 @@ class Search:
     @property
     def known(self) -> Known:
         """The facts that follow from the polynomials and relations found so far."""
-        if self._seen != self.version:
-            self._seen, polynomials = self.version, self.invariants
-            integrals = polynomials.integrals
-            self._known = Known(
-                integrals,
-                tuple(implicit.independent_of(integrals, self._of_relations)),
-                polynomials.measures,
-                polynomials.polynomials,
-            )
+        if self._version_of_known != self.version:
+            self._version_of_known, found = self.version, self.invariants
+            integrals = found.integrals
+            others = tuple(implicit.independent_of(integrals, self._of_relations))
+            self._known = Known(integrals, others, found.measures, found.polynomials)
         return self._known
 
     @property
@@ -110,22 +109,19 @@ class Search:
         """
         is_small = self._unknowns(level) <= _FEW
         if level > self.degree:
-            return (
-                is_small
-                and self.relations is not None
-                and len(self.known.integrals) < self.relations
-            )
+            return is_small and len(self.known.integrals) < (self.relations or 0)
         highest = max((f.degree for f in self.known.integrals), default=0)
         if self.is_complete:
             return highest > self.degree or (is_small and level <= highest)
         return True
 
     def _unknowns(self, degree: int) -> int:
+        """Return the number of coefficients of a polynomial of a degree."""
         return math.comb(self.map.dimension + degree, degree)
 
     # The tasks, by kind.
 
-    def _first(self) -> Iterator[Task]:
+    def _first_tasks(self) -> Iterator[Task]:
         for kind in () if self._only_integrals else _OTHERS:
             yield from kind(self)
         for kind in _INTEGRALS if self.map.is_invertible else ():
@@ -142,53 +138,55 @@ class Search:
         self.invariants.densities.append(quotient_of(one, map.denominator, IDENTITY))
         self.version += 1
         modified = map.modified_energy
-        return self._add(modified.quotient_in(map.ring)) if modified else []
+        return self._add_space(modified.as_quotient(map.ring)) if modified else []
 
     def _relations(self) -> Iterator[Task]:
         for k in range(1, self.degree + 1):
             n = self._unknowns(k)
             cost = 1e-8 * n**3 * (1 + self.map.dimension / 2)
-            yield Task(cost, partial(self._count, k), "relations", k)
+            yield Task(cost, partial(self._count_relations, k), "relations", k)
 
-    def _count(self, k: int) -> Tasks:
-        exponents = arithmetic.exponents_up_to(k, self.map.dimension)
-        _, independent = counts(self.map, exponents, self.seed)
+    def _count_relations(self, k: int) -> Tasks:
+        """Count the integrals that relations up to degree k show."""
+        exponents = exponents_up_to(k, self.map.dimension)
+        _, independent = count_relations(self.map, exponents, self.seed)
         if independent > (self.relations or 0):
             cost = _FEW_MONOMIALS + 1e-7 * self._unknowns(k) ** 3
-            yield Task(cost, partial(self._few_monomials, k), "implicit", k)
+            yield Task(cost, partial(self._integrals_between_few_monomials, k), "implicit", k)
         self.relations = max(self.relations or 0, independent)
         if independent:
             cost = 1e-6 * self._unknowns(k) ** 3
-            yield Task(cost, partial(self._quotients, k), "quotients of relations", k)
+            yield Task(cost, partial(self._quotients_of_relations, k), "quotients of relations", k)
 
-    def _quotients(self, k: int) -> Tasks:
+    def _quotients_of_relations(self, k: int) -> Tasks:
+        """Add the polynomials of relations of all orbits, if formulas are missing."""
         if len(self.known.integrals) >= (self.relations or 0):
             return []
-        exponents = arithmetic.exponents_up_to(k, self.map.dimension)
-        return self._add(integrals_of(self.map, exponents, self.seed))
+        exponents = exponents_up_to(k, self.map.dimension)
+        return self._add_space(integrals_of_relations(self.map, exponents, self.seed))
 
-    def _few_monomials(self, k: int) -> Tasks:
+    def _integrals_between_few_monomials(self, k: int) -> Tasks:
         """Find integrals from relations between few monomials, if formulas are missing."""
         missing = (self.relations or 0) - len(self.known.integrals)
-        exponents = arithmetic.exponents_up_to(k, self.map.dimension)
+        exponents = exponents_up_to(k, self.map.dimension)
         if missing <= len(self.known.implicit):
             return
         candidates = implicit.implicit_integrals(self.map, exponents)
-        chosen = implicit.independent_of(self.known.integrals, candidates)
-        self._of_relations = [*islice(chosen, missing)]
+        independent = implicit.independent_of(self.known.integrals, candidates)
+        self._of_relations = [*islice(independent, missing)]
         self.version += 1
         # Darboux polynomials, which come with the factors, give nicer formulas, if they come soon.
         later = min(2 * self.map.cost_of_factors, _SOON)
-        for each in filter(implicit.is_short, self._of_relations):
-            cost = LATE + later + 2 * self._cost(each.degree)
-            yield Task(cost, partial(self._write, each), "formulas", each.degree)
+        for integral in filter(implicit.is_short, self._of_relations):
+            cost = LATE + later + 2 * self._cost(integral.degree)
+            yield Task(cost, partial(self._write_out, integral), "formulas", integral.degree)
 
-    def _write(self, integral: ImplicitIntegral) -> Tasks:
+    def _write_out(self, integral: ImplicitIntegral) -> Tasks:
         """Write out the formula of an integral of a relation, if it is still needed."""
         formula = implicit.written_out(integral) if integral in self.known.implicit else None
-        return [] if formula is None else self._add(formula.quotient_in(self.map.ring))
+        return [] if formula is None else self._add_space(formula.as_quotient(self.map.ring))
 
-    def _simple(self) -> Iterator[Task]:
+    def _simple_cofactors(self) -> Iterator[Task]:
         for cofactor in (ONE, None):
             for sign in (1, -1):
                 yield self._polynomials_of(cofactor, sign, 1, "simple")
@@ -198,46 +196,46 @@ class Search:
 
     def _find_factors(self) -> Tasks:
         if self.map.factors is None:
-            for space in self._unknown:
+            for space in self._waiting:
                 yield from self._proof_of_quotients(space)
             return
         self.invariants.has_factors = True
         self.version += 1
         self.invariants.spaces.clear()
-        self.invariants.raw.clear()
-        for space in self._unknown:
-            yield from self._add(space)
+        self.invariants.early_densities.clear()
+        for space in self._waiting:
+            yield from self._add_space(space)
         for k in range(1, 2 * self.degree + 1):
             if k <= self.degree or self._unknowns(k) <= _FEW:
-                yield self._candidates(candidates(self.map, k), k)
+                yield self._next_candidate(candidate_cofactors(self.map, k), k)
 
-    def _candidates(
-        self, products: Iterator[RationalFunction | None], k: int, steps: int = 1
+    def _next_candidate(
+        self, candidates: Iterator[RationalFunction | None], k: int, steps: int = 1
     ) -> Task:
-        """Return the task that takes the next product of factors, and returns the task after it.
+        """Return the task that takes the next candidate cofactor, and returns the task after it.
 
-        There may be many products, so costs grow with their number, which leaves time to others.
+        There may be many candidates, so costs grow with their number: this leaves time to others.
         """
 
         def run() -> Tasks:
-            for cofactor in products:
-                if cofactor is not None:
-                    find = partial(self._constants, cofactor, k)
+            for candidate in candidates:
+                if candidate is not None:
+                    find = partial(self._find_constants, candidate, k)
                     yield Task(steps * 4 * self._cost(k), find, "all", k, needed=False)
-                yield self._candidates(products, k, steps + 1)
+                yield self._next_candidate(candidates, k, steps + 1)
                 return
 
         return Task(steps * self._cost(k), run, "all", k, needed=False)
 
-    def _constants(self, candidate: RationalFunction, k: int) -> Tasks:
+    def _find_constants(self, candidate: RationalFunction, k: int) -> Tasks:
+        """Find the multiples of a candidate that are cofactors of polynomials up to degree k."""
         for cofactor in with_constants(self.map, k, candidate):
             yield self._polynomials_of(cofactor, 1, k, "all", k)
 
     def _cost(self, degree: int) -> float:
         """Return the cost of a null space for polynomials of a degree."""
         n = self._unknowns(degree)
-        letter = 20 if self.map.has_letter else 1  # values of eps to interpolate
-        return letter * (1e-6 * n**2 + 4e-9 * n**3)
+        return (_EPS if self.map.is_symbolic else 1) * (1e-6 * n**2 + 4e-9 * n**3)
 
     def _polynomials_of(
         self, cofactor: RationalFunction | None, sign: int, k: int, kind: str, last: int = 0
@@ -245,13 +243,13 @@ class Search:
         """Return the task for polynomials of a cofactor up to degree k, later up to `last`."""
 
         def run() -> Tasks:
-            yield from self._find(cofactor, sign, k)
+            yield from self._find_polynomials(cofactor, sign, k)
             if k < (last or self.degree):
                 yield self._polynomials_of(cofactor, sign, k + 1, kind, last)
 
         return Task(self._cost(k), run, kind, k, needed=False)
 
-    def _find(self, cofactor: RationalFunction | None, sign: int, k: int) -> Tasks:
+    def _find_polynomials(self, cofactor: RationalFunction | None, sign: int, k: int) -> Tasks:
         """Find the polynomials up to degree k of a cofactor; None stands for det DPhi."""
         if cofactor is None and self.invariants.has_factors:
             cofactor = self.map.jacobian_cofactor
@@ -273,27 +271,27 @@ class Search:
         except ArithmeticError:  # the coefficients are too long, or a number is special
             return []
         if cofactor is None and sign == 1 and space:
-            densities = (factored(P) ** -1 for P in sorted(space, key=size))
-            self.invariants.raw += [replace(f, basis=MODULAR) for f in densities]
+            densities = (factored(P) ** -1 for P in sorted(space, key=sort_key))
+            self.invariants.early_densities += [replace(f, basis=MODULAR) for f in densities]
             self.version += 1
-        return self._add(space, cofactor)
+        return self._add_space(space, cofactor)
 
     # Polynomials that were found.
 
-    def _add(self, space: Polynomials, cofactor: RationalFunction | None = None) -> Tasks:
+    def _add_space(self, space: Polynomials, cofactor: RationalFunction | None = None) -> Tasks:
         """Add polynomials of one cofactor, which is unknown by default."""
         if not space:
             return []
-        space = tuple(sorted(map(without_content, space), key=size))
+        space = tuple(sorted(map(without_content, space), key=sort_key))
         self.version += 1
         if not self.invariants.has_factors:
-            self._unknown.append(space)
+            self._waiting.append(space)
             self.invariants.spaces.append([replace(factored(P), basis=MODULAR) for P in space])
             return []
         tasks: list[Task] = []
-        for f in (f for P in space for f, _ in factors(P) if degree_of(f)):
-            if (own := self.map.cofactor(f)) is not None:
-                tasks += self._add_generator(f, own)
+        for f in (f for P in space for f, _ in irreducible_factors(P) if degree_of(f)):
+            if (cofactor_of_f := self.map.cofactor(f)) is not None:
+                tasks += self._add_generator(f, cofactor_of_f)
         if cofactor is None:
             cofactor = self.map.cofactor(space[0])
         if cofactor is None:
@@ -305,11 +303,11 @@ class Search:
 
     def _normal_form(self, value: int) -> Tasks:
         """Bring the polynomials of a cofactor into normal form."""
-        new = self._forms.find(value)
+        new = self._normal_forms.update(value)
         self.version += 1
         for P in (P for g in new if len(g.factors) > 1 for P, _ in g.factors):
-            if (own := self.map.cofactor(P)) is not None:  # then the product is left out
-                yield from self._add_generator(P, own)
+            if (cofactor := self.map.cofactor(P)) is not None:  # then the product is left out
+                yield from self._add_generator(P, cofactor)
         yield from (self._proof(g) for g in new if g.basis != IDENTITY)
 
     def _add_generator(self, P: Any, cofactor: RationalFunction) -> Tasks:
@@ -324,7 +322,7 @@ class Search:
         self.version += 1
         if not self._only_integrals:
             yield self._proof(g)
-            values = {known.value(each.cofactor) for each in known.generators}
+            values = {known.value(generator.cofactor) for generator in known.generators}
             for value in values & {value for value, _ in added}:
                 cost = LATE + 20 * self._cost(known.highest(value)) + self.map.cost_of_factors
                 yield Task(cost, partial(self._normal_form, value), "forms")
@@ -344,8 +342,8 @@ class Search:
         def run() -> Tasks:
             if cost <= LONGEST and g in self.invariants.generators:
                 scale = g.cofactor * factored(map.forms[-1]) ** g.degree
-                above, below = scale.quotient_in(map.ring)
-                if map.pullback(P, g.degree) * below != P * above:
+                numerator, denominator = scale.as_quotient(map.ring)
+                if map.pullback(P, g.degree) * denominator != P * numerator:
                     raise ArithmeticError(f"{g} has not the cofactor {g.cofactor}")
                 number = self.invariants.generators.index(g)
                 self.invariants.generators[number] = replace(g, basis=IDENTITY)
@@ -366,8 +364,8 @@ class Search:
                 if any(image * space[0] != images[0] * P for image, P in pairs):
                     raise ArithmeticError(f"{space} have different cofactors")
                 proved = [replace(factored(P), basis=IDENTITY) for P in space]
-                for number, each in enumerate(self.invariants.spaces):
-                    if each and str(each) == str(proved):
+                for number, known in enumerate(self.invariants.spaces):
+                    if str(known) == str(proved):
                         self.invariants.spaces[number] = proved
                 self.version += 1
             return []
@@ -387,11 +385,11 @@ class Search:
                 yield text.format(k=k, count=count)
         if "factors" in levels and not self.invariants.has_factors:
             yield "no other Darboux polynomials, since det DPhi is too long"
-        if self.is_complete and self.queue.has_refused:
+        if self.is_complete and self.queue.has_set_aside:
             yield "no more, since as many integrals as relations show are known"
 
 
-_INTEGRALS = Search._hamiltonian, Search._relations, Search._simple, Search._factors
+_INTEGRALS = Search._hamiltonian, Search._relations, Search._simple_cofactors, Search._factors
 _OTHERS: tuple[Callable[[Any], Tasks], ...] = (
     degrees_of_iterates,
     entropy_of_planar_maps,

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
-from operator import add
+from operator import add, mul
 from typing import Any
 
 import flint
@@ -26,12 +26,13 @@ from ..bodies.polynomials import Polynomial
 from . import arithmetic
 from .arithmetic import PRIME, Point
 from .kahan import KahanMap
+from .polynomials import exponents_up_to, ring_modulo
 from .reconstruction import simplest_fraction
 from .tasks import LATE, Task
 
 DEGREES = {1: 5, 2: 5, 3: 4}  # of the products of equations, at most, by dimension
 _AFFINE = 2  # the largest dimension with b; in three dimensions b = 0
-_MOST = 10**6  # numerators and denominators of entries
+_LARGEST = 10**6  # numerators and denominators of entries
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,8 @@ class Reversor:
 
     def __call__(self, x: Any) -> Point:
         """Return the image of a point."""
-        given = arithmetic.rationals("x", x, len(self.b))
-        return tuple(_dot(row, given) + c for row, c in zip(self.S, self.b, strict=True))
+        point = arithmetic.rationals("x", x, len(self.b))
+        return tuple(sum(map(mul, row, point), c) for row, c in zip(self.S, self.b, strict=True))
 
     def __repr__(self) -> str:
         texts = []
@@ -58,26 +59,21 @@ class Reversor:
         return f"x -> ({', '.join(texts)})"
 
 
-def _dot(row: Any, x: Any) -> Any:
-    return sum((a * c for a, c in zip(row, x, strict=True)), Fraction(0))
-
-
 def reversors(field: QuadraticField) -> list[Reversor]:
     """Return the isolated involutions with rational entries that reverse a field."""
     D = field.dimension
-    unknowns = arithmetic.ring(D * D + D * (D <= _AFFINE), False, flint.nmod_mpoly_ctx, PRIME)
-    equations = _equations(field, unknowns)
-    found = []
-    for solution in _isolated_solutions(equations, unknowns, DEGREES[D]):
+    unknowns = ring_modulo(PRIME, D * D + D * (D <= _AFFINE))
+    symmetries = []
+    for solution in _isolated_solutions(_equations(field, unknowns), unknowns, DEGREES[D]):
         values = [*solution, *[0] * D][: D * D + D]
         entries = [simplest_fraction(int(a), PRIME) for a in values]
-        if all(max(abs(a.numerator), a.denominator) < _MOST for a in entries):
+        if all(max(abs(a.numerator), a.denominator) < _LARGEST for a in entries):
             S = tuple(tuple(entries[D * i : D * i + D]) for i in range(D))
-            each = Reversor(S, tuple(entries[D * D :]), labels(D))
-            if reverses(each, field):
-                found.append(each)
-    found.sort(key=lambda each: (len(repr(each)), repr(each)))
-    return [replace(each, names=field.names) for each in found]
+            reversor = Reversor(S, tuple(entries[D * D :]), labels(D))
+            if reverses(reversor, field):
+                symmetries.append(reversor)
+    symmetries.sort(key=lambda reversor: (len(repr(reversor)), repr(reversor)))
+    return [replace(reversor, names=field.names) for reversor in symmetries]
 
 
 def reversing_symmetries(search: Any) -> Iterator[Task]:
@@ -94,8 +90,7 @@ def reversing_symmetries(search: Any) -> Iterator[Task]:
 def reverses(reversor: Reversor, field: QuadraticField) -> bool:
     """Return True if f(S x + b) = -S f(x) and the symmetry is an involution.
 
-    The polynomials have degree 2, so it suffices to look at the points 0, e_i, and e_i + e_j,
-    and at -e_i.
+    The polynomials have degree 2, so their values at 0, e_i, -e_i and e_i + e_j suffice.
     """
     D = field.dimension
     units = [*np.eye(D, dtype=int)]
@@ -104,8 +99,8 @@ def reverses(reversor: Reversor, field: QuadraticField) -> bool:
     for point in points:
         x = [Fraction(int(a)) for a in point]
         y = reversor(x)
-        right = [-_dot(row, field(x)) for row in reversor.S]
-        if list(field(y)) != right or list(reversor(y)) != x:
+        backward = [-sum(map(mul, row, field(x))) for row in reversor.S]
+        if list(field(y)) != backward or list(reversor(y)) != x:
             return False
     return True
 
@@ -123,43 +118,43 @@ def _equations(field: QuadraticField, unknowns: Any) -> list[Any]:
     equations = []
     for i in range(D):
         for j in range(D + 1):
-            for k in range(j, D + 1):
-                whole = unknowns.constant(0)
+            for k in range(j, D + 1):  # twice the coefficient of x_j x_k in f_i(S x + b) + S f(x)
+                coefficient = unknowns.constant(0)
                 for m, n in np.argwhere(residues[i] != 0):
-                    both = rows[m][j] * rows[n][k] + rows[m][k] * rows[n][j]
-                    whole += int(residues[i, m, n]) * both
+                    symmetric = rows[m][j] * rows[n][k] + rows[m][k] * rows[n][j]
+                    coefficient += int(residues[i, m, n]) * symmetric
                 for m in range(D):
-                    whole += 2 * int(residues[m, j, k]) * S[i][m]
-                equations.append(whole)
+                    coefficient += 2 * int(residues[m, j, k]) * S[i][m]
+                equations.append(coefficient)
     for i in range(D):
         equations.append(sum(S[i][m] * b[m] for m in range(D)) + b[i])
         for j in range(D):
             equations.append(sum(S[i][m] * S[m][j] for m in range(D)) - int(i == j))
-    return [each for each in equations if each != 0]
+    return [equation for equation in equations if equation != 0]
 
 
 def _isolated_solutions(equations: list[Any], unknowns: Any, most: int) -> list[list[Any]]:
     """Return the solutions of equations modulo a prime, if products up to a degree show them."""
     for degree in range(2, most + 1):
-        if (found := _solutions(equations, unknowns, degree)) is not None:
-            return [*found]
+        if (solutions := _solutions(equations, unknowns, degree)) is not None:
+            return [*solutions]
     return []
 
 
 def _products(equations: list[Any], unknowns: Any, degree: int) -> Any:
     """Return the matrix of the products of equations and monomials, up to a degree."""
-    n, rows, flat = unknowns.nvars(), 0, list[int]()
-    column = {e: k for k, e in enumerate(arithmetic.exponents_up_to(degree, n))}
-    empty = [0] * len(column)
+    n, rows, entries = unknowns.nvars(), 0, list[int]()
+    column = {e: k for k, e in enumerate(exponents_up_to(degree, n))}
+    zeros = [0] * len(column)
     for equation in equations:
         terms = [(e, int(c)) for e, c in equation.to_dict().items()]
-        for shift in arithmetic.exponents_up_to(degree - equation.total_degree(), n):
-            start = len(flat)
-            flat += empty
+        for factor in exponents_up_to(degree - equation.total_degree(), n):
+            start = len(entries)
+            entries += zeros
             rows += 1
             for e, c in terms:
-                flat[start + column[tuple(map(add, e, shift))]] = c
-    return flint.nmod_mat(rows, len(column), flat, PRIME)
+                entries[start + column[tuple(map(add, e, factor))]] = c
+    return flint.nmod_mat(rows, len(column), entries, PRIME)
 
 
 def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[list[Any]] | None:
@@ -171,46 +166,50 @@ def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[lis
     n = unknowns.nvars()
     space = arithmetic.null_space(_products(equations, unknowns, degree))
     # Solutions at infinity are 0 in monomials of lower degree: there the rank stays the same.
-    sizes = [math.comb(n + d, n) for d in range(degree + 1)]
-    parts = [flint.nmod_mat([row[:k] for row in space] or [[0]], PRIME) for k in sizes]
-    ranks = [part.rank() for part in parts]
+    counts = [math.comb(n + d, n) for d in range(degree + 1)]  # of monomials up to a degree
+    parts = [[row[:count] for row in space] or [[0]] for count in counts]
+    ranks = [flint.nmod_mat(part, PRIME).rank() for part in parts]
     stable = [d for d in range(1, degree) if ranks[d] == ranks[d - 1]]
     if not stable:
         return None
-    if (count := ranks[stable[-1]]) == 0:
+    if ranks[stable[-1]] == 0:
         return iter(())
-    reduced, _ = parts[stable[-1]].rref()
-    values = np.array(arithmetic.integer_rows(reduced)[:count], object).T  # by monomial
-    return _by_multiplication(values, sizes[stable[-1] - 1], n, degree)
+    values = np.array(arithmetic.row_space(parts[stable[-1]], PRIME), object).T  # by monomial
+    return _by_multiplication(values, counts[stable[-1] - 1], n, degree)
 
 
-def _by_multiplication(values: Any, low_count: int, n: int, degree: int) -> Iterator[list[Any]]:
-    """Yield the solutions from the values of monomials in a basis of their combinations."""
-    monomials = arithmetic.exponents_up_to(degree, n)
+def _by_multiplication(values: Any, low: int, n: int, degree: int) -> Iterator[list[Any]]:
+    """Yield the solutions from the values of monomials in a basis of their combinations.
+
+    Multiplication by a random linear form takes the first `low` monomials to monomials; solutions
+    are its eigenvectors.
+    """
+    monomials = exponents_up_to(degree, n)
     column = {e: k for k, e in enumerate(monomials)}
-    count, low = values.shape[1], range(low_count)
+    count = values.shape[1]
     rng = random.Random(0)
-    weights = [rng.randrange(PRIME) for _ in range(n)]
+    linear_form = np.array([rng.randrange(PRIME) for _ in range(n)], object)
     units = np.eye(n, dtype=int)
-    shifted = []
-    for k in low:
-        places = [column[tuple(np.add(monomials[k], unit))] for unit in units]
-        shifted.append(np.dot(np.array(weights, object), values[places]) % PRIME)
-    draws = [rng.randrange(PRIME) for _ in range(count * len(low))]
-    mix = flint.nmod_mat(count, len(low), draws, PRIME)
-    before = mix * flint.nmod_mat(values[: len(low)].tolist(), PRIME)
-    after = mix * flint.nmod_mat([[int(a) for a in row] for row in shifted], PRIME)
+    products = []
+    for e in monomials[:low]:
+        rows = [column[tuple(np.add(e, unit))] for unit in units]
+        products.append(linear_form @ values[rows] % PRIME)
+    # Random combinations of the monomials, as many as solutions.
+    draws = [rng.randrange(PRIME) for _ in range(count * low)]
+    mix = flint.nmod_mat(count, low, draws, PRIME)
+    before = mix * flint.nmod_mat(values[:low].tolist(), PRIME)
+    after = mix * flint.nmod_mat([row.tolist() for row in products], PRIME)
     if before.rank() < count:
         return
     action = before.solve(after)
+    identity = flint.nmod_mat(np.eye(count, dtype=int).tolist(), PRIME)
     for factor, _ in action.charpoly().factor()[1]:
         if factor.degree() != 1:
             continue
-        root = -factor[0] / factor[1]
-        identity = flint.nmod_mat(np.eye(count, dtype=int).tolist(), PRIME)
-        kernel = arithmetic.null_space(action - identity * root)
+        eigenvalue = -factor[0] / factor[1]
+        kernel = arithmetic.null_space(action - identity * eigenvalue)
         if len(kernel) == 1:
-            whole = values.dot(np.array(kernel[0], object)) % PRIME
-            if whole[0]:  # the value of the monomial 1
-                scale = pow(int(whole[0]), -1, PRIME)
-                yield [int(whole[column[tuple(unit)]]) * scale % PRIME for unit in units]
+            solution = values @ np.array(kernel[0], object) % PRIME
+            if solution[0]:  # the value of the monomial 1
+                scale = pow(int(solution[0]), -1, PRIME)
+                yield [int(solution[column[tuple(unit)]]) * scale % PRIME for unit in units]

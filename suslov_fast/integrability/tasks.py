@@ -1,4 +1,4 @@
-"""A queue of tasks, of which the cheapest runs first."""
+"""A queue of tasks, of which the cheapest runs first; it does not depend on what they find."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Task:
 
 
 class Queue:
-    """Waiting tasks; the queue does not depend on what they find.
+    """Waiting tasks.
 
     Iteration runs them, the cheapest first, tasks of equal cost in the order in which they were
     added, and yields each task when it is done. A task that is not `needed` runs only while
@@ -44,8 +44,8 @@ class Queue:
         self._heap: list[tuple[float, int, Task]] = []
         self._aside: dict[int, list[Task]] = {}  # by level
         self._open = Counter[tuple[str, int]]()  # tasks that are not done, by kind and level
-        self._levels: dict[str, set[int]] = {}
-        self._number = 0
+        self._levels: dict[str, set[int]] = {}  # of all tasks so far, by kind
+        self._pushed = 0  # number of tasks that were pushed, which orders those of equal cost
         self._add(tasks)
 
     def __len__(self) -> int:
@@ -61,9 +61,10 @@ class Queue:
                 yield task
             else:
                 self._aside.setdefault(task.level, []).append(task)
-            self._take_back()
+            self._push_wanted()
 
-    def _take_back(self) -> None:
+    def _push_wanted(self) -> None:
+        """Push the tasks again that were set aside and are wanted now."""
         for level in [level for level in self._aside if self._is_wanted(level)]:
             for task in self._aside.pop(level):
                 self._push(task)
@@ -75,8 +76,8 @@ class Queue:
             self._push(task)
 
     def _push(self, task: Task) -> None:
-        self._number += 1
-        heapq.heappush(self._heap, (task.cost, self._number, task))
+        self._pushed += 1
+        heapq.heappush(self._heap, (task.cost, self._pushed, task))
 
     @property
     def next_cost(self) -> float:
@@ -85,15 +86,15 @@ class Queue:
         return cost - LATE if cost >= LATE else cost
 
     @property
-    def has_refused(self) -> bool:
+    def has_set_aside(self) -> bool:
         """True if tasks are set aside."""
         return bool(self._aside)
 
     def finished(self) -> dict[str, int]:
         """Return, for each kind, the level up to which all tasks are done."""
         levels: dict[str, int] = {}
-        for kind, known in self._levels.items():
-            for level in sorted(known):
+        for kind, of_kind in self._levels.items():
+            for level in sorted(of_kind):
                 if self._open[kind, level]:
                     break
                 levels[kind] = level

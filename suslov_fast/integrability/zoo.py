@@ -10,8 +10,7 @@ import numpy as np
 
 from ..bodies.field import QuadraticField
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from .maps import RationalMap
-from .rational import rational_map
+from .maps import RationalMap, rational_map
 
 
 def of(f: Callable[..., Any], n: int = 0, make: Any = QuadraticField.from_function) -> Any:

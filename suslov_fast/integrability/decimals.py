@@ -1,0 +1,71 @@
+"""Floats of a body, a field or a step size as the decimals that were written: 0.1 as 1/10."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from ..bodies.field import QuadraticField
+from ..bodies.polynomials import polynomial_of
+from .arithmetic import rational
+
+_LONG = 2**20  # denominators of floats such as 0.1
+_ODD = 1000  # factors of denominators of fractions of floats
+_DIGITS = 12  # of decimals that sums and products of floats can be
+
+
+def as_decimal(a: Any) -> Fraction:
+    """Return the decimal of at most 15 digits that a float was written as, or its binary value.
+
+    So 0.1 is 1/10, and 1/3 remains the binary number. A coefficient of a Hamiltonian may be a third
+    of a float, say: then the float is replaced.
+    """
+    binary = Fraction(a)
+    odd = binary.denominator // (binary.denominator & -binary.denominator)
+    if odd > 1:
+        return as_decimal(binary * odd) / odd if odd < _ODD else binary
+    if binary.denominator < _LONG:
+        return binary
+    text = f"{float(binary):.14e}"
+    decimal = Fraction(text)
+    digits = len(text.partition("e")[0].replace(".", "").lstrip("-").rstrip("0"))
+    is_near = digits <= _DIGITS and abs(decimal - binary) <= abs(binary) / 2**50
+    return decimal if is_near or float(decimal) == binary else binary
+
+
+def in_decimals(body: Any) -> QuadraticField:
+    """Return the field of a single body or field with its floats as decimals."""
+    decimals = np.vectorize(as_decimal, "O")
+    if not isinstance(body, QuadraticField):
+        parts = {name: decimals(part) for name, part in body._parts.items()}
+        return QuadraticField.of(body._of(parts))
+    tables = body._coefficients if body.H is None else {"H": body.H.tensor, "K": body.K}
+    tables, parameters = (
+        {name: decimals(a)[()] for name, a in numbers.items()}
+        for numbers in (tables, body.parameters)
+    )
+    return QuadraticField._read(**tables, parameters=parameters, names=body.names)
+
+
+def note_on_floats(body: Any, eps: Any) -> list[str]:
+    """Return a note on the first number that looks like a decimal rounded to a float."""
+    for number in [*_numbers_in(body), eps or 0]:
+        a = rational("field", number)
+        simple, q = a.limit_denominator(10**6), a.denominator
+        if q > _LONG and q & (q - 1) == 0 and float(simple) == a:
+            return [
+                f"The float {float(a)!r} is taken exactly, as {a}: if {simple} is meant, write "
+                f"Fraction({simple.numerator}, {simple.denominator}), or decimals=True for all."
+            ]
+    return []
+
+
+def _numbers_in(body: Any) -> list[Any]:
+    """Return the numbers of a body or field as they are written: parameters, then coefficients."""
+    if not isinstance(body, QuadraticField):
+        return [a for part in body._parts.values() for a in np.ravel(part)]
+    tables = [*body.table] if body.H is None else [body.H.tensor]
+    coefficients = [c for table in tables for c in polynomial_of(table).terms.values()]
+    return [*body.parameters.values(), *coefficients, *np.ravel(0 if body.H is None else body.K)]

@@ -1,0 +1,295 @@
+"""Polynomials with integer coefficients in x1, ..., xD, with `eps` before them if it is symbolic.
+
+They are those of python-flint; modulo a prime and at a number eps their variables are x1, ..., xD.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import math
+import random
+import re
+from collections.abc import Sequence
+from functools import lru_cache, reduce
+from itertools import combinations_with_replacement
+from typing import Any
+
+import flint
+import numpy as np
+
+from .arithmetic import EPS, PRIME
+
+Exponents = tuple[tuple[int, ...], ...]
+Polynomials = tuple[Any, ...]
+
+
+def _from_terms(names: Any, terms: Any) -> Any:
+    return flint.fmpz_mpoly_ctx.get(names, ordering="deglex").from_dict(terms)
+
+
+# python-flint 0.9 does not pickle polynomials.
+copyreg.pickle(flint.fmpz_mpoly, lambda P: (_from_terms, (P.context().names(), P.to_dict())))
+
+
+# Rings and names of variables.
+
+
+def polynomial_ring(n: int, symbolic: bool) -> Any:
+    """Return the ring of polynomials in n variables, and in eps if it is symbolic."""
+    return _ring(n, symbolic, flint.fmpz_mpoly_ctx)
+
+
+def ring_modulo(p: int, n: int) -> Any:
+    """Return the ring of polynomials in n variables modulo a prime."""
+    return _ring(n, False, flint.nmod_mpoly_ctx, p)
+
+
+def _ring(n: int, symbolic: bool, context: Any, *modulus: int) -> Any:
+    names = ["eps"] * symbolic + [f"x{i}" for i in range(1, n + 1)]
+    return context.get(names, *modulus, ordering="deglex")
+
+
+def renamed(P: Any, names: Sequence[str] | None) -> Any:
+    """Return a polynomial in x1, ..., xD as one in variables with other names.
+
+    python-flint takes names in ASCII only: others are encoded, and `decoded` in formulas.
+    """
+    if names is None:
+        return P
+    encoded = (re.sub(r"[^\x00-\x7f]", lambda a: f"_u{ord(a[0]):x}_", name) for name in names)
+    return _from_terms((*["eps"] * has_eps(P), *encoded), P.to_dict())
+
+
+def decoded(text: str) -> str:
+    """Return a text of polynomials with the names of their variables as the user wrote them."""
+    return re.sub(r"_u([89a-f][0-9a-f]|[0-9a-f]{3,6})_", lambda code: chr(int(code[1], 16)), text)
+
+
+def has_eps(P: Any) -> bool:
+    return bool(P.context().names()[:1] == ("eps",))
+
+
+def variables_of(P: Any) -> int:
+    """Return the number of variables x."""
+    return int(P.context().nvars()) - has_eps(P)
+
+
+# Monomials and degrees in x.
+
+
+def exponents_up_to(degree: int, n: int) -> Exponents:
+    """Return the exponents of all monomials in n variables up to a degree, in ascending order."""
+    return tuple(
+        tuple(factors.count(i) for i in range(n))
+        for d in range(degree + 1)
+        for factors in combinations_with_replacement(range(n), d)
+    )
+
+
+def exponents_in_x(P: Any) -> list[tuple[int, ...]]:
+    """Return the exponents of x in the terms of a polynomial."""
+    first = int(has_eps(P))
+    return [e[first:] for e in P.monoms()]
+
+
+def degree_of(P: Any) -> int:
+    """Return the degree of a polynomial in x."""
+    return max((int(sum(e)) for e in exponents_in_x(P)), default=0)
+
+
+def has_constant_term(P: Any) -> bool:
+    """Return True if a polynomial is not 0 at x = 0."""
+    return any(not any(e) for e in exponents_in_x(P))
+
+
+def sort_key(P: Any) -> tuple[Any, ...]:
+    """Return the key by which polynomials are sorted, short ones first.
+
+    The monomials in x come before the coefficients, so that the order is the same if eps is
+    symbolic and if it is a number.
+    """
+    monomials = sorted({(-sum(e), *(-k for k in e)) for e in exponents_in_x(P)})
+    return degree_of(P), len(monomials), monomials, str(P)
+
+
+# Factors.
+
+
+def primitive(P: Any) -> Any:
+    """Return the multiple with coprime coefficients, the first of which is positive.
+
+    If eps is symbolic, it is the first of the terms of lowest order in eps, so that the limit for
+    eps to 0 decides: a polynomial then has one sign wherever it stands.
+    """
+    P = P.primitive()[1]
+    return -P if _first_coefficient(P) < 0 else P
+
+
+def _first_coefficient(P: Any) -> Any:
+    if not has_eps(P) or P == 0:
+        return P.leading_coefficient()
+    exponents = P.monoms()
+    lowest = min(e[0] for e in exponents)
+    return next(c for e, c in zip(exponents, P.coeffs(), strict=True) if e[0] == lowest)
+
+
+def irreducible_factors(P: Any) -> list[tuple[Any, int]]:
+    """Return the primitive irreducible factors of a polynomial, and their powers.
+
+    python-flint 0.9 sorts factors over the integers, and fails if a coefficient is large.
+    """
+    names, powers = P.context().names(), []
+    rationals = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
+    for factor, power in rationals.from_dict(P.to_dict()).factor()[1]:
+        powers.append((primitive(cleared(factor)), int(power)))
+    return powers
+
+
+def cleared(P: Any) -> Any:
+    """Return the least multiple of a rational polynomial that has integer coefficients."""
+    scale = math.lcm(*(int(c.q) for c in P.coeffs()))
+    return _from_terms(P.context().names(), {e: (c * scale).p for e, c in P.to_dict().items()})
+
+
+def without_content(P: Any) -> Any:
+    """Return a polynomial without factors that do not depend on x."""
+    if not has_eps(P):
+        return primitive(P)
+    powers = irreducible_factors(P)
+    return math.prod((f**e for f, e in powers if degree_of(f)), start=P.context().constant(1))
+
+
+def coprime(polynomials: Sequence[Any]) -> list[Any]:
+    """Return polynomials divided by their greatest common divisor."""
+    common = reduce(lambda P, Q: P.gcd(Q), polynomials)
+    return [P // common for P in polynomials]
+
+
+def divided_out(P: Any, divisor: Any) -> tuple[Any, int]:
+    """Divide a polynomial by a divisor as often as possible; return the quotient and the power."""
+    power = 0
+    while degree_of(divisor) and P % divisor == 0:
+        P, power = P // divisor, power + 1
+    return P, power
+
+
+# Values, at points of any type of numbers.
+
+
+def value_at(P: Any, x: Sequence[Any], degree: int | None = None) -> Any:
+    """Return P(x), or with a degree ``t^degree P(x / t)``, where t is the last coordinate."""
+    exponents = P.monoms()
+    if degree is not None:
+        exponents = [(*e, degree - sum(e)) for e in exponents]
+    terms = zip(P.coeffs(), monomial_values(exponents, x), strict=True)
+    return sum((int(c) * a for c, a in terms), 0 * x[-1])
+
+
+def monomial_values(exponents: Sequence[Sequence[int]], x: Sequence[Any]) -> Any:
+    """Return monomials in the first coordinates of a point."""
+    values = np.ones(len(exponents), object)
+    for a, (powers, highest) in zip(x, _by_variable(tuple(exponents)), strict=False):
+        # NumPy takes univariate polynomials in a list for sequences.
+        values *= np.fromiter((a**k for k in range(highest + 1)), object)[powers]
+    return values
+
+
+@lru_cache(maxsize=256)
+def _by_variable(exponents: Exponents) -> list[tuple[Any, int]]:
+    """Return the powers of each variable in monomials, and the highest of them."""
+    columns = np.array(exponents, int).T if exponents else ()
+    return [(powers, int(powers.max())) for powers in columns]
+
+
+def modulo(P: Any, p: int, eps: Any) -> Any:
+    """Return a polynomial in x, at this eps, modulo a prime p or, for p = 0, over the rationals."""
+    context: Any = (flint.nmod_mpoly_ctx, p) if p else (flint.fmpq_mpoly_ctx,)
+    n, symbolic = variables_of(P), has_eps(P)
+    residue = _ring(n, symbolic, *context).from_dict(P.to_dict())
+    if symbolic:
+        return residue.subs({"eps": eps}).project_to_context(_ring(n, False, *context))
+    return residue
+
+
+def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
+    """Return a line modulo a prime; its parameter t is the last coordinate, 0 at infinity."""
+    ends = ([rng.randrange(p), rng.randrange(p)] for _ in range(dimension))
+    return [flint.nmod_poly(coefficients, p) for coefficients in (*ends, [0, 1])]
+
+
+def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:
+    """Return ``t^degree P(x / t)`` modulo a prime, on a line (x, t), as a polynomial in t."""
+    p = int(line[-1].modulus())
+    ring = ring_modulo(p, 1)  # of polynomials in 1 / t
+    x = [ring.from_dict({(0,): int(a[1]), (1,): int(a[0])}) for a in line[:-1]]
+    terms = P.compose(*x, ctx=ring).to_dict()
+    return flint.nmod_poly([int(terms.get((degree - k,), 0)) for k in range(degree + 1)], p)
+
+
+# Linear algebra.
+
+
+def rank(polynomials: Sequence[Any]) -> int:
+    """Return the number of linearly independent polynomials."""
+    terms = [modulo(P, PRIME, EPS).to_dict() for P in polynomials]
+    monomials = {e for of_one in terms for e in of_one}
+    rows = [[int(of_one.get(e, 0)) for e in monomials] for of_one in terms]
+    return int(flint.nmod_mat(rows, PRIME).rank()) if monomials else 0
+
+
+def cramer(system: list[list[Any]]) -> list[Any]:
+    """Return the numerators of the solution of a linear system (A | b), and det A.
+
+    Elimination of polynomials with exact divisions (Bareiss).
+    """
+    n, previous = len(system), 1
+    for k in range(n):
+        pivot = next((i for i in range(k, n) if system[i][k] != 0), None)
+        if pivot is None:
+            raise ZeroDivisionError
+        if pivot != k:  # the determinant keeps its sign
+            system[k], system[pivot] = system[pivot], [-a for a in system[k]]
+        top = system[k]
+        for row in system[:k] + system[k + 1 :]:
+            for j in range(k + 1, n + 1):
+                row[j] = (top[k] * row[j] - row[k] * top[j]) // previous
+        previous = top[k]
+    return [*(row[n] for row in system), previous]
+
+
+def determinant(rows: Sequence[Sequence[Any]]) -> Any:
+    """Return the determinant of a matrix of polynomials, if it is not 0."""
+    return cramer([[*row, 0] for row in rows])[-1]
+
+
+# Limits for eps to 0.
+
+
+def limit(P: Any) -> Any:
+    """Return the limit of a polynomial for eps to 0, in the same ring."""
+    if not has_eps(P):
+        return P
+    return P.context().from_dict({e: c for e, c in P.to_dict().items() if not e[0]})
+
+
+def with_independent_limits(space: Sequence[Any]) -> list[Any]:
+    """Return a basis whose limits for eps to 0 are independent.
+
+    A combination of the basis whose limit is 0 is divided by eps, until no such one is left.
+    """
+    basis = list(space)
+    if not has_eps(basis[0]):
+        return basis
+    (eps, *_) = basis[0].context().gens()
+    while rank(limits := [*map(limit, basis)]) < len(basis):
+        monomials = [*{e: None for P in limits for e in P.monoms()}]
+        terms = [P.to_dict() for P in limits]
+        columns = flint.fmpz_mat([[int(of_one.get(e, 0)) for of_one in terms] for e in monomials])
+        relations, _ = columns.nullspace()
+        relation = [int(relations[i, 0]) for i in range(len(basis))]
+        last = max(i for i, c in enumerate(relation) if c)
+        combination = sum(c * P for c, P in zip(relation, basis, strict=True))
+        while combination != 0 and limit(combination) == 0:
+            combination = combination // eps
+        basis[last] = without_content(combination)
+    return basis

@@ -42,18 +42,18 @@ def at(omega0, n):
     return exact(BODY, omega0, EPS, n)
 
 
-FREE, FOUR = "C, parameter-free", "one division per four steps"
+FREE, FOUR = "C, dimensionless variables", "one division per four steps"
 OWN = "your own `prange` loop over `compiled."
 LAST = "`iterate(..., save_every=None)`"
 # Slow peers do a part of the work; the last number is that of divisions per step.
 for key, whose, label, function, part, quotients in (
-    ("exact", OURS, "`exact`, counting the steps it makes unnecessary", at, 1, None),
+    ("exact", OURS, "`exact`, an evaluation counted as 1000 steps", at, 1, None),
     ("iterate", OURS, LAST, last, 1, 1),
     ("own-lanes", OURS, f"{OWN}advance`, 64 orbits at once", "own_loops.in_lanes", 1, 1),
     ("c-projective", C, f"{FREE}, {FOUR}", "c.projective", 1, 0.25),
     ("c-free", C, FREE, "c.parameter_free", 1, 1),
     ("c-printed", C, "C, formula (5) of the paper", "c.as_printed", 1, 2),
-    ("numba-blocks", OTHERS, "Numba, parameter-free, in blocks", "numba_loops.in_blocks", 1, 1),
+    ("numba-blocks", OTHERS, "Numba, dimensionless, in blocks", "numba_loops.in_blocks", 1, 1),
     ("numba", OTHERS, "Numba, `prange` over trajectories", "numba_loops.final", 16, None),
     ("numpy", NUMPY, "NumPy, over the batch", "numpy_batch.final", 64, None),
 ):
@@ -74,7 +74,7 @@ for key, whose, label, function, batch in (
 for batch in (1, 2, 5, 9, 100, 1001, 10_007):
     arguments = batch, 1_000_000 // batch, 1, "aligned"
     add("few orbits", "iterate", OURS, OUT, work.saved_states, saved, *arguments, x=batch)
-    function, label = "numba_loops.one_by_one", "Numba, parameter-free, one orbit after the other"
+    function, label = "numba_loops.one_by_one", "Numba, dimensionless variables, one by one"
     more = {"x": batch, "one_thread": True}
     add("few orbits", "numba", OTHERS, label, work.saved_states, function, *arguments, **more)
 for every in (1, 10, 100, 1000):
@@ -162,7 +162,7 @@ for n, cubic in {2: 1, 4: 1, 8: 2, 16: 4, 32: 8, 64: 16, 128: 16}.items():
 exponents = lambda field, x, steps: sf.lyapunov_exponents(field, x, EPS_FIELD, steps)  # noqa: E731
 last_field = lambda field, x, steps: last_nd(field, x, EPS_FIELD, steps)  # noqa: E731
 BY_NUMPY, TAYLOR = "fields.in_numpy", "integrators.lorenz"
-WRITTEN = "C: written out for D = 3 and 4, else elimination"
+WRITTEN = "C: explicit formulas for D = 3 and 4, Gaussian elimination otherwise"
 ALL = 3, 4, 12, 32
 for key, whose, label, function, part, reference, dimensions in (
     ("iterate", OURS, "`iterate`", last_field, 1, BY_NUMPY, ALL),

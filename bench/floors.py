@@ -7,7 +7,7 @@ beside that of the release before, 0.7.
 
 # fmt: off
 ROWS = (
-    ("last states by `iterate`, beside C, parameter-free",
+    ("last states by `iterate`, beside C, dimensionless variables",
      "last_states-iterate", "last_states-c-free", "≥", 0.85),
     ("a loop over `compiled.advance`, 64 orbits at once, beside `iterate`",
      "last_states-own-lanes", "last_states-iterate", "≥", 0.8),

@@ -1,4 +1,4 @@
-"""Write the table "Which of these bodies" of the home page: `python docs/features.py`.
+"""Write the table "Which function for which body" of the home page: `python docs/features.py`.
 
 Methods and orientations are those of the record of a map; in the other cells the functions have
 been called for samples of the bodies, and what they return compared before and after steps.
@@ -23,7 +23,7 @@ J, I = [1.3, 2.1, 3.7], [0.4, -0.7, 0.5]
 BODIES = {
     "`Suslov3D`": [sf.Suslov3D(4, 2, -0.5, -0.3)],
     "`SuslovGyrostat`": [sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)],
-    "`SuslovND`, solved": [sf.SuslovND([2, 2, 2], I), sf.SuslovND([2, 2, 3], [0, 0, 0.5])],
+    "`SuslovND`, integrable": [sf.SuslovND([2, 2, 2], I), sf.SuslovND([2, 2, 3], [0, 0, 0.5])],
     "`SuslovND`, other": [sf.SuslovND(J, I), sf.SuslovND(J, [0.4, 0, 0])],
     "`QuadraticField` from a Hamiltonian": [
         sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 2 + x[1] ** 2 - x[0] * x[1] ** 2, 2)
@@ -32,7 +32,7 @@ BODIES = {
         sf.QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
     ],
 }
-# What a row has, and its functions, which exist for the same bodies.
+# Title of a row, and its functions, which exist for the same bodies.
 ROWS = (
     (
         "",
@@ -47,19 +47,19 @@ ROWS = (
         ),
     ),
     ("all fixed points, where there are finitely many", ("fixed_points",)),
-    ("state n and limits, without steps", ("exact", "limits", "criticality")),
-    ("the continuous motion, exactly", ("flow",)),
+    ("state n, limits and regime in closed form", ("exact", "limits", "criticality")),
+    ("the exact solution of the differential equation", ("flow",)),
     ("", ("energy",)),
     ("", ("modified_energy",)),
     ("", ("first_integral",)),
     ("an invariant measure", ("invariant_density",)),
-    ("turns per step", ("rotation_number",)),
+    ("revolutions per step of a periodic orbit", ("rotation_number",)),
     ("", ("reaction", "momentum", "to_matrix")),
     ("", ("to_vector", "plot_phase")),
-    ("symbols of the paper", ("to_xy", "closed_form")),
-    ("limits in space", ("scattering_angle",)),
-    ("your own compiled loops, in two numbers", ("compiled.frame",)),
-    ("your own compiled loops, in arrays", ("compiled.system",)),
+    ("coordinates and constants of the paper", ("to_xy", "closed_form")),
+    ("angle between the spatial angular velocities at t = ±∞", ("scattering_angle",)),
+    ("your own Numba loops, state as two scalars", ("compiled.frame",)),
+    ("your own Numba loops, state as an array", ("compiled.system",)),
 )
 CONSERVED = {"energy", "modified_energy", "first_integral"}
 GIVEN = {"eps": 0.1, "n": 3, "time": 3.0, "steps": 3, "extent": 1.0}

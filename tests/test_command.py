@@ -146,6 +146,7 @@ RUNS = {
 }  # fmt: skip
 
 
+@pytest.mark.compiled  # 65,536 trajectories are the default
 @pytest.mark.parametrize("options", RUNS)
 def test_run_is_iterate(options):
     Path("b.json").write_text(json.dumps(lotka().to_dict()))
@@ -377,6 +378,7 @@ def test_pictures():
     assert not plt.get_fignums()
 
 
+@pytest.mark.compiled
 def test_warm_up(monkeypatch):
     monkeypatch.setattr("suslov_fast.warm_up.COUNTS", (3,))
     assert succeed("warm-up") == f"{warm_up.where_code_is_kept()}\n"

@@ -617,6 +617,7 @@ def test_dataset(rng):
     assert data.component.values.tolist() == ["Omega1n", "Omega2n"]
 
 
+@pytest.mark.compiled  # interpreted, a minute passes before the first report
 def test_an_interrupted_call_ends():
     def interrupt(done, total):
         raise KeyboardInterrupt

@@ -167,7 +167,7 @@ def test_the_sum_is_that_of_determinants(start, eps, steps):
 @pytest.mark.parametrize(("body", "eps"), [(LORENZ, 1 / 64), (LORENZ, 0.5), (ND, 0.4), (ND, 30.0)])
 def test_bits_do_not_depend_on_batches_and_stretches(rng, monkeypatch, body, eps):
     """Also where columns are orthonormalised after some steps, lane by lane, or after every one."""
-    x = rng.normal(size=(133, 3))
+    x = rng.normal(size=(13 if numba.config.DISABLE_JIT else 133, 3))
     whole = sf.lyapunov_exponents(body, x, eps, 20)
     for stretch in (2**9, 2**15):
         monkeypatch.setattr(derivatives, "_STRETCH", stretch)
@@ -216,6 +216,7 @@ def test_columns_are_orthonormalised_in_time(rng, linear, eps, tolerance):
         np.testing.assert_allclose(found[k], exponents_by_qr(field, x[k], eps, 40), atol=tolerance)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("by_jacobian", [False, True])
 def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian):
     """Its answer is ignored."""

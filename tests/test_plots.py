@@ -80,6 +80,7 @@ def test_axes_are_taken_and_returned():
             run.plot(**{name: wrong})
 
 
+@pytest.mark.compiled  # interpreted, the long runs take minutes
 @pytest.mark.parametrize(
     ("body", "states", "arguments", "lines", "joined"),
     [

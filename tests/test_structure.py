@@ -155,6 +155,7 @@ def test_the_reference_imports_nothing_from_the_package():
     assert modules <= {"fractions", "functools", "itertools", "mpmath", "collections", "math"}
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("name", [name for name, path in FILES.items() if ">>>" in TEXTS[path]])
 def test_examples(name):
     assert doctest.testmod(importlib.import_module(name)).failed == 0

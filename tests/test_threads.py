@@ -165,6 +165,7 @@ def test_a_child_of_a_parent_that_is_in_a_cached_property():
     assert children.run(code).split() == ["2", "2"]
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("before", ["", "run(1, threads=2)"])
 def test_fields_at_the_end_of_a_process(before):
     """Threads of Python cannot be started any more: results are the same."""
@@ -345,6 +346,7 @@ def test_a_jacobian_of_a_large_field_takes_several_calls(monkeypatch):
     assert 2**24 < max(widths) * 4 * D**3 <= 2**26
 
 
+@pytest.mark.compiled
 def test_progress(body, capsys, monkeypatch):
     for name in ("_STRETCH", "_TURNING"):
         monkeypatch.setattr(stretches, name, 2**8)

@@ -28,14 +28,15 @@ else:
 
 _FLOAT64 = np.dtype(np.float64)
 _NUMBERS = {float, int, np.float64, Fraction}
-# Up to this size the sum in Python is faster than one call of NumPy.
+# Number of elements up to which a sum in Python is faster than a call of NumPy.
 _FEW = 64
-# Larger arrays take as long to check as to compute with.
+# Number of elements above which checking an array costs as much as computing with it.
 _MANY = 2**14
-# Moments and step sizes have a modulus between 10**-50 and 10**50, other parameters 10**60.
+# Exponents of ranges: moments and step sizes have a modulus from 1e-50 to 1e50, other parameters
+# from 1e-60 to 1e60.
 MOMENTS, OTHERS = 50, 60
-_PACKAGES = {"flint": "python-flint"}  # of modules with another name
-# Requests up to this many bytes are not tested, for speed; as many bytes are kept free.
+_PACKAGES = {"flint": "python-flint"}  # of modules that have another name
+# Requests for up to this many bytes are not checked, for speed; this many bytes are kept free.
 _SMALL = 2**26
 _HERE = os.path.dirname(__file__) + os.sep
 
@@ -63,7 +64,7 @@ def page(name: str) -> str:
 
 
 def extra(module: str, name: str) -> Any:
-    """Import a module that an extra of the package installs, and return it."""
+    """Import and return a module that the extra `name` of the package installs."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -73,7 +74,7 @@ def extra(module: str, name: str) -> Any:
 
 
 def warn(message: str, category: type[Warning] = UserWarning) -> None:
-    """Warn at the user's line, that of the first frame outside the package."""
+    """Warn at the line of the user, which is in the first frame outside the package."""
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_code.co_filename.startswith((_HERE, "<string>")):
         frame, level = frame.f_back, level + 1
@@ -96,6 +97,7 @@ def real_number(name: str, value: Any) -> float | FloatArray:
 
 
 def positive(name: str, value: Any) -> float:
+    """Return a positive finite number as a float."""
     number = real_number(name, value)
     if not isinstance(number, float) or number <= 0.0:
         raise wrong(name, "a positive number", value)
@@ -115,10 +117,10 @@ def within(name: str, value: Any, exponent: int) -> Any:
 
 
 def states(name: str, value: Any, labels: Sequence[str], later: bool = False) -> FloatArray:
-    """Return states whose components are `labels`; where one is NaN, all of that state are.
+    """Return states (..., D) with the components `labels`; a state with one NaN becomes all NaN.
 
-    With `later`, the numbers of a large array are not looked at: the caller calls `real_array` if
-    what it computes from them is not finite.
+    With `later`, the numbers of a large array are not checked here: the caller checks them, by
+    `real_array`, if its results are not finite.
     """
     axes = [*value.dims] if hasattr(value, "dims") else []
     if axes and axes[-1] == "component" and "n" not in axes[1:]:
@@ -155,7 +157,7 @@ def _floats(name: str, value: Any) -> FloatArray:
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
-    """Return True if all numbers are finite, False if some are NaN; raise for those not allowed."""
+    """Return True if all numbers are finite, False if NaN is among them; raise if not allowed."""
     if array.size <= _FEW and math.isfinite(sum(array.ravel().tolist())):
         return True
     finite = np.isfinite(array)
@@ -170,7 +172,7 @@ def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
 
 
 def refuse(name: str, value: Any) -> None:
-    """Raise for labels, units, booleans and masked arrays, alone or as items of a list."""
+    """Raise an error for labelled arrays, units, booleans and masked arrays, alone or in a list."""
     if type(value) in _NUMBERS or value is None:
         return
     if type(value) is np.ndarray:
@@ -190,13 +192,13 @@ def refuse(name: str, value: Any) -> None:
     if hasattr(value, "unit") or hasattr(value, "units"):
         number = "magnitude" if hasattr(value, "magnitude") else "value"
         unit = getattr(value, "unit", getattr(value, "units", None))
-        how = f"convert it to the unit of the other arguments, as {name}.to(...).{number}"
+        how = f"convert it to the unit of the other arguments: {name}.to(...).{number}"
         raise wrong(name, "numbers without a unit", f"a {kind} in {unit}: {how}", TypeError)
     if isinstance(value, np.ndarray) and np.ma.is_masked(value):
         raise wrong(
             name,
             "real numbers",
-            "a masked array with missing values: fill them first, as by .filled(0.0)",
+            "a masked array with missing values: fill them first, for example by .filled(0.0)",
         )
 
 
@@ -214,13 +216,13 @@ def rotations(name: str, value: ArrayLike, n: int) -> FloatArray:
     error = abs(matrices @ matrices.swapaxes(-2, -1) - np.eye(n)).max(initial=0.0)
     least = np.linalg.det(matrices).min(initial=1.0)
     if error > 1e-10 or least < 0:
-        found = f"|R R.T - 1| = {error:.2g} and the determinant {least:.2g}"
-        raise wrong(name, f"a rotation matrix: it has {found}")
+        deviation = f"|R R.T - 1| = {error:.2g} and the determinant {least:.2g}"
+        raise wrong(name, f"a rotation matrix: it has {deviation}")
     return matrices
 
 
 def checked_out(out: Any, shape: tuple[int, ...]) -> FloatArray:
-    """Return the array of the user to which states are written, checked."""
+    """Return the array to which the user wants states to be written, checked."""
     if not isinstance(out, np.ndarray) or np.ma.isMA(out) or out.dtype != np.float64:
         received = f"{kind_of(out)} of dtype {getattr(out, 'dtype', None)}"
         raise wrong("out", "a NumPy array of dtype float64", received, TypeError)
@@ -241,12 +243,12 @@ def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
         return np.broadcast_shapes(*shapes.values())
     except (ValueError, RuntimeError) as error:  # RuntimeError for too many axes
         received = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
-        how = "to combine each with each, insert axes of length 1, as by x[:, np.newaxis]"
+        how = "to combine each with each, insert axes of length 1, such as x[:, np.newaxis]"
         raise ValueError(f"batch shapes do not broadcast: {received}; {how}") from error
 
 
 def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: int = 2**62) -> int:
-    """Return an integer from `minimum` to `maximum`; with the latter, pass `expected`, too."""
+    """Return an integer from `minimum` to `maximum`; `expected` describes the range in messages."""
     if type(value) is int and minimum <= value <= maximum:
         return value
     expected = expected or f"an integer, {minimum} or more"
@@ -264,26 +266,27 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
 
 
 def one_of(name: str, value: Any, choices: Collection[str], instead: str = "") -> str:
+    """Return a string that is one of the choices."""
     if not isinstance(value, str) or value not in choices:
         raise wrong(name, f"one of {', '.join(map(repr, choices))}", short(value) + instead)
     return value
 
 
 def instance(name: str, value: Any, expected: Any) -> None:
-    """Check the class of an object; `expected` is a class, a tuple or a union of classes."""
+    """Raise TypeError unless an object is of a class, of one of a tuple, or of a union."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
-        names = " or ".join(vars(each).get("_called", each.__name__) for each in classes)
+        called = " or ".join(vars(kind).get("_called", kind.__name__) for kind in classes)
         instead = ""
         if isinstance(value, (str, bytes)) and expected is Mapping:
             instead = ": json.loads(text) makes a dictionary of a text"
-        elif all(hasattr(each, "_instead") for each in classes):
+        elif all(hasattr(kind, "_instead") for kind in classes):
             instead = in_place_of(value)
-        raise wrong(name, names, kind_of(value) + instead, TypeError)
+        raise wrong(name, called, kind_of(value) + instead, TypeError)
 
 
 def in_place_of(value: Any) -> str:
-    """Return what to use in place of a body of another class, or of what is no body."""
+    """Return advice, for messages, on what to pass in place of a value of the wrong class."""
     instead: str = getattr(value, "_instead", "")
     if callable(value) and not isinstance(value, type) and not instead:
         return ": QuadraticField.from_function(f, dimension) makes a field of a function"
@@ -291,15 +294,18 @@ def in_place_of(value: Any) -> str:
 
 
 def kind_of(value: Any) -> str:
+    """Return the class of a value, for messages."""
     return f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
 
 
 def short(value: Any) -> str:
+    """Return a value as text of at most 60 characters, for messages."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def first_index(mask: NDArray[Any]) -> tuple[int, ...]:
+    """Return the index of the first True in a mask, in C order."""
     return tuple(int(i) for i in np.unravel_index(int(np.argmax(mask)), mask.shape))
 
 
@@ -309,12 +315,12 @@ def spell(index: tuple[int, ...]) -> str:
 
 
 def require(nbytes: int, what_to_do: str) -> None:
-    """Raise MemoryError if `nbytes` are not available: Linux lends more, and kills the process."""
+    """Raise MemoryError if `nbytes` are not free: Linux would grant them and kill the process."""
     if nbytes <= _SMALL or not os.path.exists("/proc/meminfo"):
         return
     text = Path("/proc/meminfo").read_text("ascii", "replace")
-    found = re.search(r"MemAvailable: *(\d+)", text)
-    free = 1024 * int(found[1]) if found else math.inf
+    match = re.search(r"MemAvailable: *(\d+)", text)
+    free = 1024 * int(match[1]) if match else math.inf
     if nbytes > free - _SMALL:
         raise MemoryError(
             f"the arrays need {nbytes:,} bytes, and {free:,} bytes of memory are available: "

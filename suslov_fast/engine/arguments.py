@@ -13,18 +13,21 @@ from ..core.steps_nd import FAR_FROM_0, NDSystem
 
 
 def flat_arrays(array: FloatArray, batch: tuple[int, ...], axes: int = 1) -> FloatArray:
-    """Return arrays (..., D), or with `axes` axes each, as (B, D): one for each trajectory."""
+    """Return an array (..., D), broadcast to the batch, as (B, D): one row for each trajectory.
+
+    A row has `axes` axes.
+    """
     split = array.ndim - axes
     inner = array.shape[split:]
     if array.shape[:split] != batch:
         array = np.broadcast_to(array, (*batch, *inner))
     flat = array.reshape((math.prod(batch), *inner) if batch else (1, *inner))
-    # The only type that kernels are compiled for.
+    # Kernels are compiled for this memory layout alone.
     return flat if flat.flags.carray else np.require(flat, np.float64, ["C", "A", "W"])
 
 
 def flat_parameter(value: float | FloatArray, batch: tuple[int, ...], axes: int = 0) -> FloatArray:
-    """Return a parameter with `axes` axes as (1, ...) if common to the whole batch, or (B, ...)."""
+    """Return a parameter with `axes` axes as (1, ...) if the batch shares it, else as (B, ...)."""
     if type(value) is float:
         return np.array([value])
     array = np.asarray(value)
@@ -38,15 +41,15 @@ Arguments = tuple[NDArray[Any], ...]
 
 
 def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
-    """Return the arguments of a kernel that takes the constants of a body, and eps last.
+    """Return the arguments of kernels that take the constants of a body, and eps last.
 
-    Each has one row if it is common to the whole batch, else one for each trajectory.
+    An argument has one row if all trajectories share it, else one row for each.
     """
     if not body.shape:
         return *body.batch_of_one, flat_parameter(eps, batch)
     axes = max(body._axes.values(), default=0)
-    own = (flat_parameter(value, batch, axes) for value in body.constants)
-    return *own, flat_parameter(eps, batch)
+    constants = (flat_parameter(value, batch, axes) for value in body.constants)
+    return *constants, flat_parameter(eps, batch)
 
 
 def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
@@ -55,16 +58,16 @@ def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Argu
     return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
 
 
-ALL = slice(None)
+ALL = slice(None)  # the indices of a group of all trajectories
 
 
 def alike(
     indices: NDArray[Any], values: FloatArray, eps: FloatArray
 ) -> Iterator[tuple[Any, NDArray[Any], FloatArray, FloatArray]]:
-    """Divide trajectories by the zeros of their fields; yield where they are, and arguments.
+    """Group trajectories whose fields have the same zeros; yield their indices and arguments.
 
-    The operations of a step, and so its rounding errors, depend on which terms are zero: without
-    this, the bits of a trajectory would depend on the fields of others.
+    The operations of a step, and so its rounding errors, depend on which terms are zero. Without
+    groups, the bits of a trajectory would depend on the fields of others.
     """
     nonzero = values != 0.0
     if len(values) == 1 or nonzero.all():
@@ -73,11 +76,11 @@ def alike(
     patterns, which = np.unique(nonzero, axis=0, return_inverse=True)
     for k, pattern in enumerate(patterns):
         [where] = np.nonzero(which.ravel() == k)
-        own = [np.ascontiguousarray(each[:, pattern]) for each in (indices, values[where])]
-        yield where, own[0], own[1], eps[where] if len(eps) > 1 else eps
+        terms = [np.ascontiguousarray(a[:, pattern]) for a in (indices, values[where])]
+        yield where, *terms, eps[where] if len(eps) > 1 else eps
 
 
-WHOLE = (1.0,)  # the fractions of eps of a step of Kahan's map
+WHOLE = (1.0,)  # the only stage of a step of Kahan's map, as a fraction of eps
 
 
 def by_method(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
@@ -86,7 +89,7 @@ def by_method(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any
 
 
 def in_stages(fractions: tuple[float, ...]) -> Callable[..., Any]:
-    """Return `by_method` for steps of several fractions of eps, one after the other."""
+    """Return `by_method` for steps made of several stages, each of a fraction of eps."""
 
     def by_method(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
         return with_method(body.dimension, fractions, *by_field(body, eps, batch))
@@ -97,18 +100,20 @@ def in_stages(fractions: tuple[float, ...]) -> Callable[..., Any]:
 def with_method(
     D: int, fractions: Any, indices: NDArray[Any], values: FloatArray, eps: FloatArray
 ) -> Any:
+    """Return arguments with the operations of a step in place of the indices of its terms."""
     return method_of(indices, D, fractions), values, eps
 
 
 def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
-    """Divide the arguments of `by_method`, see `alike`."""
+    """Group trajectories as `alike` does, with arguments as of `by_method`."""
     (step, fractions), values, eps = arguments
-    for where, *own in alike(step.indices, values, eps):
-        yield where, arguments if where is ALL else with_method(D, fractions, *own)
+    for where, *of_group in alike(step.indices, values, eps):
+        yield where, arguments if where is ALL else with_method(D, fractions, *of_group)
 
 
 def nd_system(body: Any, eps: float) -> NDSystem:
     """Return the constants of a single body in n dimensions, for `compiled`."""
+    # A step tests its divisors if abs(eps I.x / 2) is larger than this.
     near = (1.0 - FAR_FROM_0) * float(np.min(body.J))
     return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
 

@@ -1,4 +1,4 @@
-"""Checked problems, states of a body and a step size for a map, and their parts."""
+"""Problems: the checked arguments of public functions, and parts of large batches."""
 
 import math
 from typing import Any, NamedTuple
@@ -29,7 +29,7 @@ Where = tuple[slice, ...]  # a part of each axis of a batch
 
 
 def part_of(problem: Problem, where: Where) -> Problem:
-    """Return the problem of a part of the batch, without copies; it keeps `RandomStarts`."""
+    """Return the problem of a part of the batch, as views; `RandomStarts` are left whole."""
     _, body, omega, eps, *_, turns = problem
     for axis, part in enumerate(along(body.shape, where)):
         body = body._part(axis, part)
@@ -45,9 +45,9 @@ def part_of(problem: Problem, where: Where) -> Problem:
 
 
 def along(shape: tuple[int, ...], where: Where) -> Where:
-    """Return the slices, for a part of the batch, of an array that broadcasts to the batch."""
+    """Return the slices that take a part of the batch from an array that broadcasts to it."""
     last = where[len(where) - len(shape) :]
-    return tuple(slice(0, 1) if n == 1 else each for n, each in zip(shape, last, strict=True))
+    return tuple(slice(0, 1) if n == 1 else part for n, part in zip(shape, last, strict=True))
 
 
 def check(
@@ -63,11 +63,11 @@ def check(
     later: bool = False,
     method: str = "auto",
 ) -> Problem:
-    """Check the arguments of a public function that takes states of a body, for a map of it.
+    """Check the arguments of a public function that takes states of a body, and a step size.
 
-    Messages call the states `name`, or x if the map does; they may be NaN, and have `components`,
-    by default those of the body. `attitude` is a bool or rotations, `later` as for
-    `checks.states`.
+    States may be NaN; their components are those of the body, unless `components` has other names.
+    Messages call them `name`, or x if the map does. `attitude` is False, True for the identity, or
+    rotations. `later` is that of `checks.states`.
     """
     labels, turns = components or body._labels, None
     if components is None and len(labels) != body.dimension:
@@ -88,7 +88,7 @@ def check(
             raise wrong("attitude", expected, error=TypeError)
         n = body.dimension + 1
         if map.attitude == "axial" and n != 3:
-            expected = "'in_rows', because states have not two components"
+            expected = "'in_rows', because states do not have two components"
             raise wrong(f"attitude of the map {map.name!r}", expected, "'axial'")
         turns = np.eye(n) if attitude is True else checks.rotations("attitude", attitude, n)
         shapes["attitude"] = turns.shape[:-2]

@@ -12,23 +12,32 @@ from ..checks import FloatArray, integer, positive, require
 class RandomStarts:
     """Random initial states for :func:`ensemble` or :func:`iterate`, uniform in a cube around 0.
 
-    State i depends on the seed and on i alone, and is computed when it is needed.
+    State i is computed when it is needed, from the seed and i alone, so that a batch larger than
+    memory can be divided in any way.
 
     Parameters
     ----------
     size : int or tuple of int
         Number of states, or the shape of the batch.
     extent : float
-        Each component lies in [-extent, extent), in the unit of the states.
+        Half the edge of the cube: components lie in [-extent, extent), in the unit of the states.
     seed : int
-        0 or more.
+        Key of the generator (Philox), 0 or more. The same seed gives the same states.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If size or seed is no integer from 0, or extent is not a positive number.
 
     Examples
     --------
-    >>> from suslov_fast import RandomStarts
-    >>> starts = RandomStarts(10**9, extent=2.0, seed=1)
-    >>> starts.states(2, start=999_999_998).shape
-    (2, 2)
+    >>> from suslov_fast import RandomStarts, Suslov3D, iterate
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> iterate(body, RandomStarts(1000, extent=2.0, seed=1), eps=0.2, steps=10).omega.shape
+    (11, 1000, 2)
+    >>> RandomStarts(10**9, extent=2.0, seed=1).states(2, start=999_999_998).round(3)
+    array([[ 0.428, -0.594],
+           [-0.209, -0.973]])
     """
 
     size: int | tuple[int, ...]
@@ -47,11 +56,11 @@ class RandomStarts:
         return (self.size,) if isinstance(self.size, int) else self.size
 
     def states(self, count: int, start: int = 0, dimension: int = 2) -> FloatArray:
-        """Return the states `start` to `start + count`, shape (count, dimension)."""
+        """Return `count` states from number `start` on, of shape (count, dimension)."""
         count, start = integer("count", count, 0), integer("start", start, 0)
         dimension = integer("dimension", dimension, 1)
         require(32 * count * dimension, "use fewer initial states, or ensemble")
-        # One value of the counter gives four 64-bit words.
+        # Philox makes four 64-bit words for each value of its counter.
         first, skipped = divmod(start * dimension, 4)
         generator = np.random.Philox(key=self.seed, counter=first)
         words = generator.random_raw(skipped + count * dimension)
@@ -60,7 +69,7 @@ class RandomStarts:
         return states.reshape(count, dimension)
 
     def _part(self, where: tuple[slice, ...], dimension: int) -> FloatArray:
-        """Return the states (..., D) of a part of the batch, given by a slice for each axis."""
+        """Return the states (..., D) of a part of the batch: a slice for each of its axes."""
         *outer, inner = [range(part.start, part.stop) for part in where] or [range(1)]
         begins, shape = product(*outer, inner[:1]), self.shape or (1,)
         rows = [

@@ -1,4 +1,4 @@
-"""Statuses of trajectories, and the one warning, or error, for all that failed."""
+"""Statuses of trajectories, and one warning or error for all trajectories that failed."""
 
 from enum import IntEnum
 from typing import Any, Literal
@@ -16,13 +16,20 @@ ON_SINGULAR = "warn", "raise", "ignore"
 class Status(IntEnum):
     """Final status of a trajectory: negative if it failed, positive if it finished with a caveat.
 
-    `SUPERCRITICAL` is for bodies in three dimensions, with or without a rotor; `PASSED_POLE` for
-    all others, see :class:`PoleWarning`.
+    `OK` (0) is a finished trajectory. `SINGULAR` and `NONFINITE` are negative: the last state has
+    no next state, or none in the range of float64. `SUPERCRITICAL` and `PASSED_POLE` are positive:
+    eps is too large for the orbit to follow the continuous motion. The first is for bodies in three
+    dimensions, where the :func:`criticality` is 1 or more; the second for all others, see
+    :class:`PoleWarning`. `message` says it in words.
 
     Examples
     --------
-    >>> from suslov_fast import Status
-    >>> Status.SINGULAR.message
+    >>> from suslov_fast import QuadraticField, Status, iterate
+    >>> blow_up = QuadraticField([[[1]]])  # x' = x**2, whose map has a pole at x = 1 / eps
+    >>> run = iterate(blow_up, [[-0.5], [1.0]], eps=1.0, steps=3, on_singular="ignore")
+    >>> [Status(status).name for status in run.status]
+    ['OK', 'SINGULAR']
+    >>> Status(run.status[1]).message
     'singular step: the state lies on a pole of the map and has no next state'
     """
 
@@ -41,12 +48,12 @@ class Status(IntEnum):
 _MESSAGES = {
     Status.OK: "finished",
     Status.SUPERCRITICAL: (
-        "finished, but t >= 1: the step is too long for the orbit to follow the continuous motion; "
+        "finished, but t >= 1: eps is too large for the orbit to follow the continuous motion; "
         "choose a smaller eps if it should"
     ),
     Status.PASSED_POLE: (
         "finished, but took a step from det A < 0: the motion escapes to infinity, and later "
-        "states are those of the map alone; or eps is too long"
+        "states are those of the map alone; or eps is too large"
     ),
     Status.SINGULAR: "singular step: the state lies on a pole of the map and has no next state",
     Status.NONFINITE: "non-finite step: the next state is beyond the range of float64",
@@ -54,22 +61,30 @@ _MESSAGES = {
 
 
 class SingularStepWarning(RuntimeWarning):
-    """Some trajectories of a batch failed before their last step."""
+    """Some trajectories of a batch failed before their last step.
+
+    Their `status` is negative and tells why (:class:`Status`), `failed_at` is the number of the
+    first missing state, and states are NaN from there on. Other trajectories are not affected. The
+    argument ``on_singular`` of runs turns this warning into a :class:`SingularStepError`, or off.
+    """
 
 
 class PoleWarning(RuntimeWarning):
-    """Some trajectories of a batch took a step from a state with det A < 0.
+    """Some trajectories of a batch may have jumped over infinity, or eps is too large for them.
 
-    A(x) = 1 - (eps / 2) f'(x) has a positive determinant along a motion that the steps resolve.
-    Where it is negative an odd number of real eigenvalues mu of f' have eps mu / 2 > 1: the motion
-    escapes to infinity, and the map comes back from the other side; or eps is too long. An even
-    number is not seen, so that no warning is no proof. Such trajectories have the status
-    `PASSED_POLE`, and `failed_at` is the first state beyond, whose number tells the time of escape
-    to a few steps; later states are those of the map, and say nothing about the motion.
+    They took a step from a state where A(x) = 1 - (eps / 2) f'(x) has a negative determinant. Along
+    a motion that the steps resolve, it is positive. Where it is negative, an odd number of real
+    eigenvalues mu of f' have eps mu / 2 > 1: the motion escapes to infinity and the map returns
+    from the other side, or eps is too large. The test misses an even number of such eigenvalues, so
+    that the absence of a warning proves nothing.
+
+    These trajectories have the status `PASSED_POLE`. `failed_at` is the number of the first state
+    after the step, which gives the time of escape to a few steps. Later states belong to the map
+    and say nothing about the motion.
 
     Examples
     --------
-    The motion x = 1 / (1 - t) of x' = x**2 ends at t = 1:
+    The solution x = 1 / (1 - t) of x' = x**2 escapes to infinity at t = 1:
 
     >>> import warnings
     >>> from suslov_fast import PoleWarning, QuadraticField, Status, iterate
@@ -82,14 +97,26 @@ class PoleWarning(RuntimeWarning):
 
 
 class SingularStepError(ArithmeticError):
-    """Some trajectories of a batch failed before their last step.
+    """Some trajectories of a batch failed before their last step, and ``on_singular="raise"``.
 
     Attributes
     ----------
     trajectories : Trajectories
-        The finished batch of :func:`iterate`, including failed trajectories.
+        The whole batch of :func:`iterate`, with the trajectories that did not fail.
     crossings : Crossings
         The result of :func:`crossings`, in place of `trajectories`.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField, SingularStepError, iterate
+    >>> try:
+    ...     run = iterate(QuadraticField([[[1]]]), [[-0.5], [1.0]], 1.0, 3, on_singular="raise")
+    ... except SingularStepError as error:
+    ...     print(error)
+    ...     run = error.trajectories
+    1 of 2 trajectories: singular step, first: 1 at step 1
+    >>> run.status.tolist()
+    [0, -1]
     """
 
     trajectories: Any = None
@@ -105,7 +132,7 @@ class SingularStepError(ArithmeticError):
 
 
 def count_in_words(status: NDArray[np.int8]) -> str:
-    """Return how many trajectories failed, and how many passed a pole, if any."""
+    """Return in words how many trajectories failed, and how many passed a pole, if any."""
     passed = np.count_nonzero(status == Status.PASSED_POLE)
     text = f"failed: {np.count_nonzero(status < 0)} of {status.size}"
     return f"{text}, passed a pole: {passed}" if passed else text
@@ -114,9 +141,9 @@ def count_in_words(status: NDArray[np.int8]) -> str:
 def report_failures(
     run: Any, on_singular: OnSingular, since: int = 0, name: str = "trajectories"
 ) -> None:
-    """Warn of trajectories of a run, or a march, that failed at step `since` or later, or raise.
+    """Warn that trajectories of a run failed at step `since` or later, or raise an error.
 
-    The error holds the run as its attribute `name`. Poles that were passed are a warning at most.
+    The error has the run as its attribute `name`. Passed poles are never more than a warning.
     """
     status, failed_at = run.status, run.failed_at
     if not (status.item() if status.size == 1 else status.any()):
@@ -145,7 +172,7 @@ def report_failures(
 def report_poles(
     body: Any, status: NDArray[np.int8], failed_at: NDArray[np.int64], since: int = 0
 ) -> None:
-    """Warn of trajectories (...) of a body that passed a pole at step `since` or later."""
+    """Warn if trajectories of a body passed a pole at step `since` or later."""
     passed = (status == Status.PASSED_POLE) & (failed_at >= since)
     if passed.any():
         index = first_index(passed)
@@ -153,10 +180,10 @@ def report_poles(
 
 
 def warn_of_poles(body: Any, passed: int, size: int, index: tuple[int, ...], step: int) -> None:
-    """Warn that some trajectories of a body passed a pole, the first in C order at a step."""
+    """Warn that some trajectories of a body passed a pole: the one at `index` did at `step`."""
     why = "the motion escapes to infinity, or eps" if body._may_escape else "eps"
     warn(
-        f"{passed} of {size} trajectories: a step from det A < 0: {why} is too long "
+        f"{passed} of {size} trajectories: a step from det A < 0: {why} is too large "
         f"(an eigenvalue of f' above 2/eps); first: {spell(index)} at step {step}",
         PoleWarning,
     )

@@ -1,7 +1,7 @@
-"""Iteration in stretches of steps, each one call of a kernel.
+"""Runs in stretches: one call of a kernel each, for some trajectories and some steps.
 
-Between stretches, which take up to 0.1 s, Python handles Ctrl-C. With `progress` time is divided
-first, so that all trajectories stand at the same step when it is called, and the run can end there.
+Between stretches, which take up to 0.1 s, Python handles Ctrl-C. With `progress`, time is divided
+first: whenever it is called all trajectories have taken the same steps, so the run can end there.
 """
 
 import inspect
@@ -24,13 +24,13 @@ from .problem import Problem
 from .threads import call_kernel
 from .trial import arguments_for
 
-# Work of a thread in a stretch, and cost of saving a state, in steps of the three-dimensional map.
+# Work of a thread in a stretch, and cost of saving a state; the unit is a step of the 3D map.
 _STRETCH, _SAVING = 2**26, 8.0
 # Work of a stretch with orientations: the number of states times n**2.
 _TURNING = 2**24
 
-# The least number of steps of the three-dimensional map from one report of progress to the next, a
-# fourth of it for others: the states of a large batch come from memory each time.
+# The least number of steps from one report of progress to the next, for the 3D map; a fourth of it
+# for slower maps. After each report the states of a large batch are read from memory again.
 _BETWEEN = 256
 
 Progress = bool | None | Callable[[int, int], object]  # the argument of long computations
@@ -38,9 +38,9 @@ Report = Callable[[int], bool]  # takes the number of steps done so far; False e
 
 
 def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | None]:
-    """Check `progress`; return a context manager of the function that shows the steps done.
+    """Check `progress`; return a context manager that gives the function to call with steps done.
 
-    The context opens and closes a bar.
+    The context opens and closes a bar; it gives None without progress.
     """
     if progress is None or progress is False:
         return nullcontext()
@@ -59,18 +59,19 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
 
 
 def _takes_two(function: Callable[..., object]) -> bool:
-    """Return False if a function cannot be called with two numbers."""
+    """Return whether a function can be called with two numbers, as far as its signature tells."""
     try:
         inspect.signature(function).bind(0, 0)
     except TypeError:
         return False
-    except ValueError:  # some functions written in C do not say
+    except ValueError:  # some functions written in C have no signature
         pass
     return True
 
 
 @contextmanager
 def _bar(tqdm: Any, total: int) -> Iterator[Report]:
+    """Open a bar; yield the function that moves it."""
     with tqdm(total=total, unit="step", unit_scale=True) as bar:
 
         def report(done: int) -> bool:
@@ -81,62 +82,63 @@ def _bar(tqdm: Any, total: int) -> Iterator[Report]:
 
 
 class Steps(NamedTuple):
-    """The steps of a method: a kernel, see `maps.Map`, and what a run needs to call it."""
+    """The steps of a method: a kernel, as `maps.Map` describes it, and data to call it."""
 
     kernel: Kernel
-    arguments: Callable[[Any, Any, tuple[int, ...]], Arguments]  # of (body, eps, batch)
+    # Returns the arguments of the kernel for (body, eps, batch).
+    arguments: Callable[[Any, Any, tuple[int, ...]], Arguments]
     carried: int = 0  # numbers of a trajectory that steps continue from, beside the last state
-    # Of a step of D components, relative to the 3D map, from the arguments of the kernel.
+    # Returns the time of a step, relative to the 3D map, for (D, arguments).
     cost: Callable[[int, Arguments], float] = lambda D, arguments: 1.0
     lanes: int = 128  # trajectories that a thread takes at a time
-    # Makes the constants of `compiled.step_system`, of (body, eps); without it that has no steps.
+    # Returns the constants of `compiled.step_system` for (body, eps). None: it refuses the body.
     system: Callable[[Any, float], NDSystem | FieldSystem] | None = None
-    # Divides the trajectories of (D, arguments) into some that have arguments of their own.
+    # Yields groups of trajectories, as indices, and the arguments of each, for (D, arguments).
     divide: Callable[[int, Arguments], Iterator[tuple[Any, Arguments]]] | None = None
-    # True if carry[0] is the first state beyond a step from det A < 0, 0 while there is none.
+    # True if carry[0] is the number of the first state after a step from det A < 0, else 0.
     notes_poles: bool = False
 
 
 def check_steps(name: str, steps: Any) -> None:
-    """Raise an error unless these are steps that a run can take."""
+    """Raise an error, which calls the steps `name`, unless a run can take them."""
     instance(name, steps, Steps)
     instance(f"{name}.kernel", steps.kernel, Kernel)
-    for each in ("arguments", "cost"):
-        if not callable(getattr(steps, each)):
-            raise wrong(f"{name}.{each}", "a function", repr(getattr(steps, each)), TypeError)
+    for part in ("arguments", "cost"):
+        if not callable(getattr(steps, part)):
+            raise wrong(f"{name}.{part}", "a function", repr(getattr(steps, part)), TypeError)
     integer(f"{name}.carried", steps.carried, 1 if steps.notes_poles else 0)
     if integer(f"{name}.lanes", steps.lanes, 1) % 8:
         raise wrong(f"{name}.lanes", "a multiple of 8", steps.lanes)
 
 
-class Progressed(NamedTuple):
-    """The data that continue a run, beside its problem."""
+class Checkpoint(NamedTuple):
+    """The data from which a run of a problem continues."""
 
-    n: int  # the steps that it has taken
-    final: FloatArray  # (..., D), the states there
+    n: int  # number of steps taken
+    final: FloatArray  # (..., D), states after n steps
     status: NDArray[np.int8]  # (...)
     failed_at: NDArray[np.int64]  # (...)
     carry: FloatArray  # (carried, B)
-    turned: FloatArray | None  # (B, n, n), the orientations there
+    turned: FloatArray | None  # (B, n, n), orientations after n steps
 
 
 class March:
-    """A run of B trajectories at state `n`, with all that is needed to continue it.
+    """A run of B trajectories that have taken `n` steps, with all data to continue it.
 
-    It begins with the states of a problem, or goes on where another one stood.
+    It starts from the states of a problem, or from a checkpoint of an earlier run.
     """
 
     def __init__(
-        self, problem: Problem, method: str | None = None, earlier: Progressed | None = None
+        self, problem: Problem, method: str | None = None, earlier: Checkpoint | None = None
     ) -> None:
         methods = problem.map.methods
         method = method or problem.method
         self.problem, self.steps = problem, methods.get(method, next(iter(methods.values())))
         self.omega0 = flat_arrays(problem.omega, problem.batch)
-        self.arguments = arguments_for(problem, self.steps, len(self.omega0))
+        arguments = arguments_for(problem, self.steps, len(self.omega0))
         size, D = self.omega0.shape
-        divide, own = self.steps.divide, self.arguments
-        self.groups: list[Any] = [(ALL, own)] if divide is None else [*divide(D, own)]
+        divide, self.arguments = self.steps.divide, arguments
+        self.groups: list[Any] = [(ALL, arguments)] if divide is None else [*divide(D, arguments)]
         self.turned: FloatArray | None = None
         if earlier is not None:
             self.n = earlier.n
@@ -149,11 +151,11 @@ class March:
         if problem.orientation is not None:
             self.turned = flat_arrays(problem.orientation, problem.batch, 2).copy()
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
-        # Those of the run at state n, in the shape of the batch.
+        # States after n steps, statuses and numbers of the first missing states.
         self.final = np.empty((*problem.batch, D))
         self.status = np.zeros(problem.batch, np.int8)
         self.failed_at = np.empty(problem.batch, np.int64)
-        self.failed_at.fill(-1)  # `np.full` takes longer, in small calls
+        self.failed_at.fill(-1)  # faster than `np.full`, which counts in small calls
 
     def to(
         self,
@@ -162,11 +164,11 @@ class March:
         out: FloatArray | None = None,
         report: Report | None = None,
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Continue to state `stop`; return states (rows, ..., D) and orientations, or None.
+        """Continue to state `stop`; return saved states (rows, ..., D) and orientations, or None.
 
-        They are the multiples of `every` after state n, and state 0 if n is 0, in `out` if it is
-        given; or the last state if `every` is 0. `report` takes the number of steps of this call
-        that all trajectories have taken; where it returns False the march ends, at state `n`.
+        Saved are state 0 and the states after state n whose number is a multiple of `every`; if
+        `every` is 0, the last state alone. They are written to `out` if it is given. `report` takes
+        the number of steps that this call has taken; if it returns False, the run ends there.
         """
         (size, D), batch, turned = self.omega0.shape, self.problem.batch, self.turned
         rows, begin = _rows(self.n, stop, every), self.n
@@ -182,7 +184,7 @@ class March:
             self._turn_to(stop, every, flat, turns.reshape(rows, size, n, n), report)
         if every and self.n == stop:
             return saved, turns
-        if every:  # `report` ended the march: memory for the rest is given back
+        if every:  # `report` ended the run: give the memory for the other states back
             rows = _rows(begin, self.n, every)
             saved = saved[:rows].copy() if out is None else out[:rows]
             return saved, None if turns is None else turns[:rows].copy()
@@ -194,15 +196,15 @@ class March:
     def pieces(
         self, steps: int, every: int, rows: int
     ) -> Iterator[tuple[FloatArray, FloatArray | None]]:
-        """Iterate from state 0 to `steps`; yield what `to` returns, `rows` states at a time."""
+        """Continue from state 0 to `steps`; yield the saved states of `to`, `rows` at a time."""
         last = steps // every if every else 0
         for end in range(rows, last + rows + 1, rows):
             saved, turns = self.to(steps if end > last else (end - 1) * every, every)
-            # After a piece that is state 0 alone, the next one begins with state 0 again.
+            # After a piece of state 0 alone, `to` saves state 0 again: [-rows:] leaves it out.
             yield saved[-rows:], None if turns is None else turns[-rows:]
 
     def _step_to(self, stop: int, every: int, saved: FloatArray, report: Report | None) -> None:
-        """Continue without orientations."""
+        """Continue without orientations to state `stop`, or until `report` returns False."""
         if report is None:
             self._all_to(stop, every, saved)
             return
@@ -215,39 +217,40 @@ class March:
                 break
 
     def _length(self, every: int) -> int:
-        """Return the number of steps of all trajectories from one report to the next."""
-        (_, D), most = self.omega0.shape, self.problem.threads or numba.config.NUMBA_NUM_THREADS
-        lanes, least = self.steps.lanes, 1
-        work = 0.0  # the time of a step, on all threads
+        """Return the number of steps from one report of progress to the next."""
+        (_, D), threads = self.omega0.shape, self.problem.threads or numba.config.NUMBA_NUM_THREADS
+        lanes, fewest = self.steps.lanes, 1
+        work = 0.0  # time of one step of the whole batch on all threads
         for where, arguments in self.groups:
             cost = max(self.steps.cost(D, arguments), 0.1) + (_SAVING / every if every else 0.0)
             blocks = max(-(-len(self.omega0 if where is ALL else where) // lanes), 1)
-            work += cost * blocks * lanes / min(blocks, most)
-            least = max(int(_BETWEEN / min(cost, 4.0)), least)
-        return max(int(_STRETCH / work), least)
+            work += cost * blocks * lanes / min(blocks, threads)
+            fewest = max(int(_BETWEEN / min(cost, 4.0)), fewest)
+        return max(int(_STRETCH / work), fewest)
 
     def _all_to(self, stop: int, every: int, saved: FloatArray) -> None:
-        """Continue all trajectories to state `stop`."""
+        """Continue all trajectories, group by group, to state `stop`."""
         size, D = self.omega0.shape
         final, status = self.final.reshape(size, D), self.status.reshape(size)
-        failed_at, axes = self.failed_at.reshape(size), (0, 1, 1, 0, 0, 0)  # of trajectories
+        failed_at = self.failed_at.reshape(size)
         arrays: Any = self.omega0, self.carry, saved, final, status, failed_at
+        axes = 0, 1, 1, 0, 0, 0  # the axis of trajectories in each array
         for where, arguments in self.groups:
             if where is ALL:
                 self._take(arguments, arrays, stop, every)
                 continue
-            own = [np.take(each, where, axis) for each, axis in zip(arrays, axes, strict=True)]
-            self._take(arguments, own, stop, every)
-            for each, axis, found in zip(arrays[1:], axes[1:], own[1:], strict=True):
-                each[(ALL, where) if axis else where] = found
+            copies = [np.take(a, where, axis) for a, axis in zip(arrays, axes, strict=True)]
+            self._take(arguments, copies, stop, every)
+            for array, axis, copy in zip(arrays[1:], axes[1:], copies[1:], strict=True):
+                array[(ALL, where) if axis else where] = copy
         self.n = stop
 
     def _take(self, arguments: Arguments, arrays: Sequence[Any], stop: int, every: int) -> None:
-        """Continue trajectories with these arguments and arrays.
+        """Continue a group of trajectories, with its arguments and arrays, to state `stop`.
 
-        The batch is divided first, so that the data of a stretch stay in the caches; time is
-        divided only if few trajectories take long. A block of lanes takes the time of all lanes,
-        and is not worth a second thread.
+        The batch is divided first, so that the data of a stretch stay in the caches, and time only
+        if few trajectories take long. A batch of one block is serial, because a block of lanes
+        takes as long however many of them are in use.
         """
         kernel, lanes = self.steps.kernel, self.steps.lanes
         (size, D), n, threads = arrays[0].shape, self.n, self.problem.threads
@@ -256,10 +259,10 @@ class March:
         width, length = max(-(-size // lanes), 1) * lanes, max(stop - n, 1)
         if width * length * cost > _STRETCH:
             most = threads or numba.config.NUMBA_NUM_THREADS
-            at_once = min(width // lanes, most) * _STRETCH / cost  # steps of all trajectories
-            whole = lanes * most  # so that all threads have as many blocks
-            width = min(max(int(at_once / length) // whole, 1) * whole, width)
-            length = max(int(at_once / width), 1)
+            budget = min(width // lanes, most) * _STRETCH / cost  # steps of single trajectories
+            unit = lanes * most  # with multiples of it, all threads get as many blocks
+            width = min(max(int(budget / length) // unit, 1) * unit, width)
+            length = max(int(budget / width), 1)
         for begin in range(0, max(size, 1), width):
             end = min(begin + width, size)
             for start in range(n, max(stop, n + 1), length):
@@ -272,7 +275,7 @@ class March:
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None
     ) -> None:
-        """Continue with orientations: all states into own memory, then the rotations along them."""
+        """Continue with orientations: compute all states of a stretch, then rotate along them."""
         (size, D), n, turned, row = self.omega0.shape, self.n, self.turned, 0
         length = min(max(_TURNING // (max(size, 1) * (D + 1) ** 2), 1), max(stop - n, 1))
         path = np.empty((length + 1, size, D))
@@ -288,20 +291,20 @@ class March:
                 saved[first:row] = multiples
                 if start == 0:
                     turns[0], first = turned, 1
-            work, given = states.size * (D + 1), (states, eps, axial, turned)
-            threads = self.problem.threads
-            call_kernel(orientations.turn_along, work, threads, *given, start, every, first, turns)
+            arrays, rows = (states, eps, axial, turned), (start, every, first, turns)
+            work, threads = states.size * (D + 1), self.problem.threads
+            call_kernel(orientations.turn_along, work, threads, *arrays, *rows)
             if report is not None and not report(until - n):
                 break
 
 
 def _rows(begin: int, end: int, every: int) -> int:
-    """Return how many states after state `begin` up to state `end` are saved; with state 0."""
+    """Return how many states are saved after state `begin`, or from state 0 on, up to `end`."""
     return end // every - (begin or -1) // every if every else 0
 
 
 def states_after(problem: Problem, steps: int = 1) -> FloatArray:
-    """Return the states (..., D) after a number of steps, NaN where there are none."""
+    """Return the states (..., D) after a number of steps; NaN where a trajectory failed."""
     march = March(problem)
     march.to(steps)
     return march.final

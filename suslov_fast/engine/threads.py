@@ -10,18 +10,19 @@ import suslov_fast
 from ..checks import integer
 from ..core.numba import Kernel
 
-# Lane-steps below which a call is serial. Measured on two cores: active threads gain from some
-# 10,000 on, but less than 0.1 ms up to here, and a sleeping thread may take 8 ms to wake.
+# Steps of all trajectories together below which a call is serial. Measured on two cores: threads
+# that are awake gain from about 10,000 on, but less than 0.1 ms up to this number, and a sleeping
+# thread may take 8 ms to wake.
 CROSSOVER = 1_000_000
 
-# One parallel call at a time: Numba's `workqueue` layer aborts under two. A second thread
-# makes a serial call, whose results are bit-identical.
+# One parallel call at a time, because Numba's `workqueue` layer aborts under two. Meanwhile other
+# threads of Python make serial calls, whose results are bit-identical.
 _one_at_a_time = threading.RLock()
 _threads_are_gone = suslov_fast._threads_are_gone
 
 
 def thread_count(threads: int | None) -> int | None:
-    """Return the number of threads of a call, checked; None for all that Numba has."""
+    """Return the checked number of threads of a call; None stands for all that Numba has."""
     if threads is None:
         return None
     limit = int(numba.config.NUMBA_NUM_THREADS)
@@ -30,7 +31,7 @@ def thread_count(threads: int | None) -> int | None:
 
 
 def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
-    """Call a kernel; `work` lane-steps decide between a serial and a parallel call."""
+    """Call a kernel, in parallel if `work`, in steps of single trajectories, is worth it."""
     is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
     if is_serial or not _parallel(kernel, threads, arguments):
         kernel.serial(*arguments)
@@ -39,8 +40,8 @@ def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any)
 def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -> bool:
     """Call a kernel in parallel and return True, or return False if that is impossible.
 
-    The handler of a signal may raise between any two lines, but not before the first call of
-    `finally`. What it calls itself is serial, as it may have interrupted a parallel call.
+    A signal handler may raise between any two lines, but not before the first call in `finally`.
+    Calls that the handler makes are serial, because it may have interrupted a parallel call.
     """
     if _threads_are_gone or _one_at_a_time._is_owned():  # type: ignore[attr-defined]
         return False
@@ -57,7 +58,7 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
 
 
 def renew() -> None:
-    """Renew what a child has from its parent, whose threads may be gone: then calls are serial."""
+    """Renew the lock in a forked child; calls are serial if the threads of the parent are gone."""
     global _threads_are_gone, _one_at_a_time
     _one_at_a_time = threading.RLock()
     _threads_are_gone = suslov_fast._threads_are_gone

@@ -1,8 +1,8 @@
-"""A trial of kernels that are not of the package, before their first run.
+"""Trial of a kernel of another author before its first run, against the contract of `maps.Map`.
 
-A kernel writes to memory that it is given, and no error shows if it writes nothing, too much, or
-other numbers after a cut. The trial takes a few trajectories some steps, in several ways that must
-give the same bits, between numbers that no kernel may touch: about 6,000 steps in all.
+A kernel writes to arrays that it is given, and no error shows if it writes too little, too much, or
+other numbers where a run is cut. The trial runs a few trajectories in several ways that must give
+the same bits, with guard values around all arrays: about 6,000 steps in all.
 """
 
 import inspect
@@ -24,17 +24,19 @@ from .arguments import Arguments, by_constants, flat_arrays
 from .problem import Problem
 from .status import Status
 
-_SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, and steps
-_LATE = 61, 997  # steps from these states, after which 64 comes, are those from state 0
-_CUTS = 0, 2, 3, 3, _STEPS
-_GUARD, _UNTOUCHED = -99, 1.2345678901234e-99
-_TRIED: set[tuple[Any, int]] = set()
+_SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, those of a wide batch, and steps
+# Runs from these states must have the bits of a run from state 0; the first one passes state 64,
+# where kernels that do something every 64 steps might differ.
+_LATE = 61, 997
+_CUTS = 0, 2, 3, 3, _STEPS  # ends of calls; one of them takes no step
+_GUARD, _UNTOUCHED = -99, 1.2345678901234e-99  # values around arrays, and in them before a run
+_TRIED: set[tuple[Any, int]] = set()  # steps and dimensions that passed the trial
 
 
 # ------------------------------------------------------------------------- runs in guarded memory
 def _guarded(shape: tuple[int, ...], fill: Any, dtype: Any = np.float64) -> Any:
-    """Return an array that lies between numbers that stay as they are, and all of its memory."""
-    count, beside = int(np.prod(shape)), 64 + 8 * int(np.prod(shape[1:]))  # at least eight rows
+    """Return an array with guard values before and after it in memory, and these two guards."""
+    count, beside = int(np.prod(shape)), 64 + 8 * int(np.prod(shape[1:]))  # eight rows or more
     memory = np.full(count + 2 * beside, _GUARD, dtype)
     array = memory[beside : count + beside].reshape(shape)
     array[...] = fill
@@ -65,9 +67,9 @@ def _run(
     in_pieces: bool = False,
     shift: int = 0,
 ) -> _Run:
-    """Run a kernel from state 0, with a call from each cut to the next, or for pieces of the batch.
+    """Run a kernel, with one call from each cut to the next, or several for pieces of the batch.
 
-    Steps begin at state `shift`, which equals state 0.
+    Numbers of states begin with `shift` in place of 0.
     """
     B, D = omega0.shape
     rows = _STEPS // every + 1 if every else 0
@@ -79,8 +81,8 @@ def _run(
         _guarded((B,), -1, np.int64),
     )
     guards, states = [each for [pair] in (a, b, c, d, e) for each in pair], omega0.copy()
-    # What a kernel reads beside an array of one row is no step size, and no coefficient.
-    given = tuple(map(_between_guards, arguments))
+    # A kernel that reads beyond an array of one row must not find a step size or a coefficient.
+    guarded = tuple(map(_between_guards, arguments))
     pieces = [(0, B, 0, 1)]
     if in_pieces:
         pieces = [(*lanes, part, 2) for lanes in ((0, 3), (3, B)) for part in (0, 1)]
@@ -89,8 +91,8 @@ def _run(
         row = (start - shift) // every + 1 if start and every else 0
         for begin, end, *part in pieces:
             span = begin, end, start, stop, every, row
-            steps.kernel(*part, given, states, carry, span, saved, final, status, failed_at)
-            pairs = zip(given, arguments, strict=True)
+            steps.kernel(*part, guarded, states, carry, span, saved, final, status, failed_at)
+            pairs = zip(guarded, arguments, strict=True)
             kept = all(_same(*pair) for pair in pairs if isinstance(pair[0], np.ndarray))
             _expect(kept, "arguments to stay as they are", "others", 1)
             _expect(_same(states, omega0), "omega0 to stay as it is", "another one", 3)
@@ -102,7 +104,7 @@ def _run(
 
 
 def _between_guards(argument: Any) -> Any:
-    """Return a copy of an array, that of numbers of trajectories between guards."""
+    """Return a copy of an argument; an array of floats lies between guards."""
     if not isinstance(argument, np.ndarray) or argument.dtype != np.float64:
         return np.copy(argument) if isinstance(argument, np.ndarray) else argument
     array, _ = _guarded(argument.shape, argument)
@@ -110,38 +112,41 @@ def _between_guards(argument: Any) -> Any:
     return array
 
 
-def _same(one: Any, two: Any) -> bool:
-    return bool(np.array_equal(one, two, equal_nan=one.dtype.kind == "f"))
+def _same(a: Any, b: Any) -> bool:
+    """Return whether two arrays are equal, with NaN equal to NaN."""
+    return bool(np.array_equal(a, b, equal_nan=a.dtype.kind == "f"))
 
 
 def _expect(holds: Any, expected: str, received: str, item: int) -> None:
+    """Raise ValueError, with the item of the contract that a kernel breaks, unless it holds."""
     if not holds:
         raise ValueError(f"kernel: item {item} of maps.Map asks for {expected}, not {received}")
 
 
-def _expect_same(run: _Run, expected: _Run, words: str, item: int) -> None:
-    pairs = zip(run[:4], expected[:4], strict=True)  # `carry` is the kernel's own
-    _expect(all(_same(*pair) for pair in pairs), f"the same bits {words}", "others", item)
+def _expect_same(run: _Run, expected: _Run, where: str, item: int) -> None:
+    """Raise ValueError unless two runs agree in all but `carry`, which is private to a kernel."""
+    pairs = zip(run[:4], expected[:4], strict=True)
+    _expect(all(_same(*pair) for pair in pairs), f"the same bits {where}", "others", item)
 
 
 def _check_failures(run: _Run, notes_poles: bool) -> None:
-    """Compare statuses with the states that are not finite."""
+    """Raise ValueError unless statuses and failed_at tell which states are not finite."""
     n, (status, failed_at) = np.arange(len(run.saved))[:, None], (run.status, run.failed_at)
     is_known, known = np.isin(status, [*Status]), [int(each) for each in Status]
     _expect(is_known.all(), f"a status of {known}", short({*status[~is_known].tolist()}), 7)
     exist: Any = np.isfinite(run.saved).all(axis=-1)
     gone = (status < 0) & (n >= failed_at)
-    # A positive status may say since when it holds.
-    told = (failed_at == -1) | (status > 0) & (failed_at > 0) & (failed_at < len(n))
-    told = (failed_at >= 0) & (status < 0) | told & (status >= 0)
+    # With a positive status, failed_at is -1 or the state since which it holds.
+    is_right = (failed_at == -1) | (status > 0) & (failed_at > 0) & (failed_at < len(n))
+    is_right = (failed_at >= 0) & (status < 0) | is_right & (status >= 0)
     if notes_poles:
-        told &= (status != codes.PASSED_POLE) | (failed_at == run.carry[0])
+        is_right &= (status != codes.PASSED_POLE) | (failed_at == run.carry[0])
     else:
-        told &= status != codes.PASSED_POLE
-    told &= (exist != gone).all(axis=0)
-    told &= (np.isnan(run.saved).all(axis=-1) | ~gone).all(axis=0)
-    if not told.all():
-        i = int(np.argmin(told))
+        is_right &= status != codes.PASSED_POLE
+    is_right &= (exist != gone).all(axis=0)
+    is_right &= (np.isnan(run.saved).all(axis=-1) | ~gone).all(axis=0)
+    if not is_right.all():
+        i = int(np.argmin(is_right))
         expected = (
             "a negative Status and failed_at = n where state n is the first that is not finite, "
             "NaN from there on, and PASSED_POLE only with Steps.notes_poles and n in carry[0]"
@@ -151,9 +156,9 @@ def _check_failures(run: _Run, notes_poles: bool) -> None:
 
 
 # ---------------------------------------------------------------------------- arguments of kernels
-@lru_cache(maxsize=64)  # for small calls
+@lru_cache(maxsize=64)  # for speed in small calls
 def _is_of_package(kernel: Any, arguments: Any) -> bool:
-    """Return True for a kernel of the package, with arguments that the package makes."""
+    """Return True if a kernel and the maker of its arguments belong to the package."""
     maker = getattr(arguments, "__module__", None)  # callables may lack one
     where: str = kernel.py_func.__module__
     is_ours = where.startswith(codes.__package__) and not isinstance(kernel, KernelOfStep)
@@ -161,9 +166,9 @@ def _is_of_package(kernel: Any, arguments: Any) -> bool:
 
 
 def arguments_for(problem: Problem, steps: Any, size: int) -> Arguments:
-    """Return the arguments of a run of `size` trajectories; try a kernel of others before.
+    """Return the arguments of a run of `size` trajectories, after a trial of a new kernel.
 
-    ValueError if the kernel breaks the contract of `maps.Map`.
+    Raises ValueError if the kernel breaks the contract of `maps.Map`.
     """
     is_foreign = not _is_of_package(steps.kernel, steps.arguments)
     key = steps, problem.body.dimension
@@ -183,7 +188,7 @@ def arguments_for(problem: Problem, steps: Any, size: int) -> Arguments:
 
 
 def _check_arguments(arguments: Any, size: int) -> None:
-    """Raise an error unless arrays of numbers have a row for all, or one for each trajectory."""
+    """Raise an error unless arrays of floats have one row, or one for each trajectory."""
     if not isinstance(arguments, tuple):
         raise wrong("Steps.arguments", "a tuple of arrays", type(arguments).__name__, TypeError)
     for k, array in enumerate(arguments):
@@ -196,7 +201,7 @@ def _check_arguments(arguments: Any, size: int) -> None:
 
 
 def _check_step(kernel: Any, count: int) -> None:
-    """Raise an error unless a step takes as many arrays as `Steps.arguments` makes beside eps."""
+    """Raise TypeError unless a step takes as many arrays as `Steps.arguments` makes without eps."""
     step = kernel.step.py_func
     signature = inspect.signature(step)
     try:
@@ -208,42 +213,42 @@ def _check_step(kernel: Any, count: int) -> None:
 
 
 def _rows(arguments: Any, has_rows: Any, which: Any, scale: Any = 1.0) -> Any:
-    """Return arguments with these rows of what a family has rows of, each times a number."""
+    """Return arguments with these rows, times `scale`, of arrays with one row for each member."""
     return tuple(
-        np.ascontiguousarray((each[which].T * scale).T) if own else each
-        for each, own in zip(arguments, has_rows, strict=True)
+        np.ascontiguousarray((array[which].T * scale).T) if is_row else array
+        for array, is_row in zip(arguments, has_rows, strict=True)
     )
 
 
 def _family_like(body: Any, size: int) -> Any:
-    """Return a batch of `size` bodies that all equal this single one."""
+    """Return a batch of `size` copies of a single body."""
     parts = dict(body._parts)
-    for name, each in parts.items():
-        if np.asarray(each).dtype.kind in "iufO" and name != MATRIX:  # which a family shares
-            parts[name] = np.broadcast_to(each, (size, *np.shape(each)))
+    for name, value in parts.items():
+        if np.asarray(value).dtype.kind in "iufO" and name != MATRIX:  # families share K
+            parts[name] = np.broadcast_to(value, (size, *np.shape(value)))
     return body._of(parts)
 
 
 # --------------------------------------------------------------------------------------- the trial
 def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
-    """Try a kernel with a body of a problem, and states and step sizes near one of its own."""
+    """Try a kernel with a body of the problem, and states and step sizes near one of its own."""
     body = problem.body[(0,) * len(problem.body.shape)] if problem.body.shape else problem.body
     states = flat_arrays(problem.omega, problem.omega.shape[:-1])
     states = states[np.isfinite(states).all(axis=1) & states.any(axis=1)]
-    given = states[0] if len(states) else np.ones(body.dimension)
+    state = states[0] if len(states) else np.ones(body.dimension)
     scales = np.linspace(1.0, 0.5, size)
-    scales[3:7] = 1e200, 1e1, 1e2, 1e3  # some fail, at once or later
+    scales[3:7] = 1e200, 1e1, 1e2, 1e3  # large states fail, at once or later
     with np.errstate(over="ignore"):
-        omega0 = np.clip(given * scales[:, None], -1e300, 1e300)
+        omega0 = np.clip(state * scales[:, None], -1e300, 1e300)
     omega0[1], omega0[7:9] = np.nan, 1e300
     omega0[8, 1::2] *= -1.0
     eps = next((float(each) for each in np.ravel(problem.eps) if each), 1.0)
 
-    # A family: what has a row for each member gets rows that differ.
+    # Make the arguments of a family whose members differ, by scaling the rows of equal members.
     of_one, many = steps.arguments(body, eps, (size,)), np.full(size, eps)
     try:
         of_equals = steps.arguments(_family_like(body, size), many, (size,))
-    except Exception:  # a class without families, whose single bodies are exact
+    except Exception:  # the class has no families
         of_equals = steps.arguments(body, many, (size,))
     for each in (of_one, of_equals):
         _check_arguments(each, size)
@@ -275,22 +280,23 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
     _expect_same(pieces, whole, "for begin <= i < end and parts of the work", 2)
     common, each = (_run(steps, a, omega0) for a in (of_one, equal))
     _expect_same(common, each, "for arrays of one row and of B", 1)
-    for some in ([size - 1], np.arange(_WIDE) % size):
-        alone = _run(steps, _rows(arguments, has_rows, some), omega0[some])
-        _expect_same(alone, whole.of(some), "in any batch", 7)
+    for members in ([size - 1], np.arange(_WIDE) % size):
+        other = _run(steps, _rows(arguments, has_rows, members), omega0[members])
+        _expect_same(other, whole.of(members), "in any batch", 7)
 
-    ends = (steps.arguments(body, h * eps, (size,)) for h in (1.0, 0.0, -1.0, 0.5))
-    there, still, back, half = (_run(steps, each, omega0).final for each in ends)
+    of_eps = (steps.arguments(body, h * eps, (size,)) for h in (1.0, 0.0, -1.0, 0.5))
+    there, still, back, half = (_run(steps, each, omega0).final for each in of_eps)
     goes_back = not _same(back, there) and not _same(back, still)
-    _expect(goes_back or _same(half, there), "steps back for -eps", "those of abs(eps) or 0", 1)
+    uses_eps = not _same(half, there)
+    _expect(goes_back or not uses_eps, "steps back for -eps", "those of abs(eps) or 0", 1)
 
 
 # -------------------------------------------------------------------------------- bodies of others
 def check_parameters(kind: Any, random: Any) -> None:
     """Raise an error if a parameter of a class is a vector and `_axes` does not say so.
 
-    Its components would be taken as members of a batch. Tried are random bodies of the record, and
-    a body whose parameters are numbers.
+    Otherwise its components would count as members of a batch. The test makes random bodies of the
+    record, and a body whose parameters are numbers.
     """
     name = kind.__name__
     if kind.__module__.partition(".")[0] == __package__.partition(".")[0]:
@@ -299,16 +305,16 @@ def check_parameters(kind: Any, random: Any) -> None:
     for k, make in enumerate(random):
         body = make(np.random.default_rng(0), ())
         if shape := getattr(body, "shape", ()):
-            given = [n for n, each in body._parts.items() if np.ndim(each) > body._axes.get(n, 0)]
+            vectors = [n for n, a in body._parts.items() if np.ndim(a) > body._axes.get(n, 0)]
             text = f"random[{k}] made a batch {shape} for the shape (): return a single body"
-            raise ValueError(f"{text}, or give the axes of {', '.join(given)} in {how}")
+            raise ValueError(f"{text}, or give the axes of {', '.join(vectors)} in {how}")
     if kind._axes:
         return
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             body = kind(**{each.name: 1.0 for each in fields(kind)})
-        except Exception:  # these numbers may be none of a body
+        except Exception:  # no body may have these numbers
             return
         try:
             body.field()

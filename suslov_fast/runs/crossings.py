@@ -16,7 +16,7 @@ from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, integer, one_of, wrong
 from ..engine.problem import Problem
 from ..engine.status import ON_SINGULAR, OnSingular, report_failures
-from ..engine.stretches import March, Progress, Progressed, reporter
+from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
 from ..maps import Map
 from .results import Result, in_short, read_only
@@ -248,7 +248,7 @@ class Crossings(Result):
         reports = reporter(progress, self.transient + total - self._n)
         check_surface(surface)
         problem = Problem(self.map, self.body, self.final, self.eps, batch, thread_count(threads))
-        reached = Progressed(self._n, self.final, self.status, self.failed_at, self._carry, None)
+        reached = Checkpoint(self._n, self.final, self.status, self.failed_at, self._carry, None)
         march = March(problem, self.method, reached)
         search = Search(march, surface, self.direction, self.most, self)
         return searched(search, total, self.transient, self.method, on_singular, reports)

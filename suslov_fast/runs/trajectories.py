@@ -15,7 +15,7 @@ from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, checked_out, integer, one_of
 from ..engine.problem import Problem
 from ..engine.status import ON_SINGULAR, OnSingular, report_failures
-from ..engine.stretches import March, Progress, Progressed, reporter
+from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
 from ..maps import Map
 from .results import Result, in_short, read_only
@@ -173,7 +173,7 @@ class Trajectories(Result):
             )
         total, batch = self.steps + integer("steps", steps, 0), self.status.shape
         problem = Problem(self.map, self.body, self.final, self.eps, batch, thread_count(threads))
-        reached = Progressed(
+        reached = Checkpoint(
             self.steps, self.final, self.status, self.failed_at, self._carry, self._turned
         )
         march = March(problem, self.method, reached)

@@ -77,7 +77,7 @@ def alike(
     for k, pattern in enumerate(patterns):
         [where] = np.nonzero(which.ravel() == k)
         terms = [np.ascontiguousarray(a[:, pattern]) for a in (indices, values[where])]
-        yield where, *terms, eps[where] if len(eps) > 1 else eps
+        yield where, terms[0], terms[1], eps[where] if len(eps) > 1 else eps
 
 
 WHOLE = (1.0,)  # the only stage of a step of Kahan's map, as a fraction of eps

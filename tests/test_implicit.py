@@ -17,10 +17,10 @@ pytest.importorskip("flint")
 import flint
 
 from suslov_fast.integrability import ImplicitIntegral, kahan, rational_map, report, zoo
+from suslov_fast.integrability.functions import independent_of
 from suslov_fast.integrability.implicit import (
     circuits,
     implicit_integrals,
-    independent_of,
     written_out,
 )
 from suslov_fast.integrability.polynomials import exponents_up_to

@@ -87,7 +87,7 @@ class Plane:
 class PlaneModulo:
     """The forms and curves of a `Plane` modulo a prime, and at a number in place of eps."""
 
-    def __init__(self, plane: Plane, p: int, eps: int, seed: int = 0) -> None:
+    def __init__(self, plane: Plane, p: int, eps: int, seed: int) -> None:
         self.p, self.rng = p, random.Random(seed)
         self.forms = [modulo(F, p, eps) for F in plane.forms]
         self.curves = [modulo(C, p, eps) for C in plane.curves]
@@ -146,7 +146,7 @@ class PlaneModulo:
         divided = [flint.nmod_poly(P.coeffs()[common_order:terms], self.p) for P in image]
         return divided, common_order, curve_orders
 
-    def passage(self, number: int, component: Any, most: int) -> Passage | None:
+    def passage(self, component: Any, most: int) -> Passage | None:
         """Return the passage of a germ across a curve; None if two germs disagree."""
         for terms in _TERMS:
             germs = [self.germ(component) for _ in range(2)]
@@ -213,7 +213,7 @@ def passages_across(plane: Plane, most: int, seed: int) -> list[Passage] | None:
         for number in numbers:
             if _agree(by_prime[number]) or (component := residues.component(number)) is None:
                 continue
-            if (passage := residues.passage(number, component, most)) is not None:
+            if (passage := residues.passage(component, most)) is not None:
                 by_prime[number].append(passage)
         if all(map(_agree, by_prime)):
             return [passages[-1] for passages in by_prime]

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import flint
 
@@ -38,6 +38,16 @@ from .reconstruction import polynomials_with
 
 IDENTITY, MODULAR = "identity", "modulo a prime, at random points"
 _NAME = r"[^\W\d]\w*"
+
+
+class Differentiable(Protocol):
+    """A function whose independence of others can be tested."""
+
+    def gradient_of_logarithm(self) -> list[Any]:
+        """Return the gradient of its logarithm at the random point of `arithmetic`."""
+
+
+F = TypeVar("F", bound=Differentiable)
 
 
 @dataclass(frozen=True, repr=False)
@@ -198,6 +208,14 @@ class RationalFunction:
         """The degree in x of the numerator or of the denominator, whichever is larger."""
         return max(sum(degree_of(P) * e for P, e in self._powers(sign)) for sign in (1, -1))
 
+    def gradient_of_logarithm(self) -> list[Any]:
+        """Return the gradient of its logarithm at the random point of `arithmetic`."""
+        n = variables_of(self.factors[0][0])
+        x = arithmetic.random_point(n)
+        powers = [(modulo(P, PRIME, EPS), e) for P, e in self.factors]
+        scaled = [(P, e / value_at(P, x)) for P, e in powers]
+        return [sum(c * value_at(P.derivative(i), x) for P, c in scaled) for i in range(n)]
+
     def __hash__(self) -> int:
         return hash(str(self))
 
@@ -328,22 +346,18 @@ def independent(candidates: Iterable[RationalFunction]) -> tuple[RationalFunctio
 
     Of functions of one degree the first ones are taken.
     """
-    chosen: list[RationalFunction] = []
-    rows: list[list[Any]] = []
-    for f in sorted((f for f in candidates if f.degree), key=lambda f: f.degree):
-        row = gradient_of_logarithm(f)
-        if flint.nmod_mat([*rows, row], PRIME).rank() > len(rows):
-            chosen, rows = [*chosen, f], [*rows, row]
-    return tuple(chosen)
+    by_degree = sorted((f for f in candidates if f.degree), key=lambda f: f.degree)
+    return tuple(independent_of((), by_degree))
 
 
-def gradient_of_logarithm(f: RationalFunction) -> list[Any]:
-    """Return the gradient of log f at the random point of `arithmetic`, modulo its prime."""
-    n = variables_of(f.factors[0][0])
-    x = arithmetic.random_point(n)
-    powers = [(modulo(P, PRIME, EPS), e) for P, e in f.factors]
-    scaled = [(P, e / value_at(P, x)) for P, e in powers]
-    return [sum(c * value_at(P.derivative(i), x) for P, c in scaled) for i in range(n)]
+def independent_of(known: Iterable[Differentiable], candidates: Iterable[F]) -> Iterator[F]:
+    """Yield the candidates that are independent of known functions and of earlier candidates."""
+    gradients = [f.gradient_of_logarithm() for f in known]
+    for f in candidates:
+        more = [*gradients, f.gradient_of_logarithm()]
+        if flint.nmod_mat(more, PRIME).rank() == len(more):
+            gradients = more
+            yield f
 
 
 def rank_of_quotients(polynomials: Polynomials) -> int:

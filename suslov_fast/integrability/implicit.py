@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -22,12 +22,12 @@ import flint
 from ..bodies.polynomials import Polynomial
 from . import arithmetic
 from .arithmetic import EPS, EXTRA, PRIME
-from .functions import MODULAR, RationalFunction, gradient_of_logarithm, quotient_of
+from .functions import MODULAR, RationalFunction, quotient_of
 from .kahan import KahanMap
 from .maps import RationalMap
-from .polynomials import Exponents, exponents_up_to, monomial_values, ring_modulo
+from .polynomials import Exponents, exponents_up_to, monomial_values
 from .reconstruction import over_rationals, polynomials_with
-from .relations import monomials_along, relations_along
+from .relations import gradients_of_coefficients, monomials_along, relations_along
 
 _ORDERS = 200  # random orders of the monomials, each of which gives circuits
 _QUOTIENTS = 4_000  # of coefficients, whose degrees are compared
@@ -96,7 +96,7 @@ class ImplicitIntegral:
 
     def gradient_of_logarithm(self) -> list[Any]:
         """Return the gradient of its logarithm at the random point of `arithmetic`."""
-        gradients = _gradients_of_coefficients(self.map, self.monomials)
+        gradients = _gradients_of_logarithms(self.map, self.monomials)
         pairs = zip(gradients[self.numerator], gradients[self.denominator], strict=True)
         return [a - b for a, b in pairs]
 
@@ -202,39 +202,16 @@ class _RelationsOnLine:
 
 
 @lru_cache(maxsize=1024)
-def _gradients_of_coefficients(map: RationalMap, circuit: Exponents) -> dict[tuple[int, ...], Any]:
+def _gradients_of_logarithms(map: RationalMap, circuit: Exponents) -> dict[tuple[int, ...], Any]:
     """Return the gradients of the logarithms of the coefficients of a relation, by monomial.
 
-    They are evaluated at the random point x_0 of `arithmetic`, and follow from the derivatives of
-    ``sum_i c_i m_i(x_k) = 0`` with respect to x_0, for each k. The first coefficient is 1.
+    They are those at the random point of `arithmetic`. The last coefficient is 1.
     """
-    n, map, x = map.dimension, map.at_eps(EPS), arithmetic.random_point(map.dimension)
-    length = len(circuit) - 1
-    values = monomials_along(map, circuit, x, length).tolist()
-    others = flint.nmod_mat([row[1:] for row in values], PRIME)
-    coefficients = others.solve(flint.nmod_mat([[-row[0]] for row in values], PRIME)).entries()
-    terms = dict(zip(circuit, [1, *(int(c) for c in coefficients)], strict=True))
-    relation = ring_modulo(PRIME, n).from_dict(terms)
-    gradient = [relation.derivative(i) for i in range(n)]
-    changes = []
-    for y, derivative in map.variations(x, length):
-        at_y = flint.nmod_mat([[slope(*y[:-1]) for slope in gradient]], PRIME)
-        changes.append((at_y * derivative * -1).entries())
-    gradients = others.solve(flint.nmod_mat(changes, PRIME)).tolist()
-    logarithms = [[a / c for a in row] for row, c in zip(gradients, coefficients, strict=True)]
-    return dict(zip(circuit, [[0 * x[0]] * n, *logarithms], strict=True))
-
-
-def independent_of(
-    known: Sequence[RationalFunction], candidates: Iterable[ImplicitIntegral]
-) -> Iterator[ImplicitIntegral]:
-    """Yield the candidates that are independent of known integrals and of earlier candidates."""
-    gradients = [gradient_of_logarithm(f) for f in known]
-    for integral in candidates:
-        more = [*gradients, integral.gradient_of_logarithm()]
-        if flint.nmod_mat(more, PRIME).rank() == len(more):
-            gradients = more
-            yield integral
+    map, x, length = map.at_eps(EPS), arithmetic.random_point(map.dimension), len(circuit) - 1
+    (relation,) = arithmetic.null_space(monomials_along(map, circuit, x, length))
+    (gradients,) = gradients_of_coefficients(map, circuit, [relation], x, length)
+    logarithms = [[a / c for a in row] for row, c in zip(gradients, relation, strict=False)]
+    return dict(zip(circuit, [*logarithms, [0 * x[0]] * map.dimension], strict=True))
 
 
 def implicit_integrals(map: RationalMap, monomials: Exponents) -> Iterator[ImplicitIntegral]:

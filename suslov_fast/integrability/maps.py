@@ -51,6 +51,8 @@ class RationalMap:
     names: tuple[str, ...] | None = None  # of the variables, if they are not x1, ..., xD
     inverse: Any
     forms: Any  # polynomials F_1, ..., F_D, F_0 without a common factor
+    hamiltonian: Any = None  # of the field of a Kahan map, as a polynomial
+    modified_energy: Any = None  # the integral of such a map, if it is not constant
 
     def __init__(self, forms: Sequence[Any], inverse: RationalMap | None = None) -> None:
         self.dimension, self.forms, self.inverse = len(forms) - 1, list(forms), inverse

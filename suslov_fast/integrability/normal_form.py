@@ -20,7 +20,7 @@ from .darboux import space_of
 from .functions import IDENTITY, MODULAR, RationalFunction, factored, without_constant
 from .invariants import Invariants
 from .kahan import KahanMap, kahan
-from .maps import LONGEST
+from .maps import LONGEST, RationalMap
 from .polynomials import (
     degree_of,
     exponents_in_x,
@@ -124,9 +124,9 @@ class NormalForms:
         return (cofactor / symbolic.subs(eps)).constant * symbolic
 
 
-def _modified_energy(map: Any) -> list[Any]:
+def _modified_energy(map: RationalMap) -> list[Any]:
     """Return the numerator of the modified energy of a field with a Hamiltonian, in a list."""
-    modified = map.modified_energy if isinstance(map, KahanMap) else None
+    modified = map.modified_energy
     return [modified.as_quotient(map.ring)[0]] if modified else []
 
 

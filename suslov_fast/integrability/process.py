@@ -39,10 +39,6 @@ def search(report: Any, seed: int, may_go_on: Callable[[float], bool] | None = N
     queue = facts.queue
     for _ in queue:
         facts.fill(report)
-        if report.map.is_symbolic:
-            formulas = [*report.integrals, *report.measures, *report.polynomials]
-            special = {eps for f in formulas for eps in f.special}
-            report.special_eps = tuple(sorted(special.union(report.map.degenerate_eps)))
         yield report, queue.done, queue.done + len(queue)
         if may_go_on and not may_go_on(queue.next_cost):
             return

@@ -32,33 +32,44 @@ def relations_along(map: RationalMap, exponents: Exponents, eps: int, x: list[An
     return arithmetic.null_space(monomials_along(map.at_eps(eps), exponents, x, length))
 
 
+def gradients_of_coefficients(
+    map: RationalMap, exponents: Exponents, relations: Residues, x: Sequence[Any], length: int
+) -> list[list[list[Any]]]:
+    """Return the gradients by x of the coefficients of relations, by relation and coefficient.
+
+    They solve ``sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k)``, the derivatives of the relations at
+    the points x_k of the orbit of x. Relations must be a basis in echelon form: the coefficients
+    that can be chosen freely, as many as relations, are constant and left out.
+    """
+    p, n, count = int(x[0].modulus()), map.dimension, len(exponents)
+    ring = ring_modulo(p, n)
+    polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
+    slopes = [[P.derivative(i) for i in range(n)] for P in polynomials]
+    rows = []
+    for y, derivative in map.variations(x, length):
+        values = flint.nmod_mat([[dP(*y[:-1]) for dP in of_relation] for of_relation in slopes], p)
+        rows.append([*monomial_values(exponents, y), *(values * derivative * -1).entries()])
+    solved = flint.nmod_mat(rows, p).rref()[0].tolist()[: count - len(relations)]
+    return [[row[k : k + n] for row in solved] for k in range(count, len(rows[0]), n)]
+
+
 @lru_cache(maxsize=32)
 def count_relations(map: RationalMap, exponents: Exponents, seed: int) -> tuple[int, int]:
     """Return the number of relations along an orbit, and of the independent integrals they show.
 
-    The latter is the rank of the derivatives of their coefficients c by the first point x_0, from
-    the derivatives of ``sum_i c_i m_i(x_k) = 0`` for each k.
+    The latter is the rank of the gradients of their coefficients.
     """
-    rng, n, count = random.Random(seed), map.dimension, len(exponents)
+    rng = random.Random(seed)
 
     def count_modulo(p: int, eps: int) -> tuple[int, int]:
-        x = arithmetic.random_point(n, p, rng)
+        x = arithmetic.random_point(map.dimension, p, rng)
         relations = relations_along(map, exponents, eps, x)
         if not relations:
             return 0, 0
-        ring = ring_modulo(p, n)
-        polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
-        gradients = [[P.derivative(i) for i in range(n)] for P in polynomials]
-        # sum_i m_i(x_k) dc_i = -sum_i c_i dm_i(x_k): elimination solves these equations for dc.
-        rows = []
-        for y, derivative in map.at_eps(eps).variations(x, count + EXTRA):
-            values = [[slope(*y[:-1]) for slope in gradient] for gradient in gradients]
-            changes = flint.nmod_mat(values, p) * derivative
-            rows.append([*monomial_values(exponents, y), *changes.entries()])
-        reduced = flint.nmod_mat(rows, p).rref()[0].tolist()[: count - len(relations)]
-        starts = range(count, len(rows[0]), n)
-        rank = flint.nmod_mat([row[k : k + n] for row in reduced for k in starts], p).rank()
-        return len(relations), int(rank)
+        length = len(exponents) + EXTRA
+        gradients = gradients_of_coefficients(map.at_eps(eps), exponents, relations, x, length)
+        rows = [gradient for of_relation in gradients for gradient in of_relation]
+        return len(relations), int(flint.nmod_mat(rows, p).rank())
 
     return arithmetic.agreed_by_primes(rng, count_modulo)  # type: ignore[no-any-return]
 

@@ -17,10 +17,11 @@ from typing import Any, NamedTuple
 from . import implicit
 from .arithmetic import PRIME
 from .darboux import candidate_cofactors, nullity, space_of, with_constants
-from .functions import IDENTITY, MODULAR, RationalFunction, factored, quotient_of
+from .functions import IDENTITY, MODULAR, RationalFunction, factored, independent_of, quotient_of
 from .growth import degrees_of_iterates
 from .implicit import ImplicitIntegral
 from .invariants import Invariants
+from .kahan import KahanMap
 from .maps import LONGEST, RationalMap
 from .normal_form import NormalForms
 from .planar import PlanarEntropy, entropy_of_planar_maps
@@ -83,6 +84,10 @@ class Search:
         report.implicit = self.known.implicit
         report.symmetries, report.planar = self.symmetries, self.planar
         report.searched = [*self._searched()]
+        if isinstance(self.map, KahanMap) and self.map.is_symbolic:
+            formulas = (*report.integrals, *report.measures, *report.polynomials)
+            special = {eps for f in formulas for eps in f.special}
+            report.special_eps = tuple(sorted(special.union(self.map.degenerate_eps)))
 
     @property
     def known(self) -> Known:
@@ -90,7 +95,7 @@ class Search:
         if self._version_of_known != self.version:
             self._version_of_known, found = self.version, self.invariants
             integrals = found.integrals
-            others = tuple(implicit.independent_of(integrals, self._of_relations))
+            others = tuple(independent_of(integrals, self._of_relations))
             self._known = Known(integrals, others, found.measures, found.polynomials)
         return self._known
 
@@ -128,17 +133,16 @@ class Search:
             yield from kind(self)
 
     def _hamiltonian(self) -> Iterator[Task]:
-        if getattr(self.map, "hamiltonian", None) is not None:
+        if self.map.hamiltonian is not None:
             yield Task(0.0, self._modified_energy, "hamiltonian")
 
     def _modified_energy(self) -> Tasks:
         """Add the modified energy of a field with a Hamiltonian, and the density 1/det A."""
-        map: Any = self.map
-        one = map.ring.constant(1)
-        self.invariants.densities.append(quotient_of(one, map.denominator, IDENTITY))
+        ring, modified = self.map.ring, self.map.modified_energy
+        density = quotient_of(ring.constant(1), self.map.denominator, IDENTITY)
+        self.invariants.densities.append(density)
         self.version += 1
-        modified = map.modified_energy
-        return self._add_space(modified.as_quotient(map.ring)) if modified else []
+        return self._add_space(modified.as_quotient(ring)) if modified else []
 
     def _relations(self) -> Iterator[Task]:
         for k in range(1, self.degree + 1):
@@ -172,7 +176,7 @@ class Search:
         if missing <= len(self.known.implicit):
             return
         candidates = implicit.implicit_integrals(self.map, exponents)
-        independent = implicit.independent_of(self.known.integrals, candidates)
+        independent = independent_of(self.known.integrals, candidates)
         self._of_relations = [*islice(independent, missing)]
         self.version += 1
         # Darboux polynomials, which come with the factors, give nicer formulas, if they come soon.

@@ -30,7 +30,8 @@ def exponents_of(monomials: Any, n: int) -> Exponents:
         exponents = tuple(tuple(integer("monomials", e, 0) for e in each) for each in monomials)
     except TypeError:
         raise wrong("monomials", "a degree or a list of exponents", monomials, TypeError) from None
-    if {*map(len, exponents)} != {n} or not len({*exponents}) == len(exponents) <= _MOST:
+    are_different = len({*exponents}) == len(exponents)
+    if {*map(len, exponents)} != {n} or not are_different or len(exponents) > _MOST:
         expected = f"at most {_MOST} different tuples of {n} exponents"
         raise wrong("monomials", expected, short(monomials))
     return exponents

@@ -1,9 +1,9 @@
 """Proofs that the orders of a passage across a contracted curve are exact.
 
-They are known modulo primes, at random points of the curve. Exact are those for a line with
-rational coefficients, whose points are a + s b: the coordinates of the germ are then polynomials in
-s, and in eps if it is symbolic. Those of conjugate lines are exact if they are multiplicities of
-the forms at the points of the orbit, which is computed in the number field of a point of the curve.
+`contracted` computes them modulo primes, at random points of the curve. For a line with rational
+coefficients they are computed again at its general point a + s b: the coordinates of the germ are
+polynomials in s, and in eps if it is symbolic. For conjugate lines they are exact if the forms have
+them as multiplicities at the points of the orbit, in the number field of a point of the curve.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def _germ_across_line(plane: Plane, number: int) -> list[Any]:
     names = ["eps"] * plane.symbolic + ["s", "t"]
     ring = flint.fmpz_mpoly_ctx.get(names, ordering="deglex")
     *_, s, t = ring.gens()
-    line = [_coefficient(plane, number, j, ring) for j in range(3)]
-    # If line . x = t, a solution for x_pivot exists with free other coordinates, times line[pivot].
+    line = [_coefficient_of_line(plane, number, j, ring) for j in range(3)]
+    # Two coordinates depend on s alone; the third makes the product line . germ a multiple of t.
     pivot = next(j for j in range(3) if line[j] != 0)
     i, j = (k for k in range(3) if k != pivot)
     u, v = 2 + 3 * s, 5 + 7 * s
@@ -69,7 +69,7 @@ def _germ_across_line(plane: Plane, number: int) -> list[Any]:
     return germ
 
 
-def _coefficient(plane: Plane, number: int, j: int, ring: Any) -> Any:
+def _coefficient_of_line(plane: Plane, number: int, j: int, ring: Any) -> Any:
     """Return the coefficient of a coordinate in the equation of a line."""
     k = plane.symbolic
     terms = {(*e[:k], 0, 0): c for e, c in plane.curves[number].to_dict().items() if e[k + j]}

@@ -1,4 +1,4 @@
-"""Darboux polynomials, P(Phi(x)) = C(x) P(x), of a cofactor C, and the cofactors that have some.
+"""Darboux polynomials, P(Phi(x)) = C(x) P(x), of a cofactor C, and cofactors that have such P.
 
 P solves linear equations at random points modulo a prime; cofactors are products of powers of the
 factors of det DPhi and of the denominator (Celledoni and others, arXiv:1902.04715).
@@ -93,7 +93,7 @@ def space_of(
     def search(p: int, eps: int) -> Residues:
         space = arithmetic.null_space(_equations(map, degree, cofactor, sign, p, eps))
         if map.is_symbolic and space:  # formulas without LLL: pivots are monomials of low degree
-            return arithmetic.integer_rows(flint.nmod_mat(space, p).rref()[0])
+            return arithmetic.row_space(space, p)
         return space
 
     rows = over_rationals(random.Random(seed), search, map.is_symbolic)
@@ -254,11 +254,11 @@ def with_constants(
         n = len(at_points[0])
 
         def minimal_polynomial(start: int) -> Any:
-            """Return that of the matrix for as many points as there are unknowns."""
+            """Return that of the pullback divided by the candidate, by n of the points."""
             here, there = (flint.nmod_mat(rows[start:][:n], p) for rows in (at_points, at_images))
             return here.solve(there).minpoly()
 
-        # Eigenvalues of true solutions do not depend on the points.
+        # The eigenvalues of polynomials do not depend on the points.
         common = minimal_polynomial(0).gcd(minimal_polynomial(EXTRA))
         return [[int(c) for c in common.coeffs()]] if common.degree() else []
 
@@ -325,7 +325,7 @@ def _divisors(
             rest = left - power * sizes[k]
             if rest < 0:
                 return
-            if rest > sum(largest[k + 1 :]):
+            if rest > sum(largest[k + 1 :]):  # too much for the factors that follow
                 continue
             joint = system
             if rows:

@@ -20,13 +20,14 @@ def as_decimal(a: Any) -> Fraction:
     """Return the decimal of at most 15 digits that a float was written as, or its binary value.
 
     So 0.1 is 1/10, and 1/3 remains the binary number. A coefficient of a Hamiltonian may be a third
-    of a float, say: then the float is replaced.
+    of a float, for example: then the float is replaced.
     """
     binary = Fraction(a)
-    odd = binary.denominator // (binary.denominator & -binary.denominator)
+    q = binary.denominator
+    odd = q // (q & -q)  # without its power of two: 1 for a float
     if odd > 1:
         return as_decimal(binary * odd) / odd if odd < _ODD else binary
-    if binary.denominator < _LONG:
+    if q < _LONG:
         return binary
     text = f"{float(binary):.14e}"
     decimal = Fraction(text)
@@ -54,7 +55,8 @@ def note_on_floats(body: Any, eps: Any) -> list[str]:
     for number in [*_numbers_in(body), eps or 0]:
         a = rational("field", number)
         simple, q = a.limit_denominator(10**6), a.denominator
-        if q > _LONG and q & (q - 1) == 0 and float(simple) == a:
+        is_binary = q & (q - 1) == 0  # a power of two
+        if q > _LONG and is_binary and float(simple) == a:
             return [
                 f"The float {float(a)!r} is taken exactly, as {a}: if {simple} is meant, write "
                 f"Fraction({simple.numerator}, {simple.denominator}), or decimals=True for all."

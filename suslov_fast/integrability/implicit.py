@@ -247,9 +247,7 @@ def is_short(integral: ImplicitIntegral) -> bool:
 
 
 def written_out(integral: ImplicitIntegral) -> RationalFunction | None:
-    """Return the formula of an integral, if it is not too long, else None."""
-    if not is_short(integral):
-        return None
+    """Return the formula of an integral that is short enough; None if it has too many terms."""
     map, D = integral.map, integral.map.dimension
     exponents = exponents_up_to(integral.degree, D)
 

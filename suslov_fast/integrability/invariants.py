@@ -82,7 +82,7 @@ class Invariants:
         self._point = arithmetic.random_point(map.dimension)[:-1]
 
     def value(self, cofactor: Any) -> int:
-        """Return the value of a cofactor by which it is known."""
+        """Return the value of a cofactor at the random point, which stands for it."""
         value = flint.nmod(arithmetic.fmpq(cofactor.constant), PRIME)
         for P, e in cofactor.factors:
             value *= flint.nmod(modulo(P, PRIME, EPS)(*self._point), PRIME) ** e

@@ -97,7 +97,7 @@ class KahanMap(RationalMap):
 
     def homogeneous_image(self, x: Sequence[Any]) -> list[Any]:
         rows = self._system(x)
-        if not isinstance(x[-1], flint.nmod | flint.fmpq):
+        if not isinstance(x[-1], flint.nmod | flint.fmpq):  # polynomials
             return cramer(rows)
         A, b = (matrix([row[part] for row in rows]) for part in (slice(-1), slice(-1, None)))
         return [*A.solve(b).entries(), x[-1]]
@@ -175,7 +175,7 @@ class KahanMap(RationalMap):
         if (H := self.hamiltonian) is None:
             return None
         *numerators, F_0 = self.forms
-        energy = 3 * H * F_0  # times 3 F_0
+        energy = 3 * H * F_0  # 3 F_0 times the modified energy
         for i, (F, x) in enumerate(zip(numerators, self.variables, strict=False), self.is_symbolic):
             energy += H.derivative(i) * (F - x * F_0)
         modified = quotient_of(energy, 3 * F_0, MODULAR)

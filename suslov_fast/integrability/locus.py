@@ -40,7 +40,7 @@ class Locus(list[Special]):
     """The values that `locus` found, in ascending order.
 
     `generic` is the number of relations of a general value and `height` the largest numerator or
-    denominator that was looked at. `left_out` has the values for which there is no field or map,
+    denominator that was tried. `left_out` has the values for which there is no field or map,
     and `algebraic`, by prime, the residues with more relations that belong to no listed value:
     those of algebraic numbers, or of fractions of a greater height.
     """

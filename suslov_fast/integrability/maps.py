@@ -123,7 +123,7 @@ class RationalMap:
         if not self.is_symbolic:
             return tuple(map(arithmetic.fraction, self.image(self._numbers(point))[:-1]))
         x = arithmetic.rationals("point", point, self.dimension)
-        scale = math.lcm(*(a.denominator for a in x))
+        scale = math.lcm(*(a.denominator for a in x))  # of homogeneous coordinates (x, 1)
         constants = [self.ring.constant(int(a * scale)) for a in (*x, Fraction(1))]
         *numerators, denominator = map(factored, self.homogeneous_image(constants))
         return tuple(a / denominator for a in numerators)

@@ -212,9 +212,9 @@ def modulo(P: Any, p: int, eps: Any) -> Any:
 
 
 def random_line(dimension: int, p: int, rng: random.Random) -> list[Any]:
-    """Return a line modulo a prime; its parameter t is the last coordinate, 0 at infinity."""
-    ends = ([rng.randrange(p), rng.randrange(p)] for _ in range(dimension))
-    return [flint.nmod_poly(coefficients, p) for coefficients in (*ends, [0, 1])]
+    """Return a line modulo a prime: homogeneous coordinates a + b t, and as the last one t."""
+    pairs = ([rng.randrange(p), rng.randrange(p)] for _ in range(dimension))
+    return [flint.nmod_poly(pair, p) for pair in (*pairs, [0, 1])]
 
 
 def on_line(P: Any, line: Sequence[Any], degree: int) -> Any:

@@ -60,7 +60,7 @@ def search_with_interrupts(report: Any, seed: int) -> Parts:
     for result in search(report, seed, may_go_on):
         done = result[1]
         yield result
-    if not report.finished:
+    if not report.finished:  # the other process begins anew: skip what was yielded before
         yield from (result for result in search_until(math.inf, empty, seed) if result[1] > done)
 
 

@@ -47,9 +47,10 @@ class _Plane:
         self._exponents = exponents_up_to(2 * degree - 2, 2)
 
     def equations(self, P: Any, eps: int) -> Any:
-        """Return the matrix for f = P, without the column by which its gradient is normalized.
+        """Return the matrix of the equations for f = P, without its first column.
 
         The columns are the terms of f^2 (d/dv (g / f) - d/du (h / f)) for g, then h, a monomial.
+        Without the first one, the gradient of f, which always solves the equations, does not.
         """
         f = modulo(P, self._p, eps).compose(*self._points, ctx=self._ring)
         columns = []
@@ -148,7 +149,7 @@ def _without_s(first: Any, second: Any, third: Any, p: int) -> tuple[Any, Any] |
 
 
 def _times_powers(constant: Any, linear: Any, width: int, p: int) -> Any:
-    """Return the matrix of the products of (constant + s linear) v with powers of s."""
+    """Return the matrix of s^k (constant + s linear) v, k < width, for the unknowns v, s v, ..."""
     rows, columns = constant.nrows(), constant.ncols()
     table = [[0] * (columns * (width + 1)) for _ in range(rows * width)]
     for k in range(width):

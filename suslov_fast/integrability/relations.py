@@ -45,7 +45,7 @@ def gradients_of_coefficients(
     ring = ring_modulo(p, n)
     polynomials = [ring.from_dict(dict(zip(exponents, c, strict=True))) for c in relations]
     slopes = [[P.derivative(i) for i in range(n)] for P in polynomials]
-    rows = []
+    rows = []  # the equations at x_k: all m_i, and right sides for each relation
     for y, derivative in map.variations(x, length):
         values = flint.nmod_mat([[dP(*y[:-1]) for dP in of_relation] for of_relation in slopes], p)
         rows.append([*monomial_values(exponents, y), *(values * derivative * -1).entries()])

@@ -65,7 +65,7 @@ def reversors(field: QuadraticField) -> list[Reversor]:
     unknowns = ring_modulo(PRIME, D * D + D * (D <= _AFFINE))
     symmetries = []
     for solution in _isolated_solutions(_equations(field, unknowns), unknowns, DEGREES[D]):
-        values = [*solution, *[0] * D][: D * D + D]
+        values = [*solution, *[0] * D][: D * D + D]  # b = 0 if it is not among the unknowns
         entries = [simplest_fraction(int(a), PRIME) for a in values]
         if all(max(abs(a.numerator), a.denominator) < _LARGEST for a in entries):
             S = tuple(tuple(entries[D * i : D * i + D]) for i in range(D))
@@ -165,7 +165,8 @@ def _solutions(equations: list[Any], unknowns: Any, degree: int) -> Iterator[lis
     """
     n = unknowns.nvars()
     space = arithmetic.null_space(_products(equations, unknowns, degree))
-    # Solutions at infinity are 0 in monomials of lower degree: there the rank stays the same.
+    # In monomials of low degree solutions at infinity are 0. There the rank is the number of the
+    # others, and stays the same from one degree to the next.
     counts = [math.comb(n + d, n) for d in range(degree + 1)]  # of monomials up to a degree
     parts = [[row[:count] for row in space] or [[0]] for count in counts]
     ranks = [flint.nmod_mat(part, PRIME).rank() for part in parts]
@@ -185,31 +186,34 @@ def _by_multiplication(values: Any, low: int, n: int, degree: int) -> Iterator[l
     are its eigenvectors.
     """
     monomials = exponents_up_to(degree, n)
-    column = {e: k for k, e in enumerate(monomials)}
-    count = values.shape[1]
-    rng = random.Random(0)
+    row = {e: k for k, e in enumerate(monomials)}
+    units = [tuple(unit) for unit in np.eye(n, dtype=int).tolist()]
+    count, rng = values.shape[1], random.Random(0)
     linear_form = np.array([rng.randrange(PRIME) for _ in range(n)], object)
-    units = np.eye(n, dtype=int)
     products = []
     for e in monomials[:low]:
-        rows = [column[tuple(np.add(e, unit))] for unit in units]
-        products.append(linear_form @ values[rows] % PRIME)
-    # Random combinations of the monomials, as many as solutions.
+        times_variables = [row[tuple(map(add, e, unit))] for unit in units]
+        products.append(linear_form @ values[times_variables] % PRIME)
+    # As many random combinations of the monomials as solutions.
     draws = [rng.randrange(PRIME) for _ in range(count * low)]
     mix = flint.nmod_mat(count, low, draws, PRIME)
-    before = mix * flint.nmod_mat(values[:low].tolist(), PRIME)
-    after = mix * flint.nmod_mat([row.tolist() for row in products], PRIME)
+    before, after = (
+        mix * flint.nmod_mat(np.array(rows).tolist(), PRIME) for rows in (values[:low], products)
+    )
     if before.rank() < count:
         return
-    action = before.solve(after)
-    identity = flint.nmod_mat(np.eye(count, dtype=int).tolist(), PRIME)
-    for factor, _ in action.charpoly().factor()[1]:
-        if factor.degree() != 1:
-            continue
-        eigenvalue = -factor[0] / factor[1]
-        kernel = arithmetic.null_space(action - identity * eigenvalue)
-        if len(kernel) == 1:
-            solution = values @ np.array(kernel[0], object) % PRIME
-            if solution[0]:  # the value of the monomial 1
-                scale = pow(int(solution[0]), -1, PRIME)
-                yield [int(solution[column[tuple(unit)]]) * scale % PRIME for unit in units]
+    for eigenvector in _simple_eigenvectors(before.solve(after)):
+        solution = values @ np.array(eigenvector, object) % PRIME
+        if solution[0]:  # the value of the monomial 1
+            scale = pow(int(solution[0]), -1, PRIME)
+            yield [int(solution[row[unit]]) * scale % PRIME for unit in units]
+
+
+def _simple_eigenvectors(matrix: Any) -> Iterator[list[int]]:
+    """Yield the eigenvectors of a matrix modulo a prime whose eigenvalues have no others."""
+    identity = flint.nmod_mat(np.eye(matrix.nrows(), dtype=int).tolist(), PRIME)
+    for factor, _ in matrix.charpoly().factor()[1]:
+        if factor.degree() == 1:
+            kernel = arithmetic.null_space(matrix + identity * (factor[0] / factor[1]))
+            if len(kernel) == 1:
+                yield kernel[0]

@@ -182,7 +182,7 @@ def test_parts_of_killed_processes_are_deleted(path):
     left.write_bytes(b"half")
     other = path.with_name(".other.npz.0123abcd.part")
     other.touch()
-    new, file = storage._part(path)
+    new, file = storage._partial(path)
     with file:
         assert not left.exists()
         run_of("one").save(path)

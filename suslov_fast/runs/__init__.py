@@ -1,1 +1,1 @@
-"""Runs of a map: iteration, solutions, results, files and stores."""
+"""Runs of a map: iteration, closed form, crossings, results, files, stores and plots."""

@@ -1,4 +1,4 @@
-"""Requests to a store: the keys that it has, and values of small ones."""
+"""Requests to a Zarr store: which keys it has, and the values of small ones."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-# The number of simultaneous requests for chunks that are not in a listing.
+# Simultaneous requests for keys that a listing does not have.
 _AT_A_TIME = 64
 
 
 def reader(store: Any, read_only: bool = True) -> Any:
-    """Return the Zarr store object of a folder or a URL, to read what is there now."""
+    """Return the Zarr store object of a folder or a URL, without cached listings."""
     from zarr.storage import FsspecStore, LocalStore
 
     if isinstance(store, Path):
@@ -23,25 +23,25 @@ def reader(store: Any, read_only: bool = True) -> Any:
     if isinstance(store, (str, os.PathLike)):
         store = FsspecStore.from_url(os.fspath(store), read_only=read_only)
     if isinstance(store, FsspecStore):
-        store.fs.invalidate_cache()  # of listings, in which other processes' chunks are missing
+        store.fs.invalidate_cache()  # because cached listings lack chunks of other processes
     return store
 
 
 def run(requests: Coroutine[Any, Any, T]) -> T:
     """Run requests on the event loop of Zarr, to which the connections of its stores belong.
 
-    Zarr's public functions are synchronous and take arrays; none lists or asks for keys.
+    The private `sync` is needed because no public function of Zarr lists keys or asks for one.
     """
     from zarr.core.sync import sync
 
-    found: T = sync(requests)
-    return found
+    answer: T = sync(requests)
+    return answer
 
 
 async def settle(seconds: float) -> None:
-    """Wait until requests that an interrupt has left have ended, and cancel slow ones.
+    """Wait for requests that an interrupt left unfinished, and cancel those that take longer.
 
-    At the end of a process asyncio prints what it thinks of requests that are under way.
+    Otherwise asyncio prints warnings about them when the process ends.
     """
     if others := asyncio.all_tasks() - {asyncio.current_task()}:
         for task in (await asyncio.wait(others, timeout=seconds))[1]:
@@ -49,19 +49,21 @@ async def settle(seconds: float) -> None:
 
 
 def opened(store: Any) -> Any:
-    """Return a Zarr store object after it was opened, which one of a ZIP file is not at first."""
+    """Return a Zarr store object after it was opened, because one of a ZIP file starts closed."""
     from zarr.storage import StorePath
 
     return run(StorePath.open(store, path="")).store
 
 
 async def put(target: Any, key: str, text: str) -> None:
+    """Write a text under a key."""
     from zarr.buffer import default_buffer_prototype
 
     await target.set(key, default_buffer_prototype().buffer.from_bytes(text.encode()))
 
 
 async def get(source: Any, key: str) -> str | None:
+    """Return the text under a key, or None."""
     from zarr.buffer import default_buffer_prototype
 
     try:
@@ -72,6 +74,7 @@ async def get(source: Any, key: str) -> str | None:
 
 
 async def keys_of(source: Any, prefix: str = "") -> set[str]:
+    """Return the keys with a prefix; none if the store cannot list keys."""
     try:
         return {key async for key in source.list_prefix(prefix)}
     except (FileNotFoundError, NotImplementedError):
@@ -79,7 +82,7 @@ async def keys_of(source: Any, prefix: str = "") -> set[str]:
 
 
 async def existing(source: Any, keys: list[str]) -> set[str]:
-    """Return the keys that exist."""
+    """Return those of the keys that exist, by one request for each."""
     turn = asyncio.Semaphore(_AT_A_TIME)
 
     async def ask(key: str) -> bool:

@@ -1,6 +1,6 @@
-"""Metadata of the Zarr stores of runs: what a store says that it contains.
+"""Metadata of the Zarr stores of runs: the arrays and attributes that a store should have.
 
-A copy of them stays as it is when others, such as xarray, write into the store.
+A store holds a copy of them, because others, such as xarray, may rewrite the metadata of Zarr.
 """
 
 from __future__ import annotations
@@ -18,14 +18,16 @@ from ..maps import named
 from . import access
 from .storage import arrays_of_a_run, check_arrays
 
-# Version of the format, and the key of the copy: inside an array, as Zarr warns of keys in groups.
-FORMAT, COPY = 10, "status/run.json"
-# The codecs of our stores. Zarr does not get metadata with others: codecs can run commands.
+# Version of the format.
+FORMAT = 10
+# Key of the copy: inside an array, because Zarr warns of unknown keys in groups.
+COPY = "status/run.json"
+# Codecs of our stores; metadata with others are refused, because codecs can run commands.
 _CODECS = {"bytes", "vlen-utf8", "crc32c"}
-# Bytes of a number. The files of chunks have these and a checksum of 4 bytes.
+# Bytes of a number, and of the checksum that follows the numbers in the file of a chunk.
 _BYTES, _CHECKSUM = {"float64": 8, "int64": 8, "int8": 1}, 4
 
-Tile = tuple[int, ...]  # the number of a tile along each axis of the batch
+Tile = tuple[int, ...]  # position of a tile along each axis of the batch
 
 
 class Stored(NamedTuple):
@@ -38,7 +40,7 @@ class Stored(NamedTuple):
 
     @property
     def nbytes(self) -> int | None:
-        """The size of the file of a chunk; None for types of which it is not known."""
+        """Size of the file of a chunk; None for texts, whose size varies."""
         width = _BYTES.get(self.dtype)
         return None if width is None else width * math.prod(self.chunks) + _CHECKSUM
 
@@ -50,12 +52,15 @@ class Stored(NamedTuple):
 
 
 class Contents(NamedTuple):
-    """The metadata of a store: attributes of the run, and its arrays, {} until all are created."""
+    """The metadata of a store; `arrays` is empty until all arrays of the run are created.
+
+    The last four are for stores into which others have written: the copy of the metadata, the
+    attributes and the names of arrays and groups that they added, and whether the metadata are
+    still consolidated.
+    """
 
     attributes: dict[str, Any]
     arrays: dict[str, Stored]
-    # If others have written into the store: the copy of the metadata of the run, attributes and
-    # names of arrays and groups of others, and whether there are consolidated metadata.
     copy: str | None = None
     added: Mapping[str, Any] = {}
     foreign: Sequence[str] = ()
@@ -68,14 +73,14 @@ class Contents(NamedTuple):
 
     @property
     def shared(self) -> list[str]:
-        """Names of the others: parameters, step sizes, labels."""
+        """Names of the arrays that are written at once: parameters, step sizes, labels."""
         return [*json.loads(self.attributes["shared"])]
 
 
 def contents(store: Any) -> Contents | None:
-    """Return the metadata of a store, None if there is no store; ValueError for other data.
+    """Return the metadata of a store, or None if there is no store; ValueError for other data.
 
-    The metadata are checked before Zarr reads them: only format 3 and our own codecs are accepted.
+    They are checked before Zarr reads them: only format 3 and our own codecs are accepted.
     """
     text = access.run(access.get(access.reader(store), "zarr.json"))
     if text is None:
@@ -87,11 +92,11 @@ def contents(store: Any) -> Contents | None:
         if old:
             raise _foreign(store, "data of Zarr format 2")
         return None
-    document, copy, there = _document(store, text), None, {}
+    document, copy, rewritten = _document(store, text), None, {}
     if "sha256" not in (document.get("consolidated_metadata") or {}):
         copy = access.run(access.get(access.reader(store), COPY))
-    if copy is not None:  # others wrote into the store; without a copy, none has finished it
-        there, document = document, _document(store, copy)
+    if copy is not None:  # others rewrote the metadata; without a copy, they are not complete yet
+        rewritten, document = document, _document(store, copy)
     attributes = dict(document["attributes"])
     if attributes.get("format") != FORMAT:
         version = attributes.get("version") or attributes.get("source")
@@ -101,19 +106,19 @@ def contents(store: Any) -> Contents | None:
         consolidated = document.get("consolidated_metadata") or {"metadata": {}}
         metadata = consolidated["metadata"]
         digest = digest_of(document["attributes"], metadata)
-        # Zarr leaves the digest out when it writes metadata anew, for another array, say.
+        # Zarr drops the digest when it rewrites the metadata, for a new array, say.
         if consolidated.get("sha256", digest) != digest:
             raise wrong("sha256", "the digest of what was written", "another")
-        found = Contents(attributes, {name: _stored(name, each) for name, each in metadata.items()})
+        found = Contents(attributes, {k: _stored(k, array) for k, array in metadata.items()})
         if metadata:
             _check(found)
-        return found if copy is None else _with_others(found, copy, there)
+        return found if copy is None else _with_additions(found, copy, rewritten)
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
         raise _foreign(store, f"damaged metadata: {error}") from error
 
 
 def _document(store: Any, text: str) -> dict[str, Any]:
-    """Return the metadata of a group, which are a JSON document."""
+    """Return the metadata of a group from their JSON text."""
     try:
         document: dict[str, Any] = json.loads(text)
         _ = dict(document["attributes"])
@@ -126,33 +131,35 @@ def _document(store: Any, text: str) -> dict[str, Any]:
     return document
 
 
-def _with_others(found: Contents, copy: str, document: dict[str, Any]) -> Contents:
-    """Add what others have written; arrays of the run may have become longer, and no more."""
-    consolidated = document.get("consolidated_metadata") or {}
+def _with_additions(found: Contents, copy: str, rewritten: dict[str, Any]) -> Contents:
+    """Add what others wrote into a store; they may only have lengthened arrays of the run."""
+    consolidated = rewritten.get("consolidated_metadata") or {}
     metadata = consolidated.get("metadata", {})
     for name in found.arrays.keys() & metadata.keys():
         now = _stored(name, metadata[name])
         if now._replace(shape=found.arrays[name].shape) != found.arrays[name]:
             raise wrong(name, "the array that ensemble made", "another")
     foreign = {name.partition("/")[0] for name in metadata} - {*found.arrays}
-    added = {k: each for k, each in document["attributes"].items() if k not in found.attributes}
+    attributes = rewritten["attributes"].items()
+    added = {name: value for name, value in attributes if name not in found.attributes}
     return Contents(*found[:2], copy, added, sorted(foreign), bool(consolidated))
 
 
 def digest_of(attributes: Any, arrays: Any) -> str:
-    """Return the digest of metadata, which have no checksum of Zarr."""
+    """Return the digest of metadata, because Zarr has no checksum of them."""
     return hashlib.sha256(json.dumps([attributes, arrays], sort_keys=True).encode()).hexdigest()
 
 
 def _foreign(store: Any, what: str) -> Any:
+    """Return the error of a store that holds something else."""
     return wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {what}")
 
 
 def _stored(name: str, metadata: dict[str, Any]) -> Stored:
-    """Return the metadata of an array, after checks that Zarr may open it."""
+    """Return the metadata of an array, or raise an error if Zarr must not open it."""
     if (metadata["zarr_format"], metadata.get("node_type")) != (3, "array"):
         raise wrong(name, "an array of Zarr format 3", metadata["zarr_format"])
-    codecs = {each["name"] for each in metadata["codecs"]}
+    codecs = {codec["name"] for codec in metadata["codecs"]}
     separator = metadata["chunk_key_encoding"].get("configuration", {}).get("separator", "/")
     grid = metadata["chunk_grid"]["configuration"]["chunk_shape"]
     if not codecs <= _CODECS or separator != "/" or metadata.get("storage_transformers"):
@@ -164,26 +171,28 @@ def _stored(name: str, metadata: dict[str, Any]) -> Stored:
 
 
 def _check(found: Contents) -> None:
-    """Check that a store has all arrays of its run, with their types and shapes."""
+    """Check that a store has all arrays of its run, with their types, shapes and chunks."""
     attributes, arrays, *_ = found
     map = named(attributes["map"])
     checks.one_of("method", attributes["method"], map.methods)
     every = attributes.get("save_every")
     rows = 1 if every is None else attributes["steps"] // every + 1
-    batch = arrays["status"]
+    status = arrays["status"]
     (D,) = arrays["component"].shape
-    expected = dict.fromkeys(found.tiled, ("float64", (rows, *batch.shape)))  # functions of states
-    expected |= arrays_of_a_run(map.variable, batch.shape, rows, D, "attitude" in attributes)
+    functions = dict.fromkeys(found.tiled, ("float64", (rows, *status.shape)))
+    expected = functions | arrays_of_a_run(
+        map.variable, status.shape, rows, D, "attitude" in attributes
+    )
     expected |= {"n": ("int64", (rows,)), "component": ("string", (D,))}
-    check_arrays({name: (each.dtype, each.shape) for name, each in arrays.items()}, expected)
-    sizes = dict(zip(batch.dims, batch.shape, strict=True))
-    chunks = dict(zip(batch.dims, batch.chunks, strict=True))
+    check_arrays({name: (array.dtype, array.shape) for name, array in arrays.items()}, expected)
     if absent := {*found.shared, "eps"} - {*arrays}:
         raise ValueError(f"the array {min(absent)} is missing")
-    for name, each in arrays.items():
-        if name in found.tiled and not {*batch.dims} <= {*each.dims}:
-            raise wrong(name, f"have the axes {', '.join(batch.dims)}", ", ".join(each.dims))
-        for dim, length, chunk in zip(each.dims, each.shape, each.chunks, strict=True):
+    sizes = dict(zip(status.dims, status.shape, strict=True))
+    chunks = dict(zip(status.dims, status.chunks, strict=True))
+    for name, array in arrays.items():
+        if name in found.tiled and not {*status.dims} <= {*array.dims}:
+            raise wrong(name, f"have the axes {', '.join(status.dims)}", ", ".join(array.dims))
+        for dim, length, chunk in zip(array.dims, array.shape, array.chunks, strict=True):
             if length != sizes.setdefault(dim, length):
                 raise wrong(name, f"have the length {sizes[dim]} along {dim}", length)
             if name in found.tiled and chunk != chunks.setdefault(dim, chunk):
@@ -191,7 +200,7 @@ def _check(found: Contents) -> None:
 
 
 def overlaid(store: Any, found: Contents, read_only: bool = True) -> Any:
-    """Return a store, with the metadata of the run if others have changed them."""
+    """Return a store to be read by Zarr: with the copy of the metadata, if others changed them."""
     if found.copy is None:
         return store
     from .overlay import Overlay

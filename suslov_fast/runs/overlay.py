@@ -1,4 +1,4 @@
-"""A Zarr store whose metadata others have changed, as it was. Imports Zarr (extra `large`)."""
+"""A view of a store with its original metadata, after others changed them (needs Zarr)."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from zarr.storage import WrapperStore
 
 
 class Overlay(WrapperStore[Any]):  # type: ignore[misc]
-    """A store with other consolidated metadata, from which Zarr and xarray read all they need."""
+    """A store whose key zarr.json, the consolidated metadata, has another text."""
 
     def __init__(self, store: Any, text: str) -> None:
         super().__init__(store)

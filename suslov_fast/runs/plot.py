@@ -1,4 +1,4 @@
-"""Pictures of runs and crossings, and axes and colours of all pictures.
+"""Figures of runs and crossings, and the axes and colours that all figures share.
 
 Imports Matplotlib (extra `plots`).
 """
@@ -23,23 +23,28 @@ try:
     from matplotlib.colors import ListedColormap, Normalize
     from matplotlib.lines import Line2D
 except ImportError:
-    extra("matplotlib", "plots")  # raises in the words of all extras
+    extra("matplotlib", "plots")  # raises an error that says how to install it
     raise
 
 __all__ = ["COLOURS", "axes_for", "plot_crossings", "plot_run", "plt"]
-# Without the lightest colours, which are faint on white.
+# Viridis without its lightest colours, which are faint on white.
 COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
 
-# More dots make a picture large and no clearer; on lines, more than a few hide them.
-_MOST, _FEW = 20_000, 2000
-# States joined by lines; the least of an orbit, in the shortest of at most so many pieces.
-_MOST_JOINED, _SHORT, _SHORTEST, _PIECES = 100_000, 2000, 500, 10
-# So few values of a parameter have a legend, more a bar.
+# Most dots in a figure, because more make it large and no clearer.
+_MOST_DOTS = 20_000
+# Most dots on lines, because more hide the lines.
+_MOST_ON_LINES = 2000
+# Most states joined by lines.
+_MOST_JOINED = 100_000
+# If these are too few for all orbits: at least this many states of an orbit are drawn, in at most
+# _PIECES pieces of at least _SHORTEST states.
+_FEWEST_OF_ORBIT, _PIECES, _SHORTEST = 2000, 10, 500
+# Most values of a parameter in a legend; for more there is a colour bar.
 _IN_LEGEND = 6
 
 
 def axes_for(ax: Any, size: tuple[float, float]) -> Any:
-    """Return the plane axes passed, or those of a new figure, which pyplot shows."""
+    """Return the user's axes, checked, or those of a new figure of pyplot."""
     if ax is None:
         return plt.figure(figsize=size, layout="constrained").add_subplot()
     if not isinstance(ax, Axes) or ax.name == "3d":
@@ -48,7 +53,7 @@ def axes_for(ax: Any, size: tuple[float, float]) -> Any:
 
 
 class _Colours(NamedTuple):
-    """Numbers that give colours, and what they are; without numbers all have one colour."""
+    """Numbers to be shown as colours, and their label; without numbers there is one colour."""
 
     values: FloatArray | None = None
     label: str = ""
@@ -62,16 +67,16 @@ class _Colours(NamedTuple):
         return None if self.values is None else Normalize(*_range(self.values))
 
     def explain(self, axes: Any, drawn: Any) -> None:
-        """Add a bar to axes, or a legend of a few values of a parameter."""
+        """Add a colour bar, or a legend if a parameter has few values."""
         if self.values is None:
             return
-        few = np.unique(self.values[np.isfinite(self.values)])
-        if not self.is_parameter or len(few) > _IN_LEGEND:
+        values = np.unique(self.values[np.isfinite(self.values)])
+        if not self.is_parameter or len(values) > _IN_LEGEND:
             axes.figure.colorbar(drawn, ax=axes, label=self.label, shrink=0.8)
             return
-        square: Any = {"marker": "s", "markersize": 5, "linestyle": "none"}
-        pens = [Line2D([], [], color=COLOURS(self.norm(value)), **square) for value in few]
-        axes.legend(pens, [f"{self.label} = {value:g}" for value in few], fontsize="small")
+        style: Any = {"marker": "s", "markersize": 5, "linestyle": "none"}
+        squares = [Line2D([], [], color=COLOURS(self.norm(value)), **style) for value in values]
+        axes.legend(squares, [f"{self.label} = {value:g}" for value in values], fontsize="small")
 
 
 def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any) -> Any:
@@ -85,15 +90,16 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any)
         colours = _levels(run, run.states[0])
     axes = axes_for(ax, (5.4, 5.0))
     states = run.states.reshape(len(run), B, len(run.body._labels))
-    plane, members = _pieces(states, pair)
+    pieces, orbits = _pieces(states, pair)
     if lines is None:
-        lines = is_whole and _are_near(plane)
+        lines = is_whole and _are_near(pieces)
     if not lines:
-        plane, members = states[..., pair], np.arange(B)
-    drawn, count = _draw(axes, plane, colours, members, lines)
+        pieces, orbits = states[..., pair], np.arange(B)
+    drawn, count = _draw(axes, pieces, colours, orbits, lines)
     colours.explain(axes, drawn)
     _label(axes, run, pair)
-    N, shown = int(run.n[-1]), f", {count:,} of their states" if count < B * (run.n[-1] + 1) else ""
+    N = int(run.n[-1])
+    shown = f", {count:,} of their states" if count < B * (N + 1) else ""
     axes.set_title(f"{_title(run)}\n{_orbits(B)} of {N:,} steps{shown}", fontsize="small")
     return axes
 
@@ -129,7 +135,7 @@ def _pair(run: Any, components: Any) -> list[int]:
 
 
 def _varying(states: FloatArray) -> list[int]:
-    """Return the first two components that vary among states (K, D), or others in their place."""
+    """Return the first two components that vary among states (K, D), or else others."""
     extent = np.ptp(states, axis=0) if len(states) else np.zeros(states.shape[1])
     is_constant = ~(extent > 1e-9 * extent.max())
     return sorted(np.argsort(is_constant, kind="stable")[:2].tolist())
@@ -138,41 +144,41 @@ def _varying(states: FloatArray) -> list[int]:
 def _colours(
     run: Any, color: Any, shape: tuple[int, ...], of_crossings: dict[str, Any] | None = None
 ) -> _Colours:
-    """Return the colours that the user wants: by default the first parameter that varies.
+    """Return the colours for `color`: by default those of the first parameter that varies.
 
-    `shape` is that of numbers: of the batch, or (K,) for crossings, which also take those of the
-    batch, and the numbers `of_crossings` by their names.
+    `shape` is that of the batch, or (K,) for crossings. For these, `color` may also be a name in
+    `of_crossings`, or have the shape of the batch.
     """
-    others = of_crossings or {}
-    named = {n: a for n, a in varying(run.body).items() if n not in run.body._axes}
+    of_crossings = of_crossings or {}
+    parameters = {k: array for k, array in varying(run.body).items() if k not in run.body._axes}
     if np.ndim(run.eps):
-        named["eps"] = np.asarray(run.eps)
+        parameters["eps"] = np.asarray(run.eps)
     if color is None:
-        color = next((name for name, values in named.items() if values.size > 1), None)
+        color = next((name for name, values in parameters.items() if values.size > 1), None)
         if color is None:
             return _Colours()
     if isinstance(color, str):
-        if color not in {*named, *others}:
-            known = ", ".join([*named, *others]) or "none"
+        if color not in {*parameters, *of_crossings}:
+            known = ", ".join([*parameters, *of_crossings]) or "nothing varies, so pass numbers"
             raise ValueError(f"color: {short(color)} is none of the names here: {known}")
-        if color in others:
-            return _Colours(np.asarray(others[color], float), color)
-        values = named[color]
-        values = run._at_crossings(values) if others else np.broadcast_to(values, shape)
+        if color in of_crossings:
+            return _Colours(np.asarray(of_crossings[color], float), color)
+        values = parameters[color]
+        values = run._at_crossings(values) if of_crossings else np.broadcast_to(values, shape)
         return _Colours(values.ravel(), color, is_parameter=True)
     values = real_array("color", color, allow_nan=True)
-    if others and values.shape == run.count.shape != shape:
+    if of_crossings and values.shape == run.count.shape != shape:
         values = run._at_crossings(values)
     if values.shape != shape:
         expected = f"have the shape {shape}"
-        if others:
+        if of_crossings:
             expected += f", one for each crossing, or {run.count.shape}, for each trajectory"
         raise wrong("color", expected, values.shape)
     return _Colours(values.ravel())
 
 
 def _levels(run: Any, states: FloatArray) -> _Colours:
-    """Return the levels of states, of what the map conserves; none if all are equal."""
+    """Return the values of the conserved quantity as colours; one colour if all are equal."""
     name = run.map.conserves(run.body)
     if name and states.size:
         values = evaluate(name, run.body, states, run.eps, map=run.map).ravel()
@@ -183,91 +189,95 @@ def _levels(run: Any, states: FloatArray) -> _Colours:
 
 
 def _pieces(states: FloatArray, pair: list[int]) -> tuple[FloatArray, NDArray[Any]]:
-    """Return pieces (n, pieces, 2) of orbits (N, B, D), not too many states, and their orbits.
+    """Return at most _MOST_JOINED states as pieces (n, pieces, 2), and the orbit of each piece.
 
-    They are whole orbits, if these are short, or pieces from the beginning to the end.
+    If orbits (N, B, D) are short, pieces are whole orbits, of which some may be left out; else they
+    are spread evenly from the beginning of an orbit to its end.
     """
     N, B, _ = states.shape
-    members = np.arange(B)
+    orbits = np.arange(B)
     if N * B > _MOST_JOINED:
-        count = min(B, max(_MOST_JOINED // min(N, _SHORT), 1))
-        members = np.linspace(0, B - 1, count).round().astype(np.int64)
-    each = min(N, max(_MOST_JOINED // max(len(members), 1), 1))
-    parts = 1 if each == N else max(min(_PIECES, each // _SHORTEST), 1)
-    length = each // parts
+        count = min(B, max(_MOST_JOINED // min(N, _FEWEST_OF_ORBIT), 1))
+        orbits = np.linspace(0, B - 1, count).round().astype(np.int64)
+    of_orbit = min(N, max(_MOST_JOINED // max(len(orbits), 1), 1))
+    parts = 1 if of_orbit == N else max(min(_PIECES, of_orbit // _SHORTEST), 1)
+    length = of_orbit // parts
     begins = np.linspace(0, N - length, parts).round().astype(np.int64)
-    pieces = [states[begin : begin + length, members][..., pair] for begin in begins]
-    return np.concatenate(pieces, axis=1), np.tile(members, parts)
+    pieces = [states[begin : begin + length, orbits][..., pair] for begin in begins]
+    return np.concatenate(pieces, axis=1), np.tile(orbits, parts)
 
 
-def _are_near(plane: FloatArray) -> bool:
-    """True if the median of steps is below 1/20 of the extent of all states (n, pieces, 2)."""
-    lengths = np.hypot(*np.diff(plane, axis=0).T)
+def _are_near(pieces: FloatArray) -> bool:
+    """Return whether the median step is below 1/20 of the extent of all states (n, pieces, 2)."""
+    lengths = np.hypot(*np.diff(pieces, axis=0).T)
     lengths = lengths[~np.isnan(lengths)]
-    known = plane[~np.isnan(plane).any(axis=-1)]
-    return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(known, axis=0).max())
+    existing = pieces[~np.isnan(pieces).any(axis=-1)]
+    return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(existing, axis=0).max())
 
 
 def _draw(
-    axes: Any, plane: FloatArray, colours: _Colours, members: NDArray[Any], lines: bool
+    axes: Any, pieces: FloatArray, colours: _Colours, orbits: NDArray[Any], lines: bool
 ) -> tuple[Any, int]:
-    """Draw states (n, pieces, 2) of orbits; return what has colours, and how many states."""
-    n, count = len(plane), plane[..., 0].size
+    """Draw pieces (n, pieces, 2) of orbits; return the coloured artist and the number of states."""
+    n, count = len(pieces), pieces[..., 0].size
     drawn = None
     if lines:
-        look: dict[str, Any] = {"linewidths": 0.7, "joinstyle": "round", "capstyle": "round"}
+        style: dict[str, Any] = {"linewidths": 0.7, "joinstyle": "round", "capstyle": "round"}
         if colours.values is None:
-            look["color"] = COLOURS(0.3)
+            style["color"] = COLOURS(0.3)
         else:
-            look |= {"array": colours.of(members), "cmap": COLOURS, "norm": colours.norm}
-        drawn = LineCollection(list(np.moveaxis(plane, 1, 0)), **look)
+            style |= {"array": colours.of(orbits), "cmap": COLOURS, "norm": colours.norm}
+        drawn = LineCollection(list(np.moveaxis(pieces, 1, 0)), **style)
         axes.add_collection(drawn)
-        axes.autoscale_view()  # which Matplotlib does itself from 3.11 on
-    if not lines or count <= _FEW:
+        axes.autoscale_view()  # Matplotlib before 3.11 does not do so itself
+    if not lines or count <= _MOST_ON_LINES:
         size = 4.0 if lines else None
-        drawn, count = _dots(axes, plane.reshape(-1, 2), colours, np.tile(members, n), size)
+        drawn, count = _dots(axes, pieces.reshape(-1, 2), colours, np.tile(orbits, n), size)
     return drawn, count
 
 
 def _dots(
     axes: Any, points: FloatArray, colours: _Colours, owners: NDArray[Any], size: Any = None
 ) -> tuple[Any, int]:
-    """Draw points (K, 2) with the colours of their owners; return the dots and their number."""
+    """Draw points (K, 2) in the colours of their owners; return the dots and their number."""
     shown = np.arange(len(points))
-    if len(points) > _MOST:  # by chance, as every k-th state may show one of k islands
-        shown = np.random.default_rng(0).choice(len(points), _MOST, replace=False)
+    if len(points) > _MOST_DOTS:  # at random, because every k-th state may show one of k islands
+        shown = np.random.default_rng(0).choice(len(points), _MOST_DOTS, replace=False)
     if colours.values is None:
-        look: dict[str, Any] = {"color": COLOURS(0.3)}
+        style: dict[str, Any] = {"color": COLOURS(0.3)}
     else:
-        look = {"c": colours.of(owners[shown]), "cmap": COLOURS, "norm": colours.norm}
+        style = {"c": colours.of(owners[shown]), "cmap": COLOURS, "norm": colours.norm}
     size = size or min(max(8000.0 / max(len(shown), 1), 2.0), 14.0)
-    drawn = axes.scatter(*points[shown].T, s=size, linewidths=0, **look)
+    drawn = axes.scatter(*points[shown].T, s=size, linewidths=0, **style)
     axes.autoscale_view()
     return drawn, len(shown)
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
+    """Return the least and the largest finite value."""
     finite = values[np.isfinite(values)]
     return (finite.min(), finite.max()) if finite.size else (0.0, 1.0)
 
 
 def _label(axes: Any, run: Any, pair: list[int]) -> None:
-    labels = [_symbol(str(run.body._labels[each])) for each in pair]
+    """Label the axes with the names of two components."""
+    labels = [_symbol(str(run.body._labels[k])) for k in pair]
     axes.set(xlabel=labels[0], ylabel=labels[1])
 
 
 def _symbol(label: str) -> str:
-    r"""Return `$\Omega_{1}$` for "Omega1"; other labels than letters with an index are text."""
-    return f"${found}$" if (found := latex(label)) else label.replace("$", r"\$")
+    r"""Return `$\Omega_{1}$` for "Omega1"; labels that are no letter with an index stay text."""
+    return f"${formula}$" if (formula := latex(label)) else label.replace("$", r"\$")
 
 
 def _title(run: Any) -> str:
+    """Return the title of the map, with the step size if there is one only."""
     eps = rf", $\epsilon$ = {spelled(float(run.eps))}" if np.ndim(run.eps) == 0 else ""
     return f"{run.map.title}{eps}"
 
 
 def spelled(eps: float) -> str:
-    """Return a step size as it was probably written: 0.2, or 1/256 in place of 0.00390625."""
+    """Return a step size as a user writes it: 0.2, and 1/256 instead of 0.00390625."""
     near, is_short = Fraction(eps).limit_denominator(100_000), float(f"{eps:.3g}") == eps
     is_power_of_2 = 8 <= Fraction(eps).denominator <= 2**20
     is_fraction = float(near) == eps and abs(near.numerator) < 1000

@@ -1,7 +1,7 @@
-"""The search for crossings of a surface along a march.
+"""The search for crossings of a surface along orbits.
 
-The march computes the orbits in pieces that fit into the caches. The user's function returns a
-value for each state of a piece; only the states on both sides of a change of sign are kept.
+Orbits are computed in pieces that fit into the caches. The user's function returns a value for each
+state of a piece, and only the states on both sides of a change of sign are kept.
 """
 
 from __future__ import annotations
@@ -20,19 +20,23 @@ from ..core.sign_changes import sort_by_orbit, write_crossings
 from ..engine.status import Status
 from ..engine.stretches import March, Report
 
-# Numbers in a piece, which stays in the caches. A call of a kernel costs as much as some steps, so
-# a piece has at least _STATES states of each trajectory, if these are at most _LARGE numbers.
-_PIECE, _STATES, _LARGE = 2**17, 48, 2**22
-_FIRST = 64  # steps of the first piece where a run may end early; each next one has twice as many
+# Numbers in a piece, which fits into the caches.
+_PIECE = 2**17
+# Least number of states of each trajectory in a piece, unless these are more than _LARGE numbers,
+# because a call of a kernel costs as much as a few steps.
+_STATES, _LARGE = 48, 2**22
+# Steps of the first piece of a run that may end early; the length doubles from piece to piece.
+_FIRST = 64
 _WITHOUT_END = 2**62
-_LAST = "components on the last axis, as x[..., 2]"  # advice, for surfaces of a single state
-_OF_ONE_STATE = "out of bounds|too many indices|values to unpack"  # their errors
+# Errors of a surface that was written for a single state, and what to advise.
+_OF_ONE_STATE = "out of bounds|too many indices|values to unpack"
+_LAST = "components on the last axis, as x[..., 2]"
 
 Surface = Callable[[FloatArray], ArrayLike]
 
 
 def check_surface(surface: Any) -> None:
-    """Raise an error unless this is a function of states alone."""
+    """Raise an error unless this is a function of one argument, without attributes of SciPy."""
     if not callable(surface):
         raise wrong("surface", "a function of states", checks.kind_of(surface), TypeError)
     if len(needed := arguments_of(surface)) > 1:
@@ -47,16 +51,16 @@ def check_surface(surface: Any) -> None:
 
 
 class Search:
-    """The crossings of a march, from its state on.
+    """A search for crossings along a march, from its state on.
 
     Attributes
     ----------
     counts : ndarray(int, shape=(B,))
-        The number of crossings of each trajectory, those of an earlier search included.
+        Number of crossings of each trajectory, those of an earlier search included.
     last : ndarray(float, shape=(B,)) or None
-        The values of the surface at the state of the march, if they are known.
+        Values of the surface at the state of the march, if they are known.
     alive : ndarray(int8, shape=(B,))
-        The statuses of trajectories that end before they fail.
+        Statuses after the transient, which trajectories keep that end at their last crossing.
     is_stopped : bool
         Whether `progress` ended the run.
     """
@@ -80,31 +84,31 @@ class Search:
         self._end()
 
     def _end(self) -> None:
-        """Mark trajectories that have ended as failed: kernels may then leave them out."""
+        """Mark trajectories that have ended as failed, so that kernels leave them out."""
         self.march.status.reshape(-1)[self.counts >= self.limit] = Status.NONFINITE
 
     def values_of(self, states: FloatArray) -> FloatArray:
-        """Return the surface at states (rows, ..., D), as (rows, B), after checks.
+        """Return the checked values (rows, B) of the surface at states (rows, ..., D).
 
-        It is NaN at states that are NaN, of which functions with integer values make a number.
+        At states that are NaN they are NaN, because a function with integer values returns numbers.
         """
         states = states.view()
         states.flags.writeable = False
         try:
-            # States beyond the end of a trajectory may overflow in the surface, without a warning.
+            # No warnings, because states after the end of a trajectory may overflow here.
             with np.errstate(over="ignore", invalid="ignore"):
-                found: Any = self.surface(states)
-        except (IndexError, ValueError) as error:  # of one that takes a single state
+                returned: Any = self.surface(states)
+        except (IndexError, ValueError) as error:
             if not re.search(_OF_ONE_STATE, str(error)):
                 raise
             kind = IndexError if isinstance(error, IndexError) else ValueError
             raise kind(f"surface must take {_LAST}: {error}") from error
-        if isinstance(found, np.ma.MaskedArray):
+        if isinstance(returned, np.ma.MaskedArray):
             how = "return NaN where there is no value, as by values.filled(np.nan)"
             raise wrong(
                 "surface", "have real numbers as values", f"a masked array: {how}", TypeError
             )
-        values = np.asarray(found)
+        values = np.asarray(returned)
         if values.dtype.kind == "b":
             how = "pass the difference, not the comparison"
             raise wrong("surface", "have real numbers as values", f"bool: {how}", TypeError)
@@ -120,25 +124,25 @@ class Search:
         return values.reshape(len(states), -1)
 
     def run(self, transient: int, end: int, report: Report | None) -> None:
-        """March to state `end`; look at states from `transient` on."""
+        """March to state `end`, and search among the states from `transient` on."""
         march, n = self.march, self.march.n
-        (B, D), begin, told = march.omega0.shape, n, None
+        (B, D), begin, report_steps = march.omega0.shape, n, None
 
         if report is not None:
 
-            def told(done: int) -> bool:
+            def report_steps(done: int) -> bool:
                 self.is_stopped = not report(done)
                 return not self.is_stopped
 
         if n <= transient:
-            march.to(transient, report=told if n < transient else None)
+            march.to(transient, report=report_steps if n < transient else None)
             self.alive = march.status.ravel().copy()
             if n < transient:
                 self.last, n = None, march.n
-        # The last state of the piece before, and the states of this piece, with their values.
         width = max(B * D, 1)
         most = min(max(_PIECE // width, min(_STATES, _LARGE // width), 1), end - transient)
         require(8 * (most + 1) * B * (D + 1), "divide the batch")
+        # The states of a piece and their values, after those of the last state before it.
         states, values = np.empty((most + 1, *self.batch, D)), np.empty((most + 1, B))
         states[0] = march.final
         if self.last is None and transient <= n < end and not self.is_stopped:
@@ -147,28 +151,29 @@ class Search:
         while n < end and not self.is_stopped and (march.status >= 0).any():
             rows = min(longest, end - n)
             longest = min(2 * longest, most)
-            march.to(n + rows, 1, states[n > 0 : rows + 1])  # the first piece begins with state 0
+            march.to(n + rows, 1, states[n > 0 : rows + 1])  # from 0, it saves state 0 as well
             values[0], values[1 : rows + 1] = self.last, self.values_of(states[1 : rows + 1])
-            self._look(n, states[: rows + 1], values[: rows + 1])
+            self._keep_crossings(n, states[: rows + 1], values[: rows + 1])
             states[0], self.last = states[rows], values[rows].copy()
             self._end()
             n += rows
-            if told is not None:
-                told(n - begin)
+            if report_steps is not None:
+                report_steps(n - begin)
 
-    def _look(self, n: int, states: FloatArray, values: FloatArray) -> None:
-        """Keep the crossings between these states (rows + 1, ..., D), which begin with state n."""
+    def _keep_crossings(self, n: int, states: FloatArray, values: FloatArray) -> None:
+        """Keep the crossings among states (rows + 1, ..., D), of which the first is state n."""
         is_positive = values >= 0.0
-        places = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
-        if places.size:
+        changes = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
+        if changes.size:
             flat = states.reshape(*values.shape, -1)
-            integers = np.empty((places.size, 3), np.int64)
-            numbers = np.empty((places.size, 2 * flat.shape[-1] + 1))
-            given = places, n, values, flat, self.limit, self.counts, integers, numbers
-            count = write_crossings(*given)
-            if count == len(places):
+            integers = np.empty((changes.size, 3), np.int64)
+            numbers = np.empty((changes.size, 2 * flat.shape[-1] + 1))
+            count = write_crossings(
+                changes, n, values, flat, self.limit, self.counts, integers, numbers
+            )
+            if count == len(changes):
                 self.pieces.append((integers, numbers))
-            elif count:  # copies, for memory
+            elif count:  # copies, so that the memory of the rest is freed
                 self.pieces.append((integers[:count].copy(), numbers[:count].copy()))
 
     def result(self) -> dict[str, Any]:
@@ -180,20 +185,20 @@ class Search:
         before, after = np.empty((K, D)), np.empty((K, D))
         trajectory = np.repeat(np.arange(len(counts)), counts)
         if earlier is not None:
-            given = earlier.count.ravel()
-            shift = starts - (np.cumsum(given) - given)
+            earlier_counts = earlier.count.ravel()
+            shift = starts - (np.cumsum(earlier_counts) - earlier_counts)
             places = np.arange(len(earlier)) + shift[earlier.trajectory]
             n[places], fraction[places] = earlier.n, earlier.fraction
             before[places], after[places] = earlier.before, earlier.after
         self.pieces.reverse()
-        while self.pieces:  # memory for them is given back on the way
+        while self.pieces:  # popped, so that their memory is freed on the way
             sort_by_orbit(*self.pieces.pop(), starts, n, before, after, fraction)
         final, status, failed_at = march.final.copy(), march.status.copy(), march.failed_at.copy()
         ended = counts >= self.limit
         final.reshape(-1, D)[ended] = after[ends[ended] - 1]
         status.reshape(-1)[ended] = self.alive[ended]
         failed_at.reshape(-1)[ended] = -1
-        if march.steps.notes_poles:  # of an end and a failure in one piece, too
+        if march.steps.notes_poles:  # poles that trajectories passed before they ended
             last = np.where(ended, n[np.maximum(ends, 1) - 1] if K else 0, -1)
             passed = ended & (march.carry[0] > 0) & (march.carry[0] <= last + 1)
             noted = march.carry[1, passed] if len(march.carry) > 1 else Status.PASSED_POLE

@@ -1,4 +1,4 @@
-"""Results as .npz files, without loss."""
+"""Runs and crossings as .npz files, without loss: saving, loading, and checks of what is read."""
 
 import errno
 import io
@@ -25,7 +25,7 @@ from ..maps import map_of, named
 PathLike = str | os.PathLike[str]
 
 FORMAT = 10
-# What files of each kind of result have: arrays, some of which may lack, and numbers.
+# Arrays, some of them optional, and numbers in the files of each kind of result.
 _OF_ALL = "eps", "status", "failed_at", "final", "_carry"
 _ARRAYS = {
     "Trajectories": (*_OF_ALL, "states", "attitude", "_turned"),
@@ -35,17 +35,18 @@ _NUMBERS = {
     "Trajectories": ("method", "steps", "save_every"),
     "Crossings": ("method", "steps", "transient", "direction", "most", "_n"),
 }
-_TEXTS, _OLD = ("about", "body"), ("format", "version")  # the latter in files of 0.5
-# Bytes of the header of an entry; of the text `about`; of any text that is compressed, which
-# JSON never is to 1/64.
-_HEADER, _ABOUT, _TEXT, _RATIO = 2**14, 2**20, 2**24, 64
+# Texts in files, and texts that files of version 0.5 have in place of `about`.
+_TEXTS, _OLD = ("about", "body"), ("format", "version")
+# Largest sizes in bytes: of the header of an entry, of the text `about`, and of the text `body`,
+# which may be larger if its compressed size is at least 1/64: JSON is never compressed so much.
+_HEADER, _ABOUT, _BODY, _RATIO = 2**14, 2**20, 2**24, 64
 
 
 def save(result: Any, path: PathLike, overwrite: bool) -> None:
     """Write a result to a .npz file, which appears under its name when it is complete."""
     from .. import __version__
 
-    target = Path(os.path.realpath(_checked(path)))  # of a link the file that it names
+    target = Path(os.path.realpath(_checked(path)))  # a link stays, and its target is written
     if target.exists() and not overwrite:
         raise _exists(path)
     kind, described = type(result).__name__, result.body.to_dict()
@@ -58,72 +59,73 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     if class_named(described["body"]) is not type(result.body):
         raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
     arrays = {name: getattr(result, name) for name in _ARRAYS[kind]}
-    arrays = {name: each for name, each in arrays.items() if each is not None}
+    arrays = {name: array for name, array in arrays.items() if array is not None}
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
     try:
         _write(target, arrays, overwrite)
-    except FileExistsError as error:  # another call was faster
+    except FileExistsError as error:  # another process was faster
         raise _exists(path) from error
-    except OSError as error:  # it names the new file, which the caller does not know
+    except OSError as error:  # name the file of the caller, not the one beside it
         raise OSError(error.errno, error.strerror, os.fspath(path)) from error
 
 
 def _exists(path: PathLike) -> FileExistsError:
+    """Return the error of a file that exists."""
     message = "the file exists: choose a new name, or pass overwrite=True"
     return FileExistsError(errno.EEXIST, message, os.fspath(path))
 
 
 def _write(target: Path, arrays: Mapping[str, Any], overwrite: bool) -> None:
-    """Write a file beside `target`, and give it this name at the end."""
-    new, file = _part(target)
+    """Write a partial file beside `target`, and rename it at the end."""
+    part, file = _partial(target)
     try:
-        with file:  # which has a lock until it is closed
-            if overwrite:  # before it has content that others may not read
+        with file:  # locked until it is closed
+            if overwrite:  # first, so that nobody reads new content who must not
                 with suppress(FileNotFoundError):
-                    shutil.copymode(target, new)
+                    shutil.copymode(target, part)
             np.savez(file, **arrays)
-            if os.name == "nt":  # which moves no file that is open
+            if os.name == "nt":  # Windows renames no open file
                 file.close()
             if overwrite:
-                os.replace(new, target)
+                os.replace(part, target)
             else:
-                _name(new, target)
+                _rename(part, target)
     finally:
-        new.unlink(missing_ok=True)
+        part.unlink(missing_ok=True)
 
 
-def _name(new: Path, target: Path) -> None:
-    """Give a file a name that no file has: of several calls at once all but one fail."""
+def _rename(part: Path, target: Path) -> None:
+    """Give a file a new name; FileExistsError in all but one of several processes at once."""
     try:
-        os.link(new, target)
+        os.link(part, target)
     except FileExistsError:
         raise
-    except (AttributeError, OSError):  # there are no links: an empty file takes the name
+    except (AttributeError, OSError):  # without hard links, an empty file reserves the name
         open(target, "xb").close()
-        os.replace(new, target)
+        os.replace(part, target)
 
 
-def _part(target: Path) -> tuple[Path, Any]:
-    """Return a new file beside `target`; delete those that killed processes left there.
+def _partial(target: Path) -> tuple[Path, Any]:
+    """Return a new file beside `target`, locked; delete those that killed processes left there.
 
-    A process holds a lock on its own. Windows deletes no file that is open.
+    The files of living processes are locked; on Windows, nobody can delete an open file.
     """
     for left in target.parent.glob(f".{escape(target.name)}.*.part"):
         with suppress(OSError), open(left, "rb+") as old:
             _lock(old)
             left.unlink()
     while True:
-        new = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
-        file = open(new, "xb")  # noqa: SIM115  (closed by the caller)
+        part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
+        file = open(part, "xb")  # noqa: SIM115  (closed by the caller)
         with suppress(BlockingIOError):
             _lock(file)
-            if new.exists():  # else another call deleted it, before the lock
-                return new, file
+            if part.exists():  # another process may have deleted it before the lock
+                return part, file
         file.close()
 
 
 def _lock(file: Any) -> None:
-    """Lock a file until it is closed; BlockingIOError if another one has the lock."""
+    """Lock a file until it is closed; BlockingIOError if another process has the lock."""
     with suppress(ImportError):
         import fcntl
 
@@ -131,10 +133,11 @@ def _lock(file: Any) -> None:
 
 
 def load(path: PathLike, *kinds: str) -> dict[str, Any]:
-    """Return the attributes of the result in a file of `save`, with its kind, if this is not given.
+    """Return the attributes of the result in a file of `save`.
 
-    Only entries that such a result has are read, and arrays only if their types and shapes are
-    right. Errors name the file.
+    `kinds` are names of classes to accept; without them any is, and the attributes have its `kind`.
+    Only known entries are read, and arrays only if their types and shapes are right. Errors name
+    the file.
     """
     name = os.fspath(_checked(path))
     writers = " or ".join(f"{kind}.save" for kind in kinds or _ARRAYS)
@@ -154,7 +157,7 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
 
 
 def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return what a file says of itself, and its texts."""
+    """Return the description of a file (format, kind, map, numbers), and all its texts."""
     names = [name for name in (*_TEXTS, *_OLD) if _kind(entries, name) is not None]
     texts = {name: _text(entries, name) for name in names}
     about = json.loads(texts.get("about", "{}"))
@@ -166,73 +169,74 @@ def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
 
 
 def _read(entries: zipfile.ZipFile, kind: str, about: Any, described: str) -> dict[str, Any]:
-    kinds = {name: _kind(entries, name) for name in _ARRAYS[kind]}
-    given = {name: each for name, each in kinds.items() if each is not None}
+    """Return the attributes of a result, after checks that they agree."""
+    headers = {name: _kind(entries, name) for name in _ARRAYS[kind]}
+    given = {name: header for name, header in headers.items() if header is not None}
     numbers = {name: about[name] for name in _NUMBERS[kind]}
     body, map = body_from_dict(json.loads(described)), named(about["map"])
     if map_of(body, numbers["method"]) is not map:
         raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
     # All other shapes follow from that of `status`.
     batch, size = given["status"][1], math.prod(given["status"][1])
-    arrays = _arrays_of_a_file if kind == "Trajectories" else _arrays_of_crossings
-    expected = arrays(numbers, given, batch, body.dimension)
+    expect = _arrays_of_trajectories if kind == "Trajectories" else _arrays_of_crossings
+    expected = expect(numbers, given, batch, body.dimension)
     expected["_carry"] = "float64", (map.methods[numbers["method"]].carried, size)
-    if "eps" in given:  # it broadcasts to the batch
+    if "eps" in given:  # of any shape that broadcasts to the batch
         expected["eps"] = "float64", given["eps"][1]
         shapes = {"body": body.shape, "eps": given["eps"][1], "status": batch}
         if common_shape(shapes) != batch:
             raise wrong("status", f"have the shape {common_shape(shapes)}", batch)
     check_arrays(given, expected)
-    found: dict[str, Any] = dict.fromkeys(_ARRAYS[kind])
-    found |= {name: _entry(entries, name) for name in expected} | numbers
-    eps = within("eps", real_array("eps", found["eps"]), MOMENTS)
-    _check_failures(found, numbers["steps"] if kind == "Trajectories" else numbers["_n"])
+    attributes: dict[str, Any] = dict.fromkeys(_ARRAYS[kind])
+    attributes |= {name: _entry(entries, name) for name in expected} | numbers
+    eps = within("eps", real_array("eps", attributes["eps"]), MOMENTS)
+    _check_failures(attributes, numbers["steps"] if kind == "Trajectories" else numbers["_n"])
     if kind == "Trajectories":
-        _check_states(found)
+        _check_states(attributes)
     else:
-        found["trajectory"] = _check_crossings(found)
-    return found | {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
+        attributes["trajectory"] = _check_crossings(attributes)
+    return attributes | {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
 
 
-def _arrays_of_a_file(
+def _arrays_of_trajectories(
     numbers: dict[str, Any], given: dict[str, Any], batch: tuple[int, ...], D: int
 ) -> dict[str, Any]:
-    """Return the types and shapes of the arrays of a run in a file, after checks of its numbers."""
+    """Return types and shapes of the arrays of a run, after checks of its numbers."""
     steps, every = integer("steps", numbers["steps"], 0), numbers["save_every"]
     rows = 1 if every is None else steps // integer("save_every", every, 1) + 1
     turns = "attitude" in given or "_turned" in given
-    found: dict[str, Any] = arrays_of_a_run("states", batch, rows, D, turns)
-    return found | ({"_turned": ("float64", (math.prod(batch), D + 1, D + 1))} if turns else {})
+    arrays: dict[str, Any] = arrays_of_a_run("states", batch, rows, D, turns)
+    return arrays | ({"_turned": ("float64", (math.prod(batch), D + 1, D + 1))} if turns else {})
 
 
 def _arrays_of_crossings(
     numbers: dict[str, Any], given: dict[str, Any], batch: tuple[int, ...], D: int
 ) -> dict[str, Any]:
-    """Return the types and shapes of the arrays of crossings, after checks of their numbers."""
+    """Return types and shapes of the arrays of crossings, after checks of their numbers."""
     end = sum(integer(name, numbers[name], 0) for name in ("steps", "transient"))
     integer("direction", numbers["direction"], -1, "1, -1 or 0", 1)
     integer("_n", numbers["_n"], 0, f"an integer from 0 to {end}", end)
     if numbers["most"] is not None:
         integer("most", numbers["most"], 1)
     (K,) = given["n"][1]
-    found: dict[str, Any] = arrays_of_a_run("states", batch, 0, D, False)
-    del found["states"]
-    found |= {"before": ("float64", (K, D)), "after": ("float64", (K, D))}
-    found |= {"n": ("int64", (K,)), "fraction": ("float64", (K,)), "count": ("int64", batch)}
-    return found | ({"_last": ("float64", (math.prod(batch),))} if "_last" in given else {})
+    arrays: dict[str, Any] = arrays_of_a_run("states", batch, 0, D, False)
+    del arrays["states"]
+    arrays |= {"before": ("float64", (K, D)), "after": ("float64", (K, D))}
+    arrays |= {"n": ("int64", (K,)), "fraction": ("float64", (K,)), "count": ("int64", batch)}
+    return arrays | ({"_last": ("float64", (math.prod(batch),))} if "_last" in given else {})
 
 
-def _check_failures(found: Mapping[str, Any], steps: int) -> None:
+def _check_failures(result: Mapping[str, Any], steps: int) -> None:
     """Check that statuses, `failed_at` and last states agree."""
-    status, failed_at, failed = found["status"], found["failed_at"], found["status"] < 0
+    status, failed_at, failed = result["status"], result["failed_at"], result["status"] < 0
     if not np.isin(status, [*Status]).all():
         raise wrong("status", "have values of Status", "others")
     passed = status == Status.PASSED_POLE
-    told, early = (failed_at >= 0) != (failed | passed), passed & (failed_at < 1)
-    if ((failed_at < -1) | (failed_at > steps) | told | early).any():
+    contradicts, too_early = (failed_at >= 0) != (failed | passed), passed & (failed_at < 1)
+    if ((failed_at < -1) | (failed_at > steps) | contradicts | too_early).any():
         expected = f"a step up to {steps} where a trajectory failed or passed a pole, else -1"
         raise wrong("failed_at", expected, "others")
-    if (np.isnan(found["final"]).any(axis=-1) != failed).any():
+    if (np.isnan(result["final"]).any(axis=-1) != failed).any():
         raise wrong("final", "NaN where a trajectory failed, else numbers", "others")
 
 
@@ -272,37 +276,37 @@ def _check_crossings(points: Mapping[str, Any]) -> Any:
 
 
 def _kind(entries: zipfile.ZipFile, name: str) -> tuple[str, tuple[int, ...]] | None:
-    """Return type and shape of an entry, without its numbers; None if there is none.
+    """Return the type and the shape in the header of an entry; None if there is no entry.
 
-    Its size is that of its header and its numbers, or it is an error.
+    ValueError if the size of the entry is not that of its header and its numbers.
     """
     try:
-        about = entries.getinfo(f"{name}.npy")
+        entry = entries.getinfo(f"{name}.npy")
     except KeyError:
         return None
-    with entries.open(about) as file:
+    with entries.open(entry) as file:
         head = io.BytesIO(file.read(_HEADER))
     read = np.lib.format.read_array_header_1_0
     if np.lib.format.read_magic(head) != (1, 0):
         read = np.lib.format.read_array_header_2_0
     shape, _, dtype = read(head)
     size = head.tell() + dtype.itemsize * math.prod(shape)
-    if about.file_size != size:
-        raise wrong(name, f"{size:,} bytes, as its header says", f"{about.file_size:,}")
+    if entry.file_size != size:
+        raise wrong(name, f"{size:,} bytes, as its header says", f"{entry.file_size:,}")
     return dtype.newbyteorder("=").name, shape
 
 
 def _text(entries: zipfile.ZipFile, name: str) -> str:
-    """Return a text, unless it is larger than those of runs are."""
-    about = entries.getinfo(f"{name}.npy")
-    most = max(_TEXT, _RATIO * about.compress_size) if name == "body" else _ABOUT
-    if about.file_size > most:
-        raise wrong(name, f"a text of at most {most:,} bytes", f"{about.file_size:,} bytes")
+    """Return a text; ValueError if it is larger than a run makes it."""
+    entry = entries.getinfo(f"{name}.npy")
+    most = max(_BODY, _RATIO * entry.compress_size) if name == "body" else _ABOUT
+    if entry.file_size > most:
+        raise wrong(name, f"a text of at most {most:,} bytes", f"{entry.file_size:,} bytes")
     return str(_entry(entries, name))
 
 
 def _entry(entries: zipfile.ZipFile, name: str) -> Any:
-    """Return the array of an entry, in native and contiguous memory."""
+    """Return the array of an entry, C-contiguous and in native byte order."""
     require(entries.getinfo(f"{name}.npy").file_size, "this file needs as many")
     with entries.open(f"{name}.npy") as file:
         array = np.lib.format.read_array(file)
@@ -312,20 +316,20 @@ def _entry(entries: zipfile.ZipFile, name: str) -> Any:
 def arrays_of_a_run(
     states: str, batch: tuple[int, ...], rows: int, D: int, turns: bool
 ) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Return the types and shapes of the arrays of a run, whose states have the name `states`."""
-    found: dict[str, tuple[str, tuple[int, ...]]] = {
+    """Return types and shapes of the arrays of a run; `states` is the name of its states."""
+    arrays: dict[str, tuple[str, tuple[int, ...]]] = {
         states: ("float64", (rows, *batch, D)),
         "final": ("float64", (*batch, D)),
         "status": ("int8", batch),
         "failed_at": ("int64", batch),
     }
     if turns:
-        found["attitude"] = "float64", (rows, *batch, D + 1, D + 1)
-    return found
+        arrays["attitude"] = "float64", (rows, *batch, D + 1, D + 1)
+    return arrays
 
 
 def check_arrays(given: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
-    """Check types and shapes of the arrays of a file or a store, by name."""
+    """Check that a file or a store has the expected arrays, by their types and shapes."""
     for name, (kind, shape) in expected.items():
         if name not in given:
             raise ValueError(f"{name} is missing: {kind} of shape {shape}")
@@ -334,6 +338,7 @@ def check_arrays(given: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
 
 
 def _checked(path: PathLike) -> Path:
+    """Return the path of a .npz file, checked."""
     if not isinstance(path, (str, os.PathLike)):
         raise wrong("path", "a string or a path", type(path).__name__, TypeError)
     if Path(path).suffix.lower() != ".npz":

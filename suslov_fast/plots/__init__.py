@@ -1,1 +1,1 @@
-"""Pictures of runs and bodies (extra `plots`), and the page of `explore`."""
+"""Figures and animations of bodies (extra `plots`), and the page of `explore`."""

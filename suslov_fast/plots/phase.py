@@ -1,4 +1,4 @@
-"""The phase plane of a body in three dimensions: orbits, level curves and steady states."""
+"""The phase plane of a body in three dimensions: orbits, levels of F and steady states."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from ..maps import map_of
 from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
 
-# Relative distance from t = 1 of levels drawn in place of nearer ones.
+# Least distance of t from 1, because at 1 a level is two lines, which have no phases.
 _NEAR_1 = 1e-6
-# Orbits are beside the line of steady states where abs(l) is this part of what it is in the middle.
+# Orbits are drawn while abs(l), which is 0 at steady states, exceeds this part of its value in the
+# middle of the orbit.
 _AT_THE_LINE = 0.07
 
 
 class Plane:
-    """The plane of a single body and a step size.
+    """The phase plane of a single body for a step size, by complex coordinates.
 
     With z = sqrt(I1) Omega1 + i sqrt(I2) Omega2, g = I13 / sqrt(I1) + i I23 / sqrt(I2),
-    l = k + Re(conj(g) z) and e = eps / (2 sqrt(I1 I2)) the levels of F are
-    abs(z) / sqrt(1 + e**2 l**2) = R, and psi = arg(z / (1 - i e l)) - arg(g) is the phase on one.
+    l = k + Re(conj(g) z) and e = eps / (2 sqrt(I1 I2)), the levels of F are
+    abs(z) / sqrt(1 + e**2 l**2) = R; the phase on a level is psi = arg(z / (1 - i e l)) - arg(g).
     """
 
     def __init__(self, body: BodyIn3D, eps: float) -> None:
@@ -34,26 +35,26 @@ class Plane:
         self.e = 0.5 * eps / float(self.roots.prod())
 
     def radius(self, omega: Any) -> float:
-        """The modulus of z."""
+        """Return the modulus of z."""
         return float(np.hypot(*self.roots * omega))
 
     def on_level(self, R: float, psi: float | FloatArray) -> FloatArray:
-        """States (..., 2) on the level R of the first integral, at phases psi (...)."""
+        """Return the states (..., 2) on the level R at phases psi (...)."""
         g, e, A = self.g, self.e, R * abs(self.g)
         turned = (1 - 1j * e * self.k) * np.exp(1j * psi) - 1j * e * A
         z = R * (g / abs(g) if g else 1.0) * turned / (1 - e * A * np.sin(psi))
         return np.stack([z.real, z.imag], axis=-1) / self.roots
 
     def level(self, R: float, reach: float = 3.0) -> list[FloatArray]:
-        """Branches, as states (N, 2), of the level R, a conic; for eps = 0, of the energy.
+        """Return the branches, as states (N, 2), of the level R, a conic; for eps = 0, of energy.
 
         Unbounded branches are cut off at sinh(reach) times their width.
         """
         t = abs(self.e * R * self.g)
-        if abs(t - 1.0) < _NEAR_1:  # two lines, which have no phases: the hyperbola next to them
+        if abs(t - 1.0) < _NEAR_1:
             R, t = R * (1.0 + _NEAR_1) / t, 1.0 + _NEAR_1
-        # With u = tan(phase / 2 - pi / 4) the curve is a quotient of quadratic polynomials, of
-        # which the denominator is proportional to u**2 - v**2 or, where t < 1, u**2 + v**2.
+        # With u = tan(psi / 2 - pi / 4), states are quotients of quadratic polynomials in u; their
+        # denominator is proportional to u**2 + v**2 if t < 1, else to u**2 - v**2.
         v, s = np.sqrt(abs((1.0 - t) / (1.0 + t))), np.linspace(-0.5, 0.5, 300)
         if t < 1.0:
             branches = [v * np.tan(np.pi * s)]
@@ -63,9 +64,11 @@ class Plane:
         return [self.on_level(R, middle + 2.0 * np.arctan(u)) for u in branches]
 
     def orbits(self, R: float, most: int = 500) -> list[FloatArray]:
-        """States (N, 2) of the orbits on the level R: one turn, or on either side of the line.
+        """Return states (N, 2) of orbits on the level R.
 
-        Those end beside the line, or at most so many steps from their middle.
+        On a closed level without steady states it is one orbit, for one turn. Otherwise there is an
+        orbit on each side of the line of steady states, from near the line to near the line, or
+        `most` steps from its middle at each end.
         """
         body, eps, k, A = self.body, self.eps, self.k, R * abs(self.g)
         middle = self.on_level(R, np.array([0.0, np.pi]))
@@ -81,7 +84,7 @@ class Plane:
         return [orbit[where] for orbit, where in zip(orbits, shown, strict=True)]
 
     def steady_line(self) -> tuple[FloatArray, FloatArray] | None:
-        """The steady state of least energy, and the direction of the half-line that repels."""
+        """Return the steady state of least energy, and the direction of the repelling half-line."""
         if not self.g:
             return None
         least = -self.k / abs(self.g) ** 2 * self.products / self.roots**2
@@ -100,40 +103,42 @@ def plot_phase(
     legend: bool = True,
     ax: Any = None,
 ) -> Any:
-    """Draw orbits of the map and the level curves of F in the plane (Omega1, Omega2).
+    """Draw the phase plane of a body: orbits of the map, and levels of its first integral F.
 
     Parameters
     ----------
     body : Suslov3D or SuslovGyrostat
-        A single body, of which not all states are steady.
+        A single body, with I13 or I23 other than 0, or a rotor.
     eps : float
-        Positive step size; the criticality must be below 1 in the whole picture.
+        Positive step size. The criticality must be below 1 in the whole figure.
     extent : float
-        Distance from 0 that the axes reach, in the unit of omega.
+        Half-width of the square of angular velocities shown, in the unit of omega.
     levels : int
-        Number of level curves, at least 1.
-    letter, legend : str, bool
-        Letter of the panel, above the axes on the left, and whether there is a legend below.
+        Number of levels, at least 1.
+    letter : str, optional
+        Letter of the panel, at the upper left.
+    legend : bool
+        Whether to draw a legend below the axes.
     ax : matplotlib.axes.Axes, optional
         Axes to draw on; by default those of a new figure.
 
     Returns
     -------
     matplotlib.axes.Axes
-        Each level has a colour, for its thin curve and the dots of an orbit, from near a repelling
-        to near an attracting steady state, or for one turn. The title has the parameters.
+        Each level has a colour, for a thin curve and for the dots of orbits of the map on it; an
+        arrow shows the direction of motion. The attracting steady states are a solid line, the
+        repelling ones a dashed line.
 
     Raises
     ------
     ValueError
-        If every state is steady, or a state in the figure has a criticality of 1 or more.
+        If every state is steady, or the criticality is 1 or more at a state in the figure.
 
     Examples
     --------
     >>> from suslov_fast import Suslov3D, plot_phase
     >>> ax = plot_phase(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), eps=0.2, extent=4.0)
-    >>> [float(end) for end in ax.get_xlim()]
-    [-4.0, 4.0]
+    >>> ax.figure.savefig("phase.png")  # doctest: +SKIP
     """
     from ..runs.plot import COLOURS, axes_for, spelled
 
@@ -158,9 +163,9 @@ def plot_phase(
             _arrow(axes, body, orbit, extent, colour)
     if line := plane.steady_line():
         _steady_states(axes, k, *line, 4.0 * extent)
-    look = {"color": colours[levels // 2], "linewidth": 0.8}
-    axes.plot([], [], "-", label="levels of $F$, one colour each", **look)
-    axes.plot([], [], ".", label="states of the map", **look)
+    style = {"color": colours[levels // 2], "linewidth": 0.8}
+    axes.plot([], [], "-", label="levels of $F$, one colour each", **style)
+    axes.plot([], [], ".", label="states of the map", **style)
     axes.set(xlim=(-extent, extent), ylim=(-extent, extent), aspect="equal")
     axes.set(xlabel=r"$\Omega_1$", ylabel=r"$\Omega_2$")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
@@ -169,27 +174,27 @@ def plot_phase(
     axes.set_title(moments + (", " if letter is None else "\n") + products, fontsize="small")
     if letter is not None:
         axes.set_title(f"({letter})", loc="left", weight="bold", fontsize="medium")
-    if legend:  # below the label of the axis, in units of the font size
+    if legend:  # 4.2 font sizes below the axes, which is below their label
         place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.2}
         axes.legend(**place, ncols=2, frameon=False, fontsize="small")
     return axes
 
 
-def _steady_states(axes: Any, k: float, middle: Any, direction: Any, reach: float) -> None:
-    """The attracting and the repelling half of the line l = 0, which meet where F is least."""
+def _steady_states(axes: Any, k: float, least: Any, direction: Any, reach: float) -> None:
+    """Draw the attracting and the repelling half of the line l = 0, which meet at `least`."""
     line = rf"$I_{{13}}\,\Omega_1 + I_{{23}}\,\Omega_2{' + k' if k else ''} = 0$"
     for sign, style, name in ((-1, "-", "attracting"), (1, (0, (4, 2)), "repelling")):
-        ends = middle + np.outer([0.0, sign * (reach + np.hypot(*middle))], direction)
-        look = {"color": "crimson", "linewidth": 2.4, "linestyle": style}
-        axes.plot(*ends.T, label=f"{line}, {name}", **look)
+        ends = least + np.outer([0.0, sign * (reach + np.hypot(*least))], direction)
+        pen = {"color": "crimson", "linewidth": 2.4, "linestyle": style}
+        axes.plot(*ends.T, label=f"{line}, {name}", **pen)
 
 
 def _arrow(axes: Any, body: Any, orbit: FloatArray, extent: float, colour: Any) -> None:
-    """Direction of motion at the middle state of the orbit, or the nearest one in view."""
+    """Draw the direction of motion at the middle state of the orbit, or the nearest one in view."""
     inside = np.flatnonzero((abs(orbit) < 0.95 * extent).all(axis=-1))
     if inside.size:
         state = orbit[inside[np.argmin(abs(inside - len(orbit) // 2))]]
-        along = vector_field(body, state)
-        along = 0.01 * extent * along / np.hypot(*along)
-        look = {"arrowstyle": "-|>", "color": colour, "mutation_scale": 12, "linewidth": 0.8}
-        axes.annotate("", xy=state + along, xytext=state - along, arrowprops=look)
+        velocity = vector_field(body, state)
+        half = 0.01 * extent * velocity / np.hypot(*velocity)
+        style = {"arrowstyle": "-|>", "color": colour, "mutation_scale": 12, "linewidth": 0.8}
+        axes.annotate("", xy=state + half, xytext=state - half, arrowprops=style)

@@ -1,1 +1,1 @@
-"""The page of `suslov-fast explore`, and what serves it."""
+"""The page of `suslov-fast explore`: its numbers, its server, and its widget for notebooks."""

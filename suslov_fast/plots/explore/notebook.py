@@ -1,4 +1,4 @@
-"""The page in a notebook (extra `notebook`): messages to the kernel in place of HTTP."""
+"""The page as a widget of a notebook (extra `notebook`), which asks the kernel, not a server."""
 
 import json
 from typing import Any
@@ -16,13 +16,13 @@ _BEGIN = '<script type="module">import "main.js";</script>'
 
 
 def page_in_one_file() -> str:
-    """Return the page with its style and its modules, which may load nothing at all."""
+    """Return the page as one document that holds its style and modules, and may load nothing."""
     html, style = ((PAGE / name).read_text("utf-8") for name in ("index.html", "style.css"))
     modules = {}
     for file in PAGE.iterdir():
         if not file.name.endswith(".js"):
             continue
-        # Modules of data: have no folder, so an import map names them.
+        # A module in a data URL has no folder, so an import map gives it a name.
         text = file.read_text("utf-8").replace('from "./', 'from "')
         modules[file.name] = f"data:text/javascript,{quote(text)}"
     names = f'<script type="importmap">{json.dumps({"imports": modules})}</script>\n'
@@ -36,11 +36,11 @@ def page_in_one_file() -> str:
 
 
 class Widget(anywidget.AnyWidget):  # type: ignore[misc]
-    """The page; `query` holds its values, as in the address of `suslov-fast explore`."""
+    """The page; `query` holds its parameters, as in the address of `suslov-fast explore`."""
 
     _esm = (PAGE / "widget.js").read_text("utf-8")
     _html = traitlets.Unicode(page_in_one_file()).tag(sync=True)
-    # Seconds until the page says that no kernel answers.
+    # Seconds after which the page says that no kernel answers.
     _patience = traitlets.Int(10).tag(sync=True)
     query = traitlets.Unicode().tag(sync=True)
 
@@ -49,9 +49,10 @@ class Widget(anywidget.AnyWidget):  # type: ignore[misc]
         self.on_msg(self._answer)
 
     def __repr__(self) -> str:
-        """Return what notebooks show that have no widgets, or not their state."""
+        """Return the text that a notebook shows if it cannot show the widget."""
         return "The page of explore: run this cell in a notebook that shows widgets"
 
     def _answer(self, widget: Any, message: dict[str, Any], buffers: Any) -> None:
+        """Confirm a message of the page, then send the numbers that it asks for."""
         self.send({"id": message["id"], "heard": True})
         self.send({"id": message["id"], "value": answer(message["query"])})

@@ -1,4 +1,4 @@
-"""Contents of the page: parameters from its URL, and the numbers that it draws."""
+"""The numbers that the page draws, for the parameters in its address."""
 
 import math
 import re
@@ -23,19 +23,19 @@ from ...space import scattering_angle
 from ..animation import ellipsoid
 from ..phase import Plane
 
-# The files of the page, which draws these numbers.
-PAGE: Traversable = files(__package__) / "page"  # a folder, or a part of an archive
+# Folder of the files of the page, which may be in an archive.
+PAGE: Traversable = files(__package__) / "page"
 _MOST_STEPS = 5000
-# Unbounded branches are drawn beyond the largest view.
+# Length of unbounded branches, see `Plane.level`: beyond the largest view.
 _REACH = 12.0
-# A portrait has so many levels, and orbits of so many steps from their middle.
+# Levels of a portrait, and steps of its orbits on each side of their middle.
 _LEVELS, _STEPS = 10, 150
 # Below this criticality the rates of map and flow differ by less than a third of a percent.
 _FOLLOWS = 0.1
 
 
 class Parameters(NamedTuple):
-    """Parameters in the address of the page: numbers by name, and the names of what it shows."""
+    """Parameters in the address of the page; `show` lists the curves that it draws."""
 
     I1: float
     I2: float
@@ -56,13 +56,13 @@ class Parameters(NamedTuple):
 
 
 def parse_query(query: str) -> Parameters:
-    """Return the parameters in a query, each once."""
+    """Return the parameters in a query, checked."""
     pairs = parse_qsl(query, keep_blank_values=True)
     values: dict[str, Any] = dict(pairs)
-    needed, got = Parameters._fields[:-2], [name for name, _ in pairs]
-    if len(values) < len(got) or not {*needed} <= values.keys() <= {*Parameters._fields}:
-        raise wrong("parameters", f"each of {', '.join(needed)} once", ", ".join(got) or "none")
-    for name in (each for each in values if each != "show"):
+    needed, names = Parameters._fields[:-2], [name for name, _ in pairs]
+    if len(values) < len(names) or not {*needed} <= values.keys() <= {*Parameters._fields}:
+        raise wrong("parameters", f"each of {', '.join(needed)} once", ", ".join(names) or "none")
+    for name in [name for name in values if name != "show"]:
         try:
             values[name] = real_number(name, float(values[name]))
         except ValueError as error:
@@ -74,19 +74,20 @@ def parse_query(query: str) -> Parameters:
 
 
 def answer(query: str) -> Any:
-    """Return the numbers for a query, or a message that the page shows."""
+    """Return the numbers for a query; for a wrong one, a message and the names of its fields."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return _json_values(_scene(parse_query(query)))
     except (ValueError, ArithmeticError) as error:
-        # A message begins with the names of the fields that it is about.
-        named = re.split(": | must ", str(error), maxsplit=1)[0].split(", ")
-        fields = [name for name in named if name in Parameters._fields]
+        # Messages begin with the names of the wrong arguments.
+        names = re.split(": | must ", str(error), maxsplit=1)[0].split(", ")
+        fields = [name for name in names if name in Parameters._fields]
         return {"error": str(error), "fields": fields}
 
 
 def _scene(parameters: Parameters) -> dict[str, Any]:
+    """Return the orbit, levels, limits, ellipsoid and numbers for one set of parameters."""
     body, eps, steps = parameters.body, parameters.eps, parameters.steps
     plane, start = Plane(body, eps), [parameters.Omega1, parameters.Omega2]
     run = iterate(body, start, eps, steps, attitude=True, on_singular="ignore", threads=1)
@@ -113,7 +114,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
         "status": {"name": status.name, "message": status.message, "failed_at": failed_at},
         "numbers": {
             "criticality": t,
-            # How many times faster than the flow the map tends to the last steady state.
+            # Rate of approach to the last steady state, relative to the flow.
             "ahead": math.atanh(abs(t)) / abs(t) if 0 < abs(t) < 1 else None,
             "F": F[0],
             "drift": np.fmax.reduce(abs(F / F[0] - 1.0)),
@@ -134,7 +135,7 @@ def _scene(parameters: Parameters) -> dict[str, Any]:
 
 
 def _regime(body: BodyIn3D, start: list[float], eps: float, t: float, status: Status) -> str:
-    """The name of the regime, which agrees with the status."""
+    """Return the name by which the page describes the motion."""
     if eps == 0:
         return "still"
     if not math.isfinite(t) or status == Status.NONFINITE:
@@ -151,7 +152,7 @@ def _regime(body: BodyIn3D, start: list[float], eps: float, t: float, status: St
 
 
 def _portrait(plane: Plane, parameters: Parameters) -> dict[str, Any] | None:
-    """Levels that fill the view, and orbits on them, if they are shown and something moves."""
+    """Return levels that fill the view, and orbits on them; None if not shown, or all is steady."""
     if "portrait" not in parameters.show or not (parameters.eps and (plane.g or parameters.k)):
         return None
     radii = plane.radius([parameters.extent] * 2) * np.arange(1, _LEVELS + 1) / _LEVELS
@@ -162,13 +163,13 @@ def _portrait(plane: Plane, parameters: Parameters) -> dict[str, Any] | None:
 
 
 def _json_values(value: Any) -> Any:
-    """Return arrays as lists; None for numbers and rows out of the range of float64."""
+    """Return values for JSON: arrays as lists; rows and numbers that are not finite as None."""
     if isinstance(value, dict):
-        return {name: _json_values(each) for name, each in value.items()}
+        return {name: _json_values(item) for name, item in value.items()}
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if isinstance(value, (list, tuple)):
         if not (value and isinstance(value[0], float)):
-            return [_json_values(each) for each in value]
+            return [_json_values(item) for item in value]
         return value if all(map(math.isfinite, value)) else None
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,4 +1,4 @@
-"""The local HTTP server of the page, and the page of one orbit."""
+"""The local HTTP server of the page, and `explore`, which shows the page in a notebook."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ from ...maps import map_of
 from .scene import PAGE, Parameters, answer, parse_query
 
 _ADDRESS = "127.0.0.1"
-_MOST = 32  # requests at a time; others wait
-_PATIENCE = 0.5  # seconds that a client may take to send or to receive while others wait
+_MOST = 32  # simultaneous requests; others wait
+_PATIENCE = 0.5  # seconds for a client to send or to receive, while others wait
 _FILES = {f"/{file.name}": file for file in PAGE.iterdir()} | {"/": PAGE / "index.html"}
 _TYPES = {".css": "text/css", ".html": "text/html", ".js": "text/javascript"}
 
 
 class Server(ThreadingTCPServer):
-    """HTTP server of the page on a local port; 0 selects a free one."""
+    """HTTP server of the page on a local port; port 0 selects a free one."""
 
     daemon_threads = True
     request_queue_size = 128
-    # On POSIX a second server on the same port is an error nevertheless.
+    # Only on POSIX, where a second server on the same port is still an error.
     allow_reuse_address = os.name == "posix"
 
     def __init__(self, port: int) -> None:
         self._free = threading.Semaphore(_MOST)
-        self._since: dict[Any, float] = {}  # when each client began to send or to receive
+        self._since: dict[Any, float] = {}  # times at which clients began to send or to receive
         self._is_closing = False
         super().__init__((_ADDRESS, port), _Handler)
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Start a thread for a request when one is free; slow clients give theirs up."""
+        """Start a thread for a request when one is free; disconnect slow clients until then."""
         while not self._free.acquire(timeout=0.1):
             if self._is_closing:
                 super().shutdown_request(request)
@@ -60,7 +60,7 @@ class Server(ThreadingTCPServer):
         self._since[request] = time.monotonic()
 
     def compute_for(self, request: Any) -> None:
-        """Note that a client waits for the server."""
+        """Note that the server computes for a client, which is not slow meanwhile."""
         self._since.pop(request, None)
 
     def disconnect(self, patience: float) -> None:
@@ -68,11 +68,11 @@ class Server(ThreadingTCPServer):
         now = time.monotonic()
         for request, since in [*self._since.items()]:
             if now - since > patience:
-                with suppress(OSError):  # its thread may end it now
+                with suppress(OSError):  # its thread may have closed it just now
                     request.shutdown(socket.SHUT_RDWR)
 
     def shutdown_request(self, request: Any) -> None:
-        """End a request, and free its thread for the next one."""
+        """End a request, and let the next one have its thread."""
         self.compute_for(request)
         self._free.release()
         super().shutdown_request(request)
@@ -90,17 +90,21 @@ class Server(ThreadingTCPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
+    """Answers to requests: files of the page, and numbers as JSON."""
+
     server: Server
-    # Seconds; browsers open connections that they may never use.
+    # Seconds, because browsers open connections that they may never use.
     timeout = 10.0
 
     def do_GET(self) -> None:
         """Send the numbers of a scene, or a file of the page."""
         path, _, query = self.path.partition("?")
+        # Refused: pages of other sites that ask for numbers, and host names of other sites that
+        # resolve to this machine.
         hosts = [f"{name}:{self.server.port}" for name in (_ADDRESS, "localhost")]
         site = self.headers.get("Sec-Fetch-Site", "none")
-        foreign = path == "/scene" and site not in ("none", "same-origin")
-        if foreign or self.headers.get("Host") not in hosts:  # a name elsewhere that leads here
+        is_foreign = path == "/scene" and site not in ("none", "same-origin")
+        if is_foreign or self.headers.get("Host") not in hosts:
             self.send_error(403)
         elif path == "/scene":
             self.server.compute_for(self.connection)
@@ -112,6 +116,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(400 if "\0" in unquote(path) else 404)
 
     def _send(self, kind: str, content: bytes) -> None:
+        """Send a content of a MIME type."""
         self.server.wait_for(self.connection)
         self.send_response(200)
         self.send_header("Content-Type", kind)
@@ -120,7 +125,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def end_headers(self) -> None:
-        """Let the browser keep nothing, and refuse whatever the page would load from elsewhere."""
+        """Forbid the browser to keep copies, and to load anything from elsewhere."""
         self.send_header("Cache-Control", "no-store")
         self.send_header("Content-Security-Policy", "default-src 'self'; img-src data:")
         super().end_headers()
@@ -130,7 +135,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 class Page:
-    """The page of an orbit."""
+    """The page of an orbit, which a notebook displays; see `explore`."""
 
     def __init__(self, query: str) -> None:
         self._query = query
@@ -139,14 +144,14 @@ class Page:
 
     @property
     def url(self) -> str:
-        """The address; its first use starts a server in a thread."""
+        """The address of the page; its first use starts a server in a thread."""
         if self._server is None:
             self._server = Server(0)
             threading.Thread(target=self._server.serve_forever, args=[0.1], daemon=True).start()
         return f"{self._server.url}?{self._query}"
 
     def close(self) -> None:
-        """Stop serving."""
+        """Stop serving the page."""
         if self._server is not None:
             self._server.shutdown()
             self._server.server_close()
@@ -169,10 +174,10 @@ class Page:
 def explore(
     body: BodyIn3D, omega0: ArrayLike = (1.0, 0.5), /, eps: float = 0.1, steps: int = 300
 ) -> Page:
-    """Show an orbit on the page of `suslov-fast explore`, in a notebook or a browser.
+    """Return an interactive page for an orbit of a body: sliders, phase plane, the body in space.
 
-    With the extra `notebook` the kernel of a notebook may run on another machine; without it this
-    process serves the page, to browsers on this machine only.
+    A notebook displays it. With the extra `notebook` the kernel may run on another machine; without
+    it this process serves the page, to browsers on this machine only.
 
     Parameters
     ----------
@@ -181,18 +186,23 @@ def explore(
     omega0 : array_like(float, shape=(2,))
         Initial angular velocity (Omega1, Omega2).
     eps, steps : float, int
-        As in :func:`iterate`, with at most 5000 steps.
+        As in :func:`iterate`, with 1 to 5000 steps.
 
     Returns
     -------
     Page
-        What a notebook displays. `page.url` is an address on this machine, served from its first
-        use until `page.close()`.
+        Its `url` is an address on this machine, served from its first use until ``page.close()``.
+
+    Raises
+    ------
+    ValueError
+        If a batch is passed, or too many steps.
 
     Examples
     --------
     >>> from suslov_fast import Suslov3D, explore
     >>> page = explore(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), [-0.9, 1.3], eps=0.2)
+    >>> page  # in a notebook: the page itself  # doctest: +SKIP
     >>> page.url.startswith("http://127.0.0.1:")
     True
     >>> page.close()
@@ -201,10 +211,10 @@ def explore(
     constants = body.constants
     state = states("omega0", omega0, body._labels)
     if body.shape or state.ndim != 1:
-        received = f"of the shapes {body.shape} and {state.shape}"
+        received = f"a body of shape {body.shape} and states of shape {state.shape}"
         raise wrong("body, omega0", "a single body and a single state", received)
     extent = 1.5 * float(abs(state).max()) or 1.0
-    values = *map(float, constants), eps, *state.tolist(), steps, extent
-    query = urlencode(Parameters(*values)._asdict())
-    parse_query(query)  # checks the numbers
+    parameters = *map(float, constants), eps, *state.tolist(), steps, extent
+    query = urlencode(Parameters(*parameters)._asdict())
+    parse_query(query)  # raises an error if a number is wrong
     return Page(query)

@@ -1,6 +1,6 @@
 """Kahan (Hirota-Kimura) maps of quadratic fields and of the nonholonomic Suslov problem.
 
-Iterate a batch of initial angular velocities of a body::
+Iterate the orbits of a body from two initial angular velocities::
 
     from suslov_fast import Suslov3D, iterate
 
@@ -20,7 +20,8 @@ from threading import RLock
 
 __version__ = "0.8.0"
 
-# The imports in `__init__.pyi` list the public names; the package may be in an archive.
+# The imports in `__init__.pyi` are the list of public names; by the loader, because the package may
+# be in an archive.
 _LIST = __loader__.get_data(str(Path(__file__).with_suffix(".pyi"))).decode()
 _MODULE_OF = {
     alias.name: f".{node.module}"
@@ -30,7 +31,7 @@ _MODULE_OF = {
 }
 __all__ = sorted(_MODULE_OF)
 _MODULES = ("compiled", "integrability")
-# Names that other packages have for functions of this one, in small letters without underscores.
+# Names in other packages for functions of this one, in lower case without underscores.
 _ELSEWHERE = {
     "crossings": "poincaresection poincaremap poincaresos events basins basinsofattraction",
     "iterate": "solveivp odeint ode integrate trajectory orbitdiagram",
@@ -48,7 +49,7 @@ def __getattr__(name: str) -> object:
         plain = name.lower().replace("_", "")
         for here, names in _ELSEWHERE.items():
             text += f": use {here}" * (plain in names.split())
-        raise AttributeError(text, name=name, obj=sys.modules[__name__])  # Python suggests names
+        raise AttributeError(text, name=name, obj=sys.modules[__name__])  # Python adds suggestions
     value: object = getattr(import_module(_MODULE_OF[name], __name__), name)
     globals()[name] = value
     return value
@@ -58,31 +59,34 @@ def __dir__() -> list[str]:
     return [*__all__, *_MODULES, "__version__"]
 
 
-_threads_are_gone = False  # in a child, with which OpenMP aborts or hangs, as TBB may
+# Whether this is a forked child without its parent's threads: OpenMP and TBB would hang or abort.
+_threads_are_gone = False
 
 
 def _after_fork() -> None:
-    """Note in a child that threads are gone, if its parent had started some for computing.
+    """Note in a forked child that threads are gone, if its parent had started some to compute.
 
-    It is registered before anything is computed, and counts the threads of others, too: of a
-    `prange` of the user, and of torch, which tells nobody whether it started them.
+    Threads of a `prange` of the user count as well. Nobody can ask torch whether it started
+    threads, so its import counts.
     """
     global _threads_are_gone
     numba, ours = sys.modules.get("numba"), sys.modules.get(f"{__name__}.engine.threads")
     try:
         numba.threading_layer()  # type: ignore[union-attr]
         _threads_are_gone = True
-    except (ValueError, AttributeError):  # none was started, or Numba is not imported
+    except (ValueError, AttributeError):  # none were started, or Numba is not imported
         _threads_are_gone |= "torch" in sys.modules
     if ours is not None:
         ours.renew()
-    if sys.version_info < (3, 12):  # a thread may have been in a cached property, which has a lock
-        modules = [each for name, each in sys.modules.items() if name.startswith(f"{__name__}.")]
-        named = [each for module in modules for each in vars(module).values()]
-        classes = [each for each in named if isinstance(each, type)]
-        for each in [value for cls in classes for value in vars(cls).values()]:
-            if isinstance(each, cached_property):
-                each.lock = RLock()  # type: ignore[attr-defined]
+    if sys.version_info < (3, 12):  # a thread that is gone may hold the lock of a cached property
+        modules = [
+            module for name, module in sys.modules.items() if name.startswith(f"{__name__}.")
+        ]
+        values = [value for module in modules for value in vars(module).values()]
+        classes = [value for value in values if isinstance(value, type)]
+        for attribute in [value for cls in classes for value in vars(cls).values()]:
+            if isinstance(attribute, cached_property):
+                attribute.lock = RLock()  # type: ignore[attr-defined]
 
 
 if hasattr(os, "register_at_fork"):

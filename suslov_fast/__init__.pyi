@@ -1,5 +1,5 @@
-# The public names and the modules that define them. Each module is imported when one of its
-# names is first used; type checkers read this file as it is.
+# The public names and the modules that define them. A module is imported when one of its names is
+# first used; type checkers read the imports below.
 
 from .bodies.classes import body_from_dict as body_from_dict
 from .bodies.field import QuadraticField as QuadraticField

@@ -268,7 +268,8 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
 def one_of(name: str, value: Any, choices: Collection[str], instead: str = "") -> str:
     """Return a string that is one of the choices."""
     if not isinstance(value, str) or value not in choices:
-        raise wrong(name, f"one of {', '.join(map(repr, choices))}", short(value) + instead)
+        expected = "one of " * (len(choices) > 1) + ", ".join(map(repr, choices))
+        raise wrong(name, expected, short(value) + instead)
     return value
 
 

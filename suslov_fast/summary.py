@@ -1,4 +1,4 @@
-"""Facts of a run, as the command prints them: for people or as JSON."""
+"""Summaries of runs, crossings and stores, as the command prints them: as lines, or as JSON."""
 
 import json
 from pathlib import Path
@@ -6,94 +6,101 @@ from typing import Any
 
 import suslov_fast as sf
 
-_OF_STORES = "tiled", "shared", "columns"  # attributes with the names of arrays
+# Attributes of stores that are not in a summary: names of arrays.
+_NAMES_OF_ARRAYS = "tiled", "shared", "columns"
+# Attributes of stores of fields: tables of coefficients.
+_TABLES = "quadratic", "linear", "constant", "H", "K"
 
 
 def facts_in(path: Path) -> dict[str, Any]:
+    """Return the summary of a file or a store."""
     if path.suffix == ".zarr":
         data = sf.open_ensemble(path)
-        about = {name: _value(each) for name, each in data.attrs.items() if name not in _OF_STORES}
+        attributes = data.attrs.items()
+        facts = {name: _value(text) for name, text in attributes if name not in _NAMES_OF_ARRAYS}
         try:
-            status = data.status.to_numpy()  # read once
+            status = data.status.to_numpy()
         except ValueError as error:
             advice = "delete it, and the same run computes its tile anew"
             raise ValueError(f"a chunk of status is damaged ({error}): {advice}") from error
-        return {**about, **_counts(status)}
-    found = result_in(path)
-    if isinstance(found, sf.Crossings):
-        return _facts_of_crossings(found)
-    return facts_of(found, found.states[0] if found.n[0] == 0 else None)
+        return {**facts, **_counts(status)}
+    result = result_in(path)
+    if isinstance(result, sf.Crossings):
+        return _facts_of_crossings(result)
+    return facts_of(result, result.states[0] if result.n[0] == 0 else None)
 
 
 def result_in(path: Path) -> Any:
     """Return the run, or the crossings, in a file."""
     from .runs.storage import load
 
-    found = load(path)
-    return getattr(sf, found.pop("kind"))._of(found)
+    attributes = load(path)
+    return getattr(sf, attributes.pop("kind"))._of(attributes)
 
 
 def _value(attribute: Any) -> Any:
-    """Return an attribute of a store; numbers in lists of lists are stored as JSON."""
+    """Return an attribute of a store; lists of lists are stored as JSON."""
     is_text_of_lists = isinstance(attribute, str) and attribute.startswith("[[")
     return json.loads(attribute) if is_text_of_lists else attribute
 
 
-def facts_of(found: Any, start: Any) -> dict[str, Any]:
-    """Return the summary of a run; without its first state, the drift is empty."""
+def facts_of(run: Any, start: Any) -> dict[str, Any]:
+    """Return the summary of a run; `start` is state 0, or None, which leaves the drift empty."""
     return {
-        **_of_both(found),
-        "saved_states": len(found),
-        "method": found.method,
-        "drift": {} if start is None else _drift(found, start),
+        **_common_facts(run),
+        "saved_states": len(run),
+        "method": run.method,
+        "drift": {} if start is None else _drift(run, start),
     }
 
 
-def _facts_of_crossings(found: Any) -> dict[str, Any]:
+def _facts_of_crossings(points: Any) -> dict[str, Any]:
+    """Return the summary of crossings."""
     names = "transient", "direction", "most", "method"
-    given = {name: getattr(found, name) for name in names if getattr(found, name) is not None}
-    return {**_of_both(found), "crossings": len(found), **given}
+    arguments = {name: getattr(points, name) for name in names if getattr(points, name) is not None}
+    return {**_common_facts(points), "crossings": len(points), **arguments}
 
 
-def _of_both(found: Any) -> dict[str, Any]:
-    """Return what a run and crossings have in common."""
+def _common_facts(result: Any) -> dict[str, Any]:
+    """Return the facts that the summaries of runs and of crossings share."""
     return {
-        "body": repr(found.body) if found.body.shape else found.body.to_dict(),
-        "eps": found.eps if isinstance(found.eps, float) else f"{found.eps.size} values",
-        **_counts(found.status),
-        "steps": found.steps,
-        "map": found.map.name,
+        "body": repr(result.body) if result.body.shape else result.body.to_dict(),
+        "eps": result.eps if isinstance(result.eps, float) else f"{result.eps.size} values",
+        **_counts(result.status),
+        "steps": result.steps,
+        "map": result.map.name,
     }
 
 
 def _counts(status: Any) -> dict[str, Any]:
-    """Return the number of trajectories, in all and of each status, or not computed yet."""
-    codes = {each.name: int(each) for each in sf.Status} | {"PENDING": -128}
+    """Return the number of trajectories, and the number with each status."""
+    codes = {code.name: int(code) for code in sf.Status} | {"PENDING": -128}
     counts = {name: int((status == code).sum()) for name, code in codes.items()}
     return {"trajectories": status.size, "status": {k: n for k, n in counts.items() if n}}
 
 
-def _drift(found: Any, start: Any) -> dict[str, float]:
-    """Return the largest finite relative change of the conserved quantity, by its name."""
+def _drift(run: Any, start: Any) -> dict[str, float]:
+    """Return the largest finite relative change of the conserved quantity, under its name."""
     import numpy as np
 
-    name = found.map.conserves(found.body)
+    name = run.map.conserves(run.body)
     if name is None:
         return {}
     with np.errstate(all="ignore"):
-        last, first = (found._value(name, x) for x in (found.final, start))
+        last, first = (run._value(name, x) for x in (run.final, start))
         change = np.asarray(abs(last / first - 1))
     finite = change[np.isfinite(change)]
     return {name: float(finite.max())} if finite.size else {}
 
 
-_FEW = 6  # numbers that are printed one by one
-# Measured numbers, of which people read few digits; all others have all of theirs.
+# Most numbers of a list that are printed.
+_FEW = 6
+# Measured numbers, which are printed with four digits; others are printed with all of theirs.
 _MEASURED = "drift", "seconds", "steps_per_second"
 
 
 def lines_of(facts: dict[str, Any], as_json: bool) -> str:
-    """Return a line for each fact, or one JSON object for programs."""
+    """Return a summary as a text: a line for each fact, or one JSON object."""
     if as_json:
         return json.dumps(facts)
     rows = []
@@ -107,21 +114,21 @@ def lines_of(facts: dict[str, Any], as_json: bool) -> str:
 
 
 def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
-    """Return the facts with a field as its formula, and no method where there is only one."""
+    """Return the facts to print: fields as formulas, and the method only if there are others."""
     from .maps import MAPS
 
     shown, record = dict(facts), MAPS[facts["map"]]
     for name in ("map", "status"):
         del shown[name]
-    ways = [name for other in MAPS.values() if other.body is record.body for name in other.methods]
-    if len(ways) == 1:
+    same_body = [other for other in MAPS.values() if other.body is record.body]
+    if sum(len(other.methods) for other in same_body) == 1:
         del shown["method"]
     if record.variable == "x":
         body = facts["body"]
         tables = [name for name in _TABLES if name in facts]
-        if not isinstance(body, dict) and "quadratic" in facts:  # of a store
+        if not isinstance(body, dict) and "quadratic" in facts:  # the attributes of a store
             body = {"body": body} | {k: facts[k] for k in (*_TABLES[:3], "names") if k in facts}
-            # It has the size and the range of a large table, and not its numbers.
+            # For a large table a store has a text, size and range, in place of numbers.
             if any(isinstance(body[name], str) for name in _TABLES[:3]):
                 body = body["body"]
         if isinstance(body, dict):
@@ -133,12 +140,8 @@ def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
     return shown
 
 
-# Attributes of the stores of fields.
-_TABLES = "quadratic", "linear", "constant", "H", "K"
-
-
 def _spelled(value: Any, form: str = "") -> str:
-    """Return a number, or the parameters of a body, as people read them."""
+    """Return the text of a number, a list of numbers, or the parameters of a body."""
     if isinstance(value, dict):
         names = [name for name in value if name != "body"]
         return ", ".join(f"{name} = {_spelled(value[name], form)}" for name in names)
@@ -149,7 +152,7 @@ def _spelled(value: Any, form: str = "") -> str:
     if isinstance(value, list):
         flat = value
         while flat and isinstance(flat[0], list):
-            flat = [each for row in flat for each in row]
+            flat = [item for row in flat for item in row]
         if len(flat) > _FEW:
             return f"{len(flat):,} values from {min(flat):g} to {max(flat):g}"
     return str(value).partition(", sha256")[0]

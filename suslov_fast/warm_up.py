@@ -1,4 +1,4 @@
-"""Calls that compile all functions, so that later processes read them from the cache on disk."""
+"""Calls of all functions for all maps, which compile them and fill the cache on disk."""
 
 import inspect
 import os
@@ -16,13 +16,15 @@ from .core.cache import folder_of
 from .core.steps_3d import steps
 from .maps import MAPS
 
-# Numbers of states: the first is computed in one thread, the second in parallel.
+# Numbers of states: few are computed in one thread, many in parallel.
 COUNTS = (3, 2**15)
-_STATES = "omega", "omega0", "xy", "x"  # names of the second argument, which are positional only
+# Names of the second argument, which is positional only.
+_STATES = "omega", "omega0", "xy", "x"
 _NO_KERNELS = "animate_body", "compiled", "explore", "integrability"
 
 
 def call_all() -> None:
+    """Call every public function with every kind of argument for which a kernel is compiled."""
     warnings.simplefilter("ignore")
     public = [getattr(sf, name) for name in dir(sf) if name not in _NO_KERNELS]
     rng = np.random.default_rng(0)
@@ -34,24 +36,24 @@ def call_all() -> None:
     for map, body, pole, count in problems:
         states = rng.uniform(0.1, 1.0, (count, body.dimension))
         states[1::2] = pole
-        known = {"body": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
-        known["surface"] = lambda x: x[..., 0] - 0.5
-        known |= {"omega": states, "omega0": states, "xy": states, "x": 0.0 * states}
+        values = {"body": body, "eps": 1.0, "steps": 40, "n": 40, "time": 0.5}
+        values["surface"] = lambda x: x[..., 0] - 0.5
+        values |= {"omega": states, "omega0": states, "xy": states, "x": 0.0 * states}
         variants: list[dict[str, Any]] = [{"method": name} for name in map.methods]
         variants += [{}, {"save_every": None}, {"attitude": True}, {"n": [0, 40]}]
-        for function, more in product(filter(inspect.isfunction, public), variants):
-            wanted = inspect.signature(function).parameters
-            if wanted.keys() >= more.keys():
-                given = {name: (known | more)[name] for name in wanted if name in known | more}
-                first = [given.pop(name) for name in ("body", *_STATES) if name in given]
-                if "I3" in wanted:  # the scheme in three components
-                    first[1] = np.pad(states, [(0, 0), (0, 1)], constant_values=0.5)
-                with suppress(ValueError, TypeError):  # not of this body
-                    function(*first, **given)
+        for function, options in product(filter(inspect.isfunction, public), variants):
+            names, known = inspect.signature(function).parameters, values | options
+            if options.keys() <= names.keys():
+                keywords = {name: known[name] for name in names if name in known}
+                positional = [keywords.pop(k) for k in ("body", *_STATES) if k in keywords]
+                if "I3" in names:  # `step_full`, whose states have three components
+                    positional[1] = np.pad(states, [(0, 0), (0, 1)], constant_values=0.5)
+                with suppress(ValueError, TypeError):  # some functions do not take this body
+                    function(*positional, **keywords)
 
 
 def where_code_is_kept() -> str:
-    """Return a line for users: the folder of the cache, or that there is none."""
+    """Return a line for users: the folder of the cache, or why nothing is kept."""
     folders = [folder_of(compiled) for compiled in (steps.compiled, step)]
     paths = [path for path, _ in folders if path is not None]
     if len(paths) < len(folders):
@@ -60,4 +62,5 @@ def where_code_is_kept() -> str:
             "NUMBA_DISABLE_JIT or NUMBA_BOUNDSCHECK is set"
         )
     text = f"compiled code is kept in {os.path.commonpath(paths)}"
-    return text if all(can for _, can in folders) else f"{text}, which cannot be written"
+    is_writable = all(writable for _, writable in folders)
+    return text if is_writable else f"{text}, which cannot be written"

@@ -75,7 +75,8 @@ ARROWS = {
     "compiled": "core checks bodies maps",
     "warm_up": "core maps compiled",
     "summary": "bodies engine maps runs",
-    "command": "checks bodies engine runs plots integrability warm_up summary",
+    "options": "bodies",
+    "command": "checks bodies engine runs plots integrability warm_up summary options",
     "__main__": "command",
 }
 

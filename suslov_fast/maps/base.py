@@ -303,8 +303,9 @@ def map_of(body: Any, method: str = "auto") -> Map:
         if isinstance(body, Body):
             received += ", a class without a record of its own: see maps.register"
         raise checks.wrong("body", " or ".join(dict.fromkeys(kinds)), received, TypeError)
-    of_fields = ", a method of fields: pass QuadraticField.of(body)"
-    instead = of_fields if method in [*_methods_of(QuadraticField)] else ""
+    of_fields = ", ".join(repr(name) for name in _methods_of(QuadraticField) if name != "auto")
+    instead = f": QuadraticField.of(body) has the methods {of_fields}"
+    instead *= str(method).startswith("order") and "order4" not in by_method
     return by_method[checks.one_of("method", method, by_method, instead)]
 
 

@@ -1,11 +1,11 @@
-"""Functions for your own compiled loops: ``njit`` functions, which also work from Python.
+"""Steps and quantities as ``njit`` functions, for your own compiled loops and for Python.
 
 In three dimensions :func:`frame` returns the constants of a body or gyrostat and a step size. A
-loop carries two numbers: :func:`enter` computes them from omega, :func:`advance` takes a step, and
-:func:`leave` returns omega. In n dimensions and for fields :func:`system` returns the constants,
-:func:`work` the memory of a thread, and :func:`step_system` takes a step.
+loop iterates two numbers: :func:`enter` computes them from omega, :func:`advance` takes a step, and
+:func:`leave` computes omega from them. In n dimensions and for fields :func:`system` returns the
+constants, :func:`work` the memory of a thread, and :func:`step_system` takes a step.
 
-States that do not exist are NaN. Arrays of other types than float64 do not compile (TypeError).
+States that do not exist are NaN. Arrays of types other than float64 do not compile (TypeError).
 
 Examples
 --------
@@ -64,31 +64,31 @@ def __dir__() -> list[str]:
     return __all__
 
 
-# Without a rotor u and v are X and Y of `core.steps_3d`: steps of T < 1 have the bits of its plain
-# form. With one, X = K + ... would lose the digits of ell where K is large: u + i v is eps / 2
-# times the state (omega1, omega2 / back) of the general form, whose frame is that of the same body
-# in the unit of time eps / 2.
+# Without a rotor u and v are X and Y of `core.steps_3d`, and steps with T < 1 have the bits of its
+# plain form. With a rotor, X = K + ... would lose digits of ell where K is large. There u and v are
+# (omega1, omega2 / back) in the unit of time eps / 2, and the frame is that of the body in this
+# unit.
 
 
 @formula
 def enter_body(frame, omega1, omega2):
     """X and Y of a state."""
     f = frame
-    _, X, Y = steps_3d.scale_state(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
+    _, X, Y = steps_3d.frame_and_XY(f.I1, f.I2, f.I13, f.I23, f.k, f.eps, omega1, omega2)
     return X, Y
 
 
 @formula
 def advance_body(frame, X, Y):
-    """X and Y of the next state, of any orbit."""
+    """X and Y of the next state, for any T."""
     square = X * (2.0 * X)
     D, least = (1.0 - Y) + square, steps_3d.ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
     ratio = (1.0 + Y) / select(abs(D) > least, D, np.nan)
-    following, change = X * ratio, square * ratio
-    decayed = abs(following) < -steps_3d.NEGLIGIBLE * Y
-    # (1 + Y_next) / (1 - Y) = X_next / X, where the difference cancels; never for T < 1.
-    turned = select((abs(Y) < 1.0) | (square < 1.0), Y - change, (1.0 - Y) * ratio - 1.0)
-    return select(decayed, 0.0, following), turned
+    X_next, change = X * ratio, square * ratio
+    decayed = abs(X_next) < -steps_3d.NEGLIGIBLE * Y
+    # Where Y - change cancels, which needs T >= 1, use (1 + Y_next) / (1 - Y) = X_next / X.
+    Y_next = select((abs(Y) < 1.0) | (square < 1.0), Y - change, (1.0 - Y) * ratio - 1.0)
+    return select(decayed, 0.0, X_next), Y_next
 
 
 @formula
@@ -100,7 +100,7 @@ def enter_gyrostat(frame, omega1, omega2):
 
 @formula
 def advance_gyrostat(frame, u, v):
-    """The next state; the range of X, Y and K is not tested."""
+    """The next state, without a test of the range of X, Y and K."""
     X, Y = frame.K + (frame.a1 * u + frame.a2 * v), frame.a2 * u - frame.a1 * v
     along, across, _, _ = steps_3d.turn(X, Y, frame.K)
     return along * u - across * v, along * v + across * u
@@ -114,7 +114,7 @@ def leave_gyrostat(frame, u, v):
 
 
 class Frame(NamedTuple):
-    """A body without a rotor and a step size: its constants, and its numbers of `steps_3d.Frame`.
+    """The constants of a body without a rotor, a step size, and the numbers of `steps_3d.Frame`.
 
     Compares as a tuple.
     """
@@ -138,8 +138,9 @@ class Frame(NamedTuple):
 
 
 class GyrostatFrame(NamedTuple):
-    """A gyrostat and a step size: its constants, and its numbers of `steps_3d.Frame` in the unit of
-    time eps / 2, without those of the inverse, which it may lack.
+    """The constants of a gyrostat, a step size, and numbers of `steps_3d.Frame`.
+
+    These are in the unit of time eps / 2; m1 and m2, which may be infinite, are left out.
     """
 
     I1: float
@@ -194,20 +195,20 @@ def frame(body: Suslov3D | SuslovGyrostat, /, eps: ArrayLike) -> Frame | Gyrosta
     1.013781 0.372248
     """
     map_of(body).require("frame", body)
-    number = _single(body, eps)
-    given = tuple(map(float, body.constants))
-    *inertia, k = given
-    if number == 0.0 or not any((*inertia[2:], k)):
-        text = f"body, eps: the map of {body!r} with eps = {number!r} is the identity"
+    step_size = _single(body, eps)
+    constants = tuple(map(float, body.constants))
+    *inertia, k = constants
+    if step_size == 0.0 or not any((*inertia[2:], k)):
+        text = f"body, eps: the map of {body!r} with eps = {step_size!r} is the identity"
         raise ValueError(f"{text}, which has no frame: use eps != 0, and I13, I23 or k != 0")
-    make: Any = steps_3d.frame_of.py_func
+    frame_of: Any = steps_3d.frame_of.py_func
     with np.errstate(all="ignore"):
         if "k" in body.parameters:
-            # k is an inverse time, too.
-            numbers, _ = make(*inertia, 0.5 * number * k, 2.0)
-            return GyrostatFrame(*given, number, *map(float, numbers[:4]))
-        numbers, _ = make(*given, number)
-    return Frame(*given, number, *map(float, numbers))
+            # In the unit of time eps / 2, in which k is eps k / 2.
+            numbers, _ = frame_of(*inertia, 0.5 * step_size * k, 2.0)
+            return GyrostatFrame(*constants, step_size, *map(float, numbers[:4]))
+        numbers, _ = frame_of(*constants, step_size)
+    return Frame(*constants, step_size, *map(float, numbers))
 
 
 def _single(body: Any, eps: ArrayLike) -> float:
@@ -228,10 +229,10 @@ def enter(frame: Frame | GyrostatFrame, omega1: float, omega2: float) -> tuple[f
 
 @for_users
 def advance(frame: Frame | GyrostatFrame, u: float, v: float) -> tuple[float, float]:
-    """Return u and v one step further, with one division; NaN where there is no next state.
+    """Return u and v of the next state, with one division; NaN where there is no next state.
 
-    With a rotor, :func:`step` returns NaN for a state whose X, Y or K exceeds 1e8 in modulus;
-    :func:`advance` does not test it, and the accuracy of what it returns is not promised.
+    With a rotor, :func:`step` returns NaN for a state whose X, Y or K exceeds 1e8 in modulus.
+    :func:`advance` does not test this, and its result for such a state may have no digits.
     """
     return _advance(frame, u, v)
 
@@ -279,13 +280,13 @@ def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem |
     eps
         As in :func:`frame`.
     method : str
-        As in :func:`suslov_fast.iterate`; a step of order 4, 6 or 8 is a whole one.
+        As in :func:`suslov_fast.iterate`. A step of order 4, 6 or 8 counts as one step.
 
     Returns
     -------
     NamedTuple of arrays and numbers
-        An argument of any compiled function. Pass it as an argument: a function in which that of
-        a field is a global is not cached, because it contains an address of this process.
+        Pass it to compiled functions as an argument. Numba does not cache a function in which the
+        system of a field is a global, because it contains an address of this process.
 
     Examples
     --------
@@ -311,7 +312,7 @@ def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem |
 
 @for_users
 def work(system: NDSystem | FieldSystem) -> tuple[Any, ...]:
-    """Return the memory that :func:`step_system` needs in one thread; nothing else allocates."""
+    """Return the memory that :func:`step_system` needs in one thread; steps allocate no more."""
     return system.dimension, _memory(system)
 
 
@@ -321,26 +322,27 @@ def step_system(
 ) -> int:
     """Write the state that follows x (D,) to `out` (D,), which may be x; return its Status.
 
-    Where there is no next state, the status is negative and `out` is NaN; it is positive,
-    PASSED_POLE, after a step from det A < 0: test ``< 0``, not truth. Arrays of another length
-    raise a ValueError; of another type than float64, a TypeError when the loop is compiled.
+    Where there is no next state, the status is negative and `out` is NaN. After a step from
+    det A < 0 the status is positive, PASSED_POLE: test ``< 0``, not truth. Arrays of another length
+    raise a ValueError; arrays of other types than float64 raise a TypeError when the loop is
+    compiled.
     """
     _check(x, out)
-    m, (of_work, memory) = system.dimension, work
-    if (len(x) != m) | (len(out) != m) | (of_work != m):
+    D, (dimension, memory) = system.dimension, work
+    if (len(x) != D) | (len(out) != D) | (dimension != D):
         raise ValueError("step_system: x, out and work must have the dimension of the system")
     return _one_step(uncounted(system), uncounted(x), uncounted(out), uncounted(memory))
 
 
 def _check(x, out):
-    """Refuse arrays of other types than float64, when a loop is compiled."""
+    """Refuse arrays of types other than float64, when a loop is compiled."""
 
 
 @overload(_check)
 def _check_types(x, out):
-    for name, each in (("x", x), ("out", out)):
-        if not isinstance(each, types.Array) or (each.dtype, each.ndim) != (types.float64, 1):
-            raise wrong(name, "an array (D,) of float64", f"{each!s:.60}", TypeError)
+    for name, kind in (("x", x), ("out", out)):
+        if not isinstance(kind, types.Array) or (kind.dtype, kind.ndim) != (types.float64, 1):
+            raise wrong(name, "an array (D,) of float64", f"{kind!s:.60}", TypeError)
     return lambda x, out: None
 
 

@@ -66,16 +66,16 @@ class LineArrays(NamedTuple):
 
 
 @function
-def step_carefully(lines, first, line, bad, negative, n):
-    """Take step n of the lanes of a line whose bits are in `bad`, and note failures and poles.
+def step_carefully(arrays, first, line, bad, negative, n):
+    """Take step n of the lanes of a line whose bits are in `bad`; note failures and poles.
 
-    Steps count the stages from state `first` on. Bits in `negative` mark lanes that took this step
-    with det A < 0.
+    A step is one stage; steps are counted from state `first` on. Bits in `negative` mark lanes that
+    took this step from det A < 0.
     """
-    D, W, T = lines.x.shape[1], lines.x.shape[2], lines.halves.shape[1]
-    stages = len(lines.fractions)
-    fraction, n = lines.fractions[n % stages], first + n // stages + 1
-    memory, halves = lines.memory, lines.halves
+    D, W, T = arrays.x.shape[1], arrays.x.shape[2], arrays.halves.shape[1]
+    stages = len(arrays.fractions)
+    fraction, n = arrays.fractions[n % stages], first + n // stages + 1
+    memory, halves = arrays.memory, arrays.halves
     system = memory[: D * (D + 1)].reshape((D, D + 1, 1))
     units = memory[D * (D + 1) : D * (D + 3)].reshape((2, D))
     state, half = memory[D * (D + 3) : D * (D + 4)], memory[D * (D + 4) :]
@@ -84,20 +84,20 @@ def step_carefully(lines, first, line, bad, negative, n):
         beyond, status = negative & bit != 0, OK
         if bad & bit:
             for j in range(D):
-                state[j] = lines.x[line, j, l]
+                state[j] = arrays.x[line, j, l]
             for t in range(T):
                 half[t] = fraction * halves[line % len(halves), t, l % halves.shape[2]]
-            status, beyond = solve_lane(lines.indices, half, state, system, units)
+            status, beyond = solve_lane(arrays.indices, half, state, system, units)
             for j in range(D):
-                lines.x[line, j, l] = state[j]
+                arrays.x[line, j, l] = state[j]
         if status != OK:
-            lines.status[i], lines.failed_at[i] = status, n
-            lines.marks[ENDED, line] |= bit
-            lines.marks[PASSED, line] |= bit
-        elif beyond and not lines.marks[PASSED, line] & bit:
-            lines.poles[i] = n
-            lines.status[i], lines.failed_at[i] = PASSED_POLE, n
-            lines.marks[PASSED, line] |= bit
+            arrays.status[i], arrays.failed_at[i] = status, n
+            arrays.marks[ENDED, line] |= bit
+            arrays.marks[PASSED, line] |= bit
+        elif beyond and not arrays.marks[PASSED, line] & bit:
+            arrays.poles[i] = n
+            arrays.status[i], arrays.failed_at[i] = PASSED_POLE, n
+            arrays.marks[PASSED, line] |= bit
 
 
 # Integers of the array that `careful` takes: addresses of `LineArrays`, lengths, 1 if lanes have

@@ -1,8 +1,8 @@
-"""Code of LLVM, for what Numba cannot express: calls by address, uncounted arrays, blocks of
-lanes, stores past the caches.
+"""LLVM instructions for what Numba cannot express: calls by address, arrays without reference
+counts, blocks of lanes, stores past the caches.
 
-Each function brings its own typing and lowering, because an overload is itself compiled. Loads and
-steps between addresses name their types, as pointers of later versions of llvmlite have none.
+Each function brings its own typing and lowering, because an overload is itself compiled. `load` and
+`gep` name their types, because pointers of later versions of llvmlite have none.
 """
 
 import numpy as np
@@ -25,13 +25,13 @@ _NUMBER, _VECTOR = ir.DoubleType(), ir.VectorType(ir.DoubleType(), LINE)
 # ------------------------------------------------------------------------------------------- calls
 def emit_call(builder, address, result, values):
     """Call the function at an address with these values; return its result."""
-    kind = ir.FunctionType(result, [each.type for each in values])
+    kind = ir.FunctionType(result, [value.type for value in values])
     return builder.call(builder.inttoptr(address, kind.as_pointer()), values)
 
 
 @intrinsic
 def call_address(typing, address, a, b, c, d):
-    """Call the function at an address with four integers; it returns None."""
+    """Call the function at an address with four integers; it returns nothing."""
 
     def emit(context, builder, signature, arguments):
         emit_call(builder, arguments[0], context.get_value_type(types.none), arguments[1:])
@@ -42,7 +42,7 @@ def call_address(typing, address, a, b, c, d):
 
 @intrinsic
 def call_code(typing, address, numbers):
-    """Call the code at an address with integers, as a tuple; it returns an integer."""
+    """Call the code at an address with a tuple of integers; return its integer."""
 
     def emit(context, builder, signature, arguments):
         values = [builder.extract_value(arguments[1], k) for k in range(len(numbers))]
@@ -59,11 +59,11 @@ register_model(_WithAddress)(models.TupleModel)
 
 
 def with_address(cls):
-    """Let no code be cached that has such a tuple as a constant: Numba warns, and compiles anew."""
+    """Keep functions that have such a tuple as a constant out of the cache: Numba then warns."""
 
     @typeof_impl.register(cls)
     def type_of(value, context):
-        return _WithAddress([typeof_impl(each, context) for each in value], cls)
+        return _WithAddress([typeof_impl(item, context) for item in value], cls)
 
     return cls
 
@@ -73,7 +73,7 @@ def _constant_with_address(context, builder, kind, value):
     address = context.add_dynamic_addr(builder, value[0], info="address of machine code")
     address = builder.ptrtoint(address, context.get_value_type(kind[0]))
     others = zip(kind[1:], value[1:], strict=True)
-    others = [context.get_constant_generic(builder, *each) for each in others]
+    others = [context.get_constant_generic(builder, *pair) for pair in others]
     return context.make_tuple(builder, kind, [address, *others])
 
 
@@ -89,9 +89,10 @@ def address_as_pointer(typing, address):
 
 @intrinsic
 def pack(typing, arguments):
-    """Return the addresses of a function and of its data, for use while the caller runs.
+    """Return the addresses of a function and of data, which are valid while the caller runs.
 
-    function(kernel, data, part, parts) calls the kernel at an address with all arguments.
+    function(kernel, data, part, parts) calls the kernel at an address with part, parts and the
+    arguments of `pack`, which are the data.
     """
     result, word = types.UniTuple(types.int64, 2), ir.IntType(64)
 
@@ -105,12 +106,11 @@ def pack(typing, arguments):
         call_part.linkage = "internal"
         kernel, data, part, parts = call_part.args
         inner = ir.IRBuilder(call_part.append_basic_block())
-        place = inner.inttoptr(data, memory.type)
-        packed = inner.load(place, typ=packed.type)
-        numbers = [inner.extract_value(packed, k) for k in range(len(arguments))]
-        emit_call(inner, kernel, kind.return_type, [part, parts, *numbers])
+        packed = inner.load(inner.inttoptr(data, memory.type), typ=packed.type)
+        items = [inner.extract_value(packed, k) for k in range(len(arguments))]
+        emit_call(inner, kernel, kind.return_type, [part, parts, *items])
         inner.ret(context.get_dummy_value())
-        addresses = [builder.ptrtoint(each, word) for each in (call_part, memory)]
+        addresses = [builder.ptrtoint(pointer, word) for pointer in (call_part, memory)]
         return context.make_tuple(builder, result, addresses)
 
     return result(arguments), emit
@@ -118,35 +118,39 @@ def pack(typing, arguments):
 
 # ------------------------------------------------------------------------------------------ arrays
 def uncounted_value(context, builder, kind, value):
-    """Return an argument whose arrays have no reference counts, for which threads wait."""
+    """Return an argument whose arrays have no reference counts.
+
+    Threads that count references to the same array wait for each other.
+    """
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
         array.meminfo = ir.Constant(array.meminfo.type, None)
         return array._getvalue()
-    for k, each in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
-        element = uncounted_value(context, builder, each, builder.extract_value(value, k))
+    for k, item in enumerate(kind if isinstance(kind, types.BaseTuple) else ()):
+        element = uncounted_value(context, builder, item, builder.extract_value(value, k))
         value = builder.insert_value(value, element, k)
     return value
 
 
 def uncounted(arrays):
-    """Return an array, or a tuple of arrays, without the reference counts that slow threads."""
+    """Return an array, or a tuple of arrays, without reference counts."""
     return arrays
 
 
 def for_size():
-    """Let LLVM optimise the function that calls this for size.
+    """Let LLVM optimise the function that calls this for size, which compiles faster.
 
-    Loops of unknown lengths are not vectorised, with tests at run time: that compiles faster.
+    LLVM then vectorises no loops of unknown lengths, which would need tests at run time.
     """
 
 
 def block_of(rows, lanes):
-    """Return the function that makes a block (rows, lanes) for a kernel, of some normal number.
+    """Return the function that makes a block (rows, lanes) for a kernel.
 
-    It lies on the stack of the kernel, 64 KiB at most, and begins at a cache line: vectors that
-    straddle two lines take up to 1.5 times as long, and NumPy's arrays begin anywhere. The compiler
-    knows its shape, and so that its rows do not overlap.
+    The block is on the stack of the kernel, 64 KiB at most, and begins at a cache line. NumPy's
+    arrays begin anywhere, and vectors that straddle two lines take up to 1.5 times as long. Because
+    the shape is a constant, the compiler knows that rows do not overlap. All numbers are equal at
+    first, and normal.
     """
 
     def block():
@@ -160,7 +164,7 @@ def block_of(rows, lanes):
         with builder.goto_entry_block():
             memory = builder.alloca(_NUMBER, rows * lanes)
         memory.align, size = 8 * LINE, ir.Constant(word, 8 * rows * lanes)
-        # Doubles of bytes that are 63 are about 5e-4: lanes of no trajectory are as fast as others.
+        # Bytes of 63 make doubles of about 5e-4; subnormals in unused lanes would be slow.
         data = builder.bitcast(memory, context.get_value_type(types.voidptr))
         fill = builder.module.declare_intrinsic("llvm.memset", [data.type, word])
         builder.call(fill, [data, ir.Constant(byte, 63), size, ir.Constant(bit, 0)])
@@ -191,9 +195,9 @@ def _for_size(context, builder, signature, arguments):
 
 # ------------------------------------------------------------------------------------------ stores
 def stream_pairs(target, i, b, row, l):
-    """Copy LINE numbers from b[row, l] and b[row + 1, l] on, in turns, to target[i] and so on.
+    """Interleave LINE numbers from b[row, l] and b[row + 1, l] on into target, from index i on.
 
-    These are two whole cache lines, written past the caches, which takes half the time.
+    These are two whole cache lines, which are written past the caches, in half the time.
     NUMBA_BOUNDSCHECK does not check the indices.
     """
     target[i : i + 2 * LINE : 2] = b[row, l : l + LINE]
@@ -204,14 +208,14 @@ type_callable(stream_pairs)(lambda context: lambda target, i, b, row, l: types.n
 
 
 def _line(context, builder, kinds, array, *place):
-    """Return the address of the line from array[place] on, for `kinds` of array and place."""
-    numbers, first = context.make_array(kinds[0])(context, builder, array), None
-    for k, (each, kind) in enumerate(zip(place, kinds[1:], strict=True)):
-        index = context.cast(builder, each, kind, types.intp)
+    """Return a pointer to the line from array[place] on; `kinds` are the types of both."""
+    numbers, offset = context.make_array(kinds[0])(context, builder, array), None
+    for k, (index, kind) in enumerate(zip(place, kinds[1:], strict=True)):
+        index = context.cast(builder, index, kind, types.intp)
         length = builder.extract_value(numbers.shape, k)
-        first = index if first is None else builder.add(builder.mul(first, length), index)
-    first = builder.gep(numbers.data, [first], source_etype=_NUMBER)
-    return builder.bitcast(first, _VECTOR.as_pointer())
+        offset = index if offset is None else builder.add(builder.mul(offset, length), index)
+    pointer = builder.gep(numbers.data, [offset], source_etype=_NUMBER)
+    return builder.bitcast(pointer, _VECTOR.as_pointer())
 
 
 def _plus(builder, index, k):
@@ -231,7 +235,7 @@ def _stream_pairs(context, builder, signature, arguments):
     for k in (0, LINE // 2):
         order = [k + lane // 2 + LINE * (lane % 2) for lane in range(LINE)]
         order = ir.Constant(ir.VectorType(ir.IntType(32), LINE), order)
-        place = _line(context, builder, kinds[:2], target, _plus(builder, i, 2 * k))
-        stored = builder.store(builder.shuffle_vector(*lines, order), place, align=8 * LINE)
-        stored.set_metadata("nontemporal", past_caches)
+        pointer = _line(context, builder, kinds[:2], target, _plus(builder, i, 2 * k))
+        store = builder.store(builder.shuffle_vector(*lines, order), pointer, align=8 * LINE)
+        store.set_metadata("nontemporal", past_caches)
     return context.get_dummy_value()

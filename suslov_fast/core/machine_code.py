@@ -71,9 +71,9 @@ class Text:
 
     # --------------------------------------------------------------------------------------- lines
     def constant(self, number):
-        """Return W equal constants."""
-        text = f"double 0x{np.float64(number).view(np.uint64):016X}"
-        return text.split()[1] if self.W == 1 else f"<{', '.join([text] * self.W)}>"
+        """Return W equal constants, without the type V."""
+        bits = f"0x{np.float64(number).view(np.uint64):016X}"
+        return bits if self.W == 1 else f"<{', '.join([f'double {bits}'] * self.W)}>"
 
     def splat(self, number, W):
         """Return a vector of W numbers that are equal to a number."""

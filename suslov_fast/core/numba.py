@@ -1,23 +1,22 @@
-"""Numba: its options, its cache, calls of kernels, universal functions, rows of an output.
+"""The options of Numba, as decorators; calls of kernels; helpers for compiled functions.
 
 formula     a function of numbers, which LLVM inlines: loops over lanes that call it become SIMD
 function    a function that kernels call
-inlined     the same, compiled as a part of its callers
-c_function  what machine code calls by its address
-kernel      what Python calls: `kernel.serial(*arguments)`, `kernel.parallel(threads, *arguments)`
-            for `function(part, parts, *arguments)`, which does one of `parts` parts of the work
-for_users   a formula that users call, from their own compiled loops and from Python
-universal   a universal function of NumPy, made of a function of one state
+inlined     a function that is compiled as a part of its callers
+c_function  a function that machine code calls by its address
+kernel      a function(part, parts, *arguments) that does one of `parts` parts of the work; Python
+            calls `kernel.serial(*arguments)` or `kernel.parallel(threads, *arguments)`
+for_users   a formula that users call from Python and from their own compiled loops
+universal   a NumPy universal function, made from a function of one state
 
-Each is compiled on its first call. With NUMBA_DISABLE_JIT=1 all are Python functions; with
-NUMBA_BOUNDSCHECK=1 indices are checked, and parts run one after the other. A loop becomes SIMD if
+Each is compiled in its first call, and can be called from Python; `.py_func` is the Python function
+that was compiled. With NUMBA_DISABLE_JIT=1 all are Python functions; NUMBA_BOUNDSCHECK=1 checks
+indices, and parts run one after the other. A function that takes a constant integer is compiled for
+each value, because constants have types of their own. A loop over lanes becomes SIMD if
 
-- its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes: then LLVM
-  need not test whether arrays overlap; indices that do not begin at 0 are unsigned,
-- it calls formulas without branches (`select`), and nothing of the C library.
-
-All of them can be called from Python; `.py_func` is the Python function that was compiled. Constant
-integers have types of their own: a function that takes one is compiled for each value.
+- its numbers are rows b[ROW, lane] of one array with constant numbers of rows and lanes, so that
+  LLVM knows that they do not overlap; an index that does not begin at 0 must be unsigned;
+- it calls formulas without branches (`select`), and no functions of the C library.
 """
 
 import functools
@@ -34,13 +33,12 @@ from numba.extending import overload, typeof_impl
 from .cache import kept_folders, name_with_digest, use_cache
 from .llvm import call_address, pack
 
-# The newest Numba that this version was tested with.
-TESTED = 0, 68
-# The default error model tests every divisor: that costs 30 % and prevents SIMD. Other threads of
-# Python run while a kernel does. Without fastmath no FMA is formed and no sum reordered: serial,
-# parallel, vectorised and interpreted runs agree to the bit.
+TESTED = 0, 68  # the newest Numba with which this version was tested
+# The default error model tests each divisor, which costs 30 % and prevents SIMD. Without the GIL
+# other Python threads run during a kernel. Without fastmath LLVM forms no FMA and reorders no sum,
+# so that serial, parallel, vectorised and interpreted runs agree to the bit.
 _OPTIONS = {"error_model": "numpy", "nogil": True}
-# A wrapper, for calls from Python or from C, takes as long to compile as a short function.
+# A wrapper for calls from Python or C takes as long to compile as a short function.
 _FOR_USERS = _OPTIONS | {"forceinline": True, "no_cfunc_wrapper": True}
 _FORMULA = _FOR_USERS | {"no_cpython_wrapper": True}
 _FUNCTION = _FORMULA | {"forceinline": False}
@@ -48,10 +46,10 @@ _FUNCTION = _FORMULA | {"forceinline": False}
 
 # -------------------------------------------------------------------------------------- functions
 def _cached(compile_with, py_function):
-    """Compile a function on its first call, with a cache if there is a folder for it."""
+    """Return a function that is compiled in its first call; cache it if there is a folder."""
     name_with_digest(py_function)
     compiled = compile_with(py_function)
-    # Numba would cache code with and without checks of bounds under one name.
+    # Numba would cache code with and without bounds checks under the same name.
     if not (config.BOUNDSCHECK or config.DISABLE_JIT):
         use_cache(compiled, py_function)
     return compiled
@@ -64,7 +62,7 @@ _pauses = []  # of the garbage collector, one for each thread that compiles
 def _compiling():
     """Pause Python's garbage collector, which takes an eighth of the time of compiling.
 
-    Where that fails with a Numba newer than the last that was tested, the error says so.
+    If compiling fails with a newer Numba than TESTED, the error says so.
     """
     was_enabled = gc.isenabled()
     gc.disable()
@@ -73,7 +71,7 @@ def _compiling():
         yield
     except Exception as error:
         running = tuple(map(int, re.findall(r"\d+", numba.__version__)[:2]))
-        if running <= TESTED or isinstance(error, IndexError):  # an index is no fault of Numba's
+        if running <= TESTED or isinstance(error, IndexError):  # Numba is not to blame
             raise
         tested, next_one = (f"{TESTED[0]}.{TESTED[1] + k}" for k in (0, 1))
         raise RuntimeError(
@@ -107,9 +105,8 @@ with suppress(ImportError, AttributeError):  # names that Numba does not promise
 class Function:
     """A function that compiled code calls.
 
-    It has no Python wrapper, which would add a fifth to first calls. A call from Python compiles a
-    second version, with a wrapper and checks of indices. `for_users` has a wrapper in the cache,
-    because its functions are called from Python.
+    It has no Python wrapper, which would make first calls a fifth longer. A call from Python
+    compiles a second version, which has a wrapper and checks indices.
     """
 
     def __init__(self, options, py_func):
@@ -136,7 +133,7 @@ inlined = numba.njit(inline="always", **_FOR_USERS | {"forceinline": False})
 
 
 class CFunction:
-    """A function that machine code calls by its address, compiled when the address is asked for."""
+    """A function that machine code calls; it is compiled when its address is first read."""
 
     def __init__(self, signature, py_func):
         self.signature, self.py_func = signature, py_func
@@ -175,7 +172,7 @@ class Kernel:
     def __init__(self, py_function):
         self.py_func = py_function
         self.compiled = _cached(numba.njit(**_OPTIONS), py_function)
-        if config.DISABLE_JIT:  # compiled code does not warn
+        if config.DISABLE_JIT:  # no warnings, as in compiled code
             self.compiled = np.errstate(all="ignore")(py_function)
 
     def serial(self, *arguments):
@@ -189,7 +186,7 @@ class Kernel:
 
     def parallel(self, threads, *arguments):
         addresses = None
-        # Exceptions do not leave a parallel loop.
+        # A parallel loop would lose the exceptions of these.
         if not (config.BOUNDSCHECK or config.DISABLE_JIT):
             addresses = _addresses(self.compiled, numba.typeof(arguments))
         if addresses is None:
@@ -202,9 +199,10 @@ class Kernel:
 kernel = Kernel  # the decorator
 
 
-# A parallel call is a loop over parts, which calls the kernel by its address: so a kernel is
-# compiled once, for serial and parallel calls, and this loop once for all kernels (each `prange`
-# takes seconds). It takes the address of the arguments, too: `prange` passes no nested tuples.
+# A parallel call is a loop over parts that calls the kernel by its address. So each kernel is
+# compiled once, for serial and parallel calls, and this loop once for all kernels, because each
+# `prange` takes seconds. The loop takes the address of the arguments, because `prange` cannot pass
+# nested tuples.
 @functools.partial(_cached, numba.njit(parallel=True, **_OPTIONS))
 def _loop(call_part, kernel, data, parts):
     for part in prange(parts):
@@ -214,7 +212,7 @@ def _loop(call_part, kernel, data, parts):
 @functools.partial(_cached, numba.njit(**_OPTIONS))
 def _start(loop, kernel, parts, arguments):
     call_part, data = pack(arguments)
-    # By its address, too: a loop is loaded with its threads, the code of its callers without.
+    # Call the loop by its address, because only loading the loop itself starts its threads.
     call_address(loop, call_part, kernel, data, parts)
 
 
@@ -222,17 +220,17 @@ def _start(loop, kernel, parts, arguments):
 def _addresses(compiled, kind):
     """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
 
-    What calls them needs private names: `get_compile_result`, `CompileResultWAP`, and those of
-    `llvm`. Where one is missing or another function now, this is None, and parts run serially.
+    This needs private names of Numba: `get_compile_result`, `CompileResultWAP`, and those of
+    `llvm`. If one is missing or has another meaning, return None: then parts run serially.
     """
-    word, found = types.int64, []
+    word, addresses = types.int64, []
     with _compiling(), suppress(Exception):
-        for each, kinds in ((_loop, (word,) * 4), (compiled, (word, word, *kind))):
-            each.compile(kinds)  # a tuple, as of a call: the key of the code in the cache
-            code = each.get_compile_result(types.void(*kinds))
-            found.append(types.CompileResultWAP(code).address)
+        for dispatcher, kinds in ((_loop, (word,) * 4), (compiled, (word, word, *kind))):
+            dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
+            code = dispatcher.get_compile_result(types.void(*kinds))
+            addresses.append(types.CompileResultWAP(code).address)
         _start.compile((word, word, word, kind))
-        return found
+        return addresses
     return None
 
 
@@ -240,17 +238,17 @@ def _addresses(compiled, kind):
 class Universal:
     """A universal function of float64 numbers, made from a function of one state.
 
-    In a layout such as "(),(d)->(d,d),()" the function writes to its last two arguments; a scalar
-    output is an array of one number.
+    With a layout such as "(),(d)->(d,d),()" the function writes to its last two arguments; for a
+    scalar output it gets an array of one number.
     """
 
     def __init__(self, layout, py_function):
         self.layout, self.py_func = layout, py_function
         sides = [re.findall(r"\(([^)]*)\)", side) for side in layout.split("->")]
-        self.inputs, self.outputs = [[re.findall(r"\w+", each) for each in side] for side in sides]
+        self.inputs, self.outputs = [[re.findall(r"\w+", axes) for axes in side] for side in sides]
 
     def __call__(self, *arguments, **options):
-        with np.errstate(all="ignore"):  # NumPy would warn of each NaN
+        with np.errstate(all="ignore"):  # NumPy would warn about each NaN
             return self.compiled(*arguments, **options)
 
     @functools.cached_property
@@ -263,7 +261,7 @@ class Universal:
         build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
         name_with_digest(self.py_func, of_all=True)
         with _compiling():
-            with suppress(Exception), kept_folders():  # none, or a file that cannot be read
+            with suppress(Exception), kept_folders():  # no folder, or a file that cannot be read
                 compiled = build(cache=not config.BOUNDSCHECK)(self.py_func)
                 if _is_whole(compiled):
                     return compiled
@@ -279,10 +277,11 @@ class Universal:
 
 
 def _is_whole(compiled):
-    """True if a universal function can be called: `gufunc_builder`, `_cres`, `build`.
+    """True if a universal function has the address of its wrapper.
 
-    If two processes wrote to the cache at once, its wrapper may be of other code: then the address
-    is 0. Without these names nothing is told, and the process compiles for itself.
+    After two processes wrote to the cache at once, the wrapper may be one of other code, and its
+    address 0. Without these private names of Numba this raises, and the process compiles for
+    itself.
     """
     [code] = compiled.gufunc_builder._cres.values()
     return bool(compiled.gufunc_builder.build(code)[1])
@@ -316,30 +315,30 @@ def of_kind(name):
 
 @formula
 def lesser(a, b):
-    """Return the smaller number. (Each kernel would compile its own `min`.)"""
+    """Return the smaller number; Numba would compile `min` in each kernel."""
     return a if a < b else b
 
 
 @formula
 def share(count, part, parts):
-    """Return the range of the items, `count` in all, of a part."""
+    """Return the first item of a part, and that of the next part, of `count` items."""
     return count * part // parts, count * (part + 1) // parts
 
 
 # ------------------------------------------------------------------- rows of parameters and outputs
-# Large outputs leave past the caches, in whole lines: 2.1 times as fast.
-# Outputs of fewer numbers stay in the caches, where they are read again.
+# Outputs of this many numbers are written past the caches, 2.1 times as fast. Smaller ones stay in
+# the caches, where they are read again.
 STREAM_FROM = np.inf if config.DISABLE_JIT else 2**20
 
 
 @formula
 def pick(parameter, i):
-    """Return the parameter of trajectory i: there is one for each, or one for all."""
+    """Return the parameter of trajectory i from an array with one for each, or one for all."""
     return parameter[i if i < parameter.size else 0]
 
 
 def _row(array, i):
-    """Return row i of an array of numbers, or the one of all; an array of indices as it is."""
+    """Return row i of an array of float64, or its only row; return any other array as it is."""
     is_float = getattr(array, "dtype", None) == np.float64
     return array[i % len(array)] if is_float else array
 
@@ -365,6 +364,6 @@ def _rows_of_types(arrays, i):
 
 @inlined
 def are_common(parameters):
-    """True if all trajectories have the same body and step size, six arrays of one number."""
+    """True if all trajectories have the same body and step size."""
     I1, I2, I13, I23, k, eps = parameters
     return I1.size * I2.size * I13.size * I23.size * k.size * eps.size == 1

@@ -1,12 +1,10 @@
-"""A kernel of steps from one step of one state, for maps of others: see `maps.Map`.
+"""A kernel that iterates trajectories, made from a function that takes one step of one state.
 
-part, parts  the number of this part of the work, and how many parts there are
-arguments    arrays, of which those of numbers have a row for all trajectories or one for each; the
-             step sizes come last
-omega0       (B, D), state 0
+`maps.Map` says what a kernel must do; its arguments are those of `steps_3d.steps`, but for
+
+arguments    arrays, the step sizes last; arrays of float64 have a row for each trajectory, or one
+             for all
 carry        (2, B), the first state with a positive status, 0 if there is none, and this status
-span         begin, end, start, stop, every, row: see `maps.Map`
-saved        (rows, B, D), final (B, D), status (B,), failed_at (B,): written
 """
 
 import numpy as np
@@ -18,13 +16,13 @@ CARRIED = 2
 
 
 class KernelOfStep(Kernel):
-    """A kernel that `steps_of` made, of `step`."""
+    """A kernel that `steps_of` made; its attribute `step` is the step."""
 
 
 def steps_of(step, work):
-    """Return the kernel of step(x, out, eps, work, *row), with `work` numbers of own memory.
+    """Return the kernel of step(x, out, eps, work, *row), with memory for `work` numbers.
 
-    All arrays but these are touched here alone, which is why the items of `maps.Map` hold.
+    A step sees only its own memory, so that it cannot break the contract of `maps.Map`.
     """
     size = _compiled(work if callable(work) else lambda D: work)
     step = _compiled(step)
@@ -47,7 +45,7 @@ def steps_of(step, work):
             for n in range(start, stop + 1):
                 if n > start and status[i] >= 0:
                     for d in range(D):
-                        out[d] = np.nan  # which a component that `step` forgets stays
+                        out[d] = np.nan  # in case `step` does not set a component
                     code, undefined = step(x, out, h, memory, *own), 0.0
                     for d in range(D):
                         x[d] = out[d]

@@ -168,9 +168,11 @@ class Step:
         self.rare = self.values.operations[first_rare:]
 
     def _good_pivots(self):
+        """Return the tests of the pivots for `good`."""
         return [self.values.emit("ogt", *self.factors.bounds())]
 
     def _accurate_pivots(self):
+        """Return the tests of the pivots for `accurate`."""
         return [self.values.emit("ogt", *self.factors.least_and_limit())]
 
     def _separate_fixed(self):

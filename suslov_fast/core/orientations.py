@@ -1,11 +1,14 @@
-"""Orientations: R_next = R cay(S), with S = eps (Omega + Omega_next) / 2 (theory, section 4).
+"""Orientations of bodies: R_next = R cay(S), S = eps (Omega + Omega_next) / 2 (theory, section 4).
 
-S/2 = b e_n^T - e_n b^T, since only the last row and column of Omega are not 0. Then cay(S) =
-(1 - S/2)**-1 (1 + S/2) = 1 + 2 (S/2 + (S/2)**2) / (1 + |b|**2), so that rows (r, r_n) of R become
+S/2 = b e_n^T - e_n b^T, because only the last row and column of Omega are not 0. So
 
-r_n + c (r.b - |b|**2 r_n)   and   r - c (r.b + r_n) b,   with c = 2 / (1 + |b|**2).
+cay(S) = (1 - S/2)**-1 (1 + S/2) = 1 + 2 (S/2 + (S/2)**2) / (1 + |b|**2),
 
-Rounding errors are removed at each state whose index is a multiple of CLEAN_EVERY.
+and a row (r, r_n) of R becomes, with c = 2 / (1 + |b|**2),
+
+(r - c (r.b + r_n) b,   r_n + c (r.b - |b|**2 r_n)).
+
+Rounding errors of R^T R = 1 are removed at states with indices that are multiples of CLEAN_EVERY.
 """
 
 import numpy as np
@@ -15,19 +18,20 @@ from .numba import function, kernel, share
 
 SQUARE, ALONG, QUARTER = range(3)  # rows of numbers of lanes: |b|**2; r.b; and eps / 4
 CLEAN_EVERY = 16
-HALF_TURN = 2.0**500  # a longer b is as good as one of this length, whose square is in range
+# A longer b is made this long, so that its square is in range: cay(S) is a half turn to rounding.
+HALF_TURN = 2.0**500
 
 
 @kernel
 def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns):
-    """Turn orientations along states that follow each other.
+    """Compute the orientations along consecutive states.
 
-    omega   (rows + 1, B, D), the states from `start` on: of bodies in three dimensions (`axial`)
-            Omega1 and Omega2, else Omega_in
+    omega   (rows + 1, B, D), the states from `start` on: Omega1 and Omega2 in three dimensions
+            (`axial`), else Omega_in
     eps     (1 or B,)
-    R       (B, n, n), at the first of these states; becomes that at the last
-    turns   (..., B, n, n), whose rows from `next_row` on receive R at the states after `start` with
-            indices that are multiples of `every`, if that is not 0
+    R       (B, n, n), at the first state; replaced by that at the last state
+    turns   (..., B, n, n), whose rows from `next_row` on receive R at later states with indices
+            that are multiples of `every`; none if that is 0
     """
     count, B, D = omega.shape
     lanes = min(64 if D < 8 else 8, (max(B, 1) + 7) // 8 * 8)
@@ -63,7 +67,7 @@ def turn_along(part, parts, omega, eps, axial, R, start, every, next_row, turns)
 
 @function
 def turn_lanes(r, b, c):
-    """Replace r by r cay(S); a long b, whose turn is a half one to rounding, is made shorter."""
+    """Replace r by r cay(S)."""
     D, lanes = b.shape
     for l in range(lanes):
         c[ALONG, l], c[SQUARE, l] = HALF_TURN, 0.0

@@ -88,6 +88,7 @@ class Factors:
         for n, k in enumerate(order):
             if right is not None:
                 right[k] = self._forward(k, matrix.right_side(k), right)
+            # Column k from the diagonal down, then row k to the right of it.
             for i in [k, *(i for i in order[n + 1 :] if k in self.before[i])]:
                 original = matrix.entry(i, k)[0]
                 value = self._eliminated(original, i, k)

@@ -1,23 +1,23 @@
-"""Threads of Python for machine code that is called through ctypes, which lets others run."""
+"""Python threads that call machine code in parallel: ctypes releases the GIL during a call."""
 
 import os
 from collections import deque
 from concurrent.futures import wait
 from contextlib import suppress
 
-_pools = {}  # by their numbers of threads
+_pools = {}  # by number of threads
 
 
 def in_parts(parts, work, abandoned):
-    """Call work(part) for all parts, here and in other threads at once.
+    """Call work(part) for all parts, in this thread and in others.
 
-    Where no thread can be started, as at the end of the process, all is done here. If something
-    raises, as at Ctrl-C, something is put into `abandoned`, which tells the others.
+    This thread calls it for all parts where no other can start, such as at the end of the process.
+    After an exception, such as at Ctrl-C, the list `abandoned` is not empty: the others should end.
     """
     left, others, raised = deque(range(parts)), [], []
 
     def next_part():
-        with suppress(IndexError):  # there is none left
+        with suppress(IndexError):  # no part is left
             return left.popleft()
 
     def take_parts():
@@ -33,20 +33,20 @@ def in_parts(parts, work, abandoned):
         abandoned.append(True)
         raise
     finally:
-        while not all(each.done() for each in others):
+        while not all(future.done() for future in others):
             try:
                 wait(others)
-            except BaseException as error:  # Ctrl-C: others still write, and are waited for
+            except BaseException as error:  # Ctrl-C; the others still write to the arrays
                 abandoned.append(True)
                 raised.append(error)
     for error in raised:
         raise error
-    for each in others:
-        each.result()
+    for future in others:
+        future.result()
 
 
 def _pool_of(threads):
-    from concurrent.futures import ThreadPoolExecutor  # not at the end of the process
+    from concurrent.futures import ThreadPoolExecutor  # RuntimeError at the end of the process
 
     if threads not in _pools:
         _pools[threads] = ThreadPoolExecutor(threads, "suslov_fast")
@@ -54,4 +54,4 @@ def _pool_of(threads):
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pools.clear)  # a child has none of these threads
+    os.register_at_fork(after_in_child=_pools.clear)  # a child lacks these threads

@@ -1,7 +1,7 @@
-"""Quantities of a state, each a NumPy universal function that is written as its formula.
+"""Quantities of a state of a body: NumPy universal functions, each with its formula.
 
-All take the same arguments, used or not: in three dimensions I1, I2, I13, I23, k (0 without a
-rotor), eps and the state w; in n dimensions J, I, eps and w. Those of fields: `quantities_field`.
+All take the same arguments, even those that they ignore: in three dimensions I1, I2, I13, I23, k (0
+without a rotor), eps and the state w; in n dimensions J, I, eps and w.
 
 X, Y, K, e, ell, g and z are those of `steps_3d`, nu that of `closed_form`, x and y those of
 equation (7), and `half` is eps / 2. Numbers of equations are those of the paper.
@@ -15,10 +15,10 @@ from .closed_form import constants_of, coordinates, difference_of_squares, unit_
 from .numba import formula, select, universal
 from .steps_3d import (
     ZERO_TO_ROUNDING,
+    frame_and_XY,
     frame_of,
     is_supercritical,
     length,
-    scale_state,
     step_in_frame,
 )
 
@@ -29,7 +29,7 @@ STATES_IN_3D = "(),(),(),(),(),(),(b,d)->"  # B states of one body
 # ------------------------------------------------------------------------------- three dimensions
 @formula
 def in_range(number):
-    """The number, or NaN for one that has left the range of float64."""
+    """The number, or NaN if it is beyond the range of float64."""
     return select(abs(number) < np.inf, number, np.nan)
 
 
@@ -79,21 +79,20 @@ def invariant_density(I1, I2, I13, I23, k, eps, w, out):
 
 @formula
 def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
-    """T = e |g| |z| / sqrt(1 + X**2), on the side of 1 that the status of runs tells."""
+    """T = e |g| |z| / sqrt(1 + X**2), on the same side of 1 as in the test of the steps."""
     step, twice = eps * (I13 * w1 + I23 * w2 + k), 2.0 * energy_at(I1, I2, w1, w2)
-    # With the same denominator, for one division and one root.
-    above = (eps * eps * (I13 * I13 * I2 + I23 * I23 * I1)) * twice
-    below = (I1 * I2) * (4.0 * (I1 * I2) + step * step)
-    square = above / below
-    if twice > 1e-280 and 1e-280 < above < 1e280 and below < 1e280 and 1e-280 < square < 1e280:
+    numerator = (eps * eps * (I13 * I13 * I2 + I23 * I23 * I1)) * twice
+    denominator = (I1 * I2) * (4.0 * (I1 * I2) + step * step)
+    square, is_in_range = numerator / denominator, twice > 1e-280 and denominator < 1e280
+    if is_in_range and 1e-280 < numerator < 1e280 and 1e-280 < square < 1e280:
         T = np.sqrt(square)
-    else:  # squares leave the range of floats
+    else:
         of_g = I13 * (I13 / I1) + I23 * (I23 / I2)
         unit = unit_of(w1, w2, 0.0)
         size = np.sqrt(2.0 * energy_at(I1, I2, w1 / unit, w2 / unit) * of_g)
         T = in_range(abs(eps) * (size * unit)) / length(2.0 * np.sqrt(I1 * I2), step)
     if k != 0.0 or abs(T - 1.0) < 1e-6:
-        frame, X, Y = scale_state(I1, I2, I13, I23, k, eps, w1, w2)  # as steps do, to the bit
+        frame, X, Y = frame_and_XY(I1, I2, I13, I23, k, eps, w1, w2)  # with the bits of steps
         beyond = is_supercritical(frame, X, Y)
         T = select(beyond & (T < 1.0), 1.0, select((T >= 1.0) & ~beyond, 1.0 - 2.0**-53, T))
     return select(eps < 0.0, -T, T)
@@ -138,7 +137,7 @@ def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
     """
     unit = unit_of(w[0], w[1], 0.0)
     w1, w2, eps = w[0] / unit, w[1] / unit, eps * unit
-    _, X, Y = scale_state(I1, I2, I13, I23, 0.0, eps, w1, w2)
+    _, X, Y = frame_and_XY(I1, I2, I13, I23, 0.0, eps, w1, w2)
     root_a, g1, g2, _, _, _ = constants_of(I1, I2, I13, I23)
     x, _, nu = coordinates(I13, I23, 0.0, root_a, g1, g2, w1, w2)
     t[0] = criticality_at(I1, I2, I13, I23, 0.0, eps, w1, w2)
@@ -200,7 +199,7 @@ def jacobian(I1, I2, I13, I23, k, eps, w, out):
 
 @universal(STATES_IN_3D + "(b,d)")
 def step(I1, I2, I13, I23, k, eps, w, out):
-    """Next states of B states in rows: their frame takes most of the divisions."""
+    """The next states of B states: one frame for all, because it takes most of the divisions."""
     frame, e = frame_of(I1, I2, I13, I23, k, eps)
     for i in range(len(w)):
         out[i, 0], out[i, 1] = step_in_frame(frame, e, I13, I23, k, w[i, 0], w[i, 1])
@@ -208,7 +207,7 @@ def step(I1, I2, I13, I23, k, eps, w, out):
 
 @universal("(),(),(),(),(),(),(d)->(d)")
 def step_full(I1, I2, I13, I23, I3, eps, w, out):
-    """Equations (3), the first two solved for the increments, with w3_next = -w3."""
+    """The next state of equations (3): w3_next = -w3, and the first two give the increments."""
     half, x = 0.5 * eps, I13 * w[0] + I23 * w[1]
     a11, a12 = I1 + half * (I13 * w[1]), half * (x + I23 * w[1] + (I3 - I2) * w[2])
     a21, a22 = half * ((I1 - I3) * w[2] - x - I13 * w[0]), I2 - half * (I23 * w[0])
@@ -223,10 +222,10 @@ def step_full(I1, I2, I13, I23, I3, eps, w, out):
 
 @universal(IN_3D + "()")
 def reaction(I1, I2, I13, I23, k, eps, w, out):
-    """(ell_next - ell) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2; eps = 0: the derivatives.
+    """(ell_next - ell) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2; derivatives if eps = 0.
 
-    Both are rational functions with the denominator det A, and what cancels in these does so in
-    the result.
+    Both terms have the denominator det A, and numerators in which only those terms cancel that
+    cancel in the result, too.
     """
     a, half, x = I1 * I2, 0.5 * eps, I13 * w[0] + I23 * w[1]
     ell, y = x + k, I23 * I1 * w[0] - I13 * I2 * w[1]
@@ -243,10 +242,10 @@ def reaction(I1, I2, I13, I23, k, eps, w, out):
 # ---------------------------------------------------------------------------------- n dimensions
 @formula
 def sums_of_others(I, w):
-    """The index of the largest component, and the sums of I_j w_j and w_j**2 over the others.
+    """The index of the largest component of w, and the sums of I_j w_j and w_j**2 over the others.
 
-    f_i = (p w_i - I_i |w|**2) / J_i, equation (14), holds no term with w_i**2, which would outweigh
-    all others.
+    In f_i = (p w_i - I_i |w|**2) / J_i, equation (14), the terms I_i w_i**2 cancel. `force` adds up
+    the others alone, because for the largest component these terms would outweigh them.
     """
     largest, p, square = 0, 0.0, 0.0
     for j in range(len(w)):
@@ -295,8 +294,9 @@ def modified_energy_nd(J, I, eps, w, out):
 
 @formula
 def solved_at(J, I, eps, w):
-    """The product a b and eps**2 x**2 of a solved body: J = b along I and a across, x = |I| times
-    the length of the component of w across I.
+    """a b and eps**2 x**2 of an integrable body, with J = b along I and J = a across I.
+
+    x is |I| times the length of the component of w across I.
     """
     axis, p, square, x2 = 0, 0.0, 0.0, 0.0
     for j in range(len(w)):
@@ -317,7 +317,7 @@ def first_integral_nd(J, I, eps, w, out):
 
 @universal(IN_ND + "()")
 def criticality_nd(J, I, eps, w, out):
-    """t = eps sqrt(h / (a b)), h = b |I|**2 F."""
+    """T = eps sqrt(h / (a b)) with h = b |I|**2 F."""
     ab, step = solved_at(J, I, eps, w)
     largest = 0.0
     for j in range(len(w)):
@@ -330,9 +330,9 @@ def criticality_nd(J, I, eps, w, out):
 
 @universal(IN_ND + "()")
 def invariant_density_nd(J, I, eps, w, out):
-    """That of n = 3, and that of n = 4 with I along axis a; b and c are the others.
+    """The density for n = 3, and for n = 4 with I along axis a; b and c are the other axes.
 
-    Its inverse is, with rate = eps I_a / 2,
+    For n = 4 the inverse of the density is, with rate = eps I_a / 2,
     w_b w_c (1 - rate**2 (J_a w_a**2 - (J_c - J_b) (w_b**2 - w_c**2)) / (J_a J_b J_c)).
     """
     if len(w) == 2:
@@ -364,7 +364,7 @@ def vector_field_nd(J, I, eps, w, out):
 def reaction_between(J, I, w, after, out):
     """I_j s_i - I_i s_j - (J_j - J_i) (w_i after_j + after_i w_j) / 2.
 
-    s, the field with polarised products, is (after - w) / eps; `after` is w in continuous motion.
+    s is the field with polarised products: (after - w) / eps in a step, f(w) if after = w.
     """
     for i in range(len(w)):
         out[i, i] = 0.0

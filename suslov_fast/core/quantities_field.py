@@ -1,21 +1,21 @@
-"""Quantities of states of a field, as universal functions of states in rows.
+"""Quantities of a field at B states: f, its matrix A, and cubic forms such as the Hamiltonian.
 
-They take the terms v x_j x_k of the components i, with x_D = 1, as indices (3, T) and values (T,),
-step sizes (B,), used or not, and states (B, D). Terms of a Hamiltonian are v x_i x_j x_k. States
-of a block are lanes. `tangent` has what is computed by elimination.
+With x_D = 1, component i of a field is a sum of terms v x_j x_k, and a Hamiltonian one of terms
+v x_i x_j x_k. The universal functions take indices (3, T), values (T,), step sizes (B,), which some
+of them ignore, and states (B, D). `tangent` has the quantities that need elimination.
 """
 
 import numpy as np
 
 from .numba import formula, function, inlined, lesser, universal
 
-LANES = 128
+LANES = 128  # states at once
 FIELD = "(c,t),(t),(b),(b,d)->"
 
 
 @function
 def read_states(x, first, y):
-    """Fill rows y with states from `first` on, and x_D = 1; return their number."""
+    """Fill y (D + 1, LANES) with states from `first` on, and x_D = 1; return how many there are."""
     D, count = x.shape[1], lesser(y.shape[1], len(x) - first)
     for i in range(D):
         for l in range(count):
@@ -63,7 +63,7 @@ def cubic_form(places, values, eps, x, z, out):
 
 @inlined
 def add_terms(places, values, x, z, out):
-    """Fill the sum of v x_i x_j z_k, where z is x if it is None."""
+    """Fill `out` with the sum of v x_i x_j z_k; None stands for z = x."""
     D = x.shape[1]
     y, h = np.empty((D + 1, LANES)), np.empty((LANES,))
     after = y if z is None else np.empty((D + 1, LANES))

@@ -1,4 +1,4 @@
-"""Steps of the Kahan map of a body, and of a gyrostat: one division for each step.
+"""Steps of the Kahan map of a body or gyrostat in three dimensions, with one division each.
 
 With w = (Omega1, Omega2), let
 
@@ -6,18 +6,18 @@ With w = (Omega1, Omega2), let
     e = eps / (2 sqrt(I1 I2)),          ell = I13 w1 + I23 w2 + k = Re(conj(g) z) + k,
     X = e ell,    Y = -e Im(conj(g) z),    K = e k.
 
-Kahan's equations, (4) of the paper, are z_next - z = i e (ell z_next + ell_next z). Solved, which
-is (5), with D = 1 - Y - K X + 2 X**2,
+Kahan's equations, (4) of the paper, are z_next - z = i e (ell z_next + ell_next z). Their solution,
+(5), is with D = 1 - Y - K X + 2 X**2
 
     z_next = z (D - 2 X**2 + 2 i X) / D,    X_next = X (1 + Y + K X) / D.
 
-Zeros of D are poles. A state with ell = 0 is fixed. R**2 = |z|**2 / (1 + X**2) is conserved,
-and so is T = e R |g|, the criticality. Two forms are iterated:
+Zeros of D are poles. States with ell = 0 are fixed. R**2 = |z|**2 / (1 + X**2) is conserved, and so
+is T = e R |g|, the criticality. Two forms of a state are iterated:
 
-plain     (X, Y), for k = 0 and T < 1 (that is |Y| < 1), where no pole is met. No parameter enters:
-          X_next = X (1 + Y) / (1 - Y + 2 X**2), Y_next = Y - 2 X X_next, equations (8)
-general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X is a number of its own, because
-          ell = I13 w1 + I23 w2 + k loses its digits next to a steady state, and so are u and v,
+plain     (X, Y), for k = 0 and T < 1 (that is |Y| < 1), where there is no pole. Equations (8),
+          X_next = X (1 + Y) / (1 - Y + 2 X**2), Y_next = Y - 2 X X_next, have no parameters
+general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X stands beside u and v, because
+          ell = I13 w1 + I23 w2 + k loses digits next to a steady state; u and v stand beside X,
           because K may outweigh X - K and Y
 """
 
@@ -30,16 +30,16 @@ from .llvm import block_of
 from .numba import are_common, formula, inlined, kernel, lesser, pick, select, share
 from .rows import alignment, store_rows, write_pairs
 
-# Typed: as literals they compile the functions that take them twice.
+# Typed, because Numba compiles a function that takes literals for each of them.
 FIRST, ONE, LANES = np.int64(0), np.int64(1), np.int64(128)
-FEW = 6  # so few trajectories take less time one by one than all lanes
-PROJECTED = 512  # steps after which R is restored
-ZERO_TO_ROUNDING = 2.0**-50  # a denominator below this part of its terms is a pole
-NEGLIGIBLE = 1e-150  # of X / Y: below this X that decays is 0, for subnormal numbers are slow
-LEAST, LARGEST = 2.0**-300, 2.0**300  # of numbers whose squares are surely in range
-RANGE = 1e8  # of X, Y and K: beyond, their differences have too few digits
-GENERAL, PLAIN, RESTS = 0.0, 1.0, 2.0
-TO_FIND = -2  # in place of the step at which a trajectory failed
+FEW = 6  # trajectories, which take less time one by one than all lanes of a block
+PROJECTED = 512  # steps, after which R is restored
+ZERO_TO_ROUNDING = 2.0**-50  # D is 0 if it is below this part of the sum of its terms
+NEGLIGIBLE = 1e-150  # a decaying X / Y below this becomes 0, because subnormal numbers are slow
+LEAST, LARGEST = 2.0**-300, 2.0**300  # squares of numbers between them are in range
+RANGE = 1e8  # moduli of X, Y and K up to which their differences keep enough digits
+GENERAL, PLAIN, FIXED = 0.0, 1.0, 2.0
+TO_FIND = -2  # stands for the step, still unknown, at which a trajectory failed
 
 
 class Frame(NamedTuple):
@@ -57,7 +57,7 @@ class Frame(NamedTuple):
 
 @formula
 def frame_of(I1, I2, I13, I23, k, eps):
-    """The frame of a body, and e. For g = 0 or eps = 0 its last two numbers are not finite."""
+    """The frame of a body, and e. If g = 0 or eps = 0, m1 and m2 are not finite."""
     root_a = np.sqrt(I1 * I2)
     e, back = 0.5 * eps / root_a, root_a / I2
     per_g = 1.0 / (e * (I13 * (I13 / I1) + I23 * (I23 / I2)))
@@ -66,28 +66,28 @@ def frame_of(I1, I2, I13, I23, k, eps):
 
 
 @formula
-def scaled(frame, e, I13, I23, k, w1, w2):
-    """X and Y of a state; X = 0 where ell, as floats give it, is 0."""
+def XY_in_frame(frame, e, I13, I23, k, w1, w2):
+    """X and Y of a state; X = 0 where ell is 0 in floating point."""
     return e * ((I13 * w1 + I23 * w2) + k), frame.a2 * w1 - frame.a1 * (w2 / frame.back)
 
 
 @formula
-def scale_state(I1, I2, I13, I23, k, eps, w1, w2):
-    """The frame of a body, and X and Y of a state."""
+def frame_and_XY(I1, I2, I13, I23, k, eps, w1, w2):
+    """The frame of a body, and X and Y of a state of it."""
     frame, e = frame_of(I1, I2, I13, I23, k, eps)
-    X, Y = scaled(frame, e, I13, I23, k, w1, w2)
+    X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
     return frame, X, Y
 
 
 @formula
 def is_supercritical(frame, X, Y):
-    """True if T = e A >= 1 in modulus: T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
+    """True if |T| >= 1, where T**2 = ((X - K)**2 + Y**2) / (1 + X**2)."""
     return Y * Y >= 1.0 + frame.K * (2.0 * X - frame.K)
 
 
 @formula
 def is_lost(frame, X, Y):
-    """True for a moving state of a gyrostat so large that the next one has too few digits."""
+    """True if the state after a moving state of a gyrostat would have too few digits."""
     far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
     return far & (frame.K != 0.0) & (X != 0.0)
 
@@ -103,27 +103,27 @@ def plain_step(X, Y):
 
 @formula
 def leave_plain(frame, X, Y):
-    """The state of X and Y, without a rotor."""
+    """The state with these X and Y, without a rotor."""
     return frame.m1 * X + frame.m2 * Y, (frame.m2 * X - frame.m1 * Y) * frame.back
 
 
 @formula
 def turn(X, Y, K):
-    """along, across and ratio of a step of any orbit, NaN if there is none, and 1 for a pole:
+    """along, across and ratio of a step, NaN if there is none, and 1 at a pole, else 0:
     z_next = along z + across i z and X_next = ratio X.
     """
     KX, square = K * X, X * (2.0 * X)
     linear = (1.0 - Y) - KX
     D, least = linear + square, ZERO_TO_ROUNDING * ((1.0 + abs(Y)) + square)
     inverse = 1.0 / select(abs(D) > least, D, np.nan)
-    part = square * inverse  # 1 - part is 1 at rest, where D (1 / D) may be 1 - ulp / 2
+    part = square * inverse  # if X = 0, 1 - part is 1, where linear (1 / D) may be 1 - ulp / 2
     along = select(abs(part) < 0.5, 1.0 - part, linear * inverse)
     return along, (2.0 * X) * inverse, ((1.0 + Y) + KX) * inverse, select(abs(D) < least, 1.0, 0.0)
 
 
 @formula
 def general_step(frame, X, u, v):
-    """X and the state after a step of any orbit, and 1 if the state was a pole, else 0."""
+    """X, u and v after a step of any orbit, and 1 if the state was a pole, else 0."""
     Y = frame.a2 * u - frame.a1 * v
     along, across, ratio, pole = turn(X, Y, frame.K)
     X = X * ratio
@@ -133,7 +133,7 @@ def general_step(frame, X, u, v):
 
 @formula
 def length(u, v):
-    """sqrt(u**2 + v**2), also of numbers whose squares are out of range."""
+    """sqrt(u**2 + v**2), also if the squares are out of range."""
     size = abs(u) + abs(v)
     small, large = size < LEAST, size > LARGEST
     unit = select(small, LEAST * LEAST, select(large, LARGEST * LARGEST, 1.0))
@@ -146,7 +146,7 @@ def length(u, v):
 def project_on_level(frame, R, X, u, v):
     """Rescale (u, v) to the initial R, and recompute X where that loses no digits.
 
-    Otherwise rounding errors drift. A steady state is unchanged.
+    Otherwise rounding errors would drift. A steady state is unchanged.
     """
     Y, direct = frame.a2 * u - frame.a1 * v, (frame.a1 * u + frame.a2 * v) + frame.K
     X = select(8.0 * abs(direct) > abs(Y) + abs(frame.K), direct, X)
@@ -157,23 +157,20 @@ def project_on_level(frame, R, X, u, v):
 
 @formula
 def is_plain(frame, X, Y):
-    """True for a state that takes plain steps: without a rotor, T < 1, and not at rest.
-
-    X and Y of a state that hardly moves may be subnormal: it is carried as it is.
-    """
+    """True for a state that takes plain steps: no rotor, T < 1, not fixed, no subnormal X and Y."""
     moves = (X != 0.0) & (abs(X) < LARGEST) & (abs(Y) < 1.0) & (abs(X) + abs(Y) > LEAST)
     return moves & (frame.K == 0.0) & (abs(frame.m1) + abs(frame.m2) < np.inf)
 
 
 @formula
-def is_at_rest(X, Y):
-    """True for a state with ell = 0, which keeps all its bits, but the one that is a pole."""
+def is_fixed(X, Y):
+    """True for a fixed state, ell = 0, which keeps its bits; but not for the pole among them."""
     return (X == 0.0) & (abs(1.0 - Y) > ZERO_TO_ROUNDING * (1.0 + abs(Y)))
 
 
 @formula
 def one_step(I1, I2, I13, I23, k, eps, w1, w2):
-    """The next state, bit-identical to that of `steps`; NaN where there is none."""
+    """The next state, with the bits of `steps`; NaN where there is none."""
     frame, e = frame_of(I1, I2, I13, I23, k, eps)
     return step_in_frame(frame, e, I13, I23, k, w1, w2)
 
@@ -181,10 +178,10 @@ def one_step(I1, I2, I13, I23, k, eps, w1, w2):
 @formula
 def step_in_frame(frame, e, I13, I23, k, w1, w2):
     """The next state of a body with this frame and e."""
-    X, Y = scaled(frame, e, I13, I23, k, w1, w2)
+    X, Y = XY_in_frame(frame, e, I13, I23, k, w1, w2)
     if is_plain(frame, X, Y):
         next1, next2 = leave_plain(frame, *plain_step(X, Y))
-    elif is_at_rest(X, Y):
+    elif is_fixed(X, Y):
         return w1, w2
     else:
         X = select(is_lost(frame, X, Y), np.nan, X)
@@ -194,14 +191,14 @@ def step_in_frame(frame, e, I13, I23, k, w1, w2):
     return select(exists, next1, np.nan), select(exists, next2, np.nan)
 
 
-# Rows of a block. KIND is a form; X_ and Y_ are the numbers of the plain one; XG, U and V those of
-# the general one, whose R is restored. A trajectory continues from these: from the first three if
-# its whole block has the plain form, from U and V as its state if it rests. TAKEN and AT_POLE, of a
-# lane alone, count its general steps, and those from a pole. Then come state, frame, what gives X.
+# Rows of a block: the form; X and Y of the plain form; X, u, v and initial R of the general form.
+# A run continues from these: from the first three if the whole block is plain, from U and V as the
+# state if that is fixed. TAKEN and AT_POLE count the general steps of a lane alone, and those from
+# a pole. The rest are the state, the frame, and the factors of X.
 KIND, X_, Y_, XG, U, V, R, TAKEN, AT_POLE, W1, W2, FRAME = range(12)
 E_, I13_, I23_, K_ = range(FRAME + 6, FRAME + 10)
 CARRIED, CARRIED_BY_PLAIN, ROWS = TAKEN, XG, K_ + 1
-# What rows hold before they are needed: parameters until frames are made, a flag until steps are.
+# Rows that first hold something else: parameters until the frames are made, a flag until the steps.
 I1_, I2_, EPS_, TOO_LONG = KIND, X_, E_, TAKEN
 STATE = np.int64(W1)  # typed, as FIRST
 new_block = block_of(ROWS, int(LANES))
@@ -218,16 +215,16 @@ def frame_at(b, l):
 def state_at(b, l):
     """The state of a lane; NaN where there is none."""
     plain1, plain2 = leave_plain(frame_at(b, l), b[X_, l], b[Y_, l])
-    plain, rests = b[KIND, l] == PLAIN, b[KIND, l] == RESTS
-    w1 = select(plain, plain1, select(rests, b[W1, l], b[U, l]))
-    w2 = select(plain, plain2, select(rests, b[W2, l], b[V, l] * b[FRAME + 3, l]))
+    plain, fixed = b[KIND, l] == PLAIN, b[KIND, l] == FIXED
+    w1 = select(plain, plain1, select(fixed, b[W1, l], b[U, l]))
+    w2 = select(plain, plain2, select(fixed, b[W2, l], b[V, l] * b[FRAME + 3, l]))
     exists = abs(w1) + abs(w2) < np.inf
     return select(exists, w1, np.nan), select(exists, w2, np.nan)
 
 
 @inlined
 def fill_frames(b, lanes, first, width, parameters):
-    """Fill the frames of lanes; those beyond `width` repeat the first."""
+    """Fill the frames of lanes; lanes beyond `width` repeat the first trajectory."""
     I1, I2, I13, I23, k, eps = parameters
     for l in range(lanes):
         i = first + (l if l < width else 0)
@@ -243,8 +240,9 @@ def fill_frames(b, lanes, first, width, parameters):
 
 @inlined
 def start_lanes(b, lanes, first, width, omega0, status, failed_at):
-    """Fill lanes with trajectories from `first` on, at state 0; return how many have the plain
-    form, all if it is one trajectory. Lanes beyond `width` repeat the first.
+    """Fill lanes with trajectories from `first` on, at state 0; return how many lanes are plain.
+
+    All are plain if a single trajectory is. Lanes beyond `width` repeat the first trajectory.
     """
     plains, flagged = 0, 0
     for l in range(lanes):
@@ -252,17 +250,17 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
         b[W1, l], b[W2, l] = omega0[i, 0], omega0[i, 1]
     for l in range(LANES):
         frame, w1, w2 = frame_at(b, l), b[W1, l], b[W2, l]
-        X, Y = scaled(frame, b[E_, l], b[I13_, l], b[I23_, l], b[K_, l], w1, w2)
+        X, Y = XY_in_frame(frame, b[E_, l], b[I13_, l], b[I23_, l], b[K_, l], w1, w2)
         plain, v = is_plain(frame, X, Y), w2 / frame.back
-        rests = ~plain & is_at_rest(X, Y)
-        form = select(plain, PLAIN, select(rests, RESTS, GENERAL))
-        b[KIND, l], b[U, l], b[V, l] = form, select(rests, 0.0, w1), select(rests, 0.0, v)
+        fixed = ~plain & is_fixed(X, Y)
+        form = select(plain, PLAIN, select(fixed, FIXED, GENERAL))
+        b[KIND, l], b[U, l], b[V, l] = form, select(fixed, 0.0, w1), select(fixed, 0.0, v)
         b[X_, l], b[Y_, l] = X, Y
-        b[XG, l] = select(is_lost(frame, X, Y), np.nan, X)  # there is no next state
+        b[XG, l] = select(is_lost(frame, X, Y), np.nan, X)  # NaN, for no next state
         b[TOO_LONG, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)
         flagged += select((b[TOO_LONG, l] > 0.0) | ~(abs(w1) + abs(v) < np.inf), 1, 0)
         plains += select(plain, 1, 0)
-    if lanes == 1:  # the others are of no trajectory
+    if lanes == 1:  # the other lanes have no trajectory
         plains, flagged = LANES if b[KIND, 0] == PLAIN else 0, 1
     if plains < LANES:
         for l in range(LANES):
@@ -278,13 +276,13 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
 
 @inlined
 def continue_lanes(b, lanes, first, width, carry):
-    """Fill lanes with trajectories from `first` on where they stopped; return as `start_lanes`."""
+    """Fill lanes with trajectories where they stopped; return the same as `start_lanes`."""
     plains = 0
     for l in range(lanes):
         for j in range(CARRIED):
             b[j, l] = carry[j, first + (l if l < width else 0)]
         b[W1, l], b[W2, l] = b[U, l], b[V, l]
-        if b[KIND, l] == RESTS:
+        if b[KIND, l] == FIXED:
             b[U, l], b[V, l] = 0.0, 0.0
         plains += 1 if b[KIND, l] == PLAIN else 0
     return plains * (LANES // lanes)
@@ -292,9 +290,9 @@ def continue_lanes(b, lanes, first, width, carry):
 
 @formula
 def take_steps(b, lanes, plains, n, pause):
-    """Take lanes from state n to state `pause`: a constant number of lanes, for SIMD.
+    """Take lanes from state n to state `pause`. The number of lanes is a constant, for SIMD.
 
-    One lane stops where there is no next state. To test all lanes would take 1.4 times as long.
+    A lane alone stops where there is no next state; to test all lanes takes 1.4 times as long.
     """
     if plains > 0:
         for _ in range(n, pause):
@@ -319,8 +317,8 @@ def take_steps(b, lanes, plains, n, pause):
 
 
 @inlined
-def finish_lanes(b, few, plains, first, last, span, carry, final, status, failed_at):
-    """Write last states, statuses, and what is carried; return how many failures are to find."""
+def finish_lanes(b, alone, plains, first, last, span, carry, final, status, failed_at):
+    """Write last states, statuses and `carry`; return how many trajectories may have failed."""
     (_, _, start, stop, _, _), to_find = span, 0
     if plains == LANES:
         store_rows(b, STATE, final.reshape(-1), 2 * first, last - first)
@@ -330,16 +328,16 @@ def finish_lanes(b, few, plains, first, last, span, carry, final, status, failed
     for l in range(last - first if plains < LANES else 0):
         i = first + l
         may_fail = b[KIND, l] != PLAIN and status[i] >= 0
-        if not few and may_fail and not abs(b[U, l]) + abs(b[V, l]) < LARGEST:
+        if not alone and may_fail and not abs(b[U, l]) + abs(b[V, l]) < LARGEST:
             failed_at[i], to_find = TO_FIND, to_find + 1
             continue
         final[i, 0], final[i, 1] = b[W1, l], b[W2, l]
-        if b[KIND, l] == RESTS:
+        if b[KIND, l] == FIXED:
             b[U, l], b[V, l] = b[W1, l], b[W2, l]
         for j in range(CARRIED):
             carry[j, i] = b[j, l]
-        if few and may_fail:
-            failed_at[i] = -1
+        if alone and may_fail:
+            failed_at[i] = -1  # in place of TO_FIND
             if b[TAKEN, l] < stop - start:
                 status[i] = SINGULAR if b[AT_POLE, l] > 0.0 else NONFINITE
                 failed_at[i] = start + b[TAKEN, l] + 1
@@ -348,73 +346,75 @@ def finish_lanes(b, few, plains, first, last, span, carry, final, status, failed
 
 @kernel
 def steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Take trajectories from state `start` to state `stop`: blocks of lanes, or one by one.
+    """Take trajectories from state `start` to state `stop`, in blocks of lanes or one by one.
 
-    Trajectories of a block that may have failed are taken once more, one by one, to find the step.
-    If the last state is far inside the range, all were in range, as R is conserved.
+    Trajectories that may have failed in a block are taken again, one by one, to find the step. None
+    has failed if the last state is far inside the range, because R is conserved.
 
     parameters   (I1, I2, I13, I23, k, eps), each (1,) or (B,)
     omega0       (B, 2), state 0, read where start = 0
     carry        (CARRIED, B), written at the end and read where start > 0
-    span         (begin, end, start, stop, every, row): trajectories begin to end - 1; from
-                 saved[row] on, the states that are multiples of `every` are saved (0: none)
-    saved, final (rows, B, 2) and (B, 2), the state at `stop`; NaN after a failure
+    span         (begin, end, start, stop, every, row): trajectories begin to end - 1; states with
+                 numbers that are multiples of `every` go to saved[row] and on; none if that is 0
+    saved, final (rows, B, 2) and (B, 2), the states at `stop`; NaN after a failure
     status, failed_at   (B,), OK and -1 at first; changed at the first failure
     """
     begin, end, start, stop, every, first_row = span
     B, out, b = len(omega0), saved.reshape(-1), new_block()
-    first_due = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
-    few = end - begin <= FEW
-    abreast = ONE if few else LANES
+    first_saved = stop + 1 if every == 0 else (start // every + 1) * every if start > 0 else 0
+    alone = end - begin <= FEW
+    lanes = ONE if alone else LANES
     common = are_common(parameters)
-    lead, shift, shared = alignment(saved, begin, B, abreast)
-    own, origin = abreast - shared, begin - shift
-    first_block, last_block = share((end - origin + own - 1) // own, part, parts)
-    begin = begin if first_block == 0 else origin + first_block * own
-    end = lesser(origin + last_block * own, end)
-    first, once_more, to_find = begin, False, 0
+    lead, shift, shared = alignment(saved, begin, B, lanes)
+    stride, origin = lanes - shared, begin - shift
+    first_block, last_block = share((end - origin + stride - 1) // stride, part, parts)
+    begin = begin if first_block == 0 else origin + first_block * stride
+    end = lesser(origin + last_block * stride, end)
+    first, again, to_find = begin, False, 0
     while first < end:
-        last = lesser(first + own - (first - origin) % own, end)
-        if once_more and failed_at[first] != TO_FIND:
+        last = lesser(first + stride - (first - origin) % stride, end)
+        if again and failed_at[first] != TO_FIND:
             first = last
             continue
         width = lesser(last + shared, end) - first
         after, before = shared > 0 and first > begin, shared > 0 and last < end
         if not common or first == begin:
-            fill_frames(b, abreast, first, width, parameters)
+            fill_frames(b, lanes, first, width, parameters)
         if start == 0:
-            plains = start_lanes(b, abreast, first, width, omega0, status, failed_at)
+            plains = start_lanes(b, lanes, first, width, omega0, status, failed_at)
         else:
-            plains = continue_lanes(b, abreast, first, width, carry)
+            plains = continue_lanes(b, lanes, first, width, carry)
         b[TAKEN, FIRST], b[AT_POLE, FIRST] = 0.0, 0.0
-        all_plain = plains == LANES and not few
-        n, due, row, frame = start, first_due, first_row, frame_at(b, FIRST)
+        all_plain = plains == LANES and not alone
+        n, next_saved, row, frame = start, first_saved, first_row, frame_at(b, FIRST)
         while True:
-            stepped = all_plain and common and every == 1 and 0 < n < stop
-            if stepped:  # states and steps in one loop
+            fused = all_plain and common and every == 1 and 0 < n < stop
+            if fused:  # states and steps in one loop
                 for l in range(LANES):
                     b[W1, l], b[W2, l] = leave_plain(frame, b[X_, l], b[Y_, l])
                     b[X_, l], b[Y_, l] = plain_step(b[X_, l], b[Y_, l])
             elif n > 0:  # at first W1 and W2 are state 0
-                for l in range(abreast):
+                for l in range(lanes):
                     b[W1, l], b[W2, l] = state_at(b, l)
-            if n == due:
+            if n == next_saved:
                 place = 2 * (row * B + first)
-                if few:
+                if alone:
                     out[place], out[place + 1] = b[W1, 0], b[W2, 0]
                 else:
                     write_pairs(b, STATE, out, place, width, lead, after, before)
-                due, row = due + every, row + 1
+                next_saved, row = next_saved + every, row + 1
             if n == stop:
                 break
-            pause = lesser(lesser(stop, due), (n // PROJECTED + 1) * PROJECTED)
-            if few:
+            pause = lesser(lesser(stop, next_saved), (n // PROJECTED + 1) * PROJECTED)
+            if alone:
                 take_steps(b, ONE, plains, n, pause)
-            elif not stepped:
+            elif not fused:
                 take_steps(b, LANES, plains, n, pause)
             n = pause
-        to_find += finish_lanes(b, few, plains, first, last, span, carry, final, status, failed_at)
+        to_find += finish_lanes(
+            b, alone, plains, first, last, span, carry, final, status, failed_at
+        )
         first = last
         if first == end and to_find > 0:
-            first, once_more, to_find, first_due = begin, True, 0, stop + 1
-            few, abreast, own, shared = True, ONE, ONE, 0
+            first, again, to_find, first_saved = begin, True, 0, stop + 1
+            alone, lanes, stride, shared = True, ONE, ONE, 0

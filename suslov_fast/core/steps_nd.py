@@ -1,34 +1,33 @@
-"""The map of a body in n dimensions (theory, section 3), m = n - 1 components, lanes side by side.
+"""Steps of the map of a body in n dimensions (theory, section 3), with m = n - 1 components.
 
 The field, equation (14) of the paper, is f_i = (p w_i - |w|**2 I_i) / J_i with p = I.w. A step of
-the map (15) solves A(w) w_next = w, which is (16). There A = 1 - h f'(w), h = eps / 2, is diagonal
-plus rank two,
+the map (15) solves A(w) w_next = w, equation (16). The matrix A = 1 - h f'(w), h = eps / 2, is
+diagonal plus rank two,
 
 A_ij = (2 h I_i w_j - h w_i I_j) / J_i  for j != i,   A_ii = 1 - h (p - I_i w_i) / J_i.
 
-So with d_i = J_i - h p a step takes O(n): w_next = w + delta,
+So a step takes O(n) operations. With d_i = J_i - h p, w_next = w + delta,
 
 delta_i = (h (2 p + I.delta) w_i - 2 h (|w|**2 + w.delta) I_i) / d_i.
 
-Products with I and w give two equations for I.delta and w.delta, with alpha = sum I w / d,
-beta = sum I**2 / d and gamma = sum w**2 / d,
+The products with I and w are two equations for I.delta and w.delta. With alpha = sum I w / d,
+beta = sum I**2 / d and gamma = sum w**2 / d they are
 
 (1 - h alpha) I.delta + 2 h beta w.delta = 2 h (p alpha - |w|**2 beta),
 -h gamma I.delta + (1 + 2 h alpha) w.delta = 2 h (p gamma - |w|**2 alpha).
 
-This loses digits where a d_i is small, where the determinant of the two equations cancels, and
-where w + delta cancels: such lanes take the step by elimination.
-
-det A = prod (d_i / J_i) times the determinant of the two equations; where it is negative a step
-passes a pole, or is too long.
+Digits are lost where a d_i is small, where the determinant of the two equations cancels, and where
+w + delta cancels; there lanes take the step by elimination. det A is the determinant of the two
+equations times prod (d_i / J_i). Where it is negative, a step passes a pole, or is too long.
 
 parameters   J, I (1 or B, m); eps (1 or B,)
 final        (B, m), the states that a run continues from
 carry        (1, B), the first state beyond a step from det A < 0, 0 if there is none
 
-A block is c[J, I, W or INVERSE, component, lane], with an even number of components: if m is odd
-there is one more, with J = inf and I = w = 0; and b[row, lane], numbers of lanes. After its end a
-trajectory has NaN as states and step size, and is never eliminated.
+A block of lanes is two arrays: c[J_, I_, W or INVERSE, component, lane], and b[row, lane] with
+numbers of lanes. The number of components in c is even; if m is odd, the last has J = inf and
+I = w = 0. After a failure the states and the step size of a lane are NaN, so that it needs no
+elimination.
 """
 
 from typing import Any, NamedTuple
@@ -41,26 +40,26 @@ from .numba import formula, function, inlined, kernel, lesser, select, share
 from .rows import write_states
 
 J_, I_, W, INVERSE = range(4)  # INVERSE: 1 / d
-# Rows after those of `elimination`: p, |w|**2 and h p; the sums; the factors of w / d and I / d in
-# delta; the step size; a bound of h p below which no d is small; and of a row of A the factors
-# 2 h I_i / J_i and h w_i / J_i, and a sum; and a number with the sign of det A.
+# Rows after those of `elimination`: p, |w|**2 and h p; alpha, beta and gamma; the factors of w / d
+# and I / d in delta; eps; a bound of h p below which no d is small; for a row of A, 2 h I_i / J_i,
+# h w_i / J_i and p - I_i w_i; and a number with the sign of det A.
 (P, SQUARE, HALF, ALPHA, BETA, GAMMA, OF_W, OF_I) = range(TO_SOLVE + 1, TO_SOLVE + 9)
 EPS, NEAR, ROW_W, ROW_I, OTHERS, DET, ROWS = range(OF_I + 1, OF_I + 8)
-LANES = 64  # so many that sums do not wait for memory just written
-# A step in O(n) keeps its digits if |d_i| / J_i is above the first, the determinant of the two
-# equations above the second, in units of its terms, and w.w_next above the third, times |w|**2.
+LANES = 64  # enough that a sum over components does not wait for the store of the one before
+# A step in O(n) keeps its digits if |d_i| / J_i > FAR_FROM_0, the determinant of the two equations
+# is above LEAST_DET times the sum of the moduli of its terms, and w.w_next > LEAST_COSINE |w|**2.
 FAR_FROM_0, LEAST_DET, LEAST_COSINE = 0.25, 0.0625, 0.125
 
 
 @formula
-def lanes_of_nd(m, count):
-    """Return how many trajectories go side by side."""
+def lanes_of_block(m, count):
+    """Return the number of lanes of a block for `count` trajectories, a multiple of 8."""
     return lesser(LANES if m <= 24 else LANES // 2, ((count or 1) + 7) // 8 * 8)
 
 
 @formula
 def sum_terms(J, I, w, half):
-    """Return 1 / d of a component, and its terms of alpha, beta and gamma."""
+    """Return 1 / d of a component, and its terms in alpha, beta and gamma."""
     inverse = 1.0 / (J - half)
     along = I * inverse
     return inverse, along * w, along * I, w * inverse * w
@@ -68,10 +67,10 @@ def sum_terms(J, I, w, half):
 
 @formula
 def solve_two(eps, p, square, alpha, beta, gamma):
-    """Return the factors of w_i / d_i and I_i / d_i in delta_i, whether they are accurate, and the
-    determinant.
+    """Solve the two equations for I.delta and w.delta by Cramer's rule.
 
-    The two equations are solved by Cramer's rule; I_delta and w_delta are the products.
+    Return the factors of w_i / d_i and I_i / d_i in delta_i, whether they are accurate, and the
+    determinant.
     """
     h = 0.5 * eps
     a11, a12, b1 = 1.0 - h * alpha, eps * beta, eps * (p * alpha - square * beta)
@@ -85,8 +84,8 @@ def solve_two(eps, p, square, alpha, beta, gamma):
 
 
 @formula
-def fill_nd(c, b, a, begin, lanes):
-    """Fill A(w) of equation (16), and w as the right side, for lanes from `begin` on."""
+def fill_systems(c, b, a, begin, lanes):
+    """Fill the systems of equation (16) for lanes from `begin` on: A(w), and w as right side."""
     m = len(a)
     for i in range(m):
         for l in range(begin, begin + lanes):
@@ -99,13 +98,13 @@ def fill_nd(c, b, a, begin, lanes):
                     a[i, j, l - begin] = b[ROW_W, l] * c[W, j, l] - b[ROW_I, l] * c[I_, j, l]
                 for l in range(begin, begin + lanes):
                     b[OTHERS, l] += c[I_, j, l] * c[W, j, l]
-        for l in range(begin, begin + lanes):  # the terms of component i in p cancel here
+        for l in range(begin, begin + lanes):  # without w_i, which cancels in p - I_i w_i
             a[i, i, l - begin] = 1.0 - 0.5 * b[EPS, l] * b[OTHERS, l] / c[J_, i, l]
 
 
 @formula
-def find_factors(c, b, lanes):
-    """Find 1 / d and the factors of the increment; return how many lanes need elimination.
+def compute_factors(c, b, lanes):
+    """Compute 1 / d and the factors of the increment; return how many lanes need elimination.
 
     Terms i and M/2 + i are added in pairs, which halves the stores.
     """
@@ -117,12 +116,16 @@ def find_factors(c, b, lanes):
     for i in range(pairs):
         j = pairs + i
         for l in range(lanes):
-            one = sum_terms(c[J_, i, l], c[I_, i, l], c[W, i, l], b[HALF, l])
-            two = sum_terms(c[J_, j, l], c[I_, j, l], c[W, j, l], b[HALF, l])
-            c[INVERSE, i, l], c[INVERSE, j, l] = one[0], two[0]
-            b[ALPHA, l] = b[ALPHA, l] + one[1] + two[1]
-            b[BETA, l] = b[BETA, l] + one[2] + two[2]
-            b[GAMMA, l] = b[GAMMA, l] + one[3] + two[3]
+            inverse_i, alpha_i, beta_i, gamma_i = sum_terms(
+                c[J_, i, l], c[I_, i, l], c[W, i, l], b[HALF, l]
+            )
+            inverse_j, alpha_j, beta_j, gamma_j = sum_terms(
+                c[J_, j, l], c[I_, j, l], c[W, j, l], b[HALF, l]
+            )
+            c[INVERSE, i, l], c[INVERSE, j, l] = inverse_i, inverse_j
+            b[ALPHA, l] = b[ALPHA, l] + alpha_i + alpha_j
+            b[BETA, l] = b[BETA, l] + beta_i + beta_j
+            b[GAMMA, l] = b[GAMMA, l] + gamma_i + gamma_j
     near, to_solve = 0, 0
     for l in range(lanes):
         b[OF_W, l], b[OF_I, l], accurate, b[DET, l] = solve_two(
@@ -143,7 +146,7 @@ def find_factors(c, b, lanes):
 
 @formula
 def add_increments(c, b, lanes):
-    """Add the increments: equation (15), solved."""
+    """Add the increments delta to the states."""
     for i in range(c.shape[1]):
         for l in range(lanes):
             along = b[OF_W, l] * c[W, i, l] + b[OF_I, l] * c[I_, i, l]
@@ -151,26 +154,24 @@ def add_increments(c, b, lanes):
 
 
 @formula
-def find_sums(c, b, lanes):
-    """Find p and |w|**2 of states."""
+def compute_sums(c, b, lanes):
+    """Compute p and |w|**2 of the states."""
     pairs = c.shape[1] // 2
     for l in range(lanes):
         b[P, l], b[SQUARE, l] = 0.0, 0.0
     for i in range(pairs):
         j = pairs + i
         for l in range(lanes):
-            one, two = c[W, i, l], c[W, j, l]
-            b[P, l] = b[P, l] + c[I_, i, l] * one + c[I_, j, l] * two
-            b[SQUARE, l] = b[SQUARE, l] + one * one + two * two
+            w_i, w_j = c[W, i, l], c[W, j, l]
+            b[P, l] = b[P, l] + c[I_, i, l] * w_i + c[I_, j, l] * w_j
+            b[SQUARE, l] = b[SQUARE, l] + w_i * w_i + w_j * w_j
 
 
 @inlined
-def eliminate_one(c, b, l, one):
-    """Replace the state of lane l by the next, by `solve`, and make its increment 0; return its
-    status.
-    """
-    a, units = one
-    fill_nd(c, b, a, l, 1)
+def eliminate_one(c, b, l, memory):
+    """Take the step of lane l by `solve`; set its increment to 0; return its status."""
+    a, units = memory
+    fill_systems(c, b, a, l, 1)
     status = solve(a, units)  # equation (16)
     b[OF_W, l], b[OF_I, l], b[DET, l] = 0.0, 0.0, 1.0
     for i in range(len(a)):
@@ -183,32 +184,32 @@ def eliminate_one(c, b, l, one):
 
 @inlined
 def eliminate_all(c, b, a, lanes):
-    """Take the step of all lanes by elimination; return how many need `solve`."""
+    """Take the step of all lanes by elimination; return how many lanes need `solve`."""
     m = len(a)
-    fill_nd(c, b, a, 0, lanes)
+    fill_systems(c, b, a, 0, lanes)
     eliminate(a, b, lanes)
     for l in range(lanes):
         b[TO_SOLVE, l], b[DET, l] = 0.0, 1.0
     for i in range(m):
         for l in range(lanes):
-            b[TO_SOLVE, l] += 0.0 * a[i, m, l]  # NaN if it is not finite
+            b[TO_SOLVE, l] += 0.0 * a[i, m, l]  # NaN if the solution is not finite
             b[DET, l] *= select(a[i, i, l] < 0.0, -1.0, 1.0)
     return accept(a, c[W], b, lanes)
 
 
 @function
-def nd_step_of_one(system, given, out, memory):
-    """Write the state that follows `given` to `out`; return its status. For `compiled`."""
-    (J, I, eps, near, _), (c, b, one) = system, memory
+def nd_step_of_one(system, state, out, memory):
+    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
+    (J, I, eps, near, _), (c, b, for_solve) = system, memory
     status = OK
     b[EPS, 0], b[NEAR, 0] = eps, near
     for i in range(c.shape[1]):
         c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = np.inf, 0.0, 0.0
         if i < len(J):
-            c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = J[i], I[i], given[i]
-    find_sums(c, b, 1)
-    if find_factors(c, b, 1) > 0:
-        status = eliminate_one(c, b, 0, one)
+            c[J_, i, 0], c[I_, i, 0], c[W, i, 0] = J[i], I[i], state[i]
+    compute_sums(c, b, 1)
+    if compute_factors(c, b, 1) > 0:
+        status = eliminate_one(c, b, 0, for_solve)
     add_increments(c, b, 1)
     for i in range(len(J)):
         out[i] = c[W, i, 0]
@@ -223,12 +224,12 @@ def nd_memory(system):
 
 
 class NDSystem(NamedTuple):
-    """A body and a step size. For `compiled`."""
+    """A body and a step size, for `compiled`."""
 
     J: Any  # (m,)
-    I: Any
+    I: Any  # (m,)
     eps: float
-    near: float  # a bound, see row NEAR
+    near: float  # see row NEAR
     dimension: int
 
 
@@ -238,7 +239,7 @@ NDSystem.memory, NDSystem.one_step = nd_memory, nd_step_of_one
 
 @kernel
 def nd_steps(part, parts, parameters, omega0, carry, span, saved, final, status, failed_at):
-    """Iterate the trajectories of a part, as `steps_3d.steps`, in O(n) where that keeps digits."""
+    """Iterate the trajectories of a part in O(n); the arguments are those of `steps_3d.steps`."""
     arrays = omega0, carry, saved, final, status, failed_at
     iterate_nd(part, parts, parameters, span, arrays, None)
 
@@ -252,30 +253,33 @@ def gauss_steps(part, parts, parameters, omega0, carry, span, saved, final, stat
 
 @inlined
 def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
-    """Iterate the trajectories of a part. (Numba compiles one branch of what is None or not.)"""
+    """Iterate the trajectories of a part.
+
+    `by_elimination` is True or None, because Numba compiles only the branch that None selects.
+    """
     omega0, carry, saved, final, status, failed_at = arrays
     first, last, start, stop, every, next_row = span
     m = omega0.shape[1]
-    lanes = lanes_of_nd(m, last - first)
-    c, b, one = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
+    lanes = lanes_of_block(m, last - first)
+    c, b, for_solve = np.empty((4, m + m % 2, lanes)), np.empty((ROWS, lanes)), memory_of_one(m)
     a = None if by_elimination is None else np.empty((m, m + 1, lanes))
     first_block, last_block = share((last - first + lanes - 1) // lanes, part, parts)
     for block in range(first_block, last_block):
         begin, row = first + block * lanes, next_row
         end = lesser(begin + lanes, last)
         states = omega0 if start == 0 else final
-        enter_nd(c, b, parameters, states, begin, end, start, status, failed_at)
+        start_block(c, b, parameters, states, begin, end, start, status, failed_at)
         for k in range(begin, end if start == 0 else begin):
             carry[0, k] = 0.0
         for n in range(start, stop + 1):
             if n > start:
                 if a is None:
-                    to_solve = find_factors(c, b, lanes)
+                    to_solve = compute_factors(c, b, lanes)
                 else:
                     to_solve = eliminate_all(c, b, a, lanes)
                 for l in range(lanes if to_solve > 0 else 0):
                     if b[TO_SOLVE, l] > 0.0:
-                        code = eliminate_one(c, b, l, one)
+                        code = eliminate_one(c, b, l, for_solve)
                         if code != OK and begin + l < end:
                             status[begin + l], failed_at[begin + l] = code, n
                 for l in range(end - begin):
@@ -284,7 +288,7 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
                         carry[0, begin + l] = n
                 if a is None:
                     add_increments(c, b, lanes)
-                    find_sums(c, b, lanes)
+                    compute_sums(c, b, lanes)
             if every > 0 and n % every == 0 and (n > start or start == 0):
                 write_states(c[W], begin, end, saved[row])
                 row += 1
@@ -292,8 +296,8 @@ def iterate_nd(part, parts, parameters, span, arrays, by_elimination):
 
 
 @function
-def enter_nd(c, b, parameters, states, begin, end, start, status, failed_at):
-    """Fill a block with trajectories; lanes beyond the last repeat it."""
+def start_block(c, b, parameters, states, begin, end, start, status, failed_at):
+    """Fill a block with trajectories; lanes beyond the last trajectory repeat it."""
     (J, I, eps), m = parameters, states.shape[1]
     for l in range(c.shape[2]):
         k, undefined, smallest = lesser(begin + l, end - 1), 0.0, np.inf
@@ -310,12 +314,12 @@ def enter_nd(c, b, parameters, states, begin, end, start, status, failed_at):
             status[k], failed_at[k] = NONFINITE, 0
         if status[k] < 0:
             end_lane(c, b, l)
-    find_sums(c, b, c.shape[2])
+    compute_sums(c, b, c.shape[2])
 
 
 @inlined
 def end_lane(c, b, l):
-    """End a trajectory, with NaN."""
+    """Set the state and the step size of a lane to NaN."""
     b[EPS, l] = np.nan
     for i in range(c.shape[1]):
         c[W, i, l] = np.nan

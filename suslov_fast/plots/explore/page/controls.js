@@ -1,4 +1,4 @@
-// Fields, sliders and presets; what they change is asked for anew.
+// Fields, sliders and presets: each change asks Python for new numbers.
 
 import { PRESETS } from "./presets.js";
 import { byId, query, state } from "./state.js";
@@ -15,7 +15,7 @@ export const FIELDS = {
   Omega2: { html: "Ω<sub>2</sub>", min: -4, max: 4, step: 0.01, says: "Omega2 at the start" },
 };
 const inputs = {};
-// `ask` gets new numbers, `draw` shows what is there, `remember` keeps the query.
+// `ask` gets new numbers, `draw` draws the current ones, `keep` stores the query.
 let ask, draw, keep;
 
 export function build(actions) {
@@ -56,7 +56,7 @@ function show(name, on) {
   draw();
 }
 
-// New values of some fields; the one that the user types in is left as it is.
+// Sets values of some fields; the text of the field that the user types in stays as it is.
 export function change(changes, typed = null) {
   for (const [name, value] of Object.entries(changes)) put(name, String(value), name !== typed);
   selectPreset();
@@ -66,19 +66,19 @@ export function change(changes, typed = null) {
 
 function put(name, value, written = true) {
   state.values[name] = value;
-  if (!(name in inputs)) return; // in an address of another make, which is refused in words
+  if (!(name in inputs)) return; // an unknown parameter of an address: Python answers with an error
   inputs[name].slider.value = value;
   if (written) inputs[name].number.value = value;
 }
 
-// Select the preset that has these values, if there is one.
+// Selects the preset that has these values, if there is one.
 function selectPreset() {
   const same = ([, preset]) =>
     Object.keys(FIELDS).every((field) => Number(state.values[field]) === preset[field]);
   byId("preset").value = Object.entries(PRESETS).find(same)?.[0] ?? "";
 }
 
-// All values at once: those of a preset or of an address.
+// Sets all values at once, from a preset or an address.
 function choose({ extent, ...parameters }) {
   state.values = {};
   for (const [name, value] of Object.entries(parameters)) put(name, String(value));
@@ -88,7 +88,7 @@ function choose({ extent, ...parameters }) {
   ask();
 }
 
-// Sliders of the start reach as far as the plane does.
+// Sets the extent of the plane, and of the sliders for the first state.
 export function setExtent(value, anew = true) {
   state.extent = Math.min(Math.max(value, 1e-12), 1e12);
   const step = 10 ** Math.floor(Math.log10(state.extent / 200));
@@ -106,12 +106,12 @@ export function setExtent(value, anew = true) {
 let remembering = null;
 
 function remember() {
-  // Browsers refuse a page that changes its address at every move of the mouse.
+  // Delayed, because browsers forbid a page to change its address at every move of the mouse.
   clearTimeout(remembering);
   remembering = setTimeout(() => keep(query()), 150);
 }
 
-// A number as it is usually written; anything else as it is.
+// Returns the shortest text of a number, and any other text unchanged.
 const tidy = (text) => (text && Number.isFinite(Number(text)) ? String(Number(text)) : text);
 
 export function fromQuery(text) {
@@ -122,11 +122,11 @@ export function fromQuery(text) {
   const extent = Number(given.get("extent")) || first.extent;
   for (const name of ["show", "extent"]) given.delete(name);
   const found = [...given].map(([name, value]) => [name, tidy(value)]);
-  // An address that has some parameters and not others is refused by Python, in its words.
+  // Where parameters are missing, Python answers with an error.
   choose({ ...(found.length ? { k: 0, ...Object.fromEntries(found) } : first), extent });
 }
 
-// Marks the fields that a message is about.
+// Marks the fields that an error message names.
 export function mark(fields) {
   for (const [name, { number }] of Object.entries(inputs)) {
     number.parentElement.classList.toggle("wrong", fields.includes(name));

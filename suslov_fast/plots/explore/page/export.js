@@ -1,4 +1,4 @@
-// Files and the clipboard: the plane as PNG or SVG, the orbit as CSV, a link, and Python.
+// Files and the clipboard: the figure as PNG or SVG, the orbit as CSV, the link, Python code.
 
 import { MARGIN, paintCross, paintPlane } from "./plane.js";
 import { colours, disc, stroke, write } from "./pen.js";
@@ -22,7 +22,7 @@ export function buildExport(address) {
   });
 }
 
-// Writes what is drawn on a canvas as SVG: those methods of a canvas that this page uses.
+// A substitute for a canvas that writes SVG, with the methods that this page uses.
 class SvgPen {
   parts = [];
   path = "";
@@ -61,7 +61,7 @@ const round = (value) => Number(value.toFixed(2));
 const ENTITIES = { "&": "&amp;", "<": "&lt;", ">": "&gt;" };
 const escaped = (text) => text.replace(/[&<>]/g, (each) => ENTITIES[each]);
 
-// What the picture shows: a sample of each line or dot, and its meaning.
+// Returns the entries of the legend: a sample of each line or dot, and its meaning.
 function legend() {
   const line = (colour, width, dash = []) => (pen, x, y) =>
     stroke(pen, [[x, y], [x + 22, y]], colour, width, dash);
@@ -84,7 +84,7 @@ function legend() {
   ].filter(([there]) => there);
 }
 
-// The parameters, in lines that a picture of this width has room for.
+// Returns the parameters, in lines that fit into this width.
 function caption(width) {
   const { parameters: p, numbers } = state.scene, lines = [""];
   const named = { "I₁": p.I1, "I₂": p.I2, "I₁₃": p.I13, "I₂₃": p.I23, k: p.k, "ε": p.eps,
@@ -97,7 +97,7 @@ function caption(width) {
   return lines;
 }
 
-// The plane as a picture that stands alone: with its legend and its parameters below.
+// Returns the plane as a complete figure, with the legend and the parameters below.
 function alone() {
   const { clientWidth: width, clientHeight: height } = byId("plane");
   const rows = legend(), columns = width > 480 ? 2 : 1, lines = caption(width), ROW = 19;
@@ -141,7 +141,7 @@ function savePng() {
   canvas.toBlob((blob) => save("png", blob));
 }
 
-// Numbers in the digits that give them back exactly; states that do not exist are left out.
+// Returns the orbit with all digits, without states that do not exist.
 function csv() {
   const { omega, parameters } = state.scene, lines = ["n,time,Omega1,Omega2"];
   omega.forEach((row, n) => row && lines.push([n, n * parameters.eps, ...row].join(",")));
@@ -165,7 +165,7 @@ async function copy(text, done) {
   }
 }
 
-// A sandboxed frame may copy nothing but what is selected.
+// Copies a text by selecting it, because a sandboxed frame may copy nothing else.
 function copyBySelection(text) {
   const area = document.createElement("textarea");
   area.value = text;

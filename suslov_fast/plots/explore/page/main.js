@@ -1,4 +1,4 @@
-// Draws what Python computes: nothing of the problem is computed here.
+// The page: asks Python for numbers, draws them, and listens to the user. It computes no dynamics.
 
 import { build, change, fromQuery, mark, setExtent } from "./controls.js";
 import { buildExport } from "./export.js";
@@ -20,7 +20,7 @@ async function begin(transport) {
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
 }
 
-// A function that asks for new numbers; while an answer is under way, only the last call counts.
+// Returns the function that asks for new numbers; of calls during a request only the last counts.
 function asking(transport) {
   let busy = false, again = false;
   return async function ask() {
@@ -64,7 +64,7 @@ function complain(message, fields = []) {
   say(message);
   mark(fields);
   document.body.classList.add("stale");
-  // What stands there is about other values.
+  // These texts describe other values.
   for (const id of ["status", "regime-text", "failure"]) byId(id).textContent = "";
   byId("regime-name").textContent = "No orbit";
 }
@@ -88,7 +88,7 @@ function fit() {
   if (extent) setExtent(extent);
 }
 
-// Puts the start at the pointer, with as many digits as a pixel resolves.
+// Moves the first state to a pixel, with as many digits as the pixel resolves.
 function moveStart(px, py) {
   const { scale, from } = view(), digits = Math.ceil(Math.log10(scale)) + 1;
   const places = Math.min(Math.max(digits, 0), 20);

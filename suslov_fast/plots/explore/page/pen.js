@@ -1,4 +1,4 @@
-// Lines, dots and text on a canvas, or with anything that has these methods of a canvas.
+// Lines, dots and text on a canvas, or on an SvgPen.
 
 export const SMALL = "12px system-ui, 'DejaVu Sans', sans-serif";
 export const MATH = "italic 15px Georgia, 'DejaVu Serif', serif";
@@ -6,7 +6,7 @@ export const colours = {};
 
 const NAMES = "text faint panel edge grid axis accent line F energy flow omega bad state level";
 
-// Takes the colours from the style sheet, which has others where the system is dark.
+// Reads the colours from the style sheet, which has others for dark mode.
 export function readColours() {
   const style = getComputedStyle(document.documentElement);
   const read = (name) => style.getPropertyValue(`--${name}`).trim();
@@ -15,7 +15,7 @@ export function readColours() {
   Object.assign(colours, { patches: [rgb(read("body-other")), rgb(read("body"))] });
 }
 
-// The pen of a canvas, wiped, in units of CSS pixels.
+// Clears a canvas, and returns its context in units of CSS pixels.
 export function surface(canvas) {
   const ratio = window.devicePixelRatio || 1;
   const { clientWidth: width, clientHeight: height } = canvas;
@@ -28,10 +28,10 @@ export function surface(canvas) {
   return { pen, width, height };
 }
 
-// Far outside the canvas, where lines still lead but no browser overflows.
+// Limits a coordinate to a range in which no browser overflows, far outside the canvas.
 const clamp = (value) => Math.min(Math.max(value, -1e5), 1e5);
 
-// A line through points; null interrupts it.
+// Draws a line through points; null interrupts it.
 export function stroke(pen, points, colour, width = 1.5, dash = []) {
   pen.beginPath();
   let open = false;
@@ -59,7 +59,7 @@ export function disc(pen, [x, y], radius, fill, edge = null) {
   }
 }
 
-// Text with a margin, so that lines may run behind it.
+// Writes a text with a margin in the colour of the panel, so that lines may run behind it.
 export function write(pen, text, x, y, { align = "center", font = SMALL, colour = colours.faint } = {}) {
   const margin = { strokeStyle: colours.panel, lineWidth: 4 };
   Object.assign(pen, { font, textAlign: align, fillStyle: colour }, margin);

@@ -5,7 +5,7 @@ import { byId, last, state } from "./state.js";
 
 export const MARGIN = { left: 46, right: 12, top: 24, bottom: 34 };
 
-// The plane in a picture of so many pixels: its frame, and where points lie in it.
+// Returns the frame of the plane in pixels, and the functions from states to pixels and back.
 export function view(width = byId("plane").clientWidth, height = byId("plane").clientHeight) {
   const x0 = MARGIN.left, x1 = width - MARGIN.right, x = (x0 + x1) / 2;
   const y0 = MARGIN.top, y1 = height - MARGIN.bottom, y = (y0 + y1) / 2;
@@ -21,7 +21,7 @@ export function drawPlane() {
   paintPlane(pen, width, height);
 }
 
-// Draws with a canvas or with an SvgPen; `moving` with the state that the body in space is in.
+// Draws on a canvas or an SvgPen; with `moving`, also the state of the body in space.
 export function paintPlane(pen, width, height, moving = true) {
   const frame = view(width, height), { at, scale, x0, x1, y0, y1 } = frame;
   const labels = paintGrid(pen, frame);
@@ -48,7 +48,7 @@ function paintPortrait(pen, at) {
   for (const point of orbits.flat()) if (point) disc(pen, at(point), 1.5, colours.faint);
 }
 
-// A wide band under a thin dashed line: both are seen where the two levels coincide.
+// A thin dashed line over a wide band, so that both are seen where the levels coincide.
 function paintLevels(pen, at) {
   const { F, energy } = state.scene.levels;
   if (state.shown.has("F")) for (const branch of F) stroke(pen, placed(branch, at), colours.F, 6);
@@ -57,7 +57,7 @@ function paintLevels(pen, at) {
 
 function paintLine(pen, at, far) {
   if (!state.scene.line) return;
-  const [[u, v], [du, dv]] = state.scene.line; // its middle, and where the half leads that repels
+  const [[u, v], [du, dv]] = state.scene.line; // the least steady state, and the direction of the repelling half
   for (const [way, dash] of [[far, [8, 6]], [-far, []]])
     stroke(pen, [at([u, v]), at([u + way * du, v + way * dv])], colours.line, 2.6, dash);
 }
@@ -80,14 +80,14 @@ function paintOrbit(pen, at, moving) {
   if (status.failed_at !== null && states[end]) paintCross(pen, states[end]);
 }
 
-// The last state of an orbit that meets a pole.
+// Marks the last state of an orbit that meets a pole.
 export function paintCross(pen, [x, y]) {
   const cross = [[x - 10, y - 10], [x + 10, y + 10], null, [x - 10, y + 10], [x + 10, y - 10]];
   stroke(pen, cross, colours.panel, 7);
   stroke(pen, cross, colours.bad, 3.2);
 }
 
-// Grid lines; returns the labels, which stand outside the frame.
+// Draws the grid lines, and returns the labels, which lie outside the clipped frame.
 function paintGrid(pen, { x0, x1, y0, y1, scale, at, from }) {
   const about = Math.min(70, (y1 - y0) / 5) / scale, power = 10 ** Math.floor(Math.log10(about));
   const step = power * [1, 2, 5, 10].find((each) => each * power >= about);
@@ -109,7 +109,7 @@ function paintGrid(pen, { x0, x1, y0, y1, scale, at, from }) {
   return labels;
 }
 
-// How far the plane has to reach to show all states.
+// Returns the extent that shows all states.
 export function reach() {
   const { scene, shown } = state;
   const rows = [scene.omega, shown.has("flow") ? scene.flow : [], scene.numbers.omega_minus,

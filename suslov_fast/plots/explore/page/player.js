@@ -1,4 +1,4 @@
-// Time: the state that the body in space is in, and how it moves on.
+// The player: the current state of the body in space, and its motion.
 
 import { byId, last, state } from "./state.js";
 
@@ -34,7 +34,7 @@ function tick(now) {
 function advance(seconds) {
   if (state.moment >= last()) {
     resting += seconds;
-    if (resting > 1) setMoment(0); // it rests at the end before it begins anew
+    if (resting > 1) setMoment(0); // after a second at the end, start again
     return;
   }
   resting = 0;

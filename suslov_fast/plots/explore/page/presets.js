@@ -1,5 +1,5 @@
-// Bodies and starts to begin with. With I1 = I2 = 1, I13 = 0.25 and I23 = 0 the values of t are
-// exact; all bodies are realizable, except those of pictures labelled otherwise.
+// Presets: bodies and first states. With I1 = I2 = 1, I13 = 0.25 and I23 = 0, t is computed without
+// rounding. All are rigid bodies, except where the name says otherwise.
 
 const NAMES = ["I1", "I2", "I13", "I23", "k", "eps", "Omega1", "Omega2", "steps", "extent"];
 const VALUES = {

@@ -5,8 +5,8 @@ import { byId, last, state } from "./state.js";
 
 const AXES = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
 const TIP = 1.3; // length of an axis; the largest semi-axis of the ellipsoid is 1
-const TRAIL = 40, ARCS = 24; // steps that the path shows, and lines for each
-const AROUND = 32, ALONG = 16; // patches of the ellipsoid
+const TRAIL = 40, ARCS = 24; // steps in the path, and lines per step
+const AROUND = 32, ALONG = 16; // patches of the ellipsoid around its axis and along it
 const camera = { turn: -0.7, lift: 0.42 };
 
 const dot = (u, v) => u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
@@ -20,7 +20,7 @@ export function look(turn, lift) {
   drawSpace();
 }
 
-// What is seen from a camera that looks at the origin: to the right, up, towards the eye.
+// Returns camera coordinates: to the right, up, towards the eye. The camera looks at the origin.
 function seen([x, y, z]) {
   const { turn, lift } = camera;
   const right = -Math.sin(turn) * x + Math.cos(turn) * y;
@@ -40,7 +40,7 @@ export function drawSpace() {
   stroke(pen, ring.map((point) => at(seen(point))), colours.edge, 1);
   const path = trail().map((axis) => seen(scaled(axis, TIP)));
   const arrows = tips(R);
-  // What is behind the body, the body, and what is before it.
+  // First what is behind the body, then the body, then what is in front of it.
   for (const front of [false, true]) {
     if (front) drawEllipsoid(pen, at, R);
     const near = (point) => point && point[2] > 0 === front;
@@ -52,7 +52,7 @@ export function drawSpace() {
   }
 }
 
-// The axes of the body and its angular velocity, as arrows on the screen.
+// Returns the axes of the body and its angular velocity as arrows in camera coordinates.
 function tips(R) {
   const names = ["e₁", "e₂", "a"], inks = [colours.text, colours.text, colours.line];
   const arrows = AXES.map((axis, k) =>
@@ -62,7 +62,7 @@ function tips(R) {
   return arrows;
 }
 
-// The angular velocity as a part of the largest one; null if there is none.
+// Returns the angular velocity relative to the largest one of the orbit; null if all are 0.
 function velocity(R) {
   const { omega } = state.scene, now = omega[Math.min(state.moment, last())];
   const most = Math.max(...omega.map((each) => (each ? Math.hypot(...each) : 0)));
@@ -70,7 +70,7 @@ function velocity(R) {
 }
 
 function drawArrow(pen, at, { tip, name, colour }, front, R) {
-  // In front of the body an arrow is seen from where it leaves the body.
+  // An arrow in front of the body is visible from the point where it leaves the body.
   const inside = front ? Math.min(1, leaving(tip, R) / Math.max(Math.hypot(...tip), 1e-9)) : 0;
   const [x, y] = at(tip), [x0, y0] = at([0, 0]), far = Math.max(Math.hypot(x - x0, y - y0), 1);
   stroke(pen, [at(scaled(tip, inside)), [x, y]], colour, 2.4);
@@ -79,8 +79,8 @@ function drawArrow(pen, at, { tip, name, colour }, front, R) {
   write(pen, name, ...place, { font: MATH, colour });
 }
 
-// The orientation at a state and, to draw what lies between, a share of the one turn to the next:
-// in a step the body turns by less than half a turn, about one axis.
+// Returns the orientation between states n and n + 1, after a part of the rotation from one to the
+// other. A step rotates the body about one axis, by less than half a turn.
 export function orientation(n, part) {
   const { attitude } = state.scene, R = attitude[Math.min(n, last())], S = attitude[n + 1];
   if (!R || !S || !part) return R;
@@ -98,7 +98,7 @@ export function orientation(n, part) {
   return [0, 3, 6].flatMap((i) => [0, 1, 2].map((j) => dot(R.slice(i, i + 3), column(T, j))));
 }
 
-// Where the axis a has been: the last steps, as the arcs that it turned along.
+// Returns the path of the axis a over the last steps, a circular arc for each.
 function trail() {
   const { moment, share } = state, found = [];
   for (let n = Math.max(0, moment - TRAIL); n <= moment; n++) {
@@ -109,10 +109,10 @@ function trail() {
   return found.filter(Boolean).map((R) => [R[2], R[5], R[8]]);
 }
 
-// The semi-axes of the turned ellipsoid, as unit vectors on the screen.
+// Returns the directions of the semi-axes in camera coordinates.
 const frame = (R) => [0, 1, 2].map((k) => seen(times(R, column(state.scene.ellipsoid.axes, k))));
 
-// How far from the origin the drawn ellipsoid reaches in a direction on the screen.
+// Returns the distance from the origin to the ellipsoid along an arrow.
 function leaving(tip, R) {
   if (!state.scene.ellipsoid) return 0;
   const { radii } = state.scene.ellipsoid, length = Math.hypot(...tip) || 1;
@@ -131,7 +131,7 @@ function drawEllipsoid(pen, at, R) {
   for (let j = 0; j < ALONG; j++) {
     for (let i = 0; i < AROUND; i++) {
       const normal = point(sphere(i + 0.5, j + 0.5).map((each, k) => each / radii[k]));
-      if (normal[2] <= 0) continue; // convex: what faces the eye hides the rest
+      if (normal[2] <= 0) continue; // faces away, hidden because the body is convex
       const patch = colours.patches[(Math.floor(i / 4) + Math.floor(j / 4)) % 2];
       pen.fillStyle = pen.strokeStyle = shade(patch, normal);
       pen.beginPath();
@@ -144,7 +144,7 @@ function drawEllipsoid(pen, at, R) {
   }
 }
 
-// A colour in the light that falls on a patch, from the upper right before the screen.
+// Returns the colour of a patch lit from the upper right, in front of the screen.
 function shade(patch, normal) {
   const light = Math.max(0, dot([0.35, 0.5, 0.8], normal) / Math.hypot(...normal));
   const rgb = patch.map((each) => Math.round(Math.min(255, each * (0.5 + 0.62 * light))));

@@ -1,17 +1,17 @@
-// What the page shows, shared by its modules, and words for numbers.
+// The state that the modules of the page share, and how numbers are written.
 
 export const state = {
   scene: null, // the numbers of the last answer
-  values: {}, // texts of the fields: a wrong value stays as the user wrote it
+  values: {}, // texts of the fields, because a wrong value stays as the user wrote it
   extent: 4, // the plane reaches from -extent to extent
   shown: new Set(["F", "energy"]),
-  moment: 0, // the state of the body in space
-  share: 0, // of the way from there to the next state
+  moment: 0, // index of the current state of the body in space
+  share: 0, // part of the way from this state to the next
 };
 
 export const byId = (id) => document.getElementById(id);
 
-// The last state that exists.
+// Returns the index of the last state that exists.
 export function last() {
   const missing = state.scene.omega.indexOf(null);
   return missing < 0 ? state.scene.omega.length - 1 : Math.max(missing - 1, 0);
@@ -22,7 +22,7 @@ export function short(value, digits = 6) {
   return Number(value.toPrecision(digits)).toString().replaceAll("-", "−");
 }
 
-// The values of all fields and the view, as they stand in the address.
+// Returns the query of the address: the values of all fields, and the view.
 export function query() {
   const { values, extent, shown } = state;
   const view = { extent: Number(extent.toPrecision(6)), show: [...shown].join(" ") };

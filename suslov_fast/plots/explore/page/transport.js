@@ -1,8 +1,8 @@
-// Where numbers come from: HTTP, or messages to a notebook's kernel by way of the widget around.
+// Requests for numbers: by HTTP, or by messages to the kernel of a notebook through the widget.
 //
-// A transport has: begin() -> the query to begin with; scene(query) -> numbers, or { error, fields };
-// remember(query), so that the view is there again; address, before the query of a link; and
-// waiting(seconds) -> { words, lost }, what to say while an answer is under way.
+// A transport has begin() -> the first query; scene(query) -> numbers, or { error, fields };
+// remember(query), which stores the view; address, the part of a link before the query; and
+// waiting(seconds) -> { words, lost }, the text shown during a request.
 
 const GONE = "suslov-fast does not answer: start it again and reload this page.";
 
@@ -32,11 +32,11 @@ const NO_MORE =
   "The kernel does not answer any more. If it is busy with another cell, it answers when that " +
   "ends; if it was stopped or restarted, run this cell again.";
 
-// Messages up have an id and a request; those down the same id, and either `heard`, as soon as the
-// kernel has read the request, or the value. The widget itself answers the first request.
+// A message to the widget has an id and a request. The answers have the same id: first `heard`, when
+// the kernel has read the request, then the value. The widget itself answers the first request.
 function overMessages(around = window.parent) {
   const pending = new Map();
-  const page = Math.random(); // several views of one widget get all answers
+  const page = Math.random(); // in ids, because all views of a widget get all answers
   let asked = 0, patience = 0, heard = false, ever = false;
   addEventListener("message", ({ source, data }) => {
     if (source !== around || !pending.has(data?.id)) return;
@@ -54,7 +54,7 @@ function overMessages(around = window.parent) {
     around.postMessage({ id, ...request }, "*");
   });
   return {
-    address: "http://127.0.0.1:8000/", // of `suslov-fast explore --port 8000`
+    address: "http://127.0.0.1:8000/", // `suslov-fast explore --port 8000` serves it
     begin: async () => {
       const first = await ask({ begin: true });
       patience = first.patience;
@@ -70,5 +70,5 @@ function overMessages(around = window.parent) {
   };
 }
 
-// The page in a notebook is a document without an address.
+// In a notebook the page is a document without an address.
 export const fromHere = () => (location.protocol === "about:" ? overMessages() : overHttp());

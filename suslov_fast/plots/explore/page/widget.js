@@ -1,5 +1,5 @@
-// The widget in a notebook: a frame with the page, and its messages to the kernel and back.
-// The frame is sandboxed: it cannot read the notebook, and its page may load nothing.
+// The widget of a notebook: a frame with the page, whose messages it passes to the kernel and back.
+// The frame is sandboxed, so it cannot read the notebook, and its page may load nothing.
 
 function render({ model, el }) {
   const frame = document.createElement("iframe");
@@ -21,7 +21,7 @@ function render({ model, el }) {
       else if ("remember" in data) remember(data.remember);
       else model.send({ id: data.id, query: data.query });
     } catch {
-      // Without a kernel some notebooks refuse: the page says so when nothing answers.
+      // Some notebooks raise an error without a kernel; the page reports a missing answer.
     }
   };
   addEventListener("message", up);

@@ -1,4 +1,4 @@
-// The regime of an orbit, in words, and the table of numbers.
+// The description of an orbit in words, and the table of numbers.
 
 import { byId, short, state } from "./state.js";
 

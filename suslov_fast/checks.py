@@ -273,6 +273,11 @@ def one_of(name: str, value: Any, choices: Collection[str], instead: str = "") -
     return value
 
 
+def is_false(answer: object) -> bool:
+    """Return whether a function of the user returned False; None is no answer."""
+    return isinstance(answer, bool | np.bool_) and not answer
+
+
 def instance(name: str, value: Any, expected: Any) -> None:
     """Raise TypeError unless an object is of a class, of one of a tuple, or of a union."""
     if not isinstance(value, expected):

@@ -579,6 +579,17 @@ def test_what_others_write_into_a_store_does_not_cost_the_run(store, way, unfini
 
 
 @pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
+def test_names_of_functions_and_parameters_of_a_store(tmp_path):
+    """A parameter may be called states; a function not like a column of coefficients."""
+    turns = sf.QuadraticField.from_function(lambda x, states: (x[1], -states * x[0]), 2, states=3.0)
+    data = ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "a.zarr")
+    assert (data.states.item(), data.x.shape) == (3.0, (1, 2))
+    for name in ("linear_1", "time", "x"):
+        with pytest.raises(ValueError, match="functions must be names that the dataset does not"):
+            ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "b.zarr", functions={name: radius})
+    assert not (tmp_path / "b.zarr").exists()
+
+
 def test_an_array_that_others_replaced_is_named(store):
     """Its chunks are not those that `ensemble` wrote."""
     data = call(ensemble, **ASKED, store=store).load()

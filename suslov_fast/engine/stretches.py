@@ -14,7 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import FloatArray, extra, instance, integer, kind_of, require, short, wrong
+from ..checks import FloatArray, extra, instance, integer, is_false, kind_of, require, short, wrong
 from ..core import orientations
 from ..core.numba import Kernel
 from ..core.steps_field import FieldSystem
@@ -52,8 +52,7 @@ def reporter(progress: Progress, total: int) -> AbstractContextManager[Report | 
         raise wrong("progress", expected, name, TypeError)
 
     def report(done: int) -> bool:
-        answer = progress(done, total)
-        return not (isinstance(answer, (bool, np.bool_)) and not answer)
+        return not is_false(progress(done, total))
 
     return nullcontext(report)
 

@@ -14,7 +14,7 @@ from fractions import Fraction
 from typing import Any
 
 from ..bodies.field import QuadraticField
-from ..checks import integer, real_number, wrong
+from ..checks import integer, is_false, real_number, wrong
 from .arguments import check_unknowns, progress_function
 from .decimals import as_decimal, in_decimals, note_on_floats
 from .functions import IDENTITY, MODULAR, RationalFunction
@@ -234,7 +234,8 @@ def report(
     seed : int, optional
         Seed of the random primes, points and lines.
     progress : callable, optional
-        Called as ``progress(done, parts)`` after each part of the search.
+        Called as ``progress(done, parts)`` after each part of the search; where it returns False
+        the search ends, as at Ctrl-C.
 
     Returns
     -------
@@ -247,7 +248,8 @@ def report(
         everywhere, so that the image of the map of a field is a curve, say. Without `eps`, such
         step sizes are in `special_eps`.
     KeyboardInterrupt
-        After Ctrl-C, within about a second; its attribute `report` has what was found so far.
+        After Ctrl-C, within about a second, or where `progress` returns False; its attribute
+        `report` has what was found so far.
 
     Examples
     --------
@@ -281,7 +283,8 @@ def report(
         try:
             for part in parts:
                 latest, done, known = part
-                report_progress(done, known)
+                if is_false(report_progress(done, known)):
+                    raise KeyboardInterrupt("progress returned False")
         except KeyboardInterrupt as error:
             error.report = latest  # type: ignore[attr-defined]
             raise

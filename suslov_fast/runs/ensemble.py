@@ -279,7 +279,8 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
         digest = hashlib.sha256(repr(sorted(texts.items())).encode()).hexdigest()
         identity |= {name: f"{', '.join(texts)}, sha256 {digest}"} if texts else {}
     identity |= {"body": type(body).__name__, "dims": ", ".join(data.status.dims)}
-    tiled = sorted({map.variable, *filled, *functions} & {*data.variables})
+    filled[map.variable] = filled.pop("states")  # the name in the dataset
+    tiled = sorted({*filled, *functions})
     shared = sorted({*data.variables} - {*tiled})
     lists = {"tiled": tiled, "shared": shared, "columns": columns_of(data)}
     identity |= {name: json.dumps(value) for name, value in lists.items()}
@@ -288,10 +289,10 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
 
 def _add_functions(data: Any, functions: Functions) -> dict[str, str]:
     """Add an empty variable for each function of states, and return their source texts."""
-    sources = {}
+    sources, columns = {}, columns_of(data)
     for name, function in functions.items():
         checks.instance("functions, a name", name, str)
-        if name in (*data.variables, "time"):
+        if name in (*data.variables, *columns, "time"):
             raise wrong("functions", "names that the dataset does not have", repr(name))
         try:
             sources[name] = inspect.getsource(function)

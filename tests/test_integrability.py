@@ -346,6 +346,15 @@ def test_the_orbit_of_a_point():
         hk_bases(kahan(QuadraticField([[[1]]]), 1), 2, point=[F(1, 3)])  # 1/3, 1/2, 1
 
 
+def test_iterates_without_an_image():
+    """The third iterate is at infinity and has no image: degrees and reports say so."""
+    map = rational_map(lambda x: (x[1], 0 * x[2], 1 / x[0]), 3)
+    assert degrees(map, 3) == [2, 1, 0]
+    for call in (lambda: degrees(map, 4), lambda: report(map, degree=1)):
+        with pytest.raises(ArithmeticError, match="the iterates reach poles of the map"):
+            call()
+
+
 @pytest.mark.parametrize(("n", "degree"), [(4, 8), (5, 5)])
 def test_generic_bodies_have_no_integral(n, degree):
     map = kahan(of(SuslovND(J[: n - 1], I[: n - 1])), 0.5)

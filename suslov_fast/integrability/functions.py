@@ -188,11 +188,10 @@ class RationalFunction:
     def as_quotient(self, ring: Any = None) -> tuple[Any, Any]:
         """Return numerator and denominator as polynomials; a constant needs their ring."""
         ring = ring or self._ring or polynomial_ring(0, False)
-        constants = map(ring.constant, (self.constant.numerator, self.constant.denominator))
-        numerator, denominator = (
-            math.prod((P**e for P, e in self._powers(sign)), start=c)
-            for c, sign in zip(constants, (1, -1), strict=True)
-        )
+        numerator = ring.constant(self.constant.numerator)
+        denominator = ring.constant(self.constant.denominator)
+        numerator *= math.prod(P**e for P, e in self._powers(1))
+        denominator *= math.prod(P**e for P, e in self._powers(-1))
         return numerator, denominator
 
     @property

@@ -268,9 +268,9 @@ def _factor_with_largest_root(polynomial: Any) -> tuple[Any, float]:
 def _error(
     plane: Plane, passages: list[Passage], contractions: tuple[Contraction, ...], root: float
 ) -> float:
-    """Return how much less the entropy is if orbits that are not decided are confined next.
+    """Return how much less the entropy is if undecided orbits are confined at the next step.
 
-    Of orbits without an end, what changes if they end there.
+    Orbits without an end count as if they ended with the steps that were computed.
     """
     if any(passage.endless for passage in passages):
         ended = [passage._replace(endless=False) for passage in passages]
@@ -279,18 +279,30 @@ def _error(
     undecided = [k for k, curve in enumerate(contractions) if not curve.proved and not curve.length]
     if root == 1 or not undecided:
         return 0.0
-    none = (0,) * len(passages)
     confined = [*passages]
     for k in undecided:
-        common, curves = passages[k].common_orders, passages[k].curve_orders
-        common = (*common, *(0,) * (_STEPS - len(common)), 1)
-        curves = (*curves, *(none,) * (_STEPS + 1 - len(curves)))
-        confined[k] = Passage(common, curves, _STEPS + 2)
-    before, after = (characteristic_polynomial(plane, p) for p in (passages, confined))
-    # The change of the root is too small for floats, but not that of the polynomial there. Both
-    # polynomials are multiplied by powers of x to the same degree.
+        confined[k] = _confined_next(passages[k], len(passages))
+    before, after = (characteristic_polynomial(plane, each) for each in (passages, confined))
+    return abs(_relative_change_of_root(before, after, root))
+
+
+def _confined_next(passage: Passage, curves: int) -> Passage:
+    """Return a passage that is confined at the first step that was not computed."""
+    common, of_curves = passage.common_orders, passage.curve_orders
+    none = (0,) * curves
+    common = (*common, *(0,) * (_STEPS - len(common)), 1)
+    of_curves = (*of_curves, *(none,) * (_STEPS + 1 - len(of_curves)))
+    return Passage(common, of_curves, _STEPS + 2)
+
+
+def _relative_change_of_root(before: Any, after: Any, root: float) -> float:
+    """Return the change of a root of a polynomial that becomes another one, in first order.
+
+    The change of the root is too small for floats, but not that of the polynomial there. Both
+    polynomials are multiplied by powers of x to the same degree.
+    """
     shift = after.degree() - before.degree()
     of_before, of_after = (flint.fmpz_poly([0] * max(0, k) + [1]) for k in (shift, -shift))
     change = after * of_after - before * of_before
     x = flint.arb(root)
-    return abs(float(change(x) / of_before(x) / before.derivative()(x) / x))
+    return float(change(x) / of_before(x) / before.derivative()(x) / x)

@@ -62,7 +62,7 @@ def _simplest_rows(residues: Sequence[tuple[Any, int]]) -> Any:
 
 def simplest_fraction(residue: int, modulus: int) -> Fraction:
     """Return the simplest fraction with this residue: the shortest (a, b) with a = residue * b."""
-    if residue in (0, 1):
+    if residue in (0, 1):  # most entries of rows in echelon form
         return Fraction(residue)
     shortest = flint.fmpz_mat([[modulus, 0], [residue, 1]]).lll()
     return Fraction(int(shortest[0, 0]), int(shortest[0, 1]))

@@ -32,7 +32,7 @@ from .reconstruction import over_rationals
 _LARGEST = 3  # dimension of a space whose reducible members are sought
 _HIGHEST = 6  # degree of its polynomials
 _WIDTHS = range(2, 5)  # of resultants, in powers of s
-_FACTORS = 3  # most factors of reducible members of a curve of them, less one
+_MORE = 3  # numbers of factors more than two, if a curve of members is reducible
 
 
 class _Plane:
@@ -87,13 +87,14 @@ def reducible_members(space: Sequence[Any]) -> Iterator[Any]:
         yield from _reducible_in_pencil(first, second)
         return
     (third,) = others
-    for less in range(_FACTORS):
-        for t in _parameters(generic, less):
-            yield from _reducible_in_pencil(_combination(first, second, t), third, less)
+    for more in range(_MORE):
+        for t in _parameters(generic, more):
+            yield from _reducible_in_pencil(_combination(first, second, t), third, more)
 
 
-def _reducible_in_pencil(first: Any, second: Any, less: int = 0) -> Iterator[Any]:
-    for t in _parameters([first, second], less):
+def _reducible_in_pencil(first: Any, second: Any, more: int = 0) -> Iterator[Any]:
+    """Yield the reducible members of first + t second, with 2 + more factors."""
+    for t in _parameters([first, second], more):
         yield without_content(_combination(first, second, t))
 
 
@@ -103,10 +104,10 @@ def _combination(first: Any, second: Any, t: RationalFunction) -> Any:
     return denominator * first + numerator * second
 
 
-def _parameters(space: Sequence[Any], less: int) -> Iterator[RationalFunction]:
+def _parameters(space: Sequence[Any], more: int) -> Iterator[RationalFunction]:
     """Yield the t for which first + t second, or first + t second + s third for an s, is reducible.
 
-    With `less` fewer columns, it has two factors and so many more.
+    With 2 + more factors its matrix loses the rank 1 + more, so it has `more` columns too many.
     """
     n, degree = variables_of(space[0]), max(degree_of(P) for P in space)
 
@@ -117,11 +118,11 @@ def _parameters(space: Sequence[Any], less: int) -> Iterator[RationalFunction]:
             plane = _Plane(n, degree, p, rng)
             matrices = [plane.equations(P, eps) for P in space]
             columns = matrices[0].ncols()
-            mix = _random_matrix(columns, columns - less, p, rng)
+            mix = _random_matrix(columns, columns - more, p, rng)
             first, second, *others = (matrix * mix for matrix in matrices)
             if others:
                 without_s = _without_s(first, second, others[0], p)
-                if without_s is None:
+                if without_s is None:  # a curve of members is reducible
                     return []
                 first, second = without_s
             if first.rank() < first.ncols():  # all members are reducible

@@ -210,7 +210,7 @@ def _by_multiplication(values: Any, low: int, n: int, degree: int) -> Iterator[l
 
 
 def _simple_eigenvectors(matrix: Any) -> Iterator[list[int]]:
-    """Yield the eigenvectors of a matrix modulo a prime whose eigenvalues have no others."""
+    """Yield the eigenvectors of a matrix modulo a prime, where they span a line."""
     identity = flint.nmod_mat(np.eye(matrix.nrows(), dtype=int).tolist(), PRIME)
     for factor, _ in matrix.charpoly().factor()[1]:
         if factor.degree() == 1:

@@ -58,11 +58,14 @@ class Crossings(Result):
     map : Map
         The record of the map.
 
-    Notes ----- ``len(points)`` is K. Two objects are equal if all attributes are equal; NaN equals
-    NaN. Arrays are read-only: change a copy, such as ``points.after.copy()``.
+    Notes
+    -----
+    ``len(points)`` is K. Two objects are equal if all attributes are equal; NaN equals NaN. Arrays
+    are read-only: change a copy, such as ``points.after.copy()``.
 
-    Examples -------- When does x1 of a harmonic oscillator change sign upwards? At 3 pi / 2, and
-    every 2 pi from then on:
+    Examples
+    --------
+    When does x1 of a harmonic oscillator change sign upwards? At 3 pi / 2, then every 2 pi:
 
     >>> from suslov_fast import QuadraticField, crossings
     >>> oscillator = QuadraticField.from_function(lambda x: (x[1], -x[0]), 2)

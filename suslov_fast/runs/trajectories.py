@@ -99,8 +99,10 @@ class Trajectories(Result):
     attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
         Rotation matrices from body to space at the saved states, if requested.
 
-    Notes ----- ``len(run)``, ``run[k]`` and iteration are those of `states`. Two runs are equal if
-    all attributes are equal; NaN equals NaN. Arrays are read-only: change a copy, such as
+    Notes
+    -----
+    ``len(run)``, ``run[k]`` and iteration are those of `states`. Two runs are equal if all
+    attributes are equal; NaN equals NaN. Arrays are read-only: change a copy, such as
     ``run.states.copy()``.
 
     Examples

@@ -1,12 +1,12 @@
-"""Maps: a record for each (`base`, `records`), its steps (`methods`) and its formulas.
+"""Maps: their records (`base`, `records`), steps (`methods`) and formulas.
 
-Authors of maps of their own find here all that they need.
+Authors of further maps import everything that they need from here.
 """
 
 from ..engine.arguments import by_constants as by_constants
 from ..engine.arguments import by_field as by_field
 from ..engine.stretches import Steps as Steps
-from . import records as records  # which makes the maps of the package known
+from . import records as records  # registers the maps of the package
 from .base import MAPS as MAPS
 from .base import Map as Map
 from .base import Method as Method

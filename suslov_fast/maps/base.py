@@ -1,4 +1,4 @@
-"""The record of a map, with all that depends on it, and the map of a body and a method."""
+"""Records of maps: the class `Map`, the registry, and the map for a body and a method."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,65 +20,67 @@ from ..engine.trial import check_parameters
 from .formulas import INSTEAD, KAHAN, PARTS, SERVED, Formula, Plane, check_formulas, rates
 from .methods import with_notes
 
-# Those of the package, and of maps that `maps.register` made known.
+# The methods of the package; `str` stands for those that `maps.register` adds.
 Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"] | str
 
 
-Rates = Callable[[Problem, FloatArray], NDArray[Any]]
+Rates = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
 
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """A map: a discretization of the equations of motion of one class of bodies or fields.
+    """A map: one discretization of the equations of motion of a class of bodies or fields.
 
-    Runs, files, stores, plots and functions of a state ask this record for all that depends on the
-    map; what it lacks raises an error. `register` makes a record known. Several records may have
-    the same class: the argument `method` of runs and functions decides between them.
+    Runs, files, stores, plots and functions of a state get everything that depends on the map from
+    this record; a function that the record does not support raises an error. :func:`register` makes
+    a record available. Several records may be for the same class: the argument `method` of runs and
+    functions chooses one of them. :func:`register` has an example.
 
     Attributes
     ----------
     name : str
-        The unique name that files contain.
+        The unique name, which files contain.
     title : str
-        The name that plots and datasets show.
+        The name in plots and datasets.
     body : type
-        The class of the bodies, derived from `Body`. Subclasses without a record use this one,
-        unless they define equations of their own (`field` or `constants`).
+        The class of the bodies, derived from `Body`. Subclasses use this record unless they have
+        one, or define equations of their own (`field` or `constants`).
     methods : mapping of str to Steps
         Ways to compute the steps, by the values of the argument `method`, the default first.
         `Steps(kernel, arguments, carried, cost, lanes, system)` is described below.
     formulas : mapping of str to Formula
-        What public functions need from this map, by their names (see `maps/formulas.py`):
-        ``{**KAHAN}`` for Kahan's map of the field of any body, ``{}`` for a map of which only the
-        steps are known. In `Formula(compute, check, poles)`, `compute` takes a `Problem` and
-        returns the values (...), `check` raises an error for a body that lacks the quantity, and
-        `poles` is True where infinite values are meant. With ``"jacobian"``, `lyapunov_exponents`
-        and `multipliers` follow.
+        How to compute the public functions of a state that the map supports, by their names (see
+        `maps/formulas.py`): ``{**KAHAN}`` for Kahan's map of the field of any body, ``{}`` if only
+        the steps are known. In `Formula(compute, check, poles)`, `compute` takes a `Problem` and
+        returns the values (...), `check` raises an error for a body without the quantity, and
+        `poles` is True if infinite values are results. ``"jacobian"`` is enough for
+        `lyapunov_exponents` and `multipliers`.
     random : tuple of callables
         Functions ``random(rng, shape)`` that return a batch of bodies for tests.
     pole : tuple or None
-        A body, and a state that has no next one for eps = 1; None if every state has one.
+        A body, and a state without a next state for eps = 1; None if every state has one.
     conserved : tuple of str
-        Names of formulas; the first that a body has is conserved, exactly or nearly.
+        Names of formulas: the first one that a body has is conserved, exactly or nearly.
     fractions : tuple of float
-        A step is made of steps of Kahan's map by these fractions of eps, one after the other:
-        (1.0,) for Kahan's map itself, and for all other discretizations.
+        Stages of a composition: a step consists of Kahan steps by these fractions of eps. (1.0,)
+        for Kahan's map itself, and for maps that are no compositions of it.
     attitude : {"axial", "in_rows"} or None
-        How states turn a body: they are Omega1 and Omega2, or (Omega_1n, ..., Omega_n-1,n).
+        How states rotate a body: they are Omega1 and Omega2, or (Omega_1n, ..., Omega_n-1,n). None
+        if they do not.
     plane : Plane or None
-        How `exact`, `flow` and `limits` reduce a problem to one in three dimensions.
+        How `exact`, `flow` and `limits` reduce a problem to a solved one in three dimensions.
     growth : callable or None
-        ``growth(problem, steps, transient, report)`` returns the sums for `lyapunov_exponents`, see
-        `engine.derivatives`. None: that of Kahan's map, if ``"jacobian"`` is that of `KAHAN`, or
-        else products of ``"jacobian"``.
+        ``growth(problem, steps, transient, report)`` returns the `Growth` of `engine.derivatives`,
+        for `lyapunov_exponents`. By default that of Kahan's map if ``"jacobian"`` is that of
+        `KAHAN`, else that of products of ``"jacobian"``.
     rates : callable or None
-        ``rates(problem, slopes)`` returns the eigenvalues (..., D) of f' (..., D, D) at steady
-        states, from which the `multipliers` of Kahan's map follow. None: those of a field, if
-        ``"jacobian"`` is that of `KAHAN`, or else `multipliers` are the eigenvalues of
+        ``rates(problem, slopes)`` returns the eigenvalues (..., D) of f', the `slopes` (..., D, D),
+        at steady states, from which the `multipliers` of Kahan's map follow. By default those of a
+        field if ``"jacobian"`` is that of `KAHAN`; else `multipliers` are the eigenvalues of
         ``"jacobian"``.
     serves : tuple of str
-        Further public functions for bodies with these states, of those that need no formula:
-        "plot_phase", "animate_body", "explore", "frame" of `compiled`, "scattering_angle".
+        Public functions that the map supports without a formula, among "plot_phase",
+        "animate_body", "explore", "frame" of `compiled`, and "scattering_angle".
     variable : {"omega", "x"}
         The name of states in runs and datasets.
     meaning : str
@@ -86,64 +88,69 @@ class Map:
 
     Notes
     -----
-    **Authors of a step** write the step of one state, decorated with `core.numba.function`:
+    **Authors of a step** write a function that steps one state, decorated with
+    `core.numba.function`:
 
         step(x, out, eps, work, *row) -> Status as an int
 
-    and ``Steps(steps_of(step), arguments)`` keeps items 2 to 7 below. The step writes the state
-    that follows x (D,) to `out` (D,). `row` are the arrays that `arguments` makes, without eps,
-    which comes last there: an array of float64 gives the row of this trajectory (a number, if the
-    array has one axis), others are whole. Only `out` and `work` are written; `work` is the array of
-    a thread, of ``steps_of(step, work=n)`` numbers, of which nothing is left from one step to the
-    next. A negative status ends the trajectory (`core.codes`: SINGULAR where there is no next
-    state), and so does a state that is not finite; the first positive one is kept, with its n.
+    ``Steps(steps_of(step), arguments)`` then fulfils items 2 to 7 below. The step writes the state
+    after x (D,) to `out` (D,) and returns a status: 0, or a negative one, which ends the trajectory
+    (SINGULAR of `core.codes` if there is no next state). A state that is not finite ends it, too.
+    The first positive status is kept, with its n. `row` holds the arrays that `arguments` returns,
+    except eps, the last one: of a float64 array the row of this trajectory (a number if the array
+    has one axis), and other arrays whole. The step writes to `out` and `work` alone; `work` is
+    scratch memory of n numbers, with ``steps_of(step, work=n)``, whose contents do not survive the
+    step.
 
-    **Authors of a kernel**, which may step several lanes at once, write it whole, decorated with
-    `core.numba.kernel`:
+    **Authors of a kernel**, which may step several lanes at once, write all loops themselves,
+    decorated with `core.numba.kernel`:
 
         steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at)
 
-    `core/one_step.py` has a short one. A kernel neither validates nor raises, and allocates nothing
-    inside loops over steps; formulas that it calls are `core.numba.formula` or `function`.
+    `core/one_step.py` has a short example. A kernel neither validates nor raises, and allocates
+    nothing inside loops over steps; formulas that it calls are `core.numba.formula` or `function`.
 
-    1. `arguments` is what `Steps.arguments(body, eps, batch)` returned, called once for a run: a
-       tuple of arrays, which a kernel only reads. Each has one row if it is common to all B
-       trajectories, else B rows: ``array[i % len(array)]`` is that of trajectory i. A negative eps
-       steps back. `by_constants` passes ``body.constants`` and eps (1 or B,): I1, I2, I13, I23, k,
-       eps in three dimensions, J, I, eps in n. `by_field` passes the terms v x_j x_k of the field,
-       with x_D = 1: indices (3, T), the i, j and k, values (1 or B, T), and eps.
+    1. `arguments` is the tuple of arrays that `Steps.arguments(body, eps, batch)` returned, once
+       for a run; a kernel only reads it. An array has one row if all B trajectories share it, else
+       B rows: ``array[i % len(array)]`` belongs to trajectory i. A negative eps steps back.
+       `by_constants` passes ``body.constants`` and eps (1 or B,): I1, I2, I13, I23, k, eps in three
+       dimensions, J, I, eps in n. `by_field` passes the terms v x_j x_k of the field, with x_D = 1:
+       indices (3, T), which are i, j and k, values (1 or B, T), and eps.
     2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
-       begin <= i < end from state `start` to `stop`; ``share`` returns those of part number `part`
-       of `parts`, which a thread computes.
+       begin <= i < end from state `start` to state `stop`. A thread computes part number `part` of
+       `parts`; ``share`` returns its trajectories.
     3. State 0 is `omega0` (B, D), read only if start = 0. It counts as a saved state and, if it is
        NaN, as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do nothing else.
-    4. A run is cut into calls anywhere, in time and in the batch, and all cuts give the same bits.
-       A step is the same at every n. Steps continue from `final` (B, D) and from `carry`
-       (carried, B), whose contents the kernel chooses: both are read if start > 0, and written at
+    4. A run can be cut into calls anywhere, in time and in the batch, and all cuts give the same
+       bits: a step must not depend on n. Steps continue from `final` (B, D) and from `carry`
+       (carried, B), whose contents the kernel chooses. Both are read if start > 0, and written at
        `stop`.
-    5. If every > 0, state n is saved if start < n <= stop, or n = start = 0, and n is a multiple of
-       `every`: the first to saved[row], the next to saved[row + 1]; `saved` is (rows, B, D).
+    5. If every > 0, states n with start < n <= stop, and n = 0 if start = 0, are saved if n is a
+       multiple of `every`: the first to saved[row], the next to saved[row + 1], and so on; `saved`
+       is (rows, B, D).
     6. `final` receives the states at `stop`, saved or not.
     7. A trajectory that fails at state n gets status[i] < 0 (SINGULAR, or NONFINITE beyond
-       float64), failed_at[i] = n, and NaN from there on, in `saved` and `final`, in later calls,
-       too. Bits of others depend neither on it nor on the batch, its order, or `parts`. With
-       `Steps.notes_poles`, the first step from det A < 0 sets PASSED_POLE, and failed_at[i] and
-       carry[0, i], which is 0 before, to n of the state after it; a failure leaves carry[0, i].
+       float64), failed_at[i] = n, and NaN from there on, in `saved` and `final`, also in later
+       calls. The bits of a trajectory depend neither on others, nor on the batch, its order, or
+       `parts`. With `Steps.notes_poles`, the first step from det A < 0 sets PASSED_POLE, and both
+       failed_at[i] and carry[0, i], which is 0 before, to the number of the state after it; a
+       failure later leaves carry[0, i] as it is.
 
-    **Both** give `Steps` its other parts:
+    **Both** choose the other parts of `Steps`:
 
     8. `Steps.cost(D, arguments)` is the time of a step relative to that of the three-dimensional
        map (about 1 ns on one thread), 1 by default. It decides how many steps a call takes, so that
        Ctrl-C is handled within about 0.1 s: a kernel that takes 200 ns a step needs
        ``cost=lambda D, arguments: 200.0``.
-    9. A thread takes `Steps.lanes` trajectories at a time, a multiple of 8.
-    10. `Steps.system(body, eps)` returns what `compiled.step_system` takes: `field_system`, if the
-        steps are those of Kahan's map of the field of the body. Without it `compiled.system`
-        refuses the body; loops of your own call your step.
+    9. `Steps.lanes` is the number of trajectories that a thread takes at a time, a multiple of 8.
+    10. `Steps.system(body, eps)` returns the argument of `compiled.step_system`: `field_system` if
+        the steps are those of Kahan's map of the field of the body. Without it `compiled.system`
+        refuses the body, and compiled loops of users call the step itself.
 
-    Before its first run `engine.trial` tries a kernel of others on a few trajectories, and refuses
-    one that breaks items 1 to 7. It does not see formulas: ``pytest tests/test_promises.py --maps
-    MODULE`` compares steps with "vector_field" for small eps, and "jacobian" with differences.
+    Before its first run, `engine.trial` tries a kernel from outside the package on a few
+    trajectories, and refuses it if it breaks items 1 to 7. It does not test formulas:
+    ``pytest tests/test_promises.py --maps MODULE`` compares steps with "vector_field" for small
+    eps, and "jacobian" with differences.
     """
 
     name: str
@@ -168,29 +175,29 @@ class Map:
 
     @property
     def has_jacobian_of_kahan(self) -> bool:
-        """Whether "jacobian" is that of the field of any body; then so are `growth` and `rates`."""
+        """True if "jacobian" is that of Kahan's map; `growth` and `rates` then are, by default."""
         return self.formulas.get("jacobian") is KAHAN["jacobian"]
 
     def find_growth(
         self, problem: Problem, steps: int, transient: int, report: Report | None
     ) -> Growth:
-        """Return the sums for `lyapunov_exponents`, by `growth` or what is in its place."""
+        """Return the sums for `lyapunov_exponents`, by `growth` or its default."""
         default = growth if self.has_jacobian_of_kahan else growth_by_jacobian
         return (self.growth or default)(problem, steps, transient, report)
 
     @property
     def known_rates(self) -> Rates | None:
-        """`rates`, or those of Kahan's map in their place; None if neither is known."""
+        """`rates` or its default; None if eigenvalues of "jacobian" are used instead."""
         return self.rates or (rates if self.has_jacobian_of_kahan else None)
 
     def has(self, name: str) -> bool:
-        """Return whether there is what a public function needs, at least for some bodies."""
+        """Return whether the map supports a public function, at least for some bodies."""
         if name in PARTS:
             return PARTS[name] in self.formulas or getattr(self, PARTS[name], None) is not None
         return name in self.formulas or name in self.serves
 
     def functions(self, body: Any) -> list[str]:
-        """Return the names of the public functions of states that there are for a body."""
+        """Return the names of the public functions of a state that the map supports for a body."""
         names = filter(self.has, [*self.formulas, *self.serves, *PARTS])
         return [name for name in names if self._has_for(name, body)]
 
@@ -202,7 +209,7 @@ class Map:
         return True
 
     def require(self, name: str, body: Any) -> None:
-        """Raise an error if there is not what a public function needs for this body."""
+        """Raise an error unless the map supports a public function for this body."""
         if not self.has(name):
             if self is not map_of(body):
                 received = f"{', '.join(map(repr, self.methods))}: {self.title} has no {name}"
@@ -222,7 +229,7 @@ class Map:
             self.plane.check(body, name)
 
     def formula(self, name: str, body: Any) -> Formula:
-        """Return the formula of a public function; an error if there is none for this body."""
+        """Return the formula of a public function; raise if there is none for this body."""
         self.require(name, body)
         return self.formulas[name]
 
@@ -240,17 +247,42 @@ MAPS: dict[str, Map] = {}  # by name
 
 
 def register(record: Map) -> None:
-    """Make a map known, for runs, files and functions of a state.
+    """Make a map available to runs, files and functions of a state.
 
     The first record of a class has the method "auto", the default of runs; further records of the
     same class have methods of other names.
 
+    Parameters
+    ----------
+    record : Map
+        The map with all its parts.
+
     Raises
     ------
     TypeError, ValueError
-        If the name or a method is taken, a part of the record has another type than `Map` says, no
-        function asks for a formula of a name, or a parameter of a body is a vector and `_axes` does
-        not say so.
+        If the name or a method is taken, a part of the record does not have the type that `Map`
+        says, a formula has a name that no public function has, or a parameter of a body is a vector
+        and `_axes` does not say so.
+
+    Examples
+    --------
+    >>> from suslov_fast import QuadraticField, iterate, maps
+    >>> def explicit_euler(x, out, eps, work, indices, values):
+    ...     out[:] = x
+    ...     for (i, j, k), v in zip(indices.T, values):  # x_i' = v x_j x_k, with x_D = 1
+    ...         out[i] += eps * v * (x[j] if j < len(x) else 1.0) * (x[k] if k < len(x) else 1.0)
+    ...     return 0
+    >>> maps.register(
+    ...     maps.Map(
+    ...         name="Explicit Euler", title="Explicit Euler method", body=QuadraticField,
+    ...         methods={"euler": maps.Steps(maps.steps_of(explicit_euler), maps.by_field)},
+    ...         formulas={}, random=(), pole=None, variable="x", meaning="state",
+    ...     )
+    ... )
+    >>> decay = QuadraticField.from_function(lambda x: (-x[0],), 1)
+    >>> iterate(decay, [1.0], eps=0.1, steps=2, method="euler").x.ravel().round(9)
+    array([1.  , 0.9 , 0.81])
+    >>> del maps.MAPS["Explicit Euler"]  # only to try it again in the same session
     """
     checks.instance("record", record, Map)
     checks.instance("name", record.name, str)
@@ -267,7 +299,7 @@ def register(record: Map) -> None:
         if part is not None and not callable(part):
             raise checks.wrong(name, "a function, or None", repr(part), TypeError)
     if not {*record.serves} <= {*SERVED}:
-        raise checks.wrong("serves", f"some of {SERVED}", repr(record.serves))
+        raise checks.wrong("serves", f"names among {SERVED}", repr(record.serves))
     taken = [name for other in MAPS.values() if other.body is record.body for name in other.methods]
     if not record.methods or (clashing := {*record.methods} & {*taken}):
         received = ", ".join(sorted(clashing)) if record.methods else "none"
@@ -291,8 +323,8 @@ def register(record: Map) -> None:
 def map_of(body: Any, method: str = "auto") -> Map:
     """Return the map of a method for a body.
 
-    Records of a class come before those of the classes that it derives from, which hold as far as
-    the class has their equations.
+    A class has the maps of its own records, and those of the classes that it derives from as long
+    as it does not define equations of its own.
     """
     by_method = _methods_of(type(body))
     if type(method) is str and method in by_method:
@@ -310,24 +342,25 @@ def map_of(body: Any, method: str = "auto") -> Map:
 
 
 def _methods_of(kind: Any) -> dict[str, Map]:
+    """Return the maps of a class of bodies by the names of their methods."""
     return _by_method(kind, tuple(MAPS.values()))
 
 
-_EQUATIONS = {"field", "_field", "terms", "constants"}  # of a class that has its own
+# A class that defines one of these attributes has equations of its own.
+_EQUATIONS = {"field", "_field", "terms", "constants"}
 
 
-@lru_cache(maxsize=64)  # for small calls
+@lru_cache(maxsize=64)  # for speed in small calls
 def _by_method(kind: type[Any], records: tuple[Map, ...]) -> dict[str, Map]:
-    """Return the maps of a class of bodies by the names of their methods."""
-    found: dict[str, Map] = {}
-    for each in kind.__mro__:
+    by_method: dict[str, Map] = {}
+    for base in kind.__mro__:
         for record in records:
-            if record.body is each:
+            if record.body is base:
                 for method in record.methods:
-                    found.setdefault(method, record)
-        if not _EQUATIONS.isdisjoint(vars(each)):
-            break  # maps of the classes before have other equations
-    return found
+                    by_method.setdefault(method, record)
+        if not _EQUATIONS.isdisjoint(vars(base)):
+            break  # the classes above have other equations
+    return by_method
 
 
 def named(name: str) -> Map:
@@ -347,7 +380,7 @@ def problem(
     method: str = "auto",
     **options: Any,
 ) -> Problem:
-    """Check the arguments of a public function, and that the map has what it needs.
+    """Return the checked problem of a public function, if the map supports the function.
 
     Options are those of `engine.problem.check`.
     """

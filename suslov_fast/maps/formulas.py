@@ -1,6 +1,7 @@
-"""Formulas of a map for public functions: a `Formula` for each, by the name of the function.
+"""How maps compute the public functions of a state: a `Formula` for each, by its name.
 
-The records list the formulas of each map. A formula takes a checked problem and returns its values.
+A formula takes a checked problem and returns the values. Records list the formulas of their map.
+The equations are in `core.quantities` and `core.quantities_field`.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,15 +23,15 @@ from ..engine.stretches import states_after
 
 
 class Formula(NamedTuple):
-    """The values of a function of a state."""
+    """How a map computes a public function of a state."""
 
     compute: Callable[[Problem], Any]  # returns the values (...), or an array for each state
     check: Callable[[Any], None] | None = None  # raises an error for a body without the quantity
-    poles: bool = False  # True if infinite values are meant; else they are returned as NaN
+    poles: bool = False  # True if infinite values are results; else they become NaN
 
 
 class Plane(NamedTuple):
-    """How orbits reduce to those of a body in three dimensions, whose solution is known."""
+    """How to reduce a problem to one in three dimensions, whose solution is known."""
 
     # Returns an equivalent problem, and the function that maps its states back.
     reduce: Callable[[Problem], tuple[Problem, Callable[[FloatArray], FloatArray]]]
@@ -43,9 +44,9 @@ def by_constants(formula: Universal, problem: Problem) -> Any:
 
 
 def by_rows(formula: Universal, problem: Problem) -> Any:
-    """Return the values of a universal function of constants, eps and states in rows.
+    """Return the values of a universal function that takes constants, eps and rows of states.
 
-    For a single body and step size one call takes all states along the last axis of the batch.
+    For a single body and step size, the states along the last axis of the batch are one such array.
     """
     body, eps, omega = problem.body, problem.eps, problem.omega
     if omega.ndim > 1 and not body.shape and type(eps) is float:
@@ -57,10 +58,10 @@ def by_rows(formula: Universal, problem: Problem) -> Any:
 def by_terms(
     formula: Universal, problem: Problem, terms: Any = None, after: FloatArray | None = None
 ) -> FloatArray:
-    """Return the values of a formula of the terms of a field, or of other `terms`.
+    """Return the values of a formula of `terms`, by default those of the field of the body.
 
-    The formula takes eps, the states, and those `after` them if given. For a single field one call
-    takes all states along the last axis of the batch.
+    The formula takes the terms, and rows of eps, of states, and of the states `after` a step if
+    given. For a single field, the states along the last axis of the batch are the rows.
     """
     body, batch = problem.body, problem.batch
     states = [problem.omega] if after is None else [problem.omega, after]
@@ -81,6 +82,7 @@ def of_constants(names: str, **options: Any) -> dict[str, Formula]:
 
 # -------------------------------------------------------------------- of Kahan's map of any field
 def _check_hamiltonian(body: Any) -> None:
+    """Raise TypeError for a field without a Hamiltonian."""
     if body.field().H is None:
         how = "make it by QuadraticField.from_hamiltonian"
         raise TypeError(f"body: this field has no Hamiltonian: {how}")
@@ -91,7 +93,9 @@ def _energy(problem: Problem) -> FloatArray:
 
 
 def _modified_energy(problem: Problem) -> FloatArray:
-    places, values = problem.body.field().H.terms  # symmetric: x_next in each of the places
+    places, values = problem.body.field().H.terms
+    # H + grad H . (x_next - x) / 3 is the symmetric form H(x, x, x_next): the mean over the three
+    # places of x_next.
     terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)
     return by_terms(quantities_field.cubic_form, problem, terms, states_after(problem))
 
@@ -112,14 +116,14 @@ KAHAN = {
 }
 
 
-_NOT_OF_ORDERS = "matrix", "modified_energy", "invariant_density"
-# The formulas of several steps by fractions of eps: those of one step are not theirs.
+_NOT_OF_ORDERS = "matrix", "modified_energy", "invariant_density"  # of single steps only
+# The formulas of the compositions of order 4, 6 and 8.
 OF_ORDER = {name: formula for name, formula in KAHAN.items() if name not in _NOT_OF_ORDERS}
 
 
 # ------------------------------------------------------------------------------ in three dimensions
 def rates_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
-    """Return the eigenvalues of `rates`; that along a line of steady states is exactly 0."""
+    """Return eigenvalues as `rates` does; the one along a line of steady states is exactly 0."""
     (I1, I2, _, _, k), x = problem.body.constants, problem.omega
     trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
     root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
@@ -127,11 +131,12 @@ def rates_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
 
 
 def rates_in_3d(problem: Problem, slopes: FloatArray) -> FloatArray:
+    """Return eigenvalues as `rates` does; without a rotor they are real."""
     return rates_of_gyrostat(problem, slopes).real
 
 
 def whole_states(problem: Problem) -> FloatArray:
-    """Return the states of the whole batch, with the constrained component, which is 0."""
+    """Return the states (..., D + 1) of the whole batch with the constrained component, 0."""
     free = np.broadcast_to(problem.omega, (*problem.batch, problem.body.dimension))
     return np.concatenate([free, abs(0.0 * free[..., :1])], axis=-1)
 
@@ -163,7 +168,7 @@ def _step_full(problem: Problem) -> Any:
     return quantities.step_full(*body.constants[:4], body.I3, problem.eps, problem.omega)
 
 
-SOLVED = Plane(lambda problem: (problem, lambda states: states))
+SOLVED = Plane(lambda problem: (problem, lambda states: states))  # needs no reduction
 
 GYROSTAT = {
     **KAHAN,
@@ -195,10 +200,10 @@ def _reaction_nd(problem: Problem) -> FloatArray:
 
 
 def rates_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """Return the eigenvalues of `rates`: those of f' = (I.x) J**-1 P.
+    """Return eigenvalues as `rates` does, of f' = (I.x) J**-1 P; P is orthogonal to I.
 
-    P projects onto the vectors orthogonal to I. With B = P J**-1/2 they are (I.x) times the squares
-    of the singular values of B, of which small ones keep their digits beside large ones.
+    They are I.x times the squares of the singular values of P J**-1/2, because small singular
+    values keep their digits beside large ones.
     """
     body, x = problem.body, problem.omega
     length = np.linalg.norm(body.I, axis=-1, keepdims=True)
@@ -223,9 +228,9 @@ def _momentum_nd(problem: Problem) -> FloatArray:
 def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatArray]]:
     """Return an equivalent problem in three dimensions, and the function that maps states back.
 
-    States stay in the plane of I and omega0. With the values b of J along I and a across it, the
-    component s of omega along I, and the length r of the remainder, whose direction is constant,
-    (s, r) is a state of the body I1 = b, I2 = a, I13 = 0, I23 = abs(I).
+    States stay in the plane of I and omega0. Let J be b along I and a across it, s the component of
+    omega along I, and r the length of the remainder, whose direction is constant. Then (s, r) is a
+    state of the body with I1 = b, I2 = a, I13 = 0, I23 = abs(I).
     """
     body, omega = problem.body, problem.omega
     J, I = np.broadcast_arrays(body.J, body.I)
@@ -236,7 +241,8 @@ def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatAr
     unit = I / np.where(length > 0.0, length, 1.0)[..., None]
     along = (unit * omega).sum(axis=-1)
     across = omega - along[..., None] * unit
-    size = abs(across).max(axis=-1, keepdims=True)  # whose square may be out of range
+    # Scaled, because squares may be out of range.
+    size = abs(across).max(axis=-1, keepdims=True)
     rest = size[..., 0] * np.linalg.norm(across / np.where(size > 0.0, size, 1.0), axis=-1)
     order = abs(I).argsort(axis=-1)
     a, b = (np.take_along_axis(J, order[..., k, None], axis=-1)[..., 0] for k in (0, -1))
@@ -251,7 +257,7 @@ def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatAr
 
 
 def _nd(name: str, compute: Any = None, **options: Any) -> dict[str, Formula]:
-    """Return the formula of a function that some bodies may lack, by its name."""
+    """Return, by its name, the formula of a function that is not known for all bodies."""
     if compute is None:
         compute = partial(by_constants, getattr(quantities, f"{name}_nd"))
     return {name: Formula(compute, partial(check_known, function=name), **options)}
@@ -270,8 +276,8 @@ IN_ND = {
     "momentum": Formula(_momentum_nd),
 }
 IN_PLANE = Plane(_in_plane, check_known)
-# The functions that ask the record of a map for a formula, those that need none, and those that
-# ask for another part.
+# Public functions that need a formula of the map, those that need none, and those that need another
+# part of the record.
 FUNCTIONS = {*IN_3D, *IN_ND}
 SERVED = "plot_phase", "animate_body", "explore", "frame", "scattering_angle"
 PARTS = {
@@ -282,7 +288,7 @@ PARTS = {
 
 
 def check_formulas(formulas: Mapping[str, Any], conserved: Any) -> None:
-    """Raise an error for formulas that no function asks for, or `conserved` of other names."""
+    """Raise an error for a formula that no public function uses, or a wrong name in `conserved`."""
     for name, formula in formulas.items():
         instance(f"formulas[{name!r}]", formula, Formula)
         if name in PARTS:
@@ -296,7 +302,7 @@ def check_formulas(formulas: Mapping[str, Any], conserved: Any) -> None:
         raise wrong("conserved", expected, repr(conserved))
 
 
-# What errors say where the map of a body lacks a function, by its name.
+# What errors advise, by the name of the function, if the map of a body does not support it.
 INSTEAD = {
     **dict.fromkeys(("exact", "flow", "limits"), ", which has no closed form: use iterate"),
     "closed_form": ": use exact, or iterate where there is no closed form",

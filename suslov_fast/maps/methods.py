@@ -1,4 +1,4 @@
-"""Steps of the kernels of the package, with what each costs."""
+"""Steps of the package: kernels with their arguments and costs, also of order 4, 6 and 8."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -19,13 +19,13 @@ from ..engine.stretches import Steps
 
 
 def _cost_of_field(D: int, arguments: Any) -> float:
-    """Return the time of a usual step; the kernel returns to Python where many steps are others."""
+    """Return the time of a usual step; a call with many careful steps ends early by itself."""
     step, fractions = arguments[0]
     return len(fractions) * (0.1 * len(step.usual) if step.usual else float(D**3))
 
 
 def _cost_in_nd(D: int, arguments: Any) -> float:
-    """Return a time between those of usual steps and of steps by elimination, for Ctrl-C."""
+    """Return a time between those of a usual step, O(n), and of a step by elimination, O(n**3)."""
     return 16.0 * D + D**3 / 30.0
 
 
@@ -43,10 +43,10 @@ GAUSS = STEPS_ND._replace(
 
 
 # ---------------------------------------------------------------------- steps of order 4, 6 and 8
-# Kahan's map is symmetric: its inverse is the map with -eps. So steps of fractions of eps that are
-# the same from both ends, and whose sum is 1, have an even order. Order 4 has Suzuki's fractions;
-# orders 6 and 8 those that W. Kahan and R.-C. Li found for this map and its kin, Math. Comp. 66
-# (1997), each to the middle one.
+# Kahan's map is symmetric: its inverse is the map with -eps. So a composition of steps by fractions
+# of eps that read the same from both ends, and whose sum is 1, has an even order. Order 4 has the
+# fractions of Suzuki, orders 6 and 8 those of W. Kahan and R.-C. Li, Math. Comp. 66 (1997). A list
+# ends with the middle fraction.
 _SUZUKI = 1 / (4 - 4 ** (1 / 3))
 _TO_THE_MIDDLE = {
     4: [_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI],
@@ -81,30 +81,30 @@ def _field_of_order(order: int) -> Steps:
 FIELD_OF_ORDER = {order: _field_of_order(order) for order in FRACTIONS}
 
 
-# ---------------------------------------------------------------------- steps of maps of others
+# ---------------------------------------------------------------------- steps of other authors
 def steps_of(step: Callable[..., int], work: int | Callable[[int], int] = 0) -> Kernel:
-    """Return a kernel that keeps the contract of `Map`, from the step of one state.
+    """Make a kernel from a function that steps one state; it fulfils the contract of `Map`.
 
     Parameters
     ----------
     step : compiled function
-        ``step(x, out, eps, work, *row)`` writes the state that follows x (D,) to `out` (D,) and
-        returns its `Status`, see `Map`. Decorate it with `core.numba.function` or `numba.njit`;
-        an ordinary function is compiled here.
+        ``step(x, out, eps, work, *row)`` writes the state after x (D,) to `out` (D,) and returns a
+        `Status` as an int: see `Map`. It may be decorated with `core.numba.function` or
+        `numba.njit`; a plain function is compiled here.
     work : int or callable
-        The length of `work`, an array of float64 that each thread has: a number, or a function
-        of D.
+        The length of `work`, scratch memory of float64 for each thread: a number, or a function of
+        D.
 
     Returns
     -------
     Kernel
-        For ``Steps(kernel, arguments)`` in the `methods` of a `Map`.
+        To be used as ``Steps(kernel, arguments)`` in the `methods` of a `Map`.
 
     Raises
     ------
     TypeError, ValueError
-        If `step` is no function, or `work` no length. A step of another number of arguments is
-        refused in the first run.
+        If `step` is not a function, or `work` not a length. The first run refuses a step with a
+        wrong number of arguments.
 
     Examples
     --------
@@ -125,7 +125,7 @@ def steps_of(step: Callable[..., int], work: int | Callable[[int], int] = 0) -> 
 
 
 def with_notes(methods: Mapping[str, Steps]) -> dict[str, Steps]:
-    """Return the steps of methods, with the carry that kernels of `steps_of` write."""
+    """Return steps; those with a kernel from `steps_of` get the carry that it writes."""
     return {
         name: steps._replace(carried=one_step.CARRIED, notes_poles=True)
         if isinstance(getattr(steps, "kernel", None), one_step.KernelOfStep)

@@ -1,4 +1,4 @@
-"""The records of the maps of the package."""
+"""The records of the maps of the package, which are registered on import."""
 
 from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND

@@ -1,4 +1,4 @@
-"""The body in space: vectors and matrices of its motion, its orientation, the scattering angle."""
+"""The body in space: angular velocity and momentum, orientation, and scattering angle."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .engine.stretches import states_after
 from .engine.threads import call_kernel
 from .maps import map_of, problem
 
-# A state follows another if it differs from the image of that by less than this part of the step,
-# which is above rounding and below what any other method or step size gives, and of the state.
+# Tolerances for consecutive states, relative to the step and to the states: above rounding errors,
+# and below the difference that another method or step size makes.
 _OF_THE_STEP, _OF_THE_STATE = 1e-6, 1e-10
 
 
@@ -32,24 +32,28 @@ def to_matrix(
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
 ) -> FloatArray:
-    """Antisymmetric matrix Omega of an angular velocity: R' = R Omega.
+    """Angular velocity as an antisymmetric matrix Omega, with R' = R Omega.
 
     Parameters
     ----------
     body, omega
         As in :func:`jacobian`, without fields.
     rotation : array_like(float, shape=(..., n, n)), optional
-        What `from_inertia` or `from_mass_tensor` returned: the result is in the basis of their
-        tensor, not in the adapted basis.
+        The rotation that `from_inertia` or `from_mass_tensor` returned. With it, the result is in
+        the basis of the tensor given there, not in the adapted basis.
     attitude : array_like(float, shape=(..., n, n)), optional
-        Orientations of the body: the result is in space.
+        Orientations of the body from :func:`attitude`. With them, the result is in space.
 
     Returns
     -------
     ndarray(float, shape=(..., n, n))
-        In the unit of omega. In three dimensions, the matrix whose product with a vector v is the
-        vector product of (Omega1, Omega2, 0) and v. In n dimensions, its last column holds
-        Omega_in.
+        In the unit of omega. In three dimensions, its product with a vector v is the vector product
+        of (Omega1, Omega2, 0) and v. In n dimensions, its last column holds Omega_in.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a field, or if both `rotation` and `attitude` are passed.
 
     Examples
     --------
@@ -70,7 +74,7 @@ def to_vector(
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
 ) -> FloatArray:
-    """Angular velocity as a vector, in three dimensions.
+    """Angular velocity as a vector, (Omega1, Omega2, 0), of a body in three dimensions.
 
     Parameters
     ----------
@@ -80,13 +84,20 @@ def to_vector(
     Returns
     -------
     ndarray(float, shape=(..., 3))
-        (Omega1, Omega2, 0), or its components in the other basis.
+        In the unit of omega: (Omega1, Omega2, 0), or the components in the other basis.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`to_matrix`; for a body in n dimensions use that.
 
     Examples
     --------
     >>> from suslov_fast import Suslov3D, to_vector
-    >>> to_vector(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
-    array([2., 5., 0.])
+    >>> I = [[4, 0, -0.5], [0, 2, -0.3], [-0.5, -0.3, 3]]
+    >>> body, rotation = Suslov3D.from_inertia(I, a=[1, 0, 0])
+    >>> to_vector(body, [2.0, 5.0], rotation=rotation).round(4)  # in the basis of I
+    array([ 0.    ,  5.3524, -0.5928])
     """
     return _shown("to_vector", body, omega, rotation, attitude)
 
@@ -99,9 +110,10 @@ def momentum(
     rotation: ArrayLike | None = None,
     attitude: ArrayLike | None = None,
 ) -> FloatArray:
-    """Angular momentum M = I Omega, with a rotor + k e3; M = I Omega + Omega I in n dimensions.
+    """Angular momentum M of the body, in the body or in space.
 
-    I3 does not enter because Omega3 = 0. In space M is not conserved: in three dimensions its
+    M = I Omega in three dimensions (without I3, because Omega3 = 0), plus k e3 with a rotor;
+    M = I Omega + Omega I in n dimensions. It is not conserved in space: in three dimensions its
     derivative is the :func:`reaction` times the constrained axis.
 
     Parameters
@@ -115,11 +127,19 @@ def momentum(
         A vector in three dimensions, an antisymmetric matrix in n; in the unit of inertia times
         that of omega.
 
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`to_matrix`.
+
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, momentum
-    >>> momentum(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [2.0, 5.0])
-    array([ 8. ,  5. , -2.5])
+    >>> from suslov_fast import Suslov3D, iterate, momentum
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> run = iterate(body, [1.0, 0.5], eps=0.2, steps=100, attitude=True)
+    >>> momentum(body, run.omega, attitude=run.attitude)[[0, -1]].round(3)  # in space
+    array([[ 4.   ,  0.5  , -0.65 ],
+           [ 2.276, -1.408, -2.146]])
     """
     return _shown("momentum", body, omega, rotation, attitude)
 
@@ -127,7 +147,7 @@ def momentum(
 def _shown(
     function: str, body: Any, omega: Any, rotation: ArrayLike | None, attitude: ArrayLike | None
 ) -> FloatArray:
-    """Return vectors (..., n), or matrices (..., n, n), in the requested basis."""
+    """Return vectors (..., n) or matrices (..., n, n) of a function, in the requested basis."""
     given = problem(function, body, omega)
     with np.errstate(all="ignore"):
         values = given.map.formulas[function].compute(given)
@@ -155,39 +175,43 @@ def attitude(
     *,
     threads: int | None = None,
 ) -> FloatArray:
-    """Orientation of the body along stored trajectories.
+    """Orientation of the body along saved trajectories, as rotation matrices R.
 
-    R_next = R cay(eps (Omega + Omega_next) / 2) with the Cayley map, a discretization of order 2 of
-    R' = R Omega.
+    R_next = R cay(eps (Omega + Omega_next) / 2), with the Cayley map: a discretization of
+    R' = R Omega of order 2, which keeps R orthogonal. ``iterate(..., attitude=True)`` computes the
+    same during a run, also if it saves only every k-th state.
 
     Parameters
     ----------
     body, eps, threads
         As in :func:`iterate`, without fields.
     omega : array_like(float, shape=(N + 1, ..., D))
-        Consecutive states of trajectories, as :func:`iterate` returns them, including NaN after a
+        All consecutive states of trajectories, as :func:`iterate` returns them, with NaN after a
         failure.
     R0 : array_like(float, shape=(..., n, n)), optional
-        Rotation matrix, the orientation at the first state; by default the identity.
+        Rotation matrix: the orientation at the first state; by default the identity.
 
     Returns
     -------
     ndarray(float, shape=(N + 1, ..., n, n))
-        Matrices R that take components in the body frame to components in space, dimensionless,
-        orthogonal to rounding; NaN from the first NaN state on.
+        R takes components in the body to components in space. Dimensionless, orthogonal to
+        rounding; NaN from the first NaN state on.
 
     Raises
     ------
     ValueError
         If the states are not consecutive steps with this eps or -eps, to 1e-6 of the step and 1e-10
-        of the states; every k-th state of a run is an example.
+        of the states, for example if only every k-th state of a run was saved.
 
     Examples
     --------
     >>> from suslov_fast import Suslov3D, attitude, iterate
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2).shape
-    (101, 3, 3)
+    >>> R = attitude(body, iterate(body, [1.0, 0.5], eps=0.2, steps=100).omega, eps=0.2)
+    >>> R[-1].round(3)
+    array([[ 0.441, -0.668, -0.6  ],
+           [-0.72 , -0.662,  0.207],
+           [-0.536,  0.341, -0.773]])
     """
     map_of(body).require("attitude", body)
     path, D = checks.states("omega", omega, body._labels), body.dimension
@@ -203,9 +227,10 @@ def attitude(
     turns = np.empty((*flat.shape[:2], D + 1, D + 1))
     turns[0] = flat_arrays(R0, batch, 2)
     turns[0, np.isnan(flat[0]).any(axis=-1)] = np.nan
-    given = flat, flat_parameter(first.eps, batch), first.map.attitude == "axial"
-    after = turns[0].copy(), 0, 1, 1, turns
-    call_kernel(orientations.turn_along, turns.size, first.threads, *given, *after)
+    arrays = flat, flat_parameter(first.eps, batch), first.map.attitude == "axial", turns[0].copy()
+    start, every, row = 0, 1, 1
+    threads = first.threads
+    call_kernel(orientations.turn_along, turns.size, threads, *arrays, start, every, row, turns)
     return turns.reshape((len(path), *batch, D + 1, D + 1))
 
 
@@ -213,12 +238,12 @@ def _check_that_states_follow(first: Problem, states: FloatArray) -> None:
     """Raise ValueError if states (N + 1, ..., D) are not consecutive states of the map."""
     before, after, eps = states[:-1], states[1:], first.eps
     with np.errstate(all="ignore"):
-        step, size = (abs(each).max(axis=-1) for each in (after - before, abs(after) + abs(before)))
+        step, size = abs(after - before).max(axis=-1), (abs(after) + abs(before)).max(axis=-1)
         strays = ~np.isnan(step)
         for start, last, h in ((before, after, eps), (after, before, -eps)):
             batch = start.shape[:-1]
-            found = states_after(first._replace(omega=start, eps=h, batch=batch, threads=None))
-            error = abs(found - last).max(axis=-1)
+            image = states_after(first._replace(omega=start, eps=h, batch=batch, threads=None))
+            error = abs(image - last).max(axis=-1)
             strays &= ~(error <= _OF_THE_STEP * step + _OF_THE_STATE * size)
     if strays.any():
         row, *place = first_index(strays)
@@ -232,14 +257,16 @@ def _check_that_states_follow(first: Problem, states: FloatArray) -> None:
 def scattering_angle(body: Suslov3D, /) -> FloatArray:
     """Angle between the angular velocities in space at time -infinity and at +infinity.
 
-    In the continuous problem it depends on the body alone; in the discrete problem it converges to
-    that angle with order 2 in eps. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2,
+    This is the angle of the continuous motion, which depends on the body alone; that of the map
+    converges to it with order 2 in eps. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2,
     alpha = I1 I2 m / D, beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
-    kappa**2 = (alpha - i gamma)**2 - beta**2, and for gamma = 0 by Fedorov, Maciejewski and
-    Przybylska, Nonlinearity 22 (2009), arXiv:0902.0079,
+    kappa**2 = (alpha - i gamma)**2 - beta**2,
 
     sin(angle / 2)**2 = (Re cosh(pi kappa / 2) / cosh(pi alpha / 2))**2
-    + (Im cosh(pi kappa / 2) / sinh(pi alpha / 2))**2.
+    + (Im cosh(pi kappa / 2) / sinh(pi alpha / 2))**2,
+
+    for gamma = 0 a result of Fedorov, Maciejewski and Przybylska, Nonlinearity 22 (2009),
+    arXiv:0902.0079.
 
     Parameters
     ----------
@@ -252,6 +279,11 @@ def scattering_angle(body: Suslov3D, /) -> FloatArray:
         Angle in radians, from 0, if the body turns over, to pi, if its final orientation is the
         initial one; NaN if I13 = I23 = 0. Its error is about 1e-15 (alpha + beta + abs(gamma)).
 
+    Raises
+    ------
+    TypeError
+        If the body is not a `Suslov3D`.
+
     Examples
     --------
     >>> from suslov_fast import Suslov3D, scattering_angle
@@ -260,8 +292,9 @@ def scattering_angle(body: Suslov3D, /) -> FloatArray:
     """
     map_of(body).require("scattering_angle", body)
     I1, I2, I13, I23 = np.broadcast_arrays(*body.constants[:4])
-    # Sums of positive terms: with A, B, C and P + i Q = pi / 2 times alpha, beta, abs(gamma) and
-    # the conjugate of kappa, A - P is the real part of B**2 / (A + i C + P + i Q), and
+    # Written with sums of positive terms, which lose no digits. Let A, B, C and P + i Q be pi / 2
+    # times alpha, beta, abs(gamma) and the conjugate of kappa, and S = sin(angle / 2). Then A - P is
+    # the real part of B**2 / (A + i C + P + i Q), and
     # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,
     # 1 - |S|**2 = sinh(A - P) sinh(A + P) ((cos(Q) / cosh(A))**2 + (sin(Q) / sinh(A))**2).
     with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; what underflows is 0
@@ -271,8 +304,8 @@ def scattering_angle(body: Suslov3D, /) -> FloatArray:
         kappa = np.sqrt((A - B) * (A + B) - C * C + 2j * (A * C))
         P, Q = kappa.real, kappa.imag
         gap = B * (B / np.hypot(A + P, C + Q)) * ((A + P) / np.hypot(A + P, C + Q))  # A - P
-        # All terms divided by exp(A).
+        # Numerators and denominators are divided by exp(A), so that they do not overflow.
         cosine, sine = np.cos(Q) / (1.0 + np.exp(-2.0 * A)), np.sin(Q) / -np.expm1(-2.0 * A)
         S = np.exp(-gap) * np.hypot((1.0 + np.exp(-2.0 * P)) * cosine, -np.expm1(-2.0 * P) * sine)
-        one = np.expm1(-2.0 * gap) * np.expm1(-2.0 * (A + P))
-        return np.asarray(2.0 * np.arctan2(S, np.sqrt(one) * np.hypot(cosine, sine)))[()]
+        product = np.expm1(-2.0 * gap) * np.expm1(-2.0 * (A + P))
+        return np.asarray(2.0 * np.arctan2(S, np.sqrt(product) * np.hypot(cosine, sine)))[()]

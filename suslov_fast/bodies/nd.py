@@ -45,6 +45,11 @@ class SuslovND(Body):
         The products I_in, 0 or between 1e-60 and 1e60 in modulus. Where all are 0 every angular
         velocity is constant.
 
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is not finite and in its range, or J and I differ in length.
+
     Examples
     --------
     >>> from suslov_fast import SuslovND
@@ -151,6 +156,16 @@ class NotIntegrableError(ValueError):
 
     Functions that need one raise it; the message says for which bodies a formula is known, and what
     to use for this one.
+
+    Examples
+    --------
+    >>> from suslov_fast import NotIntegrableError, SuslovND, first_integral
+    >>> body = SuslovND(J=[1.3, 2.1, 3.7], I=[0.4, -0.7, 0.5])
+    >>> try:
+    ...     first_integral(body, [1.0, 0.5, 0.2], eps=0.1)
+    ... except NotIntegrableError as error:
+    ...     print(str(error).rpartition(": ")[2])
+    use modified_energy
     """
 
 

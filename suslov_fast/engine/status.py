@@ -66,6 +66,16 @@ class SingularStepWarning(RuntimeWarning):
     Their `status` is negative and tells why (:class:`Status`), `failed_at` is the number of the
     first missing state, and states are NaN from there on. Other trajectories are not affected. The
     argument ``on_singular`` of runs turns this warning into a :class:`SingularStepError`, or off.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> from suslov_fast import QuadraticField, SingularStepWarning, iterate
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore", SingularStepWarning)
+    ...     run = iterate(QuadraticField([[[1]]]), [[-0.5], [1.0]], eps=1.0, steps=3)
+    >>> run.status.tolist(), run.failed_at.tolist()
+    ([0, -1], [-1, 1])
     """
 
 

@@ -16,69 +16,87 @@ from .evaluation import evaluate, mask_and_warn
 
 
 def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
-    """Energy, half the sum of J_i Omega_i**2, conserved by the continuous motion; H of a field.
+    """Energy of a body, half the sum of J_i Omega_i**2, or Hamiltonian H of a field.
+
+    The continuous motion conserves it, the map only nearly: see :func:`modified_energy`. In three
+    dimensions J_1 and J_2 are I1 and I2.
 
     Parameters
     ----------
     body, omega
-        As in :func:`jacobian`; a field has to be made by `QuadraticField.from_hamiltonian`.
+        As in :func:`jacobian`; a field must come from :meth:`QuadraticField.from_hamiltonian`.
 
     Returns
     -------
     ndarray(float, shape=(...))
-        In the unit of inertia times that of omega squared; of a field, in that of H.
+        In the unit of inertia times that of omega squared; for a field, in the unit of H.
+
+    Raises
+    ------
+    TypeError
+        If a field has no Hamiltonian.
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, energy
-    >>> float(energy(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]))
-    2.125
+    >>> from suslov_fast import Suslov3D, energy, iterate
+    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
+    >>> energy(body, iterate(body, [1.0, 0.5], eps=0.2, steps=3).omega).round(4)
+    array([2.125 , 2.1248, 2.1246, 2.1244])
     """
     return evaluate("energy", body, omega)
 
 
 def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
-    """First integral F of the map, Lemma 1 of the paper, equation (6).
+    """First integral F of the map of a body, which is constant along its orbits.
 
     F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2), x = I13 Omega1 + I23 Omega2 (+ k
-    for a gyrostat). For n > 3, F is known if J I = b I and J = a on the vectors orthogonal to
-    I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times the length of the component of
-    omega orthogonal to I.
+    for a gyrostat): Lemma 1 of the paper, equation (6). For n > 3, F is known if J I = b I and
+    J = a on the vectors orthogonal to I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times
+    the length of the component of omega orthogonal to I.
 
     Parameters
     ----------
     body, omega, eps
-        As in :func:`jacobian`, without fields. A body without a known F raises
-        :class:`NotIntegrableError`; its :func:`modified_energy` is nearly conserved.
+        As in :func:`jacobian`, without fields.
 
     Returns
     -------
     ndarray(float, shape=(...))
         In the unit of omega squared over that of inertia.
 
+    Raises
+    ------
+    NotIntegrableError
+        If no F is known for the body. Its :func:`modified_energy` is nearly conserved.
+    TypeError
+        For a field: `suslov_fast.integrability.report` looks for its integrals.
+
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, first_integral, step
+    >>> from suslov_fast import Suslov3D, first_integral, iterate
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> first_integral(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(9)
-    array([0.26534473, 0.26534473])
+    >>> orbit = iterate(body, [1.0, 0.5], eps=0.2, steps=10_000).omega
+    >>> F = first_integral(body, orbit, eps=0.2)
+    >>> float(F[0].round(9)), bool(abs(F / F[0] - 1).max() < 1e-12)
+    (0.26534473, True)
     """
     return evaluate("first_integral", body, omega, eps)
 
 
 def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
-    """Modified energy E**2 / (E + eps**2 f.Jf / 8), where f is the vector field.
+    """Modified energy, which the map conserves and which tends to the energy as eps -> 0.
 
-    The map conserves it wherever :func:`first_integral` is known (in three dimensions it is
-    2 I1 I2 F), and for every other body up to an error of order eps**4. For a field with a
-    Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the :func:`matrix` A, which the map
-    conserves exactly (Celledoni, McLachlan, Owren and Quispel, arXiv:1209.1164). The methods of
-    order 4, 6 and 8 do not conserve it: they take Kahan's steps of several sizes.
+    For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the vector field f
+    and the :func:`matrix` A, and exactly conserved (Celledoni, McLachlan, Owren and Quispel,
+    arXiv:1209.1164). For a body it is E**2 / (E + eps**2 f.Jf / 8), with the :func:`energy` E:
+    exactly conserved wherever :func:`first_integral` is known (in three dimensions it is
+    2 I1 I2 F), and for other bodies up to an error of order eps**4. The methods of order 4, 6 and 8
+    do not conserve it, because they combine Kahan steps of several sizes.
 
     Parameters
     ----------
     body, omega, eps
-        As in :func:`jacobian`; a field has to be made by `QuadraticField.from_hamiltonian`.
+        As in :func:`jacobian`; a field must come from :meth:`QuadraticField.from_hamiltonian`.
 
     Returns
     -------
@@ -86,22 +104,30 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
         In the unit of the :func:`energy`. NaN, with one :class:`SingularStepWarning`, where a state
         of a field has no next state.
 
+    Raises
+    ------
+    TypeError
+        If a field has no Hamiltonian.
+
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, modified_energy, step
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> modified_energy(body, [[1.0, 0.5], step(body, [1.0, 0.5], eps=0.2)], eps=0.2).round(6)
-    array([2.122758, 2.122758])
+    >>> from suslov_fast import QuadraticField, iterate, modified_energy
+    >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+    >>> orbit = iterate(well, [0.5, 0.0], eps=0.1, steps=100_000).x
+    >>> H = modified_energy(well, orbit, eps=0.1)
+    >>> bool(abs(H - H[0]).max() < 1e-12)
+    True
     """
     return evaluate("modified_energy", body, omega, eps)
 
 
 def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
-    """Criticality t = eps sqrt(h / (I1 I2)), which determines the regime of an orbit of the map.
+    """Criticality t, which decides whether an orbit of the map follows the continuous motion.
 
-    h is the integral of equation (9) of the paper, I13**2 I2 + I23**2 I1 times the
-    :func:`first_integral`. t is constant along an orbit. If -1 < t < 1, the orbit follows the
-    continuous motion; otherwise it jumps across the line of steady states, and can meet a pole.
+    If -1 < t < 1, it does; otherwise it jumps across the line of steady states, and can meet a
+    pole: choose a smaller eps. t = eps sqrt(h / (I1 I2)) is constant along an orbit, where h is
+    the integral of equation (9) of the paper, I13**2 I2 + I23**2 I1 times the
+    :func:`first_integral`.
 
     Parameters
     ----------
@@ -112,6 +138,11 @@ def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArra
     -------
     ndarray(float, shape=(...))
         t, dimensionless, with the sign of eps.
+
+    Raises
+    ------
+    NotIntegrableError, TypeError
+        As :func:`first_integral`.
 
     Examples
     --------
@@ -124,22 +155,28 @@ def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArra
 
 
 def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
-    """Rotation number of an orbit of the map of a gyrostat: turns of its phase per step.
+    """Rotation number of an orbit of a gyrostat: mean number of turns per step of the map.
 
-    It is sign(k) arctan(e sqrt(k**2 - A**2)) / pi, with e = eps / (2 sqrt(I1 I2)) and the
-    :func:`criticality` e A, and 0 where orbits go from one steady state to another. The phase is
-    the argument of z / (1 - i e l), with z = sqrt(I1) Omega1 + i sqrt(I2) Omega2 and
-    l = I13 Omega1 + I23 Omega2 + k. If abs(e) A < 1, Omega turns as often.
+    With e = eps / (2 sqrt(I1 I2)) and the :func:`criticality` e A, it is
+    sign(k) arctan(e sqrt(k**2 - A**2)) / pi, and 0 where orbits go from one steady state to
+    another. The phase that turns is the argument of z / (1 - i e l), with
+    z = sqrt(I1) Omega1 + i sqrt(I2) Omega2 and l = I13 Omega1 + I23 Omega2 + k; if abs(e) A < 1,
+    Omega makes as many turns.
 
     Parameters
     ----------
     body, omega, eps
-        As in :func:`jacobian`; the body is one in three dimensions.
+        As in :func:`jacobian`; the body is a `SuslovGyrostat`, or a `Suslov3D` as one with k = 0.
 
     Returns
     -------
     ndarray(float, shape=(...))
         Turns, dimensionless, between -1/2 and 1/2, with the sign of k eps.
+
+    Raises
+    ------
+    TypeError
+        If the body is not one in three dimensions.
 
     Examples
     --------
@@ -152,27 +189,32 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> Floa
 
 
 def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
-    """Density rho of an invariant measure: rho(next omega) det(jacobian at omega) = rho(omega).
+    """Density rho of an invariant measure: rho(omega_next) det(jacobian at omega) = rho(omega).
 
-    rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat); for
-    a field with a Hamiltonian 1 / det A, with the :func:`matrix` A. In n dimensions one is known
-    for n = 3, and for n = 4 with I along one axis: for I = (I1, 0, 0) it is
-    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). It is that
-    of Kahan's map, not of the methods of order 4, 6 and 8.
+    rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat), and
+    1 / det A for a Hamiltonian field, with the :func:`matrix` A. In n dimensions rho is known for
+    n = 3, and for n = 4 with I along one axis: for I = (I1, 0, 0) it is
+    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). Methods of
+    order 4, 6 and 8 do not have these measures.
 
     Parameters
     ----------
     body, omega, eps
-        As in :func:`jacobian`; eps = 0 is the continuous motion. A field has to be made by
-        `QuadraticField.from_hamiltonian`; a body without a known measure raises
-        :class:`NotIntegrableError`.
+        As in :func:`jacobian`; eps = 0 is the continuous motion.
 
     Returns
     -------
     ndarray(float, shape=(...))
         In three dimensions in the unit of 1 / omega over that of inertia to the third power, with
-        the sign of x, and infinite where x = 0. For n = 4 in the unit of 1 / omega squared.
-        Dimensionless for a field, and infinite at poles.
+        the sign of x, and infinite where x = 0. For n = 4 in the unit of 1 / omega squared. For a
+        field dimensionless, and infinite at poles.
+
+    Raises
+    ------
+    NotIntegrableError
+        If no invariant measure is known for the body.
+    TypeError
+        If a field has no Hamiltonian.
 
     Examples
     --------
@@ -185,9 +227,10 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
 
 
 def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
-    """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2.
+    """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2 of a state.
 
-    They are those of equation (7) of the paper. The steady states are the line x = 0.
+    These are equation (7) of the paper; (8) is the map in these coordinates. The steady states are
+    the line x = 0.
 
     Parameters
     ----------
@@ -197,8 +240,13 @@ def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(..., 2))
-        x, in the unit of inertia times that of omega, and y, in that of inertia squared times that
-        of omega.
+        x, in the unit of inertia times that of omega, and y, in the unit of inertia squared times
+        that of omega.
+
+    Raises
+    ------
+    TypeError
+        If the body is not a `Suslov3D`.
 
     Examples
     --------
@@ -210,18 +258,26 @@ def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
 
 
 def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
-    """Angular velocities (Omega1, Omega2) from coordinates (x, y), the inverse of :func:`to_xy`.
+    """Angular velocity (Omega1, Omega2) with given coordinates (x, y): inverse of :func:`to_xy`.
 
     Parameters
     ----------
     body : Suslov3D
-        With I13 or I23 other than 0; otherwise (x, y) is 0 for every omega.
+        A single body, or a batch.
     xy : array_like(float, shape=(..., 2))
-        Those of :func:`to_xy`. Where one is NaN, so is the result.
+        Coordinates x and y of :func:`to_xy`, in its units. NaN gives NaN.
 
     Returns
     -------
     ndarray(float, shape=(..., 2))
+        Omega1 and Omega2.
+
+    Raises
+    ------
+    ValueError
+        If I13 = I23 = 0, because then x = y = 0 for every omega.
+    TypeError
+        If the body is not a `Suslov3D`.
 
     Examples
     --------
@@ -238,41 +294,46 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
 
 
 class ClosedForm(NamedTuple):
-    """Constants h, k1, k2 and t of :func:`closed_form`, each of shape (...)."""
+    """Constants of a solution, as :func:`closed_form` returns them; each has the shape (...)."""
 
-    h: FloatArray
-    k1: FloatArray
-    k2: FloatArray
-    t: FloatArray
+    h: FloatArray  # integral of equation (9), in the unit of (I13 omega)**2
+    k1: FloatArray  # rate of equation (12), in the unit of 1 / eps
+    k2: FloatArray  # phase of Theorem 1, dimensionless
+    t: FloatArray  # criticality, dimensionless
 
 
 def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedForm:
-    """Constants h, k1 and k2 of the solution of Section 4, and the criticality t.
+    """Constants h, k1 and k2 of the closed form of an orbit, Section 4, and its criticality t.
 
-    In the coordinates of :func:`to_xy` state n of the orbit is
+    In the coordinates of :func:`to_xy`, with theta = k1 n eps + k2, state n of the orbit is
     x = sign(x_0) 2 sqrt(h I1 I2 / (I1 I2 - h eps**2)) / cosh(theta) and
-    y = 2 sqrt(h I1 I2) tanh(theta), with theta = k1 n eps + k2. h is the integral of equation (9),
+    y = 2 sqrt(h I1 I2) tanh(theta). :func:`exact` evaluates it. h is the integral of equation (9),
     k1 = -(2 / eps) artanh t solves equation (12), and k2 is that of Theorem 1, which holds for
     positive x, with the prefactor 2 sqrt(h I1 I2) and the denominator I23**2 I1 + I13**2 I2.
 
     Parameters
     ----------
     body, omega0, eps
-        As in :func:`jacobian`; the body is a `Suslov3D`, and eps = 0 is the continuous motion.
+        As in :func:`jacobian`, for a `Suslov3D` and its state 0; eps = 0 is the continuous motion.
 
     Returns
     -------
     ClosedForm
-        Named tuple of arrays (...): h, in the unit of (I13 omega)**2; k1, in that of 1 / eps; k2,
-        dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between -1
-        and 1. k2 is infinite on the line x = 0, and 0 at rest.
+        Named tuple of arrays (...): h, in the unit of (I13 omega)**2; k1, in the unit of 1 / eps;
+        k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
+        -1 and 1. k2 is infinite on the line x = 0, and 0 at rest.
+
+    Raises
+    ------
+    TypeError
+        If the body is not a `Suslov3D`: use :func:`exact`.
 
     Examples
     --------
     >>> from suslov_fast import Suslov3D, closed_form
     >>> constants = closed_form(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2)
-    >>> print(*(f"{value:.6f}" for value in constants))
-    0.161860 -0.402536 -0.678170 0.040232
+    >>> float(constants.k1.round(6)), float(constants.t.round(6))
+    (-0.402536, 0.040232)
     """
     given = problem("closed_form", body, omega0, eps, name="omega0")
     values: FloatArray = given.map.formulas["closed_form"].compute(given)

@@ -1,4 +1,4 @@
-"""The vector field, the reaction of the constraint, and derivatives of the map."""
+"""The vector field, the reaction, and derivatives of the map: multipliers, Lyapunov exponents."""
 
 from __future__ import annotations
 
@@ -24,12 +24,15 @@ from ..engine.stretches import Progress, reporter, states_after
 from ..maps import Method, map_of, problem
 from .evaluation import evaluate, mask_and_warn
 
-# A state is fixed if no component of the field is above this part of the sum of its terms.
+# Tolerance of fixed points: the modulus of a component of f over the sum of those of its terms.
 _FIXED = 1e-8
 
 
 def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
-    """Time derivative of the state, equation (2) of the paper, or (14) in n dimensions.
+    """Time derivative of the state by the equations of motion.
+
+    These are equation (2) of the paper in three dimensions, (14) in n dimensions, and x' = f(x) for
+    a field.
 
     Parameters
     ----------
@@ -39,7 +42,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(..., D))
-        In the unit of omega squared; of a field, in that of x over time.
+        In the unit of omega squared; for a field, in the unit of x over that of time.
 
     Examples
     --------
@@ -51,16 +54,19 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
 
 
 def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -> FloatArray:
-    """Lagrange multiplier of the constraint: the torque that keeps Omega3 at 0.
+    """Torque of the constraint, which keeps Omega3 at 0: its Lagrange multiplier lambda.
 
-    In three dimensions lambda follows from the third equation of (2), which is discretized as
+    With x = I13 Omega1 + I23 Omega2, the third equation of (2) of the paper is
+    x' = lambda + (I1 - I2) Omega1 Omega2, and its discretization is
     (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
 
     Parameters
     ----------
-    body, omega, eps
-        As in :func:`jacobian`, without fields. With eps the multiplier is that of the discrete
-        equations between each state and its next one, without it that of the continuous equations.
+    body, omega
+        As in :func:`jacobian`, without fields.
+    eps : array_like(float, shape=(...)), optional
+        With a step size, lambda between each state and the next one; without, that of the
+        continuous motion.
 
     Returns
     -------
@@ -68,6 +74,11 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -
         In the unit of inertia times that of omega squared. In n dimensions, the antisymmetric
         matrix lambda_ij of equation (13). With eps, NaN and one :class:`SingularStepWarning` where
         a state has no next state.
+
+    Raises
+    ------
+    TypeError
+        For a field, which has no constraint.
 
     Examples
     --------
@@ -79,11 +90,11 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -
 
 
 def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
-    """Matrix A = 1 - (eps / 2) f'(omega), where f is the vector field.
+    """Matrix A of the linear system that a step of Kahan's map solves.
 
-    A(omega; eps) (next_omega - omega) = eps f(omega). Without a rotor A(omega; eps) next_omega is
-    omega: the paper inverts A before equation (5), and in (16). It is that of one step of Kahan's
-    map, whatever the method of a run.
+    A = 1 - (eps / 2) f'(omega), and A (omega_next - omega) = eps f(omega), where f is the
+    :func:`vector_field`. The map has a pole where det A = 0. For a body without a rotor
+    A omega_next = omega: the paper inverts this A before equation (5), and in (16).
 
     Parameters
     ----------
@@ -108,24 +119,31 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
 def jacobian(
     body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike, *, method: Method = "auto"
 ) -> FloatArray:
-    """Derivative of the map: A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`.
+    """Derivative of the map: row i, column j holds d(omega_next)_i / d(omega)_j.
+
+    It is A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`, for Kahan's map, and
+    the product over all stages for the methods of order 4, 6 and 8.
 
     Parameters
     ----------
     body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single one, or a batch.
+        A single body or field, or a batch.
     omega : array_like(float, shape=(..., D))
         States: angular velocities, or states x of a field. NaN gives NaN.
     eps : array_like(float, shape=(...))
-        Step size, in the unit of time of omega; a negative one is that of the inverse map.
+        Step size: in seconds, if omega is in rad/s. A negative one steps back.
     method : str
-        As in :func:`iterate`; of the methods of higher order it is the product over their steps.
+        As in :func:`iterate`.
 
     Returns
     -------
     ndarray(float, shape=(..., D, D))
-        Dimensionless; row i, column j holds the derivative of the next Omega_i by Omega_j. NaN,
-        with one :class:`SingularStepWarning`, where a state has no next state.
+        Dimensionless. NaN, with one :class:`SingularStepWarning`, where a state has no next state.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is out of range, shapes do not broadcast, or the body lacks the method.
 
     Examples
     --------
@@ -145,34 +163,33 @@ def multipliers(
     *,
     method: Method = "auto",
 ) -> OneOrEach:
-    """Eigenvalues of the derivative of the map at a fixed point.
+    """Multipliers of fixed points: the eigenvalues of the derivative of the map, for stability.
 
-    They are (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f'; of a method of higher
-    order, the product of these over its steps. In n dimensions
-    mu = c s at omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
+    A fixed point attracts if all moduli are below 1. Multipliers of Kahan's map are
+    (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f', those of order 4, 6 and 8 the
+    products of these over all stages. In n dimensions mu = c s at omega = c I, for s in the
+    spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Parameters
     ----------
     body, eps, method
         As in :func:`jacobian`.
     x : array_like(float, shape=(..., D))
-        Fixed points of the map: steady states of a body, zeros of a field. For a family also what
-        :func:`fixed_points` returns: an array (k, D) for each member, in a list or, for a family
-        with several axes, in an array of objects.
+        Fixed points of the map: steady states of a body, zeros of a field. For a family also the
+        result of :func:`fixed_points`, with an array (k, D) for each member.
 
     Returns
     -------
     ndarray(float or complex, shape=(..., D)), or a list of them
-        Dimensionless, sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. They are
-        floats for a Suslov body, complex for a gyrostat or a field.
-        That along a line of steady states of a body is 1. Infinite at a pole. For points of each
-        member an array (k, D) of each, as in x.
+        Dimensionless, sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Floats
+        for a Suslov body, where 1 belongs to the line of steady states; complex for a gyrostat or
+        a field. Infinite at a pole. For a result of :func:`fixed_points`, arranged as that.
 
     Raises
     ------
     ValueError
-        If a component of the vector field at a state is above 1e-8 of the sum of the moduli of its
-        terms. :func:`jacobian` is the derivative at any state.
+        If f(x) is not 0: a component exceeds 1e-8 of the sum of the moduli of its terms. Use
+        :func:`jacobian` at other states.
 
     Examples
     --------
@@ -200,7 +217,7 @@ def multipliers(
 
 
 def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike, method: str) -> Any:
-    """Return the list of the multipliers at the points of each member, (k, D)."""
+    """Return a list with the multipliers (k, D) at the points of each member of a family."""
     step = np.asarray(real_number("eps", eps))
     if common_shape({"body": family.shape, "eps": step.shape}) != family.shape:
         raise wrong("eps", f"a number, or one for each of {len(points)} members", step.shape)
@@ -214,7 +231,7 @@ def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike, metho
 
 
 def _multipliers(given: Problem, member: str = "") -> Any:
-    """Return the multipliers (..., D); `member` is for messages."""
+    """Return the multipliers (..., D); `member` is text for messages."""
     with np.errstate(all="ignore"):
         rates = given.map.known_rates
         slopes = (_slopes_at_fixed_points if rates else _jacobian_at_fixed_points)(given, member)
@@ -234,7 +251,7 @@ def _multipliers(given: Problem, member: str = "") -> Any:
 
 
 def _slopes_at_fixed_points(given: Problem, member: str) -> FloatArray:
-    """Return f' (..., D, D), or raise ValueError if f is not 0 to rounding.
+    """Return f' (..., D, D); raise ValueError where f is not 0 to rounding.
 
     With y = (x, 1) and the symmetric table of coefficients, f_i = table_ijk y_j y_k.
     """
@@ -249,7 +266,7 @@ def _slopes_at_fixed_points(given: Problem, member: str) -> FloatArray:
 
 
 def _jacobian_at_fixed_points(given: Problem, member: str) -> FloatArray:
-    """Return DPhi (..., D, D) of any map, or raise ValueError if its step moves a state."""
+    """Return the derivative (..., D, D) of any map; raise ValueError where a step moves a state."""
     x = np.broadcast_to(given.omega, (*given.batch, given.body.dimension))
     size = abs(x).max(axis=-1, keepdims=True)
     _refuse_moving(given, ~(abs(states_after(given) - x) <= _FIXED * size) & ~np.isnan(x), member)
@@ -258,7 +275,7 @@ def _jacobian_at_fixed_points(given: Problem, member: str) -> FloatArray:
 
 
 def _refuse_moving(given: Problem, moves: Any, member: str) -> None:
-    """Raise ValueError if components (..., D) of states move."""
+    """Raise ValueError if `moves` (..., D) is True for a component of a state."""
     if moves.any():
         moves = np.broadcast_to(moves.any(axis=-1), given.batch)
         text = f"{given.name} is not a fixed point"
@@ -280,12 +297,12 @@ def lyapunov_exponents(
     threads: int | None = None,
     progress: Progress = None,
 ) -> FloatArray:
-    """Lyapunov exponents of orbits over a number of steps.
+    """Lyapunov exponents of orbits over a finite number of steps; chaos shows as positive ones.
 
-    The product of the derivatives of the map along the orbit is decomposed as Q R, again and again,
-    before columns lose digits; the exponents are the mean logarithms of the diagonals of R. They do
-    not depend on other orbits of the batch. Their sum is the mean of
-    ``log |det DPhi|``, with an error below 1e-10 of the mean of its modulus.
+    The derivatives of the map along an orbit are multiplied and decomposed as Q R, again and again
+    before columns lose digits (Benettin's method); exponents are mean logarithms of the diagonals
+    of R. Their sum is the mean of ``log |det DPhi|``, to 1e-10 of the mean of its modulus. They do
+    not depend on other orbits of the batch.
 
     Parameters
     ----------
@@ -294,8 +311,8 @@ def lyapunov_exponents(
     steps : int
         Number of steps averaged over, after the transient; 1 or more.
     transient : int
-        Number of steps before the mean begins; state and tangent vectors go through them, so that
-        the mean has no term in 1 / steps.
+        Number of steps before the mean begins. They align the tangent vectors, too, so that the
+        mean has no error of order 1 / steps.
     progress : bool or callable, optional
         True shows a bar (needs tqdm); a callable is called as ``progress(done, transient +
         steps)``, with the mean over the batch of the steps done. Its answer is ignored.
@@ -305,7 +322,7 @@ def lyapunov_exponents(
     ndarray(float, shape=(..., D))
         Exponents per step, dimensionless, the largest first; divide by eps for rates. -inf if a
         step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails. After
-        a step over a pole, of which one :class:`PoleWarning` tells, they are those of the map.
+        a step over a pole (one :class:`PoleWarning`) they are exponents of the map alone.
 
     Examples
     --------
@@ -317,12 +334,12 @@ def lyapunov_exponents(
     given = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
-        found = given.map.find_growth(given, steps, transient, report)
-        sums, of_det = found.sums, found.of_det
+        growth = given.map.find_growth(given, steps, transient, report)
+        sums, of_det = growth.sums, growth.of_det
         others = sums[:, :-1].sum(axis=1)
-        # The last follows from the others and the determinant, unless these are 0.
+        # The last one follows from the determinant and the others, if all steps are invertible.
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
     exponents = -np.sort(-sums / steps, axis=1).reshape((*given.batch, body.dimension))
-    report_poles(body, *(each.reshape(given.batch) for each in (found.status, found.failed_at)))
+    report_poles(body, *(each.reshape(given.batch) for each in (growth.status, growth.failed_at)))
     return mask_and_warn(given, exponents, poles=True)

@@ -1,4 +1,4 @@
-"""Evaluation of functions of a state: checked arguments, a formula of the map, missing values."""
+"""Evaluation of functions of a state: check, compute the formula of the map, warn."""
 
 import math
 from collections.abc import Callable
@@ -11,9 +11,9 @@ from ..engine.problem import Problem, check, part_of
 from ..engine.status import SingularStepWarning
 from ..maps import Map, map_of
 
-# Operations of a part of a batch, some 0.1 s: for each state those of elimination, D**3.
+# Operations on a part of a batch, about 0.1 s: D**3 for each state, as for elimination.
 _PART = 2**27
-# Numbers of axes that values have after those of the batch, where they are not one number each.
+# Numbers of axes of the value at one state, for functions whose values are not numbers.
 _AXES = {"vector_field": (1,), "to_xy": (1,), "matrix": (2,), "jacobian": (2,), "reaction": (0, 2)}
 
 
@@ -22,8 +22,7 @@ def evaluate(
 ) -> FloatArray:
     """Check the arguments of the public function `name`, and return its value.
 
-    The formula has this name in the record of the map, by default that of the body; a map without
-    one is refused.
+    The map, by default that of the body, must have a formula of this name.
     """
     map = map or map_of(body)
     formula = map.formula(name, body)
@@ -40,12 +39,13 @@ def evaluate(
 
 
 def _wrong_shape(name: str, map: Map, problem: Problem, shape: tuple[int, ...]) -> Any:
+    """Return the error about a formula, of another author, that returns a wrong shape."""
     text = f"the formula of the map {map.name!r} returns the shape {shape}"
     return ValueError(f"{name}: {text}, and must return the batch shape {problem.batch}")
 
 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:
-    """Return the values for a problem; Ctrl-C is heard between parts of a large batch."""
+    """Return the values for a problem; Python handles Ctrl-C between parts of a large batch."""
     batch, D = problem.batch, problem.body.dimension
     work = math.prod(batch) * D**3
     if work <= _PART:
@@ -59,19 +59,19 @@ def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> Floa
     values: FloatArray | None = None
     for begin in range(0, length, width):
         where[axis] = slice(begin, min(begin + width, length))
-        found = in_parts(compute, part_of(problem, tuple(where)))
+        of_part = in_parts(compute, part_of(problem, tuple(where)))
         if values is None:
-            values = np.empty((*batch, *found.shape[len(batch) :]), found.dtype)
-        values[tuple(where)] = found
+            values = np.empty((*batch, *of_part.shape[len(batch) :]), of_part.dtype)
+        values[tuple(where)] = of_part
     assert values is not None
     return values
 
 
 def mask_and_warn(problem: Problem, values: FloatArray, poles: bool = False) -> FloatArray:
-    """Return values, NaN where the state is NaN; a warning counts the other missing values.
+    """Return values with NaN where the state is NaN; one warning counts other missing values.
 
-    With `poles`, infinite values are values, else missing ones. Formulas are not finite at states
-    that are not, so that most results need no other test.
+    With `poles`, infinite values are results, else they are missing. Formulas return no finite
+    value for a state that is not finite, so a finite sum shows that nothing is missing.
     """
     with np.errstate(all="ignore"):
         if math.isfinite(values.sum()):

@@ -22,12 +22,15 @@ except ImportError:  # in one variable it is not needed
 Points = set[tuple[float, ...]]
 
 _BEYOND = "scipy.optimize.root(lambda x: vector_field(field, x), x0) finds one near x0"
-# Bits of the numbers from which coordinates are rounded first, and that they have at least.
+# Bits of the first computation of coordinates, and bits that must be right before rounding.
 _BITS, _LEAST_BITS = 192, 100
 
 
 def fixed_points(field: Body, /) -> OneOrEach:
     """All real fixed points of a field, which are those of its Kahan map for every step size.
+
+    They are found by exact elimination (Groebner bases), so none is missed. Kahan's map has no
+    others, because (1 - (eps / 2) f'(x)) (x_next - x) = eps f(x).
 
     Parameters
     ----------
@@ -38,25 +41,29 @@ def fixed_points(field: Body, /) -> OneOrEach:
     Returns
     -------
     ndarray(float, shape=(k, D)), or a list or an array of them
-        Each point once, rounded once, in ascending order of the components; for a batch with one
-        axis a list, with several an array of objects of the shape of the batch: ``found[i, j]`` is
-        the array of a member. Where a member has as many points as the one before, its points are
-        in the order with the least sum of distances to the points of that one. Before is the member
-        to the left, and at the beginning of a row the one above.
+        Each point once, rounded once, sorted by components. A batch with one axis gives a
+        list, with several an array of objects of its shape: ``points[i, j]`` is the array of a
+        member. If a member has as many points as the one before it (to the left, or above at the
+        beginning of a row), its points are in the order of those, by the least sum of distances.
 
     Raises
     ------
     ValueError
-        If there are more than 3 variables, or infinitely many fixed points, as of all Suslov
-        bodies, whose steady states the message has. For D = 3 complex fixed points that form an
-        irreducible curve, such as the intersection of two ellipsoids, count, even if none is real.
+        If there are more than 3 variables, or infinitely many fixed points, as for all Suslov
+        bodies: the message describes their steady states. For D = 3, curves of complex fixed points
+        count, even without real points, such as the intersection of two ellipsoids.
 
     Examples
     --------
     >>> from suslov_fast import QuadraticField, fixed_points
-    >>> fixed_points(QuadraticField.from_function(lambda x: (x[0] - x[1], x[0] * x[1] - 4), 2))
-    array([[-2., -2.],
-           [ 2.,  2.]])
+    >>> lorenz = QuadraticField.from_function(
+    ...     lambda x, r: (10 * (x[1] - x[0]), x[0] * (r - x[2]) - x[1], x[0] * x[1] - 3 * x[2]),
+    ...     "x y z", r=28,
+    ... )
+    >>> fixed_points(lorenz)
+    array([[-9., -9., 27.],
+           [ 0.,  0.,  0.],
+           [ 9.,  9., 27.]])
     """
     whole = QuadraticField.of(field)
     if whole.dimension > 3:
@@ -65,42 +72,39 @@ def fixed_points(field: Body, /) -> OneOrEach:
     return found
 
 
-def _in_order(family: Any, named: Any) -> Any:
-    """Return the points of each member, in the order of those that they continue."""
-    found = np.empty(family.shape, object)
+def _in_order(family: Any, passed: Any) -> Any:
+    """Return the points of each member, in the order of those of its neighbour if possible."""
+    ordered = np.empty(family.shape, object)
     for index in np.ndindex(family.shape):
-        points = _points_of(family[index], named, index)
+        points = _points_of(family[index], passed, index)
         axis = max((k for k, i in enumerate(index) if i), default=None)
         if axis is not None:
-            before = found[tuple(i - (k == axis) for k, i in enumerate(index))]
+            before = ordered[tuple(i - (k == axis) for k, i in enumerate(index))]
             if len(points) == len(before):
                 points = _continuing(before, points)
-        found[index] = points
-    return [*found] if found.ndim == 1 else found
+        ordered[index] = points
+    return [*ordered] if ordered.ndim == 1 else ordered
 
 
-def _points_of(field: Any, named: Any, index: tuple[int, ...] = ()) -> Any:
-    """Return the fixed points of a single field, in ascending order.
-
-    It is a member of what the caller passed, `named`, which messages name.
-    """
+def _points_of(field: Any, passed: Any, index: tuple[int, ...] = ()) -> Any:
+    """Return the sorted fixed points of a single field: member `index` of what the user passed."""
     i: Any = index[0] if len(index) == 1 else index
     if field.dimension > 1:
         extra("flint", "algebra")
     points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
     if points is None:
-        how = f"its steady states are {named._steady}" if named._steady else _BEYOND
-        raise ValueError(f"field: infinitely many fixed points{named._of_member(i)}: {how}")
-    found = np.array(sorted(points), np.float64).reshape(-1, field.dimension)
-    if np.isinf(found).any():
-        where = f"fixed points{named._of_member(i)} are beyond the range of float64"
+        how = f"its steady states are {passed._steady}" if passed._steady else _BEYOND
+        raise ValueError(f"field: infinitely many fixed points{passed._of_member(i)}: {how}")
+    array = np.array(sorted(points), np.float64).reshape(-1, field.dimension)
+    if np.isinf(array).any():
+        where = f"fixed points{passed._of_member(i)} are beyond the range of float64"
         raise ValueError(f"field: {where}: use other units")
-    return found
+    return array
 
 
 def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:
-    """Return points in the order of those `before`, with the least sum of distances to them."""
-    from scipy.optimize import linear_sum_assignment  # imported here, since importing takes time
+    """Return points in the order that has the least sum of distances to those of `before`."""
+    from scipy.optimize import linear_sum_assignment  # here, because the import takes time
 
     scale = max(abs(before).max(initial=0.0), abs(points).max(initial=0.0)) or 1.0
     distances = np.linalg.norm((before[:, np.newaxis] - points) / scale, axis=-1)
@@ -115,7 +119,7 @@ def _roots(field: Any) -> Points | None:
     middle, square = -half_b / a, (half_b * half_b - a * c) / (a * a)
     if square < 0:
         return set()
-    p, q = square.as_integer_ratio()  # 2,000 bits are more than sums from 1e-60 to 1e60 can lose
+    p, q = square.as_integer_ratio()  # 2,000 bits are more than terms from 1e-60 to 1e60 can cancel
     root = Fraction(math.isqrt(p * q << 4000), q << 2000)
     return {(float(middle + each) + 0.0,) for each in (root, -root)}  # no -0.0
 
@@ -123,9 +127,9 @@ def _roots(field: Any) -> Points | None:
 def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:
     """Return the real common zeros of ``flint.fmpq_mpoly``, None if there are infinitely many.
 
-    If the complex zeros are finitely many, the minimal polynomial of the linear form x1 + weight x2
-    + weight**2 x3 is factored. The zeros of an irreducible factor have coordinates that are
-    polynomials in the form, if its values at them differ; else another weight is tried.
+    If there are finitely many complex zeros, the minimal polynomial of the linear form
+    x1 + weight x2 + weight**2 x3 is factored. If the form has different values at all zeros of an
+    irreducible factor, their coordinates are polynomials in it; else another weight is tried.
     """
     context = equations[0].context()
     x = context.gens()
@@ -148,14 +152,17 @@ def _real_zeros(equations: Sequence[Any], weight: int = 0) -> Points | None:
         if minimal.degree() < form.nrows():
             return _real_zeros(equations, weight + 1)
         return _points_at(form, matrices, minimal)
-    # Where a quadric has no two values of opposite sign, its real zeros are critical points.
+    # The real zeros of a semidefinite quadric are its critical points.
     squares = [p.derivative(i) for p in equations if _is_semidefinite(p) for i in range(len(x))]
     return _real_zeros([*equations, *squares]) if squares else None
 
 
 def _groebner_basis(equations: Sequence[Any]) -> Any:
-    """Return a reduced Groebner basis over the integers in one variable more, the unit."""
-    names = *equations[0].context().names(), "1"  # which is no name of a variable
+    """Return a reduced Groebner basis with integer coefficients, in one more variable, the unit.
+
+    No equation contains the unit: see `_multiplications`.
+    """
+    names = *equations[0].context().names(), "1"  # no variable can have this name
     context = flint.fmpz_mpoly_ctx.get(names, ordering="degrevlex")
     integral = []
     for each in equations:
@@ -167,32 +174,34 @@ def _groebner_basis(equations: Sequence[Any]) -> Any:
 
 
 def _multiplications(basis: Any, D: int) -> list[Any] | None:
-    """Return the matrices of multiplication by each variable modulo an ideal.
+    """Return the matrices of multiplication by each variable modulo an ideal, or None.
 
-    They act on rows of coefficients of the monomials that no leading one divides, the first of
-    which is 1. None if these are infinitely many. Remainders are known up to a factor, which is
-    that of `unit`.
+    They act on rows of coefficients of the standard monomials, those that no leading monomial
+    divides; the first one is 1. None if there are infinitely many. Flint returns remainders times
+    a factor: the coefficient of `unit`, which is added to a polynomial before the division.
     """
     leading = [each.monoms()[0] for each in basis]
     powers = [[int(m[i]) for m in leading if m[i] == sum(m)] for i in range(D)]
     if not all(powers):
         return None
     box = product(*(range(min(each)) for each in powers), [0])
-    below = [m for m in box if not any(all(map(int.__le__, map(int, head), m)) for head in leading)]
+    heads = [[*map(int, m)] for m in leading]
+    standard = [m for m in box if not any(all(map(int.__le__, head, m)) for head in heads)]
     context = basis[0].context()
     *x, unit = context.gens()
 
     def row(polynomial: Any) -> list[Any]:
         remainder = (polynomial + unit).reduction_primitive_part(basis)
-        return [flint.fmpq(remainder[m], remainder[(*[0] * D, 1)]) for m in below]
+        return [flint.fmpq(remainder[m], remainder[(*[0] * D, 1)]) for m in standard]
 
-    return [flint.fmpq_mat([row(a * context.from_dict({m: 1})) for m in below]) for a in x]
+    return [flint.fmpq_mat([row(a * context.from_dict({m: 1})) for m in standard]) for a in x]
 
 
 def _points_at(form: Any, matrices: Sequence[Any], minimal: Any) -> Points:
     """Return the points at the real zeros of the minimal polynomial of a generating form.
 
-    A coordinate is that polynomial in the form which its matrix is in the matrix of the form.
+    The matrix of a coordinate is a polynomial in the matrix of the form; the same polynomial gives
+    the coordinate at a zero.
     """
     size = form.nrows()
     rows = [flint.fmpq_mat(1, size, [1] + [0] * (size - 1))]
@@ -211,7 +220,7 @@ def _points_at(form: Any, matrices: Sequence[Any], minimal: Any) -> Points:
 
 
 def _is_semidefinite(polynomial: Any) -> bool:
-    """Return whether a polynomial is of degree 2 and has no two values of opposite sign."""
+    """Return whether a polynomial has degree 2 and does not change sign."""
     if polynomial.total_degree() != 2:
         return False
     D = len(polynomial.context().gens())

@@ -293,8 +293,8 @@ def scattering_angle(body: Suslov3D, /) -> FloatArray:
     map_of(body).require("scattering_angle", body)
     I1, I2, I13, I23 = np.broadcast_arrays(*body.constants[:4])
     # Written with sums of positive terms, which lose no digits. Let A, B, C and P + i Q be pi / 2
-    # times alpha, beta, abs(gamma) and the conjugate of kappa, and S = sin(angle / 2). Then A - P is
-    # the real part of B**2 / (A + i C + P + i Q), and
+    # times alpha, beta, abs(gamma) and the conjugate of kappa, and S = sin(angle / 2). Then A - P
+    # is the real part of B**2 / (A + i C + P + i Q), and
     # |S|**2 = (cosh(P) cos(Q) / cosh(A))**2 + (sinh(P) sin(Q) / sinh(A))**2,
     # 1 - |S|**2 = sinh(A - P) sinh(A + P) ((cos(Q) / cosh(A))**2 + (sin(Q) / sinh(A))**2).
     with np.errstate(all="ignore"):  # I13 = I23 = 0 gives NaN; what underflows is 0

@@ -578,7 +578,6 @@ def test_what_others_write_into_a_store_does_not_cost_the_run(store, way, unfini
             ensemble(BODY, RandomStarts(100, 2.0, seed=2), 0.2, steps, **ours)
 
 
-@pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
 def test_names_of_functions_and_parameters_of_a_store(tmp_path):
     """A parameter may be called states; a function not like a column of coefficients."""
     turns = sf.QuadraticField.from_function(lambda x, states: (x[1], -states * x[0]), 2, states=3.0)
@@ -590,6 +589,7 @@ def test_names_of_functions_and_parameters_of_a_store(tmp_path):
     assert not (tmp_path / "b.zarr").exists()
 
 
+@pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
 def test_an_array_that_others_replaced_is_named(store):
     """Its chunks are not those that `ensemble` wrote."""
     data = call(ensemble, **ASKED, store=store).load()

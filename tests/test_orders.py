@@ -342,6 +342,7 @@ def test_a_store(method, tmp_path):
         sf.ensemble(*arguments, **options)
 
 
+@pytest.mark.compiled  # interpreted, they agree to rounding
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", FLOWS)
 def test_own_loops_take_whole_steps(name, method):
@@ -442,6 +443,7 @@ def test_after_a_pole_orbits_of_higher_order_stay_near_infinity():
 
 
 # ------------------------------------------------------------------------------------- what remains
+@pytest.mark.compiled
 @pytest.mark.parametrize("method", METHODS)
 def test_energy_varies_and_the_modified_energy_is_refused(method):
     run = sf.iterate(HENON_HEILES, [0.1, 0.2, 0.3, -0.1], 1 / 4, 2000, method=method)

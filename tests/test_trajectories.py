@@ -255,6 +255,7 @@ def test_times_in_place_of_a_step_size_are_noticed(more):
 SHORT = {"_STRETCH": 2**10, "_TURNING": 2**10, "_BETWEEN": 1}
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("answer", [False, np.False_])
 @pytest.mark.parametrize("name", RUNS)
 def test_a_callable_ends_a_run(monkeypatch, name, answer):

@@ -78,13 +78,15 @@ def _after_fork() -> None:
         _threads_are_gone |= "torch" in sys.modules
     if ours is not None:
         ours.renew()
-    if sys.version_info < (3, 12):  # a thread that is gone may hold the lock of a cached property
-        modules = [
-            module for name, module in sys.modules.items() if name.startswith(f"{__name__}.")
-        ]
-        values = [value for module in modules for value in vars(module).values()]
-        classes = [value for value in values if isinstance(value, type)]
-        for attribute in [value for cls in classes for value in vars(cls).values()]:
+    if sys.version_info < (3, 12):
+        _renew_locks()
+
+
+def _renew_locks() -> None:
+    """Give all cached properties new locks, because threads that are gone may hold the old ones."""
+    modules = [module for name, module in sys.modules.items() if name.startswith(f"{__name__}.")]
+    for value in [value for module in modules for value in vars(module).values()]:
+        for attribute in vars(value).values() if isinstance(value, type) else ():
             if isinstance(attribute, cached_property):
                 attribute.lock = RLock()  # type: ignore[attr-defined]
 

@@ -107,22 +107,24 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
     """Return the body or field, and the step size."""
     from .bodies.rigid import PICTURES
 
-    given = {name: value for name, value in vars(options).items() if name in PARAMETERS}
-    if given and (options.picture or options.body):
-        options.usage_error(f"argument --{min(given)}: not allowed with --picture or --body")
-    if not (given or options.body):
+    parameters = {name: value for name, value in vars(options).items() if name in PARAMETERS}
+    if parameters and (options.picture or options.body):
+        options.usage_error(f"argument --{min(parameters)}: not allowed with --picture or --body")
+    if not (parameters or options.body):
         body, eps, _ = PICTURES[options.picture or 2]
         return body, eps if options.eps is None else options.eps
-    in_3d = sf.SuslovGyrostat if "k" in given else sf.Suslov3D
-    kind: Any = sf.SuslovND if {"J", "I"} & given.keys() else in_3d
-    known = {} if options.body else inspect.signature(kind).parameters
-    required = [name for name, parameter in known.items() if parameter.default is parameter.empty]
+    in_3d = sf.SuslovGyrostat if "k" in parameters else sf.Suslov3D
+    kind: Any = sf.SuslovND if {"J", "I"} & parameters.keys() else in_3d
+    signature = {} if options.body else inspect.signature(kind).parameters
+    required = [
+        name for name, parameter in signature.items() if parameter.default is parameter.empty
+    ]
     missing = [f"--{name}" for name in (*required, "eps") if getattr(options, name, None) is None]
     if missing:
         options.usage_error(f"the following arguments are required: {', '.join(missing)}")
-    if foreign := given.keys() - known.keys():
+    if foreign := parameters.keys() - signature.keys():
         options.usage_error(f"argument --{min(foreign)}: not allowed with --J and --I")
-    return _body_in(options.body) if options.body else kind(**given), options.eps
+    return _body_in(options.body) if options.body else kind(**parameters), options.eps
 
 
 def _body_in(path: Path) -> Any:
@@ -196,7 +198,7 @@ def _in_store(path: Path, force: bool, work: Any, settings: Any) -> dict[str, An
             warnings.simplefilter("ignore", sf.PoleWarning)  # the summary counts passed poles
             sf.ensemble(*work, store=path, **settings)
     except KeyboardInterrupt:
-        if "zarr" in sys.modules:
+        if "zarr" in sys.modules:  # requests under way would print warnings at exit
             from .runs import access
 
             access.run(access.settle(1.0))

@@ -53,9 +53,9 @@ def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namesp
     subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for function in commands:
         text = function.__doc__ or ""
-        about: dict[str, Any] = {"help": text.partition(".")[0], "description": text}
+        keywords: dict[str, Any] = {"help": text.partition(".")[0], "description": text}
         name = function.__name__.replace("_", "-")
-        subparser = subparsers.add_parser(name, allow_abbrev=False, **about)
+        subparser = subparsers.add_parser(name, allow_abbrev=False, **keywords)
         subparser.set_defaults(function=function, usage_error=subparser.error)
         if name in _ADD_OPTIONS:
             _ADD_OPTIONS[name](subparser)
@@ -94,6 +94,7 @@ def numbers(text: str) -> list[float]:
 
 
 def _run(parser: Any) -> None:
+    """Add the options of `run`, in groups."""
     group = parser.add_argument_group(
         "system: --picture, --body, or all parameters of a body (then --eps is required)"
     )
@@ -107,8 +108,8 @@ def _run(parser: Any) -> None:
     add("--body", type=Path, metavar="FILE.json", help=_JSON)
     for name, text in PARAMETERS.items():
         kind, form = (numbers, "X,...") if name in "JI" else (float, "X")
-        about = {"metavar": form, "default": argparse.SUPPRESS, "help": text}
-        group.add_argument(f"--{name}", type=kind, **about)
+        keywords = {"metavar": form, "default": argparse.SUPPRESS, "help": text}
+        group.add_argument(f"--{name}", type=kind, **keywords)
     group = parser.add_argument_group("initial states: random, or given")
     add = group.add_mutually_exclusive_group().add_argument
     many = "number of random states (default 65536)"

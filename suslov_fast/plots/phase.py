@@ -1,4 +1,4 @@
-"""The phase plane of a body in three dimensions: orbits, levels of F and steady states."""
+"""The phase plane of a body in three dimensions, and `plot_phase`, which draws it."""
 
 from __future__ import annotations
 

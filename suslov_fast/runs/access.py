@@ -93,4 +93,4 @@ async def existing(source: Any, keys: list[str]) -> set[str]:
                 return False
 
     answers = await asyncio.gather(*map(ask, keys))
-    return {key for key, there in zip(keys, answers, strict=True) if there}
+    return {key for key, exists in zip(keys, answers, strict=True) if exists}

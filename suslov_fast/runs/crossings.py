@@ -1,4 +1,4 @@
-"""The result of `crossings`: points, states on both sides, and what can be done with them."""
+"""`Crossings`, the result of `crossings`: points, states on both sides, and its methods."""
 
 from __future__ import annotations
 
@@ -194,7 +194,8 @@ class Crossings(Result):
         parts["trajectory"] = np.zeros(end - begin, np.int64)
         parts["_carry"] = None if self._carry is None else self._carry[:, i : i + 1]
         parts["_last"] = None if self._last is None else self._last[i : i + 1]
-        parts["_surface"] = None if batch else self._surface  # which may depend on the trajectory
+        # A surface may depend on the trajectory, so only a single one keeps it.
+        parts["_surface"] = None if batch else self._surface
         return Crossings._of(parts)
 
     def extend(

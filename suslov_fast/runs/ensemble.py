@@ -1,4 +1,4 @@
-"""Runs larger than memory, `ensemble` and `open_ensemble`: the dataset, and the work to be done.
+"""Runs larger than memory, `ensemble` and `open_ensemble`: their datasets, and tiles to compute.
 
 `tiles` computes the parts of the batch; `stores` says which ones a store lacks.
 """
@@ -200,27 +200,27 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     """
     import xarray
 
-    found = metadata.contents(store)
-    if found is None or not found.arrays:
+    contents = metadata.read_contents(store)
+    if contents is None or not contents.arrays:
         raise FileNotFoundError(f"store: there is no store of ensemble at {store}")
-    lost = stores.Lost({}, set(), set()) if is_known else stores.lost(store, found)
+    lost = stores.Lost({}, set(), set()) if is_known else stores.lost(store, contents)
     if lost.chunks:
         received = f"{store} without {lost}: ensemble, called again, computes them anew"
         raise wrong("store", "have whole chunks of all its tiles", received)
     if is_finished and lost.pending:
         received = f"{store} without {len(lost.pending)} of the tiles that were computed"
         raise wrong("client", "have workers that write to the store", received)
-    if found.foreign:
-        names = ", ".join(found.foreign)
+    if contents.foreign:
+        names = ", ".join(contents.foreign)
         how = "keep derived variables in a store of their own"
         checks.warn(f"store: {store} also has {names}, which ensemble did not write: {how}")
-    source = metadata.overlaid(store, found)
+    source = metadata.overlaid(store, contents)
     data = xarray.open_zarr(source, consolidated=True, zarr_format=3, chunks=None)
-    data = data.assign_attrs(found.added)
-    for name, array in found.arrays.items():
+    data = data.assign_attrs(contents.added)
+    for name, array in contents.arrays.items():
         if array.shape and name not in data.indexes:
             data[name] = data[name].chunk(_parts(array), token=uuid4().hex)
-    return with_time(as_columns(data, json.loads(found.attributes["columns"])))
+    return with_time(as_columns(data, json.loads(contents.attributes["columns"])))
 
 
 def _parts(array: metadata.Stored) -> dict[Any, int]:
@@ -252,7 +252,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     if turns is not None:
         filled["attitude"] = np.broadcast_to(np.nan, (rows, *batch, D + 1, D + 1))
         arguments["attitude"] = turns
-    about = {
+    run = {
         "body": body,
         "map": map,
         "eps": eps,
@@ -260,7 +260,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
         "steps": steps,
         "save_every": every,
     }
-    data = to_xarray(Trajectories._of(filled | about), dims, coords, True).drop_vars("time")
+    data = to_xarray(Trajectories._of(filled | run), dims, coords, True).drop_vars("time")
     flags = data.status.attrs
     flags["flag_values"] = [*flags["flag_values"], stores.PENDING]
     flags["flag_meanings"] += " PENDING"
@@ -324,15 +324,15 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
     expected = f"a number of trajectories, or sizes along {', '.join(map(str, lengths))}"
     width = 8 * max(data.sizes["component"], data.sizes.get("space", 0) ** 2)
     default = min(_CHUNK // (width * lengths["n"]), _WORK // (data.attrs["steps"] + 1))
-    given = chunk if isinstance(chunk, Mapping) else {}
-    left = max(_FEWEST, default) if chunk is None or given else chunk
-    if unknown := given.keys() - lengths:
+    by_axis = chunk if isinstance(chunk, Mapping) else {}
+    left = max(_FEWEST, default) if chunk is None or by_axis else chunk
+    if unknown := by_axis.keys() - lengths:
         raise wrong("chunk", expected, ", ".join(map(str, unknown)))
     sizes: dict[str, int] = {}
     for name, length in reversed(lengths.items()):
         if name == "n":
             left = max(1, _CHUNK // (width * math.prod(sizes.values())))
-        most = checks.integer("chunk", given.get(name, left), 1, expected)
+        most = checks.integer("chunk", by_axis.get(name, left), 1, expected)
         parts = math.ceil(length / most) or 1  # of equal size, so that no chunk is half empty
         sizes[name] = math.ceil(length / parts) or 1
         left = max(1, left // sizes[name])

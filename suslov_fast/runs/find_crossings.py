@@ -1,4 +1,4 @@
-"""The search for crossings of a surface, `crossings`: arguments and their checks."""
+"""The function `crossings`, which checks its arguments and starts the search."""
 
 from __future__ import annotations
 

@@ -116,13 +116,12 @@ def iterate(
     threads : int, optional
         Number of threads; by default Numba's.
     on_singular : {"warn", "raise", "ignore"}
-        Whether failed trajectories cause a :class:`SingularStepWarning`, a
-        :class:`SingularStepError`, which holds the run, or neither. Passed poles cause a
-        :class:`PoleWarning`, unless this is "ignore".
+        Failed trajectories cause a :class:`SingularStepWarning`, a :class:`SingularStepError`
+        that holds the run, or neither. Without "ignore", passed poles cause a
+        :class:`PoleWarning`.
     progress : bool or callable, optional
         True shows a bar (needs tqdm). A function is called as ``progress(done, steps)``; if it
-        returns False, the run ends at state `done`, and :meth:`Trajectories.extend` can continue
-        it.
+        returns False, the run ends at state `done`, where :meth:`Trajectories.extend` goes on.
 
     Returns
     -------

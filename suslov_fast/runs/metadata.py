@@ -77,19 +77,14 @@ class Contents(NamedTuple):
         return [*json.loads(self.attributes["shared"])]
 
 
-def contents(store: Any) -> Contents | None:
+def read_contents(store: Any) -> Contents | None:
     """Return the metadata of a store, or None if there is no store; ValueError for other data.
 
     They are checked before Zarr reads them: only format 3 and our own codecs are accepted.
     """
     text = access.run(access.get(access.reader(store), "zarr.json"))
     if text is None:
-        old = [
-            key
-            for key in (".zgroup", ".zarray")
-            if access.run(access.existing(access.reader(store), [key]))
-        ]
-        if old:
+        if access.run(access.existing(access.reader(store), [".zgroup", ".zarray"])):
             raise _foreign(store, "data of Zarr format 2")
         return None
     document, copy, rewritten = _document(store, text), None, {}
@@ -100,8 +95,8 @@ def contents(store: Any) -> Contents | None:
     attributes = dict(document["attributes"])
     if attributes.get("format") != FORMAT:
         version = attributes.get("version") or attributes.get("source")
-        of = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
-        raise _foreign(store, of)
+        kind = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
+        raise _foreign(store, kind)
     try:
         consolidated = document.get("consolidated_metadata") or {"metadata": {}}
         metadata = consolidated["metadata"]
@@ -109,10 +104,10 @@ def contents(store: Any) -> Contents | None:
         # Zarr drops the digest when it rewrites the metadata, for a new array, say.
         if consolidated.get("sha256", digest) != digest:
             raise wrong("sha256", "the digest of what was written", "another")
-        found = Contents(attributes, {k: _stored(k, array) for k, array in metadata.items()})
+        contents = Contents(attributes, {k: _stored(k, array) for k, array in metadata.items()})
         if metadata:
-            _check(found)
-        return found if copy is None else _with_additions(found, copy, rewritten)
+            _check(contents)
+        return contents if copy is None else _with_additions(contents, copy, rewritten)
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
         raise _foreign(store, f"damaged metadata: {error}") from error
 
@@ -131,18 +126,18 @@ def _document(store: Any, text: str) -> dict[str, Any]:
     return document
 
 
-def _with_additions(found: Contents, copy: str, rewritten: dict[str, Any]) -> Contents:
+def _with_additions(contents: Contents, copy: str, rewritten: dict[str, Any]) -> Contents:
     """Add what others wrote into a store; they may only have lengthened arrays of the run."""
     consolidated = rewritten.get("consolidated_metadata") or {}
     metadata = consolidated.get("metadata", {})
-    for name in found.arrays.keys() & metadata.keys():
+    for name in contents.arrays.keys() & metadata.keys():
         now = _stored(name, metadata[name])
-        if now._replace(shape=found.arrays[name].shape) != found.arrays[name]:
+        if now._replace(shape=contents.arrays[name].shape) != contents.arrays[name]:
             raise wrong(name, "the array that ensemble made", "another")
-    foreign = {name.partition("/")[0] for name in metadata} - {*found.arrays}
+    foreign = {name.partition("/")[0] for name in metadata} - {*contents.arrays}
     attributes = rewritten["attributes"].items()
-    added = {name: value for name, value in attributes if name not in found.attributes}
-    return Contents(*found[:2], copy, added, sorted(foreign), bool(consolidated))
+    added = {name: value for name, value in attributes if name not in contents.attributes}
+    return Contents(*contents[:2], copy, added, sorted(foreign), bool(consolidated))
 
 
 def digest_of(attributes: Any, arrays: Any) -> str:
@@ -150,9 +145,9 @@ def digest_of(attributes: Any, arrays: Any) -> str:
     return hashlib.sha256(json.dumps([attributes, arrays], sort_keys=True).encode()).hexdigest()
 
 
-def _foreign(store: Any, what: str) -> Any:
-    """Return the error of a store that holds something else."""
-    return wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {what}")
+def _foreign(store: Any, data: str) -> Any:
+    """Return the error of a store that holds other data."""
+    return wrong("store", f"a store of ensemble in format {FORMAT}", f"{store} with {data}")
 
 
 def _stored(name: str, metadata: dict[str, Any]) -> Stored:
@@ -170,39 +165,39 @@ def _stored(name: str, metadata: dict[str, Any]) -> Stored:
     return Stored(shape, str(metadata["data_type"]), tuple(grid), dims)
 
 
-def _check(found: Contents) -> None:
+def _check(contents: Contents) -> None:
     """Check that a store has all arrays of its run, with their types, shapes and chunks."""
-    attributes, arrays, *_ = found
+    attributes, arrays, *_ = contents
     map = named(attributes["map"])
     checks.one_of("method", attributes["method"], map.methods)
     every = attributes.get("save_every")
     rows = 1 if every is None else attributes["steps"] // every + 1
     status = arrays["status"]
     (D,) = arrays["component"].shape
-    functions = dict.fromkeys(found.tiled, ("float64", (rows, *status.shape)))
+    functions = dict.fromkeys(contents.tiled, ("float64", (rows, *status.shape)))
     expected = functions | arrays_of_a_run(
         map.variable, status.shape, rows, D, "attitude" in attributes
     )
     expected |= {"n": ("int64", (rows,)), "component": ("string", (D,))}
     check_arrays({name: (array.dtype, array.shape) for name, array in arrays.items()}, expected)
-    if absent := {*found.shared, "eps"} - {*arrays}:
+    if absent := {*contents.shared, "eps"} - {*arrays}:
         raise ValueError(f"the array {min(absent)} is missing")
     sizes = dict(zip(status.dims, status.shape, strict=True))
     chunks = dict(zip(status.dims, status.chunks, strict=True))
     for name, array in arrays.items():
-        if name in found.tiled and not {*status.dims} <= {*array.dims}:
+        if name in contents.tiled and not {*status.dims} <= {*array.dims}:
             raise wrong(name, f"have the axes {', '.join(status.dims)}", ", ".join(array.dims))
         for dim, length, chunk in zip(array.dims, array.shape, array.chunks, strict=True):
             if length != sizes.setdefault(dim, length):
                 raise wrong(name, f"have the length {sizes[dim]} along {dim}", length)
-            if name in found.tiled and chunk != chunks.setdefault(dim, chunk):
+            if name in contents.tiled and chunk != chunks.setdefault(dim, chunk):
                 raise wrong(name, f"have chunks of {chunks[dim]} along {dim}", chunk)
 
 
-def overlaid(store: Any, found: Contents, read_only: bool = True) -> Any:
+def overlaid(store: Any, contents: Contents, read_only: bool = True) -> Any:
     """Return a store to be read by Zarr: with the copy of the metadata, if others changed them."""
-    if found.copy is None:
+    if contents.copy is None:
         return store
     from .overlay import Overlay
 
-    return Overlay(access.reader(store, read_only), found.copy)
+    return Overlay(access.reader(store, read_only), contents.copy)

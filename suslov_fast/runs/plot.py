@@ -127,10 +127,10 @@ def _pair(run: Any, components: Any) -> list[int]:
     labels = [*run.body._labels]
     last = len(labels) - 1
     expected = f"two integers from 0 to {last}, or two of {', '.join(labels)}"
-    given = components if isinstance(components, (tuple, list)) else ()
-    if len(given) != 2 or any(isinstance(k, str) and k not in labels for k in given):
+    pair = components if isinstance(components, (tuple, list)) else ()
+    if len(pair) != 2 or any(isinstance(k, str) and k not in labels for k in pair):
         raise wrong("components", expected, short(components))
-    indices = [labels.index(k) if isinstance(k, str) else k for k in given]
+    indices = [labels.index(k) if isinstance(k, str) else k for k in pair]
     return [integer("components", k, 0, expected, last) for k in indices]
 
 

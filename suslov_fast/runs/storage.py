@@ -39,7 +39,7 @@ _NUMBERS = {
 _TEXTS, _OLD = ("about", "body"), ("format", "version")
 # Largest sizes in bytes: of the header of an entry, of the text `about`, and of the text `body`,
 # which may be larger if its compressed size is at least 1/64: JSON is never compressed so much.
-_HEADER, _ABOUT, _BODY, _RATIO = 2**14, 2**20, 2**24, 64
+_MOST_HEADER, _MOST_ABOUT, _MOST_BODY, _RATIO = 2**14, 2**20, 2**24, 64
 
 
 def save(result: Any, path: PathLike, overwrite: bool) -> None:
@@ -158,7 +158,7 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
 
 def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the description of a file (format, kind, map, numbers), and all its texts."""
-    names = [name for name in (*_TEXTS, *_OLD) if _kind(entries, name) is not None]
+    names = [name for name in (*_TEXTS, *_OLD) if _header(entries, name) is not None]
     texts = {name: _text(entries, name) for name in names}
     about = json.loads(texts.get("about", "{}"))
     version = about.get("version", texts.get("version"))
@@ -168,25 +168,25 @@ def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
     return about, texts
 
 
-def _read(entries: zipfile.ZipFile, kind: str, about: Any, described: str) -> dict[str, Any]:
+def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> dict[str, Any]:
     """Return the attributes of a result, after checks that they agree."""
-    headers = {name: _kind(entries, name) for name in _ARRAYS[kind]}
-    given = {name: header for name, header in headers.items() if header is not None}
+    all_headers = {name: _header(entries, name) for name in _ARRAYS[kind]}
+    headers = {name: header for name, header in all_headers.items() if header is not None}
     numbers = {name: about[name] for name in _NUMBERS[kind]}
-    body, map = body_from_dict(json.loads(described)), named(about["map"])
+    body, map = body_from_dict(json.loads(body_text)), named(about["map"])
     if map_of(body, numbers["method"]) is not map:
         raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
     # All other shapes follow from that of `status`.
-    batch, size = given["status"][1], math.prod(given["status"][1])
+    batch, size = headers["status"][1], math.prod(headers["status"][1])
     expect = _arrays_of_trajectories if kind == "Trajectories" else _arrays_of_crossings
-    expected = expect(numbers, given, batch, body.dimension)
+    expected = expect(numbers, headers, batch, body.dimension)
     expected["_carry"] = "float64", (map.methods[numbers["method"]].carried, size)
-    if "eps" in given:  # of any shape that broadcasts to the batch
-        expected["eps"] = "float64", given["eps"][1]
-        shapes = {"body": body.shape, "eps": given["eps"][1], "status": batch}
+    if "eps" in headers:  # of any shape that broadcasts to the batch
+        expected["eps"] = "float64", headers["eps"][1]
+        shapes = {"body": body.shape, "eps": headers["eps"][1], "status": batch}
         if common_shape(shapes) != batch:
             raise wrong("status", f"have the shape {common_shape(shapes)}", batch)
-    check_arrays(given, expected)
+    check_arrays(headers, expected)
     attributes: dict[str, Any] = dict.fromkeys(_ARRAYS[kind])
     attributes |= {name: _entry(entries, name) for name in expected} | numbers
     eps = within("eps", real_array("eps", attributes["eps"]), MOMENTS)
@@ -199,18 +199,18 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, described: str) -> di
 
 
 def _arrays_of_trajectories(
-    numbers: dict[str, Any], given: dict[str, Any], batch: tuple[int, ...], D: int
+    numbers: dict[str, Any], headers: dict[str, Any], batch: tuple[int, ...], D: int
 ) -> dict[str, Any]:
     """Return types and shapes of the arrays of a run, after checks of its numbers."""
     steps, every = integer("steps", numbers["steps"], 0), numbers["save_every"]
     rows = 1 if every is None else steps // integer("save_every", every, 1) + 1
-    turns = "attitude" in given or "_turned" in given
+    turns = "attitude" in headers or "_turned" in headers
     arrays: dict[str, Any] = arrays_of_a_run("states", batch, rows, D, turns)
     return arrays | ({"_turned": ("float64", (math.prod(batch), D + 1, D + 1))} if turns else {})
 
 
 def _arrays_of_crossings(
-    numbers: dict[str, Any], given: dict[str, Any], batch: tuple[int, ...], D: int
+    numbers: dict[str, Any], headers: dict[str, Any], batch: tuple[int, ...], D: int
 ) -> dict[str, Any]:
     """Return types and shapes of the arrays of crossings, after checks of their numbers."""
     end = sum(integer(name, numbers[name], 0) for name in ("steps", "transient"))
@@ -218,12 +218,12 @@ def _arrays_of_crossings(
     integer("_n", numbers["_n"], 0, f"an integer from 0 to {end}", end)
     if numbers["most"] is not None:
         integer("most", numbers["most"], 1)
-    (K,) = given["n"][1]
+    (K,) = headers["n"][1]
     arrays: dict[str, Any] = arrays_of_a_run("states", batch, 0, D, False)
     del arrays["states"]
     arrays |= {"before": ("float64", (K, D)), "after": ("float64", (K, D))}
     arrays |= {"n": ("int64", (K,)), "fraction": ("float64", (K,)), "count": ("int64", batch)}
-    return arrays | ({"_last": ("float64", (math.prod(batch),))} if "_last" in given else {})
+    return arrays | ({"_last": ("float64", (math.prod(batch),))} if "_last" in headers else {})
 
 
 def _check_failures(result: Mapping[str, Any], steps: int) -> None:
@@ -275,7 +275,7 @@ def _check_crossings(points: Mapping[str, Any]) -> Any:
     return trajectory
 
 
-def _kind(entries: zipfile.ZipFile, name: str) -> tuple[str, tuple[int, ...]] | None:
+def _header(entries: zipfile.ZipFile, name: str) -> tuple[str, tuple[int, ...]] | None:
     """Return the type and the shape in the header of an entry; None if there is no entry.
 
     ValueError if the size of the entry is not that of its header and its numbers.
@@ -285,7 +285,7 @@ def _kind(entries: zipfile.ZipFile, name: str) -> tuple[str, tuple[int, ...]] | 
     except KeyError:
         return None
     with entries.open(entry) as file:
-        head = io.BytesIO(file.read(_HEADER))
+        head = io.BytesIO(file.read(_MOST_HEADER))
     read = np.lib.format.read_array_header_1_0
     if np.lib.format.read_magic(head) != (1, 0):
         read = np.lib.format.read_array_header_2_0
@@ -299,7 +299,7 @@ def _kind(entries: zipfile.ZipFile, name: str) -> tuple[str, tuple[int, ...]] | 
 def _text(entries: zipfile.ZipFile, name: str) -> str:
     """Return a text; ValueError if it is larger than a run makes it."""
     entry = entries.getinfo(f"{name}.npy")
-    most = max(_BODY, _RATIO * entry.compress_size) if name == "body" else _ABOUT
+    most = max(_MOST_BODY, _RATIO * entry.compress_size) if name == "body" else _MOST_ABOUT
     if entry.file_size > most:
         raise wrong(name, f"a text of at most {most:,} bytes", f"{entry.file_size:,} bytes")
     return str(_entry(entries, name))
@@ -328,13 +328,13 @@ def arrays_of_a_run(
     return arrays
 
 
-def check_arrays(given: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
+def check_arrays(arrays: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
     """Check that a file or a store has the expected arrays, by their types and shapes."""
     for name, (kind, shape) in expected.items():
-        if name not in given:
+        if name not in arrays:
             raise ValueError(f"{name} is missing: {kind} of shape {shape}")
-        if given[name] != (kind, shape):
-            raise wrong(name, f"{kind} of shape {shape}", "{} of shape {}".format(*given[name]))
+        if arrays[name] != (kind, shape):
+            raise wrong(name, f"{kind} of shape {shape}", "{} of shape {}".format(*arrays[name]))
 
 
 def _checked(path: PathLike) -> Path:

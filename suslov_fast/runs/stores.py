@@ -30,7 +30,7 @@ from ..checks import first_index, wrong
 from ..engine.random_starts import RandomStarts
 from ..engine.status import Status
 from . import access
-from .metadata import COPY, Contents, Stored, Tile, contents, digest_of, overlaid
+from .metadata import COPY, Contents, Stored, Tile, digest_of, overlaid, read_contents
 
 # Status of trajectories that are not computed yet.
 PENDING = -128
@@ -59,16 +59,16 @@ def resolved(store: Any) -> Any:
     return store if "://" in os.fspath(store) else Path(store).absolute()
 
 
-def lost(store: Any, found: Contents) -> Lost:
+def lost(store: Any, contents: Contents) -> Lost:
     """Return the chunks and tiles that a store lacks."""
     is_folder = isinstance(store, Path)
-    keys = _whole(store, found.arrays) if is_folder else _listed(store, found.arrays)
-    status = found.arrays["status"]
+    keys = _whole(store, contents.arrays) if is_folder else _listed(store, contents.arrays)
+    status = contents.arrays["status"]
     tiles = dict(status.keys("status"))
     done = {tile for tile, key in tiles.items() if key in keys}
     absent: dict[str, tuple[str, Tile | None]] = {}  # by key: array, and tile of a tiled one
-    for name, array in found.arrays.items():
-        axes = [array.dims.index(dim) for dim in status.dims] if name in found.tiled else None
+    for name, array in contents.arrays.items():
+        axes = [array.dims.index(dim) for dim in status.dims] if name in contents.tiled else None
         for index, key in array.keys(name) if name != "status" else ():
             tile = None if axes is None else tuple(index[axis] for axis in axes)
             if key not in keys and (tile is None or tile in done):
@@ -96,15 +96,15 @@ def _whole(folder: Path, arrays: Mapping[str, Stored]) -> set[str]:
 def _is_whole(path: str, nbytes: int | None) -> bool:
     """Return whether a file has the right size; ValueError for folders in its place."""
     try:
-        about = os.stat(path)
+        size_and_mode = os.stat(path)
     except FileNotFoundError:
         return False
     except NotADirectoryError:
         file = next(parent for parent in Path(path).parents if parent.is_file())
         raise wrong("store", "have a folder of chunks", f"the file {file}: remove it") from None
-    if stat.S_ISDIR(about.st_mode):
+    if stat.S_ISDIR(size_and_mode.st_mode):
         raise wrong("store", "have a file for each chunk", f"the folder {path}: remove it")
-    return nbytes is None or about.st_size == nbytes
+    return nbytes is None or size_and_mode.st_size == nbytes
 
 
 def _listed(store: Any, arrays: Mapping[str, Stored]) -> set[str]:
@@ -133,8 +133,8 @@ def prepare(
     if not getattr(store, "supports_deletes", True):  # in a ZIP file no entry can be rewritten
         received = f"{type(store).__name__}: write into a folder, and open_ensemble reads a copy"
         raise wrong("store", "a store that is written in parts, in any order", received)
-    found = contents(store)
-    ours, theirs = data.attrs, {} if found is None else found.attributes
+    contents = read_contents(store)
+    ours, theirs = data.attrs, {} if contents is None else contents.attributes
     differences = []
     for name in {**ours, **theirs} if theirs else ():
         if name not in ("version", "coordinates") and ours.get(name) != theirs.get(name):
@@ -145,20 +145,20 @@ def prepare(
     if differences:
         what = f"{store} holds another run: {'; '.join(differences)}"
         raise ValueError(f"store: {what}; pass a new name, or the arguments of that run")
-    if found is None:
+    if contents is None:
         _check_new(store, data)
-    if found is None or not found.arrays:
+    if contents is None or not contents.arrays:
         create(store, data, sizes)
-        found = contents(store)
-        assert found is not None
-    if not found.is_consolidated:
-        create(store, data, sizes, found.copy)
-    lacks, arrays = lost(store, found), opened(store, found)
-    for name in found.shared:
+        contents = read_contents(store)
+        assert contents is not None
+    if not contents.is_consolidated:
+        create(store, data, sizes, contents.copy)
+    lacks, arrays = lost(store, contents), opened(store, contents)
+    for name in contents.shared:
         values = data.variables[name].values
         if name in lacks.chunks or not _holds(arrays[name], values):
             arrays[name][...] = values
-    return sorted(lacks.tiles | lacks.pending), arrays, found.arrays["status"]
+    return sorted(lacks.tiles | lacks.pending), arrays, contents.arrays["status"]
 
 
 def passed_poles(arrays: Any, status: Stored) -> tuple[int, tuple[tuple[int, ...], int] | None]:
@@ -188,7 +188,10 @@ def _holds(array: Any, values: Any) -> bool:
 
 def _check_new(store: Any, data: Any) -> None:
     """Check that a store is new, and that its folder has no other files and space for the run."""
-    if access.run(access.keys_of(access.reader(store), "status/c/")) and contents(store) is None:
+    if (
+        access.run(access.keys_of(access.reader(store), "status/c/"))
+        and read_contents(store) is None
+    ):
         raise wrong("store", "a new name or a store", f"{store} with tiles, but without zarr.json")
     if not isinstance(store, Path):
         return
@@ -234,9 +237,9 @@ def create(store: Any, data: Any, sizes: dict[str, int], copy: str | None = None
     import zarr
 
     labels = " ".join(str(name) for name in data.coords if name not in data.dims)
-    about = {**data.attrs, "coordinates": labels}  # by which xarray knows coordinates
+    attributes = {**data.attrs, "coordinates": labels}  # by which xarray knows coordinates
     with suppress(zarr.errors.ContainsGroupError):
-        zarr.create_group(store, zarr_format=3, attributes=about)
+        zarr.create_group(store, zarr_format=3, attributes=attributes)
     root = zarr.open_group(store, mode="r+", zarr_format=3, use_consolidated=False)
     tiled, shared = (json.loads(data.attrs[name]) for name in ("tiled", "shared"))
     sizes = dict(sizes)
@@ -261,7 +264,7 @@ def create(store: Any, data: Any, sizes: dict[str, int], copy: str | None = None
         access.run(access.put(root.store, "zarr.json", copy))
         return
     write(_writable(root, shared), data, shared)
-    access.run(_consolidate(root.store, about, sorted(map(str, data.variables))))
+    access.run(_consolidate(root.store, attributes, sorted(map(str, data.variables))))
 
 
 async def _consolidate(target: Any, attributes: Any, names: list[str]) -> None:
@@ -271,8 +274,8 @@ async def _consolidate(target: Any, attributes: Any, names: list[str]) -> None:
     group, *documents = (json.loads(text or "") for text in texts)
     group, arrays = group | {"attributes": attributes}, dict(zip(names, documents, strict=True))
     digest = digest_of(attributes, arrays)
-    about = {"kind": "inline", "must_understand": False, "sha256": digest, "metadata": arrays}
-    text = json.dumps(group | {"consolidated_metadata": about}, indent=2)
+    metadata = {"kind": "inline", "must_understand": False, "sha256": digest, "metadata": arrays}
+    text = json.dumps(group | {"consolidated_metadata": metadata}, indent=2)
     for key in (COPY, "zarr.json"):
         await access.put(target, key, text)
 
@@ -284,12 +287,12 @@ def _fill(kind: str, is_tiled: bool) -> Any:
     return PENDING if is_tiled else None
 
 
-def opened(store: Any, found: Contents) -> dict[str, Any]:
+def opened(store: Any, contents: Contents) -> dict[str, Any]:
     """Return the arrays of a store, writable."""
     import zarr
 
-    root = zarr.open_group(overlaid(store, found, False), mode="r+", zarr_format=3)
-    return _writable(root, found.arrays)
+    root = zarr.open_group(overlaid(store, contents, False), mode="r+", zarr_format=3)
+    return _writable(root, contents.arrays)
 
 
 def _writable(root: Any, names: Iterable[str]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The result of `iterate`: saved states, statuses, and what can be done with them."""
+"""`Trajectories`, the result of `iterate`: states, statuses, and methods that go on from them."""
 
 from __future__ import annotations
 
@@ -179,8 +179,9 @@ class Trajectories(Result):
             self.steps, self.final, self.status, self.failed_at, self._carry, self._turned
         )
         march = March(problem, self.method, reached)
-        about = self.method, total, self.save_every
-        return run_to_end(march, *about, on_singular, progress, earlier=self)
+        return run_to_end(
+            march, self.method, total, self.save_every, on_singular, progress, earlier=self
+        )
 
     def _value(self, name: str, states: FloatArray) -> FloatArray:
         """Return the values of a public function for states of this run."""

@@ -35,7 +35,7 @@ _MANY = 2**14
 # Exponents of ranges: moments and step sizes have a modulus from 1e-50 to 1e50, other parameters
 # from 1e-60 to 1e60.
 MOMENTS, OTHERS = 50, 60
-_PACKAGES = {"flint": "python-flint"}  # of modules that have another name
+_PACKAGES = {"flint": "python-flint"}  # packages whose modules have another name
 # Requests for up to this many bytes are not checked, for speed; this many bytes are kept free.
 _SMALL = 2**26
 _HERE = os.path.dirname(__file__) + os.sep
@@ -50,11 +50,11 @@ def wrong(name: str, expected: str, received: object = None, error: Any = ValueE
 
 def page(name: str) -> str:
     """Return the address of a page of the documentation, such as "howto/cubic"."""
-    from importlib.metadata import PackageNotFoundError, metadata  # which takes 30 ms to import
+    from importlib.metadata import PackageNotFoundError, metadata  # here: this takes 30 ms
 
     try:
         links = metadata("suslov_fast").get_all("Project-URL") or []
-    except PackageNotFoundError:  # in an archive, say
+    except PackageNotFoundError:  # for example in an archive
         links = []
     for link in links:
         kind, _, address = link.partition(", ")
@@ -124,7 +124,7 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
     """
     axes = [*value.dims] if hasattr(value, "dims") else []
     if axes and axes[-1] == "component" and "n" not in axes[1:]:
-        coords = getattr(value, "coords", {})  # those of a dataset of this package
+        coords = getattr(value, "coords", {})  # datasets of this package name the components
         if "component" not in coords or coords["component"].values.tolist() == [*labels]:
             value = getattr(value, "data", value)  # a Dataset has no data
     array = _floats(name, value)
@@ -279,7 +279,7 @@ def is_false(answer: object) -> bool:
 
 
 def instance(name: str, value: Any, expected: Any) -> None:
-    """Raise TypeError unless an object is of a class, of one of a tuple, or of a union."""
+    """Raise TypeError unless an object is of a class, or of one in a tuple or a union."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
         called = " or ".join(vars(kind).get("_called", kind.__name__) for kind in classes)

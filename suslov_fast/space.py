@@ -148,22 +148,22 @@ def _shown(
     function: str, body: Any, omega: Any, rotation: ArrayLike | None, attitude: ArrayLike | None
 ) -> FloatArray:
     """Return vectors (..., n) or matrices (..., n, n) of a function, in the requested basis."""
-    given = problem(function, body, omega)
+    checked = problem(function, body, omega)
     with np.errstate(all="ignore"):
-        values = given.map.formulas[function].compute(given)
-    axes, n = values.ndim - len(given.batch), body.dimension + 1
+        values = checked.map.formulas[function].compute(checked)
+    value_axes, n = values.ndim - len(checked.batch), body.dimension + 1
     if rotation is not None and attitude is not None:
         raise ValueError("pass rotation or attitude, not both")
     if rotation is not None:
-        turn = checks.square_matrices("rotation", rotation, n).swapaxes(-2, -1)
+        R = checks.square_matrices("rotation", rotation, n).swapaxes(-2, -1)
     elif attitude is not None:
-        turn = checks.square_matrices("attitude", attitude, n, allow_nan=True)
+        R = checks.square_matrices("attitude", attitude, n, allow_nan=True)
     else:
         return np.asarray(values)
-    common_shape({"omega": given.batch, "matrices": turn.shape[:-2]})
-    if axes == 1:
-        return np.asarray((turn @ values[..., np.newaxis])[..., 0])
-    return np.asarray(turn @ values @ turn.swapaxes(-2, -1))
+    common_shape({"omega": checked.batch, "matrices": R.shape[:-2]})
+    if value_axes == 1:
+        return np.asarray((R @ values[..., np.newaxis])[..., 0])
+    return np.asarray(R @ values @ R.swapaxes(-2, -1))
 
 
 def attitude(

@@ -30,12 +30,12 @@ _FOR_KERNELS = {"batch_of_one", "constants", "table", "terms"}
 class Body:
     """A body or a field, or a batch of them; dataclass fields of a subclass are its parameters."""
 
-    _axes: ClassVar[dict[str, int]] = {}  # of vector parameters: their number of axes
-    _positive: ClassVar[dict[str, int]] = {}  # parameters, with their range: `within`
+    _axes: ClassVar[dict[str, int]] = {}  # number of axes of vector parameters
+    _positive: ClassVar[dict[str, int]] = {}  # range of positive parameters, for `within`
     _called: ClassVar[str] = "a body or a field"  # the name of the class in messages
     # What messages advise where a function does not accept this class.
     _instead: ClassVar[str] = ""
-    _steady: ClassVar[str] = ""  # the steady states, in words
+    _steady: ClassVar[str] = ""  # formula of the steady states, for messages
     dimension: ClassVar[Any] = 2  # number of components of a state
     _labels: ClassVar[Any] = "Omega1", "Omega2"  # their names
     # Named parameters: coordinates of datasets, which == does not compare.
@@ -130,7 +130,7 @@ class Body:
     def __dir__(self) -> list[str]:
         return [name for name in super().__dir__() if name not in _FOR_KERNELS]
 
-    if not TYPE_CHECKING:  # checkers know the attributes
+    if not TYPE_CHECKING:  # type checkers know the attributes
 
         def __getattr__(self, name: str) -> Any:
             """Raise an AttributeError that says where a public name is found instead."""
@@ -237,19 +237,18 @@ class Body:
 
     def _column(self, name: str) -> FloatArray:
         """Return the values of a parameter that varies along exactly one axis, else raise."""
-        columns = {each: np.asarray(a, np.float64) for each, a in self._scalars.items()}
-        along_one = {
-            each: a for each, a in columns.items() if 0 < a.size == max(a.shape, default=0)
-        }
-        if name not in columns:
-            known = ", ".join(along_one) or "none varies along one axis"
+        values = {n: np.asarray(a, np.float64) for n, a in self._scalars.items()}
+        columns = {n: a for n, a in values.items() if 0 < a.size == max(a.shape, default=0)}
+        if name in columns:
+            return columns[name]
+        choices = ", ".join(columns)
+        if name not in values:
+            known = choices or "none varies along one axis"
             raise ValueError(f"sel: there is no parameter {name!r}; choose from: {known}")
-        if name not in along_one:
-            a, known = columns[name], ", ".join(along_one) or "none"
-            what = f"has the shape {a.shape}" if a.ndim else f"is {a} for all members"
-            text = f"sel: {name} {what}: choose a parameter that varies along one axis"
-            raise ValueError(f"{text}, of {known}")
-        return along_one[name]
+        a = values[name]
+        reason = f"has the shape {a.shape}" if a.ndim else f"is {a} for all members"
+        how = "choose a parameter that varies along one axis, of"
+        raise ValueError(f"sel: {name} {reason}: {how} {choices or 'none'}")
 
     def _merged(self: Kind, axis: int, axes: int) -> Kind:
         """Return the batch with `axes` of its axes, from `axis` on, merged into one."""
@@ -273,7 +272,7 @@ class Body:
 
     def _part(self: Kind, axis: int, index: Any) -> Kind:
         """Return the members that an integer, a slice or indices select along one axis."""
-        # For parameters that all members share, whose length is 1 here.
+        # The index for parameters that all members share, whose length is 1 on this axis.
         common = slice(None) if isinstance(index, slice) or np.ndim(index) else 0
         parts = {}
         for name, value in self._parts.items():

@@ -39,8 +39,8 @@ class Column(NDArrayOperatorsMixin):
 
     def __init__(self, values: FloatArray, symbols: list[Symbol]) -> None:
         self.values = values
-        self._symbols = symbols  # of all columns of the family
-        self._indices: dict[bool, int] = {}  # of the symbols of this column, by is_inverse
+        self._symbols = symbols  # shared by all columns of the family
+        self._indices: dict[bool, int] = {}  # where its symbols are, by is_inverse
 
     def symbol(self, *, is_inverse: bool = False) -> int:
         """Return the index of the symbol that stands for the values, or for their inverses.
@@ -57,7 +57,8 @@ class Column(NDArrayOperatorsMixin):
 
     def __array_ufunc__(self, operation: Any, method: str, *operands: Any, **options: Any) -> Any:
         arrays = [a for a in operands if isinstance(a, np.ndarray)]
-        if arrays:  # of objects: entry by entry. NumPy may add floats in another order.
+        if arrays:
+            # Arrays of polynomials: compute entry by entry. NumPy may add floats in another order.
             if any(a.dtype != object for a in arrays):
                 raise Refused
             return operation(*(a if isinstance(a, np.ndarray) else _alone(a) for a in operands))
@@ -81,7 +82,7 @@ class Column(NDArrayOperatorsMixin):
     def _power(self, base: Any, power: Any) -> Column:
         if not isinstance(base, Column) or type(power) is not int or power not in range(100):
             raise Refused
-        # By Python, because powers by NumPy may differ in the last bit.
+        # Powers by Python, because those by NumPy may differ in the last bit.
         values = [value**power for value in base.values.ravel().tolist()]
         return Column(np.array(values, np.float64).reshape(base.values.shape), self._symbols)
 

@@ -93,7 +93,7 @@ class QuadraticField(Body):
     Raises
     ------
     TypeError, ValueError
-        If shapes do not match, or a coefficient is no number or out of range.
+        If shapes do not match, or a coefficient is not a number in its range.
 
     Examples
     --------
@@ -142,7 +142,8 @@ class QuadraticField(Body):
     def _take(self, parts: Mapping[str, Any]) -> None:
         """Store a table, or H and K with or without theirs, the names, and named parameters."""
         table: Any = parts.get(TABLE)
-        if TENSOR in parts and np.ndim(table) <= 3:  # exact, unless a family has its table
+        # The table of a Hamiltonian field follows from H and K, unless a family has a rounded one.
+        if TENSOR in parts and np.ndim(table) <= 3:
             table = rates(parts[TENSOR], parts[MATRIX])
         table = frozen(numbers("table", table, table.ndim > 3))
         D = table.shape[-3]

@@ -87,13 +87,15 @@ def _refused(name: str, i: int, names: list[str]) -> str:
     if iskeyword(name):
         return f"has a name that is a keyword of Python: call it {name}_, for example"
     if not name.isidentifier():
-        return "is no name in Python: use letters, digits and _, and begin with a letter"
+        return "is not a valid name in Python: use letters, digits and _, and begin with a letter"
     if name in names[:i]:
-        return "stands twice: give each variable its own name"
+        return "appears twice: give each variable its own name"
     if name == "eps":
         return "has the name of the step size: call it eps_, for example"
     if _NUMBERED.fullmatch(name) and name != f"x{i + 1}":
-        return f"stands at place {i + 1}: {name} is the name of variable {name[1:]}"
+        return (
+            f"is variable {i + 1}, and {name} the name of variable {name[1:]}: choose another name"
+        )
     return ""
 
 
@@ -122,7 +124,7 @@ def check_parameter(name: str, names: Collection[str]) -> None:
     """Raise ValueError if a parameter of a field cannot have this name; `names` are variables."""
     if not name.isidentifier() or iskeyword(name):
         raise ValueError(
-            f"parameters: {name!r} is no name in Python: rename it, to rho for example"
+            f"parameters: {name!r} is not a valid name in Python: rename it, to rho for example"
         )
     if name in TIME:
         how = f"fields have no time; to make it a variable see {page('howto/cubic')}"

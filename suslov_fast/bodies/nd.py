@@ -15,7 +15,7 @@ from .field import QuadraticField
 from .polynomials import numbers
 from .rigid import adapted
 
-# Relative rounding error of J and I that from_mass_tensor has rotated.
+# Relative rounding error of J and I after the rotation by from_mass_tensor.
 _ROUNDING = 1e-14
 # What to use, in place of these functions, for bodies without a known formula.
 _INSTEAD = {
@@ -133,7 +133,7 @@ class SuslovND(Body):
         Raises
         ------
         ValueError
-            If I is not symmetric or not positive definite, or a is 0; for a batch, of which member.
+            If I is not symmetric or not positive definite, or a is 0. The message names the member.
 
         Examples
         --------

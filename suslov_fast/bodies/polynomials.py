@@ -19,7 +19,7 @@ from ..checks import OTHERS, common_shape, real_array, refuse, short, within, wr
 from .columns import Column
 from .names import check_parameter, labels
 
-_LARGEST_EXPONENT = 400  # of a decimal
+_LARGEST_EXPONENT = 400  # of a decimal in a text; floats end at 1e308
 
 
 def exact(name: str, value: Any) -> Fraction:
@@ -193,7 +193,7 @@ class Polynomial(NDArrayOperatorsMixin):
         has_array = any(isinstance(each, np.ndarray) for each in operands)
         if has_array or operation in (np.power, np.square):  # entry by entry
             return operation(*(np.array(each, object) for each in operands))
-        if operation is np.true_divide:  # by a polynomial: __truediv__ is for numbers
+        if operation is np.true_divide:  # a number by a polynomial; __truediv__ has the other cases
             return operands[0] * self.of(operands[1]).inverse()
         if operation not in _ARITHMETIC:
             raise NoPolynomial(operation.__name__, self)

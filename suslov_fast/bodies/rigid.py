@@ -259,7 +259,7 @@ class Picture(NamedTuple):
     extent: float
 
 
-PICTURES = {  # of the paper, end of Section 4
+PICTURES = {  # the four examples at the end of Section 4
     1: Picture(Suslov3D(4, 1, -0.5, -0.3), 0.2, 4.0),
     2: Picture(Suslov3D(4, 3, -0.4, -0.2), 0.2, 10.0),
     3: Picture(Suslov3D(4, 2, 0, -0.2), 0.02, 100.0),

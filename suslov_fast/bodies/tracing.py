@@ -19,7 +19,7 @@ from .advice import CUBIC, check_arguments, explained, name_of
 from .columns import Column, Refused, Symbol, exact_values, rounded
 from .polynomials import Polynomial
 
-# For families with fewer members, f is called for each at once.
+# Families with fewer members are not worth a column: f is called for each member.
 _FEWEST = 4
 
 
@@ -58,14 +58,14 @@ class _Call(NamedTuple):
 def traced(
     argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], K: Any = None
 ) -> tuple[Any, Any]:
-    """Return the table of a field f, and None; with K, the tensor of a Hamiltonian f, and a table.
+    """Return (table, None) for a field f, or (tensor, table or None) for a Hamiltonian f with K.
 
-    Entries are fractions, except that tables of families from one call of f hold floats, rounded
-    once. The table of a Hamiltonian is None where f was called for each member.
+    They hold fractions, unless one call of f was enough for a family: then the table holds floats,
+    rounded once. Otherwise the table of a Hamiltonian is None, and follows from the tensor.
     """
     if not callable(f):
         raise wrong(argument, "a function of x, a tuple of the variables", short(f), TypeError)
-    f = getattr(f, "py_func", f)  # of a function that Numba compiled
+    f = getattr(f, "py_func", f)  # the Python function, if Numba compiled f
     maker = f"QuadraticField.{'from_function' if K is None else 'from_hamiltonian'}"
     check_arguments(argument, f, names, parameters, maker)
     call = _Call(argument, f, names, 2 if K is None else 3, parameters)
@@ -81,11 +81,11 @@ def traced(
         samples = indices[0], indices[len(indices) // 2], indices[-1]
         tensors = [member(index) for index in samples]
         try:
-            whole = _by_columns(call, K)
+            at_once = _by_columns(call, K)
         except Exception:  # f may raise anything where a column behaves unlike a float
-            whole = None
-        if whole and all(_agree(whole[0][i], a) for i, a in zip(samples, tensors, strict=True)):
-            return whole
+            at_once = None
+        if at_once and all(_agree(at_once[0][i], a) for i, a in zip(samples, tensors, strict=True)):
+            return at_once
     tensors = [member(index) for index in indices]
     axes = (call.D,) * (K is None) + (call.D + 1,) * call.degree
     return np.array(tensors, dtype=object).reshape(*shape, *axes), None

@@ -165,7 +165,7 @@ def growth_by_jacobian(
     march = March(problem._replace(omega=start))
     B, D = march.omega0.shape
     sums, of_det, Q = np.zeros((B, D)), np.zeros(B), np.eye(D)
-    rows = max(_STRETCH // max(B * D**3, 1) // 16, 1)  # NumPy is slower than a kernel
+    rows = max(_STRETCH // max(B * D**3, 1) // 16, 1)  # 16: NumPy is slower than a kernel
     n = 0
     for states, _ in march.pieces(transient + steps - 1, 1, rows):
         piece = problem._replace(omega=states, batch=(len(states), *problem.batch))

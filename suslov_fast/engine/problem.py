@@ -18,9 +18,9 @@ class Problem(NamedTuple):
     body: Any
     omega: FloatArray  # (..., D)
     eps: float | FloatArray  # 0 if there is no step size
-    batch: tuple[int, ...]  # to which all broadcast
+    batch: tuple[int, ...]  # the shape to which all parts broadcast
     threads: int | None = None
-    name: str = "omega"  # of the argument that holds the states
+    name: str = "omega"  # what messages call the states
     method: str = "auto"
     orientation: FloatArray | None = None  # (..., n, n)
 

@@ -27,7 +27,7 @@ class RandomStarts:
     Raises
     ------
     TypeError, ValueError
-        If size or seed is no integer from 0, or extent is not a positive number.
+        If size or seed is not an integer from 0, or extent not a positive number.
 
     Examples
     --------

@@ -163,16 +163,16 @@ def report_failures(
         report_poles(body, status, failed_at, since)
     if status.min() >= 0:
         return
-    failed, parts = failed_at >= since, []
-    for code, what in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
-        of_code = failed & (status == code)
-        if of_code.any():
-            index = first_index(of_code)
-            parts.append(
-                f"{np.count_nonzero(of_code)} of {failed.size} trajectories: {what}, "
+    texts = []
+    for code, cause in ((Status.SINGULAR, "singular step"), (Status.NONFINITE, "non-finite step")):
+        failed = (failed_at >= since) & (status == code)
+        if failed.any():
+            index = first_index(failed)
+            texts.append(
+                f"{np.count_nonzero(failed)} of {failed.size} trajectories: {cause}, "
                 f"first: {spell(index)} at step {failed_at[index]}"
             )
-    message = "; ".join(parts)
+    message = "; ".join(texts)
     if message and on_singular == "raise":
         raise SingularStepError(message, run, name)
     if message and on_singular == "warn":

@@ -154,7 +154,7 @@ class March:
         self.final = np.empty((*problem.batch, D))
         self.status = np.zeros(problem.batch, np.int8)
         self.failed_at = np.empty(problem.batch, np.int64)
-        self.failed_at.fill(-1)  # faster than `np.full`, which counts in small calls
+        self.failed_at.fill(-1)  # faster than `np.full`, which matters in small calls
 
     def to(
         self,
@@ -259,7 +259,7 @@ class March:
         if width * length * cost > _STRETCH:
             most = threads or numba.config.NUMBA_NUM_THREADS
             budget = min(width // lanes, most) * _STRETCH / cost  # steps of single trajectories
-            unit = lanes * most  # with multiples of it, all threads get as many blocks
+            unit = lanes * most  # multiples of it give all threads as many blocks
             width = min(max(int(budget / length) // unit, 1) * unit, width)
             length = max(int(budget / width), 1)
         for begin in range(0, max(size, 1), width):

@@ -53,7 +53,7 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
     finally:
         try:  # noqa: SIM105  (`suppress` would be the first call)
             _one_at_a_time.release()
-        except RuntimeError:  # another thread's
+        except RuntimeError:  # another thread has it
             pass
 
 

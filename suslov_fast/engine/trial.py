@@ -28,7 +28,7 @@ _SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, those of a wide batch, and st
 # Runs from these states must have the bits of a run from state 0; the first one passes state 64,
 # where kernels that do something every 64 steps might differ.
 _LATE = 61, 997
-_CUTS = 0, 2, 3, 3, _STEPS  # ends of calls; one of them takes no step
+_CUTS = 0, 2, 3, 3, _STEPS  # ends of calls; the third call takes no step
 _GUARD, _UNTOUCHED = -99, 1.2345678901234e-99  # values around arrays, and in them before a run
 _TRIED: set[tuple[Any, int]] = set()  # steps and dimensions that passed the trial
 
@@ -108,7 +108,7 @@ def _between_guards(argument: Any) -> Any:
     if not isinstance(argument, np.ndarray) or argument.dtype != np.float64:
         return np.copy(argument) if isinstance(argument, np.ndarray) else argument
     array, _ = _guarded(argument.shape, argument)
-    array.flags.writeable = argument.flags.writeable  # part of its type
+    array.flags.writeable = argument.flags.writeable  # it is part of the type for Numba
     return array
 
 
@@ -136,7 +136,7 @@ def _check_failures(run: _Run, notes_poles: bool) -> None:
     _expect(is_known.all(), f"a status of {known}", short({*status[~is_known].tolist()}), 7)
     exist: Any = np.isfinite(run.saved).all(axis=-1)
     gone = (status < 0) & (n >= failed_at)
-    # With a positive status, failed_at is -1 or the state since which it holds.
+    # With a positive status, failed_at is -1 or the first state for which it holds.
     is_right = (failed_at == -1) | (status > 0) & (failed_at > 0) & (failed_at < len(n))
     is_right = (failed_at >= 0) & (status < 0) | is_right & (status >= 0)
     if notes_poles:
@@ -231,18 +231,10 @@ def _family_like(body: Any, size: int) -> Any:
 
 # --------------------------------------------------------------------------------------- the trial
 def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
-    """Try a kernel with a body of the problem, and states and step sizes near one of its own."""
+    """Try a kernel with one body of the problem, states near one of its own, and its step size."""
     body = problem.body[(0,) * len(problem.body.shape)] if problem.body.shape else problem.body
-    states = flat_arrays(problem.omega, problem.omega.shape[:-1])
-    states = states[np.isfinite(states).all(axis=1) & states.any(axis=1)]
-    state = states[0] if len(states) else np.ones(body.dimension)
-    scales = np.linspace(1.0, 0.5, size)
-    scales[3:7] = 1e200, 1e1, 1e2, 1e3  # large states fail, at once or later
-    with np.errstate(over="ignore"):
-        omega0 = np.clip(state * scales[:, None], -1e300, 1e300)
-    omega0[1], omega0[7:9] = np.nan, 1e300
-    omega0[8, 1::2] *= -1.0
-    eps = next((float(each) for each in np.ravel(problem.eps) if each), 1.0)
+    omega0 = _states_of_trial(problem, size)
+    eps = next((float(h) for h in np.ravel(problem.eps) if h), 1.0)
 
     # Make the arguments of a family whose members differ, by scaling the rows of equal members.
     of_one, many = steps.arguments(body, eps, (size,)), np.full(size, eps)
@@ -250,8 +242,8 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
         of_equals = steps.arguments(_family_like(body, size), many, (size,))
     except Exception:  # the class has no families
         of_equals = steps.arguments(body, many, (size,))
-    for each in (of_one, of_equals):
-        _check_arguments(each, size)
+    _check_arguments(of_one, size)
+    _check_arguments(of_equals, size)
     if isinstance(steps.kernel, KernelOfStep):
         _check_step(steps.kernel, len(of_one) - 1)
     has_rows = [getattr(a, "dtype", None) == np.float64 and len(a) == size for a in of_equals]
@@ -259,14 +251,48 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
     arguments = _rows(equal, has_rows, slice(None), np.linspace(0.99, 0.49, size))
 
     whole = _run(steps, arguments, omega0)
+    _check_states(whole, omega0, steps.notes_poles)
+    _check_divisions(steps, arguments, omega0, whole)
+    one_row, many_rows = (_run(steps, a, omega0) for a in (of_one, equal))
+    _expect_same(one_row, many_rows, "for arrays of one row and of B", 1)
+    for members in ([size - 1], np.arange(_WIDE) % size):
+        other = _run(steps, _rows(arguments, has_rows, members), omega0[members])
+        _expect_same(other, whole.of(members), "in any batch", 7)
+
+    of_eps = (steps.arguments(body, h * eps, (size,)) for h in (1.0, 0.0, -1.0, 0.5))
+    there, still, back, half = (_run(steps, a, omega0).final for a in of_eps)
+    goes_back = not _same(back, there) and not _same(back, still)
+    uses_eps = not _same(half, there)
+    _expect(goes_back or not uses_eps, "steps back for -eps", "those of abs(eps) or 0", 1)
+
+
+def _states_of_trial(problem: Problem, size: int) -> FloatArray:
+    """Return states near one of the problem; some are NaN or so large that they fail."""
+    states = flat_arrays(problem.omega, problem.omega.shape[:-1])
+    states = states[np.isfinite(states).all(axis=1) & states.any(axis=1)]
+    state = states[0] if len(states) else np.ones(problem.body.dimension)
+    scales = np.linspace(1.0, 0.5, size)
+    scales[3:7] = 1e200, 1e1, 1e2, 1e3  # these fail at once or later
+    with np.errstate(over="ignore"):
+        omega0 = np.clip(state * scales[:, None], -1e300, 1e300)
+    omega0[1], omega0[7:9] = np.nan, 1e300
+    omega0[8, 1::2] *= -1.0
+    return np.asarray(omega0)
+
+
+def _check_states(whole: _Run, omega0: FloatArray, notes_poles: bool) -> None:
+    """Raise ValueError unless a run from state 0 has saved all states and noted all failures."""
     missing = np.argwhere((whole.saved == _UNTOUCHED).any(axis=-1))
     _expect(len(missing) == 0, "all states to be saved", f"none at (n, i) = {missing[:1]}", 5)
     _expect(_same(whole.saved[0], omega0), "state 0 to be saved", short(whole.saved[0, 0]), 3)
     _expect(_same(whole.saved[-1], whole.final), "final to be the last state", "another", 6)
-    _check_failures(whole, steps.notes_poles)
+    _check_failures(whole, notes_poles)
     of_nan = whole.status[1] == codes.NONFINITE and whole.failed_at[1] == 0
     _expect(of_nan, "NONFINITE at step 0 for a state that is NaN", f"{whole.status[1]}", 3)
 
+
+def _check_divisions(steps: Any, arguments: Any, omega0: FloatArray, whole: _Run) -> None:
+    """Raise ValueError unless divided runs have the bits of the whole one."""
     cut = _run(steps, arguments, omega0, _CUTS)
     _expect_same(cut, whole, "after cuts in time", 4)
     for every, saved in ((4, whole.saved[::4]), (0, whole.saved[:0])):
@@ -278,17 +304,6 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
         _expect_same(late, whole, f"from state {shift} as from 0", 4)
     pieces = _run(steps, arguments, omega0, _CUTS, in_pieces=True)
     _expect_same(pieces, whole, "for begin <= i < end and parts of the work", 2)
-    common, each = (_run(steps, a, omega0) for a in (of_one, equal))
-    _expect_same(common, each, "for arrays of one row and of B", 1)
-    for members in ([size - 1], np.arange(_WIDE) % size):
-        other = _run(steps, _rows(arguments, has_rows, members), omega0[members])
-        _expect_same(other, whole.of(members), "in any batch", 7)
-
-    of_eps = (steps.arguments(body, h * eps, (size,)) for h in (1.0, 0.0, -1.0, 0.5))
-    there, still, back, half = (_run(steps, each, omega0).final for each in of_eps)
-    goes_back = not _same(back, there) and not _same(back, still)
-    uses_eps = not _same(half, there)
-    _expect(goes_back or not uses_eps, "steps back for -eps", "those of abs(eps) or 0", 1)
 
 
 # -------------------------------------------------------------------------------- bodies of others

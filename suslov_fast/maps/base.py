@@ -63,7 +63,7 @@ class Map:
         Names of formulas: the first one that a body has is conserved, exactly or nearly.
     fractions : tuple of float
         Stages of a composition: a step consists of Kahan steps by these fractions of eps. (1.0,)
-        for Kahan's map itself, and for maps that are no compositions of it.
+        for Kahan's map itself, and for maps that are not compositions of it.
     attitude : {"axial", "in_rows"} or None
         How states rotate a body: they are Omega1 and Omega2, or (Omega_1n, ..., Omega_n-1,n). None
         if they do not.

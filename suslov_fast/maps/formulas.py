@@ -116,7 +116,7 @@ KAHAN = {
 }
 
 
-_NOT_OF_ORDERS = "matrix", "modified_energy", "invariant_density"  # of single steps only
+_NOT_OF_ORDERS = "matrix", "modified_energy", "invariant_density"  # these are for single steps
 # The formulas of the compositions of order 4, 6 and 8.
 OF_ORDER = {name: formula for name, formula in KAHAN.items() if name not in _NOT_OF_ORDERS}
 
@@ -200,10 +200,11 @@ def _reaction_nd(problem: Problem) -> FloatArray:
 
 
 def rates_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """Return eigenvalues as `rates` does, of f' = (I.x) J**-1 P; P is orthogonal to I.
+    """Return eigenvalues as `rates` does: those of f' = (I.x) J**-1 P.
 
-    They are I.x times the squares of the singular values of P J**-1/2, because small singular
-    values keep their digits beside large ones.
+    P projects onto the vectors orthogonal to I. The eigenvalues are I.x times the squares of the
+    singular values of P J**-1/2, computed in this way because small singular values keep their
+    digits beside large ones.
     """
     body, x = problem.body, problem.omega
     length = np.linalg.norm(body.I, axis=-1, keepdims=True)

@@ -289,8 +289,8 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
     map.require("from_xy", body)
     if np.any((body.I13 == 0) & (body.I23 == 0)):
         raise ValueError("body: x and y are defined only where I13 or I23 is other than 0")
-    given = check(map, body, xy, name="xy", components=("x", "y"), later=True)
-    return mask_and_warn(given, map.formulas["from_xy"].compute(given))
+    checked = check(map, body, xy, name="xy", components=("x", "y"), later=True)
+    return mask_and_warn(checked, map.formulas["from_xy"].compute(checked))
 
 
 class ClosedForm(NamedTuple):
@@ -335,6 +335,6 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
     >>> float(constants.k1.round(6)), float(constants.t.round(6))
     (-0.402536, 0.040232)
     """
-    given = problem("closed_form", body, omega0, eps, name="omega0")
-    values: FloatArray = given.map.formulas["closed_form"].compute(given)
+    checked = problem("closed_form", body, omega0, eps, name="omega0")
+    values: FloatArray = checked.map.formulas["closed_form"].compute(checked)
     return ClosedForm(*np.moveaxis(values, -1, 0))

@@ -211,8 +211,8 @@ def multipliers(
             values.flat[i] = each
         in_array: OneOrEach = values
         return in_array
-    given = problem("multipliers", body, points, eps, method=method, name="x")
-    of_all: OneOrEach = _multipliers(given)
+    checked = problem("multipliers", body, points, eps, method=method, name="x")
+    of_all: OneOrEach = _multipliers(checked)
     return of_all
 
 
@@ -223,65 +223,67 @@ def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike, metho
         raise wrong("eps", f"a number, or one for each of {len(points)} members", step.shape)
     steps = np.broadcast_to(step, family.shape)
     values = []
-    for each, index in zip(points, np.ndindex(family.shape), strict=True):
+    for x, index in zip(points, np.ndindex(family.shape), strict=True):
         member, name = family[index], index if len(index) > 1 else index[0]
-        of_member = problem("multipliers", member, each, steps[index], method=method, name="x")
+        of_member = problem("multipliers", member, x, steps[index], method=method, name="x")
         values.append(_multipliers(of_member, family._of_member(name)))
     return values
 
 
-def _multipliers(given: Problem, member: str = "") -> Any:
+def _multipliers(checked: Problem, member: str = "") -> Any:
     """Return the multipliers (..., D); `member` is text for messages."""
     with np.errstate(all="ignore"):
-        rates = given.map.known_rates
-        slopes = (_slopes_at_fixed_points if rates else _jacobian_at_fixed_points)(given, member)
+        rates = checked.map.known_rates
+        slopes = (_slopes_at_fixed_points if rates else _jacobian_at_fixed_points)(checked, member)
         known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
         slopes = np.where(known[..., np.newaxis], slopes, 0.0)
         if rates:
-            Y = 0.5 * np.asarray(given.eps)[..., np.newaxis] * rates(given, slopes)
-            parts = [each * Y for each in given.map.fractions]
-            at_pole = np.any([part == 1.0 for part in parts], axis=0)
-            values = np.prod([(1.0 + part) / (1.0 - part) for part in parts], axis=0)
+            Y = 0.5 * np.asarray(checked.eps)[..., np.newaxis] * rates(checked, slopes)
+            stages = [fraction * Y for fraction in checked.map.fractions]
+            at_pole = np.any([y == 1.0 for y in stages], axis=0)
+            values = np.prod([(1.0 + y) / (1.0 - y) for y in stages], axis=0)
             values = np.where(at_pole, np.inf, values)
         else:
             values = np.linalg.eigvals(slopes).astype(complex)
-        values = np.where(np.broadcast_to(known, (*given.batch, 1)), values, np.nan)
+        values = np.where(np.broadcast_to(known, (*checked.batch, 1)), values, np.nan)
         order = np.lexsort((-values.imag, -abs(values)), axis=-1)
     return np.take_along_axis(values, order, axis=-1)
 
 
-def _slopes_at_fixed_points(given: Problem, member: str) -> FloatArray:
+def _slopes_at_fixed_points(checked: Problem, member: str) -> FloatArray:
     """Return f' (..., D, D); raise ValueError where f is not 0 to rounding.
 
     With y = (x, 1) and the symmetric table of coefficients, f_i = table_ijk y_j y_k.
     """
-    table, x = given.body.field().table.astype(np.float64), given.omega
+    table, x = checked.body.field().table.astype(np.float64), checked.omega
     y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
     half_slopes = np.einsum("...ijk,...k->...ij", table, y)
     f = np.einsum("...ij,...j->...i", half_slopes, y)
     terms = np.einsum("...ijk,...j,...k->...i", abs(table), abs(y), abs(y))
     is_fixed = (abs(f) <= _FIXED * terms) & (terms < np.inf)
-    _refuse_moving(given, ~is_fixed & ~np.isnan(x), member)
+    _refuse_moving(checked, ~is_fixed & ~np.isnan(x), member)
     return np.asarray(2.0 * half_slopes[..., :-1])
 
 
-def _jacobian_at_fixed_points(given: Problem, member: str) -> FloatArray:
+def _jacobian_at_fixed_points(checked: Problem, member: str) -> FloatArray:
     """Return the derivative (..., D, D) of any map; raise ValueError where a step moves a state."""
-    x = np.broadcast_to(given.omega, (*given.batch, given.body.dimension))
+    x = np.broadcast_to(checked.omega, (*checked.batch, checked.body.dimension))
     size = abs(x).max(axis=-1, keepdims=True)
-    _refuse_moving(given, ~(abs(states_after(given) - x) <= _FIXED * size) & ~np.isnan(x), member)
-    values: FloatArray = given.map.formulas["jacobian"].compute(given)
+    _refuse_moving(
+        checked, ~(abs(states_after(checked) - x) <= _FIXED * size) & ~np.isnan(x), member
+    )
+    values: FloatArray = checked.map.formulas["jacobian"].compute(checked)
     return values
 
 
-def _refuse_moving(given: Problem, moves: Any, member: str) -> None:
+def _refuse_moving(checked: Problem, moves: Any, member: str) -> None:
     """Raise ValueError if `moves` (..., D) is True for a component of a state."""
     if moves.any():
-        moves = np.broadcast_to(moves.any(axis=-1), given.batch)
-        text = f"{given.name} is not a fixed point"
-        if given.batch:
+        moves = np.broadcast_to(moves.any(axis=-1), checked.batch)
+        text = f"{checked.name} is not a fixed point"
+        if checked.batch:
             where = spell(first_index(moves))
-            text = f"{given.name}: states{member} that are not fixed points, first: {where}"
+            text = f"{checked.name}: states{member} that are not fixed points, first: {where}"
         raise ValueError(f"{text}: use jacobian for the derivative there")
 
 
@@ -315,7 +317,7 @@ def lyapunov_exponents(
         mean has no error of order 1 / steps.
     progress : bool or callable, optional
         True shows a bar (needs tqdm); a callable is called as ``progress(done, transient +
-        steps)``, with the mean over the batch of the steps done. Its answer is ignored.
+        steps)``, with the mean over the batch of the steps done. Its result is ignored.
 
     Returns
     -------
@@ -324,6 +326,11 @@ def lyapunov_exponents(
         step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails. After
         a step over a pole (one :class:`PoleWarning`) they are exponents of the map alone.
 
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`iterate`.
+
     Examples
     --------
     >>> from suslov_fast import Suslov3D, lyapunov_exponents
@@ -331,15 +338,15 @@ def lyapunov_exponents(
     >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
     array([ 0.    , -0.0805])
     """
-    given = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
+    checked = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
     with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
-        growth = given.map.find_growth(given, steps, transient, report)
+        growth = checked.map.find_growth(checked, steps, transient, report)
         sums, of_det = growth.sums, growth.of_det
         others = sums[:, :-1].sum(axis=1)
         # The last one follows from the determinant and the others, if all steps are invertible.
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
-    exponents = -np.sort(-sums / steps, axis=1).reshape((*given.batch, body.dimension))
-    report_poles(body, *(each.reshape(given.batch) for each in (growth.status, growth.failed_at)))
-    return mask_and_warn(given, exponents, poles=True)
+    exponents = -np.sort(-sums / steps, axis=1).reshape((*checked.batch, body.dimension))
+    report_poles(body, *(each.reshape(checked.batch) for each in (growth.status, growth.failed_at)))
+    return mask_and_warn(checked, exponents, poles=True)

@@ -39,7 +39,7 @@ def evaluate(
 
 
 def _wrong_shape(name: str, map: Map, problem: Problem, shape: tuple[int, ...]) -> Any:
-    """Return the error about a formula, of another author, that returns a wrong shape."""
+    """Return the error for a formula whose values have a wrong shape."""
     text = f"the formula of the map {map.name!r} returns the shape {shape}"
     return ValueError(f"{name}: {text}, and must return the batch shape {problem.batch}")
 

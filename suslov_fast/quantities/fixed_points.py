@@ -16,7 +16,7 @@ from ..checks import FloatArray, OneOrEach, extra, wrong
 
 try:
     import flint
-except ImportError:  # in one variable it is not needed
+except ImportError:  # not needed for one variable
     flint = None
 
 Points = set[tuple[float, ...]]
@@ -65,11 +65,11 @@ def fixed_points(field: Body, /) -> OneOrEach:
            [ 0.,  0.,  0.],
            [ 9.,  9., 27.]])
     """
-    whole = QuadraticField.of(field)
-    if whole.dimension > 3:
-        raise wrong("field", "have at most 3 variables", f"{whole.dimension}: {_BEYOND}")
-    found: OneOrEach = _in_order(whole, field) if whole.shape else _points_of(whole, field)
-    return found
+    exact = QuadraticField.of(field)
+    if exact.dimension > 3:
+        raise wrong("field", "have at most 3 variables", f"{exact.dimension}: {_BEYOND}")
+    points: OneOrEach = _in_order(exact, field) if exact.shape else _points_of(exact, field)
+    return points
 
 
 def _in_order(family: Any, passed: Any) -> Any:
@@ -208,12 +208,12 @@ def _points_at(form: Any, matrices: Sequence[Any], minimal: Any) -> Points:
     for _ in range(size - 1):
         rows.append(rows[-1] * form)
     powers = flint.fmpq_mat([row.entries() for row in rows]).transpose()
-    found = (powers.solve((rows[0] * each).transpose()) for each in matrices)
-    coordinates = [flint.fmpq_poly(each.entries()) for each in found]
+    solutions = (powers.solve((rows[0] * matrix).transpose()) for matrix in matrices)
+    coordinates = [flint.fmpq_poly(solution.entries()) for solution in solutions]
     for bits in (_BITS << k for k in count()):
         with flint.ctx.workprec(bits):
             zeros = [zero.real for zero, _ in minimal.complex_roots() if zero.imag.is_zero()]
-            points = [[flint.arb_poly(each)(zero) for each in coordinates] for zero in zeros]
+            points = [[flint.arb_poly(p)(zero) for p in coordinates] for zero in zeros]
         if all(v.is_zero() or v.rel_accuracy_bits() > _LEAST_BITS for p in points for v in p):
             break
     return {tuple(map(float, point)) for point in points}
@@ -224,11 +224,11 @@ def _is_semidefinite(polynomial: Any) -> bool:
     if polynomial.total_degree() != 2:
         return False
     D = len(polynomial.context().gens())
-    matrix = flint.fmpq_mat(D + 1, D + 1)  # twice that of the quadratic form in x and 1
+    matrix = flint.fmpq_mat(D + 1, D + 1)  # twice the matrix of the quadratic form in (x, 1)
     for powers, c in polynomial.terms():
         places = [i for i, power in enumerate(powers) for _ in range(int(power))]
         i, j = (*places, D, D)[:2]
         matrix[i, j] += c
         matrix[j, i] += c
-    # All eigenvalues are real, so the coefficients have one sign if none is positive.
+    # All eigenvalues are real, so none is positive if and only if no coefficient is negative.
     return any(min((sign * matrix).charpoly().coeffs()) >= 0 for sign in (1, -1))

@@ -93,9 +93,7 @@ def _refused(name: str, i: int, names: list[str]) -> str:
     if name == "eps":
         return "has the name of the step size: call it eps_, for example"
     if _NUMBERED.fullmatch(name) and name != f"x{i + 1}":
-        return (
-            f"is variable {i + 1}, and {name} the name of variable {name[1:]}: choose another name"
-        )
+        return f"is variable {i + 1}, but {name} is the name of variable {name[1:]}"
     return ""
 
 

@@ -269,9 +269,8 @@ def _jacobian_at_fixed_points(checked: Problem, member: str) -> FloatArray:
     """Return the derivative (..., D, D) of any map; raise ValueError where a step moves a state."""
     x = np.broadcast_to(checked.omega, (*checked.batch, checked.body.dimension))
     size = abs(x).max(axis=-1, keepdims=True)
-    _refuse_moving(
-        checked, ~(abs(states_after(checked) - x) <= _FIXED * size) & ~np.isnan(x), member
-    )
+    moves = ~(abs(states_after(checked) - x) <= _FIXED * size) & ~np.isnan(x)
+    _refuse_moving(checked, moves, member)
     values: FloatArray = checked.map.formulas["jacobian"].compute(checked)
     return values
 

@@ -510,14 +510,15 @@ def test_degenerate_step_sizes(field, eps, message):
     """They are told as such, and listed if eps is a letter: -eps, too."""
     with pytest.raises(ArithmeticError, match=f"eps={eps}.*{message}"):
         report(field, eps)
-    assert {F(eps), -F(eps)} <= {*report(field, degree=1).special_eps}
+    symbolic = report(field, degree=1)
+    assert {F(eps), -F(eps)} <= {*symbolic.special_eps}
+    assert f"at eps = {', '.join(map(str, symbolic.special_eps))}." in repr(symbolic)
     assert report(field, F(eps) / 3, 1).finished
     listed = kahan(field).degenerate_eps
-    maps = [kahan(field, a) for a in listed]
     x = [F(k * k, 7) for k in range(2, 2 + field.dimension)]
-    for map in maps:
+    for a in listed:
         with pytest.raises((ZeroDivisionError, AssertionError)):
-            assert map.determinant(x) != 0
+            assert kahan(field, a).determinant(x) != 0
     with pytest.raises(ArithmeticError, match="consists of poles"):
         degrees(kahan(LINES, 1), 3)
 
@@ -1020,6 +1021,16 @@ def test_reversing_symmetries(field, symmetries):
             assert (list(field(y)) == image) == any(
                 [*map(list, R.S)] == S and not any(R.b) for R in found.symmetries
             )
+
+
+def test_limits_become_independent():
+    """All three polynomials tend to x1 + 1, and so do some of their combinations, over eps."""
+    eps, x1, x2 = polynomials.polynomial_ring(2, True).gens()
+    space = [x1 + 1, x1 + 1 + eps * x2, x1 + 1 + eps**2 * x1 + 2 * eps * x2]
+    basis = polynomials.with_independent_limits(space)
+    limits = [*map(polynomials.limit, basis)]
+    assert [str(P) for P in limits] == ["x1 + 1", "x2", "x1"]
+    assert polynomials.rank([*basis, *space]) == polynomials.rank(limits) == 3
 
 
 def test_a_root_of_a_polynomial_is_no_density():

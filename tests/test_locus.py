@@ -102,6 +102,7 @@ def test_known_loci(f, degree, generic, values):
     assert calls == [(k, 4) for k in (1, 2, 3, 4)]
     if f is so4:
         assert found.left_out == (-2, -1)
+        assert repr(found).endswith("of height up to 10 but -2, -1, without a map)")
         assert {each.value: each.degenerate for each in found if each.degenerate} == {
             1: "x3' = 0",
             2: "x5' = 0",

@@ -13,6 +13,7 @@ from suslov_fast import QuadraticField
 pytest.importorskip("flint")
 
 from suslov_fast.integrability import (
+    PlanarEntropy,
     confinement,
     degrees,
     growth,
@@ -234,6 +235,8 @@ def test_reports_list_it_beside_the_growth(monkeypatch):
     assert "Entropy from contracted curves (proved): 0; lengths" in repr(found)
     assert json.loads(json.dumps(found.to_dict()))["planar"]["proved"] is True
     assert report(ZOO["Euler top"][0], eps, 1).planar is None
+    found.planar = PlanarEntropy(reason="no prime was found")
+    assert "Entropy from contracted curves: none, no prime was found" in repr(found)
     late = report(kahan(three_lines(2, 2), THIRD), degree=1)
     assert "log of the largest root of x^5 - x^4 - x^3 - x^2 - x - 1" in repr(late)
     late.degrees = [2**k for k in range(1, 8)]  # as for a singularity that is confined at step 8

@@ -75,9 +75,9 @@ def hk_bases(
 
     The coefficients of a relation in the form of `HKBasis.basis` are first integrals; the rank of
     their derivatives is the number of independent ones. If the relations of all orbits span one
-    dimension more than those of one orbit, quotients of relations are first integrals, too;
-    if a degree is given, Darboux polynomials of equal cofactor are sought, too. An orbit has 10
-    points more than there are monomials.
+    dimension more than those of one orbit, quotients of relations are also first integrals. If a
+    degree is given, quotients of Darboux polynomials are sought as well. An orbit has 10 points
+    more than there are monomials.
 
     Parameters
     ----------

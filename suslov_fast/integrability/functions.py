@@ -320,7 +320,7 @@ def product_of(
 def rational_roots(coefficients: Any, ring: Any) -> list[RationalFunction]:
     """Return the rational roots of a polynomial, numbers or functions of eps in a ring.
 
-    Its coefficients, lowest first, are a row as of `over_rationals`.
+    Its coefficients, lowest first, are a row that `over_rationals` returns.
     """
     symbolic = has_eps(ring.gens()[0])
     powers = tuple((k,) for k in range(len(coefficients)))

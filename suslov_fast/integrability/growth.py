@@ -144,12 +144,13 @@ _HIGHEST_IN_THE_PLANE = 2  # power of n with which degrees grow if they do not s
 def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     """Growth of a sequence of degrees, and its entropy.
 
-    A linear recurrence with integer coefficients is sought that all degrees after a transient
-    satisfy, with as many terms to spare as the transient has, and at least three: that of least
-    transient plus order, and of these the one of least order. The identity, of degree 1, counts as
-    a term before the first where the recurrence holds for it. Its largest root, which must be
-    simple, gives the entropy, and the multiplicity of its roots of modulus 1 the kind. A recurrence
-    may still be accidental: a singularity that is confined late leaves no other trace at first.
+    They follow from a linear recurrence with integer coefficients that all degrees after a
+    transient satisfy: the one with the least transient plus order, then the one of least order. At
+    least three terms, and as many as the transient has, must confirm it. The identity, of degree 1,
+    counts as a term before the first where the recurrence holds for it. The largest root, which
+    must be simple, gives the entropy, and the multiplicity of the roots of modulus 1 the kind. A
+    recurrence may still be accidental: a singularity that is confined late leaves no other trace at
+    first.
     Without a recurrence, a line, parabola, cubic or exponential function is fitted, unless second
     differences that stay bounded show that too few degrees are known. In the plane, linear growth
     shows an invariant fibration, whose fibres the map may move.
@@ -159,9 +160,9 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     degrees : sequence of int
         Degrees of consecutive iterates, as `degrees` returns them.
     planar : bool, optional
-        True for a birational map of the plane. Of the roots of a recurrence, with multiplicity, one
-        lies then outside the unit circle, or none does and growth is at most quadratic (Diller and
-        Favre 2001); recurrences with other roots are accidental.
+        True for a birational map of the plane. Then at most one root of a recurrence, counted with
+        multiplicity, lies outside the unit circle, and without such a root growth is at most
+        quadratic (Diller and Favre 2001); recurrences with other roots are left out as accidental.
 
     Returns
     -------

@@ -295,8 +295,8 @@ def rational_map(
     dimension : int
         The number D of variables.
     inverse : callable, optional
-        The inverse map, given in the same way; it is checked. Without it, it is not checked that
-        the map is birational, and `RationalMap.inverse` is None.
+        The inverse map, given in the same way; ``inverse(f(x)) = x`` is checked. Without it the
+        map may not be birational, and `RationalMap.inverse` is None.
 
     Returns
     -------

@@ -98,9 +98,9 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     an image, the singularity may be confined, and the degrees of iterates are lower; how much
     follows from the lengths of these orbits (Diller and Favre 2001). All orbits are followed for
     80 steps modulo primes, two of which must agree. Then confinement is confirmed over the
-    rational numbers, or the number field of conjugate lines. That an orbit is never confined is
-    decided by its reduction modulo a small prime, which is periodic, or by an invariant line, on
-    which the map is a Moebius transformation.
+    rational numbers, or the number field of conjugate lines. An orbit is never confined if it is
+    periodic modulo a small prime, or if it stays on an invariant line, on which the map is a
+    Moebius transformation.
 
     Parameters
     ----------

@@ -39,12 +39,12 @@ class Report:
     Each of `integrals`, `measures` (densities) and `polynomials` (Darboux polynomials, with their
     cofactors) can be called with a point; `str` gives its formula, and its `basis` says what it
     rests on: "identity", checked as an identity of rational functions, or "modulo a prime, at
-    random points". For a density, rho(Phi) det DPhi = rho; if none is found, but one up to sign,
-    rho(Phi) det DPhi = -rho, this is listed with the `cofactor` -1, and abs(rho) is a density.
+    random points". A density satisfies rho(Phi) det DPhi = rho. If there is only one up to sign,
+    rho(Phi) det DPhi = -rho, it is listed with the `cofactor` -1, and abs(rho) is a density.
     Independent integrals whose formulas are too long are in `implicit`, and can be called as well.
-    A growth is evidence. If eps is symbolic, formulas are functions of x and eps, and `special_eps`
-    has the rational eps at which one of them has no meaning, there is no map, or det DPhi is 0
-    everywhere.
+    The growth is evidence, not a proof. If eps is symbolic, formulas are functions of x and eps,
+    and `special_eps` has the rational eps at which one of them has no meaning, there is no map, or
+    det DPhi is 0 everywhere.
     """
 
     map: RationalMap
@@ -214,9 +214,9 @@ def report(
     """Report the growth of degrees, first integrals, measures and Darboux polynomials of a map.
 
     First integrals come from a Hamiltonian, from quotients of Darboux polynomials of equal
-    cofactor, and from products of their powers whose cofactors multiply to 1. Relations between
-    monomials along orbits count integrals in another way; the search ends when as many are written,
-    and a measure.
+    cofactor, and from products of their powers whose cofactors multiply to 1. The search ends when
+    it has written as many integrals as relations between monomials along orbits show, and a
+    measure.
 
     Parameters
     ----------
@@ -244,9 +244,9 @@ def report(
     Raises
     ------
     ArithmeticError
-        If there is no map, since the equations have no solution at any x, or if det DPhi is 0
-        everywhere, so that the image of the map of a field is a curve, say. Without `eps`, such
-        step sizes are in `special_eps`.
+        If there is no map, because the equations have no solution at any x, or if det DPhi of the
+        map of a field is 0 everywhere, so that the image is a curve, for example. Without `eps`,
+        such step sizes are in `special_eps`.
     KeyboardInterrupt
         After Ctrl-C, within about a second, or where `progress` returns False; its attribute
         `report` has what was found so far.

@@ -305,6 +305,9 @@ def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem |
     map = map_of(body, method)
     make = map.methods[method].system
     if make is None:
+        if others := [repr(name) for name, steps in map.methods.items() if steps.system]:
+            received = f"{method!r}, which has no step for loops of your own"
+            raise wrong("method", " or ".join(others), received)
         received = f"{type(body).__name__}: {map.title} has none"
         raise wrong("body", "one whose map has compiled steps", received, TypeError)
     return make(body, number)

@@ -287,6 +287,11 @@ def test_bodies_and_step_sizes_are_checked():
         (lambda: frame(sf.Suslov3D(1, 2, 0, 0), 0.1), ValueError, "identity"),
         (lambda: frame(BODY, [[0.1], [0.2]]), ValueError, r"\(2, 1\)"),
         (lambda: system(sf.SuslovND([[1, 2]] * 3, [1, 1]), 0.1), ValueError, r"\(3,\)"),
+        (
+            lambda: system(sf.SuslovND([1, 2], [1, 1]), 0.1, method="gauss"),
+            ValueError,
+            "^method must be 'auto' or 'rank2', not 'gauss', which has no step",
+        ),
     ):
         with pytest.raises(error, match=words):
             call()

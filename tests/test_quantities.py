@@ -378,3 +378,12 @@ def test_parts_of_a_large_batch_have_the_same_bits(monkeypatch, rng):
         monkeypatch.setattr("suslov_fast.quantities.evaluation._PART", size)
         for (function, *arguments), expected in zip(calls, whole, strict=True):
             assert np.array_equal(function(*arguments), expected, equal_nan=True)
+
+
+def test_a_single_state_is_a_part_however_many_components_it_has():
+    n = 600
+    body = sf.SuslovND(np.linspace(1.0, 2.0, n), np.linspace(0.1, 0.2, n))
+    for shape in ((), (2, 1)):
+        values = sf.energy(body, np.ones((*shape, n)))
+        assert values.shape == shape
+        assert np.allclose(values, 450.0, rtol=1e-14)

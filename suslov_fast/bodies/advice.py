@@ -139,7 +139,8 @@ def _first_scalar(arguments: list[str], names: Sequence[str], given: Any) -> int
     if components[0] in _VECTOR and not is_state(components[1]):  # f(X, a, b, t)
         return None
     if _is_run(components) or (not first and after and after[0] in TIME):
-        return first
+        return first  # f(x, y, z, a), or f(a, b, c, t)
+    # f(t, a, b, c), or as many arguments as variables.
     return first if (first or not after) and not is_state(components[0]) else None
 
 

@@ -154,11 +154,12 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> Any:
         result = call(parameters)
     except Exception as error:  # raised by f
         cause = explained(error, f_name, call.names, is_family)
-        kinds = (TypeError, AttributeError, ValueError, IndexError, ArithmeticError)
-        if not isinstance(error, kinds) and cause == " ".join(str(error).split()):
+        is_value = isinstance(error, (ValueError, IndexError, ArithmeticError))
+        is_usual = is_value or isinstance(error, (TypeError, AttributeError))
+        if not is_usual and cause == " ".join(str(error).split()):
             raise
-        kind = ValueError if isinstance(error, kinds[2:]) else TypeError
-        raise kind(f"{call.argument}: {cause}") from (error if isinstance(error, kinds) else None)
+        kind = ValueError if is_value else TypeError
+        raise kind(f"{call.argument}: {cause}") from (error if is_usual else None)
     try:
         if call.degree == 3:
             return _tensor(result, f_name, call.D, 3)

@@ -288,7 +288,7 @@ class March:
                 multiples = states[every - start % every if start else 0 :: every]
                 row += len(multiples)
                 saved[first:row] = multiples
-                if start == 0:
+                if start == 0:  # the orientation at state 0 is given
                     turns[0], first = turned, 1
             arrays, rows = (states, eps, axial, turned), (start, every, first, turns)
             work, threads = states.size * (D + 1), self.problem.threads

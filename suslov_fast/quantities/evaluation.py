@@ -47,14 +47,12 @@ def _wrong_shape(name: str, map: Map, problem: Problem, shape: tuple[int, ...]) 
 def in_parts(compute: Callable[[Problem], FloatArray], problem: Problem) -> FloatArray:
     """Return the values for a problem; Python handles Ctrl-C between parts of a large batch."""
     batch, D = problem.batch, problem.body.dimension
-    work = math.prod(batch) * D**3
-    if work <= _PART:
+    work, length = math.prod(batch) * D**3, max(batch, default=1)
+    if work <= _PART or length == 1:
         return compute(problem)
-    axis = int(np.argmax(batch))
-    length = batch[axis]
-    width = min(max(length * _PART // work, 1), length)
-    if width == length:
-        return compute(problem)
+    # Divide the longest axis; parts that are still too large divide the next one.
+    axis = batch.index(length)
+    width = max(length * _PART // work, 1)
     where = [slice(0, n) for n in batch]
     values: FloatArray | None = None
     for begin in range(0, length, width):

@@ -114,7 +114,7 @@ def steps_of(step: Callable[..., int], work: int | Callable[[int], int] = 0) -> 
     ...     for (i, j, k), v in zip(indices.T, values):  # x_i' = v x_j x_k, with x_D = 1
     ...         out[i] += eps * v * (x[j] if j < len(x) else 1.0) * (x[k] if k < len(x) else 1.0)
     ...     return 0
-    >>> euler = maps.Steps(maps.steps_of(explicit_euler), maps.by_field)  # methods={"euler": euler}
+    >>> euler = maps.Steps(maps.steps_of(explicit_euler), maps.by_field)  # see maps.register
     """
     if not callable(step):
         raise wrong("step", "a compiled function", kind_of(step), TypeError)

@@ -240,21 +240,21 @@ def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatAr
         return problem._replace(body=Suslov3D._of(plane)), lambda states: states
     length = np.sqrt((I * I).sum(axis=-1))
     unit = I / np.where(length > 0.0, length, 1.0)[..., None]
-    along = (unit * omega).sum(axis=-1)
-    across = omega - along[..., None] * unit
+    s = (unit * omega).sum(axis=-1)
+    across = omega - s[..., None] * unit
     # Scaled, because squares may be out of range.
-    size = abs(across).max(axis=-1, keepdims=True)
-    rest = size[..., 0] * np.linalg.norm(across / np.where(size > 0.0, size, 1.0), axis=-1)
+    scale = abs(across).max(axis=-1, keepdims=True)
+    r = scale[..., 0] * np.linalg.norm(across / np.where(scale > 0.0, scale, 1.0), axis=-1)
     order = abs(I).argsort(axis=-1)
     a, b = (np.take_along_axis(J, order[..., k, None], axis=-1)[..., 0] for k in (0, -1))
 
-    def leave(states: FloatArray) -> FloatArray:
-        ratio = states[..., 1] / np.where(rest > 0.0, rest, 1.0)
+    def map_back(states: FloatArray) -> FloatArray:
+        ratio = states[..., 1] / np.where(r > 0.0, r, 1.0)
         values: FloatArray = states[..., :1] * unit + ratio[..., None] * across
         return values
 
     reduced = Suslov3D._of({"I1": b, "I2": a, "I13": np.zeros(()), "I23": length})
-    return problem._replace(body=reduced, omega=np.stack([along, rest], axis=-1)), leave
+    return problem._replace(body=reduced, omega=np.stack([s, r], axis=-1)), map_back
 
 
 def _nd(name: str, compute: Any = None, **options: Any) -> dict[str, Formula]:

@@ -199,16 +199,17 @@ def multipliers(
     """
     points: Any = x
     map_of(body, method).require("multipliers", body)
+    # The result of `fixed_points` for a family: a list, or an array of objects.
     is_list = isinstance(points, list) and len(body.shape) == 1 and len(points) > 0
-    if is_list and all(isinstance(each, np.ndarray) and each.ndim == 2 for each in points):
+    if is_list and all(isinstance(a, np.ndarray) and a.ndim == 2 for a in points):
         if len(points) != len(body):
             raise wrong("x", f"a list of {len(body)} arrays, one for each member", len(points))
         in_list: OneOrEach = _of_each_member(body, points, eps, method)
         return in_list
     if isinstance(points, np.ndarray) and points.dtype == object and points.shape == body.shape:
         values: Any = np.empty(body.shape, object)
-        for i, each in enumerate(_of_each_member(body, [*points.flat], eps, method)):
-            values.flat[i] = each
+        for i, of_member in enumerate(_of_each_member(body, [*points.flat], eps, method)):
+            values.flat[i] = of_member
         in_array: OneOrEach = values
         return in_array
     checked = problem("multipliers", body, points, eps, method=method, name="x")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyIn3D
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, positive, short, wrong
+from ..checks import FloatArray, integer, positive, rotations, short, wrong
 from ..maps import map_of
 from ..runs.iterate import iterate
 from ..runs.trajectories import Trajectories
@@ -76,27 +76,27 @@ def animate_body(
     """
     every, interval = integer("every", every, 1), 1000.0 / positive("fps", fps)
     if isinstance(body, Trajectories):
-        run, subject = body, "run"
+        run, subject, single = body, "run", "that of one orbit"
         run.map.require("animate_body", run.body)
         if omega0 is not None:
             raise wrong("omega0", "left out, because the run has states", short(omega0))
         if R0 is not None and run.attitude is not None:
             raise wrong("R0", "left out, because the run has orientations", short(R0))
     else:
-        run = _new_run(body, omega0, eps, steps, True if R0 is None else R0)
-        subject = "omega0, R0"
+        run = _new_run(body, omega0, eps, steps, True if R0 is None else rotations("R0", R0, 3))
+        subject, single = "omega0, R0", "a single state and a single rotation matrix"
     if run.status.ndim:
-        raise wrong(subject, "a single state and orientation", f"a batch {run.status.shape}")
+        raise wrong(subject, single, f"a batch {run.status.shape}")
     if not run.ok:
         raise ValueError(f"this orbit has no state at step {int(run.failed_at)}: draw fewer steps")
-    drawn_body, rotations = cast(BodyIn3D, run.body), run.attitude
-    if rotations is None:
-        rotations = attitude(drawn_body, run.states, run.eps, R0)
-    figure, draw = _rotating_body(drawn_body, rotations, run.time)
+    drawn_body, orientations = cast(BodyIn3D, run.body), run.attitude
+    if orientations is None:
+        orientations = attitude(drawn_body, run.states, run.eps, R0)
+    figure, draw = _rotating_body(drawn_body, orientations, run.time)
 
     from matplotlib.animation import FuncAnimation
 
-    return FuncAnimation(figure, draw, frames=range(0, len(rotations), every), interval=interval)
+    return FuncAnimation(figure, draw, frames=range(0, len(orientations), every), interval=interval)
 
 
 def _new_run(body: BodyIn3D, omega0: Any, eps: float, steps: int, attitude: Any) -> Trajectories:
@@ -111,7 +111,7 @@ def _new_run(body: BodyIn3D, omega0: Any, eps: float, steps: int, attitude: Any)
     return iterate(body, omega0, eps, steps, attitude=attitude, on_singular="raise")
 
 
-def _rotating_body(body: BodyIn3D, rotations: FloatArray, times: FloatArray) -> tuple[Any, Any]:
+def _rotating_body(body: BodyIn3D, orientations: FloatArray, times: FloatArray) -> tuple[Any, Any]:
     """Return a figure, and a function that draws the body at a saved state."""
     from ..runs.plot import plt
 
@@ -130,13 +130,13 @@ def _rotating_body(body: BodyIn3D, rotations: FloatArray, times: FloatArray) -> 
     axes.set_proj_type("ortho")
     axes.view_init(elev=30, azim=-60)
     eye = np.array([np.sqrt(3), -3, 2]) / 4
-    path = _TIP * rotations[:, :, 2]
+    path = _TIP * orientations[:, :, 2]
     in_front = np.where(path @ eye >= 0, path.T, np.nan).T
     head = f"ellipsoid of inertia, $I_3$ = {shape['I3']:.3g}; path of axis $a$"
 
     def draw(number: int) -> None:
         axes.clear()
-        R = rotations[number]
+        R = orientations[number]
         axes.plot_surface(*np.einsum("ij,jkl->ikl", R, surface), zorder=2, **style)
         for k, (colour, name) in enumerate(_BODY_AXES):
             # The body hides an axis if the surface faces away where the axis leaves it.

@@ -67,7 +67,7 @@ def to_xarray(
     if coords is not None:
         instance("coords", coords, Mapping)
     if taken := [str(name) for name in coords or () if name in {*dataset.variables, *TAKEN}]:
-        raise wrong("coords", "names not in use", ", ".join(taken))
+        raise wrong("coords", "names that are not taken", ", ".join(repr(name) for name in taken))
     dataset = with_time(dataset.assign_coords(coords or {}))
     return dataset if with_tables else as_columns(dataset, columns_of(dataset))
 
@@ -142,9 +142,9 @@ def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[st
         return tuple(names)
     names = [dims] if isinstance(dims, str) else list(dims)
     if len(names) != count or len({*names}) != count or not all(isinstance(n, str) for n in names):
-        raise wrong("dims", f"a name for each of the {count} axes of the batch", repr(dims))
+        raise wrong("dims", f"{count} different names, one for each axis of the batch", repr(dims))
     if clashing := sorted({*TAKEN, run.map.variable} & {*names}):
-        raise wrong("dims", "names that are not taken", ", ".join(clashing))
+        raise wrong("dims", "names that are not taken", ", ".join(map(repr, clashing)))
     for axis, name in enumerate(names):
         if name in parameters and run.status.shape[axis] > 1 and axis_of.get(name) != axis:
             text = f"the parameter {name} varies along another axis: choose another name"

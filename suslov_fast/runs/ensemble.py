@@ -327,7 +327,7 @@ def _sizes(data: Any, chunk: Any) -> dict[str, int]:
     by_axis = chunk if isinstance(chunk, Mapping) else {}
     left = max(_FEWEST, default) if chunk is None or by_axis else chunk
     if unknown := by_axis.keys() - lengths:
-        raise wrong("chunk", expected, ", ".join(map(str, unknown)))
+        raise wrong("chunk", expected, ", ".join(repr(name) for name in unknown))
     sizes: dict[str, int] = {}
     for name, length in reversed(lengths.items()):
         if name == "n":

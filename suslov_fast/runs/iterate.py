@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyOrField
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, warn, wrong
+from ..checks import FloatArray, integer, warn
 from ..engine.problem import check
 from ..engine.random_starts import RandomStarts
 from ..engine.status import OnSingular, report_failures
@@ -213,7 +213,7 @@ def step_full(
     if I3 is not None:
         body = replace(body, I3=I3)
     elif body.I3 is None:
-        raise wrong("I3", "a number, or a body whose I3 is set", "neither", TypeError)
+        raise TypeError("I3 is missing: pass I3, or a body that has one")
     labels = "Omega1", "Omega2", "Omega3"
     problem = check(map, body, omega, eps, components=labels)
     return mask_and_warn(problem, map.formulas["step_full"].compute(problem))

@@ -83,7 +83,7 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any)
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
     pair = _pair(run, components)
     if lines not in (None, True, False):
-        raise wrong("lines", "True, False or None", lines)
+        raise wrong("lines", "True, False or None", repr(lines))
     B, is_whole = math.prod(run.status.shape), run.n[-1] == len(run) - 1
     colours = _colours(run, color, run.status.shape)
     if colours.values is None and color is None:

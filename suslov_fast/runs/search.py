@@ -40,7 +40,7 @@ def check_surface(surface: Any) -> None:
     if not callable(surface):
         raise wrong("surface", "a function of states", checks.kind_of(surface), TypeError)
     if len(needed := arguments_of(surface)) > 1:
-        expected = "a function of the states alone, as lambda x: x[..., 2] - 27"
+        expected = "a function of the states alone, such as lambda x: x[..., 2] - 27"
         raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
     names = [name for name in ("terminal", "direction") if hasattr(surface, name)]
     if names:  # of an event of `solve_ivp`
@@ -104,7 +104,7 @@ class Search:
             kind = IndexError if isinstance(error, IndexError) else ValueError
             raise kind(f"surface must take {_LAST}: {error}") from error
         if isinstance(returned, np.ma.MaskedArray):
-            how = "return NaN where there is no value, as by values.filled(np.nan)"
+            how = "return NaN where there is no value, for example by values.filled(np.nan)"
             raise wrong(
                 "surface", "have real numbers as values", f"a masked array: {how}", TypeError
             )

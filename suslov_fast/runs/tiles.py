@@ -110,8 +110,10 @@ def checked_values(name: str, function: Any, states: FloatArray) -> Any:
     """Return the values of a user's function for states (..., D), real numbers (...)."""
     values = np.asarray(function(states))
     if values.shape != states.shape[:-1] or values.dtype.kind not in "buif":
-        received = f"{name} with {values.dtype} {values.shape} for states {states.shape}"
-        raise wrong("functions", "real values (...) for states (..., D)", received)
+        expected = (
+            f"have real values of shape {states.shape[:-1]} for states of shape {states.shape}"
+        )
+        raise wrong(f"functions[{name!r}]", expected, f"{values.dtype} of shape {values.shape}")
     return values
 
 

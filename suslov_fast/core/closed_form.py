@@ -128,17 +128,17 @@ def difference_of_squares(ell, x, nu, k, X, K):
 
 
 @formula
-def fill_coefficients(b, l, ahead, passes, root, gap, minus, around, R2, square):
+def fill_coefficients(b, l, ahead, passes, root, half_d12, d22_passes, d22_turns, R2, square):
     """Fill the coefficients for n >= 0 if `ahead` is 1, for n < 0 if it is -1."""
     row = B1 if ahead > 0.0 else B1 + BACK
     k, w1, w2, root_a = b[K_, l], b[W1, l], b[W2, l], b[ROOT_A, l]
     g1, g2, h1, h2, per_g = b[G1, l], b[G2, l], b[H1, l], b[H2, l], b[PER_G, l]
     ell, _, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, g1, g2, w1, w2)
     # The real and imaginary parts of conj(g) b and conj(g) c.
-    b_x = select(passes, 2.0 * (root * ell - k * gap), 2.0 * ahead * k * nu)
-    b_nu = -ahead * select(passes, minus, 2.0 * (around - k * ell))
-    c_x = -select(passes, k * minus, k * around + square * ell)
-    c_nu = select(passes, -ahead * root * minus, square * nu)
+    b_x = select(passes, 2.0 * (root * ell - k * half_d12), 2.0 * ahead * k * nu)
+    b_nu = -ahead * select(passes, d22_passes, 2.0 * (d22_turns - k * ell))
+    c_x = -select(passes, k * d22_passes, k * d22_turns + square * ell)
+    c_nu = select(passes, -ahead * root * d22_passes, square * nu)
     b1, b2 = steady(g1, g2, h1, h2, b_x, b_nu)
     c1, c2 = steady(g1, g2, h1, h2, c_x, c_nu)
     # b and c of an orbit that turns, for any g; they cancel next to ell = 0.
@@ -149,8 +149,8 @@ def fill_coefficients(b, l, ahead, passes, root, gap, minus, around, R2, square)
     b[row, l], b[row + 1, l] = select(by_g, b1 * per_g, i1), select(by_g, b2 * per_g, i2)
     b[row + 2, l] = select(by_g, c1 * per_g, -(k * k * w1) - back1)
     b[row + 3, l] = select(by_g, c2 * per_g, -(k * k * w2) - back2)
-    b[row + 4, l] = select(passes, 2.0 * gap, -2.0 * ahead * nu)
-    b[row + 5, l] = select(passes, minus, around)
+    b[row + 4, l] = select(passes, 2.0 * half_d12, -2.0 * ahead * nu)
+    b[row + 5, l] = select(passes, d22_passes, d22_turns)
 
 
 @formula
@@ -161,35 +161,36 @@ def fill_orbit(b, l, discrete):
     ell, x, nu = coordinates(b[I13_, l], b[I23_, l], k, root_a, b[G1, l], b[G2, l], w1, w2)
     e_map = discrete * e
     X, Y, K = e_map * ell, e_map * nu, e_map * k
-    below = 1.0 / (1.0 + X * X)
+    inverse = 1.0 / (1.0 + X * X)
     square = difference_of_squares(ell, x, nu, k, X, K)
     passes = square > NO_SQUARE
     root = np.sqrt(select(passes, square, select(square < -NO_SQUARE, -square, NO_SQUARE)))
 
-    less, more = nonzero(1.0 - Y), nonzero(1.0 + Y)
-    one_minus_square = (nonzero(less + K * X) * nonzero(more + K * X)) * below  # 1 - L**2
-    one_more = 1.0 / (1.0 + e_map * root)
-    b[R, l] = select(discrete > 0.0, one_minus_square * one_more * one_more, 1.0)
+    one_minus_Y, one_plus_Y = nonzero(1.0 - Y), nonzero(1.0 + Y)
+    one_minus_L2 = (nonzero(one_minus_Y + K * X) * nonzero(one_plus_Y + K * X)) * inverse
+    per_one_plus_L = 1.0 / (1.0 + e_map * root)
+    b[R, l] = select(discrete > 0.0, one_minus_L2 * per_one_plus_L * per_one_plus_L, 1.0)
 
-    # gap = root - nu and minus = 2 (root**2 + k ell - root nu), for both signs of nu.
+    # root -+ |nu|, and middle -+ product = root**2 + k ell -+ root |nu|.
     total = root + abs(nu)
-    by_x, by_k = ell * (ell * (less * more)) * below, k * (ell * (2.0 + K * X)) * below
+    by_x = ell * (ell * (one_minus_Y * one_plus_Y)) * inverse
+    by_k = k * (ell * (2.0 + K * X)) * inverse
     # Next to |k| = A the terms of the identity cancel, and root - |nu| is exact.
     cancel = abs(by_x) + abs(by_k) > total * total
     difference = select(cancel, root - abs(nu), (by_x - by_k) / total)
-    sum_of_two, product = root * root + k * ell, root * abs(nu)
-    larger = sum_of_two + select(sum_of_two < 0.0, -product, product)
-    smaller = ell * (ell / larger) * ((x * x + nu * nu) * below * one_minus_square)
-    high, low = select(sum_of_two < 0.0, smaller, larger), select(sum_of_two < 0.0, larger, smaller)
-    # around = 2 k ell + A**2 - k**2, by the formula with the smaller terms.
-    near = (nu * nu + (ell * ell) * (1.0 + K * (2.0 * X - K))) * below
-    terms = (nu * nu + (ell * ell) * (1.0 + K * K + 2.0 * abs(K * X))) * below
-    around = select(terms < abs(2.0 * k * ell), near, 2.0 * k * ell + square)
-    R2, falls = (b[I1_, l] * w1 * w1 + b[I2_, l] * w2 * w2) * below, nu < 0.0
-    gap, minus = select(falls, total, difference), 2.0 * select(falls, high, low)
-    fill_coefficients(b, l, 1.0, passes, root, gap, minus, around, R2, square)
-    gap, minus = select(falls, difference, total), 2.0 * select(falls, low, high)
-    fill_coefficients(b, l, -1.0, passes, root, gap, minus, around, R2, square)
+    middle, product = root * root + k * ell, root * abs(nu)
+    larger = middle + select(middle < 0.0, -product, product)
+    smaller = ell * (ell / larger) * ((x * x + nu * nu) * inverse * one_minus_L2)
+    plus, minus = select(middle < 0.0, smaller, larger), select(middle < 0.0, larger, smaller)
+    # 2 k ell + A**2 - k**2, by the formula with the smaller terms.
+    by_squares = (nu * nu + (ell * ell) * (1.0 + K * (2.0 * X - K))) * inverse
+    size = (nu * nu + (ell * ell) * (1.0 + K * K + 2.0 * abs(K * X))) * inverse
+    d22_turns = select(size < abs(2.0 * k * ell), by_squares, 2.0 * k * ell + square)
+    R2, negative = (b[I1_, l] * w1 * w1 + b[I2_, l] * w2 * w2) * inverse, nu < 0.0
+    half_d12, d22_passes = select(negative, total, difference), 2.0 * select(negative, plus, minus)
+    fill_coefficients(b, l, 1.0, passes, root, half_d12, d22_passes, d22_turns, R2, square)
+    half_d12, d22_passes = select(negative, difference, total), 2.0 * select(negative, minus, plus)
+    fill_coefficients(b, l, -1.0, passes, root, half_d12, d22_passes, d22_turns, R2, square)
 
     fixed = ell == 0.0
     in_range = (abs(X) <= RANGE) & (abs(Y) <= RANGE) & (abs(K) <= RANGE)
@@ -197,7 +198,7 @@ def fill_orbit(b, l, discrete):
     missing = select(fixed, undefined, abs(ell) < FAINT * abs(nu))
     b[PASSES, l] = select(fixed, 0.0, select(passes, 1.0, 0.0))
     b[ROOT, l], b[RATE, l] = select(in_range, root, np.nan), select(fixed, 0.0, e * root)
-    b[MISSING, l] = select(missing, select(falls, -1.0, 1.0), 0.0)
+    b[MISSING, l] = select(missing, select(negative, -1.0, 1.0), 0.0)
 
 
 @formula

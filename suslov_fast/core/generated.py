@@ -27,7 +27,7 @@ class CodeArguments(NamedTuple):
     between: int  # steps between those that make two saved states
     trajectories: int
     marks: int  # address of bits of lanes (2, lines): that have ended; passed a pole or ended
-    careful: int  # address of `careful.careful`, 0 before it is compiled
+    careful: int  # address of `careful.careful`, 0 if it is not ready
     careful_arguments: int  # address of its array
     kept: int  # address of memory for values that later pieces of a long list need
     # Where the code is. It returns when the budget is spent, and goes on there in the next call.
@@ -45,7 +45,7 @@ SLOT = CodeArguments(*range(len(CodeArguments._fields)))  # places in the array
 def text_of_steps(step, name, W, for_each, align):
     """Return the text of i64 name(arguments): steps of lines of W lanes, see `CodeArguments`.
 
-    It returns 1; or 0 at a step that needs `careful` before that is compiled. The table is common
+    It returns 1; or 0 at a step that needs `careful` while that is not ready. The table is common
     to all lanes, or `for_each` of them. Saved states begin at multiples of `align` bytes, and go
     past the caches if that is more than 8; 0 means that none are saved.
     """

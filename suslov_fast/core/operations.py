@@ -116,13 +116,16 @@ class Step:
     good        true if the step is accurate and all pivots are positive
     accurate    true if the step is accurate; a value of `rare`
     negative    true if the number of negative pivots is odd, det A(x) < 0; a value of `rare`
+    factors     `Factors` of 1 - N(x)
     """
+
+    good = accurate = negative = factors = None  # without a plan
 
     def __init__(self, indices, D, carried=0):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
         values = self.values = Values(D + self.T + carried, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
-        self.after, self.good, self.accurate, self.negative = [*range(D)], None, None, None
+        self.after, self.places = [*range(D)], {}
         matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         order, right = elimination_order(matrix.pattern, D), {}
         if work_of(matrix.pattern, order) > MOST:
@@ -235,7 +238,11 @@ class Tangent(Step):
     column      the D values of a column q
     products    the D values of -DPhi q
     scaled      the values of VOLUME, NEAR_1 and FAR_FROM_1 after the step
+    back        `Factors` of 1 - M(x_next)
     """
+
+    derived = back = None  # without a plan
+    column = products = scaled = ()
 
     def __init__(self, indices, D):
         self.columns = []
@@ -244,12 +251,12 @@ class Tangent(Step):
     def _add_tests(self, halves):
         values = self.values
         minus = [values.emit("fmul", -1.0, half) for half in range(self.D, self.D + self.T)]
-        self.M = Matrix(self.indices, self.D, values, self.after, minus)
-        self.back = Factors(self.M, self.factors.order)
-        self.entries = {place: self.M.entry(*place)[0] for place in sorted(self.M.pattern)}
+        matrix = Matrix(self.indices, self.D, values, self.after, minus)
+        self.back = Factors(matrix, self.factors.order)
+        entries = {place: matrix.entry(*place)[0] for place in sorted(matrix.pattern)}
         self._scale()
         super()._add_tests(halves)
-        self._add_columns()
+        self._add_columns(entries)
 
     def _good_pivots(self):
         return [*super()._good_pivots(), self.values.emit("ogt", *self.back.bounds(1.0))]
@@ -276,12 +283,13 @@ class Tangent(Step):
             volume = emit("fmul", volume, factor)
         self.scaled = volume, near_1, far
 
-    def _add_columns(self):
+    def _add_columns(self, entries):
+        """Add the operations for -DPhi q, with the entries of M(x_next)."""
         values, step, first = self.values, self.factors, len(self.values.operations)
         self.column = [*range(values.count, values.count + self.D)]
         values.count += self.D
         products = [[(-1.0, number)] for number in self.column]
-        for (i, j), number in self.entries.items():
+        for (i, j), number in entries.items():
             products[i].append((number, self.column[j]))
         v = {}
         for k in step.order:

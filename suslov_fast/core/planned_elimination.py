@@ -8,8 +8,7 @@ from collections import defaultdict
 
 import numpy as np
 
-# Elimination has lost digits if a pivot is below this part of the largest one.
-LEAST_PIVOT = 2.0**-6
+from .elimination import LEAST_PIVOT
 
 
 class Matrix:

@@ -31,6 +31,7 @@ from .pool import in_parts
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 SOLVED = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
+FEW = 256  # steps of lines, which are prepared for `careful` only when they need it
 PLANS = 32  # patterns of terms whose lists of operations are kept
 
 
@@ -180,11 +181,11 @@ class _Lines:
         """Return the states (B, D)."""
         return self.x.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
 
-    def take(self, start, stop, saved, every, is_large, abandoned):
+    def take(self, start, stop, saved, every, is_large, abandoned, again=False):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Return False if a step needed `careful` before that was compiled: then the steps must be
-        taken again. End early if there is something in `abandoned`.
+        Return False if a step needs `careful`, but it is not compiled, or there are FEW steps: then
+        the steps must be taken again. End early if there is something in `abandoned`.
         """
         step, stages = self.method.step, len(self.method.fractions)
         align = _alignment(saved, self.W, is_large)
@@ -196,7 +197,9 @@ class _Lines:
         if address is None:
             self._take_in_numpy(start, (stop - start) * stages, *rows)
             return True
-        arguments, _kept_alive = self._code_arguments(start, (stop - start) * stages, *rows)
+        is_ready = careful.is_compiled and (again or self.count * (stop - start) > FEW)
+        steps = (stop - start) * stages
+        arguments, _kept_alive = self._code_arguments(start, steps, *rows, is_ready)
         budget = max(SOLVED // (self.W * (self.D**3 + 200)), 1)
         while arguments[SLOT.line] < self.count and not abandoned:
             arguments[SLOT.budget] = budget
@@ -212,10 +215,10 @@ class _Lines:
             np.empty(self.D * (self.D + 4) + step.T),
         )  # fmt: skip
 
-    def _code_arguments(self, start, steps, saved, until, between):
+    def _code_arguments(self, start, steps, saved, until, between, is_ready):
         """Return the arguments of machine code, and what has to stay alive while it runs."""
         kept, arrays, own = np.empty(len(self.method.step.pieces[1]) * self.W), None, None
-        if careful.is_compiled:
+        if is_ready:
             arrays = self._line_arrays()
             own = arguments_of(arrays, start)
         # Lines of a block stay in the first cache. Blocks have equal lengths, because each step of
@@ -237,8 +240,8 @@ class _Lines:
             between=between,
             trajectories=self.B,
             marks=self.marks.ctypes.data,
-            careful=0 if own is None else careful.address,
-            careful_arguments=0 if own is None else own.ctypes.data,
+            careful=careful.address if is_ready else 0,
+            careful_arguments=own.ctypes.data if is_ready else 0,
             kept=kept.ctypes.data,
             budget=0,
             line=0,
@@ -296,11 +299,11 @@ class FieldSteps(Kernel):
     """The kernel of steps of fields, see `maps.Map`, which calls the machine code of the field."""
 
     def __init__(self):
-        self.py_func = self._take_part
+        self.py_func = _iterate_part
 
     def __call__(self, part, parts, *arguments, abandoned=()):
         with np.errstate(all="ignore"):  # each thread has its own
-            self._take_part(part, parts, *arguments, abandoned)
+            _iterate_part(part, parts, *arguments, abandoned)
 
     def serial(self, *arguments):
         self(0, 1, *arguments)
@@ -311,37 +314,30 @@ class FieldSteps(Kernel):
             threads, lambda part: self(part, threads, *arguments, abandoned=abandoned), abandoned
         )
 
-    def _take_part(
-        self,
-        part,
-        parts,
-        arguments,
-        omega0,
-        carry,
-        span,
-        saved,
-        final,
-        status,
-        failed_at,
-        abandoned,
-    ):
-        """Iterate the trajectories of a part; the arguments are those of `steps_3d.steps`."""
-        (method, *parameters), (begin, end, *steps) = arguments, span
-        starts = omega0 if steps[0] == 0 else final
-        W = WIDTH if end - begin > 1 else 1
-        count = -(-(end - begin) // W)
-        first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
-        last = min(last, end)
-        is_large = saved.size >= STREAM_FROM
-        for low in range(first, last, CHUNK):
-            chunk = slice(low, min(low + CHUNK, last))
-            own = method, *(array[chunk] if len(array) > 1 else array for array in parameters)
-            states, notes = starts[chunk], (status[chunk], failed_at[chunk], carry[0, chunk])
-            if steps[0] == 0:
-                _note_undefined(states, notes)
-            lines = _Lines(own, states, notes, W)
-            _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
-            final[chunk] = lines.states()
+
+def _iterate_part(
+    part, parts, arguments, omega0, carry, span, saved, final, status, failed_at, abandoned
+):
+    """Iterate the trajectories of a part; the arguments are those of `steps_3d.steps`.
+
+    End early if there is something in `abandoned`.
+    """
+    (method, *parameters), (begin, end, *steps) = arguments, span
+    starts = omega0 if steps[0] == 0 else final
+    W = WIDTH if end - begin > 1 else 1
+    count = -(-(end - begin) // W)
+    first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
+    last = min(last, end)
+    is_large = saved.size >= STREAM_FROM
+    for low in range(first, last, CHUNK):
+        chunk = slice(low, min(low + CHUNK, last))
+        own = method, *(array[chunk] if len(array) > 1 else array for array in parameters)
+        states, notes = starts[chunk], (status[chunk], failed_at[chunk], carry[0, chunk])
+        if steps[0] == 0:
+            _note_undefined(states, notes)
+        lines = _Lines(own, states, notes, W)
+        _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
+        final[chunk] = lines.states()
 
 
 def _note_undefined(states, notes):
@@ -365,7 +361,7 @@ def _take_steps(lines, states, steps, saved, is_large, abandoned):
     if not lines.take(*arguments):
         careful.compile()  # only now, because few runs need it
         lines.start_from(states)
-        lines.take(*arguments)
+        lines.take(*arguments, again=True)
 
 
 field_steps = FieldSteps()

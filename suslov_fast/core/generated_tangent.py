@@ -9,7 +9,7 @@ from .machine_code import Text
 # Rows of a line: the state; the numbers below; the products of the lengths of D columns; columns.
 # VOLUME is abs(det) of the columns, and (1 + NEAR_1) FAR_FROM_1 is the product of abs(det DPhi).
 VOLUME, NEAR_1, FAR_FROM_1, LENGTHS = range(4)
-# Logarithms are taken of products that leave these ranges, where they keep their digits.
+# Products keep their digits within these ranges. The logarithm is taken of one that leaves them.
 NEAR_1_LEAST, NEAR_1_LARGEST, LEAST_LENGTH, LARGEST_LENGTH = -0.999, 1e3, 1e-100, 1e100
 # Columns are orthonormalised where they may lose digits. Let D columns have |det| = d and squared
 # lengths with the mean m. Then d**2 <= m**D, with equality for orthogonal columns of equal lengths.
@@ -44,63 +44,67 @@ def text_of_tangent(tangent, name, W, for_each, _):
     stops after a step with such bits, and before a step that is not accurate. Bits in `ignored`
     mark lanes that do not stop it.
     """
-    t, D, size, every = Text(W), tangent.D, 8 * W, (1 << W) - 1
-    new, integer, V = t.new, t.integer, t.V
+    text, D, size, all_lanes = Text(W), tangent.D, 8 * W, (1 << W) - 1
+    new, integer, V = text.new, text.integer, text.V
     at_once, room = columns_of(D, W)
-    t.add(f"define i64 @{name}(i64 %line, i64 %table, i64 %ignored, i64 %steps) #0 {{")
-    t.label("entry")
-    places = [t.plus("%line", size * i) for i in range(2 * D + LENGTHS)]
-    t.add("  br label %step")
+    text.add(f"define i64 @{name}(i64 %line, i64 %table, i64 %ignored, i64 %steps) #0 {{")
+    text.label("entry")
+    places = [text.plus("%line", size * i) for i in range(2 * D + LENGTHS)]
+    text.jump("step")
 
-    t.label("step")
-    t.add("  %n = phi i64 [ 0, %entry ], [ %n1, %next ]")
-    carried = [t.load(V, places[D + k]) for k in range(LENGTHS)]
-    values = {i: t.load(V, places[i]) for i in range(D)}
+    text.label("step")
+    text.add("  %n = phi i64 [ 0, %entry ], [ %n1, %next ]")
+    carried = [text.load(V, places[D + k]) for k in range(LENGTHS)]
+    values = {i: text.load(V, places[i]) for i in range(D)}
     values |= dict(enumerate(carried, D + tangent.T))
 
     def of_table(number):
-        address = t.plus("%table", (size if for_each else 8) * tangent.places[number])
-        return t.load(V, address) if for_each or W == 1 else t.splat(t.load("double", address), W)
+        address = text.plus("%table", (size if for_each else 8) * tangent.places[number])
+        return (
+            text.load(V, address)
+            if for_each or W == 1
+            else text.splat(text.load("double", address), W)
+        )
 
-    t.carry_out(tangent.usual, values, of_table)
+    text.carry_out(tangent.usual, values, of_table)
     for _, _, operands in tangent.columns:
         for number in operands:
             if isinstance(number, int) and number in tangent.values.fixed and number not in values:
                 values[number] = of_table(number)
-    t.add(f"  br i1 {t.all_true(values[tangent.good])}, label %columns, label %rare, !prof !0")
+    text.branch(text.all_true(values[tangent.good]), "columns", "rare", likely=True)
 
-    t.label("rare")
+    text.label("rare")
     rare = dict(values)
-    t.carry_out(tangent.rare, rare, of_table)
-    others = integer("xor", "%ignored", every)
-    accurate, derived = t.bits(rare[tangent.accurate]), t.bits(rare[tangent.derived])
-    negative = integer("and", integer("and", accurate, t.bits(rare[tangent.negative])), others)
-    bad = [integer("and", integer("xor", bits, every), others) for bits in (accurate, derived)]
-    is_bad = t.compare_integers("ne", integer("or", *bad), 0)
-    t.add(f"  br i1 {is_bad}, label %stop, label %columns")
-    t.label("stop")
+    text.carry_out(tangent.rare, rare, of_table)
+    others = integer("xor", "%ignored", all_lanes)
+    accurate, derived = text.bits(rare[tangent.accurate]), text.bits(rare[tangent.derived])
+    negative = integer("and", integer("and", accurate, text.bits(rare[tangent.negative])), others)
+    bad = [integer("and", integer("xor", bits, all_lanes), others) for bits in (accurate, derived)]
+    is_bad = text.compare_integers("ne", integer("or", *bad), 0)
+    text.branch(is_bad, "stop", "columns")
+    text.label("stop")
     flags = "%n"
     for bits, shift in zip((*bad, negative), (STEP, DERIVATIVE, NEGATIVE), strict=True):
         flags = integer("or", flags, integer("shl", bits, shift))
-    t.add(f"  ret i64 {flags}")
+    text.add(f"  ret i64 {flags}")
 
-    t.label("columns")
-    t.add(f"  %negative = phi i64 [ 0, %step ], [ {negative}, %rare ]")
-    length = _columns(t, tangent, values, places[-1], at_once, room)
+    text.label("columns")
+    text.add(f"  %negative = phi i64 [ 0, %step ], [ {negative}, %rare ]")
+    length = _columns(text, tangent, values, places[-1], at_once, room)
 
-    t.label("due")
-    mean, power = t.operate("fmul", t.constant(1.0 / D), length), t.constant(1.0)
+    text.label("due")
+    mean, power = text.operate("fmul", text.constant(1.0 / D), length), text.constant(1.0)
     for _ in range(D):
-        power = t.operate("fmul", power, mean)
+        power = text.operate("fmul", power, mean)
     scaled = [values[number] for number in tangent.scaled]
-    most = t.operate("fmul", t.constant(LIMIT), scaled[VOLUME])
+    most = text.operate("fmul", text.constant(LIMIT), scaled[VOLUME])
     fine = [
-        t.compare("ogt", length, t.constant(LEAST_SIZE)),
-        t.compare("olt", length, t.constant(LARGEST_SIZE)),
-        t.compare("olt", power, t.operate("fmul", most, most)),
+        text.compare("ogt", length, text.constant(LEAST_SIZE)),
+        text.compare("olt", length, text.constant(LARGEST_SIZE)),
+        text.compare("olt", power, text.operate("fmul", most, most)),
     ]
     outside = [
-        t.compare(how, scaled[k], t.constant(limit))
+        text.compare(how, scaled[k], text.constant(limit))
         for k, how, limit in (
             (NEAR_1, "ole", NEAR_1_LEAST),
             (NEAR_1, "oge", NEAR_1_LARGEST),
@@ -108,43 +112,43 @@ def text_of_tangent(tangent, name, W, for_each, _):
             (FAR_FROM_1, "oge", LARGEST_LENGTH),
         )
     ]
-    due = integer("xor", t.bits(t.joined("and", fine)), every)
+    due = integer("xor", text.bits(text.joined("and", fine)), all_lanes)
     flags = integer("shl", "%negative", NEGATIVE)
-    for bits, shift in ((due, DUE), (t.bits(t.joined("or", outside)), OUTSIDE)):
-        bits = integer("and", bits, integer("xor", "%ignored", every))
+    for bits, shift in ((due, DUE), (text.bits(text.joined("or", outside)), OUTSIDE)):
+        bits = integer("and", bits, integer("xor", "%ignored", all_lanes))
         flags = integer("or", flags, integer("shl", bits, shift))
     for k, number in enumerate([*tangent.after, *tangent.scaled]):
-        t.store(V, values[number], places[k])
-    t.add("  %n1 = add i64 %n, 1")
-    is_clear = t.compare_integers("eq", flags, 0)
-    goes_on = new(f"and i1 {is_clear}, {t.compare_integers('ult', '%n1', '%steps')}")
-    t.add(f"  br i1 {goes_on}, label %next, label %end")
-    t.label("next")
-    t.add("  br label %step")
-    t.label("end")
-    t.add(f"  ret i64 {integer('or', '%n1', flags)}")
-    return t.finished()
+        text.store(V, values[number], places[k])
+    text.add("  %n1 = add i64 %n, 1")
+    is_clear = text.compare_integers("eq", flags, 0)
+    goes_on = new(f"and i1 {is_clear}, {text.compare_integers('ult', '%n1', '%steps')}")
+    text.branch(goes_on, "next", "end")
+    text.label("next")
+    text.jump("step")
+    text.label("end")
+    text.add(f"  ret i64 {integer('or', '%n1', flags)}")
+    return text.finished()
 
 
-def _columns(t, tangent, values, last, at_once, room):
+def _columns(text, tangent, values, last, at_once, room):
     """Add a loop that multiplies the columns; return the sum of their squared lengths after it."""
-    D, new, integer, size, V = tangent.D, t.new, t.integer, 8 * t.W, t.V
-    width, values = t.W, dict(values)
-    if t.W == 1 and at_once > 1:  # columns are lanes
+    D, new, integer, size, V = tangent.D, text.new, text.integer, 8 * text.W, text.V
+    width, values = text.W, dict(values)
+    if text.W == 1 and at_once > 1:  # columns are lanes
         width = at_once
         used = {operand for _, _, operands in tangent.columns for operand in operands}
         for number in sorted(used & values.keys() - {*tangent.column}):
-            values[number] = t.splat(values[number], width)
-    inner = Text(width, t)
+            values[number] = text.splat(values[number], width)
+    inner = Text(width, text)
     first = integer("add", last, size)
-    t.add("  br label %column")
-    t.label("column")
-    t.add("  %r = phi i64 [ 0, %columns ], [ %r1, %column ]")
-    t.add(f"  %length = phi {V} [ {t.constant(0.0)}, %columns ], [ %length1, %column ]")
+    text.jump("column")
+    text.label("column")
+    text.add("  %r = phi i64 [ 0, %columns ], [ %r1, %column ]")
+    text.add(f"  %length = phi {V} [ {text.constant(0.0)}, %columns ], [ %length1, %column ]")
     column, length = integer("add", first, integer("mul", "%r", size)), "%length"
     columns = []
-    for c in range(at_once if t.W > 1 else 1):
-        places = [t.plus(column, size * (i * room + c)) for i in range(D)]
+    for c in range(at_once if text.W > 1 else 1):
+        places = [text.plus(column, size * (i * room + c)) for i in range(D)]
         columns.append((places, dict(values)))
     # Columns take turns, because an operation waits for the one before it of the same column.
     for operation in tangent.columns:
@@ -158,14 +162,14 @@ def _columns(t, tangent, values, last, at_once, room):
             inner.store(inner.V, own[number], places[i])
             product = inner.operate("fmul", own[number], own[number])
             square = product if square is None else inner.operate("fadd", square, product)
-        if width == t.W:
-            length = t.operate("fadd", length, square)
-        for k in range(width if width > t.W else 0):
+        if width == text.W:
+            length = text.operate("fadd", length, square)
+        for k in range(width if width > text.W else 0):
             element = new(f"extractelement {inner.V} {square}, i32 {k}")
-            length = t.operate("fadd", length, element)
-    t.add(f"  %length1 = fadd {V} {length}, {t.constant(-0.0)}")
-    t.add(f"  %r1 = add i64 %r, {at_once}")
-    t.add(f"  br i1 {t.compare_integers('ult', '%r1', D)}, label %column, label %due")
+            length = text.operate("fadd", length, element)
+    text.add(f"  %length1 = fadd {V} {length}, {text.constant(-0.0)}")
+    text.add(f"  %r1 = add i64 %r, {at_once}")
+    text.branch(text.compare_integers("ult", "%r1", D), "column", "due")
     return "%length1"
 
 
@@ -176,64 +180,70 @@ def text_of_orthonormalise(step, name, W, *_):
     depends on D alone.
     """
     # With `tangent.orthonormalise` instead, exponents take 1.05 to 1.65 times as long. Its loops
-    # over lanes are no SIMD, because Numba does not know that rows of a line do not overlap.
-    t, D, size = Text(W), step.D, 8 * W
-    new, integer, V, room = t.new, t.integer, t.V, columns_of(D, W)[1]
-    t.add(f"define i64 @{name}(i64 %columns, i64 %carried, i64 %due) #0 {{")
-    t.label("entry")
+    # over lanes are no SIMD, because the compiler does not know that rows do not overlap.
+    text, D, size = Text(W), step.D, 8 * W
+    new, integer, V, room = text.new, text.integer, text.V, columns_of(D, W)[1]
+    text.add(f"define i64 @{name}(i64 %columns, i64 %carried, i64 %due) #0 {{")
+    text.label("entry")
     due = new(f"trunc i64 %due to i{W}")
-    due = new(f"bitcast i{W} {due} to {t.M}") if W > 1 else due
-    is_due = t.select(due, t.constant(1.0), t.constant(0.0))
-    volume = t.select(due, t.constant(1.0), t.load(V, "%carried"))
-    t.add("  br label %column")
+    due = new(f"bitcast i{W} {due} to {text.M}") if W > 1 else due
+    is_due = text.select(due, text.constant(1.0), text.constant(0.0))
+    volume = text.select(due, text.constant(1.0), text.load(V, "%carried"))
+    text.jump("column")
 
     def at(r):
         """Return the addresses of the components of column r."""
         first = integer("add", "%columns", integer("mul", r, size))
-        return [t.plus(first, size * room * i) for i in range(D)]
+        return [text.plus(first, size * room * i) for i in range(D)]
 
     def total(pairs):
         """Return the sum of products of values in pairs, in this order."""
-        result, *products = [t.operate("fmul", a, b) for a, b in pairs]
+        result, *products = [text.operate("fmul", a, b) for a, b in pairs]
         for product in products:
-            result = t.operate("fadd", result, product)
+            result = text.operate("fadd", result, product)
         return result
 
-    t.label("column")
-    t.add("  %r = phi i64 [ 0, %entry ], [ %r1, %scale ]")
-    t.add(f"  %volume = phi {V} [ {volume}, %entry ], [ %volume1, %scale ]")
+    text.label("column")
+    text.add("  %r = phi i64 [ 0, %entry ], [ %r1, %scale ]")
+    text.add(f"  %volume = phi {V} [ {volume}, %entry ], [ %volume1, %scale ]")
     places, first = at("%r"), at("0")
-    product = total([(t.load(V, a), t.load(V, b)) for a, b in zip(first, places, strict=True)])
-    t.add(f"  br i1 {t.compare_integers('eq', '%r', 0)}, label %scale, label %subtract")
+    product = total(
+        [(text.load(V, a), text.load(V, b)) for a, b in zip(first, places, strict=True)]
+    )
+    text.branch(text.compare_integers("eq", "%r", 0), "scale", "subtract")
 
-    t.label("subtract")
-    t.add("  %s = phi i64 [ 0, %column ], [ %s1, %subtract ]")
-    t.add(f"  %product = phi {V} [ {product}, %column ], [ %product1, %subtract ]")
-    part, pairs = t.operate("fmul", "%product", is_due), []
-    t.add("  %s1 = add i64 %s, 1")
+    text.label("subtract")
+    text.add("  %s = phi i64 [ 0, %column ], [ %s1, %subtract ]")
+    text.add(f"  %product = phi {V} [ {product}, %column ], [ %product1, %subtract ]")
+    part, pairs = text.operate("fmul", "%product", is_due), []
+    text.add("  %s1 = add i64 %s, 1")
     for place, earlier, later in zip(places, at("%s"), at("%s1"), strict=True):
-        x = t.operate("fmul", part, t.load(V, earlier))
-        x = t.operate("fsub", t.load(V, place), x)
-        t.store(V, x, place)
-        pairs.append((t.load(V, later), x))
-    t.add(f"  %product1 = fadd {V} {total(pairs)}, {t.constant(-0.0)}")
-    t.add(f"  br i1 {t.compare_integers('ult', '%s1', '%r')}, label %subtract, label %scale")
+        x = text.operate("fmul", part, text.load(V, earlier))
+        x = text.operate("fsub", text.load(V, place), x)
+        text.store(V, x, place)
+        pairs.append((text.load(V, later), x))
+    text.add(f"  %product1 = fadd {V} {total(pairs)}, {text.constant(-0.0)}")
+    text.branch(text.compare_integers("ult", "%s1", "%r"), "subtract", "scale")
 
-    t.label("scale")
-    t.add(f"  %square = phi {V} [ {product}, %column ], [ %product1, %subtract ]")
-    root = new(f"call {V} @llvm.sqrt.{t.suffix}({V} %square)")
-    length = t.select(due, root, t.constant(1.0))
-    place = t.plus(integer("add", "%carried", integer("mul", "%r", size)), size * LENGTHS)
-    t.store(V, t.operate("fmul", t.load(V, place), length), place)
-    is_0 = t.compare("oeq", length, t.constant(0.0))
-    nonzero = t.operate("fmul", "%volume", t.select(is_0, t.constant(0.0), t.constant(1.0)))
-    t.add(f"  %volume1 = fadd {V} {nonzero}, {t.constant(-0.0)}")
-    inverse = t.select(is_0, t.constant(0.0), t.operate("fdiv", t.constant(1.0), length))
+    text.label("scale")
+    text.add(f"  %square = phi {V} [ {product}, %column ], [ %product1, %subtract ]")
+    root = new(f"call {V} @llvm.sqrt.{text.suffix}({V} %square)")
+    length = text.select(due, root, text.constant(1.0))
+    place = text.plus(integer("add", "%carried", integer("mul", "%r", size)), size * LENGTHS)
+    text.store(V, text.operate("fmul", text.load(V, place), length), place)
+    is_0 = text.compare("oeq", length, text.constant(0.0))
+    nonzero = text.operate(
+        "fmul", "%volume", text.select(is_0, text.constant(0.0), text.constant(1.0))
+    )
+    text.add(f"  %volume1 = fadd {V} {nonzero}, {text.constant(-0.0)}")
+    inverse = text.select(
+        is_0, text.constant(0.0), text.operate("fdiv", text.constant(1.0), length)
+    )
     for place in places:
-        t.store(V, t.operate("fmul", t.load(V, place), inverse), place)
-    t.add("  %r1 = add i64 %r, 1")
-    t.add(f"  br i1 {t.compare_integers('ult', '%r1', D)}, label %column, label %end")
-    t.label("end")
-    t.store(V, "%volume1", "%carried")
-    t.add("  ret i64 0")
-    return t.finished()
+        text.store(V, text.operate("fmul", text.load(V, place), inverse), place)
+    text.add("  %r1 = add i64 %r, 1")
+    text.branch(text.compare_integers("ult", "%r1", D), "column", "end")
+    text.label("end")
+    text.store(V, "%volume1", "%carried")
+    text.add("  ret i64 0")
+    return text.finished()

@@ -51,6 +51,14 @@ class Text:
     def label(self, name):
         self.lines.append(f"{name}:")
 
+    def jump(self, label):
+        self.add(f"  br label %{label}")
+
+    def branch(self, truth, label, other, likely=False):
+        """Go to `label` if a truth value is true, else to `other`; `likely` is a hint for LLVM."""
+        weights = ", !prof !0" if likely else ""
+        self.add(f"  br i1 {truth}, label %{label}, label %{other}{weights}")
+
     def load(self, kind, address, align=8):
         pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
         return self.new(f"load {kind}, {pointer(kind)} {pointed}, align {align}")

@@ -186,7 +186,7 @@ class Kernel:
 
     def parallel(self, threads, *arguments):
         addresses = None
-        # A parallel loop would lose the exceptions of these.
+        # Kernels that check indices, or are interpreted, may raise, which a parallel loop ignores.
         if not (config.BOUNDSCHECK or config.DISABLE_JIT):
             addresses = _addresses(self.compiled, numba.typeof(arguments))
         if addresses is None:

@@ -35,8 +35,8 @@ def write_pairs(b, row, flat, place, count, lead, after=False, before=False):
     """Interleave two rows as `store_rows`; past the caches, by whole cache lines, if possible.
 
     Where blocks share LINE pairs, a block `after` another one leaves to it the pairs ahead of its
-    own first cache line. A block `before` another one is full, and leaves to it the pairs that
-    follow its own last line but one. The number of lanes is a constant.
+    own first cache line. A block `before` another one is full, and leaves to it the last LINE pairs
+    less those ahead of its own first cache line. The number of lanes is a constant.
     """
     ahead = (lead - place) % LINE
     if lead < 0 or ahead % 2 == 1:

@@ -81,9 +81,9 @@ QUADRATIC = exponents_up_to(2, 6)
 
 
 @cache
-def chosen(name, letter=False):
+def chosen(name, symbolic=False):
     field, eps = SYSTEMS[name]
-    candidates = implicit_integrals(kahan(field, None if letter else eps), QUADRATIC)
+    candidates = implicit_integrals(kahan(field, None if symbolic else eps), QUADRATIC)
     return [*independent_of((), candidates)]
 
 
@@ -209,16 +209,16 @@ def test_sentences_of_reports(name, written, implicit, sentence):
     assert sentence in repr(found)
 
 
-def test_eps_as_a_letter():
+def test_symbolic_eps():
     field, eps = SYSTEMS["Lagrange"]
-    letters = chosen("Lagrange", letter=True)
-    assert [each.degree for each in letters] == DEGREES["Lagrange"]
+    symbolic = chosen("Lagrange", symbolic=True)
+    assert [each.degree for each in symbolic] == DEGREES["Lagrange"]
     x = [F(k * k - 7, 5) for k in range(1, 7)]
-    for letter, number in zip(letters, chosen("Lagrange"), strict=True):
-        assert letter(x, eps=eps) == number(x)
+    for integral, number in zip(symbolic, chosen("Lagrange"), strict=True):
+        assert integral(x, eps=eps) == number(x)
         with pytest.raises(TypeError, match="eps is symbolic"):
-            letter(x)
-    formula = written_out(letters[1])
+            integral(x)
+    formula = written_out(symbolic[1])
     assert "eps" in str(formula)
     (y,) = steps(field, eps, x, 1)
     assert formula(x, eps) == formula(y, eps)

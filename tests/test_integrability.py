@@ -145,9 +145,9 @@ def test_the_map_its_inverse_and_its_derivative(n):
         assert (b - a) / eps == 2 * m - sum(ends) / 2
     assert map.inverse(image) == tuple(x)
     assert_derivative(map, x)
-    letter = kahan(field)
-    assert tuple(f.subs(eps)([]) for f in letter(x)) == image
-    assert letter.subs(eps) == map == pickle.loads(pickle.dumps(map))
+    symbolic = kahan(field)
+    assert tuple(f.subs(eps)([]) for f in symbolic(x)) == image
+    assert symbolic.subs(eps) == map == pickle.loads(pickle.dumps(map))
 
 
 def test_rational_maps():
@@ -507,7 +507,7 @@ LINES = from_hamiltonian(
     ],
 )
 def test_degenerate_step_sizes(field, eps, message):
-    """They are told as such, and listed if eps is a letter: -eps, too."""
+    """They are told as such, and listed if eps is symbolic: -eps, too."""
     with pytest.raises(ArithmeticError, match=f"eps={eps}.*{message}"):
         report(field, eps)
     symbolic = report(field, degree=1)
@@ -640,12 +640,12 @@ def test_special_values_of_eps():
         pole.subs(2)
 
 
-def test_letters_in_relations_and_polynomials():
-    letter = kahan(of(BODY))
-    found = hk_bases(letter, 3)
+def test_symbolic_eps_in_relations_and_polynomials():
+    symbolic = kahan(of(BODY))
+    found = hk_bases(symbolic, 3)
     assert (found.degree, found.independent, found.complete, found.basis) == (2, 1, True, None)
     assert [str(P) for P in found.integrals] == ["4*x1^2 + x2^2", "eps^2*x1*x2 + 64"]
-    assert [str(P) for P in darboux_polynomials(letter, 1, cofactors(letter, 1)[2])] == [
+    assert [str(P) for P in darboux_polynomials(symbolic, 1, cofactors(symbolic, 1)[2])] == [
         "2*x1 + x2"
     ]
 
@@ -946,7 +946,7 @@ def test_a_polynomial_has_one_sign_in_a_report(field):
 
 
 def test_formulas_of_papers():
-    """Of a pencil the member of the papers, for a letter and for a number."""
+    """Of a pencil the member of the papers, for a symbolic eps and for a number."""
     for body in (BODY, ROTOR, Suslov3D(3, 2, F(1, 2), 1)):
         a, (I13, I23) = F(body.I1) * F(body.I2), (F(body.I13), F(body.I23))
         k = F(getattr(body, "k", 0))
@@ -970,15 +970,15 @@ def test_formulas_of_papers():
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("field", [EULER, CYCLE, CUBIC, ISHII, ZOO["Nambu"][0]])
-def test_letter_and_number_print_the_same(field):
+def test_symbolic_eps_and_number_print_the_same(field):
     """And the limit for eps to 0 is an integral of the field."""
-    letter, number = report(field), report(field, F(2, 5))
-    assert [str(f.subs(F(2, 5))) for f in letter.integrals] == [*map(str, number.integrals)]
-    of_letter = [P.subs(F(2, 5)).factors for P in letter.polynomials]
-    assert [*map(str, of_letter)] == [str(P.factors) for P in number.polynomials]
+    symbolic, number = report(field), report(field, F(2, 5))
+    assert [str(f.subs(F(2, 5))) for f in symbolic.integrals] == [*map(str, number.integrals)]
+    of_symbolic = [P.subs(F(2, 5)).factors for P in symbolic.polynomials]
+    assert [*map(str, of_symbolic)] == [str(P.factors) for P in number.polynomials]
     x = [F(2 * k + 3, 7) for k in range(field.dimension)]
     slopes = field(x)
-    for f in letter.integrals:
+    for f in symbolic.integrals:
         assert f.denominator(0, *(int(7 * a) for a in x)) != 0
         h = F(1, 10**20)
         moved = [a + h * v for a, v in zip(x, slopes, strict=True)]

@@ -196,6 +196,7 @@ class _Field:
         values = [F.compose(*self._eps, *x, ctx=self._ring) for F in forms]
         n = _degree_in_s(self.modulus)
         leading = self._coefficient(self.modulus, n)
+        # Pseudo-remainders: the modulus removes the highest power of s, one after the other.
         for k in range(max(map(_degree_in_s, values), default=0), n - 1, -1):
             multiple = self._s ** (k - n) * self.modulus
             values = [leading * P - self._coefficient(P, k) * multiple for P in values]

@@ -95,9 +95,9 @@ def degrees_of_iterates(search: Any) -> Iterator[Task]:
     map, following = search.map, agreed_degrees(search.map, search.seed)
 
     def expected() -> float:
-        """Return the degree that is expected next."""
-        first, *more = search.degrees[-2:] or [1]
-        return float(more[0] ** 2 / max(1, first) if more else first * map.degree)
+        """Return the degree that is expected next, d_n**2 / d_(n - 1)."""
+        d: list[int] = [1, *search.degrees]
+        return d[-1] ** 2 / max(1, d[-2]) if len(d) > 2 else float(d[-1] * map.degree)
 
     def task() -> Task:
         n, degree = map.dimension, expected()
@@ -236,7 +236,7 @@ def _recurrence(terms: list[int], order: int, spare: int) -> list[int] | None:
         return None
     rows = [terms[i : i + order + 1] for i in range(len(terms) - order)]
     reduced, rank = flint.fmpq_mat(flint.fmpz_mat(rows)).rref()
-    # Every infinite sequence of integers with a recurrence has one of integers.
+    # Every infinite sequence of integers with a recurrence has one of integers (Fatou 1906).
     coefficients = [*(int(-reduced[i, order].p) for i in range(order)), 1]
     is_minimal = rank == order  # else lower ones hold, which were refused, and extra roots
     return coefficients if is_minimal and not any(np.array(rows, object) @ coefficients) else None

@@ -99,8 +99,8 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     follows from the lengths of these orbits (Diller and Favre 2001). All orbits are followed for
     80 steps modulo primes, two of which must agree. Then confinement is confirmed over the
     rational numbers, or the number field of conjugate lines. An orbit is never confined if it is
-    periodic modulo a small prime, or if it stays on an invariant line, on which the map is a
-    Moebius transformation.
+    periodic modulo a small prime, with images at all points, or if it stays on an invariant line,
+    on which a power of the map is a Moebius transformation, and never meets a base point.
 
     Parameters
     ----------

@@ -172,10 +172,11 @@ def _values_of_lost_rank(first: Any, second: Any, p: int, rng: random.Random) ->
     for _ in range(2):
         mix = _random_matrix(n, first.nrows(), p, rng)
         A, B = mix * first, mix * second
-        # det(A + t B) = 0 for t = -1 / s and eigenvalues s of the inverse of A times B.
-        reverse = A.solve(B).charpoly().coeffs()[::-1]
-        signs = [-c if k % 2 else c for k, c in enumerate(reverse)]
-        common = common.gcd(flint.nmod_poly([int(c) for c in signs], p))
+        # det(A + t B) = 0 for t = -1 / s with eigenvalues s of the inverse of A times B. So the
+        # coefficients are those of its characteristic polynomial, backwards, with changing signs.
+        backward = A.solve(B).charpoly().coeffs()[::-1]
+        coefficients = [int(-c if k % 2 else c) for k, c in enumerate(backward)]
+        common = common.gcd(flint.nmod_poly(coefficients, p))
     return common
 
 

@@ -293,6 +293,7 @@ class Search:
             self.invariants.spaces.append([replace(factored(P), basis=MODULAR) for P in space])
             return []
         tasks: list[Task] = []
+        # Factors that have a cofactor are Darboux polynomials themselves.
         for f in (f for P in space for f, _ in irreducible_factors(P) if degree_of(f)):
             if (cofactor_of_f := self.map.cofactor(f)) is not None:
                 tasks += self._add_generator(f, cofactor_of_f)

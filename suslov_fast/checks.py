@@ -129,10 +129,15 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
             value = getattr(value, "data", value)  # a Dataset has no data
     array = _floats(name, value)
     if array.ndim == 0 or array.shape[-1] != len(labels):
-        transposed = array.ndim > 1 and array.shape[0] == len(labels)
-        how = ": the last axis holds the components, pass the transpose" if transposed else ""
-        if not how and array.shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
-            how = ": pass (rotation @ omega)[:2], with the rotation that from_inertia returns"
+        how, transposed = "", array.ndim > 1 and array.shape[0] == len(labels)
+        if transposed:
+            how = ": the last axis holds the components, pass the transpose"
+        if array.shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
+            rotated = (
+                "(omega @ rotation.T)[..., :2]" if array.ndim > 1 else "(rotation @ omega)[:2]"
+            )
+            how += f"{'; or' * transposed or ':'} for vectors of 3 components pass {rotated}, "
+            how += "with the rotation that from_inertia returns"
         raise wrong(name, f"have the shape (..., {len(labels)})", f"{array.shape}{how}")
     if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
         return array
@@ -294,6 +299,8 @@ def instance(name: str, value: Any, expected: Any) -> None:
 def in_place_of(value: Any) -> str:
     """Return advice, for messages, on what to pass in place of a value of the wrong class."""
     instead: str = getattr(value, "_instead", "")
+    if isinstance(value, tuple) and value and hasattr(value[0], "_instead"):
+        return ": pass the first part, because from_inertia returns the body and a rotation"
     if callable(value) and not isinstance(value, type) and not instead:
         return ": QuadraticField.from_function(f, dimension) makes a field of a function"
     return instead

@@ -29,6 +29,7 @@ CUBIC = "howto/cubic"
 # Errors of Python and NumPy where a function treats a number as an array.
 _OF_ARRAYS = re.compile(
     "'(float|int)' object is not|non-iterable (float|int)|'(float|int)' has no len|"
+    "for @: '(float|int)'|"
     "not have enough dimensions"
 )
 
@@ -196,16 +197,23 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         how = f"make time a variable, whose derivative is 1, see {page(CUBIC)}"
         return f"{text}: if None stands for t, the right-hand side depends on t: {how}"
     if is_family and _OF_ARRAYS.search(text):
-        how = "an array is a family, of which f gets one number at a time: pass each number by its"
-        return f"{text}: {how} own name, as sigma=10, rho=28"
+        how = "pass each number by its own name, as sigma=10, rho=28"
+        if "@" in text or "matmul" in text:
+            how = "a constant matrix belongs inside f, and is no parameter"
+        return f"{text}: an array is a family, of which f gets one number at a time: {how}"
     if re.search(r"ufunc '(solve|inv|lstsq|det|qr|eig|svd)", text):
         how = "compute the inverse of a constant matrix before, and multiply by it"
         return (
             f"numpy.linalg cannot compute with symbols ({text}): {how}, as in Inverse @ np.array(x)"
         )
+    if "must be real number, not" in text:  # of a function of the module math
+        how = "x holds symbols, which functions of math do not take"
+        return f"{text}: {how}; exp, tanh, sin and cos can become variables, see {page(CUBIC)}"
     if "Polynomial" in text:
-        how = "x holds symbols: no math.sin, if or float of them, and no arrays of floats to fill"
-        return f"{text}: {how}; sin and cos can become variables, see {page(CUBIC)}"
+        how = "x holds symbols: no if or float of them, and no arrays of floats to fill"
+        return f"{text}: {how}; see {page(CUBIC)}"
+    if len(names) == 1 and len(names[0]) > 1 and re.search("to unpack|but the dimension", text):
+        return f"{text}: {names[0]!r} is one name, write {' '.join(names[0])!r} for {len(names[0])}"
     if re.search("'Variables'|tuple indices|can't multiply sequence", text):
         text = text.replace("'Variables'", "'tuple'")
         return f"{text}: x is a tuple; for arithmetic on all of it, np.array(x)"

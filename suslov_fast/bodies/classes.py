@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ..checks import instance
+from ..checks import instance, wrong
 from .base import Body
 from .field import QuadraticField
 from .nd import SuslovND
@@ -56,4 +56,6 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     SuslovND(J=[1.3, 2.1], I=[0.4, -0.7])
     """
     instance("parameters", parameters, Mapping)
+    if "body" not in parameters:
+        raise wrong("parameters", "have an entry 'body', the name of the class", [*parameters])
     return class_named(parameters.get("body")).from_dict(parameters)

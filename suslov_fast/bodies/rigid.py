@@ -278,10 +278,16 @@ def _in_adapted_basis(I: ArrayLike, a: ArrayLike) -> tuple[Any, ...]:
         which, by = _of_batch("I", where, bad), high - low - middle
         raise ValueError(
             f"{which}violates the triangle inequality of principal moments: "
-            f"{high:.9g} > {low:.9g} + {middle:.9g}, by {by:.3g}"
+            f"{high:.9g} > {low:.9g} + {middle:.9g}, by {by:.3g}; {_conventions()}"
         )
     I1, I2, I3 = np.moveaxis(np.diagonal(tensors, axis1=-2, axis2=-1), -1, 0)
     return I1, I2, tensors[..., 0, 2], tensors[..., 1, 2], I3, rotation
+
+
+def _conventions() -> str:
+    """Return advice on the two ways in which programs print another tensor, for messages."""
+    text = "I must be about the fixed point, with minus the integrals of x y dm off the diagonal"
+    return f"{text}, see {checks.page('howto/body')}"
 
 
 def _of_batch(name: str, where: tuple[int, ...], bad: Any) -> str:
@@ -307,13 +313,16 @@ def adapted(I: ArrayLike, a: ArrayLike, n: int) -> tuple[FloatArray, FloatArray]
         if (asymmetry <= _PRINTED * size).all():
             each = " of each, with I.swapaxes(-2, -1) for I.T" if np.ndim(bad) else ""
             text += f", which may be rounding of printed digits: then pass (I + I.T)/2{each}"
+        elif not np.tril(matrix, -1).any():
+            text += ": for an upper half pass I + np.triu(I, 1).T"
         raise ValueError(text)
     least = np.linalg.eigvalsh(matrix).min(axis=-1, initial=np.inf)
     if (bad := ~(least > 1e-15 * size)).any():
         where = checks.first_index(bad)
         which = _of_batch("I", where, bad)
         raise ValueError(
-            f"{which}is not positive definite: its least eigenvalue is {least[where]:.9g}"
+            f"{which}is not positive definite: its least eigenvalue is {least[where]:.9g}; "
+            f"{_conventions()}"
         )
     if axis.shape[-1:] != (n,):
         raise wrong("a", f"have the shape (..., {n})", axis.shape)

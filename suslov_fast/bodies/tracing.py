@@ -164,7 +164,7 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> Any:
         if call.degree == 3:
             return _tensor(result, f_name, call.D, 3)
         parts = _components(result, call.D)
-        names = (f"component {i} of {f_name}" for i in range(call.D))
+        names = (f"{name}'" for name in call.names)
         return np.stack([_tensor(*pair, call.D, 2) for pair in zip(parts, names, strict=True)])
     except (TypeError, ValueError) as error:
         raise type(error)(f"{call.argument}: {error}") from None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..bodies.nd import check_known
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, instance, wrong
+from ..checks import FloatArray, instance, kind_of, wrong
 from ..core import quantities, quantities_field
 from ..core.numba import Universal
 from ..engine.derivatives import density, jacobian
@@ -85,7 +85,10 @@ def _check_hamiltonian(body: Any) -> None:
     """Raise TypeError for a field without a Hamiltonian."""
     if body.field().H is None:
         how = "make it by QuadraticField.from_hamiltonian"
-        raise TypeError(f"body: this field has no Hamiltonian: {how}")
+        what = (
+            "this field" if kind_of(body) == "QuadraticField" else f"the field of {kind_of(body)}"
+        )
+        raise TypeError(f"body: {what} has no Hamiltonian: {how}")
 
 
 def _energy(problem: Problem) -> FloatArray:

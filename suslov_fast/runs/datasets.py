@@ -177,7 +177,7 @@ def crossings_to_xarray(points: Any) -> Any:
     coords |= {name: ("crossing", getattr(points, name)) for name in ("trajectory", "n", "time")}
     coords["eps"] = "crossing", points._at_crossings(np.asarray(points.eps))
     for name, values in varying(body).items():
-        if (axes := body._axes.get(name, 0)) < 2:  # numbers, or the vectors J and I
+        if (axes := body._axes.get(name, 0)) < 2:  # a number, or a vector such as J
             dims = ("crossing", "component")[: axes + 1]
             coords[name] = dims, points._at_crossings(values, axes)
     attributes = {"title": map.title, "map": map.name, "version": __version__}

@@ -224,7 +224,7 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
 
 
 def _parts(array: metadata.Stored) -> dict[Any, int]:
-    """Return the lengths of Dask's chunks, each of which holds many chunks of the store if small.
+    """Return the lengths of Dask's chunks, each of which holds many small chunks of the store.
 
     Dask then needs few tasks, and each of them makes several requests at a time.
     """

@@ -36,8 +36,8 @@ _MOST_DOTS = 20_000
 _MOST_ON_LINES = 2000
 # Most states joined by lines.
 _MOST_JOINED = 100_000
-# If these are too few for all orbits: at least this many states of an orbit are drawn, in at most
-# _PIECES pieces of at least _SHORTEST states.
+# Where not all states can be drawn: least number of states of an orbit, if it has so many; most
+# pieces of an orbit, and least number of states in a piece.
 _FEWEST_OF_ORBIT, _PIECES, _SHORTEST = 2000, 10, 500
 # Most values of a parameter in a legend; for more there is a colour bar.
 _IN_LEGEND = 6

@@ -1,4 +1,4 @@
-"""What results of runs have in common: read-only arrays, equality, copies and files."""
+"""The base of the results of runs: read-only arrays, equality, copies and files."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def check_surface(surface: Any) -> None:
         expected = "a function of the states alone, such as lambda x: x[..., 2] - 27"
         raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
     names = [name for name in ("terminal", "direction") if hasattr(surface, name)]
-    if names:  # of an event of `solve_ivp`
+    if names:  # the surface is an event of `solve_ivp`
         received = " and ".join(f"surface.{name} = {getattr(surface, name)!r}" for name in names)
         how = "pass most=1 to end at the first crossing, direction=-1 for crossings downwards"
         expected = "a function without the attributes of SciPy's events"
@@ -74,7 +74,7 @@ class Search:
         self.limit = most or _WITHOUT_END
         B, D = march.omega0.shape
         self.batch, self.is_stopped = march.problem.batch, False
-        self.pieces: list[tuple[NDArray[np.int64], FloatArray]] = []  # by `write_crossings`
+        self.pieces: list[tuple[NDArray[np.int64], FloatArray]] = []  # from `write_crossings`
         if earlier is None:
             self.last = self.values_of(march.omega0.reshape(1, *self.batch, D))[0]
             self.counts, self.alive = np.zeros(B, np.int64), march.status.ravel()

@@ -185,6 +185,6 @@ def _states_at(
             if flags.any():
                 warn(f"{np.count_nonzero(flags)} of {flags.size} orbits: {reason}", category)
     states = np.asarray(from_plane(states.reshape(*times.shape, *batch, 2)))
-    if plane is not start:  # the reduction rounds
+    if plane is not start:  # exactly, because the reduction rounds
         states[times == 0.0] = start.omega
     return states

@@ -80,7 +80,7 @@ def _write(target: Path, arrays: Mapping[str, Any], overwrite: bool) -> None:
     part, file = _partial(target)
     try:
         with file:  # locked until it is closed
-            if overwrite:  # first, so that nobody reads new content who must not
+            if overwrite:  # before writing, so that nobody can read who must not
                 with suppress(FileNotFoundError):
                     shutil.copymode(target, part)
             np.savez(file, **arrays)

@@ -66,7 +66,7 @@ def lost(store: Any, contents: Contents) -> Lost:
     status = contents.arrays["status"]
     tiles = dict(status.keys("status"))
     done = {tile for tile, key in tiles.items() if key in keys}
-    absent: dict[str, tuple[str, Tile | None]] = {}  # by key: array, and tile of a tiled one
+    absent: dict[str, tuple[str, Tile | None]] = {}  # by key: the array, and the tile if any
     for name, array in contents.arrays.items():
         axes = [array.dims.index(dim) for dim in status.dims] if name in contents.tiled else None
         for index, key in array.keys(name) if name != "status" else ():

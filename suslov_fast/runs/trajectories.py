@@ -246,7 +246,7 @@ class Trajectories(Result):
 
     @property
     def ok(self) -> bool:
-        """True if no trajectory failed; those that passed a pole count as finished."""
+        """True if no trajectory failed; a passed pole is no failure."""
         return bool((self.status >= 0).all())
 
     first_integral = _quantity("first_integral")

@@ -93,7 +93,7 @@ class _Handler(BaseHTTPRequestHandler):
     """Answers to requests: files of the page, and numbers as JSON."""
 
     server: Server
-    # Seconds, because browsers open connections that they may never use.
+    # Seconds until an unused connection is closed: browsers open some that they never use.
     timeout = 10.0
 
     def do_GET(self) -> None:

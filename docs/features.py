@@ -57,7 +57,7 @@ ROWS = (
     ("", ("reaction", "momentum", "to_matrix")),
     ("", ("to_vector", "plot_phase")),
     ("coordinates and constants of the paper", ("to_xy", "closed_form")),
-    ("angle between the spatial angular velocities at t = ±∞", ("scattering_angle",)),
+    ("angle between the limits of the angular velocity in space", ("scattering_angle",)),
     ("your own Numba loops, state as two scalars", ("compiled.frame",)),
     ("your own Numba loops, state as an array", ("compiled.system",)),
 )

@@ -1,5 +1,4 @@
-"""Machine code of derivatives along orbits: steps that multiply columns by -DPhi, and the modified
-Gram-Schmidt method.
+"""Machine code of derivatives along orbits: products of -DPhi with columns, and Gram-Schmidt.
 
 `operations.Tangent` has the operations of a step; `tangent` takes the steps that they cannot take.
 """

@@ -1,5 +1,7 @@
-"""LLVM instructions for what Numba cannot express: calls by address, arrays without reference
-counts, blocks of lanes, stores past the caches.
+"""LLVM instructions for what Numba cannot express.
+
+These are calls by address, arrays without reference counts, blocks of lanes on the stack, and
+stores past the caches.
 
 Each function brings its own typing and lowering, because an overload is itself compiled. `load` and
 `gep` name their types, because pointers of later versions of llvmlite have none.

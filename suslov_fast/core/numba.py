@@ -115,6 +115,7 @@ class Function:
 
     @functools.cached_property
     def _for_calls(self):
+        """The version for calls from Python."""
         return numba.njit(boundscheck=True, **_OPTIONS)(self.py_func)
 
     def __call__(self, *arguments):
@@ -185,6 +186,7 @@ class Kernel:
         return self.compiled(part, parts, *arguments)
 
     def parallel(self, threads, *arguments):
+        """Call the kernel for one part of the work in each thread."""
         addresses = None
         # Kernels that check indices, or are interpreted, may raise, which a parallel loop ignores.
         if not (config.BOUNDSCHECK or config.DISABLE_JIT):

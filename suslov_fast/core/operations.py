@@ -266,8 +266,10 @@ class Tangent(Step):
         return super()._accurate_pivots()
 
     def _scale(self):
-        """Multiply by abs(det DPhi) = prod abs(p_k / q_k), with pivots p of 1 - M(x_next) and q of
-        1 - N(x). Short steps need p_k / q_k - 1 = (N_kk - M_kk) / q_k, after elimination.
+        """Multiply VOLUME, NEAR_1 and FAR_FROM_1 by abs(det DPhi).
+
+        This is prod abs(p_k / q_k), with pivots p of 1 - M(x_next) and q of 1 - N(x). Near 1 digits
+        need p_k / q_k - 1 = (N_kk - M_kk) / q_k, with N and M after elimination.
         """
         emit, (volume, near_1, far) = self.values.emit, range(self.D + self.T, self.D + self.T + 3)
         for k in sorted(self.factors.inverse):

@@ -104,6 +104,7 @@ class Factors:
                 self.upper[k, j] = self._eliminated(matrix.entry(k, j)[0], k, j)
 
     def _eliminated(self, start, i, j):
+        """Return N_ij after elimination with the pivots before i and j, from its value before."""
         return self.values.total(
             start,
             [(self.lower[i, k], self.upper[k, j]) for k in self.before[i] if (k, j) in self.upper],
@@ -123,8 +124,10 @@ class Factors:
         return self.values.emit("fmul", value, self.inverse[k])
 
     def least_and_limit(self, most=np.inf):
-        """Return the least modulus of a pivot, at most `most`, and its limit: LEAST_PIVOT times the
-        largest modulus of a pivot, or of the diagonal before elimination.
+        """Return the least modulus of a pivot, at most `most`, and its limit.
+
+        The limit is LEAST_PIVOT times the largest modulus of a pivot, or of a diagonal entry before
+        elimination.
         """
         emit, least, largest = self.values.emit, min(most, self._constant_pivots()), 1.0
         for k in self._fixed_first():

@@ -123,6 +123,7 @@ def to_xy(I1, I2, I13, I23, k, eps, w, out):
 
 @universal(IN_3D + "(d)")
 def from_xy(I1, I2, I13, I23, k, eps, xy, out):
+    """The state with these x and y: the inverse of equation (7)."""
     D = I13 * I13 * I2 + I23 * I23 * I1
     out[0] = (I13 * I2 * xy[0] + I23 * xy[1]) / D
     out[1] = (I23 * I1 * xy[0] - I13 * xy[1]) / D

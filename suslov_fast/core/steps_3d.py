@@ -16,9 +16,8 @@ is T = e R |g|, the criticality. Two forms of a state are iterated:
 
 plain     (X, Y), for k = 0 and T < 1 (that is |Y| < 1), where there is no pole. Equations (8),
           X_next = X (1 + Y) / (1 - Y + 2 X**2), Y_next = Y - 2 X X_next, have no parameters
-general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X stands beside u and v, because
-          ell = I13 w1 + I23 w2 + k loses digits next to a steady state; u and v stand beside X,
-          because K may outweigh X - K and Y
+general   (X, u, v) with z = sqrt(I1) (u + i v), for all others. X computed from u and v loses
+          digits next to a steady state; u and v computed from X and Y lose them for large K
 """
 
 from typing import NamedTuple
@@ -43,8 +42,9 @@ TO_FIND = -2  # stands for the step, still unknown, at which a trajectory failed
 
 
 class Frame(NamedTuple):
-    """The numbers of a body and a step size, for states (u, v) = (w1, w2 / back):
-    X = a1 u + a2 v + K, Y = a2 u - a1 v; u = m1 X + m2 Y, v = m2 X - m1 Y without a rotor.
+    """The numbers of a body and a step size, for states (u, v) = (w1, w2 / back).
+
+    X = a1 u + a2 v + K, Y = a2 u - a1 v; without a rotor u = m1 X + m2 Y, v = m2 X - m1 Y.
     """
 
     K: float

@@ -42,8 +42,8 @@ _HERE = os.path.dirname(__file__) + os.sep
 
 
 def wrong(name: str, expected: str, received: object = None, error: Any = ValueError) -> Any:
-    """Return the error "name must be expected, not received"; `expected` may begin with "have"."""
-    must = expected if expected.startswith("have ") else f"be {expected}"
+    """Return the error "name must be expected, not received", or "must have" or "hold expected"."""
+    must = expected if expected.startswith(("have ", "hold ")) else f"be {expected}"
     instead = "" if received is None else f", not {received}"
     return error(f"{name} must {must}{instead}")
 
@@ -157,7 +157,7 @@ def _floats(name: str, value: Any) -> FloatArray:
         expected = "numbers in the range of float64, with rows of equal length"
         raise wrong(name, expected, short(value)) from error
     if array.dtype.kind not in "iuf":
-        raise wrong(name, "real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
+        raise wrong(name, "hold real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
 
 
@@ -189,7 +189,7 @@ def refuse(name: str, value: Any) -> None:
         return
     kind = type(value).__name__
     if isinstance(value, (bool, np.bool_)):
-        raise wrong(name, "real numbers", f"the bool {value}", TypeError)
+        raise wrong(name, "hold real numbers", f"the bool {value}", TypeError)
     has_index = not callable(getattr(value, "index", len))
     if has_index or hasattr(value, "dims") or hasattr(value, "columns"):
         how = f"a labelled {kind}: pass its array, by .to_numpy()"
@@ -200,11 +200,8 @@ def refuse(name: str, value: Any) -> None:
         how = f"convert it to the unit of the other arguments: {name}.to(...).{number}"
         raise wrong(name, "numbers without a unit", f"a {kind} in {unit}: {how}", TypeError)
     if isinstance(value, np.ndarray) and np.ma.is_masked(value):
-        raise wrong(
-            name,
-            "real numbers",
-            "a masked array with missing values: fill them first, for example by .filled(0.0)",
-        )
+        how = "fill them first, for example by .filled(0.0)"
+        raise ValueError(f"{name} is a masked array with missing values: {how}")
 
 
 def square_matrices(name: str, value: ArrayLike, n: int, allow_nan: bool = False) -> FloatArray:
@@ -287,7 +284,7 @@ def instance(name: str, value: Any, expected: Any) -> None:
     """Raise TypeError unless an object is of a class, or of one in a tuple or a union."""
     if not isinstance(value, expected):
         classes = expected if isinstance(expected, tuple) else get_args(expected) or (expected,)
-        called = " or ".join(vars(kind).get("_called", kind.__name__) for kind in classes)
+        called = either([vars(kind).get("_called", kind.__name__) for kind in classes])
         instead = ""
         if isinstance(value, (str, bytes)) and expected is Mapping:
             instead = ": json.loads(text) makes a dictionary of a text"
@@ -298,12 +295,20 @@ def instance(name: str, value: Any, expected: Any) -> None:
 
 def in_place_of(value: Any) -> str:
     """Return advice, for messages, on what to pass in place of a value of the wrong class."""
+    if isinstance(value, type):
+        return ": pass an object of the class"
     instead: str = getattr(value, "_instead", "")
     if isinstance(value, tuple) and value and hasattr(value[0], "_instead"):
         return ": pass the first part, because from_inertia returns the body and a rotation"
-    if callable(value) and not isinstance(value, type) and not instead:
+    if callable(value) and not instead:
         return ": QuadraticField.from_function(f, dimension) makes a field of a function"
     return instead
+
+
+def either(names: Sequence[str]) -> str:
+    """Return names as "A", "A or B", or "A, B or C"."""
+    *others, last = names
+    return f"{', '.join(others)} or {last}" if others else last
 
 
 def kind_of(value: Any) -> str:

@@ -544,7 +544,7 @@ def test_a_class_without_a_record_is_refused():
     class Other(own.Body):
         pass
 
-    with pytest.raises(TypeError, match=r"^body must be Suslov3D or.*not Other"):
+    with pytest.raises(TypeError, match=r"^body must be Suslov3D, .*not Other"):
         iterate(Other(), [0.5, 1.0], 0.1, 5)
 
 

@@ -107,11 +107,16 @@ def check_arguments(
             other = free(missing[0], names, maker)
             how = f"this name is in use, for {what}: rename it, to {other} for example"
         others = f", not {', '.join(unknown)}" if unknown else ""
-        raise TypeError(f"{argument}: {f_name} needs {missing[0]}{others}: {how}")
+        raise TypeError(prefixed(argument, f"{f_name} needs {missing[0]}{others}: {how}"))
     if unknown:
         known = ", ".join(a.name for a in _arguments(f)[1:]) or "none"
         text = f"{f_name} has no parameter {', '.join(unknown)}; choose from: {known}"
-        raise TypeError(f"{argument}: {text}")
+        raise TypeError(prefixed(argument, text))
+
+
+def prefixed(argument: str, text: str) -> str:
+    """Return a message that begins with the name of an argument, unless the text does."""
+    return text if text.startswith(f"{argument} ") else f"{argument}: {text}"
 
 
 def _unknown(f: Any, given: Mapping[str, Any]) -> list[str]:

@@ -165,8 +165,9 @@ class Body:
             try:
                 selection, axes = place_in(body.shape[axis:], entry)
             except (IndexError, TypeError) as error:
-                expected = f"integers, slices or masks along the axes, of lengths {self.shape}"
-                raise wrong("index", expected, checks.short(index), type(error)) from None
+                text = f"index {checks.short(index)} does not fit a batch of shape {self.shape}"
+                how = "pass an integer, a slice or a mask for each of its first axes"
+                raise type(error)(f"{text}: {how}") from None
             body = body._merged(axis, axes)._part(axis, selection)
             axis += 1 if isinstance(selection, slice) else np.ndim(selection)
         return body
@@ -247,8 +248,8 @@ class Body:
             raise ValueError(f"sel: there is no parameter {name!r}; choose from: {known}")
         a = values[name]
         reason = f"has the shape {a.shape}" if a.ndim else f"is {a} for all members"
-        how = "choose a parameter that varies along one axis, of"
-        raise ValueError(f"sel: {name} {reason}: {how} {choices or 'none'}")
+        how = f"choose one that varies along one axis, of {choices or 'none'}"
+        raise ValueError(f"sel: {name} {reason}: {how}")
 
     def _merged(self: Kind, axis: int, axes: int) -> Kind:
         """Return the batch with `axes` of its axes, from `axis` on, merged into one."""

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import OTHERS, page, short, within, wrong
-from .advice import CUBIC, check_arguments, explained, name_of
+from .advice import CUBIC, check_arguments, explained, name_of, prefixed
 from .columns import Column, Refused, Symbol, exact_values, rounded
 from .polynomials import Polynomial
 
@@ -159,7 +159,7 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> Any:
         if not is_usual and cause == " ".join(str(error).split()):
             raise
         kind = ValueError if is_value else TypeError
-        raise kind(f"{call.argument}: {cause}") from (error if is_usual else None)
+        raise kind(prefixed(call.argument, cause)) from (error if is_usual else None)
     try:
         if call.degree == 3:
             return _tensor(result, f_name, call.D, 3)

@@ -222,7 +222,7 @@ class Map:
                 received += f", whose map ({self.title}) has no {name}"
             else:
                 received += getattr(body, "_instead", "") or INSTEAD.get(name, "")
-            raise checks.wrong("body", " or ".join(names) or "another one", received, TypeError)
+            raise checks.wrong("body", checks.either(names or ["another one"]), received, TypeError)
         if name in self.formulas and (check := self.formulas[name].check):
             check(body)
         if PARTS.get(name) == "plane" and self.plane and self.plane.check:
@@ -334,7 +334,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
         received = checks.kind_of(body) + checks.in_place_of(body)
         if isinstance(body, Body):
             received += ", a class without a record of its own: see maps.register"
-        raise checks.wrong("body", " or ".join(dict.fromkeys(kinds)), received, TypeError)
+        raise checks.wrong("body", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
     of_fields = ", ".join(repr(name) for name in _methods_of(QuadraticField) if name != "auto")
     instead = f": QuadraticField.of(body) has the methods {of_fields}"
     instead *= str(method).startswith("order") and "order4" not in by_method
@@ -367,7 +367,7 @@ def named(name: str) -> Map:
     """Return the map with this name, which files and pickles contain."""
     if name not in MAPS:
         how = "import the module that registers it"
-        raise ValueError(f"there is no map {name!r}, only {', '.join(MAPS)}: {how}")
+        raise ValueError(f"there is no map {name!r}, only {', '.join(map(repr, MAPS))}: {how}")
     return MAPS[name]
 
 

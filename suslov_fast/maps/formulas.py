@@ -315,7 +315,7 @@ INSTEAD = {
         ("first_integral", "criticality"), ": suslov_fast.integrability.report looks for integrals"
     ),
     **dict.fromkeys(
-        ("attitude", "momentum", "reaction", "to_matrix"), ", whose states turn no body"
+        ("attitude", "momentum", "reaction", "to_matrix"), ", whose states rotate no body"
     ),
     "to_vector": ": in n dimensions use to_matrix",
     **dict.fromkeys(("explore", "plot_phase", "animate_body"), ": use iterate(...).plot()"),

@@ -269,6 +269,7 @@ MISTAKES = """
 1 | run --trajectories 1e12 --steps 9 | memory
 1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* bytes are free
 1 | run --threads 100000 | --threads:
+1 | run --method order9 | method must be 'auto', not 'order9' .* QuadraticField.of(body) .* 'order4'
 1 | run --body missing.json --eps 1 | missing.json: No such file
 1 | run --body cut.json --eps 1 | cut.json: .* line 1 column 10
 1 | run --body wrong.json --eps 1 | wrong.json: .* I1 .* -4

@@ -105,6 +105,8 @@ def plot_phase(
 ) -> Any:
     """Draw the phase plane of a body: orbits of the map, and levels of its first integral F.
 
+    The four figures at the end of Section 4 of the paper are of this kind.
+
     Parameters
     ----------
     body : Suslov3D or SuslovGyrostat

@@ -342,6 +342,7 @@ def test_members_without_terms_stand_still():
         assert (sf.lyapunov_exponents(field, np.tile(x, (3, 1)), eps, 5)[[0, 2]] == 0.0).all()
 
 
+@pytest.mark.compiled
 def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
     """Wherever it does, it goes on with the same bits: in blocks, stages and saved states."""
     field = of_function(henon_heiles, 4)

@@ -4,6 +4,7 @@ A small package with copies of `core/numba.py` and `core/llvm.py` compiles fast.
 """
 
 import gc
+import os
 import re
 import shutil
 import zipfile
@@ -14,6 +15,7 @@ import numba
 import numpy as np
 import pytest
 
+import suslov_fast as sf
 from suslov_fast.core import (
     cache,
     elimination,
@@ -284,6 +286,8 @@ def test_the_digest_of_a_function_sees_what_it_names():
     of_arrays = "T = np.arange(3)\ndef f(x): return T[x]"
     of_options = "@numba.njit(fastmath=False)\ndef g(x): return x\ndef f(x): return g(x)"
     both = "def g(x): return x\ndef h(x): return -x\na, b = g, h\ndef f(x): return a(x) / b(x)"
+    again = "def g(x): return x\ndef h(x): return -x\na = g, h, g\ndef f(x): return a[x](x)"
+    nested = "T = (1, 2), 3\ndef f(x): return T[x]"
     recursive = "def f(x): return f(x - 1) if x > 0 else g(x)\ndef g(x): return f(-x)"
     of_sets = "def f(x): return x in {'b', 'a', 'c'}"
     for text, changed in (
@@ -292,6 +296,8 @@ def test_the_digest_of_a_function_sees_what_it_names():
         (of_arrays, [("np.arange(3)", "np.arange(3.0)"), ("arange(3)", "ones(3, int)")]),
         (of_options, [("False", "True")]),
         (both, [("= g, h", "= h, g")]),
+        (again, [("h, g", "h, h")]),
+        (nested, [("(1, 2), 3", "1, (2, 3)")]),
         (recursive, [("-x", "x")]),
         (of_sets, [("'b'", "'d'")]),
     ):
@@ -299,6 +305,14 @@ def test_the_digest_of_a_function_sees_what_it_names():
         assert digest(text) == digest(text.replace("np.ones", "np.zeros"))
         for old, new in changed:
             assert digest(text) != digest(text.replace(old, new)), (text, old, new)
+
+
+def test_the_folder_of_the_files_of_a_function(body):
+    sf.iterate(body, [1.0, 0.5], 0.2, 1)
+    folder, is_writable = cache.folder_of(steps_3d.steps.compiled)
+    assert list(Path(folder).glob("*steps_3d.steps_*.nbi"))
+    assert is_writable == os.access(folder, os.W_OK)
+    assert cache.folder_of(len) == (None, False)
 
 
 # Names of Numba that are not public, and where they are. Numba itself needs them: they are hidden

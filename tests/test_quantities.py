@@ -171,14 +171,15 @@ def test_of_fields(rng):
     assert float(abs(sf.invariant_density(HENON, [0.1] * 4, 0.25) * det - 1)) < 1e-15
 
 
-def test_the_density_of_a_field_too_large_to_plan(rng, monkeypatch):
-    """Its determinants are found by pivoting; those of a plan are the same."""
+def test_the_density_and_steps_of_a_field_too_large_to_plan(rng, monkeypatch):
+    """They are found by pivoting; those of a plan are the same."""
     x = rng.normal(size=(5, 4))
-    planned = sf.invariant_density(HENON, x, 0.25)
+    planned, run = sf.invariant_density(HENON, x, 0.25), sf.iterate(HENON, x, 0.25, 3)
     monkeypatch.setattr(operations, "MOST", -1)
     monkeypatch.setattr(steps_field, "_step_of", steps_field._step_of.__wrapped__)
     assert not steps_field.method_of(HENON.terms[0], 4).step.usual
     np.testing.assert_allclose(sf.invariant_density(HENON, x, 0.25), planned, rtol=1e-14)
+    np.testing.assert_allclose(sf.iterate(HENON, x, 0.25, 3).x, run.x, rtol=1e-12)
 
 
 def test_the_hamiltonian_of_components_in_other_units():

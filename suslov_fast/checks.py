@@ -129,19 +129,24 @@ def states(name: str, value: Any, labels: Sequence[str], later: bool = False) ->
             value = getattr(value, "data", value)  # a Dataset has no data
     array = _floats(name, value)
     if array.ndim == 0 or array.shape[-1] != len(labels):
-        how, transposed = "", array.ndim > 1 and array.shape[0] == len(labels)
-        if transposed:
-            how = ": the last axis holds the components, pass the transpose"
-        if array.shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
-            rotated = (
-                "(omega @ rotation.T)[..., :2]" if array.ndim > 1 else "(rotation @ omega)[:2]"
-            )
-            how += f"{'; or' * transposed or ':'} for vectors of 3 components pass {rotated}, "
-            how += "with the rotation that from_inertia returns"
-        raise wrong(name, f"have the shape (..., {len(labels)})", f"{array.shape}{how}")
+        received = f"{array.shape}{_advice_on_shape(array.shape, labels)}"
+        raise wrong(name, f"have the shape (..., {len(labels)})", received)
     if (later and array.size > _MANY) or _all_finite(name, array, allow_nan=True):
         return array
     return np.where(np.isnan(array).any(axis=-1, keepdims=True), np.nan, array)
+
+
+def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
+    """Return advice, for messages, on states of a wrong shape."""
+    advice = []
+    if len(shape) > 1 and shape[0] == len(labels):
+        advice.append("the last axis holds the components, pass the transpose")
+    if shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
+        rotated = "(omega @ rotation.T)[..., :2]" if len(shape) > 1 else "(rotation @ omega)[:2]"
+        advice.append(
+            f"for vectors of 3 components pass {rotated}, with the rotation that from_inertia returns"
+        )
+    return f": {'; or '.join(advice)}" if advice else ""
 
 
 def _floats(name: str, value: Any) -> FloatArray:
@@ -270,13 +275,14 @@ def integer(name: str, value: Any, minimum: int, expected: str = "", maximum: in
 def one_of(name: str, value: Any, choices: Collection[str], instead: str = "") -> str:
     """Return a string that is one of the choices."""
     if not isinstance(value, str) or value not in choices:
-        expected = "one of " * (len(choices) > 1) + ", ".join(map(repr, choices))
+        expected = "one of " if len(choices) > 1 else ""
+        expected += ", ".join(map(repr, choices))
         raise wrong(name, expected, short(value) + instead)
     return value
 
 
 def is_false(answer: object) -> bool:
-    """Return whether a function of the user returned False; None is no answer."""
+    """Return whether a function of the user returned False; one without `return` did not."""
     return isinstance(answer, bool | np.bool_) and not answer
 
 

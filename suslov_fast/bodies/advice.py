@@ -202,7 +202,7 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         how = f"make time a variable, whose derivative is 1, see {page(CUBIC)}"
         return f"{text}: if None stands for t, the right-hand side depends on t: {how}"
     if is_family and _OF_ARRAYS.search(text):
-        how = "pass each number by its own name, as sigma=10, rho=28"
+        how = "pass each number by its own name, such as sigma=10, rho=28"
         if "@" in text or "matmul" in text:
             how = "a constant matrix belongs inside f, and is no parameter"
         return f"{text}: an array is a family, of which f gets one number at a time: {how}"
@@ -211,7 +211,7 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         return (
             f"numpy.linalg cannot compute with symbols ({text}): {how}, as in Inverse @ np.array(x)"
         )
-    if "must be real number, not" in text:  # of a function of the module math
+    if "must be real number, not" in text:  # raised by functions of math
         how = "x holds symbols, which functions of math do not take"
         return f"{text}: {how}; exp, tanh, sin and cos can become variables, see {page(CUBIC)}"
     if "Polynomial" in text:

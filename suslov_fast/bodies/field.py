@@ -287,7 +287,7 @@ class QuadraticField(Body):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The named parameters."""
+        """The named parameters of the function: numbers as they were given, and arrays."""
         return {name: self._parts[name] for name in self._coordinates}
 
     @property

@@ -85,10 +85,9 @@ def _check_hamiltonian(body: Any) -> None:
     """Raise TypeError for a field without a Hamiltonian."""
     if body.field().H is None:
         how = "make it by QuadraticField.from_hamiltonian"
-        what = (
-            "this field" if kind_of(body) == "QuadraticField" else f"the field of {kind_of(body)}"
-        )
-        raise TypeError(f"body: {what} has no Hamiltonian: {how}")
+        kind = kind_of(body)
+        field = "this field" if kind == "QuadraticField" else f"the field of {kind}"
+        raise TypeError(f"body: {field} has no Hamiltonian: {how}")
 
 
 def _energy(problem: Problem) -> FloatArray:

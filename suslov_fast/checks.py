@@ -143,9 +143,8 @@ def _advice_on_shape(shape: tuple[int, ...], labels: Sequence[str]) -> str:
         advice.append("the last axis holds the components, pass the transpose")
     if shape[-1:] == (3,) and [*labels] == ["Omega1", "Omega2"]:
         rotated = "(omega @ rotation.T)[..., :2]" if len(shape) > 1 else "(rotation @ omega)[:2]"
-        advice.append(
-            f"for vectors of 3 components pass {rotated}, with the rotation that from_inertia returns"
-        )
+        how = f"pass {rotated}, with the rotation that from_inertia returns"
+        advice.append(f"for vectors of 3 components {how}")
     return f": {'; or '.join(advice)}" if advice else ""
 
 

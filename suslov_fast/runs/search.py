@@ -198,12 +198,13 @@ class Search:
         final.reshape(-1, D)[ended] = after[ends[ended] - 1]
         status.reshape(-1)[ended] = self.alive[ended]
         failed_at.reshape(-1)[ended] = -1
-        if march.steps.notes_poles:  # poles that trajectories passed before they ended
+        if march.steps.notes_poles:  # report poles that trajectories passed before they ended
+            beyond = march.carry[0]  # number of the first state beyond a pole, 0 without one
             last = np.where(ended, n[np.maximum(ends, 1) - 1] if K else 0, -1)
-            passed = ended & (march.carry[0] > 0) & (march.carry[0] <= last + 1)
-            noted = march.carry[1, passed] if len(march.carry) > 1 else Status.PASSED_POLE
-            status.reshape(-1)[passed] = noted
-            failed_at.reshape(-1)[passed] = march.carry[0, passed]
+            passed = ended & (beyond > 0) & (beyond <= last + 1)
+            code = march.carry[1, passed] if len(march.carry) > 1 else Status.PASSED_POLE
+            status.reshape(-1)[passed] = code
+            failed_at.reshape(-1)[passed] = beyond[passed]
         return {
             "trajectory": trajectory,
             "n": n,

@@ -363,7 +363,7 @@ def test_there_is_no_crossing_to_a_state_that_is_nan(monkeypatch, kind, piece):
         ({"steps": 1.5}, "steps must be an integer"),
         ({"most": 0}, "most must be None or an integer of at least 1, not 0"),
         ({"threads": 0}, "threads must be "),
-        ({"eps": 1j}, "eps must be "),
+        ({"eps": 1j}, "eps must hold real numbers"),
         ({"on_singular": "stop"}, "on_singular must be "),
         ({"progress": 3}, "progress must be "),
         ({"method": "rank2"}, "method must be "),

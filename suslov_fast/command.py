@@ -130,7 +130,11 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
 def _body_in(path: Path) -> Any:
     """Return the body or field in a JSON file."""
     with _about(path):
-        return sf.body_from_dict(json.loads(path.read_text(encoding="utf-8")))
+        try:
+            parameters = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise ValueError(f"this is no JSON text of body.to_dict(): {error}") from error
+        return sf.body_from_dict(parameters)
 
 
 def _starts(options: argparse.Namespace, body: Any) -> Any:

@@ -271,7 +271,8 @@ MISTAKES = """
 1 | run --threads 100000 | --threads:
 1 | run --method order9 | method must be 'auto', not 'order9' .* QuadraticField.of(body) .* 'order4'
 1 | run --body missing.json --eps 1 | missing.json: No such file
-1 | run --body cut.json --eps 1 | cut.json: .* line 1 column 10
+1 | run --body cut.json --eps 1 | cut.json: this is no JSON text .* line 1 column 10
+1 | run --body good.npz --eps 1 | good.npz: this is no JSON text of body.to_dict
 1 | run --body wrong.json --eps 1 | wrong.json: .* I1 .* -4
 1 | run --initial cut.npy | cut.npy:
 1 | run --initial part.npy | part.npy: this is no whole file of numpy.save: .* (count, 2)
@@ -279,13 +280,13 @@ MISTAKES = """
 1 | run -o good.npz | good.npz exists: choose a new name, or add --force
 1 | run -o missing/o.npz | missing/o.npz: nothing can be written there
 1 | run -o folder.zarr --force | folder.zarr
-1 | info foreign.npz | foreign.npz
+1 | info foreign.npz | foreign.npz is no whole file .* it has no entry 'kind'
 2 | plot good.npz | required: -o/--output
 1 | plot missing.npz -o o.png | missing.npz: No such file
 1 | plot foreign.npz -o o.png | foreign.npz
 1 | plot run.npz -o picture1.png | picture1.png exists: choose a new name, or add --force
 1 | plot run.npz -o o.docx | o.docx: .* docx
-1 | plot folder.zarr -o o.png | path must be a name that ends in .npz
+1 | plot folder.zarr -o o.png | path must be a name that ends in .npz (open_ensemble
 1 | info folder.zarr | folder.zarr
 1 | pictures | picture1.png exists: choose a new name, or add --force
 1 | explore --port 65536 | --port 65536:

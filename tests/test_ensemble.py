@@ -539,6 +539,9 @@ WAYS_TO_WRITE = {
     "trajectories": lambda store, data: append(store, data, "trajectory"),
     "states alone": lambda store, data: append(store, data[["omega"]], "n"),
     "metadata": lambda store, data: zarr.consolidate_metadata(store),
+    "a variable alone": lambda store, data: (
+        data[["eps"]].rename(eps="mean").to_zarr(store, mode="a", consolidated=False)
+    ),
 }
 
 
@@ -569,7 +572,7 @@ def test_what_others_write_into_a_store_does_not_cost_the_run(store, way, unfini
             str(each.message) for each in told if "ensemble did not write" in str(each.message)
         ]
     assert data.attrs.get("note", "mine") == "mine"
-    if way in ("a variable", "a group", "all of it"):
+    if way in ("a variable", "a group", "all of it", "a variable alone"):
         assert len(caught) == 2
         assert all("also has mean" in text or "also has mean, time" in text for text in caught)
         assert all("in a store of their own" in text for text in caught)
@@ -586,6 +589,8 @@ def test_names_of_functions_and_parameters_of_a_store(tmp_path):
     for name in ("linear_1", "time", "x"):
         with pytest.raises(ValueError, match="functions must be names that the dataset does not"):
             ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "b.zarr", functions={name: radius})
+    with pytest.raises(ValueError, match=r"store.*Trajectories.load reads"):
+        ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "b.npz")
     assert not (tmp_path / "b.zarr").exists()
 
 

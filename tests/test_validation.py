@@ -281,6 +281,7 @@ STATES = [
 ]  # fmt: skip
 
 PLOTS = [
+    (lambda: sf.iterate(QuadraticField([[[1]]]), [0.1], 0.1, 3).plot(), ValueError, "components: .* run.time"),
     (lambda: sf.iterate(FAMILY, [0.1], 0.1, 9).plot(), ValueError, "components"),
     (lambda: run()().plot(components=(0, 2)), ValueError, "components"),
     (lambda: sf.plot_phase(BODY, 10, 4), ValueError, "extent"),

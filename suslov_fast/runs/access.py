@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Coroutine
+from collections.abc import Collection, Coroutine
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -79,6 +79,17 @@ async def keys_of(source: Any, prefix: str = "") -> set[str]:
         return {key async for key in source.list_prefix(prefix)}
     except (FileNotFoundError, NotImplementedError):
         return set()
+
+
+async def members(source: Any, known: Collection[str]) -> set[str]:
+    """Return the arrays and groups other than `known` of a store, as far as it can list them."""
+    try:
+        names = [name async for name in source.list_dir("") if name not in known]
+    except (FileNotFoundError, NotImplementedError):
+        return set()
+    return {
+        key.partition("/")[0] for key in await existing(source, [f"{n}/zarr.json" for n in names])
+    }
 
 
 async def existing(source: Any, keys: list[str]) -> set[str]:

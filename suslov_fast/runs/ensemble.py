@@ -24,7 +24,7 @@ from ..engine.random_starts import RandomStarts
 from ..engine.status import warn_of_poles
 from ..engine.stretches import Progress, reporter
 from ..maps import map_of
-from . import metadata, stores
+from . import access, metadata, stores
 from .datasets import as_columns, columns_of, to_xarray, with_time
 from .iterate import checked_counts
 from .tiles import Functions, Options, checked_values, count_in, finish, place_of
@@ -210,8 +210,8 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     if is_finished and lost.pending:
         received = f"{store} without {len(lost.pending)} of the tiles that were computed"
         raise wrong("client", "have workers that write to the store", received)
-    if contents.foreign:
-        names = ", ".join(contents.foreign)
+    if foreign := access.run(access.members(access.reader(store), contents.arrays)):
+        names = ", ".join(sorted(foreign))
         how = "keep derived variables in a store of their own"
         checks.warn(f"store: {store} also has {names}, which ensemble did not write: {how}")
     source = metadata.overlaid(store, contents)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -54,16 +54,14 @@ class Stored(NamedTuple):
 class Contents(NamedTuple):
     """The metadata of a store; `arrays` is empty until all arrays of the run are created.
 
-    The last four are for stores into which others have written: the copy of the metadata, the
-    attributes and the names of arrays and groups that they added, and whether the metadata are
-    still consolidated.
+    The last three are for stores into which others have written: the copy of the metadata, the
+    attributes that they added, and whether the metadata are still consolidated.
     """
 
     attributes: dict[str, Any]
     arrays: dict[str, Stored]
     copy: str | None = None
     added: Mapping[str, Any] = {}
-    foreign: Sequence[str] = ()
     is_consolidated: bool = True
 
     @property
@@ -134,10 +132,9 @@ def _with_additions(contents: Contents, copy: str, rewritten: dict[str, Any]) ->
         now = _stored(name, metadata[name])
         if now._replace(shape=contents.arrays[name].shape) != contents.arrays[name]:
             raise wrong(name, "the array that ensemble made", "another")
-    foreign = {name.partition("/")[0] for name in metadata} - {*contents.arrays}
     attributes = rewritten["attributes"].items()
     added = {name: value for name, value in attributes if name not in contents.attributes}
-    return Contents(*contents[:2], copy, added, sorted(foreign), bool(consolidated))
+    return Contents(*contents[:2], copy, added, bool(consolidated))
 
 
 def digest_of(attributes: Any, arrays: Any) -> str:

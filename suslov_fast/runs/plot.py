@@ -126,6 +126,9 @@ def _pair(run: Any, components: Any) -> list[int]:
     """Return the indices of two components, given by index or label."""
     labels = [*run.body._labels]
     last = len(labels) - 1
+    if last == 0:
+        text = f"states have the component {labels[0]} alone: draw it over run.time with Matplotlib"
+        raise ValueError(f"components: {text}")
     expected = f"two integers from 0 to {last}, or two of {', '.join(labels)}"
     pair = components if isinstance(components, (tuple, list)) else ()
     if len(pair) != 2 or any(isinstance(k, str) and k not in labels for k in pair):

@@ -46,7 +46,10 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     """Write a result to a .npz file, which appears under its name when it is complete."""
     from .. import __version__
 
-    target = Path(os.path.realpath(_checked(path)))  # a link stays, and its target is written
+    others = "to_xarray().to_netcdf(path) and ensemble(store=...) write other formats"
+    target = Path(
+        os.path.realpath(_checked(path, others))
+    )  # a link stays, and its target is written
     if target.exists() and not overwrite:
         raise _exists(path)
     kind, described = type(result).__name__, result.body.to_dict()
@@ -139,7 +142,7 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
     Only known entries are read, and arrays only if their types and shapes are right. Errors name
     the file.
     """
-    name = os.fspath(_checked(path))
+    name = os.fspath(_checked(path, "open_ensemble reads a store"))
     writers = " or ".join(f"{kind}.save" for kind in kinds or _ARRAYS)
     try:
         with open(name, "rb") as file, zipfile.ZipFile(file) as entries:
@@ -152,7 +155,8 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
     except (OSError, MemoryError):
         raise
     except Exception as error:  # from NumPy, zipfile or json
-        raise ValueError(f"{name} is no whole file of {writers}: {error}") from error
+        text = f"it has no entry {error}" if isinstance(error, KeyError) else str(error)
+        raise ValueError(f"{name} is no whole file of {writers}: {text}") from error
     raise ValueError(f"{name} is a file of {kind}.save: load it by {kind}.load")
 
 
@@ -337,11 +341,10 @@ def check_arrays(arrays: Mapping[str, Any], expected: Mapping[str, Any]) -> None
             raise wrong(name, f"{kind} of shape {shape}", "{} of shape {}".format(*arrays[name]))
 
 
-def _checked(path: PathLike) -> Path:
-    """Return the path of a .npz file, checked."""
+def _checked(path: PathLike, others: str) -> Path:
+    """Return the path of a .npz file, checked; `others` is advice on other formats."""
     if not isinstance(path, (str, os.PathLike)):
         raise wrong("path", "a string or a path", type(path).__name__, TypeError)
     if Path(path).suffix.lower() != ".npz":
-        how = "to_xarray().to_netcdf(path) and ensemble(store=...) write other formats"
-        raise wrong("path", f"a name that ends in .npz ({how})", repr(os.fspath(path)))
+        raise wrong("path", f"a name that ends in .npz ({others})", repr(os.fspath(path)))
     return Path(path)

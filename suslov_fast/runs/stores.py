@@ -56,6 +56,9 @@ def resolved(store: Any) -> Any:
     checks.instance("store", store, (str, os.PathLike, Store))
     if isinstance(store, Store):
         return access.opened(store)
+    if Path(store).suffix.lower() == ".npz":
+        received = f"{os.fspath(store)!r}: Trajectories.load reads .npz files"
+        raise wrong("store", "the name of a folder, such as 'runs.zarr'", received)
     return store if "://" in os.fspath(store) else Path(store).absolute()
 
 

@@ -301,7 +301,7 @@ def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem |
     array([ 0.09633 ,  0.914132, -0.609721])
     """
     instance("body", body, Body)
-    number = _single(body, eps)
+    step_size = _single(body, eps)
     map = map_of(body, method)
     make = map.methods[method].system
     if make is None:
@@ -310,7 +310,7 @@ def system(body: Body, /, eps: ArrayLike, *, method: str = "auto") -> NDSystem |
             raise wrong("method", " or ".join(others), received)
         received = f"{type(body).__name__}: {map.title} has none"
         raise wrong("body", "one whose map has compiled steps", received, TypeError)
-    return make(body, number)
+    return make(body, step_size)
 
 
 @for_users

@@ -86,7 +86,7 @@ def is_supercritical(frame, X, Y):
 
 
 @formula
-def is_lost(frame, X, Y):
+def loses_digits(frame, X, Y):
     """True if the state after a moving state of a gyrostat would have too few digits."""
     far = (abs(X) > RANGE) | (abs(Y) > RANGE) | (abs(frame.K) > RANGE)
     return far & (frame.K != 0.0) & (X != 0.0)
@@ -184,7 +184,7 @@ def step_in_frame(frame, e, I13, I23, k, w1, w2):
     elif is_fixed(X, Y):
         return w1, w2
     else:
-        X = select(is_lost(frame, X, Y), np.nan, X)
+        X = select(loses_digits(frame, X, Y), np.nan, X)
         _, next1, v, _ = general_step(frame, X, w1, w2 / frame.back)
         next2 = v * frame.back
     exists = abs(next1) + abs(next2) < np.inf
@@ -256,7 +256,7 @@ def start_lanes(b, lanes, first, width, omega0, status, failed_at):
         form = select(plain, PLAIN, select(fixed, FIXED, GENERAL))
         b[KIND, l], b[U, l], b[V, l] = form, select(fixed, 0.0, w1), select(fixed, 0.0, v)
         b[X_, l], b[Y_, l] = X, Y
-        b[XG, l] = select(is_lost(frame, X, Y), np.nan, X)  # NaN, for no next state
+        b[XG, l] = select(loses_digits(frame, X, Y), np.nan, X)  # NaN, for no next state
         b[TOO_LONG, l] = select(is_supercritical(frame, X, Y), 1.0, 0.0)
         flagged += select((b[TOO_LONG, l] > 0.0) | ~(abs(w1) + abs(v) < np.inf), 1, 0)
         plains += select(plain, 1, 0)

@@ -13,7 +13,7 @@ from suslov_fast.command import main
 from suslov_fast.maps.methods import FRACTIONS
 
 quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
-LONG = "eps is too large (an eigenvalue of f' above 2/eps)"
+LONG = "eps is too long (an eigenvalue of f' above 2/eps)"
 SQUARE = QuadraticField([[[1]]])  # x' = x**2: 1 / x decreases by eps in a step
 # The motion from this state ends at t = 3.27.
 HENON = QuadraticField.from_hamiltonian(
@@ -362,7 +362,7 @@ def test_an_ensemble_tells_of_its_store(tmp_path):
     given = HENON, starts, 1 / 16, 100
     message = (
         "4 of 24 trajectories: a step from det A < 0: the motion escapes to infinity, or eps is "
-        "too large (an eigenvalue of f' above 2/eps); first: (1, 5) at step 52"
+        "too long (an eigenvalue of f' above 2/eps); first: (1, 5) at step 52"
     )
     store = tmp_path / "run.zarr"
     data, messages = told(sf.ensemble, *given, store=store, chunk={"batch_0": 2, "batch_1": 3})

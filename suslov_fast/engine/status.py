@@ -193,7 +193,7 @@ def warn_of_poles(body: Any, passed: int, size: int, index: tuple[int, ...], ste
     """Warn that some trajectories of a body passed a pole: the one at `index` did at `step`."""
     why = "the motion escapes to infinity, or eps" if body._may_escape else "eps"
     warn(
-        f"{passed} of {size} trajectories: a step from det A < 0: {why} is too large "
+        f"{passed} of {size} trajectories: a step from det A < 0: {why} is too long "
         f"(an eigenvalue of f' above 2/eps); first: {spell(index)} at step {step}",
         PoleWarning,
     )

@@ -151,7 +151,7 @@ def test_one_warning_for_all():
     assert not np.isnan(run.x).any()
     message = (
         "2 of 6 trajectories: a step from det A < 0: the motion escapes to infinity, or eps is too "
-        "large (an eigenvalue of f' above 2/eps); first: (1, 1) at step 52"
+        "long (an eigenvalue of f' above 2/eps); first: (1, 1) at step 52"
     )
     assert messages == [message]
     assert repr(run).endswith("failed: 0 of 6, passed a pole: 2)")

@@ -326,8 +326,9 @@ def step_system(
     """Write the state that follows x (D,) to `out` (D,), which may be x; return its Status.
 
     Where there is no next state, the status is negative and `out` is NaN. After a step from
-    det A < 0 the status is positive, PASSED_POLE: test ``< 0``, not truth. Arrays of another length
-    raise a ValueError; arrays of other types than float64 raise a TypeError when the loop is
+    det A < 0 the status is positive, PASSED_POLE: test ``status < 0``, not its truth. Arrays of
+    another length raise a ValueError; arrays of other types than float64 raise a TypeError when the
+    loop is
     compiled.
     """
     _check(x, out)

@@ -200,8 +200,8 @@ def attitude(
     Raises
     ------
     ValueError
-        If the states are not consecutive steps with this eps or -eps, to 1e-6 of the step and 1e-10
-        of the states, for example if only every k-th state of a run was saved.
+        If the states are not consecutive states of a run with this eps or -eps (tolerance 1e-6 of
+        the step and 1e-10 of the states), for example if only every k-th state was saved.
 
     Examples
     --------
@@ -255,9 +255,9 @@ def _check_that_states_follow(first: Problem, states: FloatArray) -> None:
 
 
 def scattering_angle(body: Suslov3D, /) -> FloatArray:
-    """Angle between the angular velocities in space at time -infinity and at +infinity.
+    """Angle between the limits of the angular velocity in space at times -infinity and +infinity.
 
-    This is the angle of the continuous motion, which depends on the body alone; that of the map
+    This is the angle of the continuous motion, which depends only on the body; the angle of the map
     converges to it with order 2 in eps. With D = I13**2 I2 + I23**2 I1, m**2 = I13**2 + I23**2,
     alpha = I1 I2 m / D, beta**2 = I1 I2 / m**2, gamma = beta I13 I23 (I2 - I1) / D and
     kappa**2 = (alpha - i gamma)**2 - beta**2,
@@ -276,8 +276,8 @@ def scattering_angle(body: Suslov3D, /) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(...))
-        Angle in radians, from 0, if the body turns over, to pi, if its final orientation is the
-        initial one; NaN if I13 = I23 = 0. Its error is about 1e-15 (alpha + beta + abs(gamma)).
+        Angle in radians between 0 (the body turns over) and pi (it returns to its initial
+        orientation); NaN if I13 = I23 = 0. Its error is about 1e-15 (alpha + beta + abs(gamma)).
 
     Raises
     ------

@@ -113,7 +113,7 @@ def test_a_long_list_is_divided(rng, monkeypatch, anew, batch):
     monkeypatch.setattr(machine_code, "_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
     monkeypatch.setattr(steps_field, "_step_of", steps_field._step_of.__wrapped__)
-    step = steps_field.method_of(field.terms[0], 6).step
+    step = steps_field.scheme_of(field.terms[0], 6).step
     assert len(step.pieces[0]) > 5
     assert step.pieces[1]
     assert sf.iterate(*args, on_singular="ignore") == whole
@@ -139,7 +139,7 @@ def test_dense_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     monkeypatch.setattr(machine_code, "_codes", {})
     for module, name in ((steps_field, "_step_of"), (tangent, "_tangent_of")):
         monkeypatch.setattr(module, name, functools.cache(getattr(module, name).__wrapped__))
-    assert not steps_field.method_of(field.terms[0], 3).step.usual
+    assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
     made = {text_of for text_of, *_ in machine_code._codes}  # of columns, which take no plan

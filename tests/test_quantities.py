@@ -177,7 +177,7 @@ def test_the_density_and_steps_of_a_field_too_large_to_plan(rng, monkeypatch):
     planned, run = sf.invariant_density(HENON, x, 0.25), sf.iterate(HENON, x, 0.25, 3)
     monkeypatch.setattr(operations, "MOST", -1)
     monkeypatch.setattr(steps_field, "_step_of", steps_field._step_of.__wrapped__)
-    assert not steps_field.method_of(HENON.terms[0], 4).step.usual
+    assert not steps_field.scheme_of(HENON.terms[0], 4).step.usual
     np.testing.assert_allclose(sf.invariant_density(HENON, x, 0.25), planned, rtol=1e-14)
     np.testing.assert_allclose(sf.iterate(HENON, x, 0.25, 3).x, run.x, rtol=1e-12)
 

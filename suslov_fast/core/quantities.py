@@ -22,8 +22,8 @@ from .steps_3d import (
     step_in_frame,
 )
 
-IN_3D, IN_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
-STATES_IN_3D = "(),(),(),(),(),(),(b,d)->"  # B states of one body
+LAYOUT_3D, LAYOUT_ND = "(),(),(),(),(),(),(d)->", "(d),(d),(),(d)->"
+STATES_LAYOUT_3D = "(),(),(),(),(),(),(b,d)->"  # B states of one body
 
 
 # ------------------------------------------------------------------------------- three dimensions
@@ -53,23 +53,23 @@ def vector_field_at(I1, I2, I13, I23, k, w1, w2):
     return -(ell * w2) / I1, (ell * w1) / I2
 
 
-@universal(IN_3D + "()")
+@universal(LAYOUT_3D + "()")
 def energy(I1, I2, I13, I23, k, eps, w, out):
     out[0] = energy_at(I1, I2, w[0], w[1])
 
 
-@universal(IN_3D + "()")
+@universal(LAYOUT_3D + "()")
 def first_integral(I1, I2, I13, I23, k, eps, w, out):
     out[0] = first_integral_at(I1, I2, I13, I23, k, eps, w[0], w[1])
 
 
-@universal(IN_3D + "()")
+@universal(LAYOUT_3D + "()")
 def modified_energy(I1, I2, I13, I23, k, eps, w, out):
     """2 I1 I2 F."""
     out[0] = 2.0 * I1 * I2 * first_integral_at(I1, I2, I13, I23, k, eps, w[0], w[1])
 
 
-@universal(IN_3D + "()")
+@universal(LAYOUT_3D + "()")
 def invariant_density(I1, I2, I13, I23, k, eps, w, out):
     """1 / (ell (4 I1 I2 + eps**2 ell**2))."""
     ell = I13 * w[0] + I23 * w[1] + k
@@ -98,13 +98,13 @@ def criticality_at(I1, I2, I13, I23, k, eps, w1, w2):
     return select(eps < 0.0, -T, T)
 
 
-@universal(STATES_IN_3D + "(b)")
+@universal(STATES_LAYOUT_3D + "(b)")
 def criticality(I1, I2, I13, I23, k, eps, w, out):
     for i in range(len(w)):
         out[i] = criticality_at(I1, I2, I13, I23, k, eps, w[i, 0], w[i, 1])
 
 
-@universal(IN_3D + "()")
+@universal(LAYOUT_3D + "()")
 def rotation_number(I1, I2, I13, I23, k, eps, w, out):
     """sign(k) arctan(e mu) / pi with mu**2 = k**2 - A**2, and 0 where that is negative."""
     root_a, g1, g2, _, _, _ = constants_of(I1, I2, I13, I23)
@@ -115,13 +115,13 @@ def rotation_number(I1, I2, I13, I23, k, eps, w, out):
     out[0] = select(e * k < 0.0, -turns, turns)
 
 
-@universal(IN_3D + "(d)")
+@universal(LAYOUT_3D + "(d)")
 def to_xy(I1, I2, I13, I23, k, eps, w, out):
     """Equation (7): x = I13 w1 + I23 w2 and y = I23 I1 w1 - I13 I2 w2."""
     out[0], out[1] = I13 * w[0] + I23 * w[1], I23 * I1 * w[0] - I13 * I2 * w[1]
 
 
-@universal(IN_3D + "(d)")
+@universal(LAYOUT_3D + "(d)")
 def from_xy(I1, I2, I13, I23, k, eps, xy, out):
     """The state with these x and y: the inverse of equation (7)."""
     D = I13 * I13 * I2 + I23 * I23 * I1
@@ -129,7 +129,7 @@ def from_xy(I1, I2, I13, I23, k, eps, xy, out):
     out[1] = (I23 * I1 * xy[0] - I13 * xy[1]) / D
 
 
-@universal(IN_3D + "(),(),(),()")
+@universal(LAYOUT_3D + "(),(),(),()")
 def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
     """h, k1, k2 and t of Section 4; k1 and k2 are NaN unless -1 < t < 1.
 
@@ -151,7 +151,7 @@ def closed_form(I1, I2, I13, I23, k, eps, w, h, k1, k2, t):
     h[0] *= unit * unit
 
 
-@universal(IN_3D + "(d)")
+@universal(LAYOUT_3D + "(d)")
 def vector_field(I1, I2, I13, I23, k, eps, w, out):
     out[0], out[1] = vector_field_at(I1, I2, I13, I23, k, w[0], w[1])
 
@@ -168,7 +168,7 @@ def matrix_at(I1, I2, I13, I23, k, half, w1, w2):
     )
 
 
-@universal(IN_3D + "(d,d)")
+@universal(LAYOUT_3D + "(d,d)")
 def matrix(I1, I2, I13, I23, k, eps, w, out):
     a11, a12, a21, a22 = matrix_at(I1, I2, I13, I23, k, 0.5 * eps, w[0], w[1])
     out[0, 0], out[0, 1], out[1, 0], out[1, 1] = a11, a12, a21, a22
@@ -185,7 +185,7 @@ def inverse_determinant(I1, I2, I13, I23, k, half, w1, w2):
     return 1.0 / select(pole, np.nan, in_range(D))
 
 
-@universal(IN_3D + "(d,d)")
+@universal(LAYOUT_3D + "(d,d)")
 def jacobian(I1, I2, I13, I23, k, eps, w, out):
     """A(w; eps)**-1 A(w_next; -eps) with w_next = A(w; eps)**-1 A(0; -eps) w, by the adjugate."""
     half = 0.5 * eps
@@ -198,7 +198,7 @@ def jacobian(I1, I2, I13, I23, k, eps, w, out):
     out[1, 0], out[1, 1] = (a11 * b21 - a21 * b11) * inverse, (a11 * b22 - a21 * b12) * inverse
 
 
-@universal(STATES_IN_3D + "(b,d)")
+@universal(STATES_LAYOUT_3D + "(b,d)")
 def step(I1, I2, I13, I23, k, eps, w, out):
     """The next states of B states: one frame for all, because it takes most of the divisions."""
     frame, e = frame_of(I1, I2, I13, I23, k, eps)
@@ -221,7 +221,7 @@ def step_full(I1, I2, I13, I23, I3, eps, w, out):
     out[2] = -w[2]
 
 
-@universal(IN_3D + "()")
+@universal(LAYOUT_3D + "()")
 def reaction(I1, I2, I13, I23, k, eps, w, out):
     """(ell_next - ell) / eps - (I1 - I2) (w1 w2_next + w1_next w2) / 2; derivatives if eps = 0.
 
@@ -276,12 +276,12 @@ def twice_energy(J, w, unit):
     return total
 
 
-@universal(IN_ND + "()")
+@universal(LAYOUT_ND + "()")
 def energy_nd(J, I, eps, w, out):
     out[0] = 0.5 * twice_energy(J, w, 1.0)
 
 
-@universal(IN_ND + "()")
+@universal(LAYOUT_ND + "()")
 def modified_energy_nd(J, I, eps, w, out):
     """E**2 / (E + eps**2 f.Jf / 8)."""
     largest, p, square = sums_of_others(I, w)
@@ -309,14 +309,14 @@ def solved_at(J, I, eps, w):
     return J[axis] * J[(axis + 1) % len(w)], square * x2
 
 
-@universal(IN_ND + "()")
+@universal(LAYOUT_ND + "()")
 def first_integral_nd(J, I, eps, w, out):
     """2 E / (4 a b + eps**2 x**2)."""
     ab, step = solved_at(J, I, eps, w)
     out[0] = twice_energy(J, w, 1.0) / in_range(4.0 * ab + step)
 
 
-@universal(IN_ND + "()")
+@universal(LAYOUT_ND + "()")
 def criticality_nd(J, I, eps, w, out):
     """T = eps sqrt(h / (a b)) with h = b |I|**2 F."""
     ab, step = solved_at(J, I, eps, w)
@@ -329,7 +329,7 @@ def criticality_nd(J, I, eps, w, out):
     out[0] = select(eps < 0.0, -T, T)
 
 
-@universal(IN_ND + "()")
+@universal(LAYOUT_ND + "()")
 def invariant_density_nd(J, I, eps, w, out):
     """The density for n = 3, and for n = 4 with I along axis a; b and c are the other axes.
 
@@ -353,7 +353,7 @@ def invariant_density_nd(J, I, eps, w, out):
         out[0] = np.inf if below == 0.0 else 1.0 / below
 
 
-@universal(IN_ND + "(d)")
+@universal(LAYOUT_ND + "(d)")
 def vector_field_nd(J, I, eps, w, out):
     """Equation (14): (p w_i - I_i |w|**2) / J_i."""
     largest, p, square = sums_of_others(I, w)

@@ -8,7 +8,7 @@ the sum of its v x_j x_k, j <= k. The indices of the terms determine a list of o
 out. `careful` takes a step where the increment cancels the state, or elimination loses digits. A
 step of order 4, 6 or 8 consists of several stages, which are steps with fractions of eps.
 
-arguments   a `Method`; values (1 or B, T); eps (1 or B,)
+arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
 final       (B, D), the states that a run continues from
 carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none
 
@@ -35,7 +35,7 @@ FEW = 256  # steps of lines, which are prepared for `careful` only when they nee
 PLANS = 32  # patterns of terms whose lists of operations are kept
 
 
-class Method(NamedTuple):
+class Scheme(NamedTuple):
     """A list of operations, and the fractions of eps of the stages of one step."""
 
     step: Any  # `operations.Step`
@@ -47,10 +47,10 @@ def _step_of(places, D):
     return Step(np.frombuffer(places, np.int64).reshape(3, -1), D)
 
 
-def method_of(indices, D, fractions=(1.0,)):
-    """Return the method for fields with terms at these indices (3, T)."""
+def scheme_of(indices, D, fractions=(1.0,)):
+    """Return the scheme for fields with terms at these indices (3, T)."""
     step = _step_of(np.ascontiguousarray(indices, np.int64).tobytes(), D)
-    return Method(step, fractions)
+    return Scheme(step, fractions)
 
 
 # -------------------------------------------------------------------------- steps in users' loops
@@ -70,7 +70,7 @@ class FieldSystem(NamedTuple):
 
 def system_of(indices, half, D):
     """Return the system of a field, from eps / 2 times its values for each stage (stages, T)."""
-    step = method_of(indices, D).step
+    step = scheme_of(indices, D).step
     table = np.ascontiguousarray(step.table_of(half.T).T)
     address = code_of(text_of_step, step) if 0 < len(step.usual) < LARGE else None
     return FieldSystem(address or 0, half, table, step.indices, D)
@@ -117,17 +117,17 @@ def in_lines(rows, W):
     return padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2).copy()
 
 
-def tables_of(method, values, eps, W):
+def tables_of(scheme, values, eps, W):
     """Return eps / 2 times the values (lines, T, W), and `Step.table` (stages, lines, n, W).
 
     Their shapes are (1, T, 1) and (stages, 1, n, 1) if all trajectories have the same field.
     """
     halves = 0.5 * eps[:, np.newaxis] * values
     if len(halves) == 1:
-        return halves[:, :, np.newaxis], _common_table(*method, halves.tobytes())
+        return halves[:, :, np.newaxis], _common_table(*scheme, halves.tobytes())
     halves = in_lines(halves, W)
-    fractions = np.array(method.fractions)[:, np.newaxis, np.newaxis]
-    table = method.step.table_of(np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions)
+    fractions = np.array(scheme.fractions)[:, np.newaxis, np.newaxis]
+    table = scheme.step.table_of(np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions)
     return halves, np.ascontiguousarray(np.moveaxis(table, 0, 2))
 
 
@@ -154,9 +154,9 @@ class _Lines:
     """
 
     def __init__(self, arguments, states, notes, W):
-        (self.method, *parameters), self.notes, self.W = arguments, notes, W
+        (self.scheme, *parameters), self.notes, self.W = arguments, notes, W
         self.B, self.count, self.D = len(states), -(-len(states) // W), states.shape[1]
-        self.halves, self.table = tables_of(self.method, *parameters, W)
+        self.halves, self.table = tables_of(self.scheme, *parameters, W)
         self.for_each = self.halves.shape[2] > 1
         self.marks = np.zeros((2, self.count), np.uint8)
         self.start_from(states)
@@ -187,7 +187,7 @@ class _Lines:
         Return False if a step needs `careful`, but it is not compiled, or there are FEW steps: then
         the steps must be taken again. End early if there is something in `abandoned`.
         """
-        step, stages = self.method.step, len(self.method.fractions)
+        step, stages = self.scheme.step, len(self.scheme.fractions)
         align = _alignment(saved, self.W, is_large)
         if len(step.usual) > MANY:  # compile one code for runs that save states and for others
             align = 8
@@ -209,7 +209,7 @@ class _Lines:
 
     def _line_arrays(self):
         """Return the arrays for `careful`."""
-        step, fractions = self.method
+        step, fractions = self.scheme
         return LineArrays(
             self.x, self.halves, np.array(fractions), step.indices, *self.notes, self.marks,
             np.empty(self.D * (self.D + 4) + step.T),
@@ -217,7 +217,7 @@ class _Lines:
 
     def _code_arguments(self, start, steps, saved, until, between, is_ready):
         """Return the arguments of machine code, and what has to stay alive while it runs."""
-        kept, arrays, own = np.empty(len(self.method.step.pieces[1]) * self.W), None, None
+        kept, arrays, own = np.empty(len(self.scheme.step.pieces[1]) * self.W), None, None
         if is_ready:
             arrays = self._line_arrays()
             own = arguments_of(arrays, start)
@@ -233,7 +233,7 @@ class _Lines:
             steps=steps,
             table=self.table.ctypes.data,
             table_bytes=self.table.strides[0],
-            stages=len(self.method.fractions),
+            stages=len(self.scheme.fractions),
             first_row=first_row,
             row_bytes=saved.strides[0],
             first_until=until,
@@ -257,7 +257,7 @@ class _Lines:
 
         Return the bits of these lanes, and of lanes with det A < 0.
         """
-        step, shape = self.method.step, (self.count, self.W)
+        step, shape = self.scheme.step, (self.count, self.W)
         values = dict(enumerate(self.x.swapaxes(0, 1)))
         table = self.table[n % len(self.table)].swapaxes(0, 1)
         values.update(zip(step.table, table, strict=True))
@@ -272,7 +272,7 @@ class _Lines:
         """Carry out the operations by NumPy: the reference, where there is no machine code."""
         (ended, passed), row, arrays = self.marks, 0, self._line_arrays()
         for n in range(steps):
-            if self.method.step.usual:
+            if self.scheme.step.usual:
                 accurate, negative = self._carry_out(n)
             else:
                 accurate, negative = np.zeros((2, self.count), np.uint8)
@@ -322,7 +322,7 @@ def _iterate_part(
 
     End early if there is something in `abandoned`.
     """
-    (method, *parameters), (begin, end, *steps) = arguments, span
+    (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
     W = WIDTH if end - begin > 1 else 1
     count = -(-(end - begin) // W)
@@ -331,7 +331,7 @@ def _iterate_part(
     is_large = saved.size >= STREAM_FROM
     for low in range(first, last, CHUNK):
         chunk = slice(low, min(low + CHUNK, last))
-        own = method, *(array[chunk] if len(array) > 1 else array for array in parameters)
+        own = scheme, *(array[chunk] if len(array) > 1 else array for array in parameters)
         states, notes = starts[chunk], (status[chunk], failed_at[chunk], carry[0, chunk])
         if steps[0] == 0:
             _note_undefined(states, notes)

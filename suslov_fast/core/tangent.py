@@ -49,7 +49,7 @@ from .llvm import call_code, uncounted
 from .machine_code import LARGE, code_of
 from .numba import function, inlined, kernel, lesser, share
 from .operations import Tangent, evaluate
-from .steps_field import Method, tables_of
+from .steps_field import Scheme, tables_of
 
 INTERVAL = 16  # steps, after which columns are orthonormalised at the latest
 
@@ -72,11 +72,11 @@ def _tangent_of(places, D):
     return Tangent(np.frombuffer(places, np.int64).reshape(3, -1), D)
 
 
-def arguments_of(method, values, eps, count):
+def arguments_of(scheme, values, eps, count):
     """Return the arguments of the kernels for `count` trajectories."""
-    step, fractions = method
+    step, fractions = scheme
     tangent, W = _tangent_of(step.indices.tobytes(), step.D), WIDTH if count > 1 else 1
-    halves, table = tables_of(Method(tangent, fractions), values, eps, W)
+    halves, table = tables_of(Scheme(tangent, fractions), values, eps, W)
     room, address, size = columns_of(tangent.D, W)[1], None, len(tangent.usual + tangent.columns)
     if 0 < size < LARGE:
         address = code_of(text_of_tangent, tangent, W, halves.shape[2] > 1)
@@ -86,9 +86,9 @@ def arguments_of(method, values, eps, count):
     )  # fmt: skip
 
 
-def operations_of(method):
+def operations_of(scheme):
     """Return the number of operations of a step, its derivative, and orthonormal columns."""
-    step, D = method.step, method.step.D
+    step, D = scheme.step, scheme.step.D
     tangent = _tangent_of(step.indices.tobytes(), D)
     return len(tangent.usual) + D * len(tangent.columns) + D**3 // 4
 
@@ -280,9 +280,9 @@ def determinants(indices, halves, x, out):
         out[k] = determinant_of(system, units)
 
 
-def densities(method, values, eps, x):
+def densities(scheme, values, eps, x):
     """Return 1 / det A at states x (B, D), infinite where det A is 0 to rounding."""
-    step, halves = method.step, 0.5 * eps[:, np.newaxis] * values
+    step, halves = scheme.step, 0.5 * eps[:, np.newaxis] * values
     found = dict(enumerate(np.ascontiguousarray(x.T)))
     with np.errstate(all="ignore"):
         found.update(zip(step.table, step.table_of(halves.T), strict=True))

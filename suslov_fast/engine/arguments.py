@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.steps_field import FieldSystem, method_of, system_of
+from ..core.steps_field import FieldSystem, scheme_of, system_of
 from ..core.steps_nd import FAR_FROM_0, NDSystem
 
 
@@ -83,32 +83,32 @@ def alike(
 WHOLE = (1.0,)  # the only stage of a step of Kahan's map, as a fraction of eps
 
 
-def by_method(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
+def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
     """Return the arguments of the kernel of fields: the operations of a step, values and eps."""
-    return with_method(body.dimension, WHOLE, *by_field(body, eps, batch))
+    return with_scheme(body.dimension, WHOLE, *by_field(body, eps, batch))
 
 
 def in_stages(fractions: tuple[float, ...]) -> Callable[..., Any]:
-    """Return `by_method` for steps made of several stages, each of a fraction of eps."""
+    """Return `by_scheme` for steps made of several stages, each of a fraction of eps."""
 
-    def by_method(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
-        return with_method(body.dimension, fractions, *by_field(body, eps, batch))
+    def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
+        return with_scheme(body.dimension, fractions, *by_field(body, eps, batch))
 
-    return by_method
+    return by_scheme
 
 
-def with_method(
+def with_scheme(
     D: int, fractions: Any, indices: NDArray[Any], values: FloatArray, eps: FloatArray
 ) -> Any:
     """Return arguments with the operations of a step in place of the indices of its terms."""
-    return method_of(indices, D, fractions), values, eps
+    return scheme_of(indices, D, fractions), values, eps
 
 
 def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
-    """Group trajectories as `alike` does, with arguments as of `by_method`."""
+    """Group trajectories as `alike` does, with arguments as of `by_scheme`."""
     (step, fractions), values, eps = arguments
     for where, *of_group in alike(step.indices, values, eps):
-        yield where, arguments if where is ALL else with_method(D, fractions, *of_group)
+        yield where, arguments if where is ALL else with_scheme(D, fractions, *of_group)
 
 
 def nd_system(body: Any, eps: float) -> NDSystem:

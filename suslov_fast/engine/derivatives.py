@@ -21,8 +21,8 @@ from .threads import call_kernel
 _STRETCH = 2**26
 
 
-def with_fields(problem: Problem) -> Iterator[tuple[Any, Any]]:
-    """Yield groups of trajectories, as indices, and the method, values and step sizes of each."""
+def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
+    """Yield groups of trajectories, as indices, and the scheme, values and step sizes of each."""
     make = in_stages(problem.map.fractions)
     arguments = make(problem.body, problem.eps, problem.batch)
     yield from by_zeros(problem.body.dimension, arguments)
@@ -36,30 +36,29 @@ def _of_part(part: slice, *parameters: FloatArray) -> list[FloatArray]:
 def _at_states(
     compute: Callable[..., None], problem: Problem, shape: tuple[int, ...]
 ) -> FloatArray:
-    """Return the values (..., *shape) that compute(method, values, eps, states, out) writes.
+    """Return the values (..., *shape) that compute(scheme, values, eps, states, out) writes.
 
     Each call is for a part of the batch, so that Python handles Ctrl-C in between.
     """
     x, D = flat_arrays(problem.omega, problem.batch), problem.body.dimension
     cost, out = 4 * len(problem.map.fractions) * D**3, np.empty((len(x), *shape))
     width = max(_STRETCH // cost, 1)
-    for where, (method, *parameters) in with_fields(problem):
+    for where, (scheme, *parameters) in groups_of_alike(problem):
         states, values = x[where], out[where]  # views if where is ALL, else copies
         for begin in range(0, len(states), width):
             part = slice(begin, begin + width)
-            compute(method, *_of_part(part, *parameters), states[part], values[part])
+            compute(scheme, *_of_part(part, *parameters), states[part], values[part])
         if where is not ALL:
             out[where] = values
     return out.reshape((*problem.batch, *shape))
 
 
-def _fill_jacobians(method: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
-    given = tangent.arguments_of(method, values, eps, len(x))
-    tangent.jacobians.serial(given, x, out)
+def _fill_jacobians(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
+    tangent.jacobians.serial(tangent.arguments_of(scheme, values, eps, len(x)), x, out)
 
 
-def _fill_densities(method: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
-    out[:] = tangent.densities(method, values, eps, x)
+def _fill_densities(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
+    out[:] = tangent.densities(scheme, values, eps, x)
 
 
 def jacobian(problem: Problem) -> FloatArray:
@@ -97,8 +96,8 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
             report(done // len(start))
 
     whole: Any = _no_growth(len(start), start.shape[1])
-    for where, (method, *parameters) in with_fields(problem):
-        states, cost = start[where], tangent.operations_of(method)
+    for where, (scheme, *parameters) in groups_of_alike(problem):
+        states, cost = start[where], tangent.operations_of(scheme)
         of_group: Any = _no_growth(*states.shape)
         # A call takes few trajectories through about 64 steps, not many through few, because it
         # reads and writes D**2 numbers for each trajectory.
@@ -109,7 +108,7 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
             part = slice(begin, begin + width)
             x = states[part]
             values, eps = _of_part(part, *parameters)
-            arguments = tangent.arguments_of(method, values, eps, len(x))
+            arguments = tangent.arguments_of(scheme, values, eps, len(x))
             of_part = Growth(*(array[part] for array in of_group))
             ends = transient, transient + steps
             _grow(arguments, x, of_part, ends, cost, problem.threads, count)

@@ -146,14 +146,14 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
 
     They follow from a linear recurrence with integer coefficients that all degrees after a
     transient satisfy: the one with the least transient plus order, then the one of least order. At
-    least three terms, and as many as the transient has, must confirm it. The identity, of degree 1,
-    counts as a term before the first where the recurrence holds for it. The largest root, which
+    least three terms, and as many as the transient has, must confirm it. Degree 1, of the identity,
+    is an additional first term if the recurrence holds for it. The largest root, which
     must be simple, gives the entropy, and the multiplicity of the roots of modulus 1 the kind. A
     recurrence may still be accidental: a singularity that is confined late leaves no other trace at
     first.
-    Without a recurrence, a line, parabola, cubic or exponential function is fitted, unless second
-    differences that stay bounded show that too few degrees are known. In the plane, linear growth
-    shows an invariant fibration, whose fibres the map may move.
+    Without a recurrence, a line, parabola, cubic or exponential function is fitted, unless the
+    second differences are bounded, which means that too few degrees are known. In the plane, linear
+    growth shows an invariant fibration, whose fibres the map may move.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def growth(degrees: Sequence[int], *, planar: bool = False) -> Growth:
     Growth
         A named tuple `kind, entropy, entropy_error, based_on`. kind may also be "polynomial of
         degree 4" and so on. If nothing fits, kind is "unclear" and the entropy NaN; `based_on` then
-        says which order of growth bounded second differences suggest.
+        names the order of growth that bounded second differences suggest.
 
     Examples
     --------

@@ -83,21 +83,21 @@ def locus(
     """Find the values of a parameter for which a map has more relations along its orbits.
 
     For each fraction up to a height, the linear relations between monomials along an orbit are
-    counted modulo a prime, at a general eps. Values with more relations than general ones are
-    confirmed modulo another prime, from another point, and at another eps. More relations may mean
-    more integrals, or invariant curves only: `report` says which.
+    counted modulo a prime, at a general eps. Values with more relations than generic values
+    are confirmed modulo another prime, from another point, and at another eps. The additional
+    relations may come from integrals, or only from invariant curves: `report` says which.
 
     Parameters
     ----------
     f : callable
-        It takes a number, the parameter, and returns a QuadraticField or a map. It is called with
+        A function of the parameter that returns a QuadraticField or a map; it is called with
         fractions.
     degree : int
         Largest degree of the monomials.
     height : int, optional
         Largest numerator and denominator of the values, by default 10.
     monomials : sequence of exponents, optional
-        The exponents (e1, ..., eD) of the monomials, in place of all up to the degree.
+        The exponents (e1, ..., eD) of the monomials, by default all up to `degree`.
     seed : int, optional
         Seed of the random primes, points and step sizes.
     progress : callable, optional

@@ -214,9 +214,9 @@ def report(
     """Report the growth of degrees, first integrals, measures and Darboux polynomials of a map.
 
     First integrals come from a Hamiltonian, from quotients of Darboux polynomials of equal
-    cofactor, and from products of their powers whose cofactors multiply to 1. The search ends when
-    it has written as many integrals as relations between monomials along orbits show, and a
-    measure.
+    cofactor, and from products of powers of Darboux polynomials whose cofactors multiply to 1. The
+    search ends when it has written as many integrals as relations between monomials along orbits
+    show, and a measure.
 
     Parameters
     ----------
@@ -227,10 +227,10 @@ def report(
     degree : int, optional
         Largest degree of polynomials, by default 3.
     decimals : bool, optional
-        True takes floats as the decimals that are written, 0.1 as 1/10, not as binary numbers.
+        If True, floats are read as decimals (0.1 is 1/10), not as binary numbers.
     time_limit : float, optional
-        Seconds after which the report has what was found so far; the search then runs in a process
-        of its own. Without a limit the report does not depend on `seed`.
+        Limit in seconds; the report then contains the results found so far. With a limit the search
+        runs in a separate process from its start. Without one the report does not depend on `seed`.
     seed : int, optional
         Seed of the random primes, points and lines.
     progress : callable, optional

@@ -82,7 +82,7 @@ class Map:
         Public functions that the map supports without a formula, among "plot_phase",
         "animate_body", "explore", "frame" of `compiled`, and "scattering_angle".
     variable : {"omega", "x"}
-        The name of states in runs and datasets.
+        The name of the state variable in runs and datasets.
     meaning : str
         What a state is, for datasets: "angular velocity" or "state".
 

@@ -38,12 +38,12 @@ class Plane(NamedTuple):
     check: Callable[[Any, str], None] | None = None  # raises an error for a body and a function
 
 
-def by_constants(formula: Universal, problem: Problem) -> Any:
+def values_by_constants(formula: Universal, problem: Problem) -> Any:
     """Return the values of a universal function of the constants of a body, eps and omega."""
     return formula(*problem.body.constants, problem.eps, problem.omega)
 
 
-def by_rows(formula: Universal, problem: Problem) -> Any:
+def values_by_rows(formula: Universal, problem: Problem) -> Any:
     """Return the values of a universal function that takes constants, eps and rows of states.
 
     For a single body and step size, the states along the last axis of the batch are one such array.
@@ -55,7 +55,7 @@ def by_rows(formula: Universal, problem: Problem) -> Any:
     return values.squeeze(axis=len(problem.batch))
 
 
-def by_terms(
+def values_by_terms(
     formula: Universal, problem: Problem, terms: Any = None, after: FloatArray | None = None
 ) -> FloatArray:
     """Return the values of a formula of `terms`, by default those of the field of the body.
@@ -74,10 +74,10 @@ def by_terms(
     return values if in_rows else values.squeeze(axis=len(batch))
 
 
-def of_constants(names: str, **options: Any) -> dict[str, Formula]:
+def formulas_named(names: str, **options: Any) -> dict[str, Formula]:
     """Return the formulas with these names in `core.quantities`, by the names of the functions."""
     functions = {name: getattr(quantities, name) for name in names.split()}
-    return {n: Formula(partial(by_constants, f), **options) for n, f in functions.items()}
+    return {n: Formula(partial(values_by_constants, f), **options) for n, f in functions.items()}
 
 
 # -------------------------------------------------------------------- of Kahan's map of any field
@@ -91,7 +91,7 @@ def _check_hamiltonian(body: Any) -> None:
 
 
 def _energy(problem: Problem) -> FloatArray:
-    return by_terms(quantities_field.energy, problem, problem.body.field().H.terms)
+    return values_by_terms(quantities_field.energy, problem, problem.body.field().H.terms)
 
 
 def _modified_energy(problem: Problem) -> FloatArray:
@@ -99,7 +99,7 @@ def _modified_energy(problem: Problem) -> FloatArray:
     # H + grad H . (x_next - x) / 3 is the symmetric form H(x, x, x_next): the mean over the three
     # places of x_next.
     terms = np.hstack([places, places[[1, 2, 0]], places[[2, 0, 1]]]), np.tile(values / 3.0, 3)
-    return by_terms(quantities_field.cubic_form, problem, terms, states_after(problem))
+    return values_by_terms(quantities_field.cubic_form, problem, terms, states_after(problem))
 
 
 def rates(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
@@ -109,8 +109,8 @@ def rates(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
 
 # The formulas of Kahan's map of any field; for a body they use the terms of its field.
 KAHAN = {
-    "vector_field": Formula(partial(by_terms, quantities_field.vector_field)),
-    "matrix": Formula(partial(by_terms, quantities_field.matrix)),
+    "vector_field": Formula(partial(values_by_terms, quantities_field.vector_field)),
+    "matrix": Formula(partial(values_by_terms, quantities_field.matrix)),
     "jacobian": Formula(jacobian),
     "energy": Formula(_energy, _check_hamiltonian),
     "modified_energy": Formula(_modified_energy, _check_hamiltonian),
@@ -162,7 +162,7 @@ def _momentum_in_3d(problem: Problem) -> FloatArray:
 
 def _closed_form(problem: Problem) -> FloatArray:
     """Return h, k1, k2 and t (..., 4)."""
-    return np.stack(by_constants(quantities.closed_form, problem), axis=-1)
+    return np.stack(values_by_constants(quantities.closed_form, problem), axis=-1)
 
 
 def _step_full(problem: Problem) -> Any:
@@ -174,20 +174,20 @@ SOLVED = Plane(lambda problem: (problem, lambda states: states))  # needs no red
 
 GYROSTAT = {
     **KAHAN,
-    **of_constants(
+    **formulas_named(
         "first_integral energy modified_energy rotation_number reaction "
         "vector_field matrix jacobian"
     ),
-    "criticality": Formula(partial(by_rows, quantities.criticality)),
-    "step": Formula(partial(by_rows, quantities.step)),
-    **of_constants("invariant_density", poles=True),
+    "criticality": Formula(partial(values_by_rows, quantities.criticality)),
+    "step": Formula(partial(values_by_rows, quantities.step)),
+    **formulas_named("invariant_density", poles=True),
     "to_matrix": Formula(_matrix_in_3d),
     "to_vector": Formula(whole_states),
     "momentum": Formula(_momentum_in_3d),
 }
 IN_3D = {
     **GYROSTAT,
-    **of_constants("to_xy from_xy"),
+    **formulas_named("to_xy from_xy"),
     "closed_form": Formula(_closed_form),
     "step_full": Formula(_step_full),
 }
@@ -262,7 +262,7 @@ def _in_plane(problem: Problem) -> tuple[Problem, Callable[[FloatArray], FloatAr
 def _nd(name: str, compute: Any = None, **options: Any) -> dict[str, Formula]:
     """Return, by its name, the formula of a function that is not known for all bodies."""
     if compute is None:
-        compute = partial(by_constants, getattr(quantities, f"{name}_nd"))
+        compute = partial(values_by_constants, getattr(quantities, f"{name}_nd"))
     return {name: Formula(compute, partial(check_known, function=name), **options)}
 
 

@@ -9,7 +9,7 @@ from ..core import one_step, steps_3d, steps_field, steps_nd
 from ..core.numba import Kernel
 from ..engine.arguments import (
     by_constants,
-    by_method,
+    by_scheme,
     by_zeros,
     field_system,
     in_stages,
@@ -33,7 +33,7 @@ STEPS_3D = Steps(steps_3d.steps, by_constants, steps_3d.CARRIED, system=field_sy
 STEPS_WITH_ROTOR = STEPS_3D._replace(cost=lambda D, arguments: 2.0)
 # Kahan's map of the field of any body.
 FIELD = Steps(
-    steps_field.field_steps, by_method, 1, _cost_of_field, 32, field_system, by_zeros,
+    steps_field.field_steps, by_scheme, 1, _cost_of_field, 32, field_system, by_zeros,
     True,
 )  # fmt: skip
 STEPS_ND = Steps(steps_nd.nd_steps, by_constants, 1, _cost_in_nd, 32, nd_system, notes_poles=True)

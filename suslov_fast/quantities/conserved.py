@@ -308,8 +308,8 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
     In the coordinates of :func:`to_xy`, with theta = k1 n eps + k2, state n of the orbit is
     x = sign(x_0) 2 sqrt(h I1 I2 / (I1 I2 - h eps**2)) / cosh(theta) and
     y = 2 sqrt(h I1 I2) tanh(theta). :func:`exact` evaluates it. h is the integral of equation (9),
-    k1 = -(2 / eps) artanh t solves equation (12), and k2 is that of Theorem 1, which holds for
-    positive x, with the prefactor 2 sqrt(h I1 I2) and the denominator I23**2 I1 + I13**2 I2.
+    k1 = -(2 / eps) artanh t solves equation (12), and k2 is that of Theorem 1 for positive x, with
+    two corrections: the prefactor 2 sqrt(h I1 I2) and the denominator I23**2 I1 + I13**2 I2.
 
     Parameters
     ----------

@@ -35,8 +35,8 @@ def exact(
 ) -> FloatArray:
     """Return any state of an orbit of the map by its closed form, at the same cost for every n.
 
-    The formula is Theorem 1 in Section 4 of the paper, corrected, and extended to t >= 1 and to the
-    gyrostat; t is :func:`criticality`.
+    The formula is Theorem 1 of Dragovic and Gajic, arXiv:0807.2966, corrected, and extended to
+    t >= 1 and to the gyrostat; t is :func:`criticality`.
 
     Parameters
     ----------

@@ -328,8 +328,7 @@ def step_system(
     Where there is no next state, the status is negative and `out` is NaN. After a step from
     det A < 0 the status is positive, PASSED_POLE: test ``status < 0``, not its truth. Arrays of
     another length raise a ValueError; arrays of other types than float64 raise a TypeError when the
-    loop is
-    compiled.
+    loop is compiled.
     """
     _check(x, out)
     D, (dimension, memory) = system.dimension, work

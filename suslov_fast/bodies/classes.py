@@ -17,7 +17,7 @@ BodyOrField = AnyBody | QuadraticField
 def class_named(name: Any) -> type[Any]:
     """Return the class of bodies with this name; those of the package come first."""
     classes: list[Any] = [Suslov3D, SuslovND, SuslovGyrostat, QuadraticField, Body]
-    for class_ in classes:
+    for class_ in classes:  # the list grows meanwhile, until it has all descendants
         classes.extend(class_.__subclasses__())
     kinds: dict[Any, type[Any]] = {}
     for class_ in classes:

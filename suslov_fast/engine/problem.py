@@ -30,7 +30,7 @@ Where = tuple[slice, ...]  # a part of each axis of a batch
 
 def part_of(problem: Problem, where: Where) -> Problem:
     """Return the problem of a part of the batch, as views; `RandomStarts` are left whole."""
-    _, body, omega, eps, *_, turns = problem
+    body, omega, eps, turns = problem.body, problem.omega, problem.eps, problem.orientation
     for axis, part in enumerate(along(body.shape, where)):
         body = body._part(axis, part)
     if not isinstance(omega, RandomStarts):

@@ -280,8 +280,9 @@ class March:
         path = np.empty((length + 1, size, D))
         eps = flat_parameter(self.problem.eps, self.problem.batch)
         axial = self.problem.map.attitude == "axial"
-        for start in range(n, max(stop, n + 1), length):
+        for start in range(n, max(stop, n + 1), length):  # once even if stop = n
             path[0], until = self.final.reshape(size, D), min(start + length, stop)
+            # From state 0 on, that state is saved, too.
             self._step_to(until, 1, path[1:] if start else path, None)
             states, first = path[: until - start + 1], row
             if every:

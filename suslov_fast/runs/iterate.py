@@ -144,18 +144,19 @@ def iterate(
     """
     map = map_of(body, method)
     problem = check(map, body, omega0, eps, threads, name="omega0", attitude=attitude)
-    counts = checked_counts(steps, save_every)
+    steps, save_every = checked_counts(steps, save_every)
     if type(problem.eps) is not float:  # copied, because the run keeps it
         step_sizes = np.array(problem.eps)
         problem = problem._replace(eps=step_sizes)
-        if step_sizes.shape in ((counts[0],), (counts[0] + 1,)) and counts[0] > 9:
-            _warn_of_times(step_sizes)
+        _warn_of_times(step_sizes, steps)
     march = March(problem, method)
-    return run_to_end(march, method, *counts, on_singular, progress, out)
+    return run_to_end(march, method, steps, save_every, on_singular, progress, out)
 
 
-def _warn_of_times(eps: FloatArray) -> None:
+def _warn_of_times(eps: FloatArray, steps: int) -> None:
     """Warn if step sizes look like the grid of times that `odeint` takes."""
+    if steps < 10 or eps.shape not in ((steps,), (steps + 1,)):  # a few may be a batch
+        return
     step = float(eps[1] - eps[0])
     if eps[0] == 0.0 and step > 0.0 and np.allclose(np.diff(eps), step, rtol=1e-6, atol=0.0):
         text = (

@@ -624,3 +624,19 @@ def test_an_interrupted_call_ends():
 
     with pytest.raises(KeyboardInterrupt):
         sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 10**12, first, progress=interrupt)
+
+
+def test_an_extension_reports_a_failure_at_its_first_step():
+    """Of x' = x**2, whose step from 1 does not exist for eps = 1."""
+    points = sf.crossings(sf.QuadraticField([[[1]]]), [0.5], 1.0, 1, lambda x: x[..., 0] - 0.7)
+    with pytest.warns(sf.SingularStepWarning, match="at step 2"):
+        points.extend(1, lambda x: x[..., 0] - 0.7)
+
+
+def test_names_of_attributes_that_crossings_lack():
+    points = sf.crossings(OSCILLATOR, [1.0, 0.0], 0.1, 9, first)
+    for name, here in (("x", "states, the points"), ("t", "time"), ("times", "time")):
+        with pytest.raises(AttributeError, match=f"^no attribute '{name}': use crossings.{here}"):
+            getattr(points, name)
+    with pytest.raises(AttributeError, match=r"^crossings have no attribute 'nothing'"):
+        _ = points.nothing

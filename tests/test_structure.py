@@ -157,6 +157,14 @@ def test_the_reference_imports_nothing_from_the_package():
 
 
 @pytest.mark.compiled
+def test_headers_of_docstrings_are_underlined():
+    """Sphinx takes a header without its line for a sentence, and says nothing."""
+    headers = "Parameters|Attributes|Returns|Raises|Notes|Examples"
+    for path, text in TEXTS.items():
+        for space, header, below in re.findall(rf"\n( *)({headers})\n(.*)\n", text):
+            assert below == space + "-" * len(header), (path, header)
+
+
 @pytest.mark.parametrize("name", [name for name, path in FILES.items() if ">>>" in TEXTS[path]])
 def test_examples(name):
     assert doctest.testmod(importlib.import_module(name)).failed == 0

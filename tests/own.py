@@ -7,10 +7,8 @@ import numpy as np
 
 import suslov_fast as sf
 from suslov_fast import maps
-from suslov_fast.bodies.base import Body
 from suslov_fast.core.codes import NONFINITE, OK
-from suslov_fast.core.numba import function, kernel, share
-from suslov_fast.maps import KAHAN, Formula, Steps, by_field
+from suslov_fast.maps import KAHAN, Body, Formula, Steps, by_field, function, kernel, share
 
 
 @function

@@ -52,9 +52,10 @@ class Map:
         How to compute the public functions of a state that the map supports, by their names (see
         `maps/formulas.py`): ``{**KAHAN}`` for Kahan's map of the field of any body, ``{}`` if only
         the steps are known. In `Formula(compute, check, poles)`, `compute` takes a `Problem` and
-        returns the values (...), `check` raises an error for a body without the quantity, and
-        `poles` is True if infinite values are results. ``"jacobian"`` is enough for
-        `lyapunov_exponents` and `multipliers`.
+        returns the values (...), of the shape `problem.batch` to which its `body`, `omega` and
+        `eps` broadcast; `check` raises an error for a body without the quantity, and `poles` is
+        True if infinite values are results. ``"jacobian"`` is enough for `lyapunov_exponents` and
+        `multipliers`.
     random : tuple of callables
         Functions ``random(rng, shape)`` that return a batch of bodies for tests.
     pole : tuple or None

@@ -84,12 +84,12 @@ async def keys_of(source: Any, prefix: str = "") -> set[str]:
 async def members(source: Any, known: Collection[str]) -> set[str]:
     """Return the arrays and groups other than `known` of a store, as far as it can list them."""
     try:
-        names = [name async for name in source.list_dir("") if name not in known]
+        # Lists of web servers have a slash after the name of each folder.
+        names = [name.rstrip("/") async for name in source.list_dir("")]
     except (FileNotFoundError, NotImplementedError):
         return set()
-    return {
-        key.partition("/")[0] for key in await existing(source, [f"{n}/zarr.json" for n in names])
-    }
+    others = [f"{name}/zarr.json" for name in names if name not in known]
+    return {key.partition("/")[0] for key in await existing(source, others)}
 
 
 async def existing(source: Any, keys: list[str]) -> set[str]:

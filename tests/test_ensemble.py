@@ -581,6 +581,21 @@ def test_what_others_write_into_a_store_does_not_cost_the_run(store, way, unfini
             ensemble(BODY, RandomStarts(100, 2.0, seed=2), 0.2, steps, **ours)
 
 
+class Slashes(zarr.storage.WrapperStore):
+    """A store that lists folders as a web server does."""
+
+    async def list_dir(self, prefix):
+        async for name in self._store.list_dir(prefix):
+            yield name if "." in name else f"{name}/"
+
+
+def test_slashes_in_a_listing_are_no_part_of_names(recwarn):
+    store = Slashes(zarr.storage.MemoryStore())
+    ensemble(BODY, RandomStarts(9, 1.0), 0.2, 3, store=store)
+    open_ensemble(store)
+    assert not recwarn.list
+
+
 def test_names_of_functions_and_parameters_of_a_store(tmp_path):
     """A parameter may be called states; a function not like a column of coefficients."""
     turns = sf.QuadraticField.from_function(lambda x, states: (x[1], -states * x[0]), 2, states=3.0)

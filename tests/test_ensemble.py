@@ -599,6 +599,22 @@ def test_slashes_in_a_listing_are_no_part_of_names(recwarn):
     assert not recwarn.list
 
 
+class Unlisted(zarr.storage.WrapperStore):
+    """A store that does not permit lists, as some buckets do not."""
+
+    async def list_prefix(self, prefix):
+        raise PermissionError(prefix)
+        yield
+
+    list_dir = list_prefix
+
+
+def test_a_store_that_permits_no_lists_opens():
+    place = zarr.storage.MemoryStore()
+    data = ensemble(BODY, RandomStarts(9, 1.0), 0.2, 3, store=place, chunk=4)
+    assert open_ensemble(Unlisted(place)).identical(data)
+
+
 def test_names_of_functions_and_parameters_of_a_store(tmp_path):
     """A parameter may be called states; a function not like a column of coefficients."""
     turns = sf.QuadraticField.from_function(lambda x, states: (x[1], -states * x[0]), 2, states=3.0)

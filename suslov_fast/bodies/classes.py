@@ -58,4 +58,4 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     instance("parameters", parameters, Mapping)
     if "body" not in parameters:
         raise wrong("parameters", "have an entry 'body', the name of the class", [*parameters])
-    return class_named(parameters.get("body")).from_dict(parameters)
+    return class_named(parameters["body"]).from_dict(parameters)

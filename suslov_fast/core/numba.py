@@ -86,9 +86,9 @@ def _compiling():
 
 def _after_fork():
     """End in a child what a thread began that compiled in the parent."""
-    global_compiler_lock.release()
     if any(_pauses):
         gc.enable()
+    global_compiler_lock.release()
 
 
 # A fork waits for a thread that compiles: its child would wait forever for the lock of this thread.

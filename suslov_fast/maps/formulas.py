@@ -1,4 +1,4 @@
-"""How maps compute the public functions of a state: a `Formula` for each, by its name.
+"""Formulas of maps: a `Formula` for each public function of a state, by its name.
 
 A formula takes a checked problem and returns the values. Records list the formulas of their map.
 The equations are in `core.quantities` and `core.quantities_field`.
@@ -23,7 +23,7 @@ from ..engine.stretches import states_after
 
 
 class Formula(NamedTuple):
-    """How a map computes a public function of a state."""
+    """The computation of a public function of a state, for one map."""
 
     compute: Callable[[Problem], Any]  # returns the values (...), or an array for each state
     check: Callable[[Any], None] | None = None  # raises an error for a body without the quantity
@@ -31,7 +31,7 @@ class Formula(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """How to reduce a problem to one in three dimensions, whose solution is known."""
+    """The reduction of a problem to one in three dimensions, whose solution is known."""
 
     # Returns an equivalent problem, and the function that maps its states back.
     reduce: Callable[[Problem], tuple[Problem, Callable[[FloatArray], FloatArray]]]

@@ -77,7 +77,7 @@ async def keys_of(source: Any, prefix: str = "") -> set[str]:
     """Return the keys with a prefix; none if the store cannot list keys."""
     try:
         return {key async for key in source.list_prefix(prefix)}
-    except (FileNotFoundError, NotImplementedError):
+    except (OSError, NotImplementedError):  # such as PermissionError
         return set()
 
 
@@ -86,7 +86,7 @@ async def members(source: Any, known: Collection[str]) -> set[str]:
     try:
         # Lists of web servers have a slash after the name of each folder.
         names = [name.rstrip("/") async for name in source.list_dir("")]
-    except (FileNotFoundError, NotImplementedError):
+    except (OSError, NotImplementedError):  # such as PermissionError
         return set()
     others = [f"{name}/zarr.json" for name in names if name not in known]
     return {key.partition("/")[0] for key in await existing(source, others)}

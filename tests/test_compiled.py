@@ -215,6 +215,7 @@ for function, arguments in ((of_another, ()), (of_argument, systems[1:])):
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_a_system_that_is_a_global_of_a_cached_function(tmp_path):
     """Its address is of one process: code that contains it is not kept, and Numba warns."""
     path = tmp_path / "loops.py"

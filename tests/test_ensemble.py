@@ -305,6 +305,7 @@ RUN = """
 
 @pytest.mark.compiled
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+@pytest.mark.slow
 def test_a_killed_run_is_finished(store, monkeypatch):
     """Kill processes at several moments; the store becomes that of an undisturbed run."""
     command = [sys.executable, "-c", textwrap.dedent(RUN), str(store)]

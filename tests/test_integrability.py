@@ -913,6 +913,7 @@ def test_what_reports_print_of_several_possibilities():
     assert report(field_of(lambda x: (1, x[0] * x[1]), 2), F(1, 2), 1).growth.kind == "bounded"
 
 
+@pytest.mark.slow
 def test_products_of_polynomials_of_a_higher_degree_are_left_out():
     rolling = field_of(
         lambda x: (x[3] / 2, -x[2] / 2, -x[4] * x[1], x[4] * x[0], x[2] * x[1] - x[3] * x[0]), 5

@@ -250,6 +250,7 @@ print("result", out[0], mine.shifted(1.0))
 """
 
 
+@pytest.mark.slow
 def test_edits_of_whatever_a_function_of_others_names_compile_it_anew(folder):
     """A helper in a second file, and a number in a third, of which Numba looks at none."""
     for name, text in FOREIGN.items():

@@ -111,7 +111,7 @@ def test_the_record_of_a_map_is_asked_and_not_the_class_of_a_body():
 
 COMPILING = [
     PACKAGE / "core" / f"{name}.py"
-    for name in ("machine_code", "numba", "pool", "cache", "llvm", "__init__")
+    for name in ("machine_code", "numba", "pool", "forks", "cache", "llvm", "__init__")
 ]
 
 

@@ -110,7 +110,7 @@ def test_a_child_of_a_parent_that_compiles_a_kernel():
         import gc, os, signal, threading, time, warnings
         import numba
         from numba.extending import overload
-        from suslov_fast.core.numba import kernel
+        from suslov_fast.core.numba import _pausing, kernel
         warnings.simplefilter("ignore", DeprecationWarning)
         is_inside = threading.Event()
         def slow():
@@ -126,12 +126,57 @@ def test_a_child_of_a_parent_that_compiles_a_kernel():
         child = os.fork()
         if child == 0:
             signal.alarm(20)
-            os._exit(10 * gc.isenabled() + numba.njit(lambda x: x + 1)(1))
+            os._exit(100 * len(_pausing) + 10 * gc.isenabled() + numba.njit(lambda x: x + 1)(1))
         status = os.waitpid(child, 0)[1]
         thread.join()
         print(os.waitstatus_to_exitcode(status), gc.isenabled())
     """
     assert children.run(code).split() == ["12", "True"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_fork_that_waits_for_a_lock():
+    """It hears Ctrl-C, in both processes; it ends where the lock is never released."""
+    code = """
+        import os, signal, sys, threading, time, warnings
+        from suslov_fast.core import forks, machine_code, numba
+        warnings.simplefilter("ignore", DeprecationWarning)
+        compiler, me = numba.global_compiler_lock, os.getpid()
+        before, is_over = compiler._lock, threading.Event()
+        def hold(lock, is_held):
+            with lock:
+                is_held.set()
+                is_over.wait()
+        def interrupt():
+            time.sleep(0.2)
+            os.kill(me, signal.SIGINT)
+        for lock in (compiler._lock, machine_code._lock):
+            is_held = threading.Event()
+            threading.Thread(target=hold, args=(lock, is_held)).start()
+            is_held.wait()
+        threading.Thread(target=interrupt).start()
+        for longest in (30.0, 0.1):
+            forks.LONGEST, is_heard = longest, False
+            try:
+                child = os.fork()
+                time.sleep(20 if longest > 1 else 0)
+            except KeyboardInterrupt:
+                is_heard = True
+                forks.LONGEST = 0.1
+            if os.getpid() != me:
+                signal.alarm(20)
+                with compiler._lock, machine_code._lock:
+                    os._exit(2 + is_heard)
+            print(is_heard, os.waitstatus_to_exitcode(os.wait()[1]), compiler._lock is before)
+        is_over.set()
+        for thread in {*threading.enumerate()} - {threading.main_thread()}:
+            thread.join()
+        with compiler._lock, machine_code._lock:
+            print(forks._interrupts)
+    """
+    done = children.attempt(code)
+    assert done.stdout.splitlines() == ["True 3 True", "False 2 True", "[]"]
+    assert done.stderr == ""
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")

@@ -7,7 +7,7 @@ in the text are integers, because versions of LLVM write the types of pointers d
 
 import ctypes
 import itertools
-import os
+import sys
 import threading
 import warnings
 
@@ -15,6 +15,7 @@ import numpy as np
 from llvmlite import binding
 from numba import config
 
+from .forks import wait_at_forks
 from .operations import OF_TRUTH_VALUES
 
 MANY = 6000  # operations, above which optimising mostly takes longer than it saves
@@ -162,10 +163,7 @@ _codes = {}  # addresses, by the arguments of `code_of`
 _engines = {}  # by level of optimisation
 _numbers = itertools.count()  # which make names unique, also after Ctrl-C
 _lock = threading.RLock()  # reentrant, because a signal may arrive while code is compiled
-if hasattr(os, "register_at_fork"):  # a child lacks the thread that holds the lock of its parent
-    os.register_at_fork(
-        before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release
-    )
+wait_at_forks(sys.modules[__name__], "_lock")
 
 
 def code_of(text_of, step, W=1, for_each=False, align=0):

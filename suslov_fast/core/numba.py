@@ -24,6 +24,7 @@ import gc
 import os
 import re
 from contextlib import contextmanager, suppress
+from threading import get_ident
 
 import numba
 import numpy as np
@@ -31,6 +32,7 @@ from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
 from .cache import kept_folders, name_with_digest, use_cache
+from .forks import wait_at_forks
 from .llvm import call_address, pack
 
 TESTED = 0, 68  # the newest Numba with which this version was tested
@@ -55,7 +57,7 @@ def _cached(compile_with, py_function):
     return compiled
 
 
-_pauses = []  # of the garbage collector, one for each thread that compiles
+_pausing = set()  # the threads that switched the garbage collector off, because they compile
 
 
 @contextmanager
@@ -64,9 +66,10 @@ def _compiling():
 
     If compiling fails with a newer Numba than TESTED, the error says so.
     """
-    was_enabled = gc.isenabled()
+    was_enabled, thread = gc.isenabled(), get_ident()
     gc.disable()
-    _pauses.append(was_enabled)
+    if was_enabled:
+        _pausing.add(thread)
     try:
         yield
     except Exception as error:
@@ -79,27 +82,25 @@ def _compiling():
             f"of suslov_fast was tested with is {tested}: pip install 'numba<{next_one}'"
         ) from error
     finally:
-        _pauses.pop()
         if was_enabled:
+            _pausing.discard(thread)
             gc.enable()
 
 
-def _after_fork():
-    """End in a child what a thread began that compiled in the parent."""
-    if any(_pauses):
+def _end_pauses():
+    """Switch the garbage collector on in a forked child, if a thread of its parent paused it."""
+    if _pausing - {get_ident()}:
         gc.enable()
-    global_compiler_lock.release()
+    _pausing.intersection_update({get_ident()})
 
 
-# A fork waits for a thread that compiles: its child would wait forever for the lock of this thread.
-with suppress(ImportError, AttributeError):  # names that Numba does not promise; or Windows
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_end_pauses)
+with suppress(ImportError, AttributeError):  # names that Numba does not promise
     from numba.core.compiler_lock import global_compiler_lock
 
-    os.register_at_fork(
-        before=global_compiler_lock.acquire,
-        after_in_parent=global_compiler_lock.release,
-        after_in_child=_after_fork,
-    )
+    if hasattr(global_compiler_lock._lock, "_is_owned"):
+        wait_at_forks(global_compiler_lock, "_lock")
 
 
 class Function:

@@ -600,20 +600,33 @@ def test_slashes_in_a_listing_are_no_part_of_names(recwarn):
     assert not recwarn.list
 
 
+class ResponseError(Exception):
+    """As that of aiohttp, which is no OSError."""
+
+
 class Unlisted(zarr.storage.WrapperStore):
-    """A store that does not permit lists, as some buckets do not."""
+    """A store that does not permit lists, as some buckets and web servers do not."""
 
     async def list_prefix(self, prefix):
-        raise PermissionError(prefix)
+        raise ResponseError("403, Forbidden")
         yield
 
     list_dir = list_prefix
+
+
+class Unread(Unlisted):
+    """A store that permits nothing."""
+
+    async def get(self, *arguments, **options):
+        raise ResponseError("403, Forbidden")
 
 
 def test_a_store_that_permits_no_lists_opens():
     place = zarr.storage.MemoryStore()
     data = ensemble(BODY, RandomStarts(9, 1.0), 0.2, 3, store=place, chunk=4)
     assert open_ensemble(Unlisted(place)).identical(data)
+    with pytest.raises(OSError, match=r"store: zarr.json cannot be read: check .*403, Forbidden"):
+        open_ensemble(Unread(place))
 
 
 def test_names_of_functions_and_parameters_of_a_store(tmp_path):

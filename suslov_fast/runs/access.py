@@ -63,13 +63,18 @@ async def put(target: Any, key: str, text: str) -> None:
 
 
 async def get(source: Any, key: str) -> str | None:
-    """Return the text under a key, or None."""
+    """Return the text under a key, or None; OSError if the store cannot be read."""
     from zarr.buffer import default_buffer_prototype
 
     try:
         value = await source.get(key, default_buffer_prototype())
     except FileNotFoundError:
         return None
+    except OSError:
+        raise
+    except Exception as error:  # of a library for servers, such as aiohttp
+        how = "check its address, and that you may read it"
+        raise OSError(f"store: {key} cannot be read: {how} ({error})") from error
     return None if value is None else value.to_bytes().decode("utf-8", "replace")
 
 
@@ -77,7 +82,7 @@ async def keys_of(source: Any, prefix: str = "") -> set[str]:
     """Return the keys with a prefix; none if the store cannot list keys."""
     try:
         return {key async for key in source.list_prefix(prefix)}
-    except (OSError, NotImplementedError):  # such as PermissionError
+    except Exception:  # of any class, because each kind of server has its own
         return set()
 
 
@@ -86,7 +91,7 @@ async def members(source: Any, known: Collection[str]) -> set[str]:
     try:
         # Lists of web servers have a slash after the name of each folder.
         names = [name.rstrip("/") async for name in source.list_dir("")]
-    except (OSError, NotImplementedError):  # such as PermissionError
+    except Exception:  # of any class, because each kind of server has its own
         return set()
     others = [f"{name}/zarr.json" for name in names if name not in known]
     return {key.partition("/")[0] for key in await existing(source, others)}

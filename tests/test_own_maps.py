@@ -168,6 +168,19 @@ def test_steps_that_break_the_contract_do_not_run():
     def forgets(x, out, eps, work, values):
         return 0
 
+    def writes(x, out, eps, work, values):
+        work[0] = out[0] = x[0]
+        return 0
+
+    def reads(x, out, eps, work, values):
+        out[0] = x[0] + x[1]
+        return 0
+
+    for step, work in ((writes, 0), (reads, 1)):
+        words = rf"^step must stay within .* x and out of 1 numbers, work of {work}.*work=n.*index"
+        with pytest.raises(ValueError, match=words):
+            iterate(counter(step, work), [0.0], 0.1, 3)
+        maps.MAPS.pop("counter")
     run = iterate(counter(forgets), [0.0], 0.1, 3, on_singular="ignore")
     assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
     maps.MAPS.pop("counter")

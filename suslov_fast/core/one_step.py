@@ -16,7 +16,7 @@ CARRIED = 2
 
 
 class KernelOfStep(Kernel):
-    """A kernel that `steps_of` made; its attribute `step` is the step."""
+    """A kernel that `steps_of` made from `step`; `size(D)` is the length of its memory."""
 
 
 def steps_of(step, work):
@@ -66,7 +66,7 @@ def steps_of(step, work):
             for d in range(D):
                 final[i, d] = x[d]
 
-    steps.step = step
+    steps.step, steps.size = step, size
     return steps
 
 

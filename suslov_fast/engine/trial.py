@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..bodies.field import MATRIX
 from ..checks import FloatArray, short, wrong
 from ..core import codes
+from ..core.numba import rows_of
 from ..core.one_step import KernelOfStep
 from .arguments import Arguments, by_constants, flat_arrays
 from .problem import Problem
@@ -212,6 +213,27 @@ def _check_step(kernel: Any, count: int) -> None:
         raise TypeError(f"{text}, {count}, not {received}") from None
 
 
+def _check_indices(kernel: Any, arguments: Any, omega0: FloatArray) -> None:
+    """Raise ValueError if a step reads or writes beyond its arrays, for one of the states.
+
+    Python checks indices, and compiled code does not: memory of others would change.
+    """
+    step, D = kernel.step.py_func, omega0.shape[1]
+    try:
+        sizes = D, kernel.size.py_func(D)
+        for state in omega0:
+            row = rows_of(tuple(map(np.copy, arguments[:-1])), 0)
+            x, (out, work) = state.copy(), map(np.zeros, sizes)
+            with np.errstate(all="ignore"):
+                step(x, out, arguments[-1][0], work, *row)
+    except IndexError as error:
+        text = f"step must stay within its arrays, x and out of {D} numbers, work of {sizes[1]}"
+        how = "and the row; pass work=n to steps_of for work of n numbers"
+        raise ValueError(f"{text}, {how}: {error}") from error
+    except Exception:  # not every compiled function runs as Python
+        return
+
+
 def _rows(arguments: Any, has_rows: Any, which: Any, scale: Any = 1.0) -> Any:
     """Return arguments with these rows, times `scale`, of arrays with one row for each member."""
     return tuple(
@@ -246,6 +268,7 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
     _check_arguments(of_equals, size)
     if isinstance(steps.kernel, KernelOfStep):
         _check_step(steps.kernel, len(of_one) - 1)
+        _check_indices(steps.kernel, of_one, omega0)
     has_rows = [getattr(a, "dtype", None) == np.float64 and len(a) == size for a in of_equals]
     equal = _rows(of_one, has_rows, np.zeros(size, int))
     arguments = _rows(equal, has_rows, slice(None), np.linspace(0.99, 0.49, size))

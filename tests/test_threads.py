@@ -5,6 +5,7 @@ import random
 import signal
 import textwrap
 import threading
+from itertools import count
 from types import SimpleNamespace
 
 import children
@@ -376,6 +377,27 @@ def test_calls_take_few_steps_of_large_fields(function, monkeypatch):
     function(sf.QuadraticField(np.ones((D, D, D))), np.ones((12_000, D)), 0.1, 5, threads=1)
     assert sum(operations) == 12_000 * 5 * D**3
     assert max(operations) < 2**28
+
+
+@pytest.mark.parametrize(
+    ("seconds", "lengths"), [(0.0, [1, 2, 4, 2]), (0.05, [1] * 9), (1.0, [5, 2, 1, 1])]
+)
+def test_stretches_are_as_long_as_calls_are_fast(seconds, lengths, body, monkeypatch):
+    """Ctrl-C waits for one call; the estimate of costs is that of the slowest steps."""
+    clock, found, call = count(0.0, seconds), [], stretches.call_kernel
+
+    def note(kernel, work, threads, arguments, omega0, carry, span, *results):
+        found.append(span[3] - span[2])
+        call(kernel, work, threads, arguments, omega0, carry, span, *results)
+
+    monkeypatch.setattr(stretches, "_STRETCH", 128 * lengths[0])
+    monkeypatch.setattr(stretches, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(stretches, "call_kernel", note)
+    steps = sum(lengths)
+    run = sf.iterate(body, [1.0, 0.5], 0.2, steps, save_every=None)
+    assert found == lengths
+    monkeypatch.undo()
+    assert (run.final == sf.iterate(body, [1.0, 0.5], 0.2, steps).final).all()
 
 
 def test_a_jacobian_of_a_large_field_takes_several_calls(monkeypatch):

@@ -191,7 +191,10 @@ class Kernel:
         addresses = None
         # Kernels that check indices, or are interpreted, may raise, which a parallel loop ignores.
         if not (config.BOUNDSCHECK or config.DISABLE_JIT):
-            addresses = _addresses(self.compiled, numba.typeof(arguments))
+            kind = self.compiled, _kind(arguments)
+            if kind not in _found:
+                _found[kind] = _addresses(self.compiled, numba.typeof(arguments))
+            addresses = _found[kind]
         if addresses is None:
             for part in range(threads):
                 self.compiled(part, threads, *arguments)
@@ -219,7 +222,18 @@ def _start(loop, kernel, parts, arguments):
     call_address(loop, call_part, kernel, data, parts)
 
 
-@functools.cache
+_found = {}  # results of `_addresses`, by kernel and kind of its arguments
+
+
+def _kind(argument):
+    """Return what Numba's type of an argument depends on; `numba.typeof` takes 0.1 ms for all."""
+    if isinstance(argument, tuple):
+        return type(argument), *map(_kind, argument)
+    if isinstance(argument, np.ndarray):
+        return argument.dtype, argument.ndim, argument.flags.num
+    return type(argument)
+
+
 def _addresses(compiled, kind):
     """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
 

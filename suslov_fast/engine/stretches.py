@@ -8,6 +8,7 @@ import inspect
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from itertools import chain
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numba
@@ -26,6 +27,8 @@ from .trial import arguments_for
 
 # Work of a thread in a stretch, and cost of saving a state; the unit is a step of the 3D map.
 _STRETCH, _SAVING = 2**26, 8.0
+# Seconds: after a shorter stretch the next one has twice as many steps, after a longer one half.
+_SHORT, _LONG = 0.02, 0.1
 # Work of a stretch with orientations: the number of states times n**2.
 _TURNING = 2**24
 
@@ -248,8 +251,9 @@ class March:
         """Continue a group of trajectories, with its arguments and arrays, to state `stop`.
 
         The batch is divided first, so that the data of a stretch stay in the caches, and time only
-        if few trajectories take long. A batch of one block is serial, because a block of lanes
-        takes as long however many of them are in use.
+        if few trajectories take long. Stretches grow while they are short, because the estimated
+        cost is that of the slowest steps, and usual ones may take a thousandth of it. A batch of
+        one block is serial: a block of lanes takes as long however many of them are in use.
         """
         kernel, lanes = self.steps.kernel, self.steps.lanes
         (size, D), n, threads = arrays[0].shape, self.n, self.problem.threads
@@ -264,12 +268,22 @@ class March:
             length = max(int(budget / width), 1)
         for begin in range(0, max(size, 1), width):
             end = min(begin + width, size)
-            for start in range(n, max(stop, n + 1), length):
+            start = n
+            while True:  # once even if stop = n
                 until = min(start + length, stop)
                 row = _rows(n, start, every) if start else 0
                 span = begin, end, start, until, every, row
                 work = int((end - begin) * (until - start) * step) if end - begin > lanes else 0
+                called_at = perf_counter()
                 call_kernel(kernel, work, threads, arguments, *arrays[:2], span, *arrays[2:])
+                seconds = perf_counter() - called_at
+                if seconds < _SHORT:
+                    length *= 2
+                elif seconds > _LONG:
+                    length = max(length // 2, 1)
+                if until == stop:
+                    break
+                start = until
 
     def _turn_to(
         self, stop: int, every: int, saved: FloatArray, turns: FloatArray, report: Report | None

@@ -83,6 +83,7 @@ def run(options: argparse.Namespace) -> None:
     if path is None and (options.attitude or options.save_every is not None):
         options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
     body, eps = _body_and_step(options)
+    _check_method(options, body, eps)
     work = body, _starts(options, body), eps, options.steps
     import numba
 
@@ -125,6 +126,29 @@ def _body_and_step(options: argparse.Namespace) -> tuple[Any, Any]:
     if foreign := parameters.keys() - signature.keys():
         options.usage_error(f"argument --{min(foreign)}: not allowed with --J and --I")
     return _body_in(options.body) if options.body else kind(**parameters), options.eps
+
+
+def _check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
+    """Raise an error if a body lacks the method; for one of fields, say how to make its field."""
+    from .maps import map_of
+
+    method = options.method
+    try:
+        map_of(body, method)
+    except ValueError as error:
+        text, advice, methods = str(error).partition(": QuadraticField.of(body) has ")
+        if not advice:
+            raise
+        path = str(options.body)
+        source = f"body_from_dict(json.loads(Path({path!r}).read_text()))"
+        source = source if options.body else repr(body)
+        code = f"print(json.dumps(QuadraticField.of({source}).to_dict()))"
+        imports = "import json; from pathlib import Path; from suslov_fast import *"
+        make = f'python -c "{imports}; {code}" > field.json'
+        then = f"suslov-fast run --body field.json --eps {eps} --method {method}"
+        raise ValueError(
+            f"{text}; the field of this body has {methods}: {make} && {then}"
+        ) from None
 
 
 def _body_in(path: Path) -> Any:

@@ -168,6 +168,15 @@ def test_selection_by_value():
     assert decreasing.sel(a=slice(2, 9)).parameters["a"].tolist() == [3, 2]
     with pytest.raises(ValueError, match=r"^I1.* 4.0, or method="):  # equal, not close
         bodies.sel(I1=np.nextafter(4.0, 5.0))
+    table = Suslov3D([[1, 2], [3, 4]], 1, 0, 0)
+    for family, name, words in (
+        (bodies, "rho", "no parameter 'rho'; choose from: I1, I2"),
+        (bodies, "I13", "I13 is the same for all; choose from: I1, I2"),
+        (table, "I1", r"I1 varies along 2 axes; .* select members by index, such as \[0, 0\]"),
+        (bodies[0, 0], "I1", "this is a single Suslov3D, and sel is for families"),
+    ):
+        with pytest.raises(ValueError, match=f"^sel: .*{words}$"):
+            family.sel(**{name: 1.0})
 
 
 def test_an_I3_that_no_body_has():

@@ -269,7 +269,7 @@ MISTAKES = """
 1 | run --trajectories 1e12 --steps 9 | memory
 1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* bytes are free
 1 | run --threads 100000 | --threads:
-1 | run --method order9 | method must be 'auto', not 'order9' .* QuadraticField.of(body) .* 'order4'
+1 | run --method order9 | method must be 'auto', not 'order9' .* field of this body has the methods 'order4'
 1 | run --body missing.json --eps 1 | missing.json: No such file
 1 | run --body cut.json --eps 1 | cut.json: this is no JSON text .* line 1 column 10
 1 | run --body good.npz --eps 1 | good.npz: this is no JSON text of body.to_dict
@@ -329,6 +329,22 @@ def test_mistakes(bad_files, monkeypatch, mistake):
     assert not any(word in done.err for word in foreign)
     assert set(os.listdir()) == before
     assert Path("good.npz").read_text() == "precious"
+
+
+def test_a_method_of_fields_for_a_body():
+    """The message has the line that makes the field of the body, and the one that runs it."""
+    Path("body.json").write_text(json.dumps(sf.Suslov3D(4, 1, -0.5, -0.3).to_dict()))
+    for given in ("--body body.json", "--I1 4 --I2 1 --I13 -0.5 --I23 -0.3"):
+        done = run(f"run {given} --eps 1/4 --method order6")
+        make, then = done.err.partition("'order8': python -c ")[2].split(" && suslov-fast ")
+        code, name = make.split(" > ")
+        with contextlib.redirect_stdout(io.StringIO()) as output:
+            exec(code.strip('"'))
+        Path(name).write_text(output.getvalue())
+        facts = facts_of(f"{then} --trajectories 3 --steps 3")
+        assert (facts["method"], facts["eps"], facts["body"]["body"]) == (
+            "order6", 0.25, "QuadraticField",
+        )  # fmt: skip
 
 
 @pytest.mark.compiled

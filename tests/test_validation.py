@@ -265,7 +265,7 @@ STATES = [
     (lambda: sf.closed_form(ROTOR, [1, 2], 0.1), TypeError, "body"),
     (lambda: checks.extra("nothing.more", "large"), ImportError,
      r"nothing is not installed: pip install nothing, or '.\[large\]'"),
-    (lambda: sf.scattering_angle(ROTOR), TypeError, "body"),
+    (lambda: sf.scattering_angle(ROTOR), TypeError, r"body.* iterate\(\.\.\., attitude=True"),
     (lambda: sf.lyapunov_exponents(BODY, [1, 2], 0.1, 0), ValueError, "steps"),
     (lambda: sf.attitude(BODY, [1.0, 0.5], 0.2), ValueError, "omega"),
     (lambda: sf.attitude(BODY, np.ones((0, 2)), 0.2), ValueError, "omega"),

@@ -242,14 +242,19 @@ class Body:
         columns = {n: a for n, a in values.items() if 0 < a.size == max(a.shape, default=0)}
         if name in columns:
             return columns[name]
-        choices = ", ".join(columns)
+        if not self.shape:
+            raise ValueError(
+                f"sel: this is a single {type(self).__name__}, and sel is for families"
+            )
+        how = f"choose from: {', '.join(columns)}"
+        if not columns:
+            first = ", ".join("0" * len(self.shape))
+            how = f"no parameter varies along one axis; select members by index, such as [{first}]"
         if name not in values:
-            known = choices or "none varies along one axis"
-            raise ValueError(f"sel: there is no parameter {name!r}; choose from: {known}")
+            raise ValueError(f"sel: there is no parameter {name!r}; {how}")
         a = values[name]
-        reason = f"has the shape {a.shape}" if a.ndim else f"is {a} for all members"
-        how = f"choose one that varies along one axis, of {choices or 'none'}"
-        raise ValueError(f"sel: {name} {reason}: {how}")
+        reason = f"varies along {(np.array(a.shape) > 1).sum()} axes"
+        raise ValueError(f"sel: {name} {reason if a.size > 1 else 'is the same for all'}; {how}")
 
     def _merged(self: Kind, axis: int, axes: int) -> Kind:
         """Return the batch with `axes` of its axes, from `axis` on, merged into one."""

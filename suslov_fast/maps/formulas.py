@@ -318,5 +318,6 @@ INSTEAD = {
     ),
     "to_vector": ": in n dimensions use to_matrix",
     **dict.fromkeys(("explore", "plot_phase", "animate_body"), ": use iterate(...).plot()"),
-    "step_full": ": use step",
+    "step_full": ": use step or iterate",
+    "scattering_angle": ": no formula is known; iterate(..., attitude=True) rotates the body",
 }

@@ -171,8 +171,8 @@ def test_selection_by_value():
     table = Suslov3D([[1, 2], [3, 4]], 1, 0, 0)
     for family, name, words in (
         (bodies, "rho", "no parameter 'rho'; choose from: I1, I2"),
-        (bodies, "I13", "I13 is the same for all; choose from: I1, I2"),
-        (table, "I1", r"I1 varies along 2 axes; .* select members by index, such as \[0, 0\]"),
+        (bodies, "I13", "I13 is -0.5 for all members; choose from: I1, I2"),
+        (table, "I1", r"I1 has the shape \(2, 2\); .* select members by index, such as \[0, 0\]"),
         (bodies[0, 0], "I1", "this is a single Suslov3D, and sel is for families"),
     ):
         with pytest.raises(ValueError, match=f"^sel: .*{words}$"):

@@ -269,7 +269,7 @@ MISTAKES = """
 1 | run --trajectories 1e12 --steps 9 | memory
 1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* bytes are free
 1 | run --threads 100000 | --threads:
-1 | run --method order9 | method must be 'auto', not 'order9' .* field of this body has the methods 'order4'
+1 | run --method order9 | method must be 'auto', not 'order9' .* field of this body has the methods
 1 | run --body missing.json --eps 1 | missing.json: No such file
 1 | run --body cut.json --eps 1 | cut.json: this is no JSON text .* line 1 column 10
 1 | run --body good.npz --eps 1 | good.npz: this is no JSON text of body.to_dict

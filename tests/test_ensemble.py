@@ -593,6 +593,11 @@ class Slashes(zarr.storage.WrapperStore):
             yield name if "." in name else f"{name}/"
 
 
+def test_times_in_place_of_a_step_size_are_noticed():
+    with pytest.warns(UserWarning, match=r"^eps: 11 step sizes from 0 to 1, .*eps=0.1, steps=10$"):
+        ensemble(BODY, [1, 2], np.linspace(0, 1, 11), 10, store=zarr.storage.MemoryStore())
+
+
 def test_slashes_in_a_listing_are_no_part_of_names(recwarn):
     store = Slashes(zarr.storage.MemoryStore())
     ensemble(BODY, RandomStarts(9, 1.0), 0.2, 3, store=store)

@@ -76,7 +76,7 @@ ARROWS = {
     "warm_up": "core maps compiled",
     "summary": "bodies engine maps runs",
     "options": "bodies",
-    "command": "checks bodies engine runs plots integrability warm_up summary options",
+    "command": "checks bodies engine maps runs plots integrability warm_up summary options",
     "__main__": "command",
 }
 

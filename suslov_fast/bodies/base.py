@@ -253,8 +253,9 @@ class Body:
         if name not in values:
             raise ValueError(f"sel: there is no parameter {name!r}; {how}")
         a = values[name]
-        reason = f"varies along {(np.array(a.shape) > 1).sum()} axes"
-        raise ValueError(f"sel: {name} {reason if a.size > 1 else 'is the same for all'}; {how}")
+        shape = f"has the shape {a.shape}"
+        reason = f"is {a.flat[0]} for all members" if a.size == 1 else shape
+        raise ValueError(f"sel: {name} {reason}; {how}")
 
     def _merged(self: Kind, axis: int, axes: int) -> Kind:
         """Return the batch with `axes` of its axes, from `axis` on, merged into one."""

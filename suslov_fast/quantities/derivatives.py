@@ -18,7 +18,7 @@ from ..checks import (
     spell,
     wrong,
 )
-from ..engine.problem import Problem
+from ..engine.problem import Problem, warn_of_times
 from ..engine.status import report_poles
 from ..engine.stretches import Progress, reporter, states_after
 from ..maps import Method, map_of, problem
@@ -340,6 +340,7 @@ def lyapunov_exponents(
     """
     checked = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
+    warn_of_times(checked, steps)
     with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
         growth = checked.map.find_growth(checked, steps, transient, report)
         sums, of_det = growth.sums, growth.of_det

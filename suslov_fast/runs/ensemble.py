@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from .. import checks
 from ..checks import require, wrong
-from ..engine.problem import Problem, check
+from ..engine.problem import Problem, check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.status import warn_of_poles
 from ..engine.stretches import Progress, reporter
@@ -130,6 +130,7 @@ def ensemble(
     functions = functions or {}
     checks.instance("functions", functions, Mapping)
     steps, save_every = checked_counts(steps, save_every)
+    warn_of_times(whole, steps)
     options = method, steps, save_every, functions
     whole, store = whole._replace(omega=omega0, batch=batch), stores.resolved(store)
     data = _template(whole, options, dims, coords)

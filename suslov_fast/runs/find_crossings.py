@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyOrField
 from ..checks import integer, one_of
-from ..engine.problem import check
+from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.status import ON_SINGULAR, OnSingular
 from ..engine.stretches import March, Progress, reporter
@@ -96,6 +96,7 @@ def crossings(
     one_of("on_singular", on_singular, ON_SINGULAR)
     reports = reporter(progress, transient + steps)
     check_surface(surface)
+    warn_of_times(problem, steps)
     if type(problem.eps) is not float:  # copied, because the result keeps it
         problem = problem._replace(eps=np.array(problem.eps))
     search = Search(March(problem, method), surface, direction, most)

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from ..bodies.classes import BodyOrField
 from ..bodies.rigid import Suslov3D
-from ..checks import FloatArray, integer, warn
-from ..engine.problem import check
+from ..checks import FloatArray, integer
+from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.status import OnSingular, report_failures
 from ..engine.stretches import March, Progress
@@ -146,23 +146,10 @@ def iterate(
     problem = check(map, body, omega0, eps, threads, name="omega0", attitude=attitude)
     steps, save_every = checked_counts(steps, save_every)
     if type(problem.eps) is not float:  # copied, because the run keeps it
-        step_sizes = np.array(problem.eps)
-        problem = problem._replace(eps=step_sizes)
-        _warn_of_times(step_sizes, steps)
+        problem = problem._replace(eps=np.array(problem.eps))
+    warn_of_times(problem, steps)
     march = March(problem, method)
     return run_to_end(march, method, steps, save_every, on_singular, progress, out)
-
-
-def _warn_of_times(eps: FloatArray, steps: int) -> None:
-    """Warn if step sizes look like the grid of times that `odeint` takes."""
-    if steps < 10 or eps.shape not in ((steps,), (steps + 1,)):  # a few may be a batch
-        return
-    step = float(eps[1] - eps[0])
-    if eps[0] == 0.0 and step > 0.0 and np.allclose(np.diff(eps), step, rtol=1e-6, atol=0.0):
-        text = (
-            f"eps: {eps.size} step sizes from 0 to {eps[-1]:g}, one for each trajectory of a batch"
-        )
-        warn(f"{text}; for a run with these times pass eps={step:g}, steps={eps.size - 1}")
 
 
 def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]:

@@ -582,7 +582,14 @@ def test_what_others_write_into_a_store_does_not_cost_the_run(store, way, unfini
             ensemble(BODY, RandomStarts(100, 2.0, seed=2), 0.2, steps, **ours)
 
 
-class Slashes(zarr.storage.WrapperStore):
+class Wrapper(zarr.storage.WrapperStore):
+    """A view of a store, which Zarr opens for reading; its own does so from version 3.1.6 on."""
+
+    def with_read_only(self, read_only=False):
+        return type(self)(self._store.with_read_only(read_only))
+
+
+class Slashes(Wrapper):
     """A store that lists folders, and finds keys, as a web server does."""
 
     async def exists(self, key):
@@ -609,7 +616,7 @@ class ResponseError(Exception):
     """As that of aiohttp, which is no OSError."""
 
 
-class Unlisted(zarr.storage.WrapperStore):
+class Unlisted(Wrapper):
     """A store that does not permit lists, as some buckets and web servers do not."""
 
     async def list_prefix(self, prefix):

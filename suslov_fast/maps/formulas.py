@@ -318,6 +318,6 @@ INSTEAD = {
     ),
     "to_vector": ": in n dimensions use to_matrix",
     **dict.fromkeys(("explore", "plot_phase", "animate_body"), ": use iterate(...).plot()"),
-    "step_full": ": use step or iterate",
+    "step_full": ": use step, iterate or flow",
     "scattering_angle": ": no formula is known; iterate(..., attitude=True) rotates the body",
 }

@@ -196,6 +196,50 @@ def test_steps_that_break_the_contract_do_not_run():
         maps.steps_of(counting, -1)
 
 
+def test_arguments_of_a_step_are_checked():
+    """Its memory, and eps, which is the last array."""
+    for work, error in ((lambda D: -D, ValueError), (lambda D: D / 2, TypeError)):
+        with pytest.raises(error, match=r"^work must be an integer, 0 or more, not"):
+            iterate(counter(work=work), [0.0], 0.1, 3)
+        maps.MAPS.pop("counter")
+    steps = Steps(maps.steps_of(counting), lambda *given: (np.ones(1), np.ones(1, int)))
+    with pytest.raises(TypeError, match=r"^eps, the last of Steps.arguments, must be an array of"):
+        registered(**steps._asdict())
+
+
+@pytest.mark.compiled
+@pytest.mark.skipif(numba.config.BOUNDSCHECK == 1, reason="Numba itself raises an IndexError")
+def test_steps_whose_functions_write_beyond_arrays_do_not_run():
+    @numba.njit
+    def fill(work):
+        work[2] = 1.0
+
+    def helped(x, out, eps, work, values):
+        fill(work)
+        out[0] = x[0]
+        return 0
+
+    with pytest.raises(ValueError, match=r"^step must stay .*: numbers beside them were written$"):
+        iterate(counter(helped, 2), [0.0], 0.1, 3)
+
+
+@pytest.mark.compiled
+def test_an_exception_of_a_step_ends_the_run(monkeypatch):
+    """A parallel loop of Numba would ignore it, and leave states unwritten."""
+
+    def raises(x, out, eps, work, values):
+        if x[0] == 7.0:
+            raise ValueError("seven")
+        out[0] = x[0]
+        return 0
+
+    body = counter(raises)
+    monkeypatch.setattr(threads, "CROSSOVER", 0)
+    assert iterate(body, np.full((20, 1), 0.3), 0.1, 3, threads=2).ok
+    with pytest.raises(ValueError, match="seven"):
+        iterate(body, [[0.3]] * 9 + [[7.0]] + [[0.3]] * 9, 0.1, 3, threads=2)
+
+
 @pytest.mark.compiled
 def test_a_step_without_a_status_does_not_run():
     with pytest.raises(TypeError, match=r"^step must.*return a Status as an int"):
@@ -647,7 +691,12 @@ WRONG = [
     ("if status[i] == 0 and not", "if n < 200 and status[i] == 0 and not", 7),
     ("x[:] = after", "x[:] = after; x[0] += 1e-3 * (i >= 128)", 7),
     ("x[:] = after", "x[:] = after; x[0] += 1e-3 * (n % 64 == 0)", 4),
-    ("range(start, stop + 1)", "range(start, max(stop, start + 1) + 1)", 4),
+    ("range(start, stop + 1)", "range(start, max(stop, start + 1) + 1)", 5),
+    ("saved[row, i, d] = x[d]", "saved[n // every, i, d] = x[d]", 5),
+    ("saved[row, i, d] = x[d]", "saved[row, i, d] = x[d]; saved[row + 1 :, i, d] = 0.0", 5),
+    ("failed_at[i] = NONFINITE, n", "failed_at[i] = NONFINITE, n - start", 7),
+    ("not np.isfinite(x.sum())", "np.isnan(x.sum())", 7),
+    ("x[:] = after", "x[:] = after; x[0] += 1e-3 * (n > 2**32)", 4),
     ("x[:] = after", "x[:] = after; failed_at[i] = n if status[i] == 0 else failed_at[i]", 7),
 ]
 

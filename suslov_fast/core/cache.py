@@ -47,7 +47,7 @@ def _delete_stale_files(folder):
 
 
 # ------------------------------------------------------------------------------ functions of others
-def _is_foreign(py_function):
+def is_foreign(py_function):
     """True for functions of others, and for those that the package makes from them."""
     return not _is_known(py_function) or py_function.__closure__ is not None
 
@@ -80,7 +80,7 @@ def _described(thing, seen):
         yield repr(thing) if np.isscalar(thing) else f"{type(thing).__name__} {fields}"
     elif function in seen:
         yield f"{seen[function]}"
-    elif not seen or _is_foreign(function):
+    elif not seen or is_foreign(function):
         seen[function] = len(seen)
         yield repr(sorted(getattr(thing, "targetoptions", {}).items(), key=repr))
         cells = [cell.cell_contents for cell in function.__closure__ or ()]
@@ -156,7 +156,7 @@ def kept_folders():
 
 def _files_of(py_function):
     """Return what reads and writes the files of a function; RuntimeError if there is no folder."""
-    is_foreign = _is_foreign(py_function)
+    of_others = is_foreign(py_function)
 
     class Files(FunctionCache):
         """Files of a function. If one cannot be read or written, the process compiles."""
@@ -181,7 +181,7 @@ def _files_of(py_function):
                     _delete_stale_files(self.cache_path)
 
         def _index_key(self, signature, codegen):
-            if not is_foreign:
+            if not of_others:
                 return super()._index_key(signature, codegen)
             return signature, codegen.magic_tuple(), _digest_of(py_function)
 
@@ -220,6 +220,6 @@ def name_with_digest(py_function, of_all=False):
 
     With `of_all` it contains the digest of a function of others, where the key cannot.
     """
-    if of_all and _is_foreign(py_function):
+    if of_all and is_foreign(py_function):
         py_function.__qualname__ += f"_{_digest_of(py_function)}"
     py_function.__qualname__ += f"_{_digest()}"

@@ -31,9 +31,10 @@ import numpy as np
 from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
-from .cache import kept_folders, name_with_digest, use_cache
+from .cache import is_foreign, kept_folders, name_with_digest, use_cache
 from .forks import wait_at_forks
 from .llvm import call_address, pack
+from .pool import in_parts
 
 TESTED = 0, 68  # the newest Numba with which this version was tested
 # The default error model tests each divisor, which costs 30 % and prevents SIMD. Without the GIL
@@ -188,6 +189,9 @@ class Kernel:
 
     def parallel(self, threads, *arguments):
         """Call the kernel for one part of the work in each thread."""
+        if is_foreign(self.py_func):  # it may raise, which a parallel loop of Numba ignores
+            in_parts(threads, lambda part: self.compiled(part, threads, *arguments), [])
+            return
         addresses = None
         # Kernels that check indices, or are interpreted, may raise, which a parallel loop ignores.
         if not (config.BOUNDSCHECK or config.DISABLE_JIT):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.field import MATRIX
-from ..checks import FloatArray, short, wrong
+from ..checks import FloatArray, integer, short, wrong
 from ..core import codes
 from ..core.numba import rows_of
 from ..core.one_step import KernelOfStep
@@ -26,9 +26,9 @@ from .problem import Problem
 from .status import Status
 
 _SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, those of a wide batch, and steps
-# Runs from these states must have the bits of a run from state 0; the first one passes state 64,
-# where kernels that do something every 64 steps might differ.
-_LATE = 61, 997
+# Runs from these states must have the bits of a run from state 0; they pass state 64, and a round
+# number beyond 32 bits, where kernels that do something every so many steps might differ.
+_LATE = 61, 10**10 - 3
 _CUTS = 0, 2, 3, 3, _STEPS  # ends of calls; the third call takes no step
 _GUARD, _UNTOUCHED = -99, 1.2345678901234e-99  # values around arrays, and in them before a run
 _TRIED: set[tuple[Any, int]] = set()  # steps and dimensions that passed the trial
@@ -67,13 +67,14 @@ def _run(
     every: int = 1,
     in_pieces: bool = False,
     shift: int = 0,
+    first: int = 0,
 ) -> _Run:
     """Run a kernel, with one call from each cut to the next, or several for pieces of the batch.
 
-    Numbers of states begin with `shift` in place of 0.
+    Numbers of states begin with `shift`, and rows of saved states with `first`, in place of 0.
     """
     B, D = omega0.shape
-    rows = _STEPS // every + 1 if every else 0
+    rows = first + (_STEPS // every + 1 if every else 0)
     (saved, *a), (final, *b), (carry, *c), (status, *d), (failed_at, *e) = (
         _guarded((rows, B, D), _UNTOUCHED),
         _guarded((B, D), _UNTOUCHED),
@@ -89,7 +90,9 @@ def _run(
         pieces = [(*lanes, part, 2) for lanes in ((0, 3), (3, B)) for part in (0, 1)]
     calls = [(start + shift, stop + shift) for start, stop in pairwise(cuts)]
     for start, stop in [(0, 0)] * (shift > 0) + calls:
-        row = (start - shift) // every + 1 if start and every else 0
+        of_shift = shift if start else 0
+        row = first + ((start - of_shift) // every + 1 if start and every else 0)
+        end_row = first + ((stop - of_shift) // every + 1 if every else 0)
         for begin, end, *part in pieces:
             span = begin, end, start, stop, every, row
             steps.kernel(*part, guarded, states, carry, span, saved, final, status, failed_at)
@@ -99,9 +102,11 @@ def _run(
             _expect(_same(states, omega0), "omega0 to stay as it is", "another one", 3)
             outside = [x for guard in guards for x in guard[guard != _GUARD].tolist()]
             _expect(not outside, "nothing to be written beside the arrays", short(outside), 5)
+        is_later = saved[end_row:] != _UNTOUCHED
+        _expect(not is_later.any(), "no state beyond `stop` to be saved", "one", 5)
     for numbers in (failed_at, *carry[: steps.notes_poles]):
-        numbers[numbers > shift] -= shift
-    return _Run(saved, final, status, failed_at, carry)
+        numbers[numbers > 0] -= shift
+    return _Run(saved[first:], final, status, failed_at, carry)
 
 
 def _between_guards(argument: Any) -> Any:
@@ -201,9 +206,9 @@ def _check_arguments(arguments: Any, size: int) -> None:
             raise wrong(f"arguments[{k}]", expected, len(array))
 
 
-def _check_step(kernel: Any, count: int) -> None:
+def _check_step(kernel: Any, arguments: Any) -> None:
     """Raise TypeError unless a step takes as many arrays as `Steps.arguments` makes without eps."""
-    step = kernel.step.py_func
+    step, count = kernel.step.py_func, len(arguments) - 1
     signature = inspect.signature(step)
     try:
         signature.bind(*range(4 + count))
@@ -211,27 +216,35 @@ def _check_step(kernel: Any, count: int) -> None:
         text = "step must take (x, out, eps, work, *row), with a row as long as Steps.arguments"
         received = f"{step.__name__}{signature}"
         raise TypeError(f"{text}, {count}, not {received}") from None
+    if getattr(arguments[-1], "dtype", None) != np.float64:
+        received = short(arguments[-1])
+        raise wrong("eps, the last of Steps.arguments,", "an array of float64", received, TypeError)
 
 
 def _check_indices(kernel: Any, arguments: Any, omega0: FloatArray) -> None:
     """Raise ValueError if a step reads or writes beyond its arrays, for one of the states.
 
-    Python checks indices, and compiled code does not: memory of others would change.
+    Python checks indices, and compiled code does not: memory of others would change. Guards show
+    what compiled functions that the step calls write.
     """
-    step, D = kernel.step.py_func, omega0.shape[1]
-    try:
-        sizes = D, kernel.size.py_func(D)
-        for state in omega0:
-            row = rows_of(tuple(map(np.copy, arguments[:-1])), 0)
-            x, (out, work) = state.copy(), map(np.zeros, sizes)
+    D, outside = omega0.shape[1], ""
+    size = integer("work", kernel.size.py_func(D), 0)
+    for state in omega0:
+        (x, *a), (out, *b), (work, *c) = (_guarded((n,), 0.0) for n in (D, D, size))
+        x[:], row = state, rows_of(tuple(map(_between_guards, arguments[:-1])), 0)
+        try:
             with np.errstate(all="ignore"):
-                step(x, out, arguments[-1][0], work, *row)
-    except IndexError as error:
-        text = f"step must stay within its arrays, x and out of {D} numbers, work of {sizes[1]}"
-        how = "and the row; pass work=n to steps_of for work of n numbers"
-        raise ValueError(f"{text}, {how}: {error}") from error
-    except Exception:  # not every compiled function runs as Python
-        return
+                kernel.step.py_func(x, out, arguments[-1][0], work, *row)
+        except IndexError as error:
+            outside = str(error) if "out of" in str(error) else ""
+        except Exception:  # not every compiled function runs as Python
+            return
+        if any((guard != _GUARD).any() for [pair] in (a, b, c) for guard in pair):
+            outside = "numbers beside them were written"
+        if outside:
+            text = f"step must stay within its arrays, x and out of {D} numbers, work of {size}"
+            how = "and the row; pass work=n to steps_of for work of n numbers"
+            raise ValueError(f"{text}, {how}: {outside}")
 
 
 def _rows(arguments: Any, has_rows: Any, which: Any, scale: Any = 1.0) -> Any:
@@ -267,7 +280,7 @@ def try_steps(problem: Problem, steps: Any, size: int = _SIZE) -> None:
     _check_arguments(of_one, size)
     _check_arguments(of_equals, size)
     if isinstance(steps.kernel, KernelOfStep):
-        _check_step(steps.kernel, len(of_one) - 1)
+        _check_step(steps.kernel, of_one)
         _check_indices(steps.kernel, of_one, omega0)
     has_rows = [getattr(a, "dtype", None) == np.float64 and len(a) == size for a in of_equals]
     equal = _rows(of_one, has_rows, np.zeros(size, int))
@@ -300,6 +313,7 @@ def _states_of_trial(problem: Problem, size: int) -> FloatArray:
         omega0 = np.clip(state * scales[:, None], -1e300, 1e300)
     omega0[1], omega0[7:9] = np.nan, 1e300
     omega0[8, 1::2] *= -1.0
+    omega0[np.arange(9, 12), np.arange(3) % omega0.shape[1]] = 1e200  # an overflow without NaN
     return np.asarray(omega0)
 
 
@@ -321,6 +335,8 @@ def _check_divisions(steps: Any, arguments: Any, omega0: FloatArray, whole: _Run
     for every, saved in ((4, whole.saved[::4]), (0, whole.saved[:0])):
         seldom = _run(steps, arguments, omega0, _CUTS, every)
         _expect_same(seldom, whole._replace(saved=saved), f"if every = {every}", 5)
+    lower = _run(steps, arguments, omega0, first=3)
+    _expect_same(lower, whole, "from any row of `saved` on", 5)
     for shift in _LATE:
         late = _run(steps, arguments, omega0, shift=shift)
         _check_failures(late, steps.notes_poles)

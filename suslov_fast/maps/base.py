@@ -96,7 +96,8 @@ class Map:
 
     ``Steps(steps_of(step), arguments)`` then fulfils items 2 to 7 below. The step writes the state
     after x (D,) to `out` (D,) and returns a status: 0, or a negative one, which ends the trajectory
-    (SINGULAR of `core.codes` if there is no next state). A state that is not finite ends it, too.
+    (SINGULAR of `core.codes` if there is no next state). A state that is not finite ends it, too;
+    an exception, such as that of ``np.linalg.solve`` for a singular matrix, ends the whole run.
     The first positive status is kept, with its n. `row` holds the arrays that `arguments` returns,
     except eps, the last one: of a float64 array the row of this trajectory (a number if the array
     has one axis), and other arrays whole. The step writes to `out` and `work` alone; `work` is

@@ -3,6 +3,7 @@
 import functools
 import os
 import pickle
+import weakref
 
 import children
 import numpy as np
@@ -12,6 +13,7 @@ import suslov_fast as sf
 from suslov_fast.core import careful, machine_code, operations, steps_field, tangent
 from suslov_fast.core import numba as core_numba
 from suslov_fast.core.generated_tangent import text_of_orthonormalise
+from suslov_fast.engine import derivatives, stretches
 
 pytestmark = pytest.mark.compiled
 
@@ -75,7 +77,7 @@ def test_numpy_computes_the_same_bits_where_llvm_refuses_the_code(rng, monkeypat
     after = sf.compiled.step_system(loop, start, start, sf.compiled.work(loop)), start.copy()
     assert loop.address != 0
 
-    def refuse(text, name, level):
+    def refuse(*arguments):
         raise RuntimeError("no such text")
 
     monkeypatch.setattr(machine_code, "_codes", {})
@@ -144,6 +146,34 @@ def test_dense_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-12)
     made = {text_of for text_of, *_ in machine_code._codes}  # of columns, which take no plan
     assert made <= {text_of_orthonormalise}
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_old_codes_are_freed_but_not_those_in_use(rng, monkeypatch, anew):
+    """A run, exponents and the system of a user keep theirs while `progress` compiles others."""
+    field, x0 = sf.QuadraticField.from_function(of_a, 3, a=1), rng.normal(size=(9, 3))
+    system, x, engines = sf.compiled.system(field, 0.02), x0[0].copy(), weakref.WeakSet()
+
+    def compile_others(done, steps):
+        for D in (1, 2, 4) if done <= last else ():
+            sf.step(sf.QuadraticField(np.ones((D, D, D)), np.eye(D)), np.ones((2, D)), 0.001)
+            engines.update(machine_code._engines.values())
+
+    run, exponents = sf.iterate(field, x0, 0.02, 200), sf.lyapunov_exponents(field, x0[:2], 0.02, 9)
+    monkeypatch.setattr(machine_code, "MOST_CODES", 3)
+    monkeypatch.setattr(stretches, "_STRETCH", 1)
+    monkeypatch.setattr(derivatives, "_STRETCH", 1)
+    last = 64
+    assert (sf.iterate(field, x0, 0.02, 200, progress=compile_others).x == run.x).all()
+    last = 1
+    found = sf.lyapunov_exponents(field, x0[:2], 0.02, 9, progress=compile_others)
+    assert (found == exponents).all()
+    assert len(machine_code._codes) <= 3
+    assert len(engines) <= 3
+    memory = sf.compiled.work(system)
+    for _ in range(20):
+        assert sf.compiled.step_system(system, x, x, memory) == 0
+    assert (x == run.x[20, 0]).all()
 
 
 @pytest.mark.parametrize("batch", [1, 3000])

@@ -1,8 +1,8 @@
 """LLVM's intermediate representation as text, and the machine code that LLVM makes of it.
 
 LLVM forms no FMA and keeps the order of operations. Compiling takes 0.3 to 0.5 ms an operation.
-Machine code stays until the process ends, because its addresses may be stored anywhere. Addresses
-in the text are integers, because versions of LLVM write the types of pointers differently.
+Machine code stays as long as its `Address`. Addresses in the text are integers, because versions of
+LLVM write the types of pointers differently.
 """
 
 import ctypes
@@ -20,6 +20,9 @@ from .operations import OF_TRUTH_VALUES
 
 MANY = 6000  # operations, above which optimising mostly takes longer than it saves
 LARGE = 40_000  # operations, above which one function needs too much stack
+# Codes that are kept. Each takes two memory mappings; Linux grants 65,530 to a process, and LLVM
+# ends the process where it gets none.
+MOST_CODES = 4096
 
 
 def pointer(kind):
@@ -159,28 +162,35 @@ class Text:
 
 
 # ------------------------------------------------------------------------------------------ compile
+class Address(int):
+    """The address of machine code, which stays as long as this object: that keeps its engine."""
+
+
 _codes = {}  # addresses, by the arguments of `code_of`
-_engines = {}  # by level of optimisation
+_engines = {}  # by level of optimisation, and whether their code lasts
 _numbers = itertools.count()  # which make names unique, also after Ctrl-C
 _lock = threading.RLock()  # reentrant, because a signal may arrive while code is compiled
 wait_at_forks(sys.modules[__name__], "_lock")
 
 
-def code_of(text_of, step, W=1, for_each=False, align=0):
-    """Return the address of the machine code of `text_of(step, name, W, for_each, align)`.
+def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
+    """Return the `Address` of the machine code of `text_of(step, name, W, for_each, align)`.
 
-    It is None with NUMBA_DISABLE_JIT, and where LLVM refuses the text.
+    It is None with NUMBA_DISABLE_JIT, and where LLVM refuses the text. Code that `lasts` stays
+    until the process ends.
     """
     if config.DISABLE_JIT:
         return None
-    key = text_of, step.indices.tobytes(), step.D, W, for_each, align
+    key = text_of, step.indices.tobytes(), step.D, W, for_each, align, lasts
     with _lock:
         if key not in _codes:
+            if len(_codes) >= MOST_CODES:
+                _forget()
             name = f"code_{next(_numbers)}"
             level = 2 if len(step.usual) < MANY else 0
             try:
                 text = text_of(step, name, W, for_each, align)
-                _codes[key] = _compile(text, name, level)
+                _codes[key] = _compile(text, name, level, lasts)
             except Exception as error:
                 if None not in _codes.values():  # one warning for a process
                     warnings.warn(
@@ -194,18 +204,28 @@ def code_of(text_of, step, W=1, for_each=False, align=0):
         return _codes[key]
 
 
-def _compile(text, name, level):
+def _forget():
+    """Forget all codes, but for those that last, and their engines."""
+    for of_all in (_codes, _engines):
+        for key in [key for key in of_all if not key[-1]]:
+            del of_all[key]
+
+
+def _compile(text, name, level, lasts):
     """Return the address of the function with this name in a text."""
-    module = binding.parse_assembly(text)
-    if level in _engines:
-        _engines[level].add_module(module)
+    module, kind = binding.parse_assembly(text), (level, lasts)
+    if kind in _engines:
+        _engines[kind].add_module(module)
     else:
-        _engines[level] = binding.create_mcjit_compiler(module, _machine(level))
+        _engines[kind] = binding.create_mcjit_compiler(module, _machine(level))
+    engine = _engines[kind]
     try:
-        _engines[level].finalize_object()
-        return _engines[level].get_function_address(name)
+        engine.finalize_object()
+        address = Address(engine.get_function_address(name))
     finally:
-        _engines[level].remove_module(module)
+        engine.remove_module(module)
+    address.engine = engine
+    return address
 
 
 def _machine(level):

@@ -72,8 +72,10 @@ def system_of(indices, half, D):
     """Return the system of a field, from eps / 2 times its values for each stage (stages, T)."""
     step = scheme_of(indices, D).step
     table = np.ascontiguousarray(step.table_of(half.T).T)
-    address = code_of(text_of_step, step) if 0 < len(step.usual) < LARGE else None
-    return FieldSystem(address or 0, half, table, step.indices, D)
+    address = None
+    if 0 < len(step.usual) < LARGE:
+        address = code_of(text_of_step, step, lasts=True)  # users may store the system anywhere
+    return FieldSystem(int(address or 0), half, table, step.indices, D)
 
 
 @function

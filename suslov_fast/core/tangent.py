@@ -49,9 +49,10 @@ from .llvm import call_code, uncounted
 from .machine_code import LARGE, code_of
 from .numba import function, inlined, kernel, lesser, share
 from .operations import Tangent, evaluate
-from .steps_field import Scheme, tables_of
+from .steps_field import Scheme, scheme_of, tables_of
 
 INTERVAL = 16  # steps, after which columns are orthonormalised at the latest
+_NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` needs D alone
 
 
 class Arguments(NamedTuple):
@@ -73,17 +74,16 @@ def _tangent_of(places, D):
 
 
 def arguments_of(scheme, values, eps, count):
-    """Return the arguments of the kernels for `count` trajectories."""
+    """Return the arguments of the kernels for `count` trajectories, and what has to stay alive."""
     step, fractions = scheme
     tangent, W = _tangent_of(step.indices.tobytes(), step.D), WIDTH if count > 1 else 1
     halves, table = tables_of(Scheme(tangent, fractions), values, eps, W)
     room, address, size = columns_of(tangent.D, W)[1], None, len(tangent.usual + tangent.columns)
     if 0 < size < LARGE:
         address = code_of(text_of_tangent, tangent, W, halves.shape[2] > 1)
-    return Arguments(
-        address or 0, code_of(text_of_orthonormalise, tangent, W) or 0, W, room,
-        step.indices, table, halves, np.array(fractions),
-    )  # fmt: skip
+    codes = address, code_of(text_of_orthonormalise, scheme_of(_NO_TERMS, step.D).step, W)
+    fixed = W, room, step.indices, table, halves, np.array(fractions)
+    return Arguments(*(int(code or 0) for code in codes), *fixed), codes
 
 
 def operations_of(scheme):

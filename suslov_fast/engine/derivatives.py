@@ -54,7 +54,8 @@ def _at_states(
 
 
 def _fill_jacobians(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
-    tangent.jacobians.serial(tangent.arguments_of(scheme, values, eps, len(x)), x, out)
+    arguments, _kept_alive = tangent.arguments_of(scheme, values, eps, len(x))
+    tangent.jacobians.serial(arguments, x, out)
 
 
 def _fill_densities(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
@@ -108,7 +109,7 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
             part = slice(begin, begin + width)
             x = states[part]
             values, eps = _of_part(part, *parameters)
-            arguments = tangent.arguments_of(scheme, values, eps, len(x))
+            arguments, _kept_alive = tangent.arguments_of(scheme, values, eps, len(x))
             of_part = Growth(*(array[part] for array in of_group))
             ends = transient, transient + steps
             _grow(arguments, x, of_part, ends, cost, problem.threads, count)

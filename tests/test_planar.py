@@ -229,6 +229,7 @@ def test_a_wrong_passage_is_no_proof():
         tangent = right._replace(curve_orders=(*before, tuple(2 * k for k in last)))
         for wrong in (longer, tangent, right._replace(steps=None)):
             assert not confinement.is_proved(plane, number, wrong)
+        assert never_confined.why_never(plane, number, longer) == ""
 
 
 def test_reports_list_it_beside_the_growth(monkeypatch):

@@ -483,7 +483,7 @@ def test_the_command(method, tmp_path, capsys):
     assert main(["info", str(tmp_path / "run.npz")]) == 0
     assert method in capsys.readouterr().out
     assert main(["run", "--method", method]) == 1
-    assert "QuadraticField.of(body)" in capsys.readouterr().err
+    assert f"run --body field.json --eps 0.2 --method {method}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("method", ["auto", *METHODS])

@@ -17,6 +17,7 @@ from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from threading import RLock
+from types import ModuleType
 
 __version__ = "0.8.0"
 
@@ -40,17 +41,23 @@ _ELSEWHERE = {
 }
 
 
+def _imported(name: str) -> ModuleType:
+    """Import a module of the package; Ctrl-C waits until then."""
+    with import_module(".core.interrupts", __name__).uninterrupted():
+        return import_module(name, __name__)
+
+
 def __getattr__(name: str) -> object:
     """Import the module of a public name when the name is first used."""
     if name in _MODULES:
-        return import_module(f".{name}", __name__)
+        return _imported(f".{name}")
     if name not in _MODULE_OF:
         text = f"module {__name__!r} has no attribute {name!r}"
         plain = name.lower().replace("_", "")
         for here, names in _ELSEWHERE.items():
             text += f": use {here}" * (plain in names.split())
         raise AttributeError(text, name=name, obj=sys.modules[__name__])  # Python adds suggestions
-    value: object = getattr(import_module(_MODULE_OF[name], __name__), name)
+    value: object = getattr(_imported(_MODULE_OF[name]), name)
     globals()[name] = value
     return value
 

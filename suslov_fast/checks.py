@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .core.interrupts import uninterrupted
+
 FloatArray = NDArray[np.float64]
 
 if TYPE_CHECKING:
@@ -66,7 +68,8 @@ def page(name: str) -> str:
 def extra(module: str, name: str) -> Any:
     """Import and return a module that the extra `name` of the package installs."""
     try:
-        return import_module(module)
+        with uninterrupted():
+            return import_module(module)
     except ImportError as error:
         needed = _PACKAGES.get(module.partition(".")[0], module.partition(".")[0])
         how = f"pip install {needed}, or '.[{name}]' in a copy of the repository"

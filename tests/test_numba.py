@@ -503,3 +503,35 @@ def test_arguments_of_the_same_kind_have_the_same_type():
         kinds.setdefault(core_numba._kind(argument), set()).add(numba.typeof(argument))
     assert all(len(types) == 1 for types in kinds.values())
     assert len(kinds) > 15
+
+
+INTERRUPTED = """
+import signal, sys
+import suslov_fast as sf
+
+def interrupt(frame, event, argument):
+    if (frame.f_globals.get("__name__"), frame.f_code.co_name) == place and event == "call":
+        sys.setprofile(None)
+        signal.raise_signal(signal.SIGINT)
+
+def energy():
+    return sf.energy(sf.SuslovGyrostat(4, 2, -0.5, -0.3, k=1.0), [1.0, 0.5])
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+# In the import of Numba, and where Numba loads what it needs to compile.
+for place in (("numba.core.types", "<module>"), ("numba.core.utils", "stream_list")):
+    sys.setprofile(interrupt)
+    try:
+        energy()
+    except KeyboardInterrupt:
+        assert sys.getprofile() is None
+    else:
+        raise AssertionError("Ctrl-C is lost")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+assert energy() == 2.25
+"""
+
+
+def test_ctrl_c_leaves_no_package_half_imported():
+    """It waits for the end of an import, because Python cannot repeat that of Numba."""
+    children.run(INTERRUPTED)

@@ -63,7 +63,7 @@ def defining(name):
 # Rooms from the bottom up, and those from which each imports: all below it, and no others.
 ARROWS = {
     "core": "",
-    "checks": "",
+    "checks": "core",
     "bodies": "checks",
     "engine": "core checks bodies",
     "maps": "core checks bodies engine",
@@ -111,7 +111,16 @@ def test_the_record_of_a_map_is_asked_and_not_the_class_of_a_body():
 
 COMPILING = [
     PACKAGE / "core" / f"{name}.py"
-    for name in ("machine_code", "numba", "pool", "forks", "cache", "llvm", "__init__")
+    for name in (
+        "machine_code",
+        "numba",
+        "pool",
+        "forks",
+        "interrupts",
+        "cache",
+        "llvm",
+        "__init__",
+    )
 ]
 
 

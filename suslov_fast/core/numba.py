@@ -21,6 +21,7 @@ each value, because constants have types of their own. A loop over lanes becomes
 
 import functools
 import gc
+import importlib
 import os
 import re
 from contextlib import contextmanager, suppress
@@ -33,6 +34,7 @@ from numba.extending import overload, typeof_impl
 
 from .cache import is_foreign, kept_folders, name_with_digest, use_cache
 from .forks import wait_at_forks
+from .interrupts import uninterrupted
 from .llvm import call_address, pack
 from .pool import in_parts
 
@@ -61,12 +63,20 @@ def _cached(compile_with, py_function):
 _pausing = set()  # the threads that switched the garbage collector off, because they compile
 
 
+@functools.cache
+def _load_registries():
+    """Have Numba import all that it needs to compile, which an interrupt would leave half done."""
+    with uninterrupted(), suppress(ImportError, AttributeError):  # names that it does not promise
+        importlib.import_module("numba.core.registry").cpu_target.target_context.refresh()
+
+
 @contextmanager
 def _compiling():
     """Pause Python's garbage collector, which takes an eighth of the time of compiling.
 
     If compiling fails with a newer Numba than TESTED, the error says so.
     """
+    _load_registries()
     was_enabled, thread = gc.isenabled(), get_ident()
     gc.disable()
     if was_enabled:

@@ -1,0 +1,22 @@
+"""Blocks that Ctrl-C must not leave half done."""
+
+import signal
+from contextlib import contextmanager
+
+
+@contextmanager
+def uninterrupted():
+    """Handle Ctrl-C after the block, such as an import of Numba, which Python cannot repeat."""
+    handler, pending = signal.getsignal(signal.SIGINT), []  # None if Python cannot restore it
+    try:
+        if handler is not None:
+            signal.signal(signal.SIGINT, lambda *event: pending.append(event))
+    except ValueError:  # not the main thread, the only one that Ctrl-C interrupts
+        handler = None
+    try:
+        yield
+    finally:
+        if handler is not None:
+            signal.signal(signal.SIGINT, handler)
+        if pending:
+            signal.raise_signal(signal.SIGINT)

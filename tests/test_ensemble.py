@@ -770,13 +770,10 @@ def test_a_store_as_netcdf(store, eps):
     data.close()
 
 
-class Counting(zarr.storage.WrapperStore):
+class Counting(Wrapper):
     """Counts requests; on object storage each takes some 30 ms."""
 
     count = 0
-
-    def with_read_only(self, read_only=False):  # stores that wrap another lack it in Zarr 3.1.3
-        return Counting(self._store.with_read_only(read_only))
 
     async def get(self, *arguments, **options):
         Counting.count += 1

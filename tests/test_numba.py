@@ -1,6 +1,6 @@
 """Kernels and universal functions: compiled, interpreted, parallel, with and without a cache.
 
-A small package with copies of `core/numba.py` and `core/llvm.py` compiles fast.
+A small package with copies of `core/numba.py` and what it imports compiles fast.
 """
 
 import gc
@@ -19,8 +19,10 @@ import suslov_fast as sf
 from suslov_fast.core import (
     cache,
     elimination,
+    forks,
     llvm,
     orientations,
+    pool,
     quantities,
     rows,
     steps_3d,
@@ -109,7 +111,7 @@ def folder(tmp_path):
         path = tmp_path / "package" / name
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
-    for module in (core_numba, cache, llvm):
+    for module in (core_numba, cache, forks, llvm, pool):
         shutil.copy(module.__file__, tmp_path / "package" / "core")
     return tmp_path
 

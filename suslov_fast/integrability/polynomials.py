@@ -136,13 +136,13 @@ def _first_coefficient(P: Any) -> Any:
 def irreducible_factors(P: Any) -> list[tuple[Any, int]]:
     """Return the primitive irreducible factors of a polynomial, and their powers.
 
-    python-flint 0.9 sorts factors over the integers, and fails if a coefficient is large.
+    They are sorted here, because results depend on their order, and python-flint 0.7 has another
+    one than 0.9, which sorts those over the integers, but fails if a coefficient is large.
     """
-    names, powers = P.context().names(), []
-    rationals = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
-    for factor, power in rationals.from_dict(P.to_dict()).factor()[1]:
-        powers.append((primitive(cleared(factor)), int(power)))
-    return powers
+    rationals = flint.fmpq_mpoly_ctx.get(P.context().names(), ordering="deglex")
+    powers = rationals.from_dict(P.to_dict()).factor()[1]
+    powers = sorted(powers, key=lambda pair: (int(pair[1]), [*pair[0].terms()]))
+    return [(primitive(cleared(factor)), int(power)) for factor, power in powers]
 
 
 def cleared(P: Any) -> Any:

@@ -419,14 +419,14 @@ def test_metadata_that_contradict_themselves(store, change):
     assert_same(open_ensemble(store), call(iterate, **ASKED))
     change(made["attributes"], consolidated["metadata"])
     (store / "zarr.json").write_text(json.dumps(made))
-    with pytest.raises(ValueError, match=r"store.* damaged metadata"):
+    with pytest.raises(ValueError, match=r"store.* a copy by others"):
         open_ensemble(store)
 
 
 def test_tiles_without_metadata_are_of_no_run(store):
     """Statuses of another run do not make tiles of a new one."""
     call(ensemble, **ASKED, store=store)
-    for path in store.rglob("zarr.json"):
+    for path in (*store.rglob("zarr.json"), store / "status/run.json"):
         path.unlink()
     with pytest.raises(ValueError, match="with tiles, but without zarr"):
         call(ensemble, **ASKED | {"eps": 0.3}, store=store)
@@ -654,6 +654,28 @@ def test_names_of_functions_and_parameters_of_a_store(tmp_path):
     with pytest.raises(ValueError, match=r"store.*Trajectories.load reads"):
         ensemble(turns, [1.0, 0.0], 0.1, 2, store=tmp_path / "b.npz")
     assert not (tmp_path / "b.zarr").exists()
+
+
+def test_lost_metadata_are_restored_from_their_copy(store):
+    """An interrupted copy of a store may lack them."""
+    data = call(ensemble, **ASKED, store=store).load()
+    (store / "zarr.json").unlink()
+    assert open_ensemble(store).identical(data)
+    assert not (store / "zarr.json").exists(), "opening writes nothing"
+    assert call(ensemble, **ASKED, store=store).identical(data)
+    assert xarray.open_zarr(store, consolidated=True).attrs == data.attrs
+
+
+@pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr
+def test_a_store_that_others_wrote_anew_is_none_of_ensemble(store, tmp_path):
+    data = call(ensemble, **ASKED, store=store).load().drop_encoding()
+    data.to_zarr(store, mode="w", consolidated=True)
+    with pytest.raises(ValueError, match=r"a copy by others, for xarray.open_zarr: .* as ensemble"):
+        open_ensemble(store)
+    path = tmp_path / "runs.zip"
+    path.touch()
+    with pytest.raises(ValueError, match=r"^store .* pass zarr.storage.ZipStore\('.*runs.zip', mo"):
+        open_ensemble(path)
 
 
 @pytest.mark.filterwarnings("ignore:Consolidated metadata:UserWarning")  # of Zarr

@@ -80,16 +80,19 @@ def read_contents(store: Any) -> Contents | None:
 
     They are checked before Zarr reads them: only format 3 and our own codecs are accepted.
     """
-    text = access.run(access.get(access.reader(store), "zarr.json"))
-    if text is None:
-        if access.run(access.existing(access.reader(store), [".zgroup", ".zarray"])):
-            raise _foreign(store, "data of Zarr format 2")
-        return None
-    document, copy, rewritten = _document(store, text), None, {}
-    if "sha256" not in (document.get("consolidated_metadata") or {}):
-        copy = access.run(access.get(access.reader(store), COPY))
+    source = access.reader(store)
+    text = access.run(access.get(source, "zarr.json"))
+    document: Any = {"attributes": {}} if text is None else _document(store, text)
+    copy, rewritten = None, {}
+    is_ours = "sha256" in (document.get("consolidated_metadata") or {})
+    if not is_ours:
+        copy = access.run(access.get(source, COPY))
     if copy is not None:  # others rewrote the metadata; without a copy, they are not complete yet
         rewritten, document = document, _document(store, copy)
+    elif text is None:
+        if access.run(access.existing(source, [".zgroup", ".zarray"])):
+            raise _foreign(store, "data of Zarr format 2")
+        return None
     attributes = dict(document["attributes"])
     if attributes.get("format") != FORMAT:
         version = attributes.get("version") or attributes.get("source")
@@ -107,7 +110,8 @@ def read_contents(store: Any) -> Contents | None:
             _check(contents)
         return contents if copy is None else _with_additions(contents, copy, rewritten)
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
-        raise _foreign(store, f"damaged metadata: {error}") from error
+        kind = "damaged metadata" if is_ours or copy else "a copy by others, for xarray.open_zarr"
+        raise _foreign(store, f"{kind}: {error}") from error
 
 
 def _document(store: Any, text: str) -> dict[str, Any]:

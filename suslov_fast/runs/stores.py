@@ -59,6 +59,9 @@ def resolved(store: Any) -> Any:
     if Path(store).suffix.lower() == ".npz":
         received = f"{os.fspath(store)!r}: Trajectories.load reads .npz files"
         raise wrong("store", "the name of a folder, such as 'runs.zarr'", received)
+    if Path(store).suffix.lower() == ".zip" and Path(store).is_file():
+        received = f"the name of a file: pass zarr.storage.ZipStore({os.fspath(store)!r}, mode='r')"
+        raise wrong("store", "the name of a folder, or a Zarr store", received)
     return store if "://" in os.fspath(store) else Path(store).absolute()
 
 

@@ -1,6 +1,6 @@
 """Kernels and universal functions: compiled, interpreted, parallel, with and without a cache.
 
-A small package with copies of `core/numba.py` and what it imports compiles fast.
+A small package with a copy of `core` compiles fast.
 """
 
 import gc
@@ -19,10 +19,8 @@ import suslov_fast as sf
 from suslov_fast.core import (
     cache,
     elimination,
-    forks,
     llvm,
     orientations,
-    pool,
     quantities,
     rows,
     steps_3d,
@@ -107,12 +105,10 @@ LOADED = rf"data loaded from .*/(?:{NAMES})_"
 
 @pytest.fixture
 def folder(tmp_path):
+    core, source = tmp_path / "package" / "core", Path(core_numba.__file__).parent
+    shutil.copytree(source, core, ignore=shutil.ignore_patterns("__pycache__"))
     for name, text in FILES.items():
-        path = tmp_path / "package" / name
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text)
-    for module in (core_numba, cache, forks, llvm, pool):
-        shutil.copy(module.__file__, tmp_path / "package" / "core")
+        (tmp_path / "package" / name).write_text(text)
     return tmp_path
 
 

@@ -419,6 +419,7 @@ def test_functions_of_a_second_method_of_a_class():
     slope = 0.1 * -2.0 * 0.4 * 2.0 / (1.5 + 2.0 * 0.16)  # f' has -c v on its diagonal
     values = sf.multipliers(body, [2.0, 0.0], 0.1, **method)
     np.testing.assert_allclose(values, [1.0, 1.0 + slope + slope**2 / 2], rtol=1e-13)
+    assert (sf.multipliers(body, [0.0, 0.0], 0.1, **method) == 1.0).all()
     with pytest.raises(ValueError, match=r"^x is not a fixed point: use jacobian"):
         sf.multipliers(body, [2.0, 0.1], 0.1, **method)
     points = sf.crossings(body, x, 0.1, 50, lambda x: x[..., 1] - 0.4, direction=0, **method)

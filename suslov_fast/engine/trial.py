@@ -27,8 +27,9 @@ from .status import Status
 
 _SIZE, _WIDE, _STEPS = 19, 301, 6  # trajectories, those of a wide batch, and steps
 # Runs from these states must have the bits of a run from state 0; they pass state 64, and a round
-# number beyond 32 bits, where kernels that do something every so many steps might differ.
-_LATE = 61, 10**10 - 3
+# number beyond 32 bits, where kernels that do something every so many steps might differ. No state
+# on the way is a multiple of 512, at which the kernel of `core/steps_3d.py` restores R.
+_LATE = 61, 43 * 10**8 - 3
 _CUTS = 0, 2, 3, 3, _STEPS  # ends of calls; the third call takes no step
 _GUARD, _UNTOUCHED = -99, 1.2345678901234e-99  # values around arrays, and in them before a run
 _TRIED: set[tuple[Any, int]] = set()  # steps and dimensions that passed the trial

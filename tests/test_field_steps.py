@@ -152,6 +152,16 @@ def test_a_plan_uses_zeros(rng):
         assert len(step.usual) < 48 * D
 
 
+def test_fields_have_a_plan_unless_it_takes_too_long():
+    """Elimination fills a sparse matrix; of dense fields, most operations are those of terms."""
+    for D, is_dense, has_plan in (
+        (44, False, True), (50, False, False), (34, True, True), (36, True, False),
+    ):  # fmt: skip
+        pairs = [(j, k) for j in range(D) for k in range(j, D) if is_dense or k == j + 1]
+        terms = [(i, *pair) for i in range(D) for pair in pairs]
+        assert bool(plans.Step(np.array(terms).T, D).usual) == has_plan
+
+
 def evaluated(A, x):
     """Return the plan of a step of x' = (1 - A) x with eps = 2, and all of its values."""
     indices, values = sf.QuadraticField(np.zeros([len(x)] * 3), np.eye(len(x)) - A).terms

@@ -20,8 +20,8 @@ from .operations import OF_TRUTH_VALUES
 
 MANY = 6000  # operations, above which optimising mostly takes longer than it saves
 LARGE = 40_000  # operations, above which one function needs too much stack
-# Codes that are kept. Each takes two memory mappings; Linux grants 65,530 to a process, and LLVM
-# ends the process where it gets none.
+# Codes that are kept, beside those that last. Each takes two memory mappings; Linux grants 65,530
+# to a process, and LLVM ends the process where it gets none.
 MOST_CODES = 4096
 
 
@@ -184,8 +184,7 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
     key = text_of, step.indices.tobytes(), step.D, W, for_each, align, lasts
     with _lock:
         if key not in _codes:
-            if len(_codes) >= MOST_CODES:
-                _forget()
+            _free_old()
             name = f"code_{next(_numbers)}"
             level = 2 if len(step.usual) < MANY else 0
             try:
@@ -204,11 +203,14 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
         return _codes[key]
 
 
-def _forget():
-    """Forget all codes, but for those that last, and their engines."""
-    for of_all in (_codes, _engines):
-        for key in [key for key in of_all if not key[-1]]:
-            del of_all[key]
+def _free_old():
+    """Forget the codes that do not last, if there are MOST_CODES of them, and their engines."""
+    old = [key for key in _codes if not key[-1]]
+    if len(old) >= MOST_CODES:
+        for key in old:
+            del _codes[key]
+        for key in [key for key in _engines if not key[-1]]:
+            del _engines[key]
 
 
 def _compile(text, name, level, lasts):

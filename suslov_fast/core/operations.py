@@ -28,7 +28,7 @@ from .planned_elimination import Factors, Matrix, elimination_order, work_of
 # components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 PIECE = 4000  # operations of a function
-MOST = 15_000  # products of elimination, above which a plan takes longer than it saves
+MOST = 36_000  # products of elimination and terms, above which a plan takes longer than it saves
 
 # Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
 # second operand where one of them is NaN.
@@ -128,7 +128,7 @@ class Step:
         self.after, self.places = [*range(D)], {}
         matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         order, right = elimination_order(matrix.pattern, D), {}
-        if work_of(matrix.pattern, order) > MOST:
+        if work_of(matrix.pattern, order) + self.T > MOST:
             return
         self.factors = Factors(matrix, order, right)
         for k in reversed(order):

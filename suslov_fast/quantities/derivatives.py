@@ -303,8 +303,8 @@ def lyapunov_exponents(
 
     The derivatives of the map along an orbit are multiplied and decomposed as Q R, again and again
     before columns lose digits (Benettin's method); exponents are mean logarithms of the diagonals
-    of R. Their sum is the mean of ``log |det DPhi|``, to 1e-10 of the mean of its modulus. They do
-    not depend on other orbits of the batch.
+    of R. Their sum is the mean of ``log |det DPhi|``, to 1e-10 of the mean of its modulus or to
+    rounding of the exponents. They do not depend on other orbits of the batch.
 
     Parameters
     ----------

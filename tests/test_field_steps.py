@@ -273,8 +273,9 @@ def test_a_pole_and_what_is_next_to_it():
     field = of_function(square, 1)
     for x, status in ((2.0, -1), (2.0 * (1 + 2.0**-52), -1), (2.0 * (1 - 2.0**-40), 0)):
         assert sf.iterate(field, [x], 0.5, 1, on_singular="ignore").status == status
-    run, _ = linear_step(np.array([[2.0**-40]]), [1e300])
-    assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
+    for A in (np.diag([2.0**-40]), np.diag([0.25]), np.diag([0.25, 1.0])):  # they overflow
+        run, _ = linear_step(A, [1e308, 1.0][: len(A)])
+        assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
 
 
 def test_a_state_that_its_increment_cancels():

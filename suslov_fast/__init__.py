@@ -42,8 +42,11 @@ _ELSEWHERE = {
 
 
 def _imported(name: str) -> ModuleType:
-    """Import a module of the package; Ctrl-C waits until then."""
-    with import_module(".core.interrupts", __name__).uninterrupted():
+    """Import a module of the package; Ctrl-C and forks wait until then."""
+    interrupts, forks = (
+        import_module(f".core.{each}", __name__) for each in ("interrupts", "forks")
+    )
+    with interrupts.uninterrupted(), forks.importing:
         return import_module(name, __name__)
 
 
@@ -83,7 +86,7 @@ def _after_fork() -> None:
         _threads_are_gone = True
     except (ValueError, AttributeError):  # none were started, or Numba is not imported
         _threads_are_gone |= "torch" in sys.modules
-    if ours is not None:
+    if hasattr(ours, "renew"):  # else another thread has just begun to import it
         ours.renew()
     if sys.version_info < (3, 12):
         _renew_locks()

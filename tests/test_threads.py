@@ -181,6 +181,49 @@ def test_a_fork_that_waits_for_a_lock():
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_fork_waits_for_a_thread_that_imports():
+    code = """
+        import os, signal, sys, threading, time, warnings
+        import suslov_fast
+        warnings.simplefilter("ignore", DeprecationWarning)
+        is_inside, usual = threading.Event(), suslov_fast.import_module
+        def slow(name, package):
+            if not name.startswith(".core"):
+                is_inside.set()
+                time.sleep(0.2)
+            return usual(name, package)
+        suslov_fast.import_module = slow
+        thread = threading.Thread(target=lambda: suslov_fast.Suslov3D)
+        thread.start()
+        is_inside.wait()
+        child = os.fork()
+        if child == 0:
+            signal.alarm(20)
+            is_there = "suslov_fast.bodies.rigid" in sys.modules
+            suslov_fast.Suslov3D(4, 1, 0, 0)
+            os._exit(10 * is_there + len(suslov_fast.core.forks.importing.threads))
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+        thread.join()
+        from suslov_fast.engine import threads
+        is_inside.clear()
+        def compute():  # it may be starting the threads of Numba
+            with threads._one_at_a_time:
+                is_inside.set()
+                time.sleep(0.2)
+        for thread in (threading.Thread(target=lambda: None), threading.Thread(target=compute)):
+            thread.start()
+            is_inside.wait(0.1)
+            child = os.fork()
+            if child == 0:
+                os._exit(threads._threads_are_gone * threads.available())
+            print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+            thread.join()
+    """
+    done = children.attempt(code)
+    assert (done.stdout.split(), done.stderr) == (["10", "0", "1"], "")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_child_of_a_parent_that_is_in_a_cached_property():
     """In Python 3.11 the property has a lock, which the child would wait for."""
     code = """

@@ -6,7 +6,6 @@ These are the calls of `core.tangent`, and `growth_by_jacobian` for other maps.
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +14,7 @@ from ..core import tangent
 from .arguments import ALL, by_zeros, flat_arrays, in_stages
 from .problem import Problem
 from .stretches import March, Report
-from .threads import call_kernel
+from .threads import available, call_kernel
 
 # Operations of one call of a kernel, about 0.1 s; Python handles Ctrl-C between calls.
 _STRETCH = 2**26
@@ -102,7 +101,7 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
         of_group: Any = _no_growth(*states.shape)
         # A call takes few trajectories through about 64 steps, not many through few, because it
         # reads and writes D**2 numbers for each trajectory.
-        block = 64 * (problem.threads or numba.get_num_threads())
+        block = 64 * (problem.threads or available())
         width = max(block, _STRETCH // (64 * cost) // block * block)
         width = max(min(len(states), width, _STRETCH // cost), 1)
         for begin in range(0, len(states), width):

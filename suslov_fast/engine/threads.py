@@ -30,6 +30,11 @@ def thread_count(threads: int | None) -> int | None:
     return integer("threads", threads, 1, expected, limit)
 
 
+def available() -> int:
+    """Return the number of threads that Numba uses now; asking starts them."""
+    return 1 if _threads_are_gone else int(numba.get_num_threads())
+
+
 def call_kernel(kernel: Kernel, work: int, threads: int | None, *arguments: Any) -> None:
     """Call a kernel, in parallel if `work`, in steps of single trajectories, is worth it."""
     is_serial = work < CROSSOVER or (threads or numba.config.NUMBA_NUM_THREADS) == 1
@@ -48,7 +53,7 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
     try:
         if not _one_at_a_time.acquire(blocking=False):
             return False
-        kernel.parallel(threads or numba.get_num_threads(), *arguments)
+        kernel.parallel(threads or available(), *arguments)
         return True
     finally:
         try:  # noqa: SIM105  (`suppress` would be the first call)
@@ -60,5 +65,7 @@ def _parallel(kernel: Kernel, threads: int | None, arguments: tuple[Any, ...]) -
 def renew() -> None:
     """Renew the lock in a forked child; calls are serial if the threads of the parent are gone."""
     global _threads_are_gone, _one_at_a_time
+    # A thread of the parent that has the lock may just be starting the threads of Numba.
+    suslov_fast._threads_are_gone |= not _one_at_a_time.acquire(blocking=False)
     _one_at_a_time = threading.RLock()
     _threads_are_gone = suslov_fast._threads_are_gone

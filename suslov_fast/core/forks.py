@@ -4,11 +4,16 @@ The child would wait for such a lock forever, or find code that is half compiled
 """
 
 import _thread
+import concurrent.futures.thread  # noqa: F401  (see below)
+import logging  # noqa: F401
 import os
 import signal
 import sys
 import threading
 import time
+
+# The first two are imported for their own hooks: if they came while a fork waits, Python would call
+# the second half of them alone, and print an error.
 
 # Seconds to wait for a lock, which is more than compiling takes. A thread that holds it may itself
 # wait for the thread that forks, for example for a module that this thread is importing.

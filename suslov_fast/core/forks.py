@@ -56,38 +56,5 @@ def wait_at_forks(owner, name):
         os.register_at_fork(before=wait, after_in_parent=go_on, after_in_child=go_on_in_child)
 
 
-class Imports:
-    """The threads that import modules of the package now, as a lock that forks wait for.
-
-    A child would find half a module, and wait forever for the thread that imports it.
-    """
-
-    def __init__(self):
-        self.threads = []
-
-    def __enter__(self):
-        self.threads.append(threading.get_ident())
-
-    def __exit__(self, *error):
-        self.threads.remove(threading.get_ident())
-
-    def acquire(self, timeout):
-        end = time.monotonic() + timeout
-        while {*self.threads} - {threading.get_ident()} and time.monotonic() < end:
-            time.sleep(0.01)
-
-    def release(self):
-        pass
-
-    def _is_owned(self):
-        return True
-
-    def forget_others(self):
-        """Forget threads that a child lacks."""
-        self.threads = [each for each in self.threads if each == threading.get_ident()]
-
-
-importing = Imports()
+importing = threading.RLock()  # while a module of the package is imported
 wait_at_forks(sys.modules[__name__], "importing")
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=importing.forget_others)

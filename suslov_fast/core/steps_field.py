@@ -72,9 +72,8 @@ def system_of(indices, half, D):
     """Return the system of a field, from eps / 2 times its values for each stage (stages, T)."""
     step = scheme_of(indices, D).step
     table = np.ascontiguousarray(step.table_of(half.T).T)
-    address = None
-    if 0 < len(step.usual) < LARGE:
-        address = code_of(text_of_step, step, lasts=True)  # users may store the system anywhere
+    has_code = 0 < len(step.usual) < LARGE  # which lasts: users may store the system anywhere
+    address = code_of(text_of_step, step, lasts=True) if has_code else None
     return FieldSystem(int(address or 0), half, table, step.indices, D)
 
 

@@ -118,6 +118,9 @@ def call(folder, *names, code=CALL, **environment):
     output = children.run(code, folder, *names, PYTHONWARNINGS="error", **environment)
     lines = [line.partition("result ")[2] for line in output.splitlines() if "result " in line]
     assert lines == [RESULTS[name] for name in names]
+    events = re.findall(r"data (loaded|saved) \w+ '(.*)'", output)
+    for n, (how, path) in enumerate(events):  # else code was refused, and compiled again
+        assert how == "loaded" or ("loaded", path) not in events[:n]
     return len(re.findall(LOADED, output))
 
 

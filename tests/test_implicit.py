@@ -171,6 +171,7 @@ def test_short_formulas_are_written_out():
     assert rest.degree == long.degree
 
 
+@pytest.mark.slow
 def test_reports_hold_the_integrals_that_are_too_long():
     """Those that are short are written; with the others they are as many as relations show."""
     found = report(*SYSTEMS["Clebsch"], degree=2, time_limit=200)

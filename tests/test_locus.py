@@ -78,7 +78,7 @@ def counted(map, degree):
 @pytest.mark.parametrize(
     ("f", "degree", "generic", "values"),
     [
-        (kirchhoff, 2, 0, {F(4): 4}),
+        pytest.param(kirchhoff, 2, 0, {F(4): 4}, marks=pytest.mark.slow),
         (lambda b: three_lines(b, 1), 4, 0, {F(-2): 10, F(-1): 6, F(0): 6, F(1): 3, F(2): 1}),
         pytest.param(
             lambda b: three_lines(b, 2),

@@ -185,6 +185,7 @@ tempfile.TemporaryFile = refuse
 """
 
 
+@pytest.mark.slow
 def test_a_whole_cache_that_cannot_be_written_is_used(folder):
     """As in the image of a container; what it lacks is kept in the folder of the user."""
     assert call(folder, *RESULTS) == 0

@@ -461,7 +461,7 @@ def test_workers_of_a_cluster(store):
     random = RandomStarts(50, 1.5)
     orbits = iterate(BODY, random, 0.2, 40, save_every=3)
     settings = {"save_every": 3, "chunk": {"trajectory": 7, "n": 3}, "functions": {"r": radius}}
-    with distributed.Client(n_workers=1, processes=False, dashboard_address=None) as client:
+    with distributed.Client(n_workers=1, processes=False, dashboard_address=":0") as client:
         for name, omega0 in (("random", random), ("states", random.states(50))):
             place = store.with_name(f"{name}.zarr")
             dataset = ensemble(BODY, omega0, 0.2, 40, store=place, client=client, **settings)
@@ -726,7 +726,7 @@ def test_a_callable_ends_a_run(store):
 
 def test_a_callable_ends_the_work_of_a_cluster(store):
     run = (BODY, RandomStarts(50, 1.5), 0.2, 40)
-    with distributed.Client(n_workers=1, processes=False, dashboard_address=None) as client:
+    with distributed.Client(n_workers=1, processes=False, dashboard_address=":0") as client:
         ours = {"store": store, "chunk": 2, "client": client}
         data = ensemble(*run, **ours, progress=lambda done, total: done < 400)
         assert (data.status.values != PENDING).sum() >= 10
@@ -775,7 +775,7 @@ def test_workers_that_do_not_share_the_store():
     """The memory of another process: an error after the first tile."""
     place = "memory://elsewhere.zarr"
     with (
-        distributed.LocalCluster(1, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.LocalCluster(1, threads_per_worker=1, dashboard_address=":0") as cluster,
         distributed.Client(cluster) as client,
         pytest.raises(ValueError, match="client must have workers that write to the store"),
     ):

@@ -11,14 +11,15 @@ from .numba import for_users
 
 
 @for_users
-def write_crossings(places, n, values, states, most, counts, integers, numbers):
+def write_crossings(places, n, last, values, states, most, counts, integers, numbers):
     """Write the crossings of B orbits over a stretch of states; return how many there are.
 
     A value that is not finite makes no crossing, and an orbit has at most `most` of them.
 
-    places     k B + i in ascending order, where the values of orbit i change sign after row k
+    places     k B + i in ascending order, where the sign of s changes after row k of orbit i
     n          the number of row 0
-    values     (rows + 1, B), of s
+    last       (B,), the values of s at row 0
+    values     (rows, B), those at the rows after it
     states     (rows + 1, B, D)
     counts     (B,), how many crossings each orbit has had; increased
     integers   (len(places), 3): the orbit, how many crossings it had before, and n
@@ -28,7 +29,7 @@ def write_crossings(places, n, values, states, most, counts, integers, numbers):
     for place in places:
         k = place // B
         i = place - k * B
-        a, b = values[k, i], values[k + 1, i]
+        a, b = last[i] if k == 0 else values[k - 1, i], values[k, i]
         if counts[i] >= most or not (abs(a) < np.inf and abs(b) < np.inf):
             continue
         integers[count, 0], integers[count, 1], integers[count, 2] = i, counts[i], n + k

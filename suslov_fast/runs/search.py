@@ -79,7 +79,9 @@ class Search:
             self.last = self.values_of(march.omega0.reshape(1, *self.batch, D))[0]
             self.counts, self.alive = np.zeros(B, np.int64), march.status.ravel()
             return
-        self.last, self.counts = earlier._last, earlier.count.ravel().copy()
+        # Writeable copies, because Numba would compile for read-only arrays anew.
+        self.last = None if earlier._last is None else earlier._last.copy()
+        self.counts = earlier.count.ravel().copy()
         self.alive = earlier.status.ravel()
         self._end()
 
@@ -118,7 +120,7 @@ class Search:
             received = f"values {values.shape} for states {states.shape}"
             expected = f"have a value for each state, (...) for states (..., D), with {_LAST}"
             raise wrong("surface", expected, received)
-        values = values.astype(np.float64, copy=False)
+        values = np.ascontiguousarray(values, np.float64)
         if self.march.n == 0 or (self.march.status < 0).any():
             values = np.where(np.isnan(states[..., 0]), np.nan, values)
         return values.reshape(len(states), -1)
@@ -142,8 +144,7 @@ class Search:
         width = max(B * D, 1)
         most = min(max(_PIECE // width, min(_STATES, _LARGE // width), 1), end - transient)
         require(8 * (most + 1) * B * (D + 1), "divide the batch")
-        # The states of a piece and their values, after those of the last state before it.
-        states, values = np.empty((most + 1, *self.batch, D)), np.empty((most + 1, B))
+        states = np.empty((most + 1, *self.batch, D))  # of a piece, and the last one before it
         states[0] = march.final
         if self.last is None and transient <= n < end and not self.is_stopped:
             self.last = self.values_of(states[:1])[0]
@@ -152,24 +153,28 @@ class Search:
             rows = min(longest, end - n)
             longest = min(2 * longest, most)
             march.to(n + rows, 1, states[n > 0 : rows + 1])  # from 0, it saves state 0 as well
-            values[0], values[1 : rows + 1] = self.last, self.values_of(states[1 : rows + 1])
-            self._keep_crossings(n, states[: rows + 1], values[: rows + 1])
-            states[0], self.last = states[rows], values[rows].copy()
+            values = self.values_of(states[1 : rows + 1])
+            self._keep_crossings(n, states[: rows + 1], values)
+            states[0], self.last = states[rows], values[-1].copy()
             self._end()
             n += rows
             if report_steps is not None:
                 report_steps(n - begin)
 
     def _keep_crossings(self, n: int, states: FloatArray, values: FloatArray) -> None:
-        """Keep the crossings among states (rows + 1, ..., D), of which the first is state n."""
-        is_positive = values >= 0.0
+        """Keep the crossings among states (rows + 1, ..., D), of which the first is state n.
+
+        `values` (rows, B) are those of the states after it.
+        """
+        is_positive = np.empty((len(states), values.shape[1]), bool)
+        is_positive[0], is_positive[1:] = self.last >= 0.0, values >= 0.0
         changes = np.flatnonzero(self.changed(is_positive[1:], is_positive[:-1]))
         if changes.size:
-            flat = states.reshape(*values.shape, -1)
+            flat = states.reshape(*is_positive.shape, -1)
             integers = np.empty((changes.size, 3), np.int64)
             numbers = np.empty((changes.size, 2 * flat.shape[-1] + 1))
             count = write_crossings(
-                changes, n, values, flat, self.limit, self.counts, integers, numbers
+                changes, n, self.last, values, flat, self.limit, self.counts, integers, numbers
             )
             if count == len(changes):
                 self.pieces.append((integers, numbers))

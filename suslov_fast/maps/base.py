@@ -223,8 +223,7 @@ class Map:
             if isinstance(body, tuple(having)):
                 received += f", whose map ({self.title}) has no {name}"
             else:
-                asked = name if self.attitude or name != "scattering_angle" else "attitude"
-                received += INSTEAD.get(asked) or body._instead
+                received += INSTEAD.get(name) or body._instead
             raise checks.wrong("body", checks.either(names or ["another one"]), received, TypeError)
         if name in self.formulas and (check := self.formulas[name].check):
             check(body)

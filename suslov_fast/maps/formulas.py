@@ -319,5 +319,8 @@ INSTEAD = {
     "to_vector": ": in n dimensions use to_matrix",
     **dict.fromkeys(("explore", "plot_phase", "animate_body"), ": use iterate(...).plot()"),
     "step_full": ": use step, iterate or flow",
-    "scattering_angle": ": no formula is known; iterate(..., attitude=True) rotates the body",
+    "scattering_angle": (
+        ": no formula is known; where states have an orientation, "
+        "iterate(..., attitude=True) computes it"
+    ),
 }

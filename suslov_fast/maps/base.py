@@ -65,6 +65,8 @@ class Map:
     fractions : tuple of float
         Stages of a composition: a step consists of Kahan steps by these fractions of eps. (1.0,)
         for Kahan's map itself, and for maps that are not compositions of it.
+    order : int
+        The order of the method: the error of a step is O(eps**(order + 1)).
     attitude : {"axial", "in_rows"} or None
         How states rotate a body: they are Omega1 and Omega2, or (Omega_1n, ..., Omega_n-1,n). None
         if they do not.
@@ -164,6 +166,7 @@ class Map:
     pole: tuple[Any, tuple[float, ...]] | None
     conserved: tuple[str, ...] = ()
     fractions: tuple[float, ...] = WHOLE
+    order: int = 2
     attitude: Literal["axial", "in_rows"] | None = None
     plane: Plane | None = None
     growth: Callable[[Problem, int, int, Report | None], Growth] | None = None

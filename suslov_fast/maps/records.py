@@ -101,6 +101,7 @@ for _record in (
             pole=(QuadraticField([[[1]]]), (1.0 / FRACTIONS[order][0],)),
             conserved=("energy",),
             fractions=FRACTIONS[order],
+            order=order,
             variable="x",
             meaning="state",
         )

@@ -45,28 +45,33 @@ GAUSS = STEPS_ND._replace(
 # ---------------------------------------------------------------------- steps of order 4, 6 and 8
 # Kahan's map is symmetric: its inverse is the map with -eps. So a composition of steps by fractions
 # of eps that read the same from both ends, and whose sum is 1, has an even order. Order 4 has the
-# fractions of Suzuki, orders 6 and 8 those of W. Kahan and R.-C. Li, Math. Comp. 66 (1997). A list
-# ends with the middle fraction.
-_SUZUKI = 1 / (4 - 4 ** (1 / 3))
+# fractions of M. Suzuki, Phys. Lett. A 146 (1990), with three equal ones on each side; orders 6 and
+# 8 those of M. Sofroniou and G. Spaletta, Optim. Methods Softw. 20 (2005). A list ends with the
+# middle fraction.
+_SUZUKI = 1 / (6 - 6 ** (1 / 3))
 _TO_THE_MIDDLE = {
-    4: [_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI],
+    4: [_SUZUKI, _SUZUKI, _SUZUKI, 1 - 6 * _SUZUKI],
     6: [
-        0.39216144400731413928,
-        0.33259913678935943860,
-        -0.70624617255763935981,
-        0.082213596293550800230,
-        0.79854399093482996340,
+        0.13861930854051695246,
+        0.13346562851074760407,
+        0.13070531011449225191,
+        0.12961893756907034773,
+        -0.35000324893920896517,
+        0.11805530653002387170,
+        0.39907751534871587460,
     ],
     8: [
-        0.13020248308889008088,
-        0.56116298177510838456,
-        -0.38947496264484728641,
-        0.15884190655515560090,
-        -0.39590389413323757734,
-        0.18453964097831570709,
-        0.25837438768632204729,
-        0.29501172360931029887,
-        -0.60550853383003451170,
+        0.10647728984550031824,
+        0.10837408645835726397,
+        0.35337821052654342420,
+        -0.23341414023165082199,
+        -0.24445266791528841270,
+        0.11317848435755633315,
+        0.11892905625000350063,
+        0.12603912321825988140,
+        0.12581718736176041804,
+        0.11699135019217642181,
+        -0.38263596012643665351,
     ],
 }
 FRACTIONS = {order: (*first, *first[-2::-1]) for order, first in _TO_THE_MIDDLE.items()}

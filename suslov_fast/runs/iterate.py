@@ -105,10 +105,11 @@ def iterate(
     save_every : int or None
         Save the states 0, k, 2k, ... up to `steps`; None saves only the last.
     method : str
-        "auto" is Kahan's method, of order 2. For fields "order4", "order6" and "order8" compose 5,
-        9 and 17 of its steps: more digits for the same work, but conserved quantities drift. In n
-        dimensions "gauss" eliminates the matrix A at every step; "auto", also called "rank2", uses
-        that A is diagonal plus rank two, and eliminates only where digits would be lost.
+        "auto" is Kahan's method, of order 2. For fields "order4", "order6" and "order8" compose 7,
+        13 and 21 of its steps: more digits for the same work, but quantities that the map conserves
+        vary. In n dimensions "gauss" eliminates the matrix A at every step; "auto", also called
+        "rank2", uses that A is diagonal plus rank two, and eliminates only where digits would be
+        lost.
     attitude : bool or array_like(float, shape=(..., n, n))
         True, or rotation matrices at state 0, to compute the orientation as well: :func:`attitude`.
     out : ndarray(float64, shape=(n_saved, ..., D)), optional

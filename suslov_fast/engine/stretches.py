@@ -131,13 +131,18 @@ class March:
     """
 
     def __init__(
-        self, problem: Problem, method: str | None = None, earlier: Checkpoint | None = None
+        self,
+        problem: Problem,
+        method: str | None = None,
+        earlier: Checkpoint | None = None,
+        arguments: Arguments | None = None,
     ) -> None:
         methods = problem.map.methods
-        method = method or problem.method
+        self.method = method = method or problem.method
         self.problem, self.steps = problem, methods.get(method, next(iter(methods.values())))
         self.omega0 = flat_arrays(problem.omega, problem.batch)
-        arguments = arguments_for(problem, self.steps, len(self.omega0))
+        if arguments is None:
+            arguments = arguments_for(problem, self.steps, len(self.omega0))
         size, D = self.omega0.shape
         divide, self.arguments = self.steps.divide, arguments
         self.groups: list[Any] = [(ALL, arguments)] if divide is None else [*divide(D, arguments)]
@@ -194,6 +199,20 @@ class March:
             out[0] = self.final
         turns = None if turned is None else turned.reshape(1, *batch, n, n)
         return self.final[np.newaxis] if out is None else out, turns
+
+    def step_of(
+        self, trajectories: NDArray[np.int64], states: FloatArray, eps: FloatArray
+    ) -> FloatArray:
+        """Return the states (K, D) after one step of eps (K,), each of one of the trajectories."""
+        *others, _ = self.arguments  # the last one is eps
+        rows = (
+            a[trajectories] if isinstance(a, np.ndarray) and a.dtype == float and len(a) > 1 else a
+            for a in others
+        )
+        problem = self.problem._replace(omega=states, batch=eps.shape, orientation=None)
+        march = March(problem, self.method, arguments=(*rows, eps))
+        march.to(1)
+        return march.final
 
     def pieces(
         self, steps: int, every: int, rows: int

@@ -43,9 +43,11 @@ class Crossings(Result):
         `after`: by rounding, a point of `states` may lie below the surface, and cross it again at
         once.
     fraction : ndarray(float, shape=(K,))
-        a / (a - b), from 0 to 1, where a and b are the values of the surface at n and n + 1.
+        The part of the step from n to n + 1 before the crossing, from 0 to 1: a / (a - b), where a
+        and b are the values of the surface at n and n + 1; for methods above order 2, that of the
+        step that ends on the surface.
     states, time : ndarray(float, shape=(K, D) and (K,))
-        Points and times by linear interpolation between `before` and `after`.
+        Points on the surface between `before` and `after`, and times (n + fraction) eps.
     count : ndarray(int, shape=(...))
         Number of crossings of each trajectory.
     status, failed_at, final : ndarray, shape=(...), (...) and (..., D)
@@ -103,13 +105,21 @@ class Crossings(Result):
 
     @cached_property
     def states(self) -> FloatArray:
-        """The points ``before + fraction * (after - before)``, shape (K, D).
+        """The points, shape (K, D).
 
-        The value of the surface, interpolated linearly between the states n and n + 1, is 0 there.
+        For methods of order 2 they are ``before + fraction * (after - before)``, where the value of
+        the surface, interpolated linearly, is 0. For higher orders they are the states after a step
+        of the length ``fraction * eps`` from `before`.
         """
-        fraction = self.fraction[:, np.newaxis]
-        points: FloatArray = read_only(self.before + fraction * (self.after - self.before))
-        return points
+        if self.map.order == 2:
+            fraction = self.fraction[:, np.newaxis]
+            points = self.before + fraction * (self.after - self.before)
+        else:
+            problem = Problem(self.map, self.body, self.final, self.eps, self.count.shape)
+            eps = self._at_crossings(np.asarray(self.eps))
+            march = March(problem, self.method)
+            points = march.step_of(self.trajectory, self.before, self.fraction * eps)
+        return read_only(points)  # type: ignore[no-any-return]
 
     @cached_property
     def time(self) -> FloatArray:

@@ -49,8 +49,10 @@ def crossings(
         The function s of states (..., D) with real values (...), each of its own state alone, by
         NumPy or compiled by Numba. A section: ``lambda x: x[..., 2] - 27``; an escape:
         ``lambda x: (x**2).sum(-1) - 4``. It is called with read-only pieces (rows, ..., D) of the
-        run, which later pieces overwrite: copy states that you keep. No crossing lies next to a
-        value of s that is NaN or infinite.
+        run, which later pieces overwrite: copy states that you keep. For methods above order 2 it
+        is also asked, at most 20 times for a piece, for states between those of the run, one for
+        each trajectory in a row, NaN where there is none. No crossing lies next to a value of s
+        that is NaN or infinite.
     direction : {1, -1, 0}
         Upwards, downwards, or both, in the order of n. SciPy's events have the default 0.
     transient : int
@@ -67,9 +69,10 @@ def crossings(
     Returns
     -------
     Crossings
-        Its points lie on straight lines between consecutive states, so a point has an error of
-        O(eps**2), as states have. Where eps is too large for the map to follow the flow, use
-        `before` or `after` instead.
+        Its points are as accurate as the states. For methods of order 2 they lie on the straight
+        lines between consecutive states; for higher orders they are states after a step of the
+        length fraction * eps from the state before, where s is 0. Where eps is too large for the
+        map to follow the flow, use `before` or `after` instead.
 
     Examples
     --------

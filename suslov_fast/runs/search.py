@@ -17,8 +17,10 @@ from .. import checks
 from ..bodies.advice import arguments_of
 from ..checks import FloatArray, require, wrong
 from ..core.sign_changes import sort_by_orbit, write_crossings
+from ..engine.arguments import flat_parameter
 from ..engine.status import Status
 from ..engine.stretches import March, Report
+from .refine import crossing_fractions
 
 # Numbers in a piece, which fits into the caches.
 _PIECE = 2**17
@@ -72,6 +74,7 @@ class Search:
         self.changed: Any = {1: np.greater, -1: np.less, 0: np.not_equal}[direction]
         self.direction, self.most = direction, most
         self.limit = most or _WITHOUT_END
+        self.is_refined = march.problem.map.order > 2  # else a chord is as accurate as the states
         B, D = march.omega0.shape
         self.batch, self.is_stopped = march.problem.batch, False
         self.pieces: list[tuple[NDArray[np.int64], FloatArray]] = []  # from `write_crossings`
@@ -173,13 +176,46 @@ class Search:
             flat = states.reshape(*is_positive.shape, -1)
             integers = np.empty((changes.size, 3), np.int64)
             numbers = np.empty((changes.size, 2 * flat.shape[-1] + 1))
+            earlier = self.counts.copy() if self.is_refined else self.counts
             count = write_crossings(
                 changes, n, self.last, values, flat, self.limit, self.counts, integers, numbers
             )
+            if count and self.is_refined:
+                numbers[:count, -1] = self._fractions(
+                    n, values, integers[:count], numbers[:count], earlier
+                )
             if count == len(changes):
                 self.pieces.append((integers, numbers))
             elif count:  # copies, so that the memory of the rest is freed
                 self.pieces.append((integers[:count].copy(), numbers[:count].copy()))
+
+    def _fractions(
+        self,
+        n: int,
+        values: FloatArray,
+        integers: NDArray[np.int64],
+        numbers: FloatArray,
+        earlier: NDArray[np.int64],
+    ) -> FloatArray:
+        """Return the fractions of crossings on the steps of the method, in place of the chords.
+
+        The arrays are those of `_keep_crossings` and `write_crossings`; `earlier` (B,) is how many
+        crossings each trajectory had before.
+        """
+        march, (which, places, numbers_of_states) = self.march, integers.T
+        rows, k, D = places - earlier[which], numbers_of_states - n, march.omega0.shape[1]
+        eps = flat_parameter(march.problem.eps, self.batch)
+        eps = eps[which] if len(eps) > 1 else np.repeat(eps, len(which))
+        states = np.full((int(rows.max()) + 1, len(self.counts), D), np.nan)
+
+        def values_at(some: NDArray[np.int64], fractions: FloatArray) -> FloatArray:
+            after = march.step_of(which[some], numbers[some, :D], fractions * eps[some])
+            states[rows[some], which[some]] = after
+            values = self.values_of(states.reshape(len(states), *self.batch, D))
+            return values[rows[some], which[some]]
+
+        before = np.where(k == 0, self.last[which], values[k - 1, which])
+        return crossing_fractions(values_at, numbers[:, -1], before, values[k, which])
 
     def result(self) -> dict[str, Any]:
         """Return the arrays of all crossings, in order, with those of the earlier search."""

@@ -1,0 +1,68 @@
+"""Crossings of a surface on the steps of the method itself, for methods of an order above 2.
+
+The chord between two states has an error of O(eps**2), whatever the method. A point of the orbit
+between them is the state after a step of the length tau from the state before, 0 <= tau <= eps, and
+s has different signs at both ends. Chandrupatla's method keeps such a bracket: it takes a step of
+inverse quadratic interpolation where that is safe, and halves the bracket elsewhere (T. R.
+Chandrupatla, Adv. Eng. Software 28 (1997)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import FloatArray
+
+_ROUNDS = 20
+_WIDTH = 2.0**-50  # of a bracket, relative to the step, at which a crossing is found
+
+Values = Callable[[NDArray[np.int64], FloatArray], FloatArray]
+
+
+def crossing_fractions(
+    values_at: Values, first: FloatArray, at_start: FloatArray, at_end: FloatArray
+) -> FloatArray:
+    """Return the fractions of a step at which crossings (K,) meet the surface.
+
+    ``values_at(which, fractions)`` returns the values of the surface at these fractions of the
+    steps of some crossings, `first` is where they are asked first, and `at_start` and `at_end` are
+    the values at both ends of the steps. A value that is NaN counts as one beyond the crossing.
+    """
+    # a is the newest point, b the other end of the bracket, c the point before: rows x and s(x).
+    left, right = (
+        np.array([np.zeros(len(first)), at_start]),
+        np.array([np.ones(len(first)), at_end]),
+    )
+    is_beyond = (at_start >= 0.0) != (at_end >= 0.0)
+    a, b, c = right.copy(), left.copy(), right.copy()
+    x, left_to_do = first.copy(), np.flatnonzero((at_start != 0.0) & (at_end != 0.0) & is_beyond)
+    for _ in range(_ROUNDS):
+        if not left_to_do.size:
+            break
+        k = left_to_do
+        with np.errstate(all="ignore"):
+            values = values_at(k, x[k])
+            values = np.where(np.isnan(values), np.copysign(np.inf, at_end[k]), values)
+            is_same = (values >= 0.0) == (a[1, k] >= 0.0)
+            c[:, k] = np.where(is_same, a[:, k], b[:, k])
+            b[:, k] = np.where(is_same, b[:, k], a[:, k])
+            a[:, k] = x[k], values
+            x[k] = _next(a[:, k], b[:, k], c[:, k])
+        is_found = (abs(a[0, k] - b[0, k]) <= _WIDTH) | (values == 0.0)
+        left_to_do = k[~is_found]
+    return np.where(abs(a[1]) <= abs(b[1]), a[0], b[0])
+
+
+def _next(a: FloatArray, b: FloatArray, c: FloatArray) -> Any:
+    """Return where to ask next in the brackets from a to b: by interpolation, or in the middle."""
+    (xa, fa), (xb, fb), (xc, fc) = a, b, c
+    xi, phi = (xa - xb) / (xc - xb), (fa - fb) / (fc - fb)
+    is_safe = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
+    t = fa / (fb - fa) * fc / (fb - fc) + (xc - xa) / (xb - xa) * fa / (fc - fa) * fb / (fc - fb)
+    least = np.minimum(0.5 * _WIDTH / abs(xb - xa), 0.5)
+    t = np.clip(np.where(is_safe & np.isfinite(t), t, 0.5), least, 1.0 - least)
+    return xa + t * (xb - xa)

@@ -12,6 +12,8 @@ import pytest
 
 import suslov_fast as sf
 from suslov_fast.compiled import system
+from suslov_fast.core import careful
+from suslov_fast.core import numba as core_numba
 from suslov_fast.core import operations as plans
 from suslov_fast.core.planned_elimination import elimination_order
 
@@ -178,13 +180,40 @@ def evaluated(A, x):
         ([[1.0, 32.0], [32.0, 1025.0]], False, False),  # pivots of 1, from a difference of 1024
         ([[-1.0, 32.0], [32.0, -1025.0]], False, False),
         ([[2.0**20]], True, True),  # no pivot is small beside the others
-        ([[2.0 / (1.0 + 2.0**-7)]], False, False),  # the increment leaves 1 % of the state
+        ([[2.0 / (1.0 + 2.0**-7)]], False, True),  # the increment leaves 1 % of the state
         ([[2.0 / (1.0 + 2.0**-7), 0.0], [0.0, 0.5]], True, True),  # of one of two components
     ],
 )
 def test_a_plan_tells_lost_digits(A, good, accurate):
-    step, found = evaluated(np.array(A), [1.0, 0.7][: len(A)])
+    x = [1.0, 0.7][: len(A)]
+    step, found = evaluated(np.array(A), x)
     assert (found[step.good], found[step.accurate]) == (good, accurate)
+    if accurate:
+        exact = linear_step(A, x)[1]
+        assert naive.relative_error(np.array([found[k] for k in step.after_rare]), exact) < 3e-16
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("batch", [1, 16])
+def test_a_component_that_cancels_needs_no_pivoting(rng, monkeypatch, batch):
+    """The factors of a step serve for it, too, in all digits: components that pass through 0."""
+
+    def atmosphere(x):
+        return [x[i - 1] * (x[(i + 1) % 9] - x[i - 2]) - x[i] + 8 for i in range(9)]
+
+    given = careful.careful.signature, careful.careful.py_func
+    unused = core_numba.CFunction(*given)
+    monkeypatch.setattr("suslov_fast.core.steps_field.careful", unused)
+    x0, steps = rng.normal(8, 1, (batch, 9)), 64_000 // batch
+    run = sf.iterate(of_function(atmosphere, 9), x0, 1 / 64, steps)
+    assert run.ok
+    assert not unused.is_compiled
+    cancelled = abs(run.x[1:]) < 2.0**-11 * abs(np.diff(run.x, axis=0))
+    places = np.argwhere(cancelled.any(axis=2))[:3]
+    assert len(places)
+    for n, k in places:
+        exact = naive.kahan_step(atmosphere, 1 / 64, run.x[n, k])
+        assert naive.relative_error(run.x[n + 1, k], exact) < 5e-16
 
 
 def test_elimination_among_parameters_is_no_part_of_a_step(rng):

@@ -104,7 +104,8 @@ def text_of_steps(step, name, W, for_each, align):
     text.label("rare")
     text.carry_out(step.rare, values, load)
     accurate = values[step.accurate]
-    advanced = [text.select(accurate, *both) for both in zip(after, x, strict=True)]
+    after_rare = [values[k] if k in values else load(k) for k in step.after_rare]
+    advanced = [text.select(accurate, *both) for both in zip(after_rare, x, strict=True)]
     for k in range(D):
         text.store(text.V, advanced[k], places[k])
     ended, passed = (
@@ -285,8 +286,13 @@ def text_of_step(step, name, *_):
     text.jump("finish")
     text.label("finish")
     text.add(f"  %code = phi i64 [ 0, %entry ], [ {sign}, %accurate ]")
-    for k, number in enumerate(step.after):
-        if number != k:
-            text.store("double", values[number], places[k])
+    both = [*zip(step.after, step.after_rare, strict=True)]
+    final = {
+        k: text.new(f"phi double [ {values[usual]}, %entry ], [ {rare[other]}, %accurate ]")
+        for k, (usual, other) in enumerate(both)
+        if usual != k
+    }
+    for k, value in final.items():
+        text.store("double", value, places[k])
     text.add("  ret i64 %code")
     return text.finished()

@@ -89,6 +89,10 @@ def text_of_tangent(tangent, name, W, for_each, _):
 
     text.label("columns")
     text.add(f"  %negative = phi i64 [ 0, %step ], [ {negative}, %rare ]")
+    after = [
+        new(f"phi {V} [ {values[usual]}, %step ], [ {rare[other]}, %rare ]")
+        for usual, other in zip(tangent.after, tangent.after_rare, strict=True)
+    ]
     length = _columns(text, tangent, values, places[-1], at_once, room)
 
     text.label("due")
@@ -116,8 +120,8 @@ def text_of_tangent(tangent, name, W, for_each, _):
     for bits, shift in ((due, DUE), (text.bits(text.joined("or", outside)), OUTSIDE)):
         bits = integer("and", bits, integer("xor", "%ignored", all_lanes))
         flags = integer("or", flags, integer("shl", bits, shift))
-    for k, number in enumerate([*tangent.after, *tangent.scaled]):
-        text.store(V, values[number], places[k])
+    for value, place in zip([*after, *scaled], places, strict=False):
+        text.store(V, value, place)
     text.add("  %n1 = add i64 %n, 1")
     is_clear = text.compare_integers("eq", flags, 0)
     goes_on = new(f"and i1 {is_clear}, {text.compare_integers('ult', '%n1', '%steps')}")

@@ -1,8 +1,12 @@
 """A step of a field as a list of operations on numbers, planned from its pattern of zeros.
 
 With h = eps / 2 and N(x) = h f'(x) a step solves (1 - N) delta = h f(x), x_next = x + 2 delta
-(theory, section 7). Elimination is planned once, because the terms of the field alone decide which
-entries of N are 0. For pivots k, in an order with little fill-in,
+(theory, section 7). Where an increment cancels a component, digits are kept by the same matrix and
+
+(1 - N) x_next = x + h l x + 2 h c,
+
+with the linear and constant parts l and c of f. Elimination is planned once, because the terms of
+the field alone decide which entries of N are 0. For pivots k, in an order with little fill-in,
 
 pivot_k = 1 - N_kk,   m_ik = N_ik / pivot_k,   N_ij += m_ik N_kj,   g_i += m_ik g_k,
 
@@ -113,8 +117,9 @@ class Step:
     usual       operations for all states
     rare        operations for states where `good` is false
     after       the next state
-    good        true if the step is accurate and all pivots are positive
-    accurate    true if the step is accurate; a value of `rare`
+    after_rare  the next state after the operations `rare`; the same where `after` keeps its digits
+    good        true if `after` is accurate and all pivots are positive
+    accurate    true if `after_rare` is accurate; a value of `rare`
     negative    true if the number of negative pivots is odd, det A(x) < 0; a value of `rare`
     factors     `Factors` of 1 - N(x)
     """
@@ -125,8 +130,8 @@ class Step:
         self.indices, self.D, self.T = indices, D, indices.shape[1]
         values = self.values = Values(D + self.T + carried, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
-        self.after, self.places = [*range(D)], {}
-        matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
+        self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
+        matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         order, right = elimination_order(matrix.pattern, D), {}
         if work_of(matrix.pattern, order) + self.T > MOST:
             return
@@ -157,7 +162,8 @@ class Step:
             if len(halves) == self.D:
                 tests.append(emit("ogt", size, emit("fmul", LARGE_PART, part)))
         self.good = joined("and", tests)
-        first_rare = len(self.values.operations)
+        first_rare, tests = len(self.values.operations), []
+        self.after_rare = [*self.after]
         if halves:
             beyond = [emit("fsub", sizes[k], emit("fmul", LARGE_PART, parts[k])) for k in halves]
             far = joined("fadd", [emit("max", 0.0, excess) for excess in beyond])  # NaN stays NaN
@@ -165,10 +171,31 @@ class Step:
             if len(halves) == self.D:  # or a component equals its limit, such as 0 that stays 0
                 at_limit = [emit("oeq", sizes[k], limits[k]) for k in halves]
                 common.append(joined("or", [emit("ogt", far, 0.0), *at_limit]))
-        self.accurate = joined("and", [*common, *self._accurate_pivots()])
+            keeps, following = joined("and", common), self._following()
+            for k in halves:
+                self.after_rare[k] = emit("select", keeps, self.after[k], following[k])
+            size = joined("fadd", [emit("fabs", following[k]) for k in halves])
+            tests.append(emit("olt", size, np.inf))
+        self.accurate = joined("and", [*tests, *self._accurate_pivots()])
         negative = [emit("olt", pivot, 0.0) for pivot in self.factors.pivot.values()]
         self.negative = joined("xor", negative or [emit("olt", 1.0, 0.0)])
         self.rare = self.values.operations[first_rare:]
+
+    def _following(self):
+        """Return x_next, in whose equations no increment cancels the state."""
+        values, matrix, right = self.values, self.matrix, {}
+        for k in self.factors.order:
+            products = [
+                (matrix.linear[k, j], j)
+                for j in sorted(matrix.columns[k])
+                if (k, j) in matrix.linear
+            ]
+            if k in matrix.constant:
+                products.append((2.0, matrix.constant[k]))
+            right[k] = self.factors.forward(k, values.total(k, products), right)
+        for k in reversed(self.factors.order):
+            right[k] = self.factors.backward(k, right)
+        return right
 
     def _good_pivots(self):
         """Return the tests of the pivots for `good`."""
@@ -194,7 +221,7 @@ class Step:
 
     def _results(self):
         """Return the numbers of values that are read after the operations."""
-        return self.after
+        return [*self.after, *self.after_rare]
 
     @functools.cached_property
     def pieces(self):
@@ -211,7 +238,7 @@ class Step:
         last = len(pieces) - 1
         needed = [(k, a) for k, piece in enumerate(pieces) for *_, of in piece for a in of]
         needed += [(last, a) for *_, of in self.rare for a in of]
-        needed += [(last, number) for number in (self.good, *self.after)]
+        needed += [(last, number) for number in (self.good, *self.after, *self.after_rare)]
         kept = dict.fromkeys(a for k, a in needed if isinstance(a, int) and piece_of.get(a, k) < k)
         return pieces, {number: row for row, number in enumerate(kept)}
 
@@ -307,4 +334,4 @@ class Tangent(Step):
 
     def _results(self):
         operands = [a for *_, operands in self.columns for a in operands if isinstance(a, int)]
-        return [*self.after, *self.scaled, *operands]
+        return [*super()._results(), *self.scaled, *operands]

@@ -86,7 +86,7 @@ class Factors:
         self.before, self.after = filled(matrix.pattern, order)
         for n, k in enumerate(order):
             if right is not None:
-                right[k] = self._forward(k, matrix.right_side(k), right)
+                right[k] = self.forward(k, matrix.right_side(k), right)
             # Column k from the diagonal down, then row k to the right of it.
             for i in [k, *(i for i in order[n + 1 :] if k in self.before[i])]:
                 original = matrix.entry(i, k)[0]
@@ -110,7 +110,7 @@ class Factors:
             [(self.lower[i, k], self.upper[k, j]) for k in self.before[i] if (k, j) in self.upper],
         )
 
-    def _forward(self, k, start, right):
+    def forward(self, k, start, right):
         """Return right side k after elimination, from those of earlier pivots."""
         products = [(self.lower[k, i], right[i]) for i in self.before[k] if right[i] is not None]
         return self.values.total(start, products)

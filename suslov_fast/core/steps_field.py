@@ -265,7 +265,7 @@ class _Lines:
         evaluate(step.usual, values)
         evaluate(step.rare, values)
         accurate = np.broadcast_to(values[step.accurate], shape)
-        for k, number in enumerate(step.after):
+        for k, number in enumerate(step.after_rare):
             self.x[:, k] = np.where(accurate, values[number], self.x[:, k])
         return _packed(accurate), _packed(np.broadcast_to(values[step.negative], shape))
 

@@ -17,6 +17,7 @@ from test_trajectories import BODY, RUNS, run_of
 
 import suslov_fast as sf
 from suslov_fast.runs import storage
+from suslov_fast.runs.columns import FORMAT
 
 
 @pytest.fixture
@@ -116,13 +117,26 @@ def test_files_of_others(path):
     found = entries(path)
     about, needed = str(found["about"]), ("states", "about", "body", "status", "eps")
     others = [{name: found[name] for name in found if name != lost} for lost in needed]
-    others.append(found | {"about": about.replace('"format": 10', '"format": 9')})
+    others.append(found | {"about": about.replace(f'"format": {FORMAT}', '"format": 9')})
     others.append({"format": 5, "version": "0.5.0", "omega": np.zeros(3)})
     for each in others:
         np.savez(path, **each)
         with pytest.raises(ValueError, match=r"run\.npz "):
             sf.Trajectories.load(path)
     with pytest.raises(ValueError, match=r"0\.5\.0"):
+        sf.Trajectories.load(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "advice"), [(-1, "compute it anew"), (1, "a newer suslov_fast")]
+)
+def test_files_of_other_formats_say_what_to_do(path, change, advice):
+    run_of("one").save(path)
+    found = entries(path)
+    about = str(found["about"]).replace(f'"format": {FORMAT}', f'"format": {FORMAT + change}')
+    about = about.replace(sf.__version__, "7.8.9")
+    np.savez(path, **found | {"about": about})
+    with pytest.raises(ValueError, match=rf"run\.npz .*suslov_fast 7\.8\.9: {advice}"):
         sf.Trajectories.load(path)
 
 

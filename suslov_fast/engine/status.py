@@ -141,6 +141,15 @@ class SingularStepError(ArithmeticError):
         return type(self), (str(self), self.result, self.name)
 
 
+def first_beyond(failed_at: NDArray[np.int64], first_pole: NDArray[np.int64]) -> Any:
+    """Return the first state that does not belong to the motion, a number beyond all if none.
+
+    A failure never comes before a pole that was passed.
+    """
+    first = np.where(first_pole < 0, failed_at, first_pole)
+    return np.where(first < 0, np.iinfo(np.int64).max, first)
+
+
 def count_in_words(status: NDArray[np.int8]) -> str:
     """Return in words how many trajectories failed, and how many passed a pole, if any."""
     passed = np.count_nonzero(status == Status.PASSED_POLE)

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray, extra, instance, integer, is_false, kind_of, require, short, wrong
-from ..core import orientations
+from ..core import codes, orientations
 from ..core.numba import Kernel
+from ..core.one_step import KernelOfStep
 from ..core.steps_field import FieldSystem
 from ..core.steps_nd import NDSystem
 from .arguments import ALL, Arguments, flat_arrays, flat_parameter
@@ -163,6 +164,20 @@ class March:
         self.status = np.zeros(problem.batch, np.int8)
         self.failed_at = np.empty(problem.batch, np.int64)
         self.failed_at.fill(-1)  # faster than `np.full`, which matters in small calls
+
+    @property
+    def first_pole(self) -> NDArray[np.int64]:
+        """The first state beyond a pole of each trajectory, -1 without one."""
+        first, status = self.noted()
+        passed = (first > 0) & (status == codes.PASSED_POLE)
+        return np.where(passed, first, -1).reshape(self.problem.batch)
+
+    def noted(self) -> tuple[NDArray[np.int64], Any]:
+        """Return the first state with a positive status, 0 if none, and this status, each (B,)."""
+        if not self.steps.notes_poles:
+            return np.zeros(len(self.omega0), np.int64), codes.OK
+        has_status = isinstance(self.steps.kernel, KernelOfStep)
+        return self.carry[0].astype(np.int64), self.carry[1] if has_status else codes.PASSED_POLE
 
     def to(
         self,

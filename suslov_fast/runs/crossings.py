@@ -15,7 +15,7 @@ from .. import checks
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, integer, one_of, wrong
 from ..engine.problem import Problem
-from ..engine.status import ON_SINGULAR, OnSingular, report_failures
+from ..engine.status import ON_SINGULAR, OnSingular, first_beyond, report_failures
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
 from ..maps import Map
@@ -50,11 +50,13 @@ class Crossings(Result):
         Points on the surface between `before` and `after`, and times (n + fraction) eps.
     count : ndarray(int, shape=(...))
         Number of crossings of each trajectory.
-    status, failed_at, final : ndarray, shape=(...), (...) and (..., D)
+    status, failed_at, first_pole, final : ndarray, shape=(...), and (..., D) for `final`
         As in :class:`Trajectories`, after transient + steps steps. A trajectory that ended at its
         crossing number `most` has the state after this crossing, and reports no later failures or
-        poles. Crossings with ``n + 1 >= failed_at`` of a trajectory with the status PASSED_POLE are
-        those of the map: they say nothing about the motion.
+        poles.
+    valid : ndarray(bool, shape=(K,))
+        True where no pole was passed before the state `after`. Other crossings are those of the
+        map, and need not be those of the motion.
     body, eps, steps, transient, direction, most, method
         The arguments of :func:`crossings`; `steps` includes those of :meth:`extend`.
     map : Map
@@ -86,6 +88,7 @@ class Crossings(Result):
     count: NDArray[np.int64]
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
+    first_pole: NDArray[np.int64]
     final: FloatArray
     body: BodyOrField
     eps: float | FloatArray
@@ -127,6 +130,13 @@ class Crossings(Result):
         eps = self._at_crossings(np.asarray(self.eps))
         times: FloatArray = read_only((self.n + self.fraction) * eps)
         return times
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """True for crossings before the first failure or pole of their trajectory, shape (K,)."""
+        first = first_beyond(self.failed_at, self.first_pole).ravel()
+        valid: NDArray[np.bool_] = self.n + 1 < first[self.trajectory]
+        return valid
 
     if not TYPE_CHECKING:  # with `__getattr__`, type checkers would accept any name
 
@@ -367,5 +377,5 @@ _INSTEAD = {
 }
 # Attributes with a row for each crossing; with one for each trajectory; the same for all.
 _BY_CROSSING = "n", "before", "after", "fraction"
-_BY_TRAJECTORY = "count", "status", "failed_at", "final"
+_BY_TRAJECTORY = "count", "status", "failed_at", "first_pole", "final"
 _NUMBERS = "method", "steps", "transient", "direction", "most"

@@ -7,15 +7,16 @@ import numpy as np
 
 from ..checks import extra, instance, wrong
 from ..engine.status import Status
+from .columns import CROSSINGS, RUN, dims_of
 
 # Attributes of the datasets of runs and of crossings.
 _OF_RUNS = "method", "steps", "save_every"
 _OF_CROSSINGS = "method", "steps", "transient", "direction", "most"
 # Axes of a parameter of a body after those of the batch; the first is also that of states.
 _COMPONENTS = "component", "component_j", "component_k"
-_VARIABLES = "status", "failed_at", "final", "attitude"
+_VARIABLES = [column for column in RUN if column.is_public]
 # Names that neither an axis of the batch nor a coordinate of the user may have.
-TAKEN = ("n", "time", *_COMPONENTS, "space", "body", *_VARIABLES, *_OF_RUNS)
+TAKEN = ("n", "time", *_COMPONENTS, "space", "body", *(c.name for c in _VARIABLES), *_OF_RUNS)
 
 
 def to_xarray(
@@ -40,21 +41,19 @@ def to_xarray(
     }
     batch = _batch_names(run, dims, parameters)
     flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
+    special = {"states": {"long_name": map.meaning}, "status": flags}
     variables: dict[str, Any] = {
-        map.variable: (("n", *batch, "component"), run.states, {"long_name": map.meaning}),
-        "final": ((*batch, "component"), run.final, {"long_name": "state after the last step"}),
-        "status": (batch, run.status, flags),
-        "failed_at": (
-            batch,
-            run.failed_at,
-            {"long_name": "first state missing or beyond a pole, or -1"},
-        ),
-        "n": ("n", run.n, {"long_name": "number of steps"}),
-        # Strings of variable length, because Zarr format 3 has none of fixed length.
-        "component": ("component", np.array(body._labels, object)),
+        (map.variable if column.name == "states" else column.name): (
+            dims_of(column, batch),
+            values,
+            special.get(column.name, {"long_name": column.meaning}),
+        )
+        for column in _VARIABLES
+        if (values := getattr(run, column.name, None)) is not None
     }
-    if run.attitude is not None:
-        variables["attitude"] = ("n", *batch, "space", "body"), run.attitude
+    variables["n"] = "n", run.n, {"long_name": "number of steps"}
+    # Strings of variable length, because Zarr format 3 has none of fixed length.
+    variables["component"] = "component", np.array(body._labels, object)
     coordinates = [*body._coordinates, *({*batch} & {*parameters})]
     for name, array in parameters.items():
         variable = xarray.Variable((*batch, *_COMPONENTS[: array.ndim - count]), array)
@@ -163,16 +162,18 @@ def crossings_to_xarray(points: Any) -> Any:
     from .. import __version__
 
     dataset, map, body = extra("xarray", "xarray").Dataset, points.map, points.body
-    states = {
-        "before": (points.before, "state n"),
-        "after": (points.after, "state n + 1"),
-        map.variable: (points.states, f"{map.meaning} there"),
-    }
     variables: dict[str, Any] = {
-        name: (("crossing", "component"), values, {"long_name": text})
-        for name, (values, text) in states.items()
+        column.name: (
+            dims_of(column, ()),
+            getattr(points, column.name),
+            {"long_name": column.meaning} if column.meaning else {},
+        )
+        for column in CROSSINGS
+        if column.axes.startswith("crossing")
     }
-    variables["fraction"] = "crossing", points.fraction
+    there = {"long_name": f"{map.meaning} there"}
+    variables[map.variable] = ("crossing", "component"), points.states, there
+    del variables["n"]  # a coordinate
     coords: dict[str, Any] = {"component": np.array(body._labels, object)}
     coords |= {name: ("crossing", getattr(points, name)) for name in ("trajectory", "n", "time")}
     coords["eps"] = "crossing", points._at_crossings(np.asarray(points.eps))

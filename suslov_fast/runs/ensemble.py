@@ -25,6 +25,7 @@ from ..engine.status import warn_of_poles
 from ..engine.stretches import Progress, reporter
 from ..maps import map_of
 from . import access, metadata, stores
+from .columns import FORMAT, PENDING, of_runs, shape_of, sizes_of
 from .datasets import as_columns, columns_of, to_xarray, with_time
 from .iterate import checked_counts
 from .tiles import Functions, Options, checked_values, count_in, finish, place_of
@@ -243,15 +244,13 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     (map, body, omega0, eps, batch, *_, turns), (method, steps, every, functions) = whole, options
     rows, D = 1 if every is None else steps // every + 1, body.dimension
     require(24 * rows, "raise save_every")
+    sizes, columns = sizes_of(batch, D, n=rows), of_runs(map.methods[method], turns is not None)
     filled: dict[str, Any] = {
-        "states": np.broadcast_to(np.nan, (rows, *batch, D)),
-        "final": np.broadcast_to(np.nan, (*batch, D)),
-        "failed_at": np.broadcast_to(np.int64(stores.PENDING), batch),
-        "status": np.broadcast_to(np.int8(stores.PENDING), batch),
+        column.name: np.broadcast_to(np.array(column.fill, column.type), shape_of(column, sizes))
+        for column in columns
     }
     arguments = {**body._described, "eps": np.asarray(eps)}
     if turns is not None:
-        filled["attitude"] = np.broadcast_to(np.nan, (rows, *batch, D + 1, D + 1))
         arguments["attitude"] = turns
     run = {
         "body": body,
@@ -263,7 +262,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     }
     data = to_xarray(Trajectories._of(filled | run), dims, coords, True).drop_vars("time")
     flags = data.status.attrs
-    flags["flag_values"] = [*flags["flag_values"], stores.PENDING]
+    flags["flag_values"] = [*flags["flag_values"], PENDING]
     flags["flag_meanings"] += " PENDING"
     sources = _add_functions(data, functions)
     names = *data.variables, *data.dims
@@ -285,7 +284,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     shared = sorted({*data.variables} - {*tiled})
     lists = {"tiled": tiled, "shared": shared, "columns": columns_of(data)}
     identity |= {name: json.dumps(value) for name, value in lists.items()}
-    return data.assign_attrs(identity, format=metadata.FORMAT)
+    return data.assign_attrs(identity, format=FORMAT)
 
 
 def _add_functions(data: Any, functions: Functions) -> dict[str, str]:

@@ -16,10 +16,15 @@ from .. import checks
 from ..checks import wrong
 from ..maps import named
 from . import access
-from .storage import arrays_of_a_run, check_arrays
+from .columns import (
+    FORMAT,
+    arrays_of,
+    check_arrays,
+    of_other_format,
+    of_runs,
+    sizes_of,
+)
 
-# Version of the format.
-FORMAT = 10
 # Key of the copy: inside an array, because Zarr warns of unknown keys in groups.
 COPY = "status/run.json"
 # Codecs of our stores; metadata with others are refused, because codecs can run commands.
@@ -94,10 +99,9 @@ def read_contents(store: Any) -> Contents | None:
             raise _foreign(store, "data of Zarr format 2")
         return None
     attributes = dict(document["attributes"])
-    if attributes.get("format") != FORMAT:
+    if (number := attributes.get("format")) != FORMAT:
         version = attributes.get("version") or attributes.get("source")
-        kind = f"a run of suslov_fast {version}: compute it anew" if version else "other data"
-        raise _foreign(store, kind)
+        raise _foreign(store, of_other_format(number, version) if version else "other data")
     try:
         consolidated = document.get("consolidated_metadata") or {"metadata": {}}
         metadata = consolidated["metadata"]
@@ -107,7 +111,7 @@ def read_contents(store: Any) -> Contents | None:
             raise wrong("sha256", "the digest of what was written", "another")
         contents = Contents(attributes, {k: _stored(k, array) for k, array in metadata.items()})
         if metadata:
-            _check(contents)
+            _check_arrays(contents)
         return contents if copy is None else _with_additions(contents, copy, rewritten)
     except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError) as error:
         kind = "damaged metadata" if is_ours or copy else "a copy by others, for xarray.open_zarr"
@@ -166,19 +170,18 @@ def _stored(name: str, metadata: dict[str, Any]) -> Stored:
     return Stored(shape, str(metadata["data_type"]), tuple(grid), dims)
 
 
-def _check(contents: Contents) -> None:
+def _check_arrays(contents: Contents) -> None:
     """Check that a store has all arrays of its run, with their types, shapes and chunks."""
     attributes, arrays, *_ = contents
     map = named(attributes["map"])
-    checks.one_of("method", attributes["method"], map.methods)
+    method = checks.one_of("method", attributes["method"], map.methods)
     every = attributes.get("save_every")
     rows = 1 if every is None else attributes["steps"] // every + 1
-    status = arrays["status"]
-    (D,) = arrays["component"].shape
+    status, (D,) = arrays["status"], arrays["component"].shape
+    columns = of_runs(map.methods[method], "attitude" in attributes)
+    of_run = arrays_of(columns, sizes_of(status.shape, D, n=rows))
     functions = dict.fromkeys(contents.tiled, ("float64", (rows, *status.shape)))
-    expected = functions | arrays_of_a_run(
-        map.variable, status.shape, rows, D, "attitude" in attributes
-    )
+    expected = functions | {map.variable: of_run.pop("states")} | of_run
     expected |= {"n": ("int64", (rows,)), "component": ("string", (D,))}
     check_arrays({name: (array.dtype, array.shape) for name, array in arrays.items()}, expected)
     if absent := {*contents.shared, "eps"} - {*arrays}:

@@ -239,13 +239,13 @@ class Search:
         final.reshape(-1, D)[ended] = after[ends[ended] - 1]
         status.reshape(-1)[ended] = self.alive[ended]
         failed_at.reshape(-1)[ended] = -1
-        if march.steps.notes_poles:  # report poles that trajectories passed before they ended
-            beyond = march.carry[0]  # number of the first state beyond a pole, 0 without one
-            last = np.where(ended, n[np.maximum(ends, 1) - 1] if K else 0, -1)
-            passed = ended & (beyond > 0) & (beyond <= last + 1)
-            code = march.carry[1, passed] if len(march.carry) > 1 else Status.PASSED_POLE
-            status.reshape(-1)[passed] = code
-            failed_at.reshape(-1)[passed] = beyond[passed]
+        # Of trajectories that ended, report only positive statuses from before their end.
+        (first, noted), first_pole = march.noted(), march.first_pole.reshape(-1)
+        last = n[np.maximum(ends, 1) - 1] + 1 if K else 0
+        first_pole[ended & (first_pole > last)] = -1
+        before = ended & (first > 0) & (first <= last)
+        status.reshape(-1)[before] = np.broadcast_to(noted, before.shape)[before]
+        failed_at.reshape(-1)[before] = first[before]
         return {
             "trajectory": trajectory,
             "n": n,
@@ -255,5 +255,6 @@ class Search:
             "count": counts.reshape(self.batch),
             "status": status,
             "failed_at": failed_at,
+            "first_pole": first_pole.reshape(self.batch),
             "final": final,
         }

@@ -21,16 +21,19 @@ from ..bodies.classes import body_from_dict, class_named
 from ..checks import MOMENTS, common_shape, integer, real_array, require, within, wrong
 from ..engine.status import Status
 from ..maps import map_of, named
+from .columns import (
+    FORMAT,
+    OF_KIND,
+    arrays_of,
+    check_arrays,
+    conditions_of,
+    of_other_format,
+    present,
+    sizes_of,
+)
 
 PathLike = str | os.PathLike[str]
 
-FORMAT = 10
-# Arrays, some of them optional, and numbers in the files of each kind of result.
-_OF_ALL = "eps", "status", "failed_at", "final", "_carry"
-_ARRAYS = {
-    "Trajectories": (*_OF_ALL, "states", "attitude", "_turned"),
-    "Crossings": (*_OF_ALL, "n", "before", "after", "fraction", "count", "_last"),
-}
 _NUMBERS = {
     "Trajectories": ("method", "steps", "save_every"),
     "Crossings": ("method", "steps", "transient", "direction", "most", "_n"),
@@ -61,7 +64,8 @@ def save(result: Any, path: PathLike, overwrite: bool) -> None:
     about |= {name: getattr(result, name) for name in _NUMBERS[kind]}
     if class_named(described["body"]) is not type(result.body):
         raise wrong("body", "a class whose name no other one has", described["body"], TypeError)
-    arrays = {name: getattr(result, name) for name in _ARRAYS[kind]}
+    names = "eps", *(column.name for column in OF_KIND[kind])
+    arrays = {name: getattr(result, name, None) for name in names}
     arrays = {name: array for name, array in arrays.items() if array is not None}
     arrays |= {"about": json.dumps(about), "body": json.dumps(described)}
     try:
@@ -143,11 +147,11 @@ def load(path: PathLike, *kinds: str) -> dict[str, Any]:
     the file.
     """
     name = os.fspath(_checked(path, "open_ensemble reads a store"))
-    writers = " or ".join(f"{kind}.save" for kind in kinds or _ARRAYS)
+    writers = " or ".join(f"{kind}.save" for kind in kinds or OF_KIND)
     try:
         with open(name, "rb") as file, zipfile.ZipFile(file) as entries:
             about, texts = _about(entries)
-            kind = checks.one_of("kind", about["kind"], _ARRAYS)
+            kind = checks.one_of("kind", about["kind"], OF_KIND)
             if not kinds or kind in kinds:
                 return _read(entries, kind, about, texts["body"]) | (
                     {} if kinds else {"kind": kind}
@@ -166,32 +170,39 @@ def _about(entries: zipfile.ZipFile) -> tuple[dict[str, Any], dict[str, str]]:
     texts = {name: _text(entries, name) for name in names}
     about = json.loads(texts.get("about", "{}"))
     version = about.get("version", texts.get("version"))
-    if about.get("format", texts.get("format", FORMAT)) != FORMAT:
-        how = f"one of suslov_fast {version}: compute it again"
-        raise wrong("format", f"{FORMAT}, that of this version", how)
+    number = about.get("format", texts.get("format", FORMAT))
+    if number != FORMAT:
+        raise wrong("format", f"{FORMAT}, that of this version", of_other_format(number, version))
     return about, texts
 
 
 def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> dict[str, Any]:
     """Return the attributes of a result, after checks that they agree."""
-    all_headers = {name: _header(entries, name) for name in _ARRAYS[kind]}
+    table = OF_KIND[kind]
+    names = ["eps", *(column.name for column in table)]
+    all_headers = {name: _header(entries, name) for name in names}
     headers = {name: header for name, header in all_headers.items() if header is not None}
     numbers = {name: about[name] for name in _NUMBERS[kind]}
     body, map = body_from_dict(json.loads(body_text)), named(about["map"])
     if map_of(body, numbers["method"]) is not map:
         raise wrong("map", f"one of {type(body).__name__} and its method", repr(map.name))
     # All other shapes follow from that of `status`.
-    batch, size = headers["status"][1], math.prod(headers["status"][1])
-    expect = _arrays_of_trajectories if kind == "Trajectories" else _arrays_of_crossings
-    expected = expect(numbers, headers, batch, body.dimension)
-    expected["_carry"] = "float64", (map.methods[numbers["method"]].carried, size)
+    batch, steps = headers["status"][1], map.methods[numbers["method"]]
+    if kind == "Trajectories":
+        own = {"n": _rows_of_run(numbers)}
+        conditions = conditions_of(steps, "attitude" in headers or "_turned" in headers)
+    else:
+        own = {"crossing": _rows_of_crossings(numbers, headers)}
+        conditions = {"surface"} & {column.when for column in table if column.name in headers}
+    sizes = sizes_of(batch, body.dimension, carried=steps.carried, **own)
+    expected = arrays_of(present(table, conditions), sizes)
     if "eps" in headers:  # of any shape that broadcasts to the batch
-        expected["eps"] = "float64", headers["eps"][1]
         shapes = {"body": body.shape, "eps": headers["eps"][1], "status": batch}
         if common_shape(shapes) != batch:
             raise wrong("status", f"have the shape {common_shape(shapes)}", batch)
+    expected["eps"] = "float64", headers.get("eps", ("", ()))[1]
     check_arrays(headers, expected)
-    attributes: dict[str, Any] = dict.fromkeys(_ARRAYS[kind])
+    attributes: dict[str, Any] = dict.fromkeys(names)
     attributes |= {name: _entry(entries, name) for name in expected} | numbers
     eps = within("eps", real_array("eps", attributes["eps"]), MOMENTS)
     _check_failures(attributes, numbers["steps"] if kind == "Trajectories" else numbers["_n"])
@@ -202,36 +213,25 @@ def _read(entries: zipfile.ZipFile, kind: str, about: Any, body_text: str) -> di
     return attributes | {"body": body, "map": map, "eps": float(eps) if eps.ndim == 0 else eps}
 
 
-def _arrays_of_trajectories(
-    numbers: dict[str, Any], headers: dict[str, Any], batch: tuple[int, ...], D: int
-) -> dict[str, Any]:
-    """Return types and shapes of the arrays of a run, after checks of its numbers."""
+def _rows_of_run(numbers: dict[str, Any]) -> int:
+    """Return the number of saved states, after checks of the numbers of a run."""
     steps, every = integer("steps", numbers["steps"], 0), numbers["save_every"]
-    rows = 1 if every is None else steps // integer("save_every", every, 1) + 1
-    turns = "attitude" in headers or "_turned" in headers
-    arrays: dict[str, Any] = arrays_of_a_run("states", batch, rows, D, turns)
-    return arrays | ({"_turned": ("float64", (math.prod(batch), D + 1, D + 1))} if turns else {})
+    return 1 if every is None else steps // integer("save_every", every, 1) + 1
 
 
-def _arrays_of_crossings(
-    numbers: dict[str, Any], headers: dict[str, Any], batch: tuple[int, ...], D: int
-) -> dict[str, Any]:
-    """Return types and shapes of the arrays of crossings, after checks of their numbers."""
+def _rows_of_crossings(numbers: dict[str, Any], headers: dict[str, Any]) -> int:
+    """Return the number of crossings, after checks of their numbers."""
     end = sum(integer(name, numbers[name], 0) for name in ("steps", "transient"))
     integer("direction", numbers["direction"], -1, "1, -1 or 0", 1)
     integer("_n", numbers["_n"], 0, f"an integer from 0 to {end}", end)
     if numbers["most"] is not None:
         integer("most", numbers["most"], 1)
     (K,) = headers["n"][1]
-    arrays: dict[str, Any] = arrays_of_a_run("states", batch, 0, D, False)
-    del arrays["states"]
-    arrays |= {"before": ("float64", (K, D)), "after": ("float64", (K, D))}
-    arrays |= {"n": ("int64", (K,)), "fraction": ("float64", (K,)), "count": ("int64", batch)}
-    return arrays | ({"_last": ("float64", (math.prod(batch),))} if "_last" in headers else {})
+    return int(K)
 
 
 def _check_failures(result: Mapping[str, Any], steps: int) -> None:
-    """Check that statuses, `failed_at` and last states agree."""
+    """Check that statuses, `failed_at`, `first_pole` and last states agree."""
     status, failed_at, failed = result["status"], result["failed_at"], result["status"] < 0
     if not np.isin(status, [*Status]).all():
         raise wrong("status", "have values of Status", "others")
@@ -240,6 +240,13 @@ def _check_failures(result: Mapping[str, Any], steps: int) -> None:
     if ((failed_at < -1) | (failed_at > steps) | contradicts | too_early).any():
         expected = f"a step up to {steps} where a trajectory failed or passed a pole, else -1"
         raise wrong("failed_at", expected, "others")
+    first_pole = result["first_pole"]
+    is_right = np.where(passed, first_pole == failed_at, first_pole == -1)
+    is_right |= failed & (first_pole >= 1) & (first_pole <= failed_at)
+    if not is_right.all():
+        raise wrong(
+            "first_pole", "failed_at where a pole was passed, or before a failure", "others"
+        )
     if (np.isnan(result["final"]).any(axis=-1) != failed).any():
         raise wrong("final", "NaN where a trajectory failed, else numbers", "others")
 
@@ -315,30 +322,6 @@ def _entry(entries: zipfile.ZipFile, name: str) -> Any:
     with entries.open(f"{name}.npy") as file:
         array = np.lib.format.read_array(file)
     return np.asarray(array, array.dtype.newbyteorder("="), order="C")
-
-
-def arrays_of_a_run(
-    states: str, batch: tuple[int, ...], rows: int, D: int, turns: bool
-) -> dict[str, tuple[str, tuple[int, ...]]]:
-    """Return types and shapes of the arrays of a run; `states` is the name of its states."""
-    arrays: dict[str, tuple[str, tuple[int, ...]]] = {
-        states: ("float64", (rows, *batch, D)),
-        "final": ("float64", (*batch, D)),
-        "status": ("int8", batch),
-        "failed_at": ("int64", batch),
-    }
-    if turns:
-        arrays["attitude"] = "float64", (rows, *batch, D + 1, D + 1)
-    return arrays
-
-
-def check_arrays(arrays: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
-    """Check that a file or a store has the expected arrays, by their types and shapes."""
-    for name, (kind, shape) in expected.items():
-        if name not in arrays:
-            raise ValueError(f"{name} is missing: {kind} of shape {shape}")
-        if arrays[name] != (kind, shape):
-            raise wrong(name, f"{kind} of shape {shape}", "{} of shape {}".format(*arrays[name]))
 
 
 def _checked(path: PathLike, others: str) -> Path:

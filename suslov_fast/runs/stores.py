@@ -30,10 +30,11 @@ from ..checks import first_index, wrong
 from ..engine.random_starts import RandomStarts
 from ..engine.status import Status
 from . import access
+from .columns import RUN
 from .metadata import COPY, Contents, Stored, Tile, digest_of, overlaid, read_contents
 
-# Status of trajectories that are not computed yet.
-PENDING = -128
+# Values that unwritten chunks show, by the name of a column; others are NaN, or Zarr's default.
+_FILLS = {column.name: column.fill for column in RUN}
 # Held while settings of Zarr are changed, because they apply to all threads.
 _SETTINGS = Lock()
 
@@ -261,7 +262,7 @@ def create(store: Any, data: Any, sizes: dict[str, int], copy: str | None = None
                 shape=variable.shape,
                 dtype=str if kind in "OU" else variable.dtype,
                 chunks=tuple(max(1, lengths[dim]) for dim in variable.dims),
-                fill_value=_fill(kind, name in tiled),
+                fill_value=_FILLS.get(str(name), math.nan if kind == "f" else None),
                 compressors=zarr.codecs.Crc32cCodec(),
                 dimension_names=variable.dims,
                 attributes=variable.attrs,
@@ -284,13 +285,6 @@ async def _consolidate(target: Any, attributes: Any, names: list[str]) -> None:
     text = json.dumps(group | {"consolidated_metadata": metadata}, indent=2)
     for key in (COPY, "zarr.json"):
         await access.put(target, key, text)
-
-
-def _fill(kind: str, is_tiled: bool) -> Any:
-    """Return the value that unwritten chunks show; None is Zarr's default."""
-    if kind == "f":
-        return math.nan
-    return PENDING if is_tiled else None
 
 
 def opened(store: Any, contents: Contents) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from ..engine.problem import Problem, Where, along, part_of
 from ..engine.random_starts import RandomStarts
 from ..engine.stretches import March
 from . import stores
+from .columns import of_runs
 from .metadata import Tile
 
 # Tiles that are queued per thread of a Dask worker.
@@ -102,8 +103,9 @@ def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> None
         for name, values in piece.items():
             arrays[name][(slice(row, row + len(states)), *where)] = values
         row += len(states)
-    for name in ("final", "failed_at", "status"):
-        arrays[name][where] = getattr(march, name)
+    for column in sorted(of_runs(march.steps, False), key=lambda column: column.is_last):
+        if not column.is_saved:
+            arrays[column.name][where] = getattr(march, column.name)
 
 
 def checked_values(name: str, function: Any, states: FloatArray) -> Any:

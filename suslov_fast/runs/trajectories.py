@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, checked_out, integer, one_of
 from ..engine.problem import Problem
-from ..engine.status import ON_SINGULAR, OnSingular, report_failures
+from ..engine.status import ON_SINGULAR, OnSingular, first_beyond, report_failures
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
 from ..maps import Map
+from .columns import of_runs
 from .results import Result, in_short, read_only
 
 if TYPE_CHECKING:
@@ -94,6 +95,10 @@ class Trajectories(Result):
     failed_at : ndarray(int, shape=(...))
         Number of the first state that does not exist, if a trajectory failed; of the first state
         beyond a pole, if its status is PASSED_POLE; else -1.
+    first_pole : ndarray(int, shape=(...))
+        Number of the first state beyond a pole, whatever happened later; -1 if no pole was found.
+    valid : ndarray(bool, shape=(n_saved, ...))
+        True for the saved states before the first failure or pole.
     final : ndarray(float, shape=(..., D))
         The state after the last step, saved or not.
     attitude : ndarray(float, shape=(n_saved, ..., n, n)) or None
@@ -124,6 +129,7 @@ class Trajectories(Result):
     map: Map
     status: NDArray[np.int8]
     failed_at: NDArray[np.int64]
+    first_pole: NDArray[np.int64]
     final: FloatArray
     method: str
     steps: int
@@ -249,6 +255,15 @@ class Trajectories(Result):
         """True if no trajectory failed; a passed pole is no failure."""
         return bool((self.status >= 0).all())
 
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """True for saved states before the first failure or pole, shape (n_saved, ...).
+
+        All states of a trajectory with the status SUPERCRITICAL are valid.
+        """
+        n = self.n.reshape(-1, *(1,) * self.status.ndim)
+        return n < first_beyond(self.failed_at, self.first_pole)
+
     first_integral = _quantity("first_integral")
     energy = _quantity("energy")
     modified_energy = _quantity("modified_energy")
@@ -371,9 +386,6 @@ def run_to_end(
         "eps": march.problem.eps,
         "body": march.problem.body,
         "map": march.problem.map,
-        "status": march.status,
-        "failed_at": march.failed_at,
-        "final": march.final,
         "method": method,
         "steps": steps,
         "save_every": save_every,
@@ -381,6 +393,8 @@ def run_to_end(
         "_carry": march.carry,
         "_turned": march.turned,
     }
+    columns = of_runs(march.steps, turns is not None)
+    attributes |= {each.name: getattr(march, each.name) for each in columns if not each.is_saved}
     run = Trajectories._of(attributes)
     report_failures(run, on_singular, start + 1 if earlier else 0)
     return run

@@ -1,0 +1,123 @@
+"""What the results of runs consist of: one table, from which datasets, files and stores are made.
+
+A column of runs is a line of `RUN`, a field of `Trajectories` and an attribute of `March`, all of
+the same name. `FORMAT` changes whenever files or stores of the last release lack a column.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any, NamedTuple
+
+from ..checks import wrong
+
+# Version of files and stores.
+FORMAT = 11
+# Fill value of integers in a store, where a tile is not computed yet.
+PENDING = -128
+# Names that begin with _ are what a run continues from: files have them, datasets do not.
+_PRIVATE = "_"
+
+
+class Column(NamedTuple):
+    """An array of a result."""
+
+    name: str  # of the attribute; in datasets and stores, states have the name of their map
+    type: str
+    axes: str  # keys of `Sizes`, of which "batch" stands for all axes of the batch
+    meaning: str = ""  # long name in datasets
+    fill: float = math.nan  # value in a store where a tile is not computed yet
+    when: str = ""  # the condition, of `conditions_of`, under which results have it
+    is_last: bool = False  # whether tiles write it last, so that it marks them as done
+
+    @property
+    def is_public(self) -> bool:
+        """Whether datasets and stores have the column."""
+        return not self.name.startswith(_PRIVATE)
+
+    @property
+    def is_saved(self) -> bool:
+        """Whether it has a row for each saved state; others have one for all steps."""
+        return self.axes.startswith("n ")
+
+
+RUN = (
+    Column("states", "float64", "n batch component"),
+    Column("attitude", "float64", "n batch space body", "rotation", when="turns"),
+    Column("final", "float64", "batch component", "state after the last step"),
+    Column(
+        "failed_at", "int64", "batch", "first state missing or beyond a pole, or -1", fill=PENDING
+    ),
+    Column("first_pole", "int64", "batch", "first state beyond a pole, or -1", fill=PENDING),
+    Column("status", "int8", "batch", fill=PENDING, is_last=True),
+    Column("_carry", "float64", "carried trajectory"),
+    Column("_turned", "float64", "trajectory space body", when="turns"),
+)
+CROSSINGS = (
+    Column("n", "int64", "crossing"),
+    Column("before", "float64", "crossing component", "state n"),
+    Column("after", "float64", "crossing component", "state n + 1"),
+    Column("fraction", "float64", "crossing"),
+    Column("count", "int64", "batch"),
+    *(column for column in RUN if column.name in ("final", "failed_at", "first_pole", "status")),
+    Column("_carry", "float64", "carried trajectory"),
+    Column("_last", "float64", "trajectory", when="surface"),
+)
+OF_KIND = {"Trajectories": RUN, "Crossings": CROSSINGS}
+
+Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`
+
+
+def conditions_of(steps: Any, turns: bool) -> set[str]:
+    """Return the values of `Column.when` that hold for a run by these `Steps`."""
+    return {"turns"} if turns else set()
+
+
+def present(table: Iterable[Column], conditions: Collection[str]) -> list[Column]:
+    """Return the columns that exist under these conditions."""
+    return [column for column in table if not column.when or column.when in conditions]
+
+
+def of_runs(steps: Any, turns: bool) -> list[Column]:
+    """Return the columns that datasets and stores of runs by these `Steps` have."""
+    return [column for column in present(RUN, conditions_of(steps, turns)) if column.is_public]
+
+
+def sizes_of(batch: tuple[int, ...], D: int, **others: int) -> Sizes:
+    """Return the lengths of all axes of a result."""
+    sizes = {"batch": batch, "component": (D,), "space": (D + 1,), "body": (D + 1,)}
+    return sizes | {name: (n,) for name, n in (others | {"trajectory": math.prod(batch)}).items()}
+
+
+def shape_of(column: Column, sizes: Sizes) -> tuple[int, ...]:
+    """Return the shape of a column."""
+    return sum((sizes[axis] for axis in column.axes.split()), ())
+
+
+def dims_of(column: Column, batch: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the dimensions of a column in a dataset, whose batch has these."""
+    return sum((batch if axis == "batch" else (axis,) for axis in column.axes.split()), ())
+
+
+def arrays_of(table: Iterable[Column], sizes: Sizes) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """Return types and shapes by name."""
+    return {column.name: (column.type, shape_of(column, sizes)) for column in table}
+
+
+def check_arrays(arrays: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
+    """Check that a file or a store has the expected arrays, by their types and shapes."""
+    for name, (kind, shape) in expected.items():
+        if name not in arrays:
+            raise ValueError(f"{name} is missing: {kind} of shape {shape}")
+        if arrays[name] != (kind, shape):
+            raise wrong(name, f"{kind} of shape {shape}", "{} of shape {}".format(*arrays[name]))
+
+
+def of_other_format(number: Any, version: Any) -> str:
+    """Return in words what a file or store of another format is, and what to do."""
+    is_newer = isinstance(number, int) and number > FORMAT
+    how = "compute it anew"
+    if is_newer:
+        how = "a newer suslov_fast reads it: pip install -U suslov_fast"
+    return f"a run of suslov_fast {version}: {how}"

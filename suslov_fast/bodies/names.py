@@ -20,7 +20,7 @@ _TAKEN = {
     **dict.fromkeys(("quadratic", "linear", "constant"), "the coefficients of a field"),
     **dict.fromkeys(
         (
-            *("n", "final", "status", "failed_at", "attitude", "trajectory", "space"),
+            *("n", "final", "status", "failed_at", "first_pole", "attitude", "trajectory", "space"),
             *("component", "component_j", "component_k"),
             *("crossing", "before", "after", "fraction"),
         ),

@@ -243,9 +243,9 @@ class Search:
         (first, noted), first_pole = march.noted(), march.first_pole.reshape(-1)
         last = n[np.maximum(ends, 1) - 1] + 1 if K else 0
         first_pole[ended & (first_pole > last)] = -1
-        before = ended & (first > 0) & (first <= last)
-        status.reshape(-1)[before] = np.broadcast_to(noted, before.shape)[before]
-        failed_at.reshape(-1)[before] = first[before]
+        told = ended & (first > 0) & (first <= last)
+        status.reshape(-1)[told] = np.broadcast_to(noted, told.shape)[told]
+        failed_at.reshape(-1)[told] = first[told]
         return {
             "trajectory": trajectory,
             "n": n,

@@ -226,19 +226,24 @@ def test_elimination_among_parameters_is_no_part_of_a_step(rng):
 
 
 def test_pivots_are_those_of_least_degree(rng):
-    """As in a table of which equations hold which unknowns, after each elimination."""
+    """As in a table of which equations hold which unknowns, after each elimination.
+
+    Ties go to an unknown that waits for the fewest others, one after the other.
+    """
     for _ in range(20):
         D = int(rng.integers(2, 12))
         pattern = np.argwhere(random_pattern(rng, D)).tolist()
         table = np.eye(D, dtype=bool)
         for i, j in pattern:
             table[i, j] = table[j, i] = True
-        left, expected = [*range(D)], []
+        left, expected, depth = [*range(D)], [], [0] * D
         while left:
-            k = min(left, key=lambda i: (table[i, left].sum(), i))
+            k = min(left, key=lambda i: (table[i, left].sum(), depth[i], i))
             expected.append(k)
             table |= np.outer(table[:, k], table[k])
             left.remove(k)
+            for i in np.flatnonzero(table[k, left]):
+                depth[left[i]] = max(depth[left[i]], depth[k] + 1)
         assert elimination_order(pattern, D) == expected
 
 

@@ -5,6 +5,7 @@ stands for 0.
 """
 
 from collections import defaultdict
+from heapq import heapify, heappop, heappush
 
 import numpy as np
 
@@ -84,11 +85,15 @@ class Factors:
         self.diagonal, self.original, self.pivot, self.inverse = {}, {}, {}, {}
         self.lower, self.upper = {}, {}
         self.before, self.after = filled(matrix.pattern, order)
-        for n, k in enumerate(order):
+        below = defaultdict(list)
+        for i in order:
+            for k in self.before[i]:
+                below[k].append(i)
+        for k in order:
             if right is not None:
                 right[k] = self.forward(k, matrix.right_side(k), right)
             # Column k from the diagonal down, then row k to the right of it.
-            for i in [k, *(i for i in order[n + 1 :] if k in self.before[i])]:
+            for i in [k, *below[k]]:
                 original = matrix.entry(i, k)[0]
                 value = self._eliminated(original, i, k)
                 if i == k:
@@ -164,20 +169,28 @@ def elimination_order(pattern, D):
     """Return an order of pivots with little fill-in: the next pivot always has the least degree.
 
     The degree of an unknown is the number of others that occur in an equation together with it.
+    Among equals the next pivot is one that waits for the fewest others, one after the other,
+    because processors carry out side by side what does not wait for each other.
     """
-    neighbours = [set() for _ in range(D)]
+    neighbours, depth, order, left = [set() for _ in range(D)], [0] * D, [], set(range(D))
     for i, j in pattern:
         if i != j:
             neighbours[i].add(j)
             neighbours[j].add(i)
-    order, left = [], set(range(D))
+    keys = [(len(neighbours[i]), 0, i) for i in range(D)]
+    heapify(keys)
     while left:
-        k = min(left, key=lambda i: (len(neighbours[i]), i))
+        key = heappop(keys)
+        k = key[-1]
+        if k not in left or key != (len(neighbours[k]), depth[k], k):
+            continue  # a newer key of this unknown is in the heap, or was
         order.append(k)
         left.remove(k)
         for i in neighbours[k]:
             neighbours[i] |= neighbours[k]
             neighbours[i] -= {i, k}
+            depth[i] = max(depth[i], depth[k] + 1)
+            heappush(keys, (len(neighbours[i]), depth[i], i))
     return order
 
 

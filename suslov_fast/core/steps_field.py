@@ -290,7 +290,7 @@ def _alignment(saved, W, is_large):
     """Return the alignment of the lines of saved states, in bytes; 0 if none are saved."""
     if not saved.size:
         return 0
-    if not is_large or W == 1:
+    if not is_large or W < WIDTH:
         return 8
     bits = saved.ctypes.data | saved.strides[0]
     return next(size for size in (64, 16, 8) if bits % size == 0)
@@ -325,7 +325,7 @@ def _iterate_part(
     """
     (scheme, *parameters), (begin, end, *steps) = arguments, span
     starts = omega0 if steps[0] == 0 else final
-    W = WIDTH if end - begin > 1 else 1
+    W = min(1 << (end - begin - 1).bit_length(), 4) if end - begin <= WIDTH else WIDTH
     count = -(-(end - begin) // W)
     first, last = (begin + W * (count * k // parts) for k in (part, part + 1))
     last = min(last, end)

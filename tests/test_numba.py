@@ -427,10 +427,23 @@ def test_the_garbage_collector_is_paused_by_first_calls_alone(is_enabled):
     assert seen == [False, is_enabled]
 
 
+NAMES_OF_WARM_UP = """
+from numba.core import event
+from suslov_fast.command import main
+with event.install_recorder("numba:run_pass") as passes:
+    main(["warm-up"])
+for module, name in {(each.data["module"], each.data["qualname"]) for _, each in passes.buffer}:
+    print(f"{module}.{name}")
+"""
+
+
 @pytest.mark.slow
 def test_nothing_is_compiled_after_warm_up(tmp_path):
     cache = {"NUMBA_CACHE_DIR": str(tmp_path), "timeout": 900}
-    children.run("from suslov_fast.command import main; main(['warm-up'])", **cache)
+    made = children.run(NAMES_OF_WARM_UP, **cache).splitlines()
+    assert any("steps_3d.steps" in name for name in made)
+    # Texts of errors, which take seconds.
+    assert [name for name in made if "shape_context" in name or "unicode" in name] == []
     compiled, tests = set(tmp_path.rglob("*.nbc")), Path(__file__).with_name("test_promises.py")
     children.run("import pytest, sys; sys.exit(pytest.main(['-q', sys.argv[1]]))", tests, **cache)
     assert set(tmp_path.rglob("*.nbc")) == compiled

@@ -143,6 +143,23 @@ def test_the_core_is_pure_numerics():
             assert modules <= {"suslov_fast", *pure}
 
 
+def test_compiled_functions_assign_no_arrays_to_slices():
+    """Numba would compile the text of its error for other shapes, in seconds: write a loop."""
+    kinds = {"function", "formula", "inlined", "kernel", "for_users", "universal", "c_function"}
+    compiled = 0
+    for path in (path for path in TEXTS if path.parent.name == "core"):
+        for each in (node for node in NODES[path] if isinstance(node, ast.FunctionDef)):
+            names = {ast.unparse(decorator).partition("(")[0] for decorator in each.decorator_list}
+            compiled += bool(names & kinds)
+            for node in ast.walk(each) if names & kinds else ():
+                if isinstance(node, ast.Assign) and any(
+                    isinstance(part, ast.Slice) for t in node.targets for part in ast.walk(t)
+                ):
+                    is_number = isinstance(node.value, (ast.Constant, ast.Attribute))
+                    assert is_number, (path, ast.unparse(node))
+    assert compiled > 100
+
+
 def test_files_can_be_read_at_once():
     lengths = {path: text.count("\n") for path, text in TEXTS.items()}
     assert max(lengths.values()) <= 420, max(lengths, key=lengths.get)

@@ -9,7 +9,6 @@ Fields have terms as in `steps_field`, and so have the fields of bodies. Machine
 which lanes need logarithms, orthonormal columns, or elimination with pivoting.
 
 jacobians   a kernel: DPhi at states
-densities   1 / det A at states
 growth      a kernel: logarithms of lengths and determinants along orbits
 
 With the sums (B, D) and of_det (B,) of `growth`, the first D - 1 Lyapunov exponents after N steps
@@ -45,10 +44,10 @@ from .generated_tangent import (
     text_of_orthonormalise,
     text_of_tangent,
 )
-from .llvm import call_code, uncounted
+from .llvm import call_code, for_size, uncounted
 from .machine_code import LARGE, code_of
 from .numba import function, inlined, kernel, lesser, share
-from .operations import Tangent, evaluate
+from .operations import Tangent
 from .steps_field import Scheme, scheme_of, tables_of
 
 INTERVAL = 16  # steps, after which columns are orthonormalised at the latest
@@ -124,6 +123,7 @@ def memory_of(arguments, D):
 @function
 def multiply_columns(indices, half, before, after, columns, system, units):
     """Replace each q = columns[r] by -DPhi q, by `solve`; return det DPhi."""
+    for_size()
     D = len(before)
     fill_system(indices, half, -1.0, after, system)
     for i in range(D):
@@ -145,9 +145,7 @@ def multiply_columns(indices, half, before, after, columns, system, units):
     for i in range(D):
         for r in range(D):
             columns[r, i] = system[i, D + r, 0]
-    return determinant / np.float64(
-        determinant_of(system, units)
-    )  # float64: in Python 1 / 0 raises
+    return determinant / np.float64(determinant_of(system, units))  # in Python 1 / 0 raises
 
 
 @function
@@ -164,7 +162,7 @@ def take_steps(arguments, memory, place, stage, ignored, steps):
         code = call_code(address, (line.ctypes.data, table, ignored, steps))
     elif code == 0:  # all lanes have ended
         code = steps
-    taken, step = code & (2**STEP - 1), (code >> STEP) & all_lanes
+    taken, step = code & ((1 << STEP) - 1), (code >> STEP) & all_lanes
     solved, negative = step | (code >> DERIVATIVE) & all_lanes, (code >> NEGATIVE) & all_lanes
     if solved != 0:
         copy_lanes(arguments, memory, solved)
@@ -183,6 +181,7 @@ def take_steps(arguments, memory, place, stage, ignored, steps):
 @function
 def copy_lanes(arguments, memory, lanes):
     """Copy the states, columns and products of lanes before a step to the memory of `solve`."""
+    for_size()
     line, D = memory.line, len(memory.after)
     first = 2 * D + LENGTHS
     for l in range(arguments.W):
@@ -199,6 +198,7 @@ def solve_lanes(arguments, memory, place, stage, step, lanes):
 
     Return the bits of lanes whose step was from det A < 0.
     """
+    for_size()
     line, half, after, D = memory.line, memory.half, memory.after, len(memory.after)
     first, negative, indices, halves = 2 * D + LENGTHS, 0, arguments.indices, arguments.halves
     for l in range(arguments.W):
@@ -209,9 +209,8 @@ def solve_lanes(arguments, memory, place, stage, step, lanes):
             half[t] = arguments.fractions[stage] * value
         status = OK
         for i in range(D):
-            after[i] = line[i, l]
+            after[i] = memory.before[l, i] if (step >> l) & 1 else line[i, l]
         if (step >> l) & 1:
-            after[:] = memory.before[l]
             status, beyond = solve_lane(indices, half, after, memory.matrix, memory.units)
             negative |= (1 << l) if beyond else 0
         memory.statuses[l] = status
@@ -234,6 +233,7 @@ def fill_line(arguments, memory, x, carry, place, start):
 
     Lanes beyond the last trajectory repeat it; return their bits.
     """
+    for_size()
     line, (B, D), W, ignored = memory.line, x.shape, arguments.W, 0
     first = 2 * D + LENGTHS
     line[:] = 0.0
@@ -269,37 +269,6 @@ def jacobians(part, parts, arguments, x, out):
                     out[place * W + l, i, r] = 0.0 * memory.line[i, l] - value
 
 
-@function
-def determinants(indices, halves, x, out):
-    """Fill out (B,) with det A at states x (B, D), by `solve`; 0 where it is 0 to rounding."""
-    D = x.shape[1]
-    system, units = np.empty((D, D, 1)), np.empty((2, D))
-    for k in range(len(x)):
-        fill_system(indices, halves[k % len(halves)], 1.0, x[k], system)
-        solve(system, units)
-        out[k] = determinant_of(system, units)
-
-
-def densities(scheme, values, eps, x):
-    """Return 1 / det A at states x (B, D), infinite where det A is 0 to rounding."""
-    step, halves = scheme.step, 0.5 * eps[:, np.newaxis] * values
-    found = dict(enumerate(np.ascontiguousarray(x.T)))
-    with np.errstate(all="ignore"):
-        found.update(zip(step.table, step.table_of(halves.T), strict=True))
-        evaluate(step.usual, found)
-        evaluate(step.rare, found)
-        density, inaccurate = np.ones(len(x)), np.ones(len(x), bool)
-        if step.usual:
-            for k in sorted(step.factors.inverse):
-                density = density * found[step.factors.inverse[k]]
-            inaccurate = ~np.broadcast_to(found[step.accurate], len(x))
-        solved = np.empty(np.count_nonzero(inaccurate))
-        own = halves[inaccurate] if len(halves) > 1 else halves
-        determinants(step.indices, own, x[inaccurate], solved)
-        density[inaccurate] = 1.0 / solved
-        return density + 0.0 * x.sum(axis=1)
-
-
 @kernel
 def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed_at):
     """Add the logarithms of the growth of D lengths, and of |det DPhi|, along orbits.
@@ -316,13 +285,15 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
     sums, of_det   (B, D) and (B,), to which logarithms are added; NaN after a failure
     status, failed_at   (B,), as in `steps_3d.steps`
     """
+    for_size()
     arguments, sums, of_det = uncounted(arguments), uncounted(sums), uncounted(of_det)
     (start, stop, last), (B, D), W = span, x0.shape, arguments.W
     memory, stages = memory_of(arguments, D), len(arguments.fractions)
     line, first, all_lanes = memory.line, 2 * D + LENGTHS, (1 << W) - 1
     begin, end = share((B + W - 1) // W, part, parts)
     for place in range(begin, end):
-        ignored, n, stage = fill_line(arguments, memory, x0, carry, place, start), start, 0
+        ignored, n = fill_line(arguments, memory, x0, carry, place, start), start
+        stage = np.int64(0)  # a literal would have a type, and functions, of its own
         for l in range(lesser(W, B - place * W)):
             k, undefined = place * W + l, 0.0
             for i in range(D):
@@ -366,7 +337,6 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
             of_det[k] += 0.0 * line[0, l]
             for i in range(D):
                 sums[k, i] += 0.0 * line[i, l]
-            for i in range(D):
                 carry[k, i] = line[i, l]
                 for r in range(D):
                     carry[k, D + D * i + r] = line[first + i * arguments.room + r, l]
@@ -381,6 +351,7 @@ def orthonormalise(q, g, room, due):
     The products of lengths in g are multiplied by the lengths. VOLUME becomes 1; or 0 if a column
     is 0, because then it does not show how the other columns grow.
     """
+    for_size()
     D = len(g) - LENGTHS
     for l in range(q.shape[1]):
         if (due >> l) & 1 == 0:
@@ -407,6 +378,7 @@ def orthonormalise(q, g, room, due):
 @function
 def take_logarithms(g, sums, of_det, begin, of_all):
     """Add the logarithms of products that leave their range, or of all, and begin new products."""
+    for_size()
     for row in range(NEAR_1, len(g)):
         near = row == NEAR_1
         low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST_LENGTH, LARGEST_LENGTH)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray
 from ..core import tangent
+from ..core.density import densities
 from .arguments import ALL, by_zeros, flat_arrays, in_stages
 from .problem import Problem
 from .stretches import March, Report
@@ -58,7 +59,7 @@ def _fill_jacobians(scheme: Any, values: Any, eps: Any, x: FloatArray, out: Floa
 
 
 def _fill_densities(scheme: Any, values: Any, eps: Any, x: FloatArray, out: FloatArray) -> None:
-    out[:] = tangent.densities(scheme, values, eps, x)
+    out[:] = densities(scheme, values, eps, x)
 
 
 def jacobian(problem: Problem) -> FloatArray:

@@ -39,6 +39,8 @@ from .runs.find_crossings import crossings as crossings
 from .runs.iterate import iterate as iterate
 from .runs.iterate import step as step
 from .runs.iterate import step_full as step_full
+from .runs.periodic import PeriodicOrbit as PeriodicOrbit
+from .runs.periodic import periodic_orbit as periodic_orbit
 from .runs.solution import exact as exact
 from .runs.solution import flow as flow
 from .runs.solution import limits as limits

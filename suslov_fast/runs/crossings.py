@@ -122,7 +122,7 @@ class Crossings(Result):
             eps = self._at_crossings(np.asarray(self.eps))
             march = March(problem, self.method)
             points = march.step_of(self.trajectory, self.before, self.fraction * eps)
-        return read_only(points)  # type: ignore[no-any-return]
+        return read_only(points)
 
     @cached_property
     def time(self) -> FloatArray:

@@ -54,7 +54,8 @@ def crossing_fractions(
             x[k] = _next(a[:, k], b[:, k], c[:, k])
         is_found = (abs(a[0, k] - b[0, k]) <= _WIDTH) | (values == 0.0)
         left_to_do = k[~is_found]
-    return np.where(abs(a[1]) <= abs(b[1]), a[0], b[0])
+    fractions: FloatArray = np.where(abs(a[1]) <= abs(b[1]), a[0], b[0])
+    return fractions
 
 
 def _next(a: FloatArray, b: FloatArray, c: FloatArray) -> Any:

@@ -212,7 +212,8 @@ class Search:
             after = march.step_of(which[some], numbers[some, :D], fractions * eps[some])
             states[rows[some], which[some]] = after
             values = self.values_of(states.reshape(len(states), *self.batch, D))
-            return values[rows[some], which[some]]
+            found: FloatArray = values[rows[some], which[some]]
+            return found
 
         before = np.where(k == 0, self.last[which], values[k - 1, which])
         return crossing_fractions(values_at, numbers[:, -1], before, values[k, which])

@@ -1,0 +1,228 @@
+"""Periodic orbits by Newton's method on the map of a whole period.
+
+N steps of the length eps = period / N take x to Phi^N(x). The unknowns are x and eps, the equations
+
+Phi^N(x) - x = 0,   f(start) . (x - start) = 0,
+
+of which the second one fixes a point of the orbit. The derivative with respect to x is the product
+of the Jacobians of the steps; its eigenvalues at the solution are the multipliers.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..bodies.field import QuadraticField
+from ..checks import FloatArray, integer, real_number, short, warn, wrong
+from ..maps import Method, problem
+from ..quantities.derivatives import jacobian, vector_field
+from .iterate import iterate
+
+_ROUNDS, _HALVINGS = 50, 8
+_PART = 1e-6  # of eps, for the difference quotient with respect to it
+# Singular values below this part of the largest one, or below the residual, are directions along a
+# family of orbits, of which a system with an integral has one for each of its values.
+_LEAST = 1e-8
+_AT_REST = 1e-6  # part of its size that a state at rest moves in a period
+_DIVISORS = 2, 3, 5, 7, 11, 13
+
+
+class PeriodicOrbit(NamedTuple):
+    """A periodic orbit: the result of :func:`periodic_orbit`."""
+
+    state: FloatArray
+    """A state of the orbit, shape (D,)."""
+    period: float
+    """The period, in the unit of time of the field."""
+    multipliers: NDArray[np.complex128]
+    """Eigenvalues of the derivative of the map of a period, shape (D,), sorted by modulus."""
+    residual: float
+    """The largest modulus of a component of Phi^N(x) - x over that of x."""
+
+
+def periodic_orbit(
+    field: QuadraticField,
+    start: ArrayLike,
+    /,
+    period: float,
+    steps: int,
+    *,
+    method: Method = "order8",
+    tol: float = 1e-12,
+) -> PeriodicOrbit:
+    """Find a periodic orbit near a state and a period, with its (Floquet) multipliers.
+
+    Newton's method solves Phi^N(x) = x for the state and the step size together, on the plane
+    through the start that is normal to f(start). Its steps have the least norm, so that of a family
+    of periodic orbits, which a system with an integral has, a member near the start is found.
+
+    Parameters
+    ----------
+    field : QuadraticField
+        A single field.
+    start : array_like(float, shape=(D,))
+        A state near the orbit, such as a near return of :func:`crossings`.
+    period : float
+        The approximate period, in the unit of time of the field.
+    steps : int
+        The number N of steps in a period. The method's error of the orbit is that of `iterate`
+        with eps = period / N.
+    method : str
+        As in :func:`iterate`.
+    tol : float
+        The largest residual, dimensionless, from 1e-14 to 1e-2.
+
+    Returns
+    -------
+    PeriodicOrbit
+        A named tuple of `state` (D,), `period`, `multipliers` (D,), complex, sorted by decreasing
+        modulus with Im > 0 first in conjugate pairs, and `residual`. One multiplier is 1 to the
+        error of the method.
+
+    Raises
+    ------
+    RuntimeError
+        If Newton's method does not converge, or arrives at an equilibrium: `start` or `period` is
+        too far from those of an orbit.
+    TypeError, ValueError
+        If an argument is out of range, or the method has no Jacobian.
+
+    Warns
+    -----
+    RuntimeWarning
+        If the period is a multiple of a shorter one.
+
+    Examples
+    --------
+    The shortest periodic orbit of Roessler's system, whose period is 5.8810884555:
+
+    >>> from suslov_fast import QuadraticField, periodic_orbit
+    >>> roessler = QuadraticField.from_function(
+    ...     lambda x: (-x[1] - x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - 5.7)), 3
+    ... )
+    >>> orbit = periodic_orbit(roessler, [0.0, -8.4, 0.03], period=5.9, steps=600)
+    >>> round(orbit.period, 9), round(float(orbit.multipliers[0].real), 6)
+    (5.881088456, -2.403954)
+    """
+    checked = problem("jacobian", field, start, period, method=method, name="start")
+    if checked.batch:
+        expected = f"a single {type(field).__name__}, state and period"
+        raise wrong("periodic_orbit", f"called with {expected}", f"a batch {checked.batch}")
+    x, period = checked.omega, float(period)
+    if not np.isfinite(x).all():
+        raise wrong("start", "finite", short(start))
+    if not period > 0.0:
+        raise wrong("period", "positive", period)
+    steps, tol = integer("steps", steps, 1), float(real_number("tol", tol))
+    if not 1e-14 <= tol <= 1e-2:
+        raise wrong("tol", "from 1e-14 to 1e-2", tol)
+    return _Shooting(field, x, period, steps, method).solve(tol)
+
+
+class _Shooting:
+    """Newton's method for the state and the step size of a periodic orbit."""
+
+    def __init__(
+        self, field: Any, start: FloatArray, period: float, steps: int, method: str
+    ) -> None:
+        self.field, self.start, self.steps, self.method = field, start, steps, method
+        self.given, self.slope = period, vector_field(field, start)
+        self._go_to(start, period / steps)
+
+    def _runs(self, x: FloatArray, eps: Any, **options: Any) -> Any:
+        return iterate(
+            self.field, x, eps, self.steps, method=self.method, on_singular="ignore", **options
+        )
+
+    def _go_to(self, x: FloatArray, eps: float) -> None:
+        """Compute the orbit of a state, and how far from it the orbit ends."""
+        self.x, self.eps = x, eps
+        self.states = self._runs(x, eps).states
+        self.gap = self.states[-1] - x
+        residual = abs(self.gap).max() / abs(x).max() if x.any() else np.inf
+        self.residual = float(residual) if np.isfinite(residual) else np.inf
+
+    def _derivative(self) -> FloatArray:
+        """Return the derivative of the map of a period with respect to the state."""
+        factors = jacobian(self.field, self.states[:-1], self.eps, method=self.method)
+        while len(factors) > 1:  # the later one of two is the left one
+            last = factors[len(factors) // 2 * 2 :]
+            factors = np.concatenate([factors[1::2] @ factors[: len(factors) - 1 : 2], last])
+        product: FloatArray = factors[0]
+        return product
+
+    def _step(self) -> FloatArray:
+        """Return the step of the state and of log(eps)."""
+        D = len(self.x)
+        ends = self._runs(
+            self.x, self.eps * np.array([1 + _PART, 1 - _PART]), save_every=None
+        ).final
+        sizes = abs(self.states).max(axis=0)
+        sizes = np.maximum(sizes, 2.0**-20 * sizes.max())
+        matrix, right = np.zeros((D + 1, D + 1)), np.zeros(D + 1)
+        matrix[:D, :D] = self._derivative() - np.eye(D)
+        matrix[:D, D] = (ends[0] - ends[1]) / (2 * _PART)  # with respect to log(eps)
+        matrix[D, :D], right[D] = self.slope, -self.slope @ (self.x - self.start)
+        right[:D] = -self.gap
+        # Components in units of their size, the plane's equation of the size of the others.
+        matrix[:, :D] *= sizes
+        matrix[:D], right[:D] = matrix[:D] / sizes[:, np.newaxis], right[:D] / sizes
+        length = np.linalg.norm(matrix[D]) or 1.0
+        matrix[D], right[D] = matrix[D] / length, right[D] / length
+        # Levenberg and Marquardt's step, which is Newton's but for small singular values.
+        if not np.isfinite(matrix).all():
+            return np.full(D + 1, np.nan)
+        left, values, rows = np.linalg.svd(matrix)
+        damping = (_LEAST * values[0]) ** 2 + right @ right
+        step: FloatArray = (values / (values**2 + damping) * (right @ left)) @ rows
+        step[:D] *= sizes
+        return step
+
+    def _improve(self) -> bool:
+        """Take a step, or a part of it; return whether the residual fell."""
+        x, eps, residual = self.x, self.eps, self.residual
+        if not np.isfinite(residual):
+            return False
+        with np.errstate(all="ignore"):
+            step = self._step()
+        if not np.isfinite(step).all():
+            return False
+        for k in range(_HALVINGS):
+            part = step / 2**k
+            self._go_to(x + part[:-1], eps * np.exp(np.clip(part[-1], -0.5, 0.5)))
+            if self.residual < residual:
+                return True
+        self._go_to(x, eps)
+        return False
+
+    def solve(self, tol: float) -> PeriodicOrbit:
+        for _ in range(_ROUNDS):
+            is_found, last = self.residual <= tol, self.residual
+            if not self._improve() or (is_found and self.residual > last / 2):
+                break
+        period = self.eps * self.steps
+        size = abs(self.x).max()
+        if abs(vector_field(self.field, self.x)).max() * period < _AT_REST * size:
+            found = f"the equilibrium {short(self.x)}"
+        elif not self.residual <= tol:
+            found = f"no orbit: the residual {self.residual:.1e} exceeds tol = {tol:g}"
+        else:
+            self._warn_of_divisors(period)
+            values = np.linalg.eigvals(self._derivative()).astype(complex)
+            order = np.lexsort((-values.imag, -abs(values)))
+            return PeriodicOrbit(self.x, float(period), values[order], self.residual)
+        given = f"start or period = {self.given:g} is too far from a periodic orbit"
+        raise RuntimeError(f"periodic_orbit found {found}; {given}, or steps is too small")
+
+    def _warn_of_divisors(self, period: float) -> None:
+        """Warn if the orbit returns after a fraction of the period."""
+        divisors = np.array(_DIVISORS)
+        ends = self._runs(self.x, self.eps / divisors, save_every=None).final
+        returns = abs(ends - self.x).max(axis=1) < 1e-6 * abs(self.x).max()
+        if returns.any():
+            k = int(divisors[returns][-1])
+            text = f"period: {period:g} is {k} times the shorter period {period / k:g}"
+            warn(f"{text}; pass period={period / k:g} for one turn")

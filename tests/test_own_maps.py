@@ -14,6 +14,7 @@ from typing import Any
 from unittest import mock
 
 import children
+import contract
 import numba
 import numpy as np
 import own
@@ -23,9 +24,10 @@ import test_promises as promises
 import suslov_fast as sf
 from suslov_fast import compiled, ensemble, iterate, maps
 from suslov_fast.command import main
-from suslov_fast.core import cache
+from suslov_fast.core import cache, one_step
 from suslov_fast.core.numba import kernel
 from suslov_fast.engine import threads
+from suslov_fast.engine.problem import check
 from suslov_fast.maps import KAHAN, Formula, Steps, by_field
 
 HENON = sf.QuadraticField.from_hamiltonian(
@@ -40,7 +42,6 @@ def _registered():
     with mock.patch.dict(maps.MAPS):
         maps.register(own.MIDPOINT)
         maps.register(own.SLEIGH)
-        maps.register(own.BY_STEP)
         yield
 
 
@@ -74,43 +75,6 @@ def test_cuts_threads_and_batches_change_no_bit(monkeypatch):
     assert midpoint(threads=2) == whole
 
 
-def hostile(size=50):
-    """A family with a row of eps, and states that are NaN, overflow, or are beyond all squares."""
-    rng = np.random.default_rng(0)
-    family = sf.QuadraticField.from_function(
-        lambda x, c: (x[2], x[3], -x[0] - 2 * x[0] * x[1], -x[1] - x[0] ** 2 + c * x[1] ** 2),
-        4,
-        c=np.linspace(0.5, 1, size),
-    )
-    x = rng.uniform(-0.3, 0.3, (size, 4))
-    x[3], x[7], x[8] = np.nan, 9, 1e200
-    return family, x, np.linspace(0.05, 0.1, size)
-
-
-def test_the_kernel_of_a_step_has_the_bits_of_one_by_hand(monkeypatch):
-    def run(method, steps=70, where=slice(None), **options):
-        family, x, eps = hostile()
-        given = family[where], x[where], eps[where], steps
-        return iterate(*given, method=method, on_singular="ignore", **options)
-
-    whole, by_hand = run("by_step"), run("midpoint")
-    for name in ("x", "final", "status", "failed_at"):
-        np.testing.assert_array_equal(getattr(whole, name), getattr(by_hand, name))
-    assert {*whole.status} == {sf.Status.OK, sf.Status.NONFINITE}
-    for every, cuts in itertools.product((1, 7, None), ((35, 35), (0, 1, 64, 5))):
-        part = run("by_step", cuts[0], save_every=every)
-        for more in cuts[1:]:
-            part = part.extend(more, on_singular="ignore")
-        assert part == run("by_step", save_every=every)
-        np.testing.assert_array_equal(part.x, whole.x[part.n])
-    for i in (3, 7, 20):
-        np.testing.assert_array_equal(run("by_step", where=i).x, whole.x[:, i])
-    one_eps = iterate(hostile()[0], hostile()[1][20], 0.1, 70, method="by_step")
-    assert (one_eps.x[:, 0] != one_eps.x[:, -1]).any()  # each member has its own values
-    monkeypatch.setattr(threads, "CROSSOVER", 0)
-    assert run("by_step", threads=2) == whole
-
-
 def counting(x, out, eps, work, values):
     """Statuses of a counter, the state: 1 from 3 to 5, 2 from 5 on, a failure at 8."""
     out[0] = x[0] + values
@@ -119,11 +83,11 @@ def counting(x, out, eps, work, values):
     return 0 if out[0] < 3.0 else (1 if out[0] < 5.0 else 2)
 
 
-def counter(step=counting, work=0, of_kahan=False):
+def counter(step=counting, work=0, values=(1.0,)):
     """A map by this step, and a body for it."""
     kind = type("Counter", (own.Sleigh,), {"dimension": 1, "_labels": ("x",)})
     steps = Steps(
-        maps.steps_of(step, work), lambda body, eps, batch: (np.ones(1), np.atleast_1d(eps))
+        maps.steps_of(step, work), lambda body, eps, batch: (np.array(values), np.atleast_1d(eps))
     )
     new = {"name": "counter", "body": kind, "methods": {"auto": steps}, "formulas": {}}
     maps.register(dataclasses.replace(own.SLEIGH, **new, pole=None, random=()))
@@ -176,6 +140,16 @@ def test_steps_that_break_the_contract_do_not_run():
         out[0] = x[0] + x[1]
         return 0
 
+    def moves(x, out, eps, work, values):
+        x[0] += values
+        out[0] = x[0]
+        return 0
+
+    def rounds(x, out, eps, work, values):
+        values[0] = round(values[0], 1)
+        out[0] = x[0] + eps * values[0]
+        return 0
+
     for step, work in ((writes, 0), (reads, 1)):
         words = rf"^step must stay within .* x and out of 1 numbers, work of {work}.*work=n.*index"
         with pytest.raises(ValueError, match=words):
@@ -184,8 +158,14 @@ def test_steps_that_break_the_contract_do_not_run():
     run = iterate(counter(forgets), [0.0], 0.1, 3, on_singular="ignore")
     assert (run.status, run.failed_at) == (sf.Status.NONFINITE, 1)
     maps.MAPS.pop("counter")
-    with pytest.raises(ValueError, match=r"^kernel: item \d of maps.Map"):
+    with pytest.raises(ValueError, match=r"^step must remember no other step"):
         iterate(counter(remembers, 1), [0.0], 0.1, 3)
+    maps.MAPS.pop("counter")
+    with pytest.raises(ValueError, match=r"^step must write to out and work alone, not to x "):
+        iterate(counter(moves), [0.0], 0.1, 3)
+    maps.MAPS.pop("counter")
+    with pytest.raises(ValueError, match=r"^step must write to out and work alone, not to its row"):
+        iterate(counter(rounds, values=[[0.57]]), [0.0], 0.1, 3)
     maps.MAPS.pop("counter")
     words = r"^step must take \(x, out, eps, work, \*row\), .* 1, not changes\(x, out, .*numbers\)"
     with pytest.raises(TypeError, match=words):
@@ -350,7 +330,7 @@ def test_compiled_steps_are_those_of_the_map_or_refused():
     class Midpoint(own.Sleigh):
         """A sleigh with the steps of another map."""
 
-    methods = {"auto": Steps(own.midpoint_steps, by_field)}
+    methods = {"auto": own.MIDPOINT.methods["midpoint"]}
     maps.register(
         dataclasses.replace(own.SLEIGH, name="new", body=Midpoint, methods=methods, pole=None)
     )
@@ -397,7 +377,7 @@ def test_exponents_of_a_map_with_a_jacobian(monkeypatch):
 
 def test_functions_of_a_second_method_of_a_class():
     """They are those of its map, and of no other; a map without a quantity refuses."""
-    new = {"name": "second", "methods": {"second": Steps(own.midpoint_steps, by_field)}}
+    new = {"name": "second", "methods": {"second": own.MIDPOINT.methods["midpoint"]}}
     new["formulas"] = {"jacobian": Formula(of_midpoint)}
     maps.register(dataclasses.replace(own.SLEIGH, **new, pole=None))
     body, x, method = own.Sleigh(2.0, 1.5, 0.4), np.array([1.0, 0.5]), {"method": "second"}
@@ -485,11 +465,9 @@ def with_steps(**changes):
         (changed(name=""), ValueError, "name "),
         (changed(name=5), TypeError, "name "),
         (changed(body=own.Body), ValueError, "methods: name one of midpoint auto"),
-        (with_steps(kernel=own.midpoint_steps.py_func), TypeError, r"methods\['new'\].kernel "),
+        (with_steps(kernel=own.midpoint_step), TypeError, r"methods\['new'\].kernel "),
         (with_steps(arguments=None), TypeError, r"methods\['new'\].arguments "),
         (with_steps(cost=2.0), TypeError, r"methods\['new'\].cost "),
-        (with_steps(carried=-1), ValueError, r"methods\['new'\].carried "),
-        (with_steps(notes_poles=True), ValueError, r"methods\['new'\].carried "),
         (with_steps(lanes=0), ValueError, r"methods\['new'\].lanes "),
         (with_steps(lanes=12), ValueError, r"methods\['new'\].lanes .*multiple of 8"),
         (with_steps(formulas={"energy": KAHAN}), TypeError, r"formulas\['energy'\] "),
@@ -665,75 +643,6 @@ def test_orientations_of_other_states_than_two_are_refused():
         iterate(kind(2.0, 1.5, 0.4), [1.0, 0.5, 0.2], 0.1, 5, attitude=True)
 
 
-SOURCE = inspect.getsource(own.midpoint_steps.py_func).partition("\n")[2]
-WRONG = [
-    ("share(end - begin, part, parts)", "(0, end - begin)", 2),
-    ("begin + first, begin + last", "first, last", 2),
-    ("else final[i, d]", "else omega0[i, d]", 4),
-    ("failed_at[i] = NONFINITE, 0", "failed_at[i] = NONFINITE, -1", 7),
-    ("failed_at[i] = NONFINITE, 0", "failed_at[i] = -1, 0", 3),  # SINGULAR
-    ("failed_at[i] = NONFINITE, n", "failed_at[i] = 0, -1", 7),
-    ("failed_at[i] = NONFINITE, n", "failed_at[i] = -7, n", 7),
-    ("x[:D] = np.nan", "pass", 7),
-    ("n % every == 0 and (n > start or start == 0)", "n > start", 5),
-    ("eps[i % len(eps)]", "eps[0]", 7),
-    ("saved[row, i, d] = x[d]", "saved[row, i - begin, d] = x[d]", 2),
-    ("final[i, d] = x[d]", "final[(i + 1) % len(final), d] = x[d]", 6),
-    ("final[i, d] = x[d]", "final[i, d] = omega0[i, d] = x[d]", 3),
-    ("saved[row, i, d] = x[d]", "saved[row, i, d] = x[d] * (n > 0)", 3),
-    ("row += 1", "row += 0", 5),
-    ("first, last = share", "carry.base[-1] = 0.5; first, last = share", 5),
-    ("eps[i % len(eps)]", "abs(eps[i % len(eps)])", 1),
-    ("eps[i % len(eps)]", "max(eps[i % len(eps)], 0.0)", 1),
-    ("failed_at[i] = NONFINITE, n", "failed_at[i] = 2, n", 7),  # PASSED_POLE, not noted
-    ("x[d] = omega0", "values[0, 0] = round(values[0, 0], 1); x[d] = omega0", 1),
-    ("values[i % len(values)]", "values[0]", 7),  # one member for all
-    ("if status[i] == 0 and not", "if n < 7 and status[i] == 0 and not", 7),
-    ("if status[i] == 0 and not", "if n < 200 and status[i] == 0 and not", 7),
-    ("x[:] = after", "x[:] = after; x[0] += 1e-3 * (i >= 128)", 7),
-    ("x[:] = after", "x[:] = after; x[0] += 1e-3 * (n % 64 == 0)", 4),
-    ("range(start, stop + 1)", "range(start, max(stop, start + 1) + 1)", 5),
-    ("saved[row, i, d] = x[d]", "saved[n // every, i, d] = x[d]", 5),
-    ("saved[row, i, d] = x[d]", "saved[row, i, d] = x[d]; saved[row + 1 :, i, d] = 0.0", 5),
-    ("failed_at[i] = NONFINITE, n", "failed_at[i] = NONFINITE, n - start", 7),
-    ("not np.isfinite(x.sum())", "np.isnan(x.sum())", 7),
-    ("x[:] = after", "x[:] = after; x[0] += 1e-3 * (n > 2**32)", 4),
-    ("x[:] = after", "x[:] = after; failed_at[i] = n if status[i] == 0 else failed_at[i]", 7),
-]
-
-
-# What Python itself refuses, an index or a division, is compiled.
-WRONG_IF_COMPILED = [
-    ("eps[i % len(eps)]", "eps[i]", 1),  # behind the one number of all
-    ("values[i % len(values)]", "values[i]", 1),
-    ("every > 0 and ", "", 5),
-]
-
-
-def changed_kernel(right, wrong):
-    assert right in SOURCE
-    names = dict(vars(own))
-    exec(SOURCE.replace(right, wrong), names)
-    return kernel(names["midpoint_steps"])
-
-
-@pytest.mark.parametrize(("right", "wrong", "item"), WRONG)
-def test_kernels_that_break_the_contract_do_not_run(right, wrong, item):
-    """Each with advice: the item of the contract; here as Python functions."""
-    broken = changed_kernel(right, wrong)
-    broken.compiled = np.errstate(all="ignore")(broken.py_func)
-    with pytest.raises(ValueError, match=rf"^kernel: item {item} of maps.Map "):
-        registered(kernel=broken)
-
-
-@pytest.mark.compiled
-@pytest.mark.skipif(numba.config.BOUNDSCHECK == 1, reason="Numba itself raises an IndexError")
-@pytest.mark.parametrize(("right", "wrong", "item"), WRONG_IF_COMPILED)
-def test_kernels_that_read_or_write_beyond_arrays_do_not_run(right, wrong, item):
-    with pytest.raises(ValueError, match=rf"^kernel: item {item} of maps.Map "):
-        registered(kernel=changed_kernel(right, wrong))
-
-
 def registered(**changes):
     """Run one step by changed steps."""
     with_steps(**changes)()
@@ -748,24 +657,90 @@ class Exact(own.Sleigh):
         return sf.QuadraticField([[[0, 0], [0, self.b]], [[0, -self.mass * c], [0, 0]]])
 
 
-def test_honest_kernels_run():
-    """Of a class without families, and with a number that is common to all by its nature."""
+def test_a_step_for_a_class_without_families():
+    """With a number, too, that is common to all by its nature."""
+
+    def euler(x, out, eps, work, indices, values, number):
+        for i in range(2):
+            out[i] = x[i]
+        for t in range(len(values)):
+            i, j, k = indices[:, t]
+            out[i] += 2.0 * number * eps * values[t] * x[j] * x[k]
+        return 0
 
     def arguments(body, eps, batch):
-        return *by_field(body, eps, batch), np.array([0.5])
+        *terms, eps = by_field(body, eps, batch)
+        return *terms, np.array([0.5]), eps
 
-    def step_with_numbers(part, parts, arguments, *others):
-        *usual, numbers = arguments
-        assert numbers[0] == 0.5
-        own.midpoint_steps.py_func(part, parts, tuple(usual), *others)
-
-    interpreted = kernel(step_with_numbers)
-    interpreted.compiled = np.errstate(all="ignore")(interpreted.py_func)
-    methods = {"auto": Steps(interpreted, arguments)}
+    methods = {"auto": Steps(maps.steps_of(euler), arguments)}
     new = {"name": "exact", "body": Exact, "methods": methods, "formulas": {}, "pole": None}
     maps.register(dataclasses.replace(own.SLEIGH, **new, random=()))
-    run = iterate(Exact(2.0, 1.5, 0.25), [1.0, 0.5], 0.1, 20)
-    assert run.ok
+    body, x = Exact(2.0, 1.5, 0.25), np.array([1.0, 0.5])
+    for state in iterate(body, x, 0.1, 20).omega:
+        np.testing.assert_allclose(state, x, rtol=1e-14)
+        x = x + 0.1 * body.field()(x)
+
+
+def test_kernels_by_hand_are_refused():
+    """Also one that calls itself a part of the package's tests."""
+
+    @kernel
+    def steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at):
+        final[:] = 1.0
+
+    with pytest.raises(TypeError, match=r"^methods\['new'\].kernel must be made by maps.steps_of"):
+        with_steps(kernel=steps)()
+
+
+# Changes of the kernel of steps, and the item of `contract` that each one breaks.
+KERNEL = inspect.getsource(one_step)
+BROKEN = [
+    ("share(end - begin, part, parts)", "(0, end - begin)", 2),
+    ("begin + first, begin + last", "first, last", 2),
+    ("else final[i, d]", "else omega0[i, d]", 4),
+    ("status[i], failed_at[i] = NONFINITE, 0", "status[i], failed_at[i] = NONFINITE, -1", 7),
+    ("status[i], failed_at[i] = NONFINITE, 0", "status[i], failed_at[i] = -1, 0", 3),
+    ("status[i], failed_at[i] = code, n", "status[i], failed_at[i] = code, n - start", 7),
+    ("status[i], failed_at[i] = code, n", "status[i], failed_at[i] = -7, n", 7),
+    ("code = NONFINITE", "code = 0", 7),
+    ("x[d] = np.nan", "pass", 7),
+    ("n % every == 0 and (n > start or start == 0)", "n > start", 5),
+    ("eps[i % len(eps)]", "eps[0]", 7),
+    ("eps[i % len(eps)]", "abs(eps[i % len(eps)])", 1),
+    ("saved[row, i, d] = x[d]", "saved[row, i - begin, d] = x[d]", 2),
+    ("saved[row, i, d] = x[d]", "saved[row, i, d] = x[d] * (n > 0)", 3),
+    ("saved[row, i, d] = x[d]", "saved[n // every, i, d] = x[d]", 5),
+    ("row += 1", "row += 0", 5),
+    ("final[i, d] = x[d]", "final[(i + 1) % len(final), d] = x[d]", 6),
+    ("final[i, d] = x[d]", "final[i, d] = omega0[i, d] = x[d]", 3),
+    ("x[d] = out[d]", "x[d] = out[d] + 1e-3 * (n % 64 == 0)", 4),
+    ("x[d] = out[d]", "x[d] = out[d] + 1e-3 * (n > 2**32)", 4),
+    ("x[d] = out[d]", "x[d] = out[d] + 1e-3 * (i >= 128)", 7),
+    ("first, last = share", "carry.base[-1] = 0.5; first, last = share", 5),
+]
+
+
+def square(x, out, eps, work, indices, values):
+    """Explicit Euler's method for x' = x**2."""
+    out[0] = x[0] + eps * values[0] * x[0] ** 2
+    return 0
+
+
+square.py_func = square  # is compiled already, as far as `steps_of` sees
+
+
+@pytest.mark.parametrize(("right", "wrong", "item"), BROKEN)
+def test_a_broken_kernel_breaks_the_contract(right, wrong, item):
+    """As a Python function."""
+    assert right in KERNEL
+    names = {"__name__": one_step.__name__, "__package__": one_step.__package__}
+    exec(KERNEL.replace(right, wrong), names)
+    broken = names["steps_of"](square, mock.Mock(py_func=lambda D: 0, side_effect=lambda D: 0))
+    broken.compiled = np.errstate(all="ignore")(broken.py_func)
+    problem = check(own.MIDPOINT, sf.QuadraticField([[[1]]]), [[0.7], [0.3]], 0.1)
+    steps = own.MIDPOINT.methods["midpoint"]._replace(kernel=broken)
+    with pytest.raises(AssertionError, match=rf"^item {item} asks for "):
+        contract.try_steps(problem, steps)
 
 
 @pytest.mark.parametrize("of_kahan", [True, False])

@@ -1,6 +1,6 @@
 """A kernel that iterates trajectories, made from a function that takes one step of one state.
 
-`maps.Map` says what a kernel must do; its arguments are those of `steps_3d.steps`, but for
+`tests/contract.py` says what a kernel must do; its arguments are those of `steps_3d.steps`, but for
 
 arguments    arrays, the step sizes last; arrays of float64 have a row for each trajectory, or one
              for all
@@ -22,7 +22,7 @@ class KernelOfStep(Kernel):
 def steps_of(step, work):
     """Return the kernel of step(x, out, eps, work, *row), with memory for `work` numbers.
 
-    A step sees only its own memory, so that it cannot break the contract of `maps.Map`.
+    A step sees only its own memory, so that it cannot break the contract of kernels.
     """
     size = _compiled(work if callable(work) else lambda D: work)
     step = _compiled(step)

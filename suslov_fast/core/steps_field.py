@@ -297,7 +297,7 @@ def _alignment(saved, W, is_large):
 
 
 class FieldSteps(Kernel):
-    """The kernel of steps of fields, see `maps.Map`, which calls the machine code of the field."""
+    """The kernel of steps of fields, which calls the machine code of the field."""
 
     def __init__(self):
         self.py_func = _iterate_part

@@ -85,7 +85,7 @@ def _bar(tqdm: Any, total: int) -> Iterator[Report]:
 
 
 class Steps(NamedTuple):
-    """The steps of a method: a kernel, as `maps.Map` describes it, and data to call it."""
+    """The steps of a method: a kernel, and data to call it, see `maps.Map`."""
 
     kernel: Kernel
     # Returns the arguments of the kernel for (body, eps, batch).
@@ -106,6 +106,8 @@ def check_steps(name: str, steps: Any) -> None:
     """Raise an error, which calls the steps `name`, unless a run can take them."""
     instance(name, steps, Steps)
     instance(f"{name}.kernel", steps.kernel, Kernel)
+    if not steps.kernel.py_func.__module__.startswith(Kernel.__module__.rpartition(".")[0]):
+        raise wrong(f"{name}.kernel", "made by maps.steps_of", "written by hand", TypeError)
     for part in ("arguments", "cost"):
         if not callable(getattr(steps, part)):
             raise wrong(f"{name}.{part}", "a function", repr(getattr(steps, part)), TypeError)

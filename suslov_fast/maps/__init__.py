@@ -5,8 +5,6 @@ Authors of further maps import everything that they need from here.
 
 from ..bodies.base import Body as Body
 from ..core.numba import function as function
-from ..core.numba import kernel as kernel
-from ..core.numba import share as share
 from ..engine.arguments import by_constants as by_constants
 from ..engine.arguments import by_field as by_field
 from ..engine.stretches import Steps as Steps

@@ -46,8 +46,8 @@ class Map:
         The class of the bodies, derived from `Body`. Subclasses use this record unless they have
         one, or define equations of their own (`field` or `constants`).
     methods : mapping of str to Steps
-        Ways to compute the steps, by the values of the argument `method`, the default first.
-        `Steps(kernel, arguments, carried, cost, lanes, system)` is described below.
+        Ways to compute the steps, by the values of the argument `method`, the default first: those
+        of the package (`maps.FIELD`), or `Steps(steps_of(step), arguments)`, see below.
     formulas : mapping of str to Formula
         How to compute the public functions of a state that the map supports, by their names (see
         `maps/formulas.py`): ``{**KAHAN}`` for Kahan's map of the field of any body, ``{}`` if only
@@ -91,70 +91,42 @@ class Map:
 
     Notes
     -----
-    **Authors of a step** write a function that steps one state, decorated with
-    `core.numba.function`:
+    A method is a function that steps one state, compiled by `core.numba.function` or `numba.njit`:
 
         step(x, out, eps, work, *row) -> Status as an int
 
-    ``Steps(steps_of(step), arguments)`` then fulfils items 2 to 7 below. The step writes the state
-    after x (D,) to `out` (D,) and returns a status: 0, or a negative one, which ends the trajectory
-    (SINGULAR of `core.codes` if there is no next state). A state that is not finite ends it, too;
-    an exception, such as that of ``np.linalg.solve`` for a singular matrix, ends the whole run.
-    The first positive status is kept, with its n. `row` holds the arrays that `arguments` returns,
-    except eps, the last one: of a float64 array the row of this trajectory (a number if the array
-    has one axis), and other arrays whole. The step writes to `out` and `work` alone; `work` is
-    scratch memory of n numbers, with ``steps_of(step, work=n)``, whose contents do not survive the
-    step.
+    ``Steps(steps_of(step), arguments)`` makes runs of it, which can be cut anywhere, in time and in
+    the batch. The step writes the state after x (D,) to `out` (D,) and returns a status: 0, or a
+    negative one, which ends the trajectory (SINGULAR of `core.codes` if there is no next state). A
+    state that is not finite ends it, too; an exception, such as that of ``np.linalg.solve`` for a
+    singular matrix, ends the whole run. The first positive status is kept, with its n. The step
+    writes to `out` and `work` alone; `work` is scratch memory of n numbers, with
+    ``steps_of(step, work=n)``, whose contents do not survive the step. The next step of a state
+    must depend on nothing else: not on n, and not on steps before.
 
-    **Authors of a kernel**, which may step several lanes at once, write all loops themselves,
-    decorated with `core.numba.kernel`:
+    `Steps.arguments(body, eps, batch)` returns a tuple of arrays, once for a run: of float64, with
+    one row if all B trajectories share it, else B rows, the last of them eps (1 or B,); a negative
+    eps steps back. `row` holds all but eps: of a float64 array the row of this trajectory (a number
+    if the array has one axis), and other arrays whole. `by_constants` returns ``body.constants``
+    and eps: I1, I2, I13, I23, k, eps in three dimensions, J, I, eps in n. `by_field` returns the
+    terms v x_j x_k of the field, with x_D = 1: indices (3, T), which are i, j and k, values
+    (1 or B, T), and eps.
 
-        steps(part, parts, arguments, omega0, carry, span, saved, final, status, failed_at)
+    Other parts of `Steps` have defaults:
 
-    `core/one_step.py` has a short example. A kernel neither validates nor raises, and allocates
-    nothing inside loops over steps; formulas that it calls are `core.numba.formula` or `function`.
+    - `cost(D, arguments)` is the time of a step relative to that of the three-dimensional map
+      (about 1 ns on one thread), 1 by default. It decides how many steps are taken at a time, so
+      that Ctrl-C is handled within about 0.1 s: a step of 200 ns needs
+      ``cost=lambda D, arguments: 200.0``.
+    - `lanes` is the number of trajectories that a thread takes at a time, a multiple of 8.
+    - `system(body, eps)` returns the argument of `compiled.step_system`: `field_system` if the
+      steps are those of Kahan's map of the field of the body. Without it `compiled.system` refuses
+      the body, and compiled loops of users call the step itself.
 
-    1. `arguments` is the tuple of arrays that `Steps.arguments(body, eps, batch)` returned, once
-       for a run; a kernel only reads it. An array has one row if all B trajectories share it, else
-       B rows: ``array[i % len(array)]`` belongs to trajectory i. A negative eps steps back.
-       `by_constants` passes ``body.constants`` and eps (1 or B,): I1, I2, I13, I23, k, eps in three
-       dimensions, J, I, eps in n. `by_field` passes the terms v x_j x_k of the field, with x_D = 1:
-       indices (3, T), which are i, j and k, values (1 or B, T), and eps.
-    2. `span` is (begin, end, start, stop, every, row). The call takes the trajectories
-       begin <= i < end from state `start` to state `stop`. A thread computes part number `part` of
-       `parts`; ``share`` returns its trajectories.
-    3. State 0 is `omega0` (B, D), read only if start = 0. It counts as a saved state and, if it is
-       NaN, as a failure at step 0: status NONFINITE. Calls with start = stop = 0 do nothing else.
-    4. A run can be cut into calls anywhere, in time and in the batch, and all cuts give the same
-       bits: a step must not depend on n. Steps continue from `final` (B, D) and from `carry`
-       (carried, B), whose contents the kernel chooses. Both are read if start > 0, and written at
-       `stop`.
-    5. If every > 0, states n with start < n <= stop, and n = 0 if start = 0, are saved if n is a
-       multiple of `every`: the first to saved[row], the next to saved[row + 1], and so on; `saved`
-       is (rows, B, D).
-    6. `final` receives the states at `stop`, saved or not.
-    7. A trajectory that fails at state n gets status[i] < 0 (SINGULAR, or NONFINITE beyond
-       float64), failed_at[i] = n, and NaN from there on, in `saved` and `final`, also in later
-       calls. The bits of a trajectory depend neither on others, nor on the batch, its order, or
-       `parts`. With `Steps.notes_poles`, the first step from det A < 0 sets PASSED_POLE, and both
-       failed_at[i] and carry[0, i], which is 0 before, to the number of the state after it; a
-       failure later leaves carry[0, i] as it is.
-
-    **Both** choose the other parts of `Steps`:
-
-    8. `Steps.cost(D, arguments)` is the time of a step relative to that of the three-dimensional
-       map (about 1 ns on one thread), 1 by default. It decides how many steps a call takes, so that
-       Ctrl-C is handled within about 0.1 s: a kernel that takes 200 ns a step needs
-       ``cost=lambda D, arguments: 200.0``.
-    9. `Steps.lanes` is the number of trajectories that a thread takes at a time, a multiple of 8.
-    10. `Steps.system(body, eps)` returns the argument of `compiled.step_system`: `field_system` if
-        the steps are those of Kahan's map of the field of the body. Without it `compiled.system`
-        refuses the body, and compiled loops of users call the step itself.
-
-    Before its first run, `engine.trial` tries a kernel from outside the package on a few
-    trajectories, and refuses it if it breaks items 1 to 7. It does not test formulas:
-    ``pytest tests/test_promises.py --maps MODULE`` compares steps with "vector_field" for small
-    eps, and "jacobian" with differences.
+    Before its first run, `engine.trial` tries a step on a few trajectories, and refuses one that
+    reads or writes beyond its arrays, changes what it is given, or remembers another step.
+    ``pytest tests/test_promises.py --maps MODULE`` measures the order, and compares "jacobian" with
+    differences.
     """
 
     name: str

@@ -38,6 +38,7 @@ _ELSEWHERE = {
     "iterate": "solveivp odeint ode integrate trajectory orbitdiagram",
     "lyapunov_exponents": "lyapunov lyapunovs lyapunovspectrum",
     "fixed_points": "fixedpoints equilibria",
+    "Trajectories.load, or Crossings.load": "load",
 }
 
 

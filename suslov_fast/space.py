@@ -17,6 +17,7 @@ from .engine.arguments import flat_arrays, flat_parameter
 from .engine.problem import Problem
 from .engine.stretches import states_after
 from .engine.threads import call_kernel
+from .keywords import public
 from .maps import map_of, problem
 
 # Tolerances for consecutive states, relative to the step and to the states: above rounding errors,
@@ -24,6 +25,7 @@ from .maps import map_of, problem
 _OF_THE_STEP, _OF_THE_STATE = 1e-6, 1e-10
 
 
+@public
 def to_matrix(
     body: AnyBody,
     omega: ArrayLike,
@@ -66,6 +68,7 @@ def to_matrix(
     return _shown("to_matrix", body, omega, rotation, attitude)
 
 
+@public
 def to_vector(
     body: BodyIn3D,
     omega: ArrayLike,
@@ -102,6 +105,7 @@ def to_vector(
     return _shown("to_vector", body, omega, rotation, attitude)
 
 
+@public
 def momentum(
     body: AnyBody,
     omega: ArrayLike,
@@ -166,6 +170,7 @@ def _shown(
     return np.asarray(R @ values @ R.swapaxes(-2, -1))
 
 
+@public
 def attitude(
     body: AnyBody,
     omega: ArrayLike,
@@ -254,6 +259,7 @@ def _check_that_states_follow(first: Problem, states: FloatArray) -> None:
         raise ValueError(f"{text}: save every state")
 
 
+@public
 def scattering_angle(body: Suslov3D, /) -> FloatArray:
     """Angle between the limits of the angular velocity in space at times -infinity and +infinity.
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..checks import instance, wrong
+from ..keywords import public
 from .base import Body
 from .field import QuadraticField
 from .nd import SuslovND
@@ -29,6 +30,7 @@ def class_named(name: Any) -> type[Any]:
     return kinds[name]
 
 
+@public
 def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     """Return the body or field that a dictionary from `to_dict` describes.
 

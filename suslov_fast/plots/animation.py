@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from ..bodies.classes import BodyIn3D
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray, integer, positive, rotations, short, wrong
+from ..keywords import public
 from ..maps import map_of
 from ..runs.iterate import iterate
 from ..runs.trajectories import Trajectories
@@ -25,6 +26,7 @@ _RADIUS, _TIP, _NAME = 0.85, 1.15, 1.28
 _POLE = 1e-3
 
 
+@public
 def animate_body(
     body: BodyIn3D | Trajectories = _EXAMPLE,
     omega0: ArrayLike | None = None,

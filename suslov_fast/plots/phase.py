@@ -8,6 +8,7 @@ import numpy as np
 
 from ..bodies.classes import BodyIn3D
 from ..checks import FloatArray, integer, positive, wrong
+from ..keywords import public
 from ..maps import map_of
 from ..quantities.derivatives import vector_field
 from ..runs.iterate import iterate
@@ -92,6 +93,7 @@ class Plane:
         return least + 0.0, direction / np.hypot(*direction)
 
 
+@public
 def plot_phase(
     body: BodyIn3D,
     /,

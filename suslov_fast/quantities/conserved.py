@@ -11,10 +11,12 @@ from ..bodies.classes import AnyBody, BodyIn3D, BodyOrField
 from ..bodies.rigid import Suslov3D
 from ..checks import FloatArray
 from ..engine.problem import check
+from ..keywords import public
 from ..maps import map_of, problem
 from .evaluation import evaluate, mask_and_warn
 
 
+@public
 def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     """Energy of a body, half the sum of J_i Omega_i**2, or Hamiltonian H of a field.
 
@@ -46,6 +48,7 @@ def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     return evaluate("energy", body, omega)
 
 
+@public
 def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """First integral F of the map of a body, which is constant along its orbits.
 
@@ -83,6 +86,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatA
     return evaluate("first_integral", body, omega, eps)
 
 
+@public
 def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Modified energy, which the map conserves and which tends to the energy as eps -> 0.
 
@@ -121,6 +125,7 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
     return evaluate("modified_energy", body, omega, eps)
 
 
+@public
 def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Criticality t, which decides whether an orbit of the map follows the continuous motion.
 
@@ -154,6 +159,7 @@ def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArra
     return evaluate("criticality", body, omega, eps)
 
 
+@public
 def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Rotation number of an orbit of a gyrostat: mean number of turns per step of the map.
 
@@ -188,6 +194,7 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> Floa
     return evaluate("rotation_number", body, omega, eps)
 
 
+@public
 def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Density rho of an invariant measure: rho(omega_next) det(jacobian at omega) = rho(omega).
 
@@ -226,6 +233,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
     return evaluate("invariant_density", body, omega, eps)
 
 
+@public
 def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
     """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2 of a state.
 
@@ -257,6 +265,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
     return evaluate("to_xy", body, omega)
 
 
+@public
 def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
     """Angular velocity (Omega1, Omega2) with given coordinates (x, y): inverse of :func:`to_xy`.
 
@@ -302,6 +311,7 @@ class ClosedForm(NamedTuple):
     t: FloatArray  # criticality, dimensionless
 
 
+@public
 def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedForm:
     """Constants h, k1 and k2 of the closed form of an orbit, Section 4, and its criticality t.
 

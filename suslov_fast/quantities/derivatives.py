@@ -21,6 +21,7 @@ from ..checks import (
 from ..engine.problem import Problem, warn_of_times
 from ..engine.status import report_poles
 from ..engine.stretches import Progress, reporter, states_after
+from ..keywords import public
 from ..maps import Method, map_of, problem
 from .evaluation import evaluate, mask_and_warn
 
@@ -28,6 +29,7 @@ from .evaluation import evaluate, mask_and_warn
 _FIXED = 1e-8
 
 
+@public
 def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     """Time derivative of the state by the equations of motion.
 
@@ -53,6 +55,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     return evaluate("vector_field", body, omega)
 
 
+@public
 def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -> FloatArray:
     """Torque of the constraint, which keeps Omega3 at 0: its Lagrange multiplier lambda.
 
@@ -89,6 +92,7 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -
     return evaluate("reaction", body, omega, 0.0 if eps is None else eps)
 
 
+@public
 def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Matrix A of the linear system that a step of Kahan's map solves.
 
@@ -116,6 +120,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
     return evaluate("matrix", body, omega, eps)
 
 
+@public
 def jacobian(
     body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike, *, method: Method = "auto"
 ) -> FloatArray:
@@ -155,6 +160,7 @@ def jacobian(
     return evaluate("jacobian", body, omega, eps, map=map_of(body, method))
 
 
+@public
 def multipliers(
     body: BodyOrField,
     x: ArrayLike | list[FloatArray],
@@ -287,6 +293,7 @@ def _refuse_moving(checked: Problem, moves: Any, member: str) -> None:
         raise ValueError(f"{text}: use jacobian for the derivative there")
 
 
+@public
 def lyapunov_exponents(
     body: BodyOrField,
     omega0: ArrayLike,

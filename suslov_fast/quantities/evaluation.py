@@ -33,7 +33,7 @@ def evaluate(
         shape, axes = np.shape(values), _AXES.get(name, (0,))
         if shape[: len(part.batch)] != part.batch or len(shape) - len(part.batch) not in axes:
             raise _wrong_shape(name, map, part, shape)
-        return values
+        return values[()]  # a number for a single state
 
     return mask_and_warn(problem, in_parts(compute, problem), formula.poles)
 

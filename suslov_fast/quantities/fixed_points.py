@@ -13,6 +13,7 @@ import numpy as np
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
 from ..checks import FloatArray, OneOrEach, extra, wrong
+from ..keywords import public
 
 try:
     import flint
@@ -26,6 +27,7 @@ _BEYOND = "scipy.optimize.root(lambda x: vector_field(field, x), x0) finds one n
 _BITS, _LEAST_BITS = 192, 100
 
 
+@public
 def fixed_points(field: Body, /) -> OneOrEach:
     """All real fixed points of a field, which are those of its Kahan map for every step size.
 

@@ -18,6 +18,7 @@ from ..engine.problem import Problem
 from ..engine.status import ON_SINGULAR, OnSingular, first_beyond, report_failures
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
+from ..keywords import nearest, public
 from ..maps import Map
 from .results import Result, in_short, read_only
 from .search import Search, Surface, check_surface
@@ -142,8 +143,14 @@ class Crossings(Result):
 
         def __getattr__(self, name: str) -> Any:
             """Raise an AttributeError that names the attribute to use instead, if there is one."""
-            if name in _INSTEAD:
-                raise AttributeError(f"no attribute {name!r}: use {_INSTEAD[name]}")
+            instead = _INSTEAD.get(name, "")
+            if "body" in vars(self):
+                if name in self.body._labels:
+                    instead = f"crossings.states[:, {self.body._labels.index(name)}]"
+                elif name in self.body.parameters:
+                    instead = f"crossings.body.parameters[{name!r}]"
+            if instead or (instead := nearest(name, dir(self))):
+                raise AttributeError(f"no attribute {name!r}: use {instead}")
             text = f"crossings have no attribute {name!r}"
             raise AttributeError(text, name=name, obj=self)
 
@@ -218,6 +225,7 @@ class Crossings(Result):
         parts["_surface"] = None if batch else self._surface
         return Crossings._of(parts)
 
+    @public
     def extend(
         self,
         steps: int,
@@ -296,6 +304,7 @@ class Crossings(Result):
 
         return crossings_to_xarray(self)
 
+    @public
     def plot(
         self, components: Sequence[int | str] | None = None, color: Any = None, ax: Any = None
     ) -> Any:
@@ -374,6 +383,11 @@ _INSTEAD = {
         "crossings.states, the points, or .before and .after",
     ),
     **dict.fromkeys(("t", "times", "t_events"), "crossings.time"),
+    **dict.fromkeys(
+        ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
+        "crossings.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
+    ),
+    "parameters": "crossings.body.parameters, or the coordinates of crossings.to_xarray()",
 }
 # Attributes with a row for each crossing; with one for each trajectory; the same for all.
 _BY_CROSSING = "n", "before", "after", "fraction"

@@ -23,6 +23,7 @@ from ..engine.problem import Problem, check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.status import warn_of_poles
 from ..engine.stretches import Progress, reporter
+from ..keywords import public
 from ..maps import map_of
 from . import access, metadata, stores
 from .columns import FORMAT, PENDING, of_runs, shape_of, sizes_of
@@ -42,6 +43,7 @@ _CHUNK = 2**24
 _WORK, _FEWEST = 2**31, 2**12
 
 
+@public
 def ensemble(
     body: Any,
     omega0: Any,
@@ -153,6 +155,7 @@ def ensemble(
     return data
 
 
+@public
 def open_ensemble(store: Any) -> xarray.Dataset:
     """Return the dataset in a store of :func:`ensemble`, finished or not (extra `large`).
 

@@ -11,11 +11,13 @@ from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.status import ON_SINGULAR, OnSingular
 from ..engine.stretches import March, Progress, reporter
+from ..keywords import public
 from ..maps import map_of
 from .crossings import Crossings, searched
 from .search import Search, Surface, check_surface
 
 
+@public
 def crossings(
     body: BodyOrField,
     omega0: ArrayLike | RandomStarts,

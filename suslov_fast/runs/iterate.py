@@ -14,11 +14,13 @@ from ..engine.problem import check, warn_of_times
 from ..engine.random_starts import RandomStarts
 from ..engine.status import OnSingular, report_failures
 from ..engine.stretches import March, Progress
+from ..keywords import public
 from ..maps import Method, map_of
 from ..quantities.evaluation import mask_and_warn
 from .trajectories import Trajectories, run_to_end
 
 
+@public
 def step(
     body: BodyOrField,
     omega: ArrayLike,
@@ -69,6 +71,7 @@ def step(
     return march.final
 
 
+@public
 def iterate(
     body: BodyOrField,
     omega0: ArrayLike | RandomStarts,
@@ -160,6 +163,7 @@ def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]
     return integer("steps", steps, 0, "the number of steps, an integer of 0 or more"), save_every
 
 
+@public
 def step_full(
     body: Suslov3D, omega: ArrayLike, /, eps: ArrayLike, I3: ArrayLike | None = None
 ) -> FloatArray:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.field import QuadraticField
 from ..checks import FloatArray, integer, real_number, short, warn, wrong
+from ..keywords import public
 from ..maps import Method, problem
 from ..quantities.derivatives import jacobian, vector_field
 from .iterate import iterate
@@ -43,10 +44,11 @@ class PeriodicOrbit(NamedTuple):
     """The largest modulus of a component of Phi^N(x) - x over that of x."""
 
 
+@public
 def periodic_orbit(
     field: QuadraticField,
-    start: ArrayLike,
     /,
+    start: ArrayLike,
     period: float,
     steps: int,
     *,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engine.status import count_in_words
+from ..keywords import public
 
 T = TypeVar("T", bound=np.generic)
 
@@ -47,6 +48,7 @@ class Result:
         names = [item.name for item in fields(self) if item.compare]
         return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
 
+    @public
     def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
         """Write the result to a file, without loss; `load` of its class reads it.
 

@@ -16,6 +16,7 @@ from ..core import closed_form
 from ..engine.arguments import by_constants, flat_arrays
 from ..engine.status import SingularStepWarning
 from ..engine.threads import call_kernel
+from ..keywords import public
 from ..maps import problem
 
 # States per call of the kernel: Python handles Ctrl-C between two calls.
@@ -30,6 +31,7 @@ _REASONS = (
 )
 
 
+@public
 def exact(
     body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike, n: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
@@ -77,6 +79,7 @@ def exact(
     return _states_at("exact", body, omega0, eps, "n", n, threads)
 
 
+@public
 def flow(
     body: AnyBody, omega0: ArrayLike, /, time: ArrayLike, *, threads: int | None = None
 ) -> FloatArray:
@@ -118,6 +121,7 @@ def flow(
     return _states_at("flow", body, omega0, 0.0, "time", time, threads)
 
 
+@public
 def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return the limits of an orbit of the map as n goes to minus and to plus infinity.
 

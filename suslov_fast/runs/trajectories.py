@@ -17,6 +17,7 @@ from ..engine.problem import Problem
 from ..engine.status import ON_SINGULAR, OnSingular, first_beyond, report_failures
 from ..engine.stretches import Checkpoint, March, Progress, reporter
 from ..engine.threads import thread_count
+from ..keywords import nearest, public
 from ..maps import Map
 from .columns import of_runs
 from .results import Result, in_short, read_only
@@ -41,6 +42,7 @@ _INSTEAD = {
     "message": "run.status and run.failed_at, with a Status for each trajectory",
     "shape": "run.{x}.shape",
     "to_numpy": "run.{x}, or np.asarray(run)",
+    "parameters": "run.body.parameters",
     **dict.fromkeys(
         ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
         "run.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
@@ -140,6 +142,7 @@ class Trajectories(Result):
     _carry: FloatArray | None = field(init=False, default=None, compare=False)
     _turned: FloatArray | None = field(init=False, default=None, compare=False)
 
+    @public
     def extend(
         self,
         steps: int,
@@ -209,11 +212,14 @@ class Trajectories(Result):
                         f"no attribute {name!r}: the states of this run are run.{x}"
                     )
                 instead = _INSTEAD.get(name, "").format(x=x)
-                if name in self.body._labels:
-                    instead = f"run.{x}[..., {self.body._labels.index(name)}]"
+                labels = [label.lower() for label in self.body._labels]
+                if name.lower() in labels:
+                    instead = f"run.{x}[..., {labels.index(name.lower())}]"
                 elif name in import_module("suslov_fast").__all__:
                     instead = f"suslov_fast.{name}(run.body, run.{x}, ...)"
-                if instead:
+                elif name in self.body.parameters:
+                    instead = f"run.body.parameters[{name!r}]"
+                if instead or (instead := nearest(name, dir(self))):
                     raise AttributeError(f"no attribute {name!r}: use {instead}")
             raise AttributeError(f"a run has no attribute {name!r}", name=name, obj=self)
 
@@ -226,6 +232,10 @@ class Trajectories(Result):
         return len(self.states)
 
     def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, str):
+            labels = self.body._labels
+            k = labels.index(index) if index in labels else "k"
+            raise TypeError(f"run[{index!r}]: use run.{self.map.variable}[..., {k}]")
         return self.states[index]
 
     def __iter__(self) -> Iterator[FloatArray]:
@@ -271,6 +281,7 @@ class Trajectories(Result):
     to_xy = _quantity("to_xy")
     reaction = _quantity("reaction")
 
+    @public
     def plot(
         self,
         *,
@@ -309,6 +320,7 @@ class Trajectories(Result):
 
         return plot.plot_run(self, components, lines, color, ax)
 
+    @public
     def to_xarray(
         self, dims: str | Sequence[str] | None = None, coords: Mapping[Any, Any] | None = None
     ) -> xarray.Dataset:

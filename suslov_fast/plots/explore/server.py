@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from ...bodies.classes import BodyIn3D
 from ...checks import states, wrong
+from ...keywords import public
 from ...maps import map_of
 from .scene import PAGE, Parameters, answer, parse_query
 
@@ -171,6 +172,7 @@ class Page:
         return {"text/plain": repr(self), "text/html": frame}
 
 
+@public
 def explore(
     body: BodyIn3D, omega0: ArrayLike = (1.0, 0.5), /, eps: float = 0.1, steps: int = 300
 ) -> Page:

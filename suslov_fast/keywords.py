@@ -1,0 +1,85 @@
+"""Answers to unknown keywords: what other packages call an argument, and what it is called here."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Collection
+from difflib import get_close_matches
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_STATES = "the states are the second argument, without a name"
+_SPAN = "pass eps= and steps=; a run ends at the time eps * steps"
+_DIGITS = (
+    'pass method="extrapolated", or a smaller eps=; flow integrates fields to a tolerance rtol='
+)
+_AXES = "set it on the axes that plots return, such as ax.set_xlim(0, 1)"
+_ON_AXES = "xlim ylim xlabel ylabel figsize cmap alpha s lw linewidth label grid legend"
+
+# Names that SciPy, MATLAB, Julia and pynamicalsys have for an argument; the names that it may have
+# here; and a sentence if the function has none of them, but has another argument.
+_ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
+    name: (arguments, sentence, other)
+    for names, arguments, sentence, other in (
+        ("dt h step_size stepsize delta_t first_step max_step", ("eps",), "", ""),
+        ("t time times t_eval tspan saveat ts", ("time",), _SPAN, "steps"),
+        ("t_span T t_end tf t_final total_time tmax t0", ("time",), _SPAN, "steps"),
+        ("tol rtol atol reltol abstol", ("rtol", "tol"), _DIGITS, "method"),
+        ("order integrator solver alg algorithm scheme", ("method",), "", ""),
+        ("n n_steps num_steps nsteps N iterations max_steps maxiter", ("steps", "n"), "", ""),
+        ("x0 y0 u0 z0 X0 omega0 omega x state states ic", (), _STATES, "eps"),
+        (
+            "body field f fun rhs system model",
+            (),
+            "the first argument has no name",
+            "",
+        ),
+        ("args p params parameters", (), "parameters belong to the field or body", ""),
+        ("events event section condition", ("surface",), "use crossings", "steps"),
+        ("terminal", ("most",), "use crossings", "steps"),
+        ("burn_in transient_time n_transient Ttr discard", ("transient",), "", ""),
+        ("every stride thin sample save_at", ("save_every",), "", ""),
+        ("n_jobs workers num_threads cores", ("threads",), "", ""),
+        ("verbose callback", ("progress",), "", ""),
+        ("filename file", ("store", "path"), "", ""),
+        ("c colour colors", ("color",), _AXES, "ax"),
+        (_ON_AXES, (), _AXES, "ax"),
+        ("axis", ("components",), "states have their components on the last axis", ""),
+    )
+    for name in names.split()
+}
+
+
+def public(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a function answer a keyword that it does not have with the one to use."""
+    parameters = inspect.signature(function).parameters.values()
+    known = {each.name for each in parameters if each.kind is not each.POSITIONAL_ONLY}
+
+    @wraps(function)
+    def answering(*args: P.args, **kwargs: P.kwargs) -> R:
+        if kwargs and not kwargs.keys() <= known:
+            name = next(name for name in kwargs if name not in known)
+            raise TypeError(f"{function.__name__} has no argument {name!r}: {advice(name, known)}")
+        return function(*args, **kwargs)
+
+    return answering
+
+
+def advice(name: str, known: Collection[str]) -> str:
+    """Return what to pass in place of a keyword to a function with the `known` ones."""
+    arguments, sentence, other = _ADVICE.get(name, ((), "", ""))
+    found = [argument for argument in arguments if argument in known]
+    if found or (found := get_close_matches(name, known, 1)):
+        return f"pass {found[0]}="
+    if sentence and (not other or other in known):
+        return sentence
+    return f"it has {', '.join(sorted(known))}" if known else "it has none that are passed by name"
+
+
+def nearest(name: str, known: Collection[str]) -> str:
+    """Return the known public name that is spelt most like a name, or nothing."""
+    near = get_close_matches(name, [each for each in known if not each.startswith("_")], 1, 0.75)
+    return near[0] if near else ""

@@ -1,0 +1,116 @@
+"""Unknown keywords and attributes are answered with what to use."""
+
+import copy
+import inspect
+import pickle
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.keywords import advice, public
+
+FIELD = sf.QuadraticField.from_function(lambda x, rho: (x[1], -rho * x[0]), "u w", rho=2.0)
+RUN = sf.iterate(FIELD, [1.0, 0.0], 0.1, 10)
+POINTS = sf.crossings(FIELD, [1.0, 0.0], 0.1, 100, lambda x: x[..., 0])
+STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "keyword", "answer"),
+    [
+        (sf.iterate, (FIELD, [1, 0]), "dt", "iterate has no argument 'dt': pass eps="),
+        (sf.iterate, STEPPED, "save_evry", "pass save_every="),
+        (sf.iterate, (FIELD,), "x0", "the states are the second argument, without a name"),
+        (sf.iterate, (FIELD,), "omega0", "the states are the second argument"),
+        (sf.iterate, (FIELD, [1, 0]), "t_span", r"a run ends at the time eps \* steps"),
+        (sf.iterate, (FIELD, [1, 0]), "t_eval", "pass eps= and steps="),
+        (sf.iterate, STEPPED, "rtol", 'method="extrapolated"'),
+        (sf.iterate, STEPPED, "order", "pass method="),
+        (sf.iterate, (FIELD, [1, 0], 0.1), "n_steps", "pass steps="),
+        (sf.iterate, STEPPED, "args", "parameters belong to the field"),
+        (sf.iterate, STEPPED, "events", "use crossings"),
+        (sf.iterate, STEPPED, "nonsense", "it has attitude, eps, method"),
+        (sf.crossings, STEPPED, "events", "pass surface="),
+        (sf.crossings, STEPPED, "terminal", "pass most="),
+        (sf.crossings, STEPPED, "Ttr", "pass transient="),
+        (sf.lyapunov_exponents, STEPPED, "n_jobs", "pass threads="),
+        (sf.flow, (sf.Suslov3D(4, 2, 0.5, 0.3), [1, 0]), "t_eval", "pass time="),
+        (sf.fixed_points, (FIELD,), "field", "the first argument has no name"),
+        (sf.fixed_points, (FIELD,), "tol", "it has none that are passed by name"),
+        (RUN.plot, (), "xlim", r"set it on the axes that plots return, such as ax\.set_xlim"),
+        (RUN.plot, (), "colour", "pass color="),
+        (POINTS.plot, (), "cmap", "set it on the axes"),
+        (RUN.extend, (), "n", "pass steps="),
+        (RUN.save, (), "filename", "pass path="),
+    ],
+    ids=str,
+)
+def test_unknown_keywords(function, arguments, keyword, answer):
+    with pytest.raises(TypeError, match=answer):
+        function(*arguments, **{keyword: 3})
+
+
+def test_every_public_function_answers():
+    functions = [getattr(sf, name) for name in sf.__all__]
+    functions = [each for each in functions if inspect.isfunction(each)]
+    assert len(functions) > 30
+    for function in functions:
+        with pytest.raises(TypeError, match=f"{function.__name__} has no argument 'zzzz': "):
+            function(zzzz=1)
+
+
+def test_functions_stay_what_they_were():
+    assert pickle.loads(pickle.dumps(sf.iterate)) is sf.iterate is copy.deepcopy(sf.iterate)
+    assert str(inspect.signature(sf.step)).startswith("(body: 'BodyOrField', omega: 'ArrayLike', /")
+    functions = filter(inspect.isfunction, (getattr(sf, name) for name in sf.__all__))
+    assert max(len(str(inspect.signature(each))) for each in functions) <= 600
+
+    @public
+    def raising(a=1):
+        raise TypeError("its own")
+
+    with pytest.raises(TypeError, match="its own"):
+        raising(a=2)
+
+
+def test_known_names_come_before_sentences():
+    assert advice("t", {"time", "steps"}) == "pass time="
+    assert advice("color", {"ax", "color"}) == "pass color="
+
+
+@pytest.mark.parametrize(
+    ("thing", "name", "answer"),
+    [
+        (RUN, "rho", r"run\.body\.parameters\['rho'\]"),
+        (RUN, "parameters", r"run\.body\.parameters"),
+        (RUN, "u", r"run\.x\[\.\.\., 0\]"),
+        (RUN, "finl", "use final"),
+        (POINTS, "rho", r"crossings\.body\.parameters\['rho'\]"),
+        (POINTS, "w", r"crossings\.states\[:, 1\]"),
+        (POINTS, "to_dataframe", r"crossings\.to_xarray\(\)"),
+        (POINTS, "parameters", r"crossings\.body\.parameters"),
+        (POINTS, "fractions", "use fraction"),
+        (sf, "load", "use Trajectories.load, or Crossings.load"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_unknown_attributes(thing, name, answer):
+    with pytest.raises(AttributeError, match=answer):
+        getattr(thing, name)
+
+
+def test_components_of_bodies_are_named_in_any_case():
+    run = sf.iterate(sf.Suslov3D(4, 2, -0.5, -0.3), [1.0, 0.5], 0.1, 2)
+    with pytest.raises(AttributeError, match=r"use run\.omega\[\.\.\., 0\]"):
+        run.omega1  # noqa: B018
+    with pytest.raises(TypeError, match=r"run\['u'\]: use run\.x\[\.\.\., 0\]"):
+        RUN["u"]
+
+
+def test_values_at_one_state_are_numbers():
+    body = sf.Suslov3D(4, 2, -0.5, -0.3)
+    for function in (sf.criticality, sf.first_integral, sf.modified_energy, sf.rotation_number):
+        assert isinstance(function(body, [1.0, 0.5], 0.1), np.float64), function
+    nd = sf.SuslovND([2.0, 2.0, 2.0], [0.4, -0.7, 0.5])
+    assert isinstance(sf.criticality(nd, [1.0, 0.5, 0.2], 0.1), np.float64)

@@ -4,8 +4,11 @@ import json
 import math
 import pickle
 import random
+from dataclasses import replace
 from fractions import Fraction as F
+from itertools import islice
 
+import numpy as np
 import pytest
 
 from suslov_fast import QuadraticField
@@ -14,7 +17,9 @@ pytest.importorskip("flint")
 
 from suslov_fast.integrability import (
     PlanarEntropy,
+    arithmetic,
     confinement,
+    contracted,
     degrees,
     growth,
     kahan,
@@ -26,6 +31,7 @@ from suslov_fast.integrability import (
     zoo,
 )
 from suslov_fast.integrability.contracted import Passage, Plane
+from suslov_fast.integrability.growth import agreed_degrees
 
 field_of = QuadraticField.from_function
 THIRD = F(1, 3)
@@ -166,7 +172,7 @@ def test_orbits_that_come_to_points_without_an_image_again_and_again(field, entr
     assert [*found.degrees[:10]] == degrees(map, min(10, len(found.degrees)))
     if "again and again" in found.based_on:
         assert not found.proved
-        monkeypatch.setattr(planar, "rational_series", lambda terms: None)
+        monkeypatch.setattr(contracted, "rational_series", lambda terms: None)
         assert "without a rule" in planar_entropy(map).reason
 
 
@@ -249,3 +255,199 @@ def test_reports_list_it_beside_the_growth(monkeypatch):
     monkeypatch.setattr(planar, "planar_entropy", lambda map, seed: wrong)
     with pytest.raises(ArithmeticError, match="an error of the package"):
         report(field, eps, 1)
+
+
+# Maps whose contracted curves come to points without an image again and again, or may do so.
+
+GOLDEN = math.log((1 + math.sqrt(5)) / 2)
+GENERATORS = (
+    [[0, 1], [1, 0]],
+    [[1, 1], [0, 1]],
+    [[1, 0], [1, 1]],
+    [[-1, 0], [0, 1]],
+    [[1, -1], [0, 1]],
+    [[0, 1], [-1, 0]],
+)
+
+
+def products(c):
+    """x_(n+1) = x_n x_(n-1) + c."""
+    return rational_map(lambda x: (x[1], x[1] * x[0] + c), 2, lambda x: ((x[1] - c) / x[0], x[0]))
+
+
+def two_products(a, b, c):
+    return rational_map(
+        lambda x: (x[0] * x[1] + a * x[0], b * x[0] + c),
+        2,
+        lambda x: ((x[1] - c) / F(b), b * x[0] / (x[1] - c) - a),
+    )
+
+
+def random_exponents(rng, count):
+    product = np.eye(2, dtype=int)
+    for _ in range(count):
+        product = product @ rng.choice(GENERATORS)
+    return product.tolist()
+
+
+def power_of(x, A):
+    return tuple(x[0] ** row[0] * x[1] ** row[1] for row in A)
+
+
+def monomials_and_constants(*parts):
+    """The map x -> x^A + constants, for each pair of A and constants, one after the other."""
+    inverses = [np.linalg.inv(A).round().astype(int).tolist() for A, _ in parts]
+
+    def forward(x):
+        for A, constants in parts:
+            x = tuple(a + c for a, c in zip(power_of(x, A), constants, strict=True))
+        return x
+
+    def backward(x):
+        for inverse, (_, constants) in zip(inverses[::-1], parts[::-1], strict=True):
+            x = power_of([a - c for a, c in zip(x, constants, strict=True)], inverse)
+        return x
+
+    return rational_map(forward, 2, backward)
+
+
+def cheap_degrees(map):
+    """The degrees on random lines, as long as they take little time."""
+    found = []
+    for degree in islice(agreed_degrees(map, 1), 14):
+        found.append(degree)
+        if degree > 150:
+            break
+    return found
+
+
+def check_entropy(map):
+    """Compare it with degrees, which are computed on lines, and return it."""
+    found = planar_entropy(map)
+    if found.entropy is None:
+        assert "without a rule" in found.reason
+        return None
+    d = cheap_degrees(map)
+    assert [*found.degrees[: len(d)]] == d
+    c = [int(found.polynomial.to_dict().get((k,), 0)) for k in range(len(found.polynomial) + 99)]
+    c = c[: max(k for k, a in enumerate(c) if a) + 1]
+    sequence = [1, *found.degrees]
+    for k in range(len(sequence) - len(c) + 1):
+        assert sum(a * b for a, b in zip(c, sequence[k:], strict=False)) == 0
+    assert found.root == pytest.approx(max(1, *abs(np.roots(c[::-1]))), abs=1e-3)
+    by_degrees = growth(d, planar=True)
+    if by_degrees.entropy_error == 0:
+        assert found.entropy == pytest.approx(by_degrees.entropy, abs=1e-9)
+    return found.entropy
+
+
+@pytest.mark.parametrize(
+    "map", [products(1), products(-3), products(F(2, 7)), two_products(1, 1, 0)], ids=str
+)
+def test_products_have_the_entropy_of_the_golden_ratio(map):
+    assert check_entropy(map) == pytest.approx(GOLDEN, abs=1e-12)
+    found = planar_entropy(map)
+    assert "again and again" in found.based_on
+    assert not found.proved
+
+
+@pytest.mark.parametrize(
+    "A",
+    [
+        [[2, 1], [1, 1]],
+        [[-1, -2], [-3, -5]],
+        [[0, -1], [1, 1]],
+        [[1, 7], [0, 1]],
+        [[1, 2], [2, 3]],
+    ],
+)
+def test_monomial_maps_have_the_log_of_the_spectral_radius(A):
+    map = rational_map(
+        lambda x: tuple(F(k, 3) * a for k, a in enumerate(power_of(x, A), 2)),
+        2,
+        lambda x: power_of(
+            [3 * a / k for k, a in enumerate(x, 2)], np.linalg.inv(A).round().astype(int).tolist()
+        ),
+    )
+    found = planar_entropy(map)
+    assert found.proved
+    assert found.entropy == pytest.approx(math.log(max(abs(np.linalg.eigvals(A)))), abs=1e-7)
+    assert [*found.degrees[:3]] == degrees(map, 3)
+    assert str(A) in found.based_on
+    assert check_entropy(map) == found.entropy
+
+
+def own_family(seed):
+    """Monomial maps, with constants that are added, and compositions of two of these."""
+    rng, zero = random.Random(seed), (0, 0)
+
+    def constants():
+        return rng.choice([0, 1, 2, -1]), rng.choice([0, 1, -3])
+
+    for k in range(12):
+        A, B = random_exponents(rng, 2 + k % 5), random_exponents(rng, 2)
+        yield monomials_and_constants((A, zero))
+        yield monomials_and_constants((A, constants()))
+        yield monomials_and_constants((A, constants()), (B, constants()))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_entropies_agree_with_degrees(seed):
+    """36 maps for each seed, and 27 of products."""
+    entropies = [check_entropy(map) for map in own_family(seed)]
+    assert sum(entropy is None for entropy in entropies) <= 6
+    assert sum((entropy or 0) > 0.1 for entropy in entropies) >= 8
+    coefficients = [(a, b, c) for a in (1, 2, -3) for b in (1, 2, -1) for c in (0, 1, -2)]
+    for a, b, c in coefficients[seed::4]:
+        assert check_entropy(two_products(a, b, c)) == pytest.approx(GOLDEN, abs=1e-12)
+        assert check_entropy(products(F(c + 7 * a, b))) == pytest.approx(GOLDEN, abs=1e-12)
+
+
+def test_an_object_that_contradicts_its_degrees(monkeypatch):
+    map = products(1)
+    right = planar_entropy(map)
+    assert right.contradiction(degrees(map, 9)) == ""
+    assert right.contradiction(()) == ""
+    one = planar_entropy(kahan(*ZOO["Suslov body"]))
+    assert "but the largest root" in replace(right, entropy=0.0).contradiction(())
+    assert "without the recurrence" in replace(right, polynomial=one.minimal).contradiction([2, 3])
+    assert "by the contracted curves" in right.contradiction([2, 3, 5, 9])
+    for wrong in (replace(right, entropy=0.0), replace(right, polynomial=one.minimal)):
+        monkeypatch.setattr(planar, "planar_entropy", lambda map, seed, found=wrong: found)
+        with pytest.raises(ArithmeticError, match="an error of the package"):
+            report(map, degree=1)
+    # A rule that the orders do not have, and one that only those of further steps refute.
+    monkeypatch.setattr(contracted, "rational_series", lambda terms: ([0], [1]))
+    assert "by the contracted curves" in planar_entropy(map).reason
+    monkeypatch.setattr(planar, "predicted_degrees", lambda *given: ())
+    refuted = planar_entropy(map)
+    assert "the degrees are [2, 3, 5, 8" in refuted.reason
+    assert (refuted.entropy, refuted.degrees) == (None, ())
+
+
+def test_primes_that_divide_a_coefficient_are_replaced():
+    """x'' + x = x' + 1 / x'^2 + c x'^3, with the two primes that the seed 0 draws first."""
+    rng = random.Random(0)
+    first = arithmetic.random_prime(rng, contracted._BITS)
+    rng.randrange(2, first), rng.getrandbits(30)  # a number in place of eps, and a seed
+    c = first * arithmetic.random_prime(rng, contracted._BITS)
+    assert c == 1277389331 * 2110515739
+
+    def kicked(c):
+        def kick(x):
+            return x + 1 / x**2 + c * x**3
+
+        return rational_map(
+            lambda x: (x[1], kick(x[1]) - x[0]), 2, lambda x: (kick(x[0]) - x[1], x[0])
+        )
+
+    found = planar_entropy(kicked(c))
+    assert found.entropy == pytest.approx(math.log(5), abs=1e-12)
+    assert found == replace(planar_entropy(kicked(3)), contractions=found.contractions)
+
+
+def test_equations_without_a_map_are_not_invertible():
+    """x' = 2 x at eps = 1 has det A = 1 - eps = 0 everywhere."""
+    assert kahan(field_of(lambda x: (2 * x[0], x[0] * x[1]), 2), 1).is_invertible is False
+    assert kahan(field_of(lambda x: (2 * x[0], x[0] * x[1]), 2), 2).is_invertible is True

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import flint
 
 from . import arithmetic
+from .growth import rational_series
 from .maps import RationalMap
 from .polynomials import (
     decoded,
@@ -32,7 +33,9 @@ from .polynomials import (
 )
 from .reducible import count_factors
 
-_TERMS = 8, 32, 128  # of power series in t, until they suffice
+_TERMS = 8, 32, 128, 512, 2048  # of power series in t, until they suffice
+_ENOUGH = 128  # for endless passages whose orders show a rule
+_RULE = 20  # steps that show a rule, if there is one
 _LINES = 20  # on which a point of a curve is sought
 _PRIMES = 80
 _BITS = 31  # of a prime: python-flint 0.9 cannot sort factors with larger coefficients
@@ -52,6 +55,19 @@ class Passage(NamedTuple):
     curve_orders: tuple[tuple[int, ...], ...]
     steps: int | None
     endless: bool = False
+
+    @property
+    def series(self) -> list[tuple[Sequence[int], Sequence[int]]] | None:
+        """Polynomials P, Q with P / Q = sum of orders z^k: of `common_orders`, and of each curve.
+
+        None if the passage is endless and its orders show no such quotient.
+        """
+        of_curves = zip(*self.curve_orders, strict=True)
+        sequences = [(0, *orders) for orders in (self.common_orders, *of_curves)]
+        if not self.endless:
+            return [(orders, (1,)) for orders in sequences]
+        quotients = [rational_series(orders) for orders in sequences]
+        return None if None in quotients else quotients  # type: ignore[return-value]
 
 
 class Plane:
@@ -91,6 +107,8 @@ class PlaneModulo:
         self.p, self.rng = p, random.Random(seed)
         self.forms = [modulo(F, p, eps) for F in plane.forms]
         self.curves = [modulo(C, p, eps) for C in plane.curves]
+        pairs = zip((*self.forms, *self.curves), (*plane.forms, *plane.curves), strict=True)
+        self.has_all_terms = all(len(P) == len({*exponents_in_x(Q)}) for P, Q in pairs)
         # The monomials that forms and curves have in common are evaluated once.
         terms = [P.to_dict() for P in (*self.forms, *self.curves)]
         self._monomials = tuple({e: None for of_one in terms for e in of_one})
@@ -155,6 +173,9 @@ class PlaneModulo:
             passage = self._follow(germs, terms, most)
             if passage is None or not passage.endless:
                 return passage
+            shows_all = len(passage.common_orders) >= _RULE or passage.series is not None
+            if terms >= _ENOUGH and shows_all:
+                return passage
         return passage
 
     def _follow(self, germs: Any, terms: int, most: int) -> Passage | None:
@@ -210,6 +231,8 @@ def passages_across(plane: Plane, most: int, seed: int) -> list[Passage] | None:
     for _ in range(_PRIMES):
         p = arithmetic.random_prime(rng, _BITS)
         residues = PlaneModulo(plane, p, rng.randrange(2, p), rng.getrandbits(30))
+        if not residues.has_all_terms:  # the prime divides a coefficient
+            continue
         for number in numbers:
             if _agree(by_prime[number]) or (component := residues.component(number)) is None:
                 continue

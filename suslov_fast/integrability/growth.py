@@ -118,12 +118,8 @@ def degrees_of_iterates(search: Any) -> Iterator[Task]:
 
 
 def check_degrees(search: Any) -> None:
-    """Raise an error if the degrees are not those that contracted curves predict."""
-    predicted = search.planar.degrees if search.planar else ()
-    pairs = zip(search.degrees, predicted, strict=False)
-    if any(found != expected for found, expected in pairs):
-        by_lines = predicted[: len(search.degrees)]
-        text = f"the degrees are {search.degrees}, but {by_lines} by the contracted lines"
+    """Raise an error if degrees and contracted curves contradict each other."""
+    if search.planar and (text := search.planar.contradiction(search.degrees)):
         raise ArithmeticError(f"{search.map}: {text}: this is an error of the package")
 
 

@@ -152,8 +152,11 @@ class RationalMap:
 
     @cached_property
     def is_invertible(self) -> bool:
-        """True if det DPhi is not 0 at a random point modulo a prime."""
-        return bool(self._random_derivative().det() != 0)
+        """True if det DPhi is not 0 at a random point modulo a prime; False without a map."""
+        try:
+            return bool(self._random_derivative().det() != 0)
+        except ZeroDivisionError:
+            return False
 
     @property
     def shape_of_image(self) -> str:

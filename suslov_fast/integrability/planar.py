@@ -7,8 +7,9 @@ is blown up at the points of confined orbits (Diller and Favre 2001).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any
 
 import flint
@@ -16,14 +17,17 @@ import flint
 from ..checks import integer, wrong
 from .confinement import is_proved
 from .contracted import Passage, Plane, passages_across
-from .growth import check_degrees, rational_series
+from .growth import agreed_degrees, check_degrees, rational_series
 from .maps import RationalMap, check_map
+from .monomials import degrees_of_monomials, exponents_of_monomials
 from .never_confined import why_never
 from .polynomials import determinant
 from .tasks import Task
 
 _STEPS = 80  # of an orbit that are computed
 _DEGREES = 24  # that are predicted
+_HIGHEST = 1_000  # of degrees that are compared with those on random lines
+_TERMS = 60  # degrees of a monomial map from which their recurrence follows
 _COST = 0.2  # seconds, roughly
 _ROUNDING = 1e-9  # of the modulus of a root
 
@@ -82,6 +86,30 @@ class PlanarEntropy:
         """The limit of the ratio of consecutive degrees: the largest root of `polynomial`."""
         return None if self.entropy is None else math.exp(self.entropy)
 
+    def contradiction(self, degrees: Sequence[int]) -> str:
+        """Return how the degrees of the first iterates contradict this object, or it itself; or "".
+
+        It does so if its degrees are other ones, or its polynomial is not that of a recurrence of
+        them, from the identity on, or its entropy not that of its polynomial.
+        """
+        d = [*degrees]
+        expected = [*self.degrees[: len(d)]]
+        if d[: len(expected)] != expected:
+            return f"the degrees are {d}, but {expected} by the contracted curves"
+        if self.polynomial is None:
+            return ""
+        sequence = [1, *d, *self.degrees[len(d) :]]
+        c = _coefficients(self.polynomial)
+        for k in range(len(sequence) - len(c) + 1):
+            if sum(a * n for a, n in zip(c, sequence[k:], strict=False)):
+                return f"the degrees are {sequence[1:]}, without the recurrence {self.polynomial}"
+        _, root = _factor_with_largest_root(flint.fmpz_poly(c))
+        if abs(math.log(root) - (self.entropy or 0)) > _ROUNDING:
+            return (
+                f"the entropy is {self.entropy}, but the largest root of {self.polynomial} {root}"
+            )
+        return ""
+
     def __repr__(self) -> str:
         if self.entropy is None:
             return f"PlanarEntropy(none: {self.reason})"
@@ -100,7 +128,10 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     80 steps modulo primes, two of which must agree. Then confinement is confirmed over the
     rational numbers, or the number field of conjugate lines. An orbit is never confined if it is
     periodic modulo a small prime, with images at all points, or if it stays on an invariant line,
-    on which a power of the map is a Moebius transformation, and never meets a base point.
+    on which a power of the map is a Moebius transformation, and never meets a base point. The
+    entropy of a monomial map is the logarithm of the spectral radius of its exponents (Hasselblatt
+    and Propp 2007); its curves are not followed. An entropy that is not proved is compared with
+    the degrees of iterates on random lines, and not given if they contradict it.
 
     Parameters
     ----------
@@ -136,27 +167,58 @@ def planar_entropy(map: RationalMap, *, seed: int = 0) -> PlanarEntropy:
     if not map.is_planar:
         missing = "det DPhi = 0" if not map.is_invertible else "no inverse was given"
         return PlanarEntropy(reason=f"the map is not known to be birational: {missing}")
+    if (A := exponents_of_monomials(map)) is not None:
+        return _of_monomials(A)
     plane = Plane(map)
     passages = passages_across(plane, _STEPS, seed)
     if passages is None:
         return PlanarEntropy(reason="no prime was found modulo which the contracted curves split")
-    if (polynomial := characteristic_polynomial(plane, passages)) is None:
+    contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
+    if (series := series_of_degrees(plane, passages)) is None:
         why = "a contracted curve comes to points without an image again and again, without a rule"
         return PlanarEntropy(reason=why)
-    contractions = tuple(_contraction(plane, k, passage) for k, passage in enumerate(passages))
-    minimal, root = _factor_with_largest_root(polynomial)
+    found = _from_series(series, contractions)
     proved = all(curve.proved for curve in contractions)
-    error = 0.0 if proved else _error(plane, passages, contractions, root)
+    known = predicted_degrees(plane, passages, _DEGREES)
+    lines = [] if proved else [*_few_degrees(map, seed)]
+    if why := found.contradiction(known) or found.contradiction(lines):
+        return PlanarEntropy(reason=why)
+    error = 0.0 if proved else _error(plane, passages, contractions, found.root or 1.0)
+    based_on = "; ".join(str(curve) for curve in contractions) or "no contracted curve"
+    return replace(found, entropy_error=error, proved=proved, based_on=based_on)
+
+
+def _from_series(series: tuple[Any, Any], contractions: tuple[Contraction, ...]) -> PlanarEntropy:
+    """Return the entropy of degrees with the generating function P / Q, without what proves it."""
+    P, Q = series
+    # A root 0 of the polynomial for each term that precedes the recurrence.
+    transient = max(0, P.degree() + 1 - Q.degree())
+    polynomial = flint.fmpz_poly([0] * transient + Q.coeffs()[::-1])
+    minimal, root = _factor_with_largest_root(polynomial)
+    d: list[int] = []
+    for k in range(_DEGREES + 1):
+        d.append(int(P[k] - sum(Q[j] * d[k - j] for j in range(1, min(k, Q.degree()) + 1))))
     return PlanarEntropy(
-        contractions,
-        _in_x(polynomial),
-        _in_x(minimal),
-        math.log(root),
-        error,
-        tuple(predicted_degrees(plane, passages, _DEGREES)),
-        proved,
-        "; ".join(str(curve) for curve in contractions) or "no contracted curve",
+        contractions, _in_x(polynomial), _in_x(minimal), math.log(root), degrees=tuple(d[1:])
     )
+
+
+def _of_monomials(A: Sequence[Sequence[int]]) -> PlanarEntropy:
+    """Return the entropy of a monomial map: the log of the spectral radius of its exponents."""
+    sequence = [1, *islice(degrees_of_monomials(A), _TERMS)]
+    series = rational_series(sequence)
+    assert series, sequence  # they are largest entries of sums of powers of A, which has a rule
+    found = _from_series(tuple(map(flint.fmpz_poly, series)), ())
+    based_on = f"a monomial map, with the exponents {A}: their spectral radius"
+    return replace(found, entropy_error=0.0, proved=True, based_on=based_on)
+
+
+def _few_degrees(map: RationalMap, seed: int) -> Iterator[int]:
+    """Yield the degrees of iterates on random lines as long as they take little time."""
+    for degree in islice(agreed_degrees(map, seed), _DEGREES):
+        yield degree
+        if degree > _HIGHEST:
+            break
 
 
 def entropy_of_planar_maps(search: Any) -> Iterator[Task]:
@@ -216,37 +278,46 @@ def predicted_degrees(plane: Plane, passages: list[Passage], count: int) -> list
     return d[1:]
 
 
-def characteristic_polynomial(plane: Plane, passages: list[Passage]) -> Any:
-    """Return the polynomial of the recurrence of degrees, from the equations above.
+def series_of_degrees(plane: Plane, passages: list[Passage]) -> tuple[Any, Any] | None:
+    """Return polynomials P and Q in z, P / Q = 1 + sum of d_n z^n, from the equations above.
 
-    For generating functions in z they are linear; the determinant is the polynomial of 1 / z. If a
-    passage has no end, the generating functions of its orders are quotients; None if none are seen.
+    For generating functions the equations are linear; Q is their determinant, and the polynomial of
+    1 / z that of the recurrence of degrees. If a passage has no end, the generating functions of
+    its orders are quotients; None if none are seen.
     """
     one, z = flint.fmpz_poly([1]), flint.fmpz_poly([0, 1])
     used = [k for k, passage in enumerate(passages) if passage.common_orders]
     # The unknowns are the generating functions of d, and of s for each curve that is used; a column
     # is multiplied by the common denominator of its entries.
-    columns, denominator = [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]], one
+    columns, are_quotients = (
+        [[1 - plane.degree * z, *(-plane.degrees[i] * one for i in used)]],
+        False,
+    )
     for k in used:
-        passage = passages[k]
-        sequences = [
-            (0, *passage.common_orders),
-            *((0, *(orders[i] for orders in passage.curve_orders)) for i in used),
-        ]
-        pairs = [rational_series(d) if passage.endless else (d, (1,)) for d in sequences]
-        if None in pairs:
+        if (quotients := passages[k].series) is None:
             return None
-        series = [[flint.fmpz_poly([*part]) for part in pair] for pair in pairs if pair]
-        common = math.prod((Q for _, Q in series), start=one)
-        column = [P * (common // Q) for P, Q in series]
+        pairs = [[flint.fmpz_poly([*part]) for part in pair] for pair in quotients]
+        pairs = [pairs[0], *(pairs[1 + i] for i in used)]
+        common = math.prod((Q for _, Q in pairs), start=one)
+        column = [P * (common // Q) for P, Q in pairs]
         column[0] *= z
         column[1 + used.index(k)] += common
         columns.append(column)
-        denominator *= common
-    P = determinant([*zip(*columns, strict=True)])
-    P //= P.gcd(denominator)
-    reversed_polynomial = flint.fmpz_poly(P.coeffs()[::-1])
-    return reversed_polynomial * (1 if P[0] > 0 else -1)
+        are_quotients |= passages[k].endless
+    rows = [*zip(*columns, strict=True)]
+    # Cramer's rule: only 1 is on the right, in the first equation.
+    P, Q = determinant([row[1:] for row in rows[1:]]) if used else one, determinant(rows)
+    if are_quotients:
+        common = P.gcd(Q)
+        P, Q = P // common, Q // common
+    sign = 1 if Q[0] > 0 else -1
+    return sign * P, sign * Q
+
+
+def _coefficients(polynomial: Any) -> list[int]:
+    """Return the coefficients of a polynomial in x, the constant one first."""
+    terms = {int(e): int(c) for (e,), c in polynomial.to_dict().items()}
+    return [terms.get(k, 0) for k in range(max(terms) + 1)]
 
 
 def _in_x(polynomial: Any) -> Any:
@@ -274,7 +345,7 @@ def _error(
     """
     if any(passage.endless for passage in passages):
         ended = [passage._replace(endless=False) for passage in passages]
-        _, other = _factor_with_largest_root(characteristic_polynomial(plane, ended))
+        _, other = _factor_with_largest_root(_polynomial(plane, ended))
         return abs(math.log(root / other))
     undecided = [k for k, curve in enumerate(contractions) if not curve.proved and not curve.length]
     if root == 1 or not undecided:
@@ -282,8 +353,14 @@ def _error(
     confined = [*passages]
     for k in undecided:
         confined[k] = _confined_next(passages[k], len(passages))
-    before, after = (characteristic_polynomial(plane, each) for each in (passages, confined))
+    before, after = (_polynomial(plane, each) for each in (passages, confined))
     return abs(_relative_change_of_root(before, after, root))
+
+
+def _polynomial(plane: Plane, passages: list[Passage]) -> Any:
+    """Return the polynomial of the recurrence of degrees if all passages end."""
+    _, Q = series_of_degrees(plane, passages)  # type: ignore[misc]
+    return flint.fmpz_poly(Q.coeffs()[::-1])
 
 
 def _confined_next(passage: Passage, curves: int) -> Passage:

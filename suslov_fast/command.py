@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -21,8 +22,14 @@ from .summary import facts_in, facts_of, lines_of, result_in
 
 # Imports of modules that import Numba are in functions, because Numba would delay `--help`.
 
-# Seconds: longer than any search.
-_NO_LIMIT = 1e9
+# Seconds: longer than any search; from one sign of life in a log to the next.
+_NO_LIMIT, _BEAT = 1e9, 60.0
+# Words of messages for Python, and what they are in a shell.
+_IN_A_SHELL = {
+    "raise save_every or divide the batch": "raise --save-every, or lower --trajectories",
+    "raise save_every": "raise --save-every",
+    " (open_ensemble reads a store)": "",
+}
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -32,7 +39,8 @@ def main(words: Sequence[str] | None = None) -> int:
         options = parsed(sys.argv[1:] if words is None else words, commands)
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: _tell(f"warning: {message}")
-            return int(options.function(options) or 0)
+            with _heartbeat(options.command):
+                return int(options.function(options) or 0)
     except KeyboardInterrupt as error:
         _tell(f"interrupted{error}")
         return 130  # as shells do after Ctrl-C
@@ -48,6 +56,23 @@ def main(words: Sequence[str] | None = None) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+@contextmanager
+def _heartbeat(command: str) -> Iterator[None]:
+    """Say every minute on stderr that a command goes on, where that is no terminal but a log."""
+    is_over, begin = threading.Event(), time.monotonic()
+
+    def beat() -> None:
+        while not is_over.wait(_BEAT):
+            _tell(f"{command} goes on after {time.monotonic() - begin:.0f} s")
+
+    if not os.isatty(2):
+        threading.Thread(target=beat, daemon=True).start()
+    try:
+        yield
+    finally:
+        is_over.set()
+
+
 def _tell(text: str) -> None:
     """Print a message as one line on stderr."""
     print("suslov-fast:", " ".join(text.split()), file=sys.stderr, flush=True)
@@ -58,6 +83,8 @@ def _text_of(error: Exception, subject: object = "") -> str:
     text = str(error) or type(error).__name__
     if isinstance(error, OSError) and error.strerror:
         subject, text = error.filename or subject, error.strerror
+    for words, here in _IN_A_SHELL.items():
+        text = text.replace(words, here)
     return text if text.startswith(str(subject)) else f"{subject}: {text}"
 
 
@@ -82,9 +109,14 @@ def run(options: argparse.Namespace) -> None:
         options.usage_error(f"argument -o/--output: '{path}' must end in .npz or .zarr")
     if path is None and (options.attitude or options.save_every is not None):
         options.usage_error("arguments --save-every and --attitude need a file: add -o FILE")
+    import numpy as np
+
     body, eps = _body_and_step(options)
     _check_method(options, body, eps)
-    work = body, _starts(options, body), eps, options.steps
+    starts = _starts(options, body)
+    if body.shape and isinstance(starts, sf.RandomStarts):  # each member with all states
+        body = body._part(len(body.shape) - 1, np.arange(body.shape[-1])[:, np.newaxis])
+    work = body, starts, eps, options.steps
     import numba
 
     if options.threads is not None:
@@ -152,10 +184,11 @@ def _check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
 
 
 def _body_in(path: Path) -> Any:
-    """Return the body or field in a JSON file."""
-    with _about(path):
+    """Return the body or field in a JSON file, or from standard input if its name is -."""
+    is_input = str(path) == "-"
+    with _about("standard input" if is_input else path):
         try:
-            parameters = json.loads(path.read_text(encoding="utf-8"))
+            parameters = json.loads(sys.stdin.buffer.read() if is_input else path.read_bytes())
         except ValueError as error:
             raise ValueError(f"this is no JSON text of body.to_dict(): {error}") from error
         return sf.body_from_dict(parameters)
@@ -170,11 +203,17 @@ def _starts(options: argparse.Namespace, body: Any) -> Any:
     path, states = options.initial, options.omega0
     if not (path or states):
         count = checks.integer("--trajectories", options.trajectories, 1)
-        extent = 2.0 if options.extent is None else options.extent
-        return sf.RandomStarts(count, extent, options.seed or 0)
-    if (options.extent, options.seed) != (None, None):
+        low, high, extent, seed = options.low, options.high, options.extent, options.seed or 0
+        if low is None and high is None:
+            return sf.RandomStarts(count, 2.0 if extent is None else extent, seed)
+        if low is None or high is None or extent is not None:
+            options.usage_error("arguments --low and --high belong together, without --extent")
+        low, high = (ends[0] if len(ends) == 1 else ends for ends in (low, high))
+        return sf.RandomStarts(count, seed=seed, low=low, high=high)
+    if (options.extent, options.seed, options.low, options.high) != (None,) * 4:
         options.usage_error(
-            "arguments --extent and --seed are for random states: leave out --initial and --omega0"
+            "arguments --extent, --low, --high and --seed are for random states: leave out "
+            "--initial and --omega0"
         )
     name = str(path or "--omega0")
     with _about(name):
@@ -305,7 +344,6 @@ def pictures(options: argparse.Namespace) -> None:
 
 def explore(options: argparse.Namespace) -> None:
     """Vary a body, a step size and an initial state on a page in the browser, until Ctrl-C."""
-    import threading
     import webbrowser
 
     from .plots.explore.server import Server

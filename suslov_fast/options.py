@@ -24,7 +24,7 @@ PARAMETERS = {
     "J": "n - 1 numbers J_i = I_ii + I_nn of a body in n dimensions, positive",
     "I": "n - 1 products of inertia I_in of a body in n dimensions",
 }
-_JSON = "a body or a field, saved by json.dump(body.to_dict(), file)"
+_JSON = "a body or a field, saved by json.dump(body.to_dict(), file); - is standard input"
 _FORCE = "replace an existing file"
 
 
@@ -61,6 +61,9 @@ def parsed(words: Sequence[str], commands: Sequence[Command]) -> argparse.Namesp
             _ADD_OPTIONS[name](subparser)
     # A blank, because argparse takes a word such as -1,.5 for an option.
     words = [f" {word}" if re.match(r"-[\d.]", word) else word for word in words]
+    if words and words[0].startswith("--") and words[0] not in ("--help", "--version"):
+        after = next((word for word in words[1:] if word in subparsers.choices), "COMMAND")
+        parser.error(f"{words[0]} comes after the command: suslov-fast {after} {words[0]}")
     options, unknown = parser.parse_known_args(words)
     if unknown:
         options.usage_error(f"unrecognized arguments: {' '.join(unknown)}")
@@ -79,9 +82,14 @@ def fraction(text: str) -> Fraction:
 
 def integer(text: str) -> int:
     """Return the integer in a text such as 1000 or 1e3."""
-    if (value := fraction(text)).denominator > 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no integer")
-    return int(value)
+    from .bodies.polynomials import from_text
+
+    try:
+        if (value := from_text(text)).denominator == 1:
+            return int(value)
+    except ValueError:
+        pass
+    raise argparse.ArgumentTypeError(f"{text!r} is no integer, such as 1000 or 1e6")
 
 
 def numbers(text: str) -> list[float]:
@@ -118,11 +126,17 @@ def _run(parser: Any) -> None:
     add("--initial", type=Path, metavar="FILE.npy", help="array with a state in each row")
     add = group.add_argument
     add("--extent", type=float, metavar="X", help="random states lie in [-X, X) (default 2)")
+    of_each = "a number, or one for each component"
+    add("--low", type=numbers, metavar="X,...", help=f"random states lie above this: {of_each}")
+    add("--high", type=numbers, metavar="X,...", help=f"random states lie below this: {of_each}")
     add("--seed", type=integer, metavar="N", help="seed of the random states (default 0)")
     add = parser.add_argument_group("run").add_argument
     add("--eps", type=fraction, metavar="X", help="step size (default: that of the picture)")
     add("--steps", type=integer, metavar="N", default=1000, help="number of steps (default 1000)")
-    methods = "auto (default); of fields order4, order6, order8; in n dimensions gauss, rank2"
+    methods = (
+        "auto (default); of fields order4, order6, order8, extrapolated; "
+        "in n dimensions gauss, rank2"
+    )
     add("--method", default="auto", help=methods)
     add("--threads", type=integer, metavar="N", help="number of threads (default: all)")
     every = "save every K-th state (default: the last one only)"

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 import urllib.request
 from pathlib import Path
@@ -17,7 +18,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast import warm_up
+from suslov_fast import command, warm_up
 from suslov_fast.command import main
 
 posix = pytest.mark.skipif(os.name != "posix", reason="POSIX signals, links and devices")
@@ -228,6 +229,38 @@ def test_info_and_plot_of_crossings():
     assert not plt.get_fignums()
 
 
+def test_a_family_and_a_box_of_starts(tmp_path, monkeypatch):
+    """From standard input, in the encodings that editors and PowerShell write."""
+    field = sf.QuadraticField.from_function(
+        lambda x, a: (x[0] * (a - x[1]), x[1] * (x[0] - 1)), "prey predator", a=[1.0, 2.0, 3.0]
+    )
+    text = json.dumps(field.to_dict())
+    options = "--eps 1/64 --steps 9 --low 0.5,1 --high 2 --trajectories 5 --method order4"
+    starts = sf.RandomStarts(5, low=(0.5, 1.0), high=2.0)
+    for encoding in ("utf-8", "utf-8-sig", "utf-16"):
+        (tmp_path / "family.json").write_bytes(text.encode(encoding))
+        output = tmp_path / f"{encoding}.npz"
+        with open(tmp_path / "family.json", "rb") as file:
+            wrapped = io.TextIOWrapper(file)
+            monkeypatch.setattr(sys, "stdin", wrapped)
+            assert main(["run", "--body", "-", *options.split(), "-o", str(output)]) == 0
+        family = sf.Trajectories.load(output)
+        assert family.status.shape == (3, 5)
+        for k, a in enumerate([1.0, 2.0, 3.0]):
+            one = sf.iterate(field.sel(a=a), starts, 1 / 64, 9, save_every=None, method="order4")
+            np.testing.assert_array_equal(family.final[k], one.final)
+
+
+def test_a_log_shows_signs_of_life(monkeypatch):
+    seen = threading.Event()
+    monkeypatch.setattr(command, "_BEAT", 0.01)
+    monkeypatch.setattr(command, "_tell", lambda text: seen.set())
+    monkeypatch.setattr(os, "isatty", lambda _: False)
+    monkeypatch.setattr(warm_up, "call_all", lambda: seen.wait(60))
+    assert main(["warm-up"]) == 0
+    assert seen.is_set()
+
+
 def test_a_store_is_finished_or_refused():
     line = "run --trajectories 100 --steps 40 --save-every 4 -o run.zarr"
     succeed(line)
@@ -262,7 +295,7 @@ MISTAKES = """
 2 | run -o o.csv | -o/--output: 'o.csv' must end in .npz or .zarr
 2 | report --body good.json --eps 1/0 | --eps: '1/0' is no number, such as 0.1 or 1/3
 2 | report --body good.json --eps 1e99999999 | --eps: '1e99999999' is no number
-2 | run --steps 1e-99999999 | --steps: '1e-99999999' is no number
+2 | run --steps 1e-99999999 | --steps: '1e-99999999' is no integer
 1 | run --omega0 1,2,3 | --omega0 must have the shape
 1 | run --J 1,-2 --I 1,1 --eps 1 | J must be positive, not -2
 1 | run --trajectories 0 | --trajectories must .* 0
@@ -281,12 +314,19 @@ MISTAKES = """
 1 | run -o missing/o.npz | missing/o.npz: nothing can be written there
 1 | run -o folder.zarr --force | folder.zarr
 1 | info foreign.npz | foreign.npz is no whole file .* it has no entry 'kind'
+2 | --json run | --json comes after the command: suslov-fast run --json
+2 | run --steps abc | argument --steps: 'abc' is no integer, such as 1000 or 1e6
+2 | run --low 1 | arguments --low and --high belong together
+2 | run --low 1 --high 2 --extent 3 | belong together, without --extent
+2 | run --omega0 1,2 --low 1 --high 2 | are for random states
+1 | run --low 1 --high 0 | low must be below high, 0.0, not 1.0
+1 | run --low 1,2,3 --high 4 | low and high must be numbers, or one for each component, not 3 for 2
 2 | plot good.npz | required: -o/--output
 1 | plot missing.npz -o o.png | missing.npz: No such file
 1 | plot foreign.npz -o o.png | foreign.npz
 1 | plot run.npz -o picture1.png | picture1.png exists: choose a new name, or add --force
 1 | plot run.npz -o o.docx | o.docx: .* docx
-1 | plot folder.zarr -o o.png | path must be a name that ends in .npz (open_ensemble
+1 | plot folder.zarr -o o.png | path must be a name that ends in .npz
 1 | info folder.zarr | folder.zarr
 1 | pictures | picture1.png exists: choose a new name, or add --force
 1 | explore --port 65536 | --port 65536:

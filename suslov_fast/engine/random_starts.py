@@ -1,33 +1,37 @@
 """Random initial states, each computed from a seed and its index."""
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from ..checks import FloatArray, integer, positive, require
+from ..checks import FloatArray, integer, positive, real_array, require, wrong
 
 
 @dataclass(frozen=True)
 class RandomStarts:
-    """Random initial states for :func:`ensemble` or :func:`iterate`, uniform in a cube around 0.
+    """Random initial states, uniform in a cube around 0 or in a box.
 
-    State i is computed when it is needed, from the seed and i alone, so that a batch larger than
-    memory can be divided in any way.
+    For :func:`ensemble`, :func:`iterate`, :func:`crossings`. State i is computed when it is needed,
+    from the seed and i alone, so that a batch larger than memory can be divided in any way.
 
     Parameters
     ----------
     size : int or tuple of int
         Number of states, or the shape of the batch.
-    extent : float
-        Half the edge of the cube: components lie in [-extent, extent), in the unit of the states.
+    extent : float, optional
+        Half the edge of a cube: components lie in [-extent, extent), in the unit of the states.
     seed : int
         Key of the generator (Philox), 0 or more. The same seed gives the same states.
+    low, high : float or sequence of float, optional
+        In place of `extent`: components lie in [low, high), one number for all or one for each.
 
     Raises
     ------
     TypeError, ValueError
-        If size or seed is not an integer from 0, or extent not a positive number.
+        If size or seed is not an integer from 0, extent not a positive number, low not below high,
+        or both extent and low or high are given, or neither.
 
     Examples
     --------
@@ -38,17 +42,39 @@ class RandomStarts:
     >>> RandomStarts(10**9, extent=2.0, seed=1).states(2, start=999_999_998).round(3)
     array([[ 0.428, -0.594],
            [-0.209, -0.973]])
+    >>> RandomStarts(2, low=(0, 10), high=(1, 20)).states(2).round(3)  # populations are positive
+    array([[1.2000e-02, 1.2415e+01],
+           [1.1100e-01, 1.5644e+01]])
     """
 
     size: int | tuple[int, ...]
-    extent: float
+    extent: float | None = None
     seed: int = 0
+    _: KW_ONLY
+    low: Any = None
+    high: Any = None
 
     def __post_init__(self) -> None:
         lengths = self.size if isinstance(self.size, (tuple, list)) else [self.size]
         size = tuple(integer("size", length, 0) for length in lengths)
-        extent, seed = positive("extent", self.extent), integer("seed", self.seed, 0)
-        vars(self).update(size=size[0] if len(size) == 1 else size, extent=extent, seed=seed)
+        seed = integer("seed", self.seed, 0)
+        vars(self).update(size=size[0] if len(size) == 1 else size, seed=seed)
+        if self.low is None and self.high is None:
+            if self.extent is None:
+                raise TypeError("RandomStarts needs extent, or low and high, such as low=0, high=2")
+            vars(self).update(extent=positive("extent", self.extent))
+            return
+        if self.extent is not None or self.low is None or self.high is None:
+            raise TypeError("RandomStarts takes extent alone, or low and high, not some of each")
+        low, high = real_array("low", self.low), real_array("high", self.high)
+        if max(low.ndim, high.ndim) > 1 or (low.ndim and high.ndim and low.shape != high.shape):
+            received = f"shapes {low.shape} and {high.shape}"
+            raise wrong("low and high", "numbers, or one for each component", received)
+        if not (low < high).all():
+            raise wrong("low", f"below high, {high.tolist()}", low.tolist())
+        # As tuples, because a set of starts is hashable.
+        for name, ends in (("low", low), ("high", high)):
+            vars(self)[name] = tuple(ends.tolist()) if ends.ndim else float(ends)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -64,9 +90,16 @@ class RandomStarts:
         first, skipped = divmod(start * dimension, 4)
         generator = np.random.Philox(key=self.seed, counter=first)
         words = generator.random_raw(skipped + count * dimension)
-        unit = (words[skipped:] >> np.uint64(11)) * 2.0**-53
-        states: FloatArray = np.asarray((2.0 * unit - 1.0) * self.extent, np.float64)
-        return states.reshape(count, dimension)
+        unit = ((words[skipped:] >> np.uint64(11)) * 2.0**-53).reshape(count, dimension)
+        if self.extent is not None:
+            states: FloatArray = (2.0 * unit - 1.0) * self.extent
+            return states
+        low, high = np.array(self.low), np.array(self.high)
+        if max(low.size, high.size) not in (1, dimension):
+            received = f"{max(low.size, high.size)} for {dimension} components"
+            raise wrong("low and high", "numbers, or one for each component", received)
+        # Rounding may reach the upper end.
+        return np.minimum(low + (high - low) * unit, np.nextafter(high, low))
 
     def _part(self, where: tuple[slice, ...], dimension: int) -> FloatArray:
         """Return the states (..., D) of a part of the batch: a slice for each of its axes."""

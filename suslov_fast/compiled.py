@@ -35,9 +35,9 @@ from .bodies.base import Body
 from .bodies.rigid import Suslov3D, SuslovGyrostat
 from .checks import MOMENTS, FloatArray, instance, real_number, within, wrong
 from .core import quantities, steps_3d
+from .core.field_system import FieldSystem
 from .core.llvm import uncounted
 from .core.numba import for_users, formula, of_kind, select
-from .core.steps_field import FieldSystem
 from .core.steps_nd import NDSystem
 from .maps import map_of
 

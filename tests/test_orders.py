@@ -120,7 +120,7 @@ def test_fractions(method):
     fractions = np.array(STAGES[method])
     assert record.name == f"Kahan, order {order}"
     assert list(record.methods) == [method]
-    assert abs(np.array(record.fractions) - fractions).max() < 1e-15
+    assert abs(np.array(record.stages.fractions) - fractions).max() < 1e-15
     assert len(fractions) == {4: 7, 6: 13, 8: 21}[order]
     with mpmath.workdps(40):
         for power in range(3, order, 2):
@@ -210,7 +210,7 @@ def precise_jacobian(field, x, eps, method):
 
     with mpmath.workdps(40):
         x = [mpmath.mpf(float(each)) for each in x]
-        for fraction in map_of(field, method).fractions:
+        for fraction in map_of(field, method).stages.fractions:
             h = mpmath.mpf(float(fraction)) * mpmath.mpf(eps) / 2
             A = matrix(x, h)
             y = [*x, mpmath.mpf(1)]
@@ -270,7 +270,7 @@ def test_multipliers(method):
         assert abs(np.prod(found) - np.linalg.det(jacobian)) < 1e-11 * abs(np.prod(wanted))
     # x' = x, where the denominator of one sub-step is 0, and the numerator of another one may be.
     growing = sf.QuadraticField(np.zeros((1, 1, 1)), [[1]])
-    for fraction in map_of(growing, method).fractions:
+    for fraction in map_of(growing, method).stages.fractions:
         eps = 2 / fraction
         if fraction * eps / 2 == 1.0:
             assert np.isinf(sf.multipliers(growing, [0.0], eps, method=method)).all()
@@ -383,7 +383,7 @@ def test_own_loops_take_whole_steps(name, method):
 def statuses(field, x, eps, method):
     """The status of a step from that of its sub-steps."""
     x, passed = np.array(x, float), False
-    for fraction in map_of(field, method).fractions:
+    for fraction in map_of(field, method).stages.fractions:
         run = sf.iterate(field, x, fraction * eps, 1, on_singular="ignore", save_every=None)
         if not run.ok:
             return run.status
@@ -409,7 +409,7 @@ def test_status_of_sub_steps(method, rng):
 
 def at_the_pole_of(stage, method):
     """Return a state from which a step of x' = x**2 ends at the pole of a sub-step, eps = 1."""
-    fractions = map_of(SQUARE, method).fractions
+    fractions = map_of(SQUARE, method).stages.fractions
     x = 1.0 / sum(fractions[: stage + 1])
     for _ in range(1000):
         before = x

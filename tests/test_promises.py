@@ -32,7 +32,7 @@ KINDS = {
     f"{name} {k}": make
     for name, map in MAPS.items()
     for k, make in enumerate(map.random)
-    if not (config.DISABLE_JIT and len(map.fractions) > 5)
+    if not (config.DISABLE_JIT and len(map.stages.fractions) > 5)
 }
 RECORDS = {kind: MAPS[kind.rpartition(" ")[0]] for kind in KINDS}
 # Those whose map is that of functions without the argument `method`.

@@ -6,6 +6,8 @@ steps. Its values stay in registers, and are those of `operations.evaluate`, to 
 
 from typing import NamedTuple
 
+import numpy as np
+
 from .machine_code import Text, pointer
 
 WIDTH = 8  # lanes of a line
@@ -18,9 +20,11 @@ class CodeArguments(NamedTuple):
     lines: int
     block: int  # lines of a block, which takes all steps before the next block begins
     steps: int  # of all stages
-    table: int  # address of `Step.table` for each stage: (stages, n) or (stages, lines, n, W)
-    table_bytes: int  # of a stage
+    # Address of three numbers of 8 bytes for each stage: the address of its `Step.table`, (n,) or
+    # (lines, n, W), and its `weights_of`.
+    plan: int
     stages: int
+    columns: int  # address of the rows of columns (lines, ROWS, D, W), 0 for compositions
     first_row: int  # address of the first saved states
     row_bytes: int  # from one saved row to the next
     first_until: int  # steps before the one that makes the first saved state
@@ -41,8 +45,18 @@ class CodeArguments(NamedTuple):
 
 SLOT = CodeArguments(*range(len(CodeArguments._fields)))  # places in the array
 
+# Rows of columns: the state before an extrapolated step, sums with both weights, and the largest
+# estimated error of a step so far, NaN before the first.
+BASE, SUM, SECOND, LARGEST = range(4)
+ROWS = 4
 
-def text_of_steps(step, name, W, for_each, align):
+
+def text_of_extrapolated_steps(*arguments):
+    """Return the text of `text_of_steps` for extrapolated steps."""
+    return text_of_steps(*arguments, in_columns=True)
+
+
+def text_of_steps(step, name, W, for_each, align, in_columns=False):
     """Return the text of i64 name(arguments): steps of lines of W lanes, see `CodeArguments`.
 
     It returns 1; or 0 at a step that needs `careful` while that is not ready. The table is common
@@ -50,7 +64,7 @@ def text_of_steps(step, name, W, for_each, align):
     past the caches if that is more than 8; 0 means that none are saved.
     """
     text, D = Text(W), step.D
-    new, integer, size, all_lanes = text.new, text.integer, 8 * W, (1 << W) - 1
+    integer, size, all_lanes = text.integer, 8 * W, (1 << W) - 1
     (*before, usual), _ = step.pieces
     for k, piece in enumerate(before):
         _piece(text, step, f"{name}_{k}", piece, for_each)
@@ -81,9 +95,13 @@ def text_of_steps(step, name, W, for_each, align):
         text.add(f"  %{register} = phi i64 [ %{register}0, %blocks ], [ %{register}1, %more ]")
     # The state of a single orbit stays in registers: a load would wait for the store before it.
     for i, component in enumerate(single):
-        text.add(f"  %x{i} = phi {text.V} [ {component}, %blocks ], [ %final{i}, %more ]")
+        text.add(f"  %x{i} = phi {text.V} [ {component}, %blocks ], [ %state{i}, %more ]")
     saves = text.compare_integers("eq", "%until", 0)
-    table = integer("add", arguments.table, integer("mul", "%stage", arguments.table_bytes))
+    plan = integer("add", arguments.plan, integer("mul", "%stage", 24))
+    common_table = text.load("i64", plan)
+    next_stage = integer("add", "%stage", 1)
+    is_last = text.compare_integers("eq", next_stage, arguments.stages)
+    weights = [text.load("double", text.plus(plan, 8 + 8 * k)) for k in range(2 * in_columns)]
     text.jump("lines")
 
     text.label("lines")
@@ -91,6 +109,7 @@ def text_of_steps(step, name, W, for_each, align):
     state = integer("add", arguments.x, integer("mul", "%line", D * size))
     places = [text.plus(state, size * i) for i in range(D)]
     x = [f"%x{i}" if W == 1 else text.load(text.V, place) for i, place in enumerate(places)]
+    table = common_table
     if for_each:
         table = integer("add", table, integer("mul", "%line", len(step.table) * size))
 
@@ -108,12 +127,9 @@ def text_of_steps(step, name, W, for_each, align):
     advanced = [text.select(accurate, *both) for both in zip(after_rare, x, strict=True)]
     for k in range(D):
         text.store(text.V, advanced[k], places[k])
-    ended, passed = (
-        new(f"zext i8 {text.load('i8', integer('add', bits, '%line'), 1)} to i64")
-        for bits in (arguments.marks, integer("add", arguments.marks, arguments.lines))
-    )
+    passed = _marks(text, integer("add", arguments.marks, arguments.lines))
     good, negative = text.bits(accurate), text.bits(values[step.negative])
-    bad = integer("and", integer("xor", good, all_lanes), integer("xor", ended, all_lanes))
+    bad = _others(text, good, arguments.marks)
     negative = integer("and", negative, integer("and", good, integer("xor", passed, all_lanes)))
     is_any = text.compare_integers("ne", integer("or", bad, negative), 0)
     text.branch(is_any, "careful", "finish")
@@ -123,26 +139,23 @@ def text_of_steps(step, name, W, for_each, align):
     text.label("unable")
     text.add("  ret i64 0")
     text.label("call")
-    kind = "void (i64, i64, i64, i64, i64)"
-    function = new(f"inttoptr i64 {arguments.careful} to {pointer(kind)}")
-    line_arrays = f"i64 {arguments.careful_arguments}"
-    text.add(f"  call void {function}({line_arrays}, i64 %line, i64 {bad}, i64 {negative}, i64 %n)")
-    left = text.load("i64", text.plus("%arguments", 8 * SLOT.budget))
-    text.store("i64", integer("sub", left, 1), text.plus("%arguments", 8 * SLOT.budget))
-    solved = [text.load(text.V, places[k]) for k in range(D)]
+    solved = _call_careful(text, arguments, bad, negative, places)
     text.jump("finish")
 
     text.label("finish")
-    final = [f"%final{k}" for k in range(D)]
+    final = [f"%final{k}" for k in range(D)] if in_columns else state_of(D)
     for k in range(D):
         ways = f"[ {after[k]}, %lines ], [ {advanced[k]}, %rare ], [ {solved[k]}, %call ]"
         text.add(f"  {final[k]} = phi {text.V} {ways}")
-    for k in range(D):
-        if step.after[k] != k:
-            text.store(text.V, final[k], places[k])
+    if in_columns:
+        _columns(text, arguments, places, final, weights, is_last)
+    else:
+        for k in range(D):
+            if step.after[k] != k:
+                text.store(text.V, final[k], places[k])
     if align:
         text.branch(saves, "save", "next")
-        _save(text, final, D, arguments.trajectories, align)
+        _save(text, state_of(D), D, arguments.trajectories, align)
     else:
         text.jump("next")
 
@@ -152,8 +165,6 @@ def text_of_steps(step, name, W, for_each, align):
 
     text.label("done")
     text.add("  %n1 = add i64 %n, 1")
-    next_stage = integer("add", "%stage", 1)
-    is_last = text.compare_integers("eq", next_stage, arguments.stages)
     text.add(f"  %stage1 = select i1 {is_last}, i64 0, i64 {next_stage}")
     less = integer("sub", "%until", 1)
     text.add(f"  %until1 = select i1 {saves}, i64 {arguments.between}, i64 {less}")
@@ -182,6 +193,107 @@ def text_of_steps(step, name, W, for_each, align):
     text.store("i64", "%hi", text.plus("%arguments", 8 * SLOT.line))
     text.add("  ret i64 1")
     return text.finished()
+
+
+def state_of(D):
+    """Return the names of the components of a line after a stage."""
+    return [f"%state{k}" for k in range(D)]
+
+
+def _marks(text, marks):
+    """Return the bits of lanes of a line in an array of `marks`, given by its address."""
+    return text.new(f"zext i8 {text.load('i8', text.integer('add', marks, '%line'), 1)} to i64")
+
+
+def _others(text, bits, marks):
+    """Return the bits of lanes that are neither in `bits` nor have ended."""
+    both = text.integer("or", bits, _marks(text, marks))
+    return text.integer("xor", both, (1 << text.W) - 1)
+
+
+def _call_careful(text, arguments, bad, negative, places):
+    """Call `careful` for bits of lanes; return the state of the line after it."""
+    kind = "void (i64, i64, i64, i64, i64)"
+    function = text.new(f"inttoptr i64 {arguments.careful} to {pointer(kind)}")
+    line_arrays = f"i64 {arguments.careful_arguments}"
+    text.add(f"  call void {function}({line_arrays}, i64 %line, i64 {bad}, i64 {negative}, i64 %n)")
+    left = text.load("i64", text.plus("%arguments", 8 * SLOT.budget))
+    text.store("i64", text.integer("sub", left, 1), text.plus("%arguments", 8 * SLOT.budget))
+    return [text.load(text.V, place) for place in places]
+
+
+def _columns(text, arguments, places, final, weights, is_last):
+    """Add what follows a stage of an extrapolated step: the end of a column, or of the step.
+
+    The stage made the state `final` of a line. Then the line has `state_of`, and is stored.
+    """
+    V, D, size = text.V, len(final), 8 * text.W
+    text.branch(text.new(f"fcmp une double {weights[0]}, 0.0"), "column", "inside")
+
+    text.label("inside")
+    for value, place in zip(final, places, strict=True):
+        text.store(V, value, place)
+    text.jump("stored")
+
+    text.label("column")
+    line = text.integer("mul", "%line", ROWS * D * size)
+    line = text.integer("add", arguments.columns, line)
+    rows = [[text.plus(line, size * (row * D + k)) for k in range(D)] for row in range(ROWS)]
+    base = [text.load(V, place) for place in rows[BASE]]
+    changes = [text.operate("fsub", *both) for both in zip(final, base, strict=True)]
+    sums = []
+    for row, weight in zip((SUM, SECOND), weights, strict=True):
+        weight = weight if text.W == 1 else text.splat(weight, text.W)
+        terms = [text.operate("fmul", weight, change) for change in changes]
+        sums.append([
+            text.operate("fadd", text.load(V, place), term)
+            for place, term in zip(rows[row], terms, strict=True)
+        ])  # fmt: skip
+    text.branch(is_last, "last", "restart")
+
+    text.label("restart")
+    for k in range(D):
+        text.store(V, base[k], places[k])
+        text.store(V, sums[0][k], rows[SUM][k])
+        text.store(V, sums[1][k], rows[SECOND][k])
+    text.jump("stored")
+
+    text.label("last")
+    after = [text.operate("fadd", base[k], sums[0][k]) for k in range(D)]
+    errors = [text.absolute(text.operate("fsub", *both)) for both in zip(*sums, strict=True)]
+    infinite = text.constant(np.inf)
+    finite = [text.compare("olt", text.absolute(value), infinite) for value in after]
+    finite = text.joined("and", finite)
+    for value, place in zip(after, places, strict=True):
+        text.store(V, value, place)
+    text.branch(text.all_true(finite), "taken", "beyond", likely=True)
+    text.label("beyond")
+    lost = _others(text, text.bits(finite), arguments.marks)
+    text.branch(text.compare_integers("eq", lost, 0), "taken", "note")
+    text.label("note")  # `careful` notes that a state that is not finite has no next one
+    text.branch(text.compare_integers("eq", arguments.careful, 0), "unable", "lost")
+    text.label("lost")
+    nothing = _call_careful(text, arguments, lost, 0, places)
+    text.jump("taken")
+
+    text.label("taken")
+    for k in range(D):
+        ways = f"[ {after[k]}, %last ], [ {after[k]}, %beyond ], [ {nothing[k]}, %lost ]"
+        text.add(f"  %taken{k} = phi {V} {ways}")
+    for k in range(D):
+        largest = text.load(V, rows[LARGEST][k])
+        is_larger = text.compare("ogt", largest, errors[k])
+        error = text.select(is_larger, largest, errors[k])
+        text.store(V, text.select(finite, error, largest), rows[LARGEST][k])
+        text.store(V, f"%taken{k}", rows[BASE][k])
+        text.store(V, "zeroinitializer" if text.W > 1 else "0.0", rows[SUM][k])
+        text.store(V, "zeroinitializer" if text.W > 1 else "0.0", rows[SECOND][k])
+    text.jump("stored")
+
+    text.label("stored")
+    for k, state in enumerate(state_of(D)):
+        ways = f"[ {final[k]}, %inside ], [ {base[k]}, %restart ], [ %taken{k}, %taken ]"
+        text.add(f"  {state} = phi {V} {ways}")
 
 
 def _loader(text, step, for_each, state, table, kept):

@@ -96,6 +96,9 @@ class Text:
     def operate(self, instruction, a, b):
         return self.new(f"{instruction} {self.V} {a}, {b}")
 
+    def absolute(self, a):
+        return self.new(f"call {self.V} @llvm.fabs.{self.suffix}({self.V} {a})")
+
     def compare(self, how, a, b):
         return self.new(f"fcmp {how} {self.V} {a}, {b}")
 
@@ -124,7 +127,7 @@ class Text:
 
     def carry_out(self, operations, values, load):
         """Add operations; `load` returns the name of a value that is not in the dict `values`."""
-        V, M = self.V, self.M
+        M = self.M
         for instruction, number, operands in operations:
             names = []
             for operand in operands:
@@ -135,7 +138,7 @@ class Text:
                     values[operand] = load(operand)
                 names.append(values[operand])
             if instruction == "fabs":
-                name = self.new(f"call {V} @llvm.fabs.{self.suffix}({V} {names[0]})")
+                name = self.absolute(names[0])
             elif instruction in ("max", "min"):
                 is_first = self.compare("ogt" if instruction == "max" else "olt", *names)
                 name = self.select(is_first, *names)

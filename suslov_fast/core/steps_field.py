@@ -6,11 +6,13 @@ A field is a list of terms. With one more component, x_D = 1, all terms are quad
 the sum of its v x_j x_k, j <= k. The indices of the terms determine a list of operations for a step
 (`operations`). `generated` makes machine code of it; where that is impossible, NumPy carries it
 out. `careful` takes a step where the increment cancels the state, or elimination loses digits. A
-step of order 4, 6 or 8 consists of several stages, which are steps with fractions of eps.
+step of other methods consists of several stages, which are steps with fractions of eps (`stages`).
 
 arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
 final       (B, D), the states that a run continues from
-carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none
+carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none; of
+            extrapolated steps (1 + D, B), also the largest estimated errors of a step, NaN if there
+            was no step
 
 States are in lines of W lanes, x[line, component, lane]. After a failure a trajectory is NaN.
 """
@@ -20,14 +22,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .careful import ENDED, PASSED, LineArrays, arguments_of, careful, solve_lane, step_carefully
-from .codes import NONFINITE, OK, PASSED_POLE
-from .generated import SLOT, WIDTH, CodeArguments, text_of_step, text_of_steps
-from .llvm import call_code, with_address
-from .machine_code import LARGE, MANY, call, code_of
-from .numba import STREAM_FROM, Kernel, function
+from .careful import ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
+from .codes import NONFINITE
+from .generated import (
+    BASE,
+    LARGEST,
+    ROWS,
+    SECOND,
+    SLOT,
+    SUM,
+    WIDTH,
+    CodeArguments,
+    text_of_extrapolated_steps,
+    text_of_steps,
+)
+from .machine_code import MANY, call, code_of
+from .numba import STREAM_FROM, Kernel
 from .operations import Step, evaluate
 from .pool import in_parts
+from .stages import WHOLE, distinct, weights_of
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 SOLVED = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
@@ -36,10 +49,10 @@ PLANS = 32  # patterns of terms whose lists of operations are kept
 
 
 class Scheme(NamedTuple):
-    """A list of operations, and the fractions of eps of the stages of one step."""
+    """A list of operations for a stage, and the stages of one step."""
 
     step: Any  # `operations.Step`
-    fractions: tuple[float, ...]
+    stages: Any  # `stages.Stages`
 
 
 @functools.lru_cache(PLANS)
@@ -47,67 +60,10 @@ def _step_of(places, D):
     return Step(np.frombuffer(places, np.int64).reshape(3, -1), D)
 
 
-def scheme_of(indices, D, fractions=(1.0,)):
+def scheme_of(indices, D, stages=WHOLE):
     """Return the scheme for fields with terms at these indices (3, T)."""
     step = _step_of(np.ascontiguousarray(indices, np.int64).tobytes(), D)
-    return Scheme(step, fractions)
-
-
-# -------------------------------------------------------------------------- steps in users' loops
-@with_address
-class FieldSystem(NamedTuple):
-    """A field and a step size, for `compiled`. Unpickling it finds the address in that process."""
-
-    address: int  # of the code of `generated.text_of_step`, 0 if there is none
-    half: Any  # (stages, T), half of the step size times the values of the terms
-    table: Any  # (stages, n), see `Step.table`
-    indices: Any  # (3, T)
-    dimension: int
-
-    def __reduce__(self):
-        return system_of, (self.indices, self.half, self.dimension)
-
-
-def system_of(indices, half, D):
-    """Return the system of a field, from eps / 2 times its values for each stage (stages, T)."""
-    step = scheme_of(indices, D).step
-    table = np.ascontiguousarray(step.table_of(half.T).T)
-    has_code = 0 < len(step.usual) < LARGE  # which lasts: users may store the system anywhere
-    address = code_of(text_of_step, step, lasts=True) if has_code else None
-    return FieldSystem(int(address or 0), half, table, step.indices, D)
-
-
-@function
-def field_memory(system):
-    """The memory of `field_step_of_one`."""
-    D = system.dimension
-    return np.empty((D, D + 1, 1)), np.empty((2, D)), np.empty((D,))
-
-
-@function
-def field_step_of_one(system, state, out, memory):
-    """Write the state that follows `state` to `out`; return its status. For `compiled`."""
-    matrix, units, x = memory
-    status, passed = OK, False
-    for i in range(len(x)):
-        x[i] = state[i]
-    for stage in range(len(system.half)):
-        code = np.int64(1)  # of `text_of_step`: 1 if the step is not accurate, 2 if det A < 0
-        if system.address != 0:
-            code = call_code(system.address, (x.ctypes.data, system.table[stage].ctypes.data))
-        negative = code == 2
-        if code == 1:
-            status, negative = solve_lane(system.indices, system.half[stage], x, matrix, units)
-        passed |= negative
-        if status != OK:
-            break
-    for i in range(len(x)):
-        out[i] = x[i]
-    return PASSED_POLE if passed and status == OK else status
-
-
-# What `compiled` calls for a system of this kind.
-FieldSystem.memory, FieldSystem.one_step = field_memory, field_step_of_one
+    return Scheme(step, stages)
 
 
 # ------------------------------------------------------------------------------------------- lines
@@ -119,23 +75,25 @@ def in_lines(rows, W):
 
 
 def tables_of(scheme, values, eps, W):
-    """Return eps / 2 times the values (lines, T, W), and `Step.table` (stages, lines, n, W).
+    """Return eps / 2 times the values (lines, T, W), and `Step.table` (fractions, lines, n, W).
 
-    Their shapes are (1, T, 1) and (stages, 1, n, 1) if all trajectories have the same field.
+    The fractions are those of `distinct`. The shapes are (1, T, 1) and (fractions, 1, n, 1) if all
+    trajectories have the same field.
     """
+    step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
     halves = 0.5 * eps[:, np.newaxis] * values
     if len(halves) == 1:
         return halves[:, :, np.newaxis], _common_table(*scheme, halves.tobytes())
     halves = in_lines(halves, W)
-    fractions = np.array(scheme.fractions)[:, np.newaxis, np.newaxis]
-    table = scheme.step.table_of(np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions)
+    fractions = fractions[:, np.newaxis, np.newaxis]
+    table = step.table_of(np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions)
     return halves, np.ascontiguousarray(np.moveaxis(table, 0, 2))
 
 
 @functools.lru_cache(PLANS)  # because it takes long beside a few steps
-def _common_table(step, fractions, halves):
-    """Return the table (stages, 1, n, 1) of one field, from the bytes of its halves."""
-    table = step.table_of(np.outer(np.frombuffer(halves), fractions))
+def _common_table(step, stages, halves):
+    """Return the table (fractions, 1, n, 1) of one field, from the bytes of its halves."""
+    table = step.table_of(np.outer(np.frombuffer(halves), distinct(stages.fractions)[0]))
     return np.ascontiguousarray(table.T)[:, np.newaxis, :, np.newaxis]
 
 
@@ -152,18 +110,19 @@ class _Lines:
     marks     (2, lines), bits of lanes that have ended, and that have passed a pole or ended; lanes
               of no trajectory have ended
     notes     status, failed_at and the first state beyond a pole, of each trajectory
+    columns   (lines, ROWS, D, W), see `generated.ROWS`; None if steps are not extrapolated
     """
 
-    def __init__(self, arguments, states, notes, W):
+    def __init__(self, arguments, states, notes, errors, W):
         (self.scheme, *parameters), self.notes, self.W = arguments, notes, W
         self.B, self.count, self.D = len(states), -(-len(states) // W), states.shape[1]
         self.halves, self.table = tables_of(self.scheme, *parameters, W)
-        self.for_each = self.halves.shape[2] > 1
+        self.for_each, self.columns = self.halves.shape[2] > 1, None
         self.marks = np.zeros((2, self.count), np.uint8)
-        self.start_from(states)
+        self.start_from(states, errors)
 
-    def start_from(self, states):
-        """Set the states, to NaN where trajectories have ended."""
+    def start_from(self, states, errors):
+        """Set the states, to NaN where trajectories have ended, and the largest errors (D, B)."""
         self.x = in_lines(states, self.W)
         status, _, poles = self.notes
         if status.any() or self.count * self.W > self.B:
@@ -171,6 +130,9 @@ class _Lines:
             self.x.swapaxes(1, 2)[self._of_lanes(ended, False)] = np.nan
             self.marks[ENDED] = _packed(self._of_lanes(ended, True))
             self.marks[PASSED] = _packed(self._of_lanes(ended | (poles > 0.0), True))
+        if self.scheme.stages.columns:
+            self.columns = np.zeros((self.count, ROWS, self.D, self.W))
+            self.columns[:, BASE], self.columns[:, LARGEST] = self.x, in_lines(errors.T, self.W)
 
     def _of_lanes(self, truths, unused):
         """Return truth values of trajectories as (lines, W), `unused` for lanes of none."""
@@ -178,9 +140,13 @@ class _Lines:
         padded[: self.B] = truths
         return padded.reshape(self.count, self.W)
 
+    def rows(self, lines):
+        """Return the rows (B, D) of lines (-, D, W), such as the states."""
+        return lines.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
+
     def states(self):
         """Return the states (B, D)."""
-        return self.x.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
+        return self.rows(self.x)
 
     def take(self, start, stop, saved, every, is_large, abandoned, again=False):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
@@ -188,11 +154,12 @@ class _Lines:
         Return False if a step needs `careful`, but it is not compiled, or there are FEW steps: then
         the steps must be taken again. End early if there is something in `abandoned`.
         """
-        step, stages = self.scheme.step, len(self.scheme.fractions)
+        step, stages = self.scheme.step, len(self.scheme.stages.fractions)
         align = _alignment(saved, self.W, is_large)
         if len(step.usual) > MANY:  # compile one code for runs that save states and for others
             align = 8
-        address = code_of(text_of_steps, step, self.W, self.for_each, align) if step.usual else None
+        text_of = text_of_steps if self.columns is None else text_of_extrapolated_steps
+        address = code_of(text_of, step, self.W, self.for_each, align) if step.usual else None
         until = every - start % every if every else 0
         rows = saved, until * stages - 1, every * stages - 1
         if address is None:
@@ -210,9 +177,9 @@ class _Lines:
 
     def _line_arrays(self):
         """Return the arrays for `careful`."""
-        step, fractions = self.scheme
+        step, stages = self.scheme
         return LineArrays(
-            self.x, self.halves, np.array(fractions), step.indices, *self.notes, self.marks,
+            self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes, self.marks,
             np.empty(self.D * (self.D + 4) + step.T),
         )  # fmt: skip
 
@@ -226,15 +193,16 @@ class _Lines:
         # a short block waits for the one before it.
         blocks = -(-8 * self.x.size // 2**15)
         block = -(-self.count // min(blocks, -(-self.count // 4)))
-        first_row = saved.ctypes.data
+        first_row, columns = saved.ctypes.data, self.columns
+        plan = self._plan()
         arguments = CodeArguments(
             x=self.x.ctypes.data,
             lines=self.count,
             block=block,
             steps=steps,
-            table=self.table.ctypes.data,
-            table_bytes=self.table.strides[0],
-            stages=len(self.scheme.fractions),
+            plan=plan.ctypes.data,
+            stages=len(plan),
+            columns=0 if columns is None else columns.ctypes.data,
             first_row=first_row,
             row_bytes=saved.strides[0],
             first_until=until,
@@ -251,16 +219,25 @@ class _Lines:
             until=until,
             row=first_row,
         )
-        return np.array(arguments, np.int64), (kept, arrays, own)
+        return np.array(arguments, np.int64), (kept, arrays, own, plan)
 
-    def _carry_out(self, n):
-        """Carry out the operations of step n where that is accurate.
+    def _plan(self):
+        """Return the plan (stages, 3) of `CodeArguments`."""
+        stages, table = self.scheme.stages, self.table
+        plan = np.empty((len(stages.fractions), 3))
+        places = distinct(stages.fractions)[1]
+        plan[:, 1:] = weights_of(stages)
+        plan.view(np.int64)[:, 0] = table.ctypes.data + table.strides[0] * places
+        return plan
+
+    def _carry_out(self, stage):
+        """Carry out the operations of a stage where that is accurate.
 
         Return the bits of these lanes, and of lanes with det A < 0.
         """
-        step, shape = self.scheme.step, (self.count, self.W)
+        (step, stages), shape = self.scheme, (self.count, self.W)
         values = dict(enumerate(self.x.swapaxes(0, 1)))
-        table = self.table[n % len(self.table)].swapaxes(0, 1)
+        table = self.table[distinct(stages.fractions)[1][stage]].swapaxes(0, 1)
         values.update(zip(step.table, table, strict=True))
         evaluate(step.usual, values)
         evaluate(step.rare, values)
@@ -272,18 +249,42 @@ class _Lines:
     def _take_in_numpy(self, start, steps, saved, until, between):
         """Carry out the operations by NumPy: the reference, where there is no machine code."""
         (ended, passed), row, arrays = self.marks, 0, self._line_arrays()
+        weights = weights_of(self.scheme.stages)
         for n in range(steps):
+            stage = n % len(weights)
             if self.scheme.step.usual:
-                accurate, negative = self._carry_out(n)
+                accurate, negative = self._carry_out(stage)
             else:
                 accurate, negative = np.zeros((2, self.count), np.uint8)
             bad = ~(accurate | ended) & np.uint8(2**self.W - 1)
             negative = negative & accurate & ~passed
             for line in np.flatnonzero(bad | negative):
                 step_carefully(arrays, start, line, int(bad[line]), int(negative[line]), n)
+            if weights[stage, 0]:
+                finite = self._end_column(weights[stage], stage == len(weights) - 1)
+                bad = ~(finite | ended) & np.uint8(2**self.W - 1)
+                for line in np.flatnonzero(bad):
+                    step_carefully(arrays, start, line, int(bad[line]), 0, n)
+                self.columns[:, BASE] = self.x
             if n == until:
                 saved[row] = self.states()
                 row, until = row + 1, until + between + 1
+
+    def _end_column(self, weights, is_last):
+        """End a column, as the machine code does; return the bits of lanes with finite states."""
+        base, total, second, largest = self.columns.swapaxes(0, 1)
+        change = self.x - base
+        total += weights[0] * change
+        second += weights[1] * change
+        self.x[:] = base
+        if not is_last:
+            return np.full(self.count, 255, np.uint8)
+        self.x += total
+        errors, finite = abs(total - second), (abs(self.x) < np.inf).all(axis=1)
+        errors = np.where(largest > errors, largest, errors)
+        largest[:] = np.where(finite[:, np.newaxis], errors, largest)
+        self.columns[:, SUM : SECOND + 1] = 0.0
+        return _packed(finite)
 
 
 def _alignment(saved, W, is_large):
@@ -333,12 +334,16 @@ def _iterate_part(
     for low in range(first, last, CHUNK):
         chunk = slice(low, min(low + CHUNK, last))
         own = scheme, *(array[chunk] if len(array) > 1 else array for array in parameters)
-        states, notes = starts[chunk], (status[chunk], failed_at[chunk], carry[0, chunk])
+        states, errors = starts[chunk], carry[1:, chunk]
+        notes = status[chunk], failed_at[chunk], carry[0, chunk]
         if steps[0] == 0:
             _note_undefined(states, notes)
-        lines = _Lines(own, states, notes, W)
-        _take_steps(lines, states, steps, saved[:, chunk], is_large, abandoned)
+            errors[:] = np.nan
+        lines = _Lines(own, states, notes, errors, W)
+        _take_steps(lines, states, errors, steps, saved[:, chunk], is_large, abandoned)
         final[chunk] = lines.states()
+        if len(errors):
+            errors[:] = lines.rows(lines.columns[:, LARGEST]).T
 
 
 def _note_undefined(states, notes):
@@ -350,8 +355,8 @@ def _note_undefined(states, notes):
         status[undefined], failed_at[undefined] = NONFINITE, 0
 
 
-def _take_steps(lines, states, steps, saved, is_large, abandoned):
-    """Take the steps of a run from these states, and save states."""
+def _take_steps(lines, states, errors, steps, saved, is_large, abandoned):
+    """Take the steps of a run from these states and largest errors, and save states."""
     start, stop, every, row = steps
     if every and start == 0:
         saved[row] = lines.states()
@@ -361,7 +366,7 @@ def _take_steps(lines, states, steps, saved, is_large, abandoned):
     arguments = start, stop, saved[row:] if every else saved[:0], every, is_large, abandoned
     if not lines.take(*arguments):
         careful.compile()  # only now, because few runs need it
-        lines.start_from(states)
+        lines.start_from(states, errors)
         lines.take(*arguments, again=True)
 
 

@@ -48,6 +48,7 @@ from .llvm import call_code, for_size, uncounted
 from .machine_code import LARGE, code_of
 from .numba import function, inlined, kernel, lesser, share
 from .operations import Tangent
+from .stages import distinct, weights_of
 from .steps_field import Scheme, scheme_of, tables_of
 
 INTERVAL = 16  # steps, after which columns are orthonormalised at the latest
@@ -62,9 +63,11 @@ class Arguments(NamedTuple):
     W: int
     room: int  # see `columns_of`
     indices: Any  # (3, T)
-    table: Any  # (stages, 1 or lines, n, 1 or W)
+    table: Any  # (fractions, 1 or lines, n, 1 or W)
     halves: Any  # (1 or lines, T, 1 or W)
     fractions: Any  # (stages,)
+    tables: Any  # (stages,), places in `table`
+    weights: Any  # (stages,), at the ends of columns, else 0
 
 
 @functools.lru_cache(32)
@@ -74,14 +77,15 @@ def _tangent_of(places, D):
 
 def arguments_of(scheme, values, eps, count):
     """Return the arguments of the kernels for `count` trajectories, and what has to stay alive."""
-    step, fractions = scheme
+    (step, stages), fractions = scheme, scheme.stages.fractions
     tangent, W = _tangent_of(step.indices.tobytes(), step.D), WIDTH if count > 1 else 1
-    halves, table = tables_of(Scheme(tangent, fractions), values, eps, W)
+    halves, table = tables_of(Scheme(tangent, stages), values, eps, W)
     room, address, size = columns_of(tangent.D, W)[1], None, len(tangent.usual + tangent.columns)
     if 0 < size < LARGE:
         address = code_of(text_of_tangent, tangent, W, halves.shape[2] > 1)
     codes = address, code_of(text_of_orthonormalise, scheme_of(_NO_TERMS, step.D).step, W)
-    fixed = W, room, step.indices, table, halves, np.array(fractions)
+    of_stages = np.array(fractions), distinct(fractions)[1], weights_of(stages)[:, 0].copy()
+    fixed = W, room, step.indices, table, halves, *of_stages
     return Arguments(*(int(code or 0) for code in codes), *fixed), codes
 
 
@@ -156,7 +160,7 @@ def take_steps(arguments, memory, place, stage, ignored, steps):
     orthonormalised, with logarithms to be taken, and that took the last step by `solve`.
     """
     line, all_lanes, address = memory.line, (1 << arguments.W) - 1, arguments.step
-    table = arguments.table[stage, place % arguments.table.shape[1]].ctypes.data
+    table = arguments.table[arguments.tables[stage], place % arguments.table.shape[1]].ctypes.data
     code = np.int64(all_lanes & ~ignored) << STEP  # all need `solve`, without machine code
     if address != 0:
         code = call_code(address, (line.ctypes.data, table, ignored, steps))
@@ -257,16 +261,31 @@ def jacobians(part, parts, arguments, x, out):
     """Fill out (B, D, D) with DPhi at the states x (B, D), NaN where it does not exist."""
     (B, D), W = x.shape, arguments.W
     memory, first = memory_of(arguments, D), 2 * D + LENGTHS
-    begin, end = share((B + W - 1) // W, part, parts)
+    stages, (begin, end) = len(arguments.fractions), share((B + W - 1) // W, part, parts)
     for place in range(begin, end):
         ignored = fill_line(arguments, memory, x, x, place, 0)
-        for stage in range(len(arguments.fractions)):  # an odd number: columns become -DPhi q
+        # Columns become -DPhi q at each stage, and the number of stages is odd, except those of a
+        # column of an extrapolated step, whose derivative is 1 + sum_n w_n (DPhi_n - 1).
+        is_first = True
+        for stage in range(stages):
             take_steps(arguments, memory, place, stage, ignored, np.int64(1))
-        for l in range(lesser(W, B - place * W)):
-            for i in range(D):
-                for r in range(D):
-                    value = memory.line[first + i * arguments.room + r, l]
-                    out[place * W + l, i, r] = 0.0 * memory.line[i, l] - value
+            weight, is_last = arguments.weights[stage], stage == stages - 1
+            if weight == 0.0 and not is_last:
+                continue
+            for l in range(lesser(W, B - place * W)):
+                for i in range(D):
+                    for r in range(D):
+                        value = memory.line[first + i * arguments.room + r, l]
+                        if weight == 0.0:
+                            value = -value
+                        else:
+                            unit = 1.0 if i == r else 0.0
+                            before = unit if is_first else out[place * W + l, i, r]
+                            value = before + weight * (value - unit)
+                        out[place * W + l, i, r] = 0.0 * memory.line[i, l] + value
+            is_first = False
+            if not is_last:
+                fill_line(arguments, memory, x, x, place, 0)
 
 
 @kernel

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import FloatArray
-from ..core.steps_field import FieldSystem, scheme_of, system_of
+from ..core.field_system import FieldSystem, system_of
+from ..core.stages import WHOLE, Stages
+from ..core.steps_field import scheme_of
 from ..core.steps_nd import FAR_FROM_0, NDSystem
 
 
@@ -80,35 +82,32 @@ def alike(
         yield where, terms[0], terms[1], eps[where] if len(eps) > 1 else eps
 
 
-WHOLE = (1.0,)  # the only stage of a step of Kahan's map, as a fraction of eps
-
-
 def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
     """Return the arguments of the kernel of fields: the operations of a step, values and eps."""
     return with_scheme(body.dimension, WHOLE, *by_field(body, eps, batch))
 
 
-def in_stages(fractions: tuple[float, ...]) -> Callable[..., Any]:
-    """Return `by_scheme` for steps made of several stages, each of a fraction of eps."""
+def in_stages(stages: Stages) -> Callable[..., Any]:
+    """Return `by_scheme` for steps made of these stages."""
 
     def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
-        return with_scheme(body.dimension, fractions, *by_field(body, eps, batch))
+        return with_scheme(body.dimension, stages, *by_field(body, eps, batch))
 
     return by_scheme
 
 
 def with_scheme(
-    D: int, fractions: Any, indices: NDArray[Any], values: FloatArray, eps: FloatArray
+    D: int, stages: Stages, indices: NDArray[Any], values: FloatArray, eps: FloatArray
 ) -> Any:
     """Return arguments with the operations of a step in place of the indices of its terms."""
-    return scheme_of(indices, D, fractions), values, eps
+    return scheme_of(indices, D, stages), values, eps
 
 
 def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
     """Group trajectories as `alike` does, with arguments as of `by_scheme`."""
-    (step, fractions), values, eps = arguments
+    (step, stages), values, eps = arguments
     for where, *of_group in alike(step.indices, values, eps):
-        yield where, arguments if where is ALL else with_scheme(D, fractions, *of_group)
+        yield where, arguments if where is ALL else with_scheme(D, stages, *of_group)
 
 
 def nd_system(body: Any, eps: float) -> NDSystem:
@@ -118,9 +117,9 @@ def nd_system(body: Any, eps: float) -> NDSystem:
     return NDSystem(np.array(body.J), np.array(body.I), eps, near, body.dimension)
 
 
-def field_system(body: Any, eps: float, fractions: Any = WHOLE) -> FieldSystem:
+def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:
     """Return the constants of a single body with a field, for `compiled`."""
     indices, values = body.terms
-    halves = np.outer(fractions, 0.5 * eps * values)
-    system: FieldSystem = system_of(indices, halves, body.dimension)
+    halves = np.outer(stages.fractions, 0.5 * eps * values)
+    system: FieldSystem = system_of(indices, halves, stages, body.dimension)
     return system

@@ -23,7 +23,7 @@ _STRETCH = 2**26
 
 def groups_of_alike(problem: Problem) -> Iterator[tuple[Any, Any]]:
     """Yield groups of trajectories, as indices, and the scheme, values and step sizes of each."""
-    make = in_stages(problem.map.fractions)
+    make = in_stages(problem.map.stages)
     arguments = make(problem.body, problem.eps, problem.batch)
     yield from by_zeros(problem.body.dimension, arguments)
 
@@ -41,7 +41,7 @@ def _at_states(
     Each call is for a part of the batch, so that Python handles Ctrl-C in between.
     """
     x, D = flat_arrays(problem.omega, problem.batch), problem.body.dimension
-    cost, out = 4 * len(problem.map.fractions) * D**3, np.empty((len(x), *shape))
+    cost, out = 4 * len(problem.map.stages.fractions) * D**3, np.empty((len(x), *shape))
     width = max(_STRETCH // cost, 1)
     for where, (scheme, *parameters) in groups_of_alike(problem):
         states, values = x[where], out[where]  # views if where is ALL, else copies

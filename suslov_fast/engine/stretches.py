@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from ..checks import FloatArray, extra, instance, integer, is_false, kind_of, require, short, wrong
 from ..core import codes, orientations
+from ..core.field_system import FieldSystem
 from ..core.numba import Kernel
 from ..core.one_step import KernelOfStep
-from ..core.steps_field import FieldSystem
 from ..core.steps_nd import NDSystem
 from .arguments import ALL, Arguments, flat_arrays, flat_parameter
 from .problem import Problem
@@ -100,6 +100,12 @@ class Steps(NamedTuple):
     divide: Callable[[int, Arguments], Iterator[tuple[Any, Arguments]]] | None = None
     # True if carry[0] is the number of the first state after a step from det A < 0, else 0.
     notes_poles: bool = False
+    # True if the last D rows of `carry` are the largest estimated errors of a step so far.
+    estimates: bool = False
+
+    def rows_carried(self, D: int) -> int:
+        """Return the number of rows of `carry` for states of D components."""
+        return self.carried + D * self.estimates
 
 
 def check_steps(name: str, steps: Any) -> None:
@@ -125,6 +131,11 @@ class Checkpoint(NamedTuple):
     failed_at: NDArray[np.int64]  # (...)
     carry: FloatArray  # (carried, B)
     turned: FloatArray | None  # (B, n, n), orientations after n steps
+
+
+def largest_errors(carry: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """Return the largest estimated errors of a step in `carry`, of the shape of states (..., D)."""
+    return carry[-shape[-1] :].T.reshape(shape)
 
 
 class March:
@@ -157,7 +168,7 @@ class March:
             self.turned = None if earlier.turned is None else earlier.turned.copy()
             return
         self.n = 0
-        self.carry = np.zeros((self.steps.carried, size))
+        self.carry = np.zeros((self.steps.rows_carried(D), size))
         if problem.orientation is not None:
             self.turned = flat_arrays(problem.orientation, problem.batch, 2).copy()
             self.turned[np.isnan(self.omega0).any(axis=1)] = np.nan
@@ -173,6 +184,11 @@ class March:
         first, status = self.noted()
         passed = (first > 0) & (status == codes.PASSED_POLE)
         return np.where(passed, first, -1).reshape(self.problem.batch)
+
+    @property
+    def local_error(self) -> FloatArray:
+        """The largest estimated errors of a step so far (..., D), if the steps have estimates."""
+        return largest_errors(self.carry, self.final.shape)
 
     def noted(self) -> tuple[NDArray[np.int64], Any]:
         """Return the first state with a positive status, 0 if none, and this status, each (B,)."""

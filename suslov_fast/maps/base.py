@@ -12,7 +12,7 @@ from .. import checks
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
 from ..checks import FloatArray
-from ..engine.arguments import WHOLE
+from ..core.stages import WHOLE, Stages
 from ..engine.derivatives import Growth, growth, growth_by_jacobian
 from ..engine.problem import Problem, check
 from ..engine.stretches import Report, Steps, check_steps
@@ -21,7 +21,7 @@ from .formulas import INSTEAD, KAHAN, PARTS, SERVED, Formula, Plane, check_formu
 from .methods import with_notes
 
 # The methods of the package; `str` stands for those that `maps.register` adds.
-Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8"] | str
+Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8", "extrapolated"] | str
 
 
 Rates = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
@@ -62,9 +62,9 @@ class Map:
         A body, and a state without a next state for eps = 1; None if every state has one.
     conserved : tuple of str
         Names of formulas: the first one that a body has is conserved, exactly or nearly.
-    fractions : tuple of float
-        Stages of a composition: a step consists of Kahan steps by these fractions of eps. (1.0,)
-        for Kahan's map itself, and for maps that are not compositions of it.
+    stages : Stages
+        Stages of a composition, or of an extrapolated step: a step consists of Kahan steps by these
+        fractions of eps. WHOLE for Kahan's map itself, and for maps that are not made of it.
     order : int
         The order of the method: the error of a step is O(eps**(order + 1)).
     attitude : {"axial", "in_rows"} or None
@@ -137,7 +137,7 @@ class Map:
     random: tuple[Callable[[np.random.Generator, tuple[int, ...]], Any], ...]
     pole: tuple[Any, tuple[float, ...]] | None
     conserved: tuple[str, ...] = ()
-    fractions: tuple[float, ...] = WHOLE
+    stages: Stages = WHOLE
     order: int = 2
     attitude: Literal["axial", "in_rows"] | None = None
     plane: Plane | None = None
@@ -314,7 +314,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
         raise checks.wrong("body", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
     of_fields = ", ".join(repr(name) for name in _methods_of(QuadraticField) if name != "auto")
     instead = f": QuadraticField.of(body) has the methods {of_fields}"
-    instead *= str(method).startswith("order") and "order4" not in by_method
+    instead *= method in _methods_of(QuadraticField) or str(method).startswith("order")
     return by_method[checks.one_of("method", method, by_method, instead)]
 
 

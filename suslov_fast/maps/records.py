@@ -4,7 +4,7 @@ from ..bodies.field import QuadraticField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
 from ..bodies.samples import random_3d, random_field, random_nd, random_with_I3
-from ..engine.derivatives import growth
+from ..engine.derivatives import growth, growth_by_jacobian
 from .base import Map, register
 from .formulas import (
     GYROSTAT,
@@ -20,13 +20,15 @@ from .formulas import (
     rates_of_gyrostat,
 )
 from .methods import (
+    COMPOSITIONS,
+    EXTRAPOLATION,
     FIELD,
-    FIELD_OF_ORDER,
     FRACTIONS,
     GAUSS,
     STEPS_3D,
     STEPS_ND,
     STEPS_WITH_ROTOR,
+    field_in,
 )
 
 for _record in (
@@ -95,17 +97,32 @@ for _record in (
             name=f"Kahan, order {order}",
             title=f"Composition of Kahan maps, order {order}",
             body=QuadraticField,
-            methods={f"order{order}": FIELD_OF_ORDER[order]},
+            methods={f"order{order}": field_in(COMPOSITIONS[order])},
             formulas=OF_ORDER,
             random=(random_field,),
             pole=(QuadraticField([[[1]]]), (1.0 / FRACTIONS[order][0],)),
             conserved=("energy",),
-            fractions=FRACTIONS[order],
+            stages=COMPOSITIONS[order],
             order=order,
             variable="x",
             meaning="state",
         )
-        for order in FRACTIONS
+        for order in COMPOSITIONS
+    ),
+    Map(
+        name="Kahan, extrapolated",
+        title="Extrapolated Kahan map",
+        body=QuadraticField,
+        methods={"extrapolated": field_in(EXTRAPOLATION)},
+        formulas=OF_ORDER,
+        random=(random_field,),
+        pole=(QuadraticField([[[1]]]), (2.0,)),
+        conserved=("energy",),
+        stages=EXTRAPOLATION,
+        order=10,
+        growth=growth_by_jacobian,
+        variable="x",
+        meaning="state",
     ),
 ):
     register(_record)

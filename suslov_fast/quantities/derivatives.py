@@ -126,8 +126,9 @@ def jacobian(
 ) -> FloatArray:
     """Derivative of the map: row i, column j holds d(omega_next)_i / d(omega)_j.
 
-    It is A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`, for Kahan's map, and
-    the product over all stages for the methods of order 4, 6 and 8.
+    It is A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`, for Kahan's map, the
+    product over all stages for the methods of order 4, 6 and 8, and the sum of w_n times the
+    products over columns of n stages for "extrapolated".
 
     Parameters
     ----------
@@ -173,8 +174,9 @@ def multipliers(
 
     A fixed point attracts if all moduli are below 1. Multipliers of Kahan's map are
     (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f', those of order 4, 6 and 8 the
-    products of these over all stages. In n dimensions mu = c s at omega = c I, for s in the
-    spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
+    products of these over all stages, and those of "extrapolated" the sum of w_n
+    ((1 + eps mu / (2 n)) / (1 - eps mu / (2 n)))**n over the columns n. In n dimensions mu = c s at
+    omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Parameters
     ----------
@@ -246,10 +248,7 @@ def _multipliers(checked: Problem, member: str = "") -> Any:
         slopes = np.where(known[..., np.newaxis], slopes, 0.0)
         if rates:
             Y = 0.5 * np.asarray(checked.eps)[..., np.newaxis] * rates(checked, slopes)
-            stages = [fraction * Y for fraction in checked.map.fractions]
-            at_pole = np.any([y == 1.0 for y in stages], axis=0)
-            values = np.prod([(1.0 + y) / (1.0 - y) for y in stages], axis=0)
-            values = np.where(at_pole, np.inf, values)
+            values = checked.map.stages.multiply(Y)
         else:
             values = np.linalg.eigvals(slopes).astype(complex)
         values = np.where(np.broadcast_to(known, (*checked.batch, 1)), values, np.nan)

@@ -30,6 +30,7 @@ class Column(NamedTuple):
     fill: float = math.nan  # value in a store where a tile is not computed yet
     when: str = ""  # the condition, of `conditions_of`, under which results have it
     is_last: bool = False  # whether tiles write it last, so that it marks them as done
+    in_files: bool = True  # False for what `_carry` holds, too
 
     @property
     def is_public(self) -> bool:
@@ -50,6 +51,14 @@ RUN = (
         "failed_at", "int64", "batch", "first state missing or beyond a pole, or -1", fill=PENDING
     ),
     Column("first_pole", "int64", "batch", "first state beyond a pole, or -1", fill=PENDING),
+    Column(
+        "local_error",
+        "float64",
+        "batch component",
+        "largest estimated error of a step",
+        when="estimates",
+        in_files=False,
+    ),
     Column("status", "int8", "batch", fill=PENDING, is_last=True),
     Column("_carry", "float64", "carried trajectory"),
     Column("_turned", "float64", "trajectory space body", when="turns"),
@@ -64,14 +73,17 @@ CROSSINGS = (
     Column("_carry", "float64", "carried trajectory"),
     Column("_last", "float64", "trajectory", when="surface"),
 )
-OF_KIND = {"Trajectories": RUN, "Crossings": CROSSINGS}
+OF_KIND = {
+    "Trajectories": [column for column in RUN if column.in_files],
+    "Crossings": [*CROSSINGS],
+}  # of files
 
 Sizes = Mapping[str, tuple[int, ...]]  # the lengths of each axis in `Column.axes`
 
 
 def conditions_of(steps: Any, turns: bool) -> set[str]:
     """Return the values of `Column.when` that hold for a run by these `Steps`."""
-    return {"turns"} if turns else set()
+    return {name for name, holds in (("turns", turns), ("estimates", steps.estimates)) if holds}
 
 
 def present(table: Iterable[Column], conditions: Collection[str]) -> list[Column]:

@@ -14,6 +14,30 @@ from ..keywords import public
 
 T = TypeVar("T", bound=np.generic)
 
+# Attributes that a run lacks, such as those of other packages, and what to use; {x} is omega or x.
+INSTEAD_IN_RUNS = {
+    **dict.fromkeys(
+        ("sel", "isel"),
+        "run.to_xarray().sel(...), which finds trajectories by the value of a parameter, or "
+        "run.{x}[:, k], the states of trajectory k",
+    ),
+    "t": "run.time, the times of the saved states; t of the paper is run.criticality()",
+    **dict.fromkeys(
+        ("y", "u", "X", "values", "data", "trajectory", "trajectories", "solution", "sol"),
+        "run.{x}, the states with time on the first axis, so that y of solve_ivp is run.{x}.T",
+    ),
+    **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
+    "message": "run.status and run.failed_at, with a Status for each trajectory",
+    "shape": "run.{x}.shape",
+    "local_error": "iterate(..., method='extrapolated'), whose steps estimate their errors",
+    "to_numpy": "run.{x}, or np.asarray(run)",
+    "parameters": "run.body.parameters",
+    **dict.fromkeys(
+        ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
+        "run.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
+    ),
+}
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:

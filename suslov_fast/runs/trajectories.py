@@ -15,39 +15,15 @@ from ..bodies.classes import BodyOrField
 from ..checks import FloatArray, checked_out, integer, one_of
 from ..engine.problem import Problem
 from ..engine.status import ON_SINGULAR, OnSingular, first_beyond, report_failures
-from ..engine.stretches import Checkpoint, March, Progress, reporter
+from ..engine.stretches import Checkpoint, March, Progress, largest_errors, reporter
 from ..engine.threads import thread_count
 from ..keywords import nearest, public
 from ..maps import Map
 from .columns import of_runs
-from .results import Result, in_short, read_only
+from .results import INSTEAD_IN_RUNS, Result, in_short, read_only
 
 if TYPE_CHECKING:
     import xarray
-
-
-# Attributes that results of other packages have, and what to use here; {x} is omega or x.
-_INSTEAD = {
-    **dict.fromkeys(
-        ("sel", "isel"),
-        "run.to_xarray().sel(...), which finds trajectories by the value of a parameter, or "
-        "run.{x}[:, k], the states of trajectory k",
-    ),
-    "t": "run.time, the times of the saved states; t of the paper is run.criticality()",
-    **dict.fromkeys(
-        ("y", "u", "X", "values", "data", "trajectory", "trajectories", "solution", "sol"),
-        "run.{x}, the states with time on the first axis, so that y of solve_ivp is run.{x}.T",
-    ),
-    **dict.fromkeys(("success", "retcode"), "run.ok, or run.status for each trajectory"),
-    "message": "run.status and run.failed_at, with a Status for each trajectory",
-    "shape": "run.{x}.shape",
-    "to_numpy": "run.{x}, or np.asarray(run)",
-    "parameters": "run.body.parameters",
-    **dict.fromkeys(
-        ("to_dataframe", "to_pandas", "to_csv", "to_netcdf", "to_zarr"),
-        "run.to_xarray(), whose Dataset has to_dataframe and to_netcdf",
-    ),
-}
 
 
 def _quantity(name: str) -> Callable[[Trajectories], FloatArray]:
@@ -211,7 +187,7 @@ class Trajectories(Result):
                     raise AttributeError(
                         f"no attribute {name!r}: the states of this run are run.{x}"
                     )
-                instead = _INSTEAD.get(name, "").format(x=x)
+                instead = INSTEAD_IN_RUNS.get(name, "").format(x=x)
                 labels = [label.lower() for label in self.body._labels]
                 if name.lower() in labels:
                     instead = f"run.{x}[..., {labels.index(name.lower())}]"
@@ -226,6 +202,8 @@ class Trajectories(Result):
     def __dir__(self) -> list[str]:
         other = "x" if self.map.variable == "omega" else "omega"
         hidden = {other, *_QUANTITIES} - {*self.map.functions(self.body)}
+        if not self.map.methods[self.method].estimates:
+            hidden.add("local_error")
         return [name for name in super().__dir__() if name not in hidden]
 
     def __len__(self) -> int:
@@ -259,6 +237,20 @@ class Trajectories(Result):
         n = self.n if np.ndim(self.eps) == 0 else self.n.reshape(-1, *(1,) * self.status.ndim)
         times: FloatArray = read_only(n * np.asarray(self.eps))
         return times
+
+    @cached_property
+    def local_error(self) -> FloatArray:
+        """The largest estimated error of a step so far in each component, shape (..., D).
+
+        Runs of method="extrapolated" have it, in the unit of the components; NaN for a trajectory
+        that has taken no step. The estimate is the difference between the step, of order 10, and
+        that without its shortest column, of order 8, so that it is larger than the error of the
+        step where the step is accurate. Errors of later states depend on how the motion amplifies
+        them.
+        """
+        if self._carry is None or not self.map.methods[self.method].estimates:
+            raise AttributeError  # `__getattr__` words the message
+        return read_only(largest_errors(self._carry, self.final.shape))
 
     @property
     def ok(self) -> bool:
@@ -405,7 +397,7 @@ def run_to_end(
         "_carry": march.carry,
         "_turned": march.turned,
     }
-    columns = of_runs(march.steps, turns is not None)
+    columns = [each for each in of_runs(march.steps, turns is not None) if each.in_files]
     attributes |= {each.name: getattr(march, each.name) for each in columns if not each.is_saved}
     run = Trajectories._of(attributes)
     report_failures(run, on_singular, start + 1 if earlier else 0)

@@ -37,6 +37,7 @@ from suslov_fast.integrability import (
     kahan,
     polynomials,
     rational_map,
+    reducible,
     report,
     zoo,
 )
@@ -925,6 +926,50 @@ def test_products_of_polynomials_of_a_higher_degree_are_left_out():
     body = report(*ZOO["Klebsch-Tisserand"], degree=2)
     assert [len(P.factors) for P in body.polynomials] == [1] * 7
     assert_holds(body)
+
+
+def test_members_with_more_than_two_factors():
+    """They are multiple roots of the lost rank: here of the pencil of Nahm's octahedral system."""
+    eps, x, y = polynomials.polynomial_ring(2, True).gens()
+    lines = y * (2 * x + 3 * y) * (x - y) ** 2
+    others = math.prod(eps * a + s for a in (3 * x + 2 * y, x - 6 * y) for s in (1, -1))
+    members = [*reducible.reducible_members([others + 2 * lines, 3 * others - lines])]
+    for expected in (lines, others):
+        assert expected in members or -expected in members
+
+
+@pytest.mark.slow
+def test_products_where_the_rank_falls_by_more_than_one():
+    """Two members of a pencil have several factors: multiple roots of the lost rank."""
+    octahedral = report(ZOO["Nahm, octahedral"][0], F(1, 4), degree=4)
+    (integral,) = octahedral.integrals
+    assert sorted(str(f) for f, power in integral.factors if power < 0) == [
+        "3*x1 + 2*x2 + 4",
+        "3*x1 + 2*x2 - 4",
+        "x1 - 6*x2 + 4",
+        "x1 - 6*x2 - 4",
+    ]
+    assert sorted(power for _, power in integral.factors if power > 0) == [1, 1, 2]
+    assert_holds(octahedral)
+
+
+@pytest.mark.slow
+def test_a_line_twice_and_three_conics():
+    """L^2 Q / (C+ C-), where 0.8 had 52 terms over 25."""
+    field = field_of(
+        lambda x: (
+            x[0] ** 2 + 3 * x[0] * x[1] + 2 * x[0] - 2,
+            -3 * x[0] * x[1] - x[1] ** 2 - 2 * x[1] + 2,
+        ),
+        2,
+    )
+    found = report(field, degree=4)
+    (integral,) = found.integrals
+    shapes = sorted((int(P.total_degree()), power) for P, power in integral.subs(eps=1).factors)
+    assert shapes == [(1, 2), (2, -1), (2, -1), (2, 1)]
+    assert "x1 + x2 + 2" in {str(P) for P, _ in integral.factors}
+    x, map = (F(2, 7), F(-3, 5)), kahan(field, EPS)
+    assert integral.subs(eps=EPS)(map(x)) == integral.subs(eps=EPS)(x)
 
 
 TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)

@@ -128,6 +128,8 @@ def _parameters(space: Sequence[Any], more: int) -> Iterator[RationalFunction]:
             if first.rank() < first.ncols():  # all members are reducible
                 return []
             common = common.gcd(_values_of_lost_rank(first, second, p, rng))
+        # A root is multiple if the rank falls further there; each is wanted once.
+        common //= common.gcd(common.derivative()) if common.degree() > 0 else 1
         return [[int(c) for c in common.coeffs()]] if common.degree() > 0 else []
 
     symbolic = has_eps(space[0])

@@ -43,11 +43,9 @@ _ELSEWHERE = {
 
 
 def _imported(name: str) -> ModuleType:
-    """Import a module of the package; Ctrl-C and forks wait until then."""
-    interrupts, forks = (
-        import_module(f".core.{each}", __name__) for each in ("interrupts", "forks")
-    )
-    with interrupts.uninterrupted(), forks.importing:
+    """Import a module of the package; Ctrl-C waits until then."""
+    interrupts = import_module(".core.interrupts", __name__)
+    with interrupts.uninterrupted():
         return import_module(name, __name__)
 
 

@@ -247,30 +247,52 @@ def test_a_child_of_a_parent_that_ran_fields_in_threads():
     children.run(FORK, timeout=120)
 
 
-LOCK = """
-import os, threading, time
-from suslov_fast.core import machine_code
-
-held = threading.Event()
-
-
-def compile_something():
-    with machine_code._lock:
-        held.set()
-        time.sleep(0.2)
-
-
-thread = threading.Thread(target=compile_something)
-thread.start()
-held.wait()
+POOL = """
+import os, signal, threading, warnings
+from suslov_fast.core.pool import in_parts
+warnings.simplefilter("ignore", DeprecationWarning)
+found, all_three = [], threading.Barrier(3)
+in_parts(3, lambda part: (all_three.wait(), found.append(part)), [])
 child = os.fork()
 if child == 0:
-    os._exit(0 if machine_code._lock.acquire(timeout=1) else 1)
-thread.join()
-assert os.waitpid(child, 0)[1] == 0
+    signal.alarm(20)
+    found.clear()
+    in_parts(3, found.append, [])
+    os._exit(sorted(found) != [0, 1, 2])
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), sorted(found))
 """
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_no_child_has_the_lock_of_a_thread_that_it_lacks():
-    children.run(LOCK, timeout=60)
+def test_a_child_starts_threads_of_its_own():
+    """It would wait forever for those of its parent's pool, which it lacks."""
+    assert children.run(POOL, timeout=60) == "0 [0, 1, 2]\n"
+
+
+def test_an_error_of_the_generator_is_not_one_of_llvm(monkeypatch, anew):
+    def slip(*arguments):
+        raise KeyError("no such value")
+
+    monkeypatch.setattr(steps_field, "text_of_steps", slip)
+    with pytest.raises(KeyError, match="no such value"):
+        sf.iterate(sf.QuadraticField.from_function(of_a, 3, a=1), np.ones(3), 0.02, 10)
+
+
+def test_a_signal_handler_that_compiles_while_old_codes_are_freed(monkeypatch, anew):
+    """Codes and engines may come and go between any two lines."""
+    compiled = []
+
+    class Interrupted(dict):
+        def pop(self, *arguments):
+            if len(compiled) < 2:
+                compiled.append(sf.QuadraticField([[[1.0]]], [[1.0 * len(compiled)]]))
+                sf.step(compiled[-1], [0.5], 0.01)
+            return super().pop(*arguments)
+
+    for D in (1, 3):
+        sf.step(sf.QuadraticField(np.zeros((D, D, D)), np.eye(D)), np.ones(D), 0.01)
+    for name in ("_codes", "_engines"):
+        monkeypatch.setattr(machine_code, name, Interrupted(getattr(machine_code, name)))
+    monkeypatch.setattr(machine_code, "MOST_CODES", 1)
+    sf.step(sf.QuadraticField(np.ones((2, 2, 2))), np.ones(2), 0.01)
+    assert len(compiled) == 2

@@ -116,7 +116,6 @@ COMPILING = [
         "machine_code",
         "numba",
         "pool",
-        "forks",
         "interrupts",
         "cache",
         "llvm",

@@ -162,18 +162,20 @@ def _files_of(py_function):
         """Files of a function. If one cannot be read or written, the process compiles."""
 
         def load_overload(self, signature, target_context):
+            # Of any class, because unpickling what is not whole may raise anything. The process
+            # then compiles.
             with suppress(Exception):
                 code = super().load_overload(signature, target_context)
                 # Two processes that write at once may exchange the code of two signatures.
                 if code and tuple(code.signature.args) == tuple(signature):
                     return code
                 return self._elsewhere and self._elsewhere.load_overload(signature, target_context)
-            with suppress(Exception):
+            with suppress(OSError):
                 self.flush()  # the index: `save_overload` would read it
             return None
 
         def save_overload(self, signature, data):
-            with suppress(Exception):
+            with suppress(Exception):  # of any class: pickle, a full disk, the index of another
                 if self._elsewhere:
                     self._elsewhere.save_overload(signature, data)
                 else:

@@ -7,7 +7,6 @@ LLVM write the types of pointers differently.
 
 import ctypes
 import itertools
-import sys
 import threading
 import warnings
 
@@ -15,7 +14,7 @@ import numpy as np
 from llvmlite import binding
 from numba import config
 
-from .forks import wait_at_forks
+from .numba import advice_on_numba
 from .operations import OF_TRUTH_VALUES
 
 MANY = 6000  # operations, above which optimising mostly takes longer than it saves
@@ -173,7 +172,6 @@ _codes = {}  # addresses, by the arguments of `code_of`
 _engines = {}  # by level of optimisation, and whether their code lasts
 _numbers = itertools.count()  # which make names unique, also after Ctrl-C
 _lock = threading.RLock()  # reentrant, because a signal may arrive while code is compiled
-wait_at_forks(sys.modules[__name__], "_lock")
 
 
 def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
@@ -190,15 +188,16 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
             _free_old()
             name = f"code_{next(_numbers)}"
             level = 2 if len(step.usual) < MANY else 0
+            text = text_of(step, name, W, for_each, align)  # an error here is the package's own
             try:
-                text = text_of(step, name, W, for_each, align)
                 _codes[key] = _compile(text, name, level, lasts)
-            except Exception as error:
+            # LLVM cannot read the text, or llvmlite has a function no more, or in another form.
+            except (RuntimeError, AttributeError, TypeError) as error:
                 if None not in _codes.values():  # one warning for a process
                     warnings.warn(
                         f"LLVM refuses the code of a field ({error}): NumPy takes steps of "
                         "thousands of trajectories, in 100 times the time, and of one, in 5000 "
-                        "times; install a version of Numba that suslov_fast was tested with",
+                        f"times; {advice_on_numba() or 'please report this'}",
                         RuntimeWarning,
                         stacklevel=2,
                     )
@@ -208,12 +207,14 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
 
 def _free_old():
     """Forget the codes that do not last, if there are MOST_CODES of them, and their engines."""
-    old = [key for key in _codes if not key[-1]]
+    # A signal handler may compile or free codes between any two lines, so the loops need copies.
+    old = [key for key in _codes.copy() if not key[-1]]
     if len(old) >= MOST_CODES:
         for key in old:
-            del _codes[key]
-        for key in [key for key in _engines if not key[-1]]:
-            del _engines[key]
+            _codes.pop(key, None)
+        for key in _engines.copy():
+            if not key[-1]:
+                _engines.pop(key, None)
 
 
 def _compile(text, name, level, lasts):

@@ -22,10 +22,8 @@ each value, because constants have types of their own. A loop over lanes becomes
 import functools
 import gc
 import importlib
-import os
 import re
 from contextlib import contextmanager, suppress
-from threading import get_ident
 
 import numba
 import numpy as np
@@ -33,7 +31,6 @@ from numba import config, prange, types
 from numba.extending import overload, typeof_impl
 
 from .cache import is_foreign, kept_folders, name_with_digest, use_cache
-from .forks import wait_at_forks
 from .interrupts import uninterrupted
 from .llvm import call_address, pack
 from .pool import in_parts
@@ -60,9 +57,6 @@ def _cached(compile_with, py_function):
     return compiled
 
 
-_pausing = set()  # the threads that switched the garbage collector off, because they compile
-
-
 @functools.cache
 def _load_registries():
     """Have Numba import all that it needs to compile, which an interrupt would leave half done."""
@@ -77,41 +71,29 @@ def _compiling():
     If compiling fails with a newer Numba than TESTED, the error says so.
     """
     _load_registries()
-    was_enabled, thread = gc.isenabled(), get_ident()
+    was_enabled = gc.isenabled()
     gc.disable()
-    if was_enabled:
-        _pausing.add(thread)
     try:
         yield
-    except Exception as error:
-        running = tuple(map(int, re.findall(r"\d+", numba.__version__)[:2]))
-        if running <= TESTED or isinstance(error, IndexError):  # Numba is not to blame
+    except Exception as error:  # of any class: what a newer Numba breaks may raise anything
+        # Kernels that check indices, or are interpreted, raise IndexError when they run.
+        if not advice_on_numba() or isinstance(error, (IndexError, MemoryError)):
             raise
-        tested, next_one = (f"{TESTED[0]}.{TESTED[1] + k}" for k in (0, 1))
-        raise RuntimeError(
-            f"compiling failed with numba {numba.__version__}; the newest numba that this version "
-            f"of suslov_fast was tested with is {tested}: pip install 'numba<{next_one}'"
-        ) from error
+        text = f"compiling failed with numba {numba.__version__}; {advice_on_numba()}"
+        raise RuntimeError(text) from error
     finally:
         if was_enabled:
-            _pausing.discard(thread)
             gc.enable()
 
 
-def _end_pauses():
-    """Switch the garbage collector on in a forked child, if a thread of its parent paused it."""
-    if _pausing - {get_ident()}:
-        gc.enable()
-    _pausing.intersection_update({get_ident()})
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_end_pauses)
-with suppress(ImportError, AttributeError):  # names that Numba does not promise
-    from numba.core.compiler_lock import global_compiler_lock
-
-    if hasattr(global_compiler_lock._lock, "_is_owned"):
-        wait_at_forks(global_compiler_lock, "_lock")
+def advice_on_numba():
+    """Return what to install if Numba is newer than TESTED, else an empty text."""
+    running = tuple(map(int, re.findall(r"\d+", numba.__version__)[:2]))
+    tested, next_one = (f"{TESTED[0]}.{TESTED[1] + k}" for k in (0, 1))
+    return (running > TESTED) * (
+        "the newest numba that this version of suslov_fast was tested with is "
+        f"{tested}: pip install 'numba<{next_one}'"
+    )
 
 
 class Function:
@@ -156,7 +138,9 @@ class CFunction:
         build = functools.partial(numba.cfunc, self.signature, **_OPTIONS)
         name_with_digest(self.py_func)
         with _compiling():
-            with suppress(Exception):  # no writable folder, or a file that cannot be read
+            # There is no writable folder; or a file cannot be read, which may raise anything. An
+            # error of compiling comes again.
+            with suppress(Exception):
                 return build(cache=not config.BOUNDSCHECK)(self.py_func)
             return build(cache=False)(self.py_func)
 
@@ -252,10 +236,11 @@ def _addresses(compiled, kind):
     """Return the addresses of the loop over parts, and of a kernel for a tuple of this type.
 
     This needs private names of Numba: `get_compile_result`, `CompileResultWAP`, and those of
-    `llvm`. If one is missing or has another meaning, return None: then parts run serially.
+    `llvm`. If one is missing or has another meaning, return None: then parts run serially, and an
+    error of compiling the kernel, which is not of a private name, comes again.
     """
     word, addresses = types.int64, []
-    with _compiling(), suppress(Exception):
+    with _compiling(), suppress(Exception):  # of any class, as in `_compiling`
         for dispatcher, kinds in ((_loop, (word,) * 4), (compiled, (word, word, *kind))):
             dispatcher.compile(kinds)  # a tuple, as in a call, because it is the key in the cache
             code = dispatcher.get_compile_result(types.void(*kinds))
@@ -292,7 +277,7 @@ class Universal:
         build = functools.partial(numba.guvectorize, [types.void(*kinds)], self.layout)
         name_with_digest(self.py_func, of_all=True)
         with _compiling():
-            with suppress(Exception), kept_folders():  # no folder, or a file that cannot be read
+            with suppress(Exception), kept_folders():  # as in `CFunction`
                 compiled = build(cache=not config.BOUNDSCHECK)(self.py_func)
                 if _is_whole(compiled):
                     return compiled

@@ -166,7 +166,7 @@ def _check_failures(run: _Run, notes_poles: bool) -> None:
     is_right = (failed_at == -1) | (status > 0) & (failed_at > 0) & (failed_at < len(n))
     is_right = (failed_at >= 0) & (status < 0) | is_right & (status >= 0)
     if notes_poles:
-        is_right &= (status != codes.PASSED_POLE) | (failed_at == run.carry[0])
+        is_right &= (status != codes.PASSED_POLE) | (failed_at == abs(run.carry[0]))
     else:
         is_right &= status != codes.PASSED_POLE
     is_right &= (exist != gone).all(axis=0)

@@ -13,7 +13,8 @@ from suslov_fast.command import main
 from suslov_fast.maps.methods import FRACTIONS
 
 quiet = pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
-LONG = "eps is too long (an eigenvalue of f' above 2/eps)"
+LONG = "eps is too long"
+SIGN = " (a component that cannot change its sign did)"
 SQUARE = QuadraticField([[[1]]])  # x' = x**2: 1 / x decreases by eps in a step
 # The motion from this state ends at t = 3.27.
 HENON = QuadraticField.from_hamiltonian(
@@ -55,14 +56,24 @@ def random_fields(rng, D, B):
 
 
 # ------------------------------------------------------------------------------- what is a finding
+def changed(field, x):
+    """Whether components changed their signs whose equations have no nonzero term without them."""
+    indices, values = field.terms
+    lacking = np.zeros((x.shape[1], field.dimension), bool)
+    for (i, j, k), v in zip(indices.T, values.T, strict=True):
+        lacking[:, i] |= (v != 0) & (j != i) & (k != i)
+    return ((x[1:] * x[:-1] < 0) & ~lacking).any(axis=-1)
+
+
 @quiet
 @pytest.mark.parametrize("D", [1, 2, 3, 4, 6, 9])
 def test_statuses_of_fields_are_signs_of_determinants(rng, D):
-    """Counted by NumPy along the saved states, at steps that are far too long."""
+    """Or of components; counted by NumPy along the saved states, at steps that are far too long."""
     field, eps = random_fields(rng, D, 60)
     run = iterate(field, rng.normal(size=(60, D)), eps, 25, on_singular="ignore")
     good = run.status >= 0
-    first = beyond(np.linalg.det(matrix(field, run.x[:-1], eps)[:, good]) < 0)
+    negative = np.linalg.det(matrix(field, run.x[:-1], eps)[:, good]) < 0
+    first = beyond(negative, changed(field, run.x)[:, good])
     assert (run.failed_at[good] == first).all()
     assert (run.status[good] == np.where(first > 0, Status.PASSED_POLE, Status.OK)).all()
     assert len({*run.status[good]}) == 2
@@ -117,17 +128,22 @@ def test_the_number_of_the_step_is_the_time_of_escape():
 
 
 def test_an_even_number_of_eigenvalues_is_not_seen():
-    """These motions escape at t = 1, and det A is a square; the pages say so."""
+    """The motion z' = z**2 escapes at t = 1, and det A is a square; the pages say so."""
     complex_square = QuadraticField.from_function(
         lambda x: (x[0] ** 2 - x[1] ** 2, 2 * x[0] * x[1]), 2
     )
-    twice = QuadraticField.from_function(lambda x: (x[0] ** 2, 2 * x[0] * x[1]), 2)
-    equal = QuadraticField.from_function(lambda x: (x[0] ** 2, x[1] ** 2), 2)
-    for field, x in ((complex_square, [1, 0]), (twice, [1, 1]), (equal, [1, 1])):
-        run = iterate(field, x, 0.03, 50)
-        assert run.status == Status.OK
-        assert run.x[33, 0] > 90
-        assert run.x[34, 0] < 0  # it came back from the other side
+    run = iterate(complex_square, [1, 0], 0.03, 50)
+    assert run.status == Status.OK
+    assert run.x[33, 0] > 90
+    assert run.x[34, 0] < 0  # it came back from the other side
+
+
+def test_two_poles_at_once_are_told_by_components_that_change_their_signs():
+    """det A is a square; each term of an equation contains its component."""
+    for f in (lambda x: (x[0] ** 2, 2 * x[0] * x[1]), lambda x: (x[0] ** 2, x[1] ** 2)):
+        run, (message,) = told(iterate, QuadraticField.from_function(f, 2), [1, 1], 0.03, 50)
+        assert run.failed_at == run.first_pole == 34
+        assert message.endswith("before t = 1.1, or eps is too long" + SIGN)
 
 
 def test_the_last_state_is_not_looked_at():
@@ -150,8 +166,8 @@ def test_one_warning_for_all():
     assert run.failed_at.tolist() == [[-1, -1, -1], [-1, 52, 52]]
     assert not np.isnan(run.x).any()
     message = (
-        "2 of 6 trajectories: a step from det A < 0: the motion escapes to infinity, or eps is too "
-        "long (an eigenvalue of f' above 2/eps); first: (1, 1) at step 52"
+        "2 of 6 trajectories passed a pole (first: trajectory (1, 1) at step 52): "
+        "the motion escapes to infinity before t = 3.3, or eps is too long"
     )
     assert messages == [message]
     assert repr(run).endswith("failed: 0 of 6, passed a pole: 2)")
@@ -168,7 +184,7 @@ def test_one_warning_for_all():
 )
 def test_motions_that_cannot_escape(body, x):
     """The energy of a body is constant; a linear motion is there at all times."""
-    message = f"1 of 1 trajectories: a step from det A < 0: {LONG}; first: 0 at step 1"
+    message = f"1 of 1 trajectories passed a pole (first: trajectory 0 at step 1): {LONG}"
     run, messages = told(iterate, body, x, 1.0, 50)
     assert messages == [message]
     assert told(run.extend, 5)[1] == []
@@ -209,7 +225,9 @@ def test_a_failure_has_a_status_of_its_own():
         with pytest.raises(sf.SingularStepError, match=r"^2 of 4 .* first: 1 at step 12") as error:
             iterate(field, starts, 0.25, 20, on_singular="raise")
     (warning,) = caught
-    assert str(warning.message).startswith("1 of 4 trajectories: a step from det A < 0: the motion")
+    assert str(warning.message).startswith(
+        "1 of 4 trajectories passed a pole (first: trajectory 0 at "
+    )
     run = error.value.trajectories
     assert run.status.tolist() == [Status.PASSED_POLE, Status.SINGULAR, Status.SINGULAR, Status.OK]
     assert run.failed_at.tolist() == [6, 12, 12, -1]
@@ -361,8 +379,8 @@ def test_an_ensemble_tells_of_its_store(tmp_path):
     starts[1, 5:] = starts[2, 0] = ESCAPES
     given = HENON, starts, 1 / 16, 100
     message = (
-        "4 of 24 trajectories: a step from det A < 0: the motion escapes to infinity, or eps is "
-        "too long (an eigenvalue of f' above 2/eps); first: (1, 5) at step 52"
+        "4 of 24 trajectories passed a pole (first: trajectory (1, 5) at step 52): "
+        "the motion escapes to infinity before t = 3.3, or eps is too long"
     )
     store = tmp_path / "run.zarr"
     data, messages = told(sf.ensemble, *given, store=store, chunk={"batch_0": 2, "batch_1": 3})
@@ -441,3 +459,115 @@ def test_motions_that_escape_are_those_that_are_told(count, end):
         assert abs(passed.sum() - escaped) <= (2 if count > 6 else 0)
         if (count, eps) == (150, 1 / 16):
             assert passed.sum() == escaped == 149
+
+
+# ---------------------------------------------------------------- components that keep their signs
+# Two populations. By DOP853 those that start from (0.05, 0.05) stay between 5e-4 and 48.
+PREY = QuadraticField.from_function(
+    lambda x: (x[0] * x[1] - 5 * x[0], -x[0] * x[1] + 4 * x[1]), "x y"
+)
+DECAY = QuadraticField.from_function(lambda x: (-2000 * x[0],), 1)
+
+
+def first_change(run):
+    """Return the number of the first state after a step from det A < 0 or a change of sign."""
+    with np.errstate(all="ignore"):
+        negative = np.linalg.det(np.nan_to_num(matrix(run.body, run.x[:-1], run.eps))) < 0
+    return beyond(negative, changed(run.body, run.x))
+
+
+def test_a_population_that_turns_negative_is_told():
+    run, (message,) = told(iterate, PREY, [0.05, 0.05], 0.05, 570)
+    assert (run.status, run.failed_at, run.first_pole) == (Status.PASSED_POLE, 163, 163)
+    assert run.x[163, 1] < 0 < run.x[:163].min()
+    assert np.linalg.det(matrix(PREY, run.x, 0.05)).min() > 0  # which det A does not tell
+    assert message == (
+        "1 of 1 trajectories passed a pole (first: trajectory 0 at step 163): "
+        "the motion escapes to infinity before t = 8.2, or eps is too long" + SIGN
+    )
+    assert run.valid.sum() == 163
+    assert run.ok
+
+
+def test_a_failure_does_not_hide_the_pole_before_it():
+    with pytest.warns(sf.SingularStepWarning) as caught:
+        run = iterate(PREY, np.tile([0.05, 0.05], (3, 1)), 0.1, 1000)
+    assert [str(each.message) for each in caught] == [
+        "3 of 3 trajectories: singular step, first: 0 at step 100; "
+        "3 of them had passed a pole before: eps is too long, or the motion escapes"
+    ]
+    assert (run.status == Status.SINGULAR).all()
+    assert run.failed_at.tolist() == [100] * 3
+    assert run.first_pole.tolist() == [17] * 3
+    assert run.valid.sum(axis=0).tolist() == [17] * 3
+    assert abs(run.x[run.valid]).max() < 60
+    assert (
+        iterate(PREY, [0.05, 0.05], 0.1, 1000, save_every=10, on_singular="ignore").valid.sum() == 2
+    )
+    body = SuslovND([2, 2], [0, 0])
+    alive = iterate(body, [np.nan, 0.0], 0.1, 3, on_singular="ignore")
+    assert alive.first_pole == -1
+    assert not alive.valid.any()
+
+
+@quiet
+def test_signs_agree_for_all_ways_to_compute(rng, tmp_path):
+    """Widths, cuts, threads, saved states, ensembles and crossings find the same pole."""
+    starts = rng.uniform(0.05, 3, (40, 2))
+    given = PREY, starts, 0.1
+    run = iterate(*given, 300, on_singular="ignore")
+    assert (run.first_pole == first_change(run)).all()
+    assert 3 < (run.first_pole >= 0).sum() < 37
+    assert (run.status[run.first_pole >= 0] != Status.OK).all()
+    for k in np.flatnonzero(run.first_pole >= 0)[:3]:
+        one = iterate(PREY, starts[k], 0.1, 300, on_singular="ignore")
+        assert (one.first_pole, one.status) == (run.first_pole[k], run.status[k])
+        assert np.array_equal(one.x, run.x[:, k], equal_nan=True)
+    cut = iterate(*given, 1, on_singular="ignore")
+    for steps in (40, 9, 250):
+        cut = cut.extend(steps, on_singular="ignore")
+    assert cut == run
+    data = sf.ensemble(*given, 300, store=tmp_path / "run.zarr", chunk=7)
+    assert (data.first_pole == run.first_pole).all()
+    points = sf.crossings(*given, 300, lambda x: x[..., 0] - 4, on_singular="ignore")
+    assert (points.first_pole == run.first_pole).all()
+    limits = run.first_pole[points.trajectory]
+    assert (points.valid == ((limits < 0) | (points.n + 1 < limits))).all()
+    assert 0 < points.valid.sum() < len(points)
+
+
+@quiet
+def test_components_of_one_sign_are_those_of_the_member(rng):
+    """Of a family some members have a source, and their components may change their signs."""
+    source = np.array([0.0, 0.3] * 10)
+    fields = QuadraticField.from_function(lambda x, s: (s - 9 * x[0], x[0] - x[1]), 2, s=source)
+    run = iterate(fields, [1.0, 0.5], 0.5, 20)
+    assert ((run.first_pole == 1) == (source == 0)).all()
+    assert (run.x[:, 1::2, 0].min(axis=0) < 0).all()
+
+
+@quiet
+def test_zeros_and_negative_components_keep_their_signs(rng):
+    """0 stays 0, an underflow is no change of sign, and what is negative may not rise above 0."""
+    for x, first in (([0.0, 1.0], -1), ([-1.0, 1.0], 1), ([1.0, 0.0], 1), ([0.0, 0.0], -1)):
+        field = QuadraticField.from_function(lambda x: (-50 * x[0], -0.5 * x[1]), 2)
+        assert iterate(field, x, 0.1, 5).first_pole == first, x
+    fading = QuadraticField([[[0]]], [[-1.9999]])
+    assert iterate(fading, [[-1.0], [1.0]], 1.0, 400).first_pole.tolist() == [-1, -1]
+    assert abs(iterate(fading, [[-1.0], [1.0]], 1.0, 400).final).max() < 1e-300
+    tiny = QuadraticField([[[0]]], [[-3]])
+    assert iterate(tiny, [[-1e-300], [1e-300]], 1.0, 1).first_pole.tolist() == [1, 1]
+
+
+@quiet
+def test_steps_of_users_loops_tell_changes_of_sign():
+    for method in ("auto", "order4"):
+        system = compiled.system(PREY, 0.1, method=method)
+        run = iterate(PREY, [0.05, 0.05], 0.1, 30, method=method)
+        out, work = np.empty(2), compiled.work(system)
+        for n in range(run.failed_at):
+            code = compiled.step_system(system, run.x[n], out, work)
+            assert (code == Status.PASSED_POLE) == (n + 1 == run.first_pole), (method, n)
+    system, x = compiled.system(DECAY, 0.01), np.ones(1)
+    for _ in range(3):  # in place
+        assert compiled.step_system(system, x, x, compiled.work(system)) == Status.PASSED_POLE

@@ -14,8 +14,10 @@ from .codes import OK, PASSED_POLE
 from .elimination import solve
 from .llvm import address_as_pointer
 from .numba import c_function, function, inlined
+from .operations import SIGNIFICANT
 
 ENDED, PASSED = range(2)  # rows of `LineArrays.marks`
+CHANGED = 8  # place of the bits of lanes in which a component changed its sign, after det A < 0
 
 
 @function
@@ -51,6 +53,24 @@ def solve_lane(indices, half, x, system, units):
     return status, negative
 
 
+@function
+def changes_sign(indices, x, after):
+    """Return whether a component changes its sign that keeps it along the motion.
+
+    It does if each term of its equation contains it; see `operations.of_one_sign`.
+    """
+    for i in range(len(x)):
+        rises, falls = x[i] < 0.0 and after[i] > SIGNIFICANT, x[i] > 0.0 and after[i] < -SIGNIFICANT
+        if rises or falls:
+            keeps = True
+            for t in range(indices.shape[1]):
+                if indices[0, t] == i:
+                    keeps &= indices[1, t] == i or indices[2, t] == i
+            if keeps:
+                return True
+    return False
+
+
 class LineArrays(NamedTuple):
     """The arrays of trajectories in lines of W lanes."""
 
@@ -60,7 +80,7 @@ class LineArrays(NamedTuple):
     indices: Any  # (3, T)
     status: Any  # (B,)
     failed_at: Any  # (B,)
-    poles: Any  # (B,), the first state beyond a pole
+    poles: Any  # (B,), the first state beyond a pole, negative if a change of sign told it
     marks: Any  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
     memory: Any  # (D (D + 4) + T,)
 
@@ -70,7 +90,7 @@ def step_carefully(arrays, first, line, bad, negative, n):
     """Take step n of the lanes of a line whose bits are in `bad`; note failures and poles.
 
     A step is one stage; steps are counted from state `first` on. Bits in `negative` mark lanes that
-    took this step from det A < 0.
+    took this step from det A < 0, and from CHANGED on lanes in which a component changed its sign.
     """
     D, W, T = arrays.x.shape[1], arrays.x.shape[2], arrays.halves.shape[1]
     stages = len(arrays.fractions)
@@ -81,21 +101,23 @@ def step_carefully(arrays, first, line, bad, negative, n):
     state, half = memory[D * (D + 3) : D * (D + 4)], memory[D * (D + 4) :]
     for l in range(W):
         bit, i = 1 << l, line * W + l
-        beyond, status = negative & bit != 0, OK
+        beyond, changed, status = negative & bit != 0, (negative >> CHANGED) & bit != 0, OK
         if bad & bit:
             for j in range(D):
                 state[j] = arrays.x[line, j, l]
             for t in range(T):
                 half[t] = fraction * halves[line % len(halves), t, l % halves.shape[2]]
             status, beyond = solve_lane(arrays.indices, half, state, system, units)
+            if stages == 1:
+                changed = changes_sign(arrays.indices, arrays.x[line, :, l], state)
             for j in range(D):
                 arrays.x[line, j, l] = state[j]
         if status != OK:
             arrays.status[i], arrays.failed_at[i] = status, n
             arrays.marks[ENDED, line] |= bit
             arrays.marks[PASSED, line] |= bit
-        elif beyond and not arrays.marks[PASSED, line] & bit:
-            arrays.poles[i] = n
+        elif (beyond or changed) and not arrays.marks[PASSED, line] & bit:
+            arrays.poles[i] = n if beyond else -n
             arrays.status[i], arrays.failed_at[i] = PASSED_POLE, n
             arrays.marks[PASSED, line] |= bit
 

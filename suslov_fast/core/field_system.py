@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .careful import solve_lane
+from .careful import changes_sign, solve_lane
 from .codes import NONFINITE, OK, PASSED_POLE
 from .generated import text_of_step
 from .llvm import call_code, with_address
@@ -76,6 +76,7 @@ def field_step_of_one(system, state, out, memory):
         for i in range(D):
             x[i] += total[i]
             status = OK if abs(x[i]) < np.inf and status == OK else NONFINITE
+    passed |= changes_sign(system.indices, state, x)  # now, because `out` may be `state`
     for i in range(D):
         out[i] = x[i] if status == OK else np.nan
     return PASSED_POLE if passed and status == OK else status

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .careful import CHANGED
 from .machine_code import Text, pointer
 
 WIDTH = 8  # lanes of a line
@@ -130,7 +131,11 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False):
     passed = _marks(text, integer("add", arguments.marks, arguments.lines))
     good, negative = text.bits(accurate), text.bits(values[step.negative])
     bad = _others(text, good, arguments.marks)
-    negative = integer("and", negative, integer("and", good, integer("xor", passed, all_lanes)))
+    told = integer("and", good, integer("xor", passed, all_lanes))
+    negative = integer("and", negative, told)
+    if step.changed is not None:
+        changed = integer("and", text.bits(values[step.changed]), told)
+        negative = integer("or", negative, integer("shl", changed, CHANGED))
     is_any = text.compare_integers("ne", integer("or", bad, negative), 0)
     text.branch(is_any, "careful", "finish")
 

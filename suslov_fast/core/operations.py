@@ -32,6 +32,7 @@ from .planned_elimination import Factors, Matrix, elimination_order, work_of
 # components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
 PIECE = 4000  # operations of a function
+SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
 MOST = 36_000  # products of elimination and terms, above which a plan takes longer than it saves
 
 # Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
@@ -106,6 +107,12 @@ class Values:
         return result
 
 
+def of_one_sign(indices):
+    """Return the components i that each term of f_i contains, so that x_i keeps its sign."""
+    i, j, k = indices
+    return {*i.tolist()} - {*i[(i != j) & (i != k)].tolist()}
+
+
 class Step:
     """The operations of a step of fields with terms at these indices (3, T).
 
@@ -121,13 +128,16 @@ class Step:
     good        true if `after` is accurate and all pivots are positive
     accurate    true if `after_rare` is accurate; a value of `rare`
     negative    true if the number of negative pivots is odd, det A(x) < 0; a value of `rare`
+    changed     true if a component that keeps its sign along the motion does not; a value of
+                `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
     """
 
-    good = accurate = negative = factors = None  # without a plan
+    good = accurate = negative = changed = factors = None  # without a plan
 
-    def __init__(self, indices, D, carried=0):
+    def __init__(self, indices, D, carried=0, keeps_signs=False):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
+        self.of_one_sign = of_one_sign(indices) if keeps_signs else set()
         values = self.values = Values(D + self.T + carried, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
@@ -154,7 +164,10 @@ class Step:
         parts = {k: emit("fabs", half) for k, half in halves.items()}
         limits = {k: emit("fmul", SMALL_PART, parts[k]) for k in halves}
         common = [emit("oge", sizes[k], limits[k]) for k in halves]
-        tests = [*common, *self._good_pivots()]
+        tests, of_one_sign = [*common, *self._good_pivots()], self.of_one_sign & {*halves}
+        for k in sorted(of_one_sign):
+            pair = emit("olt", k, 0.0), emit("oge", self.after[k], 0.0)
+            tests.append(emit("xor", *pair))
         if halves:
             size = joined("fadd", sizes.values())
             part = joined("fadd", parts.values())
@@ -179,6 +192,12 @@ class Step:
         self.accurate = joined("and", [*tests, *self._accurate_pivots()])
         negative = [emit("olt", pivot, 0.0) for pivot in self.factors.pivot.values()]
         self.negative = joined("xor", negative or [emit("olt", 1.0, 0.0)])
+        changes = [
+            emit("and", emit(first, k, 0.0), emit(second, self.after_rare[k], least))
+            for k in sorted(of_one_sign)
+            for first, second, least in (("olt", "ogt", SIGNIFICANT), ("ogt", "olt", -SIGNIFICANT))
+        ]
+        self.changed = joined("or", changes) if changes else None
         self.rare = self.values.operations[first_rare:]
 
     def _following(self):

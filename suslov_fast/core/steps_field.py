@@ -10,7 +10,8 @@ step of other methods consists of several stages, which are steps with fractions
 
 arguments   a `Scheme`; values (1 or B, T); eps (1 or B,)
 final       (B, D), the states that a run continues from
-carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none; of
+carry       (1, B), the first state beyond a step from det A < 0, 0 if there is none; negative if a
+            component that keeps its sign along the motion changed it, while det A > 0; of
             extrapolated steps (1 + D, B), also the largest estimated errors of a step, NaN if there
             was no step
 
@@ -22,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .careful import ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
+from .careful import CHANGED, ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
 from .codes import NONFINITE
 from .generated import (
     BASE,
@@ -38,7 +39,7 @@ from .generated import (
 )
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
-from .operations import Step, evaluate
+from .operations import Step, evaluate, of_one_sign
 from .pool import in_parts
 from .stages import WHOLE, distinct, weights_of
 
@@ -56,13 +57,14 @@ class Scheme(NamedTuple):
 
 
 @functools.lru_cache(PLANS)
-def _step_of(places, D):
-    return Step(np.frombuffer(places, np.int64).reshape(3, -1), D)
+def _step_of(places, D, is_whole):
+    return Step(np.frombuffer(places, np.int64).reshape(3, -1), D, keeps_signs=is_whole)
 
 
 def scheme_of(indices, D, stages=WHOLE):
     """Return the scheme for fields with terms at these indices (3, T)."""
-    step = _step_of(np.ascontiguousarray(indices, np.int64).tobytes(), D)
+    is_whole = len(stages.fractions) == 1 and bool(of_one_sign(indices))
+    step = _step_of(np.ascontiguousarray(indices, np.int64).tobytes(), D, is_whole)
     return Scheme(step, stages)
 
 
@@ -129,7 +131,7 @@ class _Lines:
             ended = status < 0
             self.x.swapaxes(1, 2)[self._of_lanes(ended, False)] = np.nan
             self.marks[ENDED] = _packed(self._of_lanes(ended, True))
-            self.marks[PASSED] = _packed(self._of_lanes(ended | (poles > 0.0), True))
+            self.marks[PASSED] = _packed(self._of_lanes(ended | (poles != 0.0), True))
         if self.scheme.stages.columns:
             self.columns = np.zeros((self.count, ROWS, self.D, self.W))
             self.columns[:, BASE], self.columns[:, LARGEST] = self.x, in_lines(errors.T, self.W)
@@ -233,7 +235,7 @@ class _Lines:
     def _carry_out(self, stage):
         """Carry out the operations of a stage where that is accurate.
 
-        Return the bits of these lanes, and of lanes with det A < 0.
+        Return the bits of these lanes, of lanes with det A < 0, and of those with a changed sign.
         """
         (step, stages), shape = self.scheme, (self.count, self.W)
         values = dict(enumerate(self.x.swapaxes(0, 1)))
@@ -244,7 +246,8 @@ class _Lines:
         accurate = np.broadcast_to(values[step.accurate], shape)
         for k, number in enumerate(step.after_rare):
             self.x[:, k] = np.where(accurate, values[number], self.x[:, k])
-        return _packed(accurate), _packed(np.broadcast_to(values[step.negative], shape))
+        told = (False if each is None else values[each] for each in (step.negative, step.changed))
+        return _packed(accurate), *(_packed(np.broadcast_to(each, shape)) for each in told)
 
     def _take_in_numpy(self, start, steps, saved, until, between):
         """Carry out the operations by NumPy: the reference, where there is no machine code."""
@@ -253,13 +256,14 @@ class _Lines:
         for n in range(steps):
             stage = n % len(weights)
             if self.scheme.step.usual:
-                accurate, negative = self._carry_out(stage)
+                accurate, negative, changed = self._carry_out(stage)
             else:
-                accurate, negative = np.zeros((2, self.count), np.uint8)
+                accurate, negative, changed = np.zeros((3, self.count), np.uint8)
             bad = ~(accurate | ended) & np.uint8(2**self.W - 1)
-            negative = negative & accurate & ~passed
-            for line in np.flatnonzero(bad | negative):
-                step_carefully(arrays, start, line, int(bad[line]), int(negative[line]), n)
+            told = negative.astype(np.int64) | changed.astype(np.int64) << CHANGED
+            told &= (accurate & ~passed).astype(np.int64) * (1 | 1 << CHANGED)
+            for line in np.flatnonzero(bad | told):
+                step_carefully(arrays, start, line, int(bad[line]), int(told[line]), n)
             if weights[stage, 0]:
                 finite = self._end_column(weights[stage], stage == len(weights) - 1)
                 bad = ~(finite | ended) & np.uint8(2**self.W - 1)

@@ -1,5 +1,6 @@
 """Statuses of trajectories, and one warning or error for all trajectories that failed."""
 
+import math
 from enum import IntEnum
 from typing import Any, Literal
 
@@ -52,8 +53,8 @@ _MESSAGES = {
         "choose a smaller eps if it should"
     ),
     Status.PASSED_POLE: (
-        "finished, but took a step from det A < 0: the motion escapes to infinity, and later "
-        "states are those of the map alone; or eps is too large"
+        "finished, but took a step from det A < 0, or a component that cannot change its sign did: "
+        "the motion escapes to infinity, or eps is too large"
     ),
     Status.SINGULAR: "singular step: the state lies on a pole of the map and has no next state",
     Status.NONFINITE: "non-finite step: the next state is beyond the range of float64",
@@ -82,15 +83,18 @@ class SingularStepWarning(RuntimeWarning):
 class PoleWarning(RuntimeWarning):
     """Some trajectories of a batch may have jumped over infinity, or eps is too large for them.
 
-    They took a step from a state where A(x) = 1 - (eps / 2) f'(x) has a negative determinant. Along
-    a motion that the steps resolve, it is positive. Where it is negative, an odd number of real
-    eigenvalues mu of f' have eps mu / 2 > 1: the motion escapes to infinity and the map returns
-    from the other side, or eps is too large. The test misses an even number of such eigenvalues, so
-    that the absence of a warning proves nothing.
+    They took a step from a state where A(x) = 1 - (eps / 2) f'(x) has a negative determinant, so
+    that an odd number of real eigenvalues mu of f' has eps mu / 2 > 1: the motion escapes to
+    infinity and the map returns from the other side, or eps is too large. Or a component changed
+    its sign that each term of its equation contains, such as a population: along the motion it
+    cannot. The absence of a warning proves nothing, because an even number of such eigenvalues goes
+    undetected.
 
-    These trajectories have the status `PASSED_POLE`. `failed_at` is the number of the first state
-    after the step, which gives the time of escape to a few steps. Later states belong to the map
-    and say nothing about the motion.
+    These trajectories have the status `PASSED_POLE`, unless they failed later. `first_pole` of a
+    run is the number of the first state after such a step, and `valid` is true before it. The
+    warning is a finding about the step and not about the orbit: later states are those of the map,
+    and belong to the motion only where the orbit does not use the eigenvector of mu. Orders 4 to 8
+    contain steps backwards, which also tell of modes that decay fast.
 
     Examples
     --------
@@ -158,18 +162,18 @@ def count_in_words(status: NDArray[np.int8]) -> str:
 
 
 def report_failures(
-    run: Any, on_singular: OnSingular, since: int = 0, name: str = "trajectories"
+    run: Any, march: Any, on_singular: OnSingular, since: int = 0, name: str = "trajectories"
 ) -> None:
     """Warn that trajectories of a run failed at step `since` or later, or raise an error.
 
-    The error has the run as its attribute `name`. Passed poles are never more than a warning.
+    The run has the statuses, and the march made it. The error has the run as its attribute `name`.
+    Passed poles are never more than a warning.
     """
     status, failed_at = run.status, run.failed_at
     if not (status.item() if status.size == 1 else status.any()):
         return
     if on_singular != "ignore":
-        body = run.body if hasattr(run, "body") else run.problem.body
-        report_poles(body, status, failed_at, since)
+        report_poles(march.problem, march.steps, status, failed_at, since, march.told_by_signs)
     if status.min() >= 0:
         return
     texts = []
@@ -181,6 +185,11 @@ def report_failures(
                 f"{np.count_nonzero(failed)} of {failed.size} trajectories: {cause}, "
                 f"first: {spell(index)} at step {failed_at[index]}"
             )
+    passed = (status < 0) & (failed_at >= since) & (run.first_pole >= 0)
+    if texts and passed.any():
+        why = "eps is too long"
+        why += ", or the motion escapes" if march.problem.body._may_escape else ""
+        texts.append(f"{np.count_nonzero(passed)} of them had passed a pole before: {why}")
     message = "; ".join(texts)
     if message and on_singular == "raise":
         raise SingularStepError(message, run, name)
@@ -189,20 +198,53 @@ def report_failures(
 
 
 def report_poles(
-    body: Any, status: NDArray[np.int8], failed_at: NDArray[np.int64], since: int = 0
+    problem: Any,
+    steps: Any,
+    status: NDArray[np.int8],
+    failed_at: NDArray[np.int64],
+    since: int = 0,
+    told_by_signs: Any = False,
 ) -> None:
-    """Warn if trajectories of a body passed a pole at step `since` or later."""
+    """Warn if trajectories of a problem passed a pole by these `Steps` at step `since` or later.
+
+    `told_by_signs` is true where a change of sign told it.
+    """
     passed = (status == Status.PASSED_POLE) & (failed_at >= since)
     if passed.any():
         index = first_index(passed)
-        warn_of_poles(body, int(passed.sum()), passed.size, index, failed_at[index])
+        first = index, int(failed_at[index])
+        warn_of_poles(
+            problem, steps, int(passed.sum()), first, bool((passed & told_by_signs).any())
+        )
 
 
-def warn_of_poles(body: Any, passed: int, size: int, index: tuple[int, ...], step: int) -> None:
-    """Warn that some trajectories of a body passed a pole: the one at `index` did at `step`."""
-    why = "the motion escapes to infinity, or eps" if body._may_escape else "eps"
+def warn_of_poles(
+    problem: Any, steps: Any, passed: int, first: tuple[tuple[int, ...], int], by_sign: bool
+) -> None:
+    """Warn that some trajectories of a problem passed a pole.
+
+    `first` is the index of one and the number of its first state beyond. With `by_sign`, a change
+    of sign told one of them.
+    """
+    (index, step), why = first, "eps is too long"
+    if problem.body._may_escape:
+        time = step * float(np.broadcast_to(problem.eps, problem.batch)[index])
+        why = f"the motion escapes to infinity before t = {_at_least(time)}, or {why}"
+    if by_sign:
+        why += " (a component that cannot change its sign did)"
+    if steps.goes_back:
+        why += ", or a mode decays so fast that a part of the step backwards seems to pass a pole, "
+        why += "and states may be right"
+    size = math.prod(problem.batch)
     warn(
-        f"{passed} of {size} trajectories: a step from det A < 0: {why} is too long "
-        f"(an eigenvalue of f' above 2/eps); first: {spell(index)} at step {step}",
+        f"{passed} of {size} trajectories passed a pole "
+        f"(first: trajectory {spell(index)} at step {step}): {why}",
         PoleWarning,
     )
+
+
+def _at_least(time: float) -> str:
+    """Return a time with two digits, rounded away from 0, because the motion escaped before it."""
+    unit = 10.0 ** (math.floor(math.log10(abs(time))) - 1) if time else 1.0
+    digits = math.ceil(abs(time) / unit * (1 - 1e-12))
+    return f"{math.copysign(float(f'{digits * unit:.2g}'), time):g}"

@@ -98,8 +98,11 @@ class Steps(NamedTuple):
     system: Callable[[Any, float], NDSystem | FieldSystem] | None = None
     # Yields groups of trajectories, as indices, and the arguments of each, for (D, arguments).
     divide: Callable[[int, Arguments], Iterator[tuple[Any, Arguments]]] | None = None
-    # True if carry[0] is the number of the first state after a step from det A < 0, else 0.
+    # True if carry[0] is the number of the first state after a step from det A < 0, else 0;
+    # negative if a change of sign told it.
     notes_poles: bool = False
+    # True if a part of a step goes backwards, so that modes that decay fast look like poles.
+    goes_back: bool = False
     # True if the last D rows of `carry` are the largest estimated errors of a step so far.
     estimates: bool = False
 
@@ -190,12 +193,21 @@ class March:
         """The largest estimated errors of a step so far (..., D), if the steps have estimates."""
         return largest_errors(self.carry, self.final.shape)
 
+    @property
+    def told_by_signs(self) -> Any:
+        """Whether a change of sign, and not det A < 0, told the pole of each trajectory."""
+        if not self.steps.notes_poles:
+            return False
+        by_signs: NDArray[np.bool_] = self.carry[0].reshape(self.problem.batch) < 0
+        return by_signs
+
     def noted(self) -> tuple[NDArray[np.int64], Any]:
         """Return the first state with a positive status, 0 if none, and this status, each (B,)."""
         if not self.steps.notes_poles:
             return np.zeros(len(self.omega0), np.int64), codes.OK
         has_status = isinstance(self.steps.kernel, KernelOfStep)
-        return self.carry[0].astype(np.int64), self.carry[1] if has_status else codes.PASSED_POLE
+        status = self.carry[1] if has_status else codes.PASSED_POLE
+        return abs(self.carry[0]).astype(np.int64), status
 
     def to(
         self,

@@ -87,8 +87,12 @@ EXTRAPOLATION = extrapolation(2, 4, 6, 8, 10)
 def field_in(stages: Stages) -> Steps:
     """Return the steps of fields that consist of these stages."""
     system = partial(field_system, stages=stages)
-    estimates = bool(stages.columns)
-    return FIELD._replace(arguments=in_stages(stages), system=system, estimates=estimates)
+    return FIELD._replace(
+        arguments=in_stages(stages),
+        system=system,
+        estimates=bool(stages.columns),
+        goes_back=min(stages.fractions) < 0.0,
+    )
 
 
 # ---------------------------------------------------------------------- steps of other authors

@@ -355,5 +355,7 @@ def lyapunov_exponents(
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
     exponents = -np.sort(-sums / steps, axis=1).reshape((*checked.batch, body.dimension))
-    report_poles(body, *(each.reshape(checked.batch) for each in (growth.status, growth.failed_at)))
+    told = (each.reshape(checked.batch) for each in (growth.status, growth.failed_at))
+    methods = checked.map.methods
+    report_poles(checked, methods.get(checked.method, next(iter(methods.values()))), *told)
     return mask_and_warn(checked, exponents, poles=True)

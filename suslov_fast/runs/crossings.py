@@ -372,7 +372,7 @@ def searched(
         "_surface": search.surface,
     }
     points = Crossings._of(attributes)
-    report_failures(points, on_singular, since, name="crossings")
+    report_failures(points, march, on_singular, since, name="crossings")
     return points
 
 

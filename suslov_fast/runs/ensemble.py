@@ -142,16 +142,18 @@ def ensemble(
     tiles = {tile: place_of(tile, status.shape, status.chunks) for tile in missing}
     done = math.prod(batch) - sum(count_in(where) for where in tiles.values())
     finished = finish(tiles, whole, options, arrays, client, store)
+    by_sign = False
     with reports as report, closing(finished):
         goes_on = report is None or report(done * steps)
-        while goes_on and (where := next(finished, None)) is not None:
-            done += count_in(where)
+        while goes_on and (tile := next(finished, None)) is not None:
+            done += count_in(tile[0])
+            by_sign |= tile[1]
             goes_on = report is None or report(done * steps)
     data = _dataset(store, is_finished=done == math.prod(batch), is_known=not tiles)
     if tiles and map.methods[method].notes_poles:
         count, first = stores.passed_poles(arrays, status)
         if first is not None:
-            warn_of_poles(body, count, math.prod(batch), *first)
+            warn_of_poles(whole, map.methods[method], count, first, by_sign)
     return data
 
 

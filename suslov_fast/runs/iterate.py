@@ -67,7 +67,7 @@ def step(
     march = March(problem, method)
     march.to(1)
     march.status[march.status > 0] = 0  # `step` reports no passed poles
-    report_failures(march, "warn", since=1)  # not at step 0, where the given states are NaN
+    report_failures(march, march, "warn", since=1)  # not at step 0, where the given states are NaN
     return march.final
 
 

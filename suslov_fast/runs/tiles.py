@@ -38,12 +38,14 @@ def finish(
     arrays: Any,
     client: Any,
     store: Any,
-) -> Generator[Where, None, None]:
-    """Compute tiles of a batch, here or by a Dask client, and yield the place of each when done."""
+) -> Generator[tuple[Where, bool], None, None]:
+    """Compute tiles of a batch, here or by a Dask client.
+
+    Yield the place of each when done, and whether a change of sign told a pole.
+    """
     if client is None:
         for where in tiles.values():
-            _compute(_problem_of(whole, where), options, where, arrays)
-            yield where
+            yield where, _compute(_problem_of(whole, where), options, where, arrays)
         return
     from dask import config
     from distributed import as_completed
@@ -67,27 +69,30 @@ def finish(
         submit()
         for job in jobs:
             tile, where = under_way.pop(job)
-            worker = job.result()
+            worker, by_sign = job.result()
             if worker not in known_workers and not stores.has_tile(store, tile):
                 received = f"{worker}, whose tile is not at {store}"
                 raise wrong("client", "have workers that write to the store", received)
             known_workers.add(worker)
-            yield where
+            yield where, by_sign
             submit()
     finally:
         client.cancel([*under_way])
 
 
-def _compute_on_worker(*arguments: Any) -> str:
-    """Compute a tile, and return the address of the worker."""
+def _compute_on_worker(*arguments: Any) -> tuple[str, bool]:
+    """Compute a tile; return the address of the worker, and the value of `_compute`."""
     from distributed import get_worker
 
-    _compute(*arguments)
-    return str(get_worker().address)
+    by_sign = _compute(*arguments)
+    return str(get_worker().address), by_sign
 
 
-def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> None:
-    """Compute a tile in pieces that fill a chunk, and write them; `status`, last, marks it done."""
+def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> bool:
+    """Compute a tile in pieces that fill a chunk, and write them; `status`, last, marks it done.
+
+    Return whether a change of sign told that one of its trajectories passed a pole.
+    """
     (method, steps, every, functions), map, row = options, tile.map, 0
     if isinstance(tile.omega, RandomStarts):  # drawn here, so that no process holds all states
         part = tile.omega._part(along(tile.omega.shape, where), tile.body.dimension)
@@ -106,6 +111,7 @@ def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> None
     for column in sorted(of_runs(march.steps, False), key=lambda column: column.is_last):
         if not column.is_saved:
             arrays[column.name][where] = getattr(march, column.name)
+    return bool(np.any(march.told_by_signs))
 
 
 def checked_values(name: str, function: Any, states: FloatArray) -> Any:

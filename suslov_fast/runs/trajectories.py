@@ -400,5 +400,5 @@ def run_to_end(
     columns = [each for each in of_runs(march.steps, turns is not None) if each.in_files]
     attributes |= {each.name: getattr(march, each.name) for each in columns if not each.is_saved}
     run = Trajectories._of(attributes)
-    report_failures(run, on_singular, start + 1 if earlier else 0)
+    report_failures(run, march, on_singular, start + 1 if earlier else 0)
     return run

@@ -5,6 +5,7 @@ import re
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib import colors
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
@@ -162,15 +163,15 @@ def test_families_have_the_colours_of_their_parameter():
     (lines,), bar = axes.collections, axes.figure.axes[1]
     np.testing.assert_array_equal(lines.get_array(), FAMILY.parameters["rho"])
     np.testing.assert_array_equal(lines.get_segments(), np.moveaxis(run.x[..., ::2], 1, 0))
-    assert bar.get_ylabel() == "rho"
+    assert bar.get_ylabel() == r"$\rho$"
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x_{1}$", "$x_{3}$")
     axes = sf.iterate(FAMILY[::4], [1, 1, 20], 1 / 64, 100).plot(lines=False)
     texts = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert texts == ["rho = 20", "rho = 24", "rho = 28"]
+    assert texts == [rf"$\rho$ = {rho}" for rho in (20, 24, 28)]
     assert len(axes.figure.axes) == 1
     sizes = sf.iterate(BODY, [[1.0, 0.5], [0.2, -0.7]], [0.1, 0.2], 9).plot()
     texts = [text.get_text() for text in sizes.get_legend().get_texts()]
-    assert texts == ["eps = 0.1", "eps = 0.2"]
+    assert texts == [rf"$\epsilon$ = {eps}" for eps in (0.1, 0.2)]
     run = sf.iterate(FAMILY[0], np.eye(3), 1 / 64, 600)
     axes = run.plot(color=[3.0, 1.0, 2.0])
     np.testing.assert_array_equal(axes.collections[0].get_array(), [3, 1, 2])
@@ -178,7 +179,7 @@ def test_families_have_the_colours_of_their_parameter():
         with pytest.raises(ValueError, match=r"^color"):
             run.plot(color=wrong)
     for wrong in (("x1", "y"), ("x1",), "x1", (0, 3), 1, ("x1", 0.5)):
-        with pytest.raises((TypeError, ValueError), match=r"^components must be two integers"):
+        with pytest.raises((TypeError, ValueError), match=r"^components must be two or"):
             run.plot(components=wrong)
 
 
@@ -188,7 +189,7 @@ def test_crossings_are_drawn():
     (dots,), bar = axes.collections, axes.figure.axes[1]
     np.testing.assert_array_equal(dots.get_offsets(), points.states[:, ::2])
     np.testing.assert_array_equal(dots.get_array(), FAMILY.parameters["rho"][points.trajectory])
-    assert bar.get_ylabel() == "rho"
+    assert bar.get_ylabel() == r"$\rho$"
     assert f"{len(points)} crossings by 9 orbits" in axes.get_title()
     for name in ("trajectory", "n", "time"):
         dots = points.plot(color=name).collections[0]
@@ -209,7 +210,7 @@ def test_crossings_are_drawn():
 
 
 def test_crossings_are_drawn_over_components_that_vary():
-    """Not over the one that is 0 on the surface, up to rounding, nor over constants."""
+    """Not over a pair with the one that is 0 on the surface, up to rounding, nor over constants."""
     henon_heiles = sf.QuadraticField.from_hamiltonian(
         lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
     )
@@ -217,8 +218,8 @@ def test_crossings_are_drawn_over_components_that_vary():
     points = sf.crossings(henon_heiles, starts, 1 / 8, 500, lambda x: x[..., 0])
     assert 0 < abs(points.states[:, 0]).max() < 1e-15
     axes = points.plot(color=np.arange(20.0))
-    np.testing.assert_array_equal(axes.collections[0].get_offsets(), points.states[:, 1:3])
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x_{2}$", "$x_{3}$")
+    np.testing.assert_array_equal(axes.collections[0].get_offsets(), points.states[:, 1::2])
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$x_{2}$", "$x_{4}$")
     np.testing.assert_array_equal(axes.collections[0].get_array(), points.trajectory)
     still = sf.QuadraticField.from_function(lambda x: (0, x[2], -x[1]), 3)
     points = sf.crossings(still, [[7.0, 1.0, 0.0], [7.0, 2.0, 0.0]], 0.1, 200, lambda x: x[..., 1])
@@ -315,3 +316,88 @@ def test_animation():
     # No rigid body has the parameters of the first picture, but there is an ellipsoid.
     for body in (BODY, GYROSTAT, sf.Suslov3D(4, 2, 0, 0)):
         sf.animate_body(body, steps=1)._draw_was_started = True
+
+
+# ------------------------------------------------------------------ time, space, colours, titles
+def saddle(count):
+    field = sf.QuadraticField.from_hamiltonian(
+        lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1], "x y px py"
+    )
+    starts = np.random.default_rng(0).uniform(-0.2, 0.2, (count, 4))
+    return field, starts
+
+
+def test_time_is_a_component():
+    field, starts = saddle(3)
+    run = sf.iterate(field, starts, 1 / 16, 50)
+    axes = run.plot("time", "px")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$t$", "$p_{x}$")
+    [lines, *_] = axes.collections
+    drawn = np.array([path.vertices for path in lines.get_paths()])
+    np.testing.assert_array_equal(drawn[:, :, 0], np.tile(run.time, (3, 1)))
+    np.testing.assert_array_equal(drawn[:, :, 1], run.x[..., 2].T)
+    single = sf.iterate(sf.QuadraticField([[[1.0]]]), [0.1], 0.1, 5).plot()  # its only component
+    assert (single.get_xlabel(), single.get_ylabel()) == ("$t$", "$x_{1}$")
+    varied = sf.iterate(field, starts, np.array([0.1, 0.2, 0.3]), 50).plot(components=("time", 0))
+    assert varied.get_legend() is not None  # of eps
+    points = sf.crossings(field, starts, 1 / 16, 400, lambda x: x[..., 0])
+    of_time = points.plot(components=("time", "py")).collections[0].get_offsets()
+    np.testing.assert_array_equal(np.asarray(of_time)[:, 0], points.time)
+
+
+def test_three_components_are_drawn_in_space():
+    field, starts = saddle(2)
+    axes = sf.iterate(field, starts, 1 / 16, 50).plot(0, 1, "px", title="in space")
+    assert (axes.name, axes.get_zlabel(), axes.get_title()) == ("3d", "$p_{x}$", "in space")
+    ours = plt.figure().add_subplot(projection="3d")
+    run = sf.iterate(field, starts, 1 / 16, 50)
+    assert run.plot(0, 1, 2, lines=False, ax=ours) is ours
+    for components, ax in ((("x", "y"), ours), ((0, 1, 2), plt.figure().add_subplot())):
+        with pytest.raises(TypeError, match="ax must be"):
+            run.plot(components=components, ax=ax)
+    with pytest.raises(ValueError, match="two or three integers from 0 to 3, or names among x, y"):
+        run.plot("x")
+
+
+def test_colours_of_matplotlib_and_titles():
+    field, starts = saddle(4)
+    run = sf.iterate(field, starts, 1 / 16, 50)
+    axes = run.plot(color="crimson", title=None, lines=True)
+    assert axes.get_title() == ""
+    np.testing.assert_array_equal(axes.collections[0].get_color(), [[*colors.to_rgba("crimson")]])
+    assert run.plot(color=(0.1, 0.2, 0.3)).get_title() != ""
+    with pytest.raises(ValueError, match="'crimsn' is no colour, and none of the names here"):
+        run.plot(color="crimsn")
+
+
+def test_one_energy_has_no_colours():
+    """Levels that differ by rounding, or by less than 2 %, are one."""
+    field, starts = saddle(50)
+    points = sf.crossings(field, starts, 1 / 16, 400, lambda x: x[..., 0])
+    assert len(points.plot().figure.axes) == 2  # energies differ: a colour bar
+    starts[:, 0] = 0.0
+    starts[:, 3] = 0.05
+    starts[:, 2] = np.sqrt(0.08 - 0.05**2 - starts[:, 1] ** 2)
+    same = sf.crossings(field, starts, 1 / 16, 400, lambda x: x[..., 0])
+    assert len(same.plot().figure.axes) == 1
+
+
+def test_a_section_shows_a_coordinate_and_its_momentum():
+    field, starts = saddle(5)
+    axes = sf.crossings(field, starts, 1 / 16, 400, lambda x: x[..., 0]).plot()
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$y$", "$p_{y}$")
+
+
+def test_many_dots_are_an_image_in_vector_formats():
+    field, starts = saddle(6)
+    for steps, is_image in ((100, False), (4000, True)):
+        axes = sf.iterate(field, starts, 1 / 16, steps, save_every=2).plot(lines=False)
+        assert axes.collections[0].get_rasterized() is is_image
+
+
+def test_phase_planes_have_defaults():
+    for body in (sf.Suslov3D(4, 2, -0.5, -0.3), sf.SuslovGyrostat(4, 2, -0.5, -0.3, 0.4)):
+        axes = sf.plot_phase(body)
+        assert axes.get_xlim() == (-2.0, 2.0)
+        assert 0.1 < abs(sf.criticality(body, [2.0, 2.0], 0.7)) < 0.4
+        assert "0.7" in axes.get_title()

@@ -34,6 +34,7 @@ _SYMBOL = re.compile(
     r"sigma|tau|upsilon|phi|chi|psi|omega|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|"
     r"Omega)?(?(greek)|(?P<letter>[^\W\d_]))_?(?P<index>\d*n?)"
 )
+_OF_COORDINATE = re.compile(r"([pqv])_?([a-z])")  # px, a momentum
 _AXIS = re.compile(r"batch_\d+|linear_\d+|quadratic_\d+_\d+")
 
 
@@ -43,7 +44,9 @@ def labels(D: int) -> tuple[str, ...]:
 
 
 def latex(name: str) -> str:
-    r"""Return `\Omega_{1}` for "Omega1"; "" for a name that is not a letter with an index."""
+    r"""Return `\Omega_{1}` for "Omega1", `p_{x}` for "px"; "" for a name without an index."""
+    if match := _OF_COORDINATE.fullmatch(name):
+        return f"{match[1]}_{{{match[2]}}}"
     if not (match := _SYMBOL.fullmatch(name)):
         return ""
     letter = rf"\{match['greek']}" if match["greek"] else match["letter"]

@@ -91,15 +91,17 @@ class RandomStarts:
         generator = np.random.Philox(key=self.seed, counter=first)
         words = generator.random_raw(skipped + count * dimension)
         unit = ((words[skipped:] >> np.uint64(11)) * 2.0**-53).reshape(count, dimension)
+        states: FloatArray
         if self.extent is not None:
-            states: FloatArray = (2.0 * unit - 1.0) * self.extent
+            states = np.asarray((2.0 * unit - 1.0) * self.extent, np.float64)
             return states
         low, high = np.array(self.low), np.array(self.high)
         if max(low.size, high.size) not in (1, dimension):
             received = f"{max(low.size, high.size)} for {dimension} components"
             raise wrong("low and high", "numbers, or one for each component", received)
         # Rounding may reach the upper end.
-        return np.minimum(low + (high - low) * unit, np.nextafter(high, low))
+        states = np.minimum(low + (high - low) * unit, np.nextafter(high, low))
+        return states
 
     def _part(self, where: tuple[slice, ...], dimension: int) -> FloatArray:
         """Return the states (..., D) of a part of the batch: a slice for each of its axes."""

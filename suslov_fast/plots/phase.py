@@ -97,8 +97,8 @@ class Plane:
 def plot_phase(
     body: BodyIn3D,
     /,
-    eps: float,
-    extent: float,
+    eps: float | None = None,
+    extent: float = 2.0,
     *,
     levels: int = 9,
     letter: str | None = None,
@@ -113,8 +113,9 @@ def plot_phase(
     ----------
     body : Suslov3D or SuslovGyrostat
         A single body, with I13 or I23 other than 0, or a rotor.
-    eps : float
-        Positive step size. The criticality must be below 1 in the whole figure.
+    eps : float, optional
+        Positive step size. The criticality must be below 1 in the whole figure; by default it is
+        about 0.2 in the corners.
     extent : float
         Half-width of the square of angular velocities shown, in the unit of omega.
     levels : int
@@ -146,11 +147,15 @@ def plot_phase(
     """
     from ..runs.plot import COLOURS, axes_for, spelled
 
-    eps, extent = positive("eps", eps), positive("extent", extent)
+    extent = positive("extent", extent)
     map_of(body).require("plot_phase", body)
     I1, I2, I13, I23, k = body.constants
     if body.shape or not (I13 or I23 or k):
         raise wrong("body", "a single one, with I13 or I23 other than 0", body)
+    if eps is None:
+        unit = Plane(body, 1.0)
+        eps = float(f"{0.2 / (unit.e * unit.radius([extent, extent]) * abs(unit.g)):.0e}")
+    eps = positive("eps", eps)
     plane, levels = Plane(body, eps), integer("levels", levels, 1)
     largest = plane.radius([extent, extent])
     t = plane.e * largest * abs(plane.g)

@@ -306,18 +306,25 @@ class Crossings(Result):
 
     @public
     def plot(
-        self, components: Sequence[int | str] | None = None, color: Any = None, ax: Any = None
+        self,
+        components: Sequence[int | str] | None = None,
+        color: Any = None,
+        title: str | bool | None = True,
+        ax: Any = None,
     ) -> Any:
-        """Draw the crossings in the plane of two components (extra `plots`).
+        """Draw the crossings over two components, over time, or in space (extra `plots`).
 
         Parameters
         ----------
-        components : pair of int or str, optional
-            Indices or labels, such as ``("x2", "x3")``; by default the first two that vary.
+        components : sequence of int or str, optional
+            Two or three indices or labels, such as ``("x2", "x3")``, or "time". By default the
+            first two that vary; of a canonical Hamiltonian field a coordinate and its momentum.
         color : str or array_like(float, shape=(K,) or (...)), optional
-            A parameter that varies, "eps", "trajectory", "n" or "time"; or a number for each
-            crossing, or each trajectory. By default the parameter of a family, else the level of
-            the conserved quantity.
+            A parameter that varies, "eps", "trajectory", "n" or "time"; a number for each crossing,
+            or each trajectory; or a colour of Matplotlib. By default the parameter of a family,
+            else the level of the conserved quantity, if it differs by more than 2 %.
+        title : str, optional
+            By default the map and the number of crossings; None leaves it out.
         ax : matplotlib.axes.Axes, optional
             Axes to draw on; by default those of a new figure.
 
@@ -331,7 +338,7 @@ class Crossings(Result):
         """
         from . import plot  # which imports Matplotlib
 
-        return plot.plot_crossings(self, components, color, ax)
+        return plot.plot_crossings(self, components, color, title, ax)
 
     def __repr__(self) -> str:
         n = self.n

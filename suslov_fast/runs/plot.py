@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.names import latex
-from ..checks import FloatArray, extra, integer, real_array, short, wrong
+from ..checks import FloatArray, extra, instance, integer, real_array, short, wrong
 from ..quantities.evaluation import evaluate
 from .datasets import varying
 
@@ -20,8 +20,9 @@ try:
     from matplotlib import colormaps
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
-    from matplotlib.colors import ListedColormap, Normalize
+    from matplotlib.colors import ListedColormap, Normalize, is_color_like
     from matplotlib.lines import Line2D
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection
 except ImportError:
     extra("matplotlib", "plots")  # raises an error that says how to install it
     raise
@@ -32,6 +33,8 @@ COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.05, 0.9, 256)))
 
 # Most dots in a figure, because more make it large and no clearer.
 _MOST_DOTS = 20_000
+# Most dots that vector formats hold one by one; more are an image there.
+_MOST_VECTORS = 10_000
 # Most dots on lines, because more hide the lines.
 _MOST_ON_LINES = 2000
 # Most states joined by lines.
@@ -41,14 +44,21 @@ _MOST_JOINED = 100_000
 _FEWEST_OF_ORBIT, _PIECES, _SHORTEST = 2000, 10, 500
 # Most values of a parameter in a legend; for more there is a colour bar.
 _IN_LEGEND = 6
+# Levels of a conserved quantity that differ by less are rounding errors, or one energy.
+_LEAST_SPREAD = 0.02
 
 
-def axes_for(ax: Any, size: tuple[float, float]) -> Any:
-    """Return the user's axes, checked, or those of a new figure of pyplot."""
+def axes_for(ax: Any, size: tuple[float, float], count: int = 2) -> Any:
+    """Return the user's axes, checked, or those of a new figure, for so many components."""
+    projection = {"projection": "3d"} if count == 3 else {}
     if ax is None:
-        return plt.figure(figsize=size, layout="constrained").add_subplot()
-    if not isinstance(ax, Axes) or ax.name == "3d":
-        raise wrong("ax", "plane axes of Matplotlib", repr(ax), TypeError)
+        return plt.figure(figsize=size, layout="constrained").add_subplot(**projection)
+    if not isinstance(ax, Axes) or (ax.name == "3d") != (count == 3):
+        how = 'such as those of plt.figure().add_subplot(projection="3d")'
+        expected = (
+            f"axes of Matplotlib in space, {how}" if count == 3 else "plane axes of Matplotlib"
+        )
+        raise wrong("ax", expected, repr(ax), TypeError)
     return ax
 
 
@@ -58,6 +68,7 @@ class _Colours(NamedTuple):
     values: FloatArray | None = None
     label: str = ""
     is_parameter: bool = False
+    single: Any = COLOURS(0.3)
 
     def of(self, index: Any) -> FloatArray | None:
         return None if self.values is None else self.values[index]
@@ -79,68 +90,89 @@ class _Colours(NamedTuple):
         axes.legend(squares, [f"{self.label} = {value:g}" for value in values], fontsize="small")
 
 
-def plot_run(run: Any, components: Any, lines: bool | None, color: Any, ax: Any) -> Any:
+def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: Any, ax: Any) -> Any:
     """Draw the saved states of a run, and return the axes; see `Trajectories.plot`."""
-    pair = _pair(run, components)
+    chosen = _components(run, components)
     if lines not in (None, True, False):
         raise wrong("lines", "True, False or None", repr(lines))
     B, is_whole = math.prod(run.status.shape), run.n[-1] == len(run) - 1
     colours = _colours(run, color, run.status.shape)
     if colours.values is None and color is None:
         colours = _levels(run, run.states[0])
-    axes = axes_for(ax, (5.4, 5.0))
-    states = run.states.reshape(len(run), B, len(run.body._labels))
-    pieces, orbits = _pieces(states, pair)
+    axes = axes_for(ax, (5.4, 5.0), len(chosen))
+    states = _drawn(run, run.states, chosen).reshape(len(run), B, len(chosen))
+    pieces, orbits = _pieces(states)
     if lines is None:
-        lines = is_whole and _are_near(pieces)
+        lines = is_whole and (_are_near(pieces) or _TIME in chosen)
     if not lines:
-        pieces, orbits = states[..., pair], np.arange(B)
+        pieces, orbits = states, np.arange(B)
     drawn, count = _draw(axes, pieces, colours, orbits, lines)
     colours.explain(axes, drawn)
-    _label(axes, run, pair)
+    _label(axes, run, chosen)
     N = int(run.n[-1])
     shown = f", {count:,} of their states" if count < B * (N + 1) else ""
-    axes.set_title(f"{_title(run)}\n{_orbits(B)} of {N:,} steps{shown}", fontsize="small")
+    _entitle(axes, title, f"{_title(run)}\n{_orbits(B)} of {N:,} steps{shown}")
     return axes
 
 
-def plot_crossings(points: Any, components: Any, color: Any, ax: Any) -> Any:
+def plot_crossings(points: Any, components: Any, color: Any, title: Any, ax: Any) -> Any:
     """Draw crossings, and return the axes; see `Crossings.plot`."""
     K = len(points)
-    pair = _pair(points, _varying(points.states) if components is None else components)
+    chosen = _components(points, _varying(points) if components is None else components)
     numbers = {name: getattr(points, name) for name in ("trajectory", "n", "time")}
     colours = _colours(points, color, (K,), numbers)
     if colours.values is None and color is None and np.size(points.eps) == 1:
         colours = _levels(points, points.before)
-    axes = axes_for(ax, (5.4, 5.0))
-    drawn, count = _dots(axes, points.states[:, pair], colours, np.arange(K))
+    axes = axes_for(ax, (5.4, 5.0), len(chosen))
+    drawn, count = _dots(axes, _drawn(points, points.states, chosen), colours, np.arange(K))
     colours.explain(axes, drawn)
-    _label(axes, points, pair)
+    _label(axes, points, chosen)
     shown = f"{count:,} of {K:,}" if count < K else f"{K:,}"
-    title = f"{_title(points)}\n{shown} crossings by {_orbits(points.count.size)}"
-    axes.set_title(title, fontsize="small")
+    _entitle(axes, title, f"{_title(points)}\n{shown} crossings by {_orbits(points.count.size)}")
     return axes
 
 
-def _pair(run: Any, components: Any) -> list[int]:
-    """Return the indices of two components, given by index or label."""
+_TIME = -1  # in place of the index of a component
+
+
+def _components(run: Any, components: Any) -> list[int]:
+    """Return the indices of two or three components, given by index or label, or _TIME."""
     labels = [*run.body._labels]
-    last = len(labels) - 1
-    if last == 0:
-        text = f"states have the component {labels[0]} alone: draw it over run.time with Matplotlib"
-        raise ValueError(f"components: {text}")
-    expected = f"two integers from 0 to {last}, or two of {', '.join(labels)}"
-    pair = components if isinstance(components, (tuple, list)) else ()
-    if len(pair) != 2 or any(isinstance(k, str) and k not in labels for k in pair):
+    last, names = len(labels) - 1, [*labels, "time"]
+    if last == 0 and components == (0, 1):  # the only component, over time
+        return [_TIME, 0]
+    expected = f"two or three integers from 0 to {last}, or names among {', '.join(names)}"
+    given = components if isinstance(components, (tuple, list)) else ()
+    if len(given) not in (2, 3) or any(isinstance(k, str) and k not in names for k in given):
         raise wrong("components", expected, short(components))
-    indices = [labels.index(k) if isinstance(k, str) else k for k in pair]
-    return [integer("components", k, 0, expected, last) for k in indices]
+    indices = []
+    for k in given:
+        if isinstance(k, str):
+            indices.append(labels.index(k) if k in labels else _TIME)
+        else:
+            indices.append(integer("components", k, 0, expected, last))
+    return indices
 
 
-def _varying(states: FloatArray) -> list[int]:
-    """Return the first two components that vary among states (K, D), or else others."""
-    extent = np.ptp(states, axis=0) if len(states) else np.zeros(states.shape[1])
+def _drawn(run: Any, states: FloatArray, chosen: list[int]) -> FloatArray:
+    """Return the chosen components of states (..., D), with times in place of _TIME."""
+    times = np.reshape(run.time, (*run.time.shape, *(1,) * (states.ndim - 1 - run.time.ndim)))
+    times = np.broadcast_to(times, states.shape[:-1])
+    return np.stack([times if k == _TIME else states[..., k] for k in chosen], axis=-1)
+
+
+def _varying(points: Any) -> list[int]:
+    """Return two components that vary: a coordinate and its momentum, else the first two."""
+    states, D = points.states, points.states.shape[-1]
+    extent = np.ptp(states, axis=0) if len(states) else np.zeros(D)
     is_constant = ~(extent > 1e-9 * extent.max())
+    K, m = getattr(points.body, "K", None), D // 2
+    if K is not None and np.array_equal(np.asarray(K, float), np.eye(D, k=m) - np.eye(D, k=-m)):
+        for k in range(m):
+            if not is_constant[[k, k + m]].any():
+                return [k, k + m]
+    if D == 1:
+        return [_TIME, 0]
     return sorted(np.argsort(is_constant, kind="stable")[:2].tolist())
 
 
@@ -162,13 +194,19 @@ def _colours(
             return _Colours()
     if isinstance(color, str):
         if color not in {*parameters, *of_crossings}:
+            if is_color_like(color):
+                return _Colours(single=color)
             known = ", ".join([*parameters, *of_crossings]) or "nothing varies, so pass numbers"
-            raise ValueError(f"color: {short(color)} is none of the names here: {known}")
+            text = f"color: {short(color)} is no colour, and none of the names here: {known}"
+            raise ValueError(text)
         if color in of_crossings:
             return _Colours(np.asarray(of_crossings[color], float), color)
         values = parameters[color]
         values = run._at_crossings(values) if of_crossings else np.broadcast_to(values, shape)
-        return _Colours(values.ravel(), color, is_parameter=True)
+        label = r"$\epsilon$" if color == "eps" else _symbol(color)
+        return _Colours(values.ravel(), label, is_parameter=True)
+    if is_color_like(color) and np.shape(color) != shape:  # an RGB or RGBA tuple
+        return _Colours(single=color)
     values = real_array("color", color, allow_nan=True)
     if of_crossings and values.shape == run.count.shape != shape:
         values = run._at_crossings(values)
@@ -186,15 +224,15 @@ def _levels(run: Any, states: FloatArray) -> _Colours:
     if name and states.size:
         values = evaluate(name, run.body, states, run.eps, map=run.map).ravel()
         finite = values[np.isfinite(values)]
-        if finite.size and np.ptp(finite) > 1e-9 * abs(finite).max():
+        if finite.size and np.ptp(finite) > _LEAST_SPREAD * abs(finite).max():
             return _Colours(values, f"level of the {name.replace('_', ' ')}")
     return _Colours()
 
 
-def _pieces(states: FloatArray, pair: list[int]) -> tuple[FloatArray, NDArray[Any]]:
-    """Return at most _MOST_JOINED states as pieces (n, pieces, 2), and the orbit of each piece.
+def _pieces(states: FloatArray) -> tuple[FloatArray, NDArray[Any]]:
+    """Return at most _MOST_JOINED states as pieces (n, pieces, c), and the orbit of each piece.
 
-    If orbits (N, B, D) are short, pieces are whole orbits, of which some may be left out; else they
+    If orbits (N, B, c) are short, pieces are whole orbits, of which some may be left out; else they
     are spread evenly from the beginning of an orbit to its end.
     """
     N, B, _ = states.shape
@@ -206,13 +244,13 @@ def _pieces(states: FloatArray, pair: list[int]) -> tuple[FloatArray, NDArray[An
     parts = 1 if of_orbit == N else max(min(_PIECES, of_orbit // _SHORTEST), 1)
     length = of_orbit // parts
     begins = np.linspace(0, N - length, parts).round().astype(np.int64)
-    pieces = [states[begin : begin + length, orbits][..., pair] for begin in begins]
+    pieces = [states[begin : begin + length, orbits] for begin in begins]
     return np.concatenate(pieces, axis=1), np.tile(orbits, parts)
 
 
 def _are_near(pieces: FloatArray) -> bool:
-    """Return whether the median step is below 1/20 of the extent of all states (n, pieces, 2)."""
-    lengths = np.hypot(*np.diff(pieces, axis=0).T)
+    """Return whether the median step is below 1/20 of the extent of all states (n, pieces, c)."""
+    lengths = np.linalg.norm(np.diff(pieces, axis=0), axis=-1)
     lengths = lengths[~np.isnan(lengths)]
     existing = pieces[~np.isnan(pieces).any(axis=-1)]
     return bool(lengths.size and 20.0 * np.median(lengths) < np.ptp(existing, axis=0).max())
@@ -221,36 +259,44 @@ def _are_near(pieces: FloatArray) -> bool:
 def _draw(
     axes: Any, pieces: FloatArray, colours: _Colours, orbits: NDArray[Any], lines: bool
 ) -> tuple[Any, int]:
-    """Draw pieces (n, pieces, 2) of orbits; return the coloured artist and the number of states."""
+    """Draw pieces (n, pieces, c) of orbits; return the coloured artist and the number of states."""
     n, count = len(pieces), pieces[..., 0].size
     drawn = None
     if lines:
         style: dict[str, Any] = {"linewidths": 0.7, "joinstyle": "round", "capstyle": "round"}
         if colours.values is None:
-            style["color"] = COLOURS(0.3)
+            style["color"] = colours.single
         else:
             style |= {"array": colours.of(orbits), "cmap": COLOURS, "norm": colours.norm}
-        drawn = LineCollection(list(np.moveaxis(pieces, 1, 0)), **style)
-        axes.add_collection(drawn)
-        axes.autoscale_view()  # Matplotlib before 3.11 does not do so itself
+        collection = LineCollection if pieces.shape[-1] == 2 else Line3DCollection
+        drawn = collection(list(np.moveaxis(pieces, 1, 0)), **style)
+        if pieces.shape[-1] == 2:
+            axes.add_collection(drawn)
+            axes.autoscale_view()  # Matplotlib before 3.11 does not do so itself
+        else:
+            axes.add_collection3d(drawn, autolim=False)
+            axes.auto_scale_xyz(*pieces.reshape(-1, 3).T)
     if not lines or count <= _MOST_ON_LINES:
         size = 4.0 if lines else None
-        drawn, count = _dots(axes, pieces.reshape(-1, 2), colours, np.tile(orbits, n), size)
+        drawn, count = _dots(
+            axes, pieces.reshape(-1, pieces.shape[-1]), colours, np.tile(orbits, n), size
+        )
     return drawn, count
 
 
 def _dots(
     axes: Any, points: FloatArray, colours: _Colours, owners: NDArray[Any], size: Any = None
 ) -> tuple[Any, int]:
-    """Draw points (K, 2) in the colours of their owners; return the dots and their number."""
+    """Draw points (K, c) in the colours of their owners; return the dots and their number."""
     shown = np.arange(len(points))
     if len(points) > _MOST_DOTS:  # at random, because every k-th state may show one of k islands
         shown = np.random.default_rng(0).choice(len(points), _MOST_DOTS, replace=False)
     if colours.values is None:
-        style: dict[str, Any] = {"color": COLOURS(0.3)}
+        style: dict[str, Any] = {"color": colours.single}
     else:
         style = {"c": colours.of(owners[shown]), "cmap": COLOURS, "norm": colours.norm}
     size = size or min(max(8000.0 / max(len(shown), 1), 2.0), 14.0)
+    style["rasterized"] = len(shown) > _MOST_VECTORS
     drawn = axes.scatter(*points[shown].T, s=size, linewidths=0, **style)
     axes.autoscale_view()
     return drawn, len(shown)
@@ -262,10 +308,19 @@ def _range(values: FloatArray) -> tuple[float, float]:
     return (finite.min(), finite.max()) if finite.size else (0.0, 1.0)
 
 
-def _label(axes: Any, run: Any, pair: list[int]) -> None:
-    """Label the axes with the names of two components."""
-    labels = [_symbol(str(run.body._labels[k])) for k in pair]
-    axes.set(xlabel=labels[0], ylabel=labels[1])
+def _label(axes: Any, run: Any, chosen: list[int]) -> None:
+    """Label the axes with the names of the components."""
+    labels = ["$t$" if k == _TIME else _symbol(str(run.body._labels[k])) for k in chosen]
+    axes.set(**dict(zip(("xlabel", "ylabel", "zlabel"), labels, strict=False)))
+
+
+def _entitle(axes: Any, title: Any, text: str) -> None:
+    """Write a title: this text, unless the user gives another one, or None for no title."""
+    if title is True:
+        title = text
+    if title is not None:
+        instance("title", title, str)
+        axes.set_title(title, fontsize="small")
 
 
 def _symbol(label: str) -> str:

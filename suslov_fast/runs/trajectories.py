@@ -276,30 +276,37 @@ class Trajectories(Result):
     @public
     def plot(
         self,
-        *,
+        *names: int | str,
         components: Sequence[int | str] = (0, 1),
         lines: bool | None = None,
         color: Any = None,
+        title: str | bool | None = True,
         ax: Any = None,
     ) -> Any:
-        """Draw the saved states in the plane of two components (extra `plots`).
+        """Draw the saved states over two components, over time, or in space (extra `plots`).
 
         Parameters
         ----------
-        components : pair of int or str
-            Indices or labels, such as ``("x1", "x3")``.
+        *names : int or str
+            The components, ``run.plot("time", "x1")``, in place of `components`.
+        components : sequence of int or str
+            Two or three indices or labels, such as ``("x1", "x3")``; "time" is n * eps. Three are
+            drawn in space.
         lines : bool, optional
             Whether to join consecutive states; by default if all are saved and lie close together.
         color : str or array_like(float, shape=(...)), optional
-            A parameter that varies, "eps", or a number for each orbit. By default the parameter
-            of a family, else the level of the conserved quantity.
+            A parameter that varies, "eps", a number for each orbit, or a colour of Matplotlib. By
+            default the parameter of a family, else the level of the conserved quantity.
+        title : str, optional
+            By default the map, the number of orbits, and how many states are drawn, as very long
+            runs are thinned; None leaves it out.
         ax : matplotlib.axes.Axes, optional
-            Axes to draw on; by default those of a new figure.
+            Axes to draw on, those of a plot in space for three components; by default those of a
+            new figure.
 
         Returns
         -------
         matplotlib.axes.Axes
-            The title says how many states are drawn, because of very many it shows a part.
 
         Examples
         --------
@@ -307,10 +314,11 @@ class Trajectories(Result):
         >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
         >>> run = iterate(body, RandomStarts(20, extent=2.0), eps=0.02, steps=500)
         >>> run.plot().figure.savefig("orbits.png")  # doctest: +SKIP
+        >>> run.plot("time", "Omega1", color="black", title=None)  # doctest: +SKIP
         """
         from . import plot  # which imports Matplotlib
 
-        return plot.plot_run(self, components, lines, color, ax)
+        return plot.plot_run(self, names or components, lines, color, title, ax)
 
     @public
     def to_xarray(

@@ -7,9 +7,10 @@ from typing import Any
 import suslov_fast as sf
 
 # Attributes of stores that are not in a summary: names of arrays.
-_NAMES_OF_ARRAYS = "tiled", "shared", "columns"
-# Attributes of stores of fields: tables of coefficients.
-_TABLES = "quadratic", "linear", "constant", "H", "K"
+_NAMES_OF_ARRAYS = "tiled", "shared"
+# Attributes of stores of fields: the number of variables and their terms, and those of H.
+_TERMS = "dimension", "indices", "values"
+_LISTS = *_TERMS, "indices of H", "H", "K"
 
 
 def facts_in(path: Path) -> dict[str, Any]:
@@ -125,17 +126,17 @@ def _for_people(facts: dict[str, Any]) -> dict[str, Any]:
         del shown["method"]
     if record.variable == "x":
         body = facts["body"]
-        tables = [name for name in _TABLES if name in facts]
-        if not isinstance(body, dict) and "quadratic" in facts:  # the attributes of a store
-            body = {"body": body} | {k: facts[k] for k in (*_TABLES[:3], "names") if k in facts}
-            # For a large table a store has a text, size and range, in place of numbers.
-            if any(isinstance(body[name], str) for name in _TABLES[:3]):
+        lists = [name for name in _LISTS if name in facts]
+        if not isinstance(body, dict) and "values" in facts:  # the attributes of a store
+            body = {"body": body} | {k: facts[k] for k in (*_TERMS, "names") if k in facts}
+            # For a long list a store has a text, size and range, in place of numbers.
+            if any(isinstance(body[name], str) for name in _TERMS):
                 body = body["body"]
         if isinstance(body, dict):
             values = body.get("parameters", {}).items()
             named = [f"{name} = {_spelled(value)}" for name, value in values]
             shown["body"] = ", ".join([repr(sf.body_from_dict(body)), *named])
-        for name in tables:
+        for name in lists:
             del shown[name]
     return shown
 

@@ -77,10 +77,10 @@ def test_dir_shows_what_is_public():
     for body in SINGLE:
         names = {name for name in dir(body) if not name.startswith("_")}
         assert {"dimension", "field", "sel", "shape", "to_dict", "from_dict", *body._parts} <= names
-        assert not names & {"terms", "table", "batch_of_one", "constants"}
+        assert not names & {"batch_of_one", "constants"}
     names = {name for name in dir(QuadraticField([[[1]]])) if not name.startswith("_")}
     assert {"quadratic", "linear", "constant", "H", "K", "parameters", "components"} <= names
-    assert not names & {"terms", "table", "batch_of_one", "constants"}
+    assert not names & {"batch_of_one", "constants"}
 
 
 def test_what_counts_as_equal():

@@ -29,9 +29,7 @@ BATCH = Suslov3D([[4.0], [2.0]], [1, 2, 3], -0.5, -0.3)
 FIELD = QuadraticField([[[0, 1], [0, 0]], [[0, 0], [0, -1]]])
 FAMILY = QuadraticField.from_function(lambda x, rho: (rho - x[0] ** 2,), 1, rho=[10, 20, 30])
 HENON = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 + x[0] ** 3, 2)
-# Symmetric in its last two axes alone: 3 x2**2 is at [0][1][1], and nowhere else.
-LOPSIDED = np.zeros((3, 3, 3)).tolist()
-LOPSIDED[0][1][1] = 3.0
+LISTS = {"indices": [[0], [0], [2]], "values": [1.0]}
 
 
 def body(**given):
@@ -119,13 +117,18 @@ FIELDS = [
     (lambda: QuadraticField(np.ones((2, 1, 1, 1)), np.ones((3, 1, 1))), ValueError, "linear"),
     (lambda: QuadraticField.of(3), TypeError, "body"), (lambda: FIELD([1, 2, 3]), ValueError, "x"),
     (lambda: FIELD([True, 1]), TypeError, "x"), (lambda: HENON.H([1, 2, 3]), ValueError, "x"),
-    (changed(linear=[["a"]]), ValueError, "linear"), (changed(q=1), ValueError, "q"),
-    (changed(quadratic=[[["1/0"]]]), ValueError, "quadratic"),
-    (changed(HENON, H=LOPSIDED), ValueError, "H.*symmetric"),
-    (changed(HENON, H=np.swapaxes(LOPSIDED, 0, 2).tolist()), ValueError, "H.*symmetric"),
-    (changed(HENON, H=[1.0]), ValueError, "H"), (changed(HENON, body="Suslov3D"), ValueError, "body"),
+    (changed(values=["a", 1]), ValueError, "p/q"), (changed(q=1), ValueError, "q"),
+    (changed(values=["1/0", 1]), ValueError, "p/q"),
+    (changed(dimension=0), ValueError, "dimension"), (changed(dimension=1), ValueError, "indices"),
+    (changed(HENON, H={**LISTS, "indices": [[0], [1], [3]]}), ValueError, "H.* 0 to 2"),
+    (changed(HENON, H={**LISTS, "values": [1, 2]}), ValueError, "H.*one for each term"),
+    (changed(HENON, H={**LISTS, "values": [[1e70]]}), ValueError, "H.*other units"),
+    (changed(HENON, H={"values": [1.0]}), ValueError, "H must have the entries"),
+    (changed(HENON, H=[1.0]), TypeError, "H"), (changed(HENON, body="Suslov3D"), ValueError, "body"),
     (changed(HENON, K=[[0, 2], [2, 0]]), ValueError, "K"), (changed(HENON, k=1), ValueError, "k"),
-    (changed(HENON, constant=[1.0, 0.0]), ValueError, "parameters"),
+    (changed(HENON, K={"indices": [[0], [2]], "values": [1]}), ValueError, "K.* 0 to 1"),
+    (changed(HENON, K={"indices": [[0], [1]], "values": [1]}), ValueError, "K.*antisymmetric"),
+    (changed(HENON, values=[1.0, 0.0]), ValueError, "parameters"),
     (changed(HENON, parameters={"x": 1.0}), ValueError, "parameters"),
     (field(lambda x: (x[0] * x[1], x[0]), 3), ValueError, "f"),
     (field(lambda x: (x[0] * x[2], x[0])), ValueError, r"f: x\[2\] is used, but the dimension is 2"), (field(np.sin), TypeError, "f"),

@@ -23,7 +23,7 @@ _ELSEWHERE = {
     "poincare_section": "crossings",
 }
 # Attributes for other modules of the package; `dir` hides them.
-_FOR_KERNELS = {"batch_of_one", "constants", "table", "terms"}
+_FOR_KERNELS = {"batch_of_one", "constants"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,6 +43,7 @@ class Body:
     _field: ClassVar[Any]  # the equations of motion, a QuadraticField
     _read: ClassVar[Any] = None  # makes a body from its dictionary; None: the class itself does
     _texts: ClassVar[tuple[str, ...]] = ()  # entries of the dictionary that hold no numbers
+    _lists_terms: ClassVar[bool] = False  # whether datasets hold the terms, and not the parameters
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -94,8 +95,8 @@ class Body:
         return self._field
 
     @property
-    def terms(self) -> Any:
-        """The terms v x_j x_k of all f_i: indices i and j <= k (3, T), and values v (..., T)."""
+    def _terms(self) -> Any:
+        """The terms v x_j x_k of all f_i for kernels, in the order in which they add them up."""
         field = self.field()
         checks.instance("field()", field, Body)
         if field.dimension != self.dimension:
@@ -103,7 +104,7 @@ class Body:
             raise wrong("field()", expected, field.dimension)
         if np.broadcast_shapes(field.shape, self.shape) != self.shape:
             raise wrong("field()", f"have the shape {self.shape} of the body", field.shape)
-        return field.terms
+        return field._terms
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -319,8 +320,8 @@ class Body:
     def to_dict(self) -> dict[str, Any]:
         """Return the class and the exact parameters as a dictionary for JSON.
 
-        A coefficient that no float equals becomes a string "p/q". A field with a Hamiltonian has K
-        and H, a symmetric tensor in (x1, ..., xD, 1), in place of coefficients.
+        A coefficient that no float equals becomes a string "p/q". A field has its terms, or with a
+        Hamiltonian those of H and the entries of K, as lists of indices and of values.
 
         Examples
         --------

@@ -1,11 +1,8 @@
 """Quadratic vector fields, whose Kahan maps the package iterates and analyses.
 
-A field is one table of coefficients. With x = (x1, ..., xD, 1) it is
-
-    dx_i/dt = sum_jk table[i, j, k] x_j x_k,    symmetric in j and k,
-
-and a Hamiltonian of degree 3 is a symmetric tensor, H(x) = sum_ijk H[i, j, k] x_i x_j x_k, whose
-gradient is 3 H[:D]. The table of a single field holds fractions, that of a batch floats.
+A field is a list of terms: with x_D = 1, component i is the sum of v x_j x_k over its terms. A
+Hamiltonian of degree 3 is a list of terms v x_i x_j x_k. The values of a single field are floats or
+fractions, those of a family floats.
 """
 
 from __future__ import annotations
@@ -13,56 +10,37 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-from functools import cached_property
-from numbers import Rational
 from typing import Any, ClassVar
 
 import numpy as np
 
 from .. import checks
-from ..checks import FloatArray, wrong
-from .base import Body, frozen, summary
-from .names import labels, variables
-from .polynomials import as_given, coefficients, named, numbers, polynomial_of, to_lists
-from .tracing import traced
-
-# Names of the parts of a field other than its named parameters. They hold spaces, because a named
-# parameter can have any name that Python accepts.
-TABLE, TENSOR, MATRIX, NAMES = "table of f", "tensor of H", "matrix K", "names of variables"
-# Attributes of stores. A parameter with one of these names gets another one there.
-_OF_STORES = frozenset(
-    "H K body coords dims eps format functions map method names omega0 save_every shared steps "
-    "tiled title version attitude".split()
+from ..checks import wrong
+from .base import Body, summary
+from .coefficients import of_array, of_hamiltonian, of_terms, structure, with_arrays
+from .field_of_terms import (
+    H_INDICES,
+    H_VALUES,
+    INDICES,
+    MATRIX,
+    NAMES,
+    VALUES,
+    _FieldOfTerms,
+    parts_of,
 )
-
-
-class Hamiltonian:
-    """A polynomial of degree 3, or a batch: ``H(x) = sum_ijk H_ijk x_i x_j x_k``, x_(D+1) = 1.
-
-    Its value at a state is a fraction if all numbers are exact, else floats (...).
-    """
-
-    def __init__(self, tensor: Any, names: Sequence[str] | None = None) -> None:
-        self.tensor = tensor
-        self._names = tuple(names or labels(tensor.shape[-1] - 1))
-
-    @cached_property
-    def terms(self) -> tuple[Any, FloatArray]:
-        """The nonzero terms v x_i x_j x_k: i <= j <= k (3, T), where D is the 1, and v (..., T)."""
-        return sparse(self.tensor, 3)
-
-    def __call__(self, x: Any) -> Any:
-        return at_points(self.tensor, x, 3, self._names)
-
-    def __repr__(self) -> str:
-        if self.tensor.ndim > 3:
-            return f"<polynomials of shape {self.tensor.shape[:-3]}>"
-        return polynomial_of(self.tensor).text(self._names)
+from .names import labels, variables
+from .polynomials import as_given, named, to_lists
+from .terms import (
+    Terms,
+    polynomial_in,
+    rows_of,
+    values_at,
+)
+from .tracing import traced
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
-class QuadraticField(Body):
+class QuadraticField(_FieldOfTerms):
     """A quadratic vector field, ``dx_i/dt = sum_jk q_ijk x_j x_k + sum_j l_ij x_j + c_i``.
 
     Functions that take a body take a field; its state is x. Its map is Kahan's discretization,
@@ -85,6 +63,10 @@ class QuadraticField(Body):
     ----------
     names : tuple of str
         Names of the variables in equations, plots, datasets and reports. ``==`` ignores them.
+    terms : tuple of ndarray(int, shape=(3, T)) and ndarray(float, shape=(..., T))
+        i, j, k and v of the terms v x_j x_k of x_i', with D for a factor 1; see :meth:`from_terms`.
+    quadratic, linear, constant : ndarray
+        q, l and c, made when they are first used. MemoryError if D is too large for q.
     H, K : Hamiltonian and ndarray(shape=(D, D)), or None
         The Hamiltonian of :meth:`from_hamiltonian`, a function of a state, and its matrix.
     parameters : dict
@@ -102,19 +84,7 @@ class QuadraticField(Body):
     QuadraticField(x1' = x1*x2, x2' = -x1^2 + 1/2)
     """
 
-    _axes: ClassVar[Any] = {
-        "quadratic": 3, "linear": 2, "constant": 1, TABLE: 3, TENSOR: 3, MATRIX: 2,
-    }  # fmt: skip
     _texts: ClassVar[Any] = ("names",)
-
-    quadratic: Any
-    linear: Any
-    constant: Any
-    table: Any  # in homogeneous coordinates (..., D, D + 1, D + 1)
-    H: Hamiltonian | None
-    K: Any
-    names: tuple[str, ...]
-    _coefficients: dict[str, Any]
 
     def __init__(
         self, quadratic: Any, linear: Any = None, constant: Any = None, names: Any = None
@@ -122,61 +92,67 @@ class QuadraticField(Body):
         if callable(quadratic):
             received = "a function: use QuadraticField.from_function(f, dimension)"
             raise wrong("quadratic", "an array (..., D, D, D)", received, TypeError)
-        arrays = {"quadratic": as_given("quadratic", quadratic)}
-        D = (0, *arrays["quadratic"].shape)[-1]
-        for name, each, axes in (("linear", linear, 2), ("constant", constant, 1)):
-            arrays[name] = np.zeros((D,) * axes) if each is None else as_given(name, each)
-        shapes = {}
-        for name, array in arrays.items():
-            axes = self._axes[name]
-            if D == 0 or array.shape[-axes:] != (D,) * axes:
-                raise wrong(name, f"have the shape (..., {', '.join('D' * axes)})", array.shape)
-            shapes[name] = array.shape[:-axes]
-        batch = checks.common_shape(shapes)
-        q, l, c = (coefficients(name, array, bool(batch)) for name, array in arrays.items())
-        table = np.zeros((*batch, D, D + 1, D + 1), q.dtype)
-        table[..., :-1, :-1], table[..., :-1, -1], table[..., -1, -1] = q, l, c
-        names = variables("names", names, D)
-        self._take({TABLE: (table + table.swapaxes(-2, -1)) / 2, NAMES: names})
+        array = as_given("quadratic", quadratic)
+        D = (0, *array.shape)[-1]
+        terms = with_arrays({"quadratic": of_array("quadratic", array, 3, D)}, linear, constant, D)
+        self._take(parts_of(terms, variables("names", names, D)))
 
-    def _take(self, parts: Mapping[str, Any]) -> None:
-        """Store a table, or H and K with or without theirs, the names, and named parameters."""
-        table: Any = parts.get(TABLE)
-        # The table of a Hamiltonian field follows from H and K, unless a family has a rounded one.
-        if TENSOR in parts and np.ndim(table) <= 3:
-            table = rates(parts[TENSOR], parts[MATRIX])
-        table = frozen(numbers("table", table, table.ndim > 3))
-        D = table.shape[-3]
-        names = parts.get(NAMES) or labels(D)
-        others = {name: frozen(a) for name, a in parts.items() if name not in (TABLE, NAMES)}
-        parameters = tuple(name for name in others if name not in self._axes)
-        q, l, c = table[..., :-1, :-1], frozen(2 * table[..., :-1, -1]), table[..., -1, -1]
-        qlc = {"quadratic": q, "linear": l, "constant": c}
-        H = Hamiltonian(others[TENSOR], names) if TENSOR in others else None
-        vars(self).update(qlc, table=table, H=H, K=others.get(MATRIX), _coefficients=qlc)
-        vars(self).update(_parts={TABLE: table, **others}, _coordinates=parameters)
-        vars(self).update(dimension=D, names=names, _labels=names)
+    @classmethod
+    def from_terms(
+        cls,
+        indices: Any,
+        values: Any,
+        dimension: int | str | Sequence[str],
+        *,
+        linear: Any = None,
+        constant: Any = None,
+    ) -> QuadraticField:
+        """Return the field with given terms, such as one of many variables with few terms.
 
-    def _with(self, parts: Mapping[str, Any]) -> QuadraticField:
-        return self._of({**parts, NAMES: self.names})
+        Time and memory are those of the terms, where arrays of all coefficients have D**3 entries.
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return self._of, ({**self._parts, NAMES: self.names},)
+        Parameters
+        ----------
+        indices : array_like(int, shape=(3, T))
+            i, j, k of each term v x_j x_k of the derivative of x_i, from 0. j = D or k = D stand
+            for a factor 1: so (i, j, D) is a linear term and (i, D, D) a constant. The order of j
+            and k does not matter, and repeated terms are added.
+        values : array_like(shape=(..., T))
+            v of each term. A single field keeps integers, fractions and floats exactly.
+        dimension : int, str or sequence of str
+            The number of variables, D, or their names.
+        linear : array_like(shape=(..., D, D)) or scipy.sparse matrix (D, D), optional
+            Coefficients of linear terms, which are added.
+        constant : array_like(shape=(..., D)), optional
+            Constants, which are added.
 
-    @property
-    def _arrays(self) -> dict[str, FloatArray]:
-        arrays = self._coefficients | self.parameters
-        return {name: np.asarray(a, np.float64) for name, a in arrays.items()}
+        Raises
+        ------
+        TypeError, ValueError
+            If indices are no integers in their range, shapes do not match, or a value is not a
+            number in the range of coefficients.
 
-    @property
-    def _described(self) -> dict[str, Any]:
-        arrays = self._coefficients
-        if self.H is not None:
-            arrays = arrays | {"H": self.H.tensor, "K": self.K}
-        names = (f"parameter {n}" if n in _OF_STORES else n for n in self._coordinates)
-        arrays = arrays | dict(zip(names, self.parameters.values(), strict=True))
-        texts = {} if self.names == labels(self.dimension) else {"names": ", ".join(self.names)}
-        return {name: np.asarray(a, np.float64) for name, a in arrays.items()} | texts
+        Examples
+        --------
+        A lattice of 1000 variables, with the derivative x_(i-1) (x_(i+1) - x_(i-2)) - x_i + 8:
+
+        >>> import numpy as np
+        >>> from suslov_fast import QuadraticField
+        >>> D = 1000
+        >>> i = np.arange(D)
+        >>> products = [[*i, *i], [*(i - 1) % D] * 2, [*(i + 1) % D, *(i - 2) % D]]
+        >>> values, damping = np.repeat([1, -1], D), [i, i, np.full(D, D)]
+        >>> indices = np.hstack([products, damping])
+        >>> field = QuadraticField.from_terms(
+        ...     indices, [*values, *-np.ones(D)], D, constant=np.full(D, 8)
+        ... )
+        >>> field.terms[0].shape
+        (3, 4000)
+        """
+        names = variables("dimension", dimension)
+        D = len(names)
+        terms = with_arrays({"values": of_terms(indices, values, D)}, linear, constant, D)
+        return cls._of(parts_of(terms, names))
 
     @classmethod
     def from_function(
@@ -214,8 +190,8 @@ class QuadraticField(Body):
         """
         names = variables("dimension", dimension)
         values = named(parameters, names)
-        table, _ = traced("f", f, names, values)
-        return cls._of({TABLE: table, NAMES: names, **values})
+        terms, _ = traced("f", f, names, values)
+        return cls._of({**parts_of(terms, names), **values})
 
     @classmethod
     def from_hamiltonian(
@@ -254,15 +230,14 @@ class QuadraticField(Body):
         names = variables("dimension", dimension)
         values = named(parameters, names)
         matrix = structure(K, len(names))
-        tensor, table = traced("H", H, names, values, matrix)
-        tables = {} if table is None else {TABLE: table}
-        return cls._of_hamiltonian(tensor, matrix, {NAMES: names, **tables, **values})
+        energy, terms = traced("H", H, names, values, matrix)
+        return cls._of_hamiltonian(energy, matrix, {**parts_of(terms, names), **values})
 
     @classmethod
-    def _of_hamiltonian(cls, tensor: Any, K: Any, others: Mapping[str, Any]) -> QuadraticField:
-        """Return the field of an exact tensor H and a matrix K, if its table is in range."""
-        field = cls._of({TENSOR: tensor, MATRIX: K, **others})
-        checks.within("H", field.table, checks.OTHERS)
+    def _of_hamiltonian(cls, H: Terms, K: Any, others: Mapping[str, Any]) -> QuadraticField:
+        """Return the field of the exact terms of H and a matrix K, if its terms are in range."""
+        field = cls._of({H_INDICES: H.indices, H_VALUES: H.values, MATRIX: K, **others})
+        checks.within("H", field._parts[VALUES], checks.OTHERS)
         return field
 
     @classmethod
@@ -286,23 +261,6 @@ class QuadraticField(Body):
         return self
 
     @property
-    def parameters(self) -> dict[str, Any]:
-        """The named parameters of the function: numbers as they were given, and arrays."""
-        return {name: self._parts[name] for name in self._coordinates}
-
-    @property
-    def _may_escape(self) -> bool:  # type: ignore[override]
-        return bool((self.terms[0][2] < self.dimension).any())
-
-    @cached_property
-    def terms(self) -> tuple[Any, FloatArray]:
-        """The nonzero terms v x_j x_k of all f_i: i and j <= k (3, T), and v (..., T).
-
-        The index D stands for the 1; the terms with k = D are last. Values are rounded once.
-        """
-        return sparse(self.table, 2)
-
-    @property
     def components(self) -> tuple[Any, ...]:
         """The components as ``flint.fmpq_mpoly`` in the variables; needs python-flint.
 
@@ -311,14 +269,18 @@ class QuadraticField(Body):
         flint = checks.extra("flint", "algebra")
         names = self.names if all(map(str.isascii, self.names)) else labels(self.dimension)
         context = flint.fmpq_mpoly_ctx.get(names, ordering="deglex")
-        x = np.fromiter([*context.gens(), context.constant(1)], object)
-        ratios = np.vectorize(lambda c: flint.fmpq(*c.as_integer_ratio()), "O")(self.table)
-        return tuple(ratios @ x @ x)
+        D = self.dimension
+        rows: list[dict[Any, Any]] = [{} for _ in names]
+        for (i, *factors), c in self._exact.members():
+            powers = tuple(factors.count(m) for m in range(D))
+            rows[i][powers] = flint.fmpq(*c.as_integer_ratio())
+        return tuple(map(context.from_dict, rows))
 
     def __call__(self, x: Any) -> Any:
         """Return f(x): a tuple of fractions if all numbers are exact, else floats (..., D)."""
-        found = at_points(self.table, x, 2, self.names)
-        return tuple(found) if found.dtype == object else found
+        terms = Terms(self._parts[INDICES], self._parts[VALUES])
+        found = values_at(terms, x, self.names, 2)
+        return tuple(found) if isinstance(found, list) else found
 
     def __repr__(self) -> str:
         if self.shape:
@@ -327,90 +289,46 @@ class QuadraticField(Body):
                 names = f"variables {' '.join(self.names)}"
             values = [summary(name, each) for name, each in self.parameters.items()]
             return f"<QuadraticField of shape {self.shape}: {', '.join([names, *values])}>"
-        texts = (polynomial_of(row).text(self.names) for row in self.table)
-        equations = [f"{name}' = {text}" for name, text in zip(self.names, texts, strict=True)]
+        equations: list[str] = []
+        rows = zip(self.names, rows_of(self._exact, self.dimension), strict=True)
+        while sum(map(len, equations)) <= 300 and (row := next(rows, None)):
+            polynomial = polynomial_in(row[1], self.dimension)
+            equations.append(f"{row[0]}' = {polynomial.text(self.names)}")
         equations += [] if self.H is None else [f"H = {self.H}"]
         short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
         return f"QuadraticField({short})"
 
     def to_dict(self) -> dict[str, Any]:
-        arrays = self._coefficients if self.H is None else {"H": self.H.tensor, "K": self.K}
+        parts = self._parts
+        found = {"indices": parts[INDICES], "values": parts[VALUES]}
+        if self.H is not None:
+            H = {"indices": parts[H_INDICES], "values": parts[H_VALUES]}
+            indices, values = parts[MATRIX][:2].astype(np.int64), parts[MATRIX][2]
+            found = {"H": H, "K": {"indices": indices, "values": values}}
         values = {"parameters": self.parameters} if self.parameters else {}
         texts = {} if self.names == labels(self.dimension) else {"names": [*self.names]}
-        return {"body": type(self).__name__, **to_lists(arrays | values), **texts}
+        size = {"body": type(self).__name__, "dimension": self.dimension}
+        return {**size, **to_lists(found | values), **texts}
 
     @classmethod
     def _read(
         cls,
-        quadratic: Any = None,
-        linear: Any = None,
-        constant: Any = None,
+        dimension: Any,
+        indices: Any = None,
+        values: Any = None,
         H: Any = None,
         K: Any = None,
         parameters: Any = None,
         names: Any = None,
     ) -> QuadraticField:
         checks.instance("parameters", parameters or {}, Mapping)
+        D = checks.integer("dimension", dimension, 1)
+        names = variables("names", names, D)
+        named_values = named(parameters or {}, names)
         if H is None and K is None:
-            field = cls(quadratic, linear, constant, names)
-            values = named(parameters or {}, field.names)
-            return field._with({**field._parts, **values})
-        if quadratic is not None or linear is not None or constant is not None:
+            terms = with_arrays({"values": of_terms(indices, values, D)}, None, None, D)
+            return cls._of({**parts_of(terms, names), **named_values})
+        if indices is not None or values is not None:
             raise ValueError("the parameters hold both coefficients and H: keep one of them")
-        tensor = np.atleast_3d(coefficients("H", H, False))
-        twins = tensor.swapaxes(-1, -2), tensor.swapaxes(-1, -3)
-        if tensor.shape[-1] < 2 or not all(np.array_equal(tensor, each) for each in twins):
-            raise wrong("H", "symmetric in all its axes", checks.short(H))
-        names = variables("names", names, tensor.shape[-1] - 1)
-        values = named(parameters or {}, names)
-        return cls._of_hamiltonian(tensor, structure(K, len(names)), {NAMES: names, **values})
-
-
-def structure(K: Any, D: int) -> Any:
-    """Return the antisymmetric matrix of a Hamiltonian field, exact; by default canonical."""
-    if K is None:
-        if D % 2:
-            raise wrong("dimension", "even where K is left out, the matrix of x' = K grad H", D)
-        K = np.eye(D, k=D // 2, dtype=np.int64) - np.eye(D, k=-D // 2, dtype=np.int64)
-    matrix = coefficients("K", K, False)
-    if matrix.shape != (D, D) or (matrix != -matrix.T).any():
-        received = checks.short(matrix.astype(float).tolist())
-        raise wrong("K", f"an antisymmetric matrix of shape ({D}, {D})", received)
-    return matrix
-
-
-def rates(H: Any, K: Any) -> Any:
-    """Return the table of K grad H, by the entries of K that are not 0."""
-    table = np.full_like(H[..., :-1, :, :], Fraction(0))
-    for i, j in np.argwhere(K != 0):
-        table[..., i, :, :] += 3 * K[i, j] * H[..., j, :, :]
-    return table
-
-
-def sparse(tensor: Any, degree: int) -> tuple[Any, FloatArray]:
-    """Return indices (3, T) and values (..., T) of the terms of a tensor symmetric in its axes."""
-    places = np.argwhere(np.any(tensor != 0, axis=tuple(range(tensor.ndim - 3))))
-    places[:, 3 - degree :].sort(axis=1)
-    places, counts = np.unique(places, axis=0, return_counts=True)
-    order = np.argsort(places[:, -1] == tensor.shape[-1] - 1, kind="stable")
-    indices = np.ascontiguousarray(places[order].T)
-    values = (tensor[(..., *indices)] * counts[order]).astype(np.float64)
-    return indices, np.ascontiguousarray(values)
-
-
-def at_points(tensor: Any, x: Any, degree: int, names: Sequence[str]) -> Any:
-    """Return the values at x of polynomials: tensors whose last `degree` axes stand for (x, 1).
-
-    Values are fractions if all numbers are exact, else floats.
-    """
-    D = tensor.shape[-1] - 1
-    is_list = isinstance(x, (tuple, list)) or (isinstance(x, np.ndarray) and x.ndim == 1)
-    if tensor.ndim == 3 and is_list and len(x) == D and all(isinstance(a, Rational) for a in x):
-        x = numbers("x", x, False)
-    else:
-        x, tensor = checks.states("x", x, names), np.asarray(tensor, np.float64)
-    point = np.concatenate([x, np.ones((*x.shape[:-1], 1), x.dtype)], axis=-1)
-    with np.errstate(all="ignore"):
-        for axes in ("ijk", "ij", "i")[:degree]:
-            tensor = np.einsum(f"...{axes},...{axes[-1]}->...{axes[:-1]}", tensor, point)
-    return tensor
+        energy, matrix = of_hamiltonian(H, D), structure(K, D)
+        return cls._of_hamiltonian(energy, matrix, {NAMES: names, **named_values})

@@ -9,11 +9,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import OTHERS, FloatArray, first_index, real_array, spell, wrong
+from ..checks import OTHERS, FloatArray, first_index, real_array, spell, within, wrong
 from .base import Body
 from .field import QuadraticField
+from .field_of_terms import parts_of
+from .names import labels
 from .polynomials import numbers
 from .rigid import adapted
+from .terms import collected
 
 # Relative rounding error of J and I after the rotation by from_mass_tensor.
 _ROUNDING = 1e-14
@@ -88,17 +91,16 @@ class SuslovND(Body):
     @cached_property
     def _field(self) -> QuadraticField:
         parts = (numbers(name, each, bool(self.shape)) for name, each in self._parts.items())
-        places, values = self._terms(*parts)
-        q = np.zeros((*self.shape, *(self.dimension,) * 3), values.dtype)
-        q[(..., *places)] = values
-        return QuadraticField(q)
+        places, values = self._terms_of(*parts)
+        terms = collected(places, within("J and I", values, OTHERS), self.dimension, 2)
+        return QuadraticField._of(parts_of(terms, labels(self.dimension)))
 
     @property
-    def terms(self) -> Any:
+    def _terms(self) -> Any:
         """The terms of the field, computed in floats because exact numbers are slow."""
-        return self._terms(self.J, self.I)
+        return self._terms_of(self.J, self.I)
 
-    def _terms(self, J: Any, I: Any) -> tuple[Any, Any]:
+    def _terms_of(self, J: Any, I: Any) -> tuple[Any, Any]:
         """Return indices and values of J_i x_i' = x_i sum_j I_j x_j - I_i sum_j x_j x_j."""
         i, j = np.nonzero(~np.eye(self.dimension, dtype=bool))
         places = np.array([[*i, *i], [*np.minimum(i, j), *j], [*np.maximum(i, j), *j]], np.int64)

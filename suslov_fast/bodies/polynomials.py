@@ -82,7 +82,7 @@ def to_lists(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: to_lists(each) for name, each in value.items()}
     array = np.asarray(value)
-    return array.tolist() if array.dtype.kind == "f" else np.vectorize(plain, "O")(array).tolist()
+    return array.tolist() if array.dtype.kind in "fi" else np.vectorize(plain, "O")(array).tolist()
 
 
 def from_lists(name: str, value: Any) -> Any:
@@ -241,15 +241,6 @@ class Polynomial(NDArrayOperatorsMixin):
 
             return refuse
 
-    def derivative(self, i: int) -> Polynomial:
-        """Return the derivative with respect to the variable i."""
-        return Polynomial(
-            ((*m[:k], *m[k + 1 :]), c)
-            for m, c in self.terms.items()
-            for k, each in enumerate(m)
-            if each == i
-        )
-
     def __bool__(self) -> bool:
         raise NoPolynomial("if", self)
 
@@ -277,9 +268,3 @@ _ARITHMETIC: dict[Any, Callable[..., Iterable[Any]]] = {  # on terms {indices: c
     np.subtract: lambda a, b: [*a.items(), *((j, -d) for j, d in b.items())],
     np.multiply: lambda a, b: ((i + j, a[i] * b[j]) for i, j in product(a, b)),
 }
-
-
-def polynomial_of(tensor: Any) -> Polynomial:
-    """Return the polynomial of a symmetric tensor in homogeneous coordinates."""
-    D, places = len(tensor) - 1, np.argwhere(tensor != 0).tolist()
-    return Polynomial(([i for i in place if i < D], tensor[tuple(place)]) for place in places)

@@ -16,7 +16,10 @@ from numpy.typing import ArrayLike
 from .. import checks
 from ..checks import FloatArray, wrong
 from .base import Body
-from .field import TABLE, QuadraticField
+from .field import QuadraticField
+from .field_of_terms import parts_of
+from .names import labels
+from .terms import collected
 
 # Tolerance of the triangle inequality of moments, relative to the largest one: flat bodies have
 # equality, and the parallel axis theorem loses a few digits.
@@ -62,10 +65,11 @@ class _In3D(Body):
         I1, I2, *form = self.constants if self.shape else map(Fraction, self.constants)
         # With l = I13 Omega1 + I23 Omega2 + k: Omega1' = -l Omega2 / I1, Omega2' = l Omega1 / I2.
         l = np.stack(np.broadcast_arrays(*form), axis=-1)
-        table = np.zeros((*self.shape, 2, 3, 3), l.dtype)
-        table[..., 0, :, 1] = -l / np.asarray(I1)[..., None]
-        table[..., 1, :, 0] = l / np.asarray(I2)[..., None]
-        return QuadraticField._of({TABLE: (table + table.swapaxes(-2, -1)) / 2})
+        rows = -l / np.asarray(I1)[..., None], l / np.asarray(I2)[..., None]
+        places = [[0] * 3 + [1] * 3, [0, 1, 2] * 2, [1] * 3 + [0] * 3]
+        values = [np.broadcast_to(row, (*self.shape, 3)) for row in rows]
+        terms = collected(places, np.concatenate(values, axis=-1), 2, 2)
+        return QuadraticField._of(parts_of(terms, labels(2)))
 
 
 def _excess(tensors: FloatArray) -> Any:

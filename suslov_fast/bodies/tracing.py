@@ -7,9 +7,9 @@ a comparison, f is called for each member.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,11 @@ from ..checks import OTHERS, page, short, within, wrong
 from .advice import CUBIC, check_arguments, explained, name_of, prefixed
 from .columns import Column, Refused, Symbol, exact_values, rounded
 from .polynomials import Polynomial
+from .terms import Terms, collected
 
+# The exact terms of a polynomial, or of the components of a field, by their three indices.
+_Places = dict[tuple[int, ...], Fraction]
+_ZERO = Fraction(0)
 # Families with fewer members are not worth a column: f is called for each member.
 _FEWEST = 4
 
@@ -57,11 +61,11 @@ class _Call(NamedTuple):
 
 def traced(
     argument: str, f: Any, names: Sequence[str], parameters: Mapping[str, Any], K: Any = None
-) -> tuple[Any, Any]:
-    """Return (table, None) for a field f, or (tensor, table or None) for a Hamiltonian f with K.
+) -> tuple[Terms, Terms | None]:
+    """Return (terms, None) for a field f, or (terms, terms of f or None) for a Hamiltonian with K.
 
-    They hold fractions, unless one call of f was enough for a family: then the table holds floats,
-    rounded once. Otherwise the table of a Hamiltonian is None, and follows from the tensor.
+    Values are fractions, unless one call of f was enough for a family: then those of the field are
+    floats, rounded once. Otherwise they are None for a Hamiltonian, and follow from H and K.
     """
     if not callable(f):
         raise wrong(argument, "a function of x, a tuple of the variables", short(f), TypeError)
@@ -72,68 +76,91 @@ def traced(
     shape = call.shape
     columns = [np.broadcast_to(np.asarray(a).astype(object), shape) for a in parameters.values()]
 
-    def member(index: tuple[int, ...]) -> Any:
+    def member(index: tuple[int, ...]) -> _Places:
         values = (column[index] for column in columns)
         return _member(call, dict(zip(parameters, values, strict=True)), bool(shape))
 
     indices = [*np.ndindex(shape)]
     if len(indices) >= _FEWEST:
         samples = indices[0], indices[len(indices) // 2], indices[-1]
-        tensors = [member(index) for index in samples]
+        found = [member(index) for index in samples]
         try:
             at_once = _by_columns(call, K)
         except Exception:  # f may raise anything where a column behaves unlike a float
             at_once = None
-        if at_once and all(_agree(at_once[0][i], a) for i, a in zip(samples, tensors, strict=True)):
+        if at_once and all(_agree(at_once[0], *pair) for pair in zip(samples, found, strict=True)):
             return at_once
-    tensors = [member(index) for index in indices]
-    axes = (call.D,) * (K is None) + (call.D + 1,) * call.degree
-    return np.array(tensors, dtype=object).reshape(*shape, *axes), None
+    members = [member(index) for index in indices]
+    places = [*dict.fromkeys(place for terms in members for place in terms)]
+    values = np.empty((len(members), len(places)), object)
+    for row, terms in zip(values, members, strict=True):
+        row[:] = [terms.get(place, _ZERO) for place in places]
+    return _collected(places, values.reshape(*shape, len(places)), call), None
 
 
-def _agree(tensor: Any, exact: Any) -> bool:
-    return bool((tensor == exact.astype(tensor.dtype)).all())
+def _collected(places: Sequence[Any], values: Any, call: _Call) -> Terms:
+    indices = np.array(places, np.int64).reshape(-1, 3).T
+    return collected(indices, values, call.D, call.degree)
 
 
-def _by_columns(call: _Call, K: Any) -> tuple[Any, Any]:
+def _agree(terms: Terms, index: tuple[int, ...], exact: _Places) -> bool:
+    """Return whether the terms of a family have the values of this member."""
+    kind = terms.values.dtype
+    own = dict(Terms(terms.indices, terms.values[index]).members())
+    places = np.array([[own.get(p, 0), exact.get(p, _ZERO)] for p in {*own, *exact}], object)
+    first, second = places.reshape(-1, 2).T
+    return bool((first == second.astype(kind)).all())
+
+
+def _by_columns(call: _Call, K: Any) -> tuple[Terms, Terms | None]:
     """Return the result of `traced` from one call with columns; raise anything if that fails."""
     symbols: list[Symbol] = []
     columns = {n: Column(a, symbols) if np.ndim(a) else a for n, a in call.parameters.items()}
-    result, shape, D = call(columns), call.shape, call.D
+    result, D = call(columns), call.D
     if K is None:
         rows = [Polynomial.of(component) for component in _components(result, D)]
-    else:
-        H = Polynomial.of(result)
-        tensor = np.full((*shape, *(D + 1,) * 3), Fraction(0), object)
-        for places, terms in _monomials(H, D, 3):
-            rounded(terms, symbols)  # raises for coefficients out of range
-            values = exact_values([(c / len(places), i) for c, i in terms], symbols)
-            for place in places:
-                tensor[(..., *place)] = values
-        slopes = [H.derivative(j) for j in range(D)]
-        rows = [
-            sum((K[i, j] * slopes[j] for j in range(D) if K[i, j]), Polynomial([]))
-            for i in range(D)
-        ]
-    table = np.zeros((*shape, D, D + 1, D + 1))
+        return _rounded_rows(rows, call, symbols), None
+    H, columns_of_K = Polynomial.of(result), defaultdict[int, list[Any]](list)
+    of_H = _monomials(H, D, 3)
+    for terms in of_H.values():
+        rounded(terms, symbols)  # raises for coefficients out of range
+    values = [np.broadcast_to(exact_values(terms, symbols), call.shape) for terms in of_H.values()]
+    for i, j, c in K.T:
+        columns_of_K[j].append((i, c))
+    slopes: list[list[Any]] = [[] for _ in range(D)]
+    for indices, c in H.terms.items():
+        for place, m in enumerate(indices):
+            for i, factor in columns_of_K.get(m, ()):
+                slopes[i].append(((*indices[:place], *indices[place + 1 :]), factor * c))
+    energy = _collected([*of_H], _last_axis(values, call.shape, object), call)
+    return energy, _rounded_rows([*map(Polynomial, slopes)], call._replace(degree=2), symbols)
+
+
+def _rounded_rows(rows: Sequence[Polynomial], call: _Call, symbols: Sequence[Symbol]) -> Terms:
+    """Return the terms of components with symbols for columns, rounded once."""
+    places, values = [], []
     for i, row in enumerate(rows):
-        for places, terms in _monomials(row, D, 2):
-            values = rounded(terms, symbols)
-            for place in places:
-                table[(..., i, *place)] = values / len(places)
-    return (table, None) if K is None else (tensor, table)
+        for place, terms in _monomials(row, call.D, 2).items():
+            places.append((i, *place))
+            values.append(np.broadcast_to(rounded(terms, symbols), call.shape))
+    return _collected(places, _last_axis(values, call.shape, np.float64), call)
 
 
-def _monomials(polynomial: Polynomial, D: int, degree: int) -> Iterator[tuple[Any, Any]]:
-    """Yield, for each monomial of the state, its places in a symmetric tensor and its terms."""
+def _last_axis(values: Sequence[Any], shape: tuple[int, ...], kind: Any) -> Any:
+    """Return arrays of a shape as one array (*shape, T)."""
+    return np.stack(values, axis=-1) if values else np.empty((*shape, 0), kind)
+
+
+def _monomials(polynomial: Polynomial, D: int, degree: int) -> dict[tuple[int, ...], Any]:
+    """Return the terms of each monomial of the state, by its indices; D stands for 1."""
     terms_of: dict[tuple[int, ...], list[Any]] = {}
     for indices, c in polynomial.terms.items():
         state = tuple(i for i in indices if i >= 0)
-        terms_of.setdefault(state, []).append((c, [i for i in indices if i < 0]))
-    for state, terms in terms_of.items():
         if len(state) > degree:
             raise Refused
-        yield {*permutations((*state, *[D] * (degree - len(state))))}, terms
+        state += (D,) * (degree - len(state))
+        terms_of.setdefault(state, []).append((c, [i for i in indices if i < 0]))
+    return terms_of
 
 
 def _components(result: Any, D: int) -> Any:
@@ -147,8 +174,8 @@ def _components(result: Any, D: int) -> Any:
     return result
 
 
-def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> Any:
-    """Return the exact table or tensor of one member of a family, or of a single field."""
+def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Places:
+    """Return the exact terms of one member of a family, or of a single field or Hamiltonian."""
     f_name = name_of(call.f, call.argument)
     try:
         result = call(parameters)
@@ -162,26 +189,25 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> Any:
         raise kind(prefixed(call.argument, cause)) from (error if is_usual else None)
     try:
         if call.degree == 3:
-            return _tensor(result, f_name, call.D, 3)
-        parts = _components(result, call.D)
-        names = (f"{name}'" for name in call.names)
-        return np.stack([_tensor(*pair, call.D, 2) for pair in zip(parts, names, strict=True)])
+            terms = _terms_of(result, f_name, call)
+        else:
+            parts = enumerate(_components(result, call.D))
+            rows = [_terms_of(part, f"{call.names[i]}'", call, (i,)) for i, part in parts]
+            terms = {place: c for row in rows for place, c in row.items()}
+        within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
     except (TypeError, ValueError) as error:
         raise type(error)(f"{call.argument}: {error}") from None
+    return terms
 
 
-def _tensor(value: Any, name: str, D: int, degree: int) -> Any:
-    """Return a polynomial as a symmetric tensor of fractions in homogeneous coordinates."""
+def _terms_of(value: Any, name: str, call: _Call, row: tuple[int, ...] = ()) -> _Places:
+    """Return the terms of a polynomial by their three indices: `row`, and those of factors."""
     try:
-        terms, table = Polynomial.of(value).terms, np.full((D + 1,) * degree, Fraction(0))
+        terms = Polynomial.of(value).terms
     except TypeError:
         raise TypeError(f"{name} must be a polynomial, not {short(value)}") from None
-    within("coefficients", np.array([*terms.values()], dtype=object), OTHERS)
-    for indices, c in terms.items():
-        if len(indices) > degree:
-            how = f"with more variables it may become quadratic, see {page(CUBIC)}"
-            raise ValueError(f"{name} has degree {max(map(len, terms))}: {how}")
-        places = {*permutations((*indices, *[D] * (degree - len(indices))))}
-        for place in places:
-            table[place] = c / len(places)
-    return table
+    if max(map(len, terms), default=0) > call.degree:
+        how = f"with more variables it may become quadratic, see {page(CUBIC)}"
+        raise ValueError(f"{name} has degree {max(map(len, terms))}: {how}")
+    one = (call.D,) * call.degree
+    return {(*row, *indices, *one[len(indices) :]): c for indices, c in terms.items()}

@@ -56,7 +56,7 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
 
 def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
     """Return the arguments of kernels that take the field of a body: its terms, and eps."""
-    indices, values = body.terms
+    indices, values = body._terms
     return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
 
 
@@ -119,7 +119,7 @@ def nd_system(body: Any, eps: float) -> NDSystem:
 
 def field_system(body: Any, eps: float, stages: Stages = WHOLE) -> FieldSystem:
     """Return the constants of a single body with a field, for `compiled`."""
-    indices, values = body.terms
+    indices, values = body._terms
     halves = np.outer(stages.fractions, 0.5 * eps * values)
     system: FieldSystem = system_of(indices, halves, stages, body.dimension)
     return system

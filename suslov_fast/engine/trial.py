@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodies.field import MATRIX
+from ..bodies.field_of_terms import SHARED
 from ..checks import FloatArray, integer, short, wrong
 from ..core.numba import rows_of
 from ..core.one_step import KernelOfStep
@@ -131,9 +131,9 @@ def family_like(body: Any, size: int) -> Any:
     """Return a batch of `size` copies of a single body."""
     parts = dict(body._parts)
     for name, value in parts.items():
-        if np.asarray(value).dtype.kind in "iufO" and name != MATRIX:  # families share K
+        if np.asarray(value).dtype.kind in "iufO" and name not in SHARED:
             parts[name] = np.broadcast_to(value, (size, *np.shape(value)))
-    return body._of(parts)
+    return body._with(parts)
 
 
 def _check_signature(step: Any, arguments: Any) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..bodies.field import QuadraticField
-from ..bodies.polynomials import polynomial_of
+from ..bodies.field_of_terms import H_VALUES, MATRIX, VALUES
 from .arithmetic import rational
 
 _LONG = 2**20  # denominators of floats such as 0.1
@@ -42,12 +42,12 @@ def in_decimals(body: Any) -> QuadraticField:
     if not isinstance(body, QuadraticField):
         parts = {name: decimals(part) for name, part in body._parts.items()}
         return QuadraticField.of(body._of(parts))
-    tables = body._coefficients if body.H is None else {"H": body.H.tensor, "K": body.K}
-    tables, parameters = (
-        {name: decimals(a)[()] for name, a in numbers.items()}
-        for numbers in (tables, body.parameters)
-    )
-    return QuadraticField._read(**tables, parameters=parameters, names=body.names)
+    parts = dict(body._parts)
+    for name in {H_VALUES, VALUES, *body.parameters} & {*parts}:
+        parts[name] = decimals(parts[name])[()]
+    if H_VALUES in parts:
+        parts[MATRIX] = np.vstack([parts[MATRIX][:2], decimals(parts[MATRIX][2])])
+    return body._with(parts)
 
 
 def note_on_floats(body: Any, eps: Any) -> list[str]:
@@ -68,6 +68,6 @@ def _numbers_in(body: Any) -> list[Any]:
     """Return the numbers of a body or field as they are written: parameters, then coefficients."""
     if not isinstance(body, QuadraticField):
         return [a for part in body._parts.values() for a in np.ravel(part)]
-    tables = [*body.table] if body.H is None else [body.H.tensor]
-    coefficients = [c for table in tables for c in polynomial_of(table).terms.values()]
-    return [*body.parameters.values(), *coefficients, *np.ravel(0 if body.H is None else body.K)]
+    if body.H is None:
+        return [*body.parameters.values(), *body._exact.values]
+    return [*body.parameters.values(), *body.H.exact.values, *body._parts[MATRIX][2]]

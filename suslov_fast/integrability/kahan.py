@@ -19,6 +19,7 @@ import numpy as np
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
 from ..bodies.names import labels
+from ..bodies.terms import Terms
 from ..checks import in_place_of, kind_of, wrong
 from .arithmetic import matrix, step_size
 from .functions import MODULAR, RationalFunction, factored, quotient_of
@@ -74,14 +75,17 @@ class KahanMap(RationalMap):
 
         Entries are lists of (j, c, d), for the terms (c + d eps) x_j of forms in x1, ..., xD, 1.
         """
-        (T, scale), D = _integers(self.field.table), self.dimension
-
-        def entry(i: int, k: int) -> list[tuple[int, int, int]]:
-            sign = 1 if k == D else -1  # at eps = 0, A is the unit matrix and b is x
-            terms = ((j, scale * ({j, k} == {i, D}), sign * T[i, k, j]) for j in range(D + 1))
-            return [(j, c, d) for j, c, d in terms if c or d]
-
-        return [[entry(i, k) for k in range(D + 1)] for i in range(D)]
+        (indices, values), D = self.field._exact, self.dimension
+        # Half of a product belongs to each order of its two factors.
+        halves = np.where(indices[1] == indices[2], values, values / 2)
+        terms, scale = _integers(Terms(indices, halves))
+        forms: list[list[dict[int, list[int]]]] = [[{} for _ in range(D + 1)] for _ in range(D)]
+        for i in range(D):  # at eps = 0, A is the unit matrix and b is x
+            forms[i][i][D], forms[i][D][i] = [scale, 0], [scale, 0]
+        for (i, *pair), v in terms:
+            for j, k in {(*pair,), (*pair[::-1],)}:
+                forms[i][k].setdefault(j, [0, 0])[1] += v if k == D else -v
+        return [[[(j, *form[j]) for j in sorted(form)] for form in row] for row in forms]
 
     def _system(self, x: Sequence[Any], sign: int = 1) -> list[list[Any]]:
         """Return the rows of (A | b), or with the sign -1 those of the inverse map, at a point."""
@@ -166,8 +170,9 @@ class KahanMap(RationalMap):
         """An integer multiple of H of a field K grad H, in `ring`; None for other fields."""
         if self.field.H is None:
             return None
-        (H, _), x = _integers(self.field.H.tensor), np.fromiter(self.variables, object)
-        return H @ x @ x @ x
+        terms, _ = _integers(self.field.H.exact)
+        products = (v * math.prod(self.variables[i] for i in indices) for indices, v in terms)
+        return sum(products, 0 * self.variables[-1])
 
     @cached_property
     def modified_energy(self) -> RationalFunction | None:
@@ -182,10 +187,10 @@ class KahanMap(RationalMap):
         return modified if modified.degree else None
 
 
-def _integers(table: Any) -> tuple[Any, int]:
-    """Return fractions as an array of integers, and their common denominator."""
-    denominator = math.lcm(*(c.denominator for c in table.flat))
-    return np.vectorize(int, "O")(denominator * table), denominator
+def _integers(terms: Terms) -> tuple[list[tuple[tuple[int, ...], int]], int]:
+    """Return exact terms with integers in place of fractions, and their common denominator."""
+    denominator = math.lcm(*(c.denominator for c in terms.values))
+    return [(place, int(denominator * c)) for place, c in terms.members()], denominator
 
 
 def kahan(field: QuadraticField, /, eps: Any = None) -> KahanMap:

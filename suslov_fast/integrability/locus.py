@@ -11,8 +11,6 @@ from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ..bodies.field import QuadraticField
 from ..checks import integer, kind_of, wrong
 from . import arithmetic
@@ -235,7 +233,7 @@ class _Maps:
 def _count(map: RationalMap | None, exponents: Exponents, eps: int, x: list[Any]) -> int:
     """Return the number of relations along an orbit modulo a prime; -1 without a map or orbit."""
     p = int(x[0].modulus())
-    coefficients = map.field.table.flat if isinstance(map, KahanMap) else ()
+    coefficients = map.field._exact.values if isinstance(map, KahanMap) else ()
     if map is None or not all(c.denominator % p for c in coefficients):
         return -1
     try:
@@ -249,7 +247,7 @@ def _why_degenerate(map: RationalMap | None) -> str:
     if not isinstance(map, KahanMap):
         return ""
     field = map.field
-    if not np.any(field.table[:, :-1, :-1] != 0):
+    if not field._may_escape:
         return "the field is linear"
-    components = zip(field.names, field.table, strict=True)
-    return " and ".join(f"{name}' = 0" for name, table in components if not np.any(table != 0))
+    moving = {*field.terms[0][0].tolist()}
+    return " and ".join(f"{name}' = 0" for i, name in enumerate(field.names) if i not in moving)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -111,20 +112,24 @@ def _equations(field: QuadraticField, unknowns: Any) -> list[Any]:
     entries = unknowns.gens()
     S = [entries[D * i : D * i + D] for i in range(D)]
     b = entries[D * D :] or [unknowns.constant(0)] * D
-    table = field.table  # f_i = table[i, j, k] x_j x_k with x_D = 1
-    residues = np.vectorize(lambda c: int(flint.nmod(arithmetic.fmpq(c), PRIME)), "O")(table)
+    # Twice the coefficients of x_j x_k in f_i, for j, k and for k, j, with x_D = 1.
+    residues = [defaultdict[tuple[int, int], int](int) for _ in range(D)]
+    for (i, j, k), c in field._exact.members():
+        residue = int(flint.nmod(arithmetic.fmpq(c), PRIME))
+        residues[i][j, k] += residue
+        residues[i][k, j] += residue
     # The coordinates of S x + b, and 1, as linear forms in x1, ..., xD, 1.
     rows = [[*S[i], b[i]] for i in range(D)] + [[0] * D + [1]]
     equations = []
     for i in range(D):
         for j in range(D + 1):
-            for k in range(j, D + 1):  # twice the coefficient of x_j x_k in f_i(S x + b) + S f(x)
+            for k in range(j, D + 1):  # of x_j x_k in f_i(S x + b) + S f(x), times a constant
                 coefficient = unknowns.constant(0)
-                for m, n in np.argwhere(residues[i] != 0):
+                for (m, n), residue in residues[i].items():
                     symmetric = rows[m][j] * rows[n][k] + rows[m][k] * rows[n][j]
-                    coefficient += int(residues[i, m, n]) * symmetric
+                    coefficient += residue * symmetric
                 for m in range(D):
-                    coefficient += 2 * int(residues[m, j, k]) * S[i][m]
+                    coefficient += 2 * residues[m].get((j, k), 0) * S[i][m]
                 equations.append(coefficient)
     for i in range(D):
         equations.append(sum(S[i][m] * b[m] for m in range(D)) + b[i])

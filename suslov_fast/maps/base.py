@@ -324,7 +324,7 @@ def _methods_of(kind: Any) -> dict[str, Map]:
 
 
 # A class that defines one of these attributes has equations of its own.
-_EQUATIONS = {"field", "_field", "terms", "constants"}
+_EQUATIONS = {"field", "_field", "_terms", "constants"}
 
 
 @lru_cache(maxsize=64)  # for speed in small calls

@@ -70,7 +70,7 @@ def values_by_terms(
     in_rows = bool(batch) and not body.shape
     if not in_rows:
         arrays = [np.expand_dims(each, len(batch)) for each in arrays]
-    values: FloatArray = formula(*(body.terms if terms is None else terms), *arrays)
+    values: FloatArray = formula(*(body._terms if terms is None else terms), *arrays)
     return values if in_rows else values.squeeze(axis=len(batch))
 
 

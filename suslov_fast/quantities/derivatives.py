@@ -257,18 +257,23 @@ def _multipliers(checked: Problem, member: str = "") -> Any:
 
 
 def _slopes_at_fixed_points(checked: Problem, member: str) -> FloatArray:
-    """Return f' (..., D, D); raise ValueError where f is not 0 to rounding.
-
-    With y = (x, 1) and the symmetric table of coefficients, f_i = table_ijk y_j y_k.
-    """
-    table, x = checked.body.field().table.astype(np.float64), checked.omega
+    """Return f' (..., D, D); raise ValueError where f is not 0 to rounding."""
+    x, D = checked.omega, checked.body.dimension
+    (i, j, k), values = checked.body._terms
     y = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
-    half_slopes = np.einsum("...ijk,...k->...ij", table, y)
-    f = np.einsum("...ij,...j->...i", half_slopes, y)
-    terms = np.einsum("...ijk,...j,...k->...i", abs(table), abs(y), abs(y))
-    is_fixed = (abs(f) <= _FIXED * terms) & (terms < np.inf)
+    left, right = values * y[..., j], values * y[..., k]
+    products = left * y[..., k]
+    # f, the sum of the moduli of its terms, and f' with a last column for the factor 1.
+    f, sizes = np.zeros((2, D, *products.shape[:-1]))
+    slopes = np.zeros((D, D + 1, *products.shape[:-1]))
+    np.add.at(f, i, np.moveaxis(products, -1, 0))
+    np.add.at(sizes, i, np.moveaxis(abs(products), -1, 0))
+    np.add.at(slopes, (i, j), np.moveaxis(right, -1, 0))
+    np.add.at(slopes, (i, k), np.moveaxis(left, -1, 0))
+    f, sizes = np.moveaxis(f, 0, -1), np.moveaxis(sizes, 0, -1)
+    is_fixed = (abs(f) <= _FIXED * sizes) & (sizes < np.inf)
     _refuse_moving(checked, ~is_fixed & ~np.isnan(x), member)
-    return np.asarray(2.0 * half_slopes[..., :-1])
+    return np.moveaxis(slopes[:, :D], (0, 1), (-2, -1))
 
 
 def _jacobian_at_fixed_points(checked: Problem, member: str) -> FloatArray:

@@ -115,7 +115,9 @@ def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:
 
 def _roots(field: Any) -> Points | None:
     """Return the roots of the equation in one variable; None if it is 0."""
-    a, half_b, c = (Fraction(field.table[(0, *place)]) for place in ((0, 0), (0, 1), (1, 1)))
+    terms = dict(field._exact.members())
+    a, b, c = (terms.get((0, *place), Fraction(0)) for place in ((0, 0), (0, 1), (1, 1)))
+    half_b = b / 2
     if not a:
         return ({(float(-c / (2 * half_b)),)} if half_b else set()) if half_b or c else None
     middle, square = -half_b / a, (half_b * half_b - a * c) / (a * a)

@@ -1,6 +1,6 @@
 """Runs and crossings as an `xarray.Dataset`: dimensions, coordinates, coefficients of fields."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,32 +12,40 @@ from .columns import CROSSINGS, RUN, dims_of
 # Attributes of the datasets of runs and of crossings.
 _OF_RUNS = "method", "steps", "save_every"
 _OF_CROSSINGS = "method", "steps", "transient", "direction", "most"
-# Axes of a parameter of a body after those of the batch; the first is also that of states.
-_COMPONENTS = "component", "component_j", "component_k"
+# The terms of a field in a store, and their axes: the names are no identifiers, as those of
+# parameters are.
+_INDICES, _VALUES, _OF_TERMS = "terms-indices", "terms-values", ("terms-places", "terms-numbers")
 _VARIABLES = [column for column in RUN if column.is_public]
 # Names that neither an axis of the batch nor a coordinate of the user may have.
-TAKEN = ("n", "time", *_COMPONENTS, "space", "body", *(c.name for c in _VARIABLES), *_OF_RUNS)
+TAKEN = (
+    *("n", "time", "component", "space", "body"),
+    *_OF_TERMS,
+    *(c.name for c in _VARIABLES),
+    *_OF_RUNS,
+)
 
 
 def to_xarray(
     run: Any,
     dims: str | Sequence[str] | None = None,
     coords: Mapping[Any, Any] | None = None,
-    with_tables: bool = False,
+    with_terms: bool = False,
 ) -> Any:
     """Return a run as a dataset; see `Trajectories.to_xarray`.
 
-    With `with_tables`, the coefficients of a field stay tables, because a store should have few
-    arrays; `as_columns` divides them when it is opened.
+    With `with_terms`, the coefficients of a field stay one list, because a store should have few
+    arrays; `as_columns` divides it when it is opened.
     """
     from .. import __version__
 
     xarray = extra("xarray", "xarray")
     map, body, count = run.map, run.body, run.status.ndim
+    axes = {**body._axes, _VALUES: 1}
     arrays = {"eps": np.asarray(run.eps), **body._arrays}
+    if body._lists_terms:
+        indices, arrays[_VALUES] = body.terms
     parameters = {  # with all axes of the batch
-        name: np.array(array, ndmin=count + body._axes.get(name, 0))
-        for name, array in arrays.items()
+        name: np.array(array, ndmin=count + axes.get(name, 0)) for name, array in arrays.items()
     }
     batch = _batch_names(run, dims, parameters)
     flags = {"flag_values": [int(s) for s in Status], "flag_meanings": " ".join(Status.__members__)}
@@ -56,10 +64,13 @@ def to_xarray(
     variables["component"] = "component", np.array(body._labels, object)
     coordinates = [*body._coordinates, *({*batch} & {*parameters})]
     for name, array in parameters.items():
-        variable = xarray.Variable((*batch, *_COMPONENTS[: array.ndim - count]), array)
+        inner = ("component",)[: array.ndim - count] if name != _VALUES else _OF_TERMS[1:]
+        variable = xarray.Variable((*batch, *inner), array)
         constant = [axis for axis in batch if variable.sizes[axis] == 1 and axis != name]
         variables[name] = variable.squeeze(constant)
-        coordinates += [name] if body._axes.get(name) else []
+        coordinates += [name] if axes.get(name) else []
+    if body._lists_terms:
+        variables[_INDICES] = _OF_TERMS, indices
     attributes = {"title": map.title, "map": map.name, "version": __version__}
     attributes |= {name: getattr(run, name) for name in _OF_RUNS if getattr(run, name) is not None}
     dataset = xarray.Dataset(variables, attrs=attributes).set_coords(coordinates)
@@ -68,7 +79,7 @@ def to_xarray(
     if taken := [str(name) for name in coords or () if name in {*dataset.variables, *TAKEN}]:
         raise wrong("coords", "names that are not taken", ", ".join(repr(name) for name in taken))
     dataset = with_time(dataset.assign_coords(coords or {}))
-    return dataset if with_tables else as_columns(dataset, columns_of(dataset))
+    return dataset if with_terms else as_columns(dataset)
 
 
 def with_time(data: Any) -> Any:
@@ -77,53 +88,42 @@ def with_time(data: Any) -> Any:
     return data.assign_coords(time=time)
 
 
-def _indices(table: Any) -> Iterator[tuple[str, list[tuple[int, ...]]]]:
-    """Yield the name of each column, such as quadratic_1_3, and the entries that it adds.
+def columns_of(data: Any) -> dict[str, tuple[str, Any]]:
+    """Return, for each monomial of a field, the name of its column, its text and its terms.
 
-    A quadratic table is symmetric: its entries (0, 2) and (2, 0) both belong to x1 x3.
+    linear_2 stands for x2, quadratic_1_3 for x1 x3, and constant for 1.
     """
-    for index in np.ndindex(*(table.sizes[dim] for dim in table.dims if dim in _COMPONENTS[1:])):
-        if [*index] == sorted(index):
-            name = "_".join([str(table.name), *(str(k + 1) for k in index)])
-            yield name, [index] if index == index[::-1] else [index, index[::-1]]
+    if _INDICES not in data:
+        return {}
+    labels, columns = data["component"].values.tolist(), {"constant": ("1", [])}
+    for t, (_, *factors) in enumerate(data[_INDICES].values.T.tolist()):
+        places = [k for k in factors if k < len(labels)]
+        kind = ("constant", "linear", "quadratic")[len(places)]
+        name = "_".join([kind, *(str(k + 1) for k in places)])
+        columns.setdefault(name, ("*".join(labels[k] for k in places), []))[1].append(t)
+    return columns
 
 
-def _column(table: Any, entries: list[tuple[int, ...]]) -> Any:
-    """Return the coefficients of a monomial: the sum of these entries of a table."""
-    axes = [dim for dim in table.dims if dim in _COMPONENTS[1:]]
-    parts = [table.variable.isel(dict(zip(axes, entry, strict=True))) for entry in entries]
-    return parts[0] if len(parts) == 1 else parts[0] + parts[1]
+def as_columns(data: Any) -> Any:
+    """Return a dataset with a coordinate for each monomial, in place of the terms of a field.
 
-
-def _tables(data: Any) -> list[Any]:
-    """Return the names of the tables of coefficients of a field."""
-    return [name for name in data.variables if _COMPONENTS[1] in data[name].dims]
-
-
-def columns_of(data: Any) -> list[str]:
-    """Return the names of the columns of tables of coefficients that are not 0."""
-    return [
-        name
-        for table in _tables(data)
-        for name, entries in _indices(data[table])
-        if _column(data[table], entries).values.any()
-    ]
-
-
-def as_columns(data: Any, columns: Sequence[str]) -> Any:
-    """Return a dataset with a coordinate for each monomial, in place of tables of coefficients.
-
-    Otherwise a table of pandas would have a row for each pair of components. The coordinate
-    linear_2 has the coefficients of x2, quadratic_1_3 those of x1 x3.
+    Otherwise a table of pandas would have a row for each term.
     """
-    labels, coordinates = data["component"].values.tolist(), {}
-    for table in _tables(data):
-        for name, entries in _indices(data[table]):
-            if name in columns:
-                monomial = "*".join(labels[k] for k in entries[0])
-                coordinates[name] = _column(data[table], entries)
-                coordinates[name].attrs = {"long_name": f"coefficient of {monomial}"}
-    return data.drop_vars(_tables(data)).assign_coords(coordinates)
+    coordinates, columns = {}, columns_of(data)
+    if not columns:
+        return data
+    Variable, D = extra("xarray", "xarray").Variable, data.sizes["component"]
+    values, rows = data[_VALUES].variable, data[_INDICES].values[0]
+    for name, (monomial, terms) in columns.items():
+        term_of = np.full(D, -1)
+        term_of[rows[terms]] = terms
+        column = Variable("component", np.zeros(D))
+        if terms:
+            picked = values.isel({_OF_TERMS[1]: Variable("component", term_of)})
+            column = picked.where(Variable("component", term_of >= 0), 0.0)
+        column.attrs = {"long_name": f"coefficient of {monomial}"}
+        coordinates[name] = column
+    return data.drop_vars([_INDICES, _VALUES]).assign_coords(coordinates)
 
 
 def _batch_names(run: Any, dims: Any, parameters: Mapping[str, Any]) -> tuple[str, ...]:

@@ -227,7 +227,7 @@ def _dataset(store: Any, is_finished: bool = False, is_known: bool = False) -> x
     for name, array in contents.arrays.items():
         if array.shape and name not in data.indexes:
             data[name] = data[name].chunk(_parts(array), token=uuid4().hex)
-    return with_time(as_columns(data, json.loads(contents.attributes["columns"])))
+    return with_time(as_columns(data))
 
 
 def _parts(array: metadata.Stored) -> dict[Any, int]:
@@ -287,7 +287,7 @@ def _template(whole: Problem, options: Options, dims: Any, coords: Any) -> Any:
     filled[map.variable] = filled.pop("states")  # the name in the dataset
     tiled = sorted({*filled, *functions})
     shared = sorted({*data.variables} - {*tiled})
-    lists = {"tiled": tiled, "shared": shared, "columns": columns_of(data)}
+    lists = {"tiled": tiled, "shared": shared}
     identity |= {name: json.dumps(value) for name, value in lists.items()}
     return data.assign_attrs(identity, format=FORMAT)
 

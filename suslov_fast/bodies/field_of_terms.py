@@ -1,0 +1,162 @@
+"""What a field keeps, its terms, and tables of its coefficients, made where someone asks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..checks import FloatArray
+from .base import Body, frozen
+from .names import labels
+from .terms import Hamiltonian, Terms, rates, table_of, without_zeros
+
+# Names of the parts of a field other than its named parameters. They hold spaces, because a named
+# parameter can have any name that Python accepts.
+INDICES, VALUES, NAMES = "indices of f", "values of f", "names of variables"
+H_INDICES, H_VALUES, MATRIX = "indices of H", "values of H", "matrix K"
+SHARED = {INDICES, H_INDICES, MATRIX}  # by all members of a family
+# Attributes of stores. A parameter with one of these names gets another one there.
+_OF_STORES = frozenset(
+    "H K body coords dims eps format functions indices map method names omega0 save_every shared "
+    "steps tiled title values version attitude".split()
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class _FieldOfTerms(Body):
+    """The parts of a field: its terms, those of H, the matrix K, names and named parameters."""
+
+    _axes: ClassVar[Any] = {INDICES: 2, VALUES: 1, H_INDICES: 2, H_VALUES: 1, MATRIX: 2}
+    _lists_terms: ClassVar[bool] = True
+
+    names: tuple[str, ...]
+    H: Hamiltonian | None
+
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        """Store the terms of f, or those of H and K with or without them, names and parameters."""
+        names, H = parts[NAMES], None
+        kept = {name: value for name, value in parts.items() if name != NAMES}
+        if H_VALUES in kept:
+            energy = without_zeros(kept[H_INDICES], np.asarray(kept[H_VALUES]))
+            kept |= {H_INDICES: energy.indices, H_VALUES: energy.values}
+            H = Hamiltonian(energy, names)
+            # The terms of f follow from H and K, unless a family has rounded ones.
+            if VALUES not in kept or energy.values.ndim == 1:
+                terms = rates(energy, kept[MATRIX], len(names))
+                kept |= {INDICES: terms.indices, VALUES: terms.values}
+        indices, values = without_zeros(kept[INDICES], np.asarray(kept[VALUES]))
+        if values.ndim > 1:
+            values = values.astype(np.float64)
+        kept |= {INDICES: indices, VALUES: values}
+        parts = {name: frozen(value) for name, value in kept.items()}
+        vars(self).update(
+            _parts=parts,
+            _coordinates=tuple(name for name in parts if name not in self._axes),
+            H=H,
+            dimension=len(names),
+            names=names,
+            _labels=names,
+        )
+
+    def _with(self, parts: Mapping[str, Any]) -> _FieldOfTerms:
+        return self._of({**parts, NAMES: self.names})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, ({**self._parts, NAMES: self.names},)
+
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        return self.dimension, *super()._key
+
+    @property
+    def _described(self) -> dict[str, Any]:
+        parts = self._parts
+        arrays = {"dimension": self.dimension, "indices": parts[INDICES], "values": parts[VALUES]}
+        if self.H is not None:
+            arrays |= {"indices of H": parts[H_INDICES], "H": parts[H_VALUES], "K": parts[MATRIX]}
+        names = (f"parameter {n}" if n in _OF_STORES else n for n in self._coordinates)
+        arrays |= dict(zip(names, self.parameters.values(), strict=True))
+        texts = {} if self.names == labels(self.dimension) else {"names": ", ".join(self.names)}
+        kinds = {"dimension": np.int64, "indices": np.int64, "indices of H": np.int64}
+        found = {name: np.asarray(a, kinds.get(name, np.float64)) for name, a in arrays.items()}
+        return found | texts
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The named parameters of the function: numbers as they were given, and arrays."""
+        return {name: self._parts[name] for name in self._coordinates}
+
+    @property
+    def K(self) -> Any:
+        """The matrix of a Hamiltonian field, made where it is used; None for other fields."""
+        if self.H is None:
+            return None
+        matrix = self._parts[MATRIX]
+        shape = (self.dimension, self.dimension)
+        return table_of("K", shape, matrix[:2].astype(np.int64), matrix[2])
+
+    @property
+    def _may_escape(self) -> bool:  # type: ignore[override]
+        return bool((self._parts[INDICES][2] < self.dimension).any())
+
+    @cached_property
+    def _terms(self) -> Any:
+        return Terms(self._parts[INDICES], self._parts[VALUES]).floats
+
+    @property
+    def _exact(self) -> Terms:
+        """The terms with the values of the laboratory: those of a single field are fractions."""
+        terms = Terms(self._parts[INDICES], self._parts[VALUES])
+        return terms if self.shape else terms.exact
+
+    @cached_property
+    def terms(self) -> tuple[Any, FloatArray]:
+        """The terms that are not 0: i, j, k, an array (3, T), and v (..., T), rounded once.
+
+        The derivative of x_i is the sum of v x_j x_k, j <= k; the index D stands for a factor 1.
+        Terms are sorted by i, j and k.
+        """
+        indices, values = self._terms
+        order = np.lexsort(indices[::-1])
+        return frozen(indices[:, order]), frozen(values[..., order])
+
+    def _table(self, name: str, axes: int) -> Any:
+        """Return coefficients of terms with `axes` - 1 factors other than 1, as an array."""
+        (i, j, k), values = self._exact
+        ours = (j < self.dimension) * 1 + (k < self.dimension) == axes - 1
+        i, j, k, values = i[ours], j[ours], k[ours], values[..., ours]
+        places: Any = [i, j, k][:axes]
+        if axes == 3:  # half of a product of two variables stands at j, k, and half at k, j
+            places = np.hstack([[i, j, k], [i, k, j]])
+            values = np.tile(np.where(j == k, values, values / 2), 2)
+        shape = (*values.shape[:-1], *(self.dimension,) * axes)
+        return table_of(name, shape, places, values)
+
+    @cached_property
+    def quadratic(self) -> Any:
+        """q (..., D, D, D), symmetric in j and k; MemoryError where that is too large."""
+        return self._table("quadratic", 3)
+
+    @cached_property
+    def linear(self) -> Any:
+        """l (..., D, D)."""
+        return self._table("linear", 2)
+
+    @cached_property
+    def constant(self) -> Any:
+        """c (..., D)."""
+        return self._table("constant", 1)
+
+
+def parts_of(terms: Terms | None, names: Sequence[str]) -> dict[str, Any]:
+    """Return the parts of a field with these terms, if it has its own, and these names."""
+    parts = {} if terms is None else {INDICES: terms.indices, VALUES: terms.values}
+    return {**parts, NAMES: names}

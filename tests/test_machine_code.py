@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core import careful, machine_code, operations, steps_field, tangent
+from suslov_fast.core import careful, field_system, machine_code, operations, steps_field, tangent
 from suslov_fast.core import numba as core_numba
 from suslov_fast.core.generated_tangent import text_of_orthonormalise
 from suslov_fast.engine import derivatives, stretches
@@ -20,6 +20,14 @@ pytestmark = pytest.mark.compiled
 
 def of_a(x, a):
     return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - a * x[1], x[0] * x[1] - 2.5 * x[2]
+
+
+def atmosphere(x):
+    return [x[i - 1] * (x[(i + 1) % 9] - x[i - 2]) - x[i] + 8 for i in range(9)]
+
+
+def volterra(x):
+    return [x[i] * (x[(i + 1) % 5] - x[i - 1]) for i in range(5)]
 
 
 @pytest.fixture
@@ -119,6 +127,37 @@ def test_a_long_list_is_divided(rng, monkeypatch, anew, batch):
     assert len(step.pieces[0]) > 5
     assert step.pieces[1]
     assert sf.iterate(*args, on_singular="ignore") == whole
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
+    """Of steps that are good, near a pole, beyond one, and of NaN; and of rare and dense lanes."""
+    dense = sf.QuadraticField(*(rng.normal(size=(5,) * n) for n in (3, 2, 1)))
+    x0 = rng.normal(size=(21, 5)) * np.geomspace(1e-3, 30.0, 21)[:, None]
+    chain = sf.QuadraticField.from_function(atmosphere, 9)
+
+    def found():
+        ignore = {"on_singular": "ignore"}
+        runs = [sf.iterate(dense, x0[:n], 0.1, 50, **ignore) for n in (1, 2, 7, 21)]
+        runs.append(sf.iterate(chain, x0[:, :1] + np.arange(9.0), 1 / 32, 500, save_every=7))
+        runs.append(sf.iterate(dense, x0, 0.2, 20, method="extrapolated", **ignore))
+        lattice = sf.QuadraticField.from_function(volterra, 5)
+        runs.append(sf.iterate(lattice, abs(x0), 0.1, 60, **ignore))
+        assert (runs[-1].status == sf.Status.PASSED_POLE).any()
+        met = [each for run in runs for each in (run.x, run.final, run.status, run.failed_at)]
+        for method in ("auto", "order4"):
+            system, x = sf.compiled.system(dense, 0.1, method=method), x0.copy()
+            work = sf.compiled.work(system)
+            met.append([sf.compiled.step_system(system, each, each, work) for each in x])
+            met.append(x)
+        assert {*met[-4]} == {0, sf.Status.PASSED_POLE}
+        return met
+
+    usual = found()
+    monkeypatch.setattr(steps_field, "MANY", 0)
+    monkeypatch.setattr(field_system, "MANY", 0)
+    for one, other in zip(usual, found(), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_dense_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):

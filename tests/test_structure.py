@@ -139,7 +139,16 @@ def test_the_core_is_pure_numerics():
         if path.parent.name == "core" and path not in COMPILING:
             assert not any(isinstance(node, ast.Raise) for node in NODES[path]), path
             modules = {each.split(".")[0] for each in importing(path)}
-            pure = {"math", "typing", "numpy", "numba", "collections", "functools", "heapq"}
+            pure = {
+                "math",
+                "typing",
+                "numpy",
+                "numba",
+                "collections",
+                "functools",
+                "heapq",
+                "itertools",
+            }
             assert modules <= {"suslov_fast", *pure}
 
 

@@ -7,8 +7,10 @@ import numpy as np
 from .careful import changes_sign, solve_lane
 from .codes import NONFINITE, OK, PASSED_POLE
 from .generated import text_of_step
+from .listed import programs_of
+from .listed_code import text_of_listed_step
 from .llvm import call_code, with_address
-from .machine_code import LARGE, code_of
+from .machine_code import MANY, code_of
 from .numba import function
 from .stages import weights_of
 from .steps_field import scheme_of
@@ -36,10 +38,13 @@ def system_of(indices, half, stages, D):
 
 def with_weights(indices, half, weights, D):
     """Return the system with these weights of stages."""
-    step = scheme_of(indices, D).step
+    step, text_of = scheme_of(indices, D).step, text_of_step
     table = np.ascontiguousarray(step.table_of(half.T).T)
-    has_code = 0 < len(step.usual) < LARGE  # which lasts: users may store the system anywhere
-    address = code_of(text_of_step, step, lasts=True) if has_code else None
+    if len(step.usual) > MANY:
+        text_of, constants = text_of_listed_step, programs_of(step).constants
+        table = np.concatenate([table, np.tile(constants, (len(table), 1))], axis=1)
+    # The code lasts, because users may store the system anywhere.
+    address = code_of(text_of, step, lasts=True) if step.usual else None
     return FieldSystem(int(address or 0), half, table, weights, step.indices, D)
 
 

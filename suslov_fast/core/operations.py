@@ -100,11 +100,16 @@ class Values:
         return start
 
     def joined(self, instruction, values):
-        """Return all values joined by an instruction, from left to right."""
-        result, *others = [*values]
-        for value in others:
-            result = self.emit(instruction, result, value)
-        return result
+        """Return all values joined by an instruction: pairs of neighbours, then pairs of those.
+
+        So none of many operations waits for all others.
+        """
+        values = [*values]
+        while len(values) > 1:
+            left = values[len(values) & ~1 :]
+            pairs = zip(values[::2], values[1::2], strict=False)
+            values = [self.emit(instruction, *pair) for pair in pairs] + left
+        return values[0]
 
 
 def of_one_sign(indices):

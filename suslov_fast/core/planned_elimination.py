@@ -134,35 +134,38 @@ class Factors:
         The limit is LEAST_PIVOT times the largest modulus of a pivot, or of a diagonal entry before
         elimination.
         """
-        emit, least, largest = self.values.emit, min(most, self._constant_pivots()), 1.0
-        for k in self._fixed_first():
-            size = emit("fabs", self.pivot[k])
-            least, largest = emit("min", size, least), emit("max", size, largest)
+        emit, sizes, largest = self.values.emit, [], [1.0]
+        for k in self.pivot:
+            sizes.append(emit("fabs", self.pivot[k]))
             if self.original[k] not in (None, self.diagonal[k]):
-                before = emit("fabs", emit("fsub", 1.0, self.original[k]))
-                largest = emit("max", before, largest)
-        return least, emit("fmul", LEAST_PIVOT, largest)
+                largest.append(emit("fabs", emit("fsub", 1.0, self.original[k])))
+        limit = emit("fmul", LEAST_PIVOT, self._extreme("max", [*largest, *sizes]))
+        return self._extreme("min", [min(most, self._constant_pivots()), *sizes]), limit
 
     def bounds(self, most=np.inf):
         """Return the least pivot, at most `most`, and an upper bound of its limit.
 
         The bound holds if all pivots are positive, and takes fewer operations than the limit.
         """
-        emit, least, largest = self.values.emit, min(most, self._constant_pivots()), 0.0
-        for k in self._fixed_first():
-            least = emit("min", self.pivot[k], least)
-            largest = emit("max", self.pivot[k], largest)
+        emit, pivots, largest = self.values.emit, [*self.pivot.values()], [0.0]
+        for k in self.pivot:
             if self.original[k] not in (None, self.diagonal[k]):
-                largest = emit("max", emit("fabs", self.original[k]), largest)
-        return least, emit("fmul", LEAST_PIVOT, emit("fadd", 1.0, largest))
+                largest.append(emit("fabs", self.original[k]))
+        largest = emit("fadd", 1.0, self._extreme("max", [*largest, *pivots]))
+        least = self._extreme("min", [min(most, self._constant_pivots()), *pivots])
+        return least, emit("fmul", LEAST_PIVOT, largest)
+
+    def _extreme(self, instruction, values):
+        """Return the "min" or "max" of values; those of parameters alone come first."""
+        fixed, others = [], []
+        for value in values:
+            is_fixed = isinstance(value, float) or value in self.values.fixed
+            (fixed if is_fixed else others).append(value)
+        return self.values.joined(instruction, [self.values.joined(instruction, fixed), *others])
 
     def _constant_pivots(self):
         """Return the least of the pivots that are 1 for all states: 1, or infinity without any."""
         return 1.0 if len(self.pivot) < len(self.order) else np.inf
-
-    def _fixed_first(self):
-        """Return the places of the pivots; those of parameters alone come first."""
-        return sorted(self.pivot, key=lambda k: self.pivot[k] not in self.values.fixed)
 
 
 def elimination_order(pattern, D):

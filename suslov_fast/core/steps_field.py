@@ -37,6 +37,7 @@ from .generated import (
     text_of_extrapolated_steps,
     text_of_steps,
 )
+from .listed_code import listed_code, take_listed
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
 from .operations import Step, evaluate, of_one_sign
@@ -157,13 +158,18 @@ class _Lines:
         the steps must be taken again. End early if there is something in `abandoned`.
         """
         step, stages = self.scheme.step, len(self.scheme.stages.fractions)
-        align = _alignment(saved, self.W, is_large)
-        if len(step.usual) > MANY:  # compile one code for runs that save states and for others
-            align = 8
-        text_of = text_of_steps if self.columns is None else text_of_extrapolated_steps
-        address = code_of(text_of, step, self.W, self.for_each, align) if step.usual else None
-        until = every - start % every if every else 0
+        address, until = None, every - start % every if every else 0
         rows = saved, until * stages - 1, every * stages - 1
+        if len(step.usual) > MANY:
+            address = listed_code(self.W, self.for_each)
+            if address is not None:
+                steps = (stop - start) * stages
+                take_listed(self, address, self._line_arrays(), start, steps, *rows, abandoned)
+                return True
+        elif step.usual:
+            text_of = text_of_steps if self.columns is None else text_of_extrapolated_steps
+            align = _alignment(saved, self.W, is_large)
+            address = code_of(text_of, step, self.W, self.for_each, align)
         if address is None:
             self._take_in_numpy(start, (stop - start) * stages, *rows)
             return True
@@ -265,7 +271,7 @@ class _Lines:
             for line in np.flatnonzero(bad | told):
                 step_carefully(arrays, start, line, int(bad[line]), int(told[line]), n)
             if weights[stage, 0]:
-                finite = self._end_column(weights[stage], stage == len(weights) - 1)
+                finite = self.end_column(weights[stage], stage == len(weights) - 1)
                 bad = ~(finite | ended) & np.uint8(2**self.W - 1)
                 for line in np.flatnonzero(bad):
                     step_carefully(arrays, start, line, int(bad[line]), 0, n)
@@ -274,20 +280,24 @@ class _Lines:
                 saved[row] = self.states()
                 row, until = row + 1, until + between + 1
 
-    def _end_column(self, weights, is_last):
-        """End a column, as the machine code does; return the bits of lanes with finite states."""
-        base, total, second, largest = self.columns.swapaxes(0, 1)
-        change = self.x - base
+    def end_column(self, weights, is_last, of=slice(None)):
+        """End a column, as the machine code does; return the bits of lanes with finite states.
+
+        `of` is a slice of lines.
+        """
+        x, columns = self.x[of], self.columns[of]
+        base, total, second, largest = columns.swapaxes(0, 1)
+        change = x - base
         total += weights[0] * change
         second += weights[1] * change
-        self.x[:] = base
+        x[:] = base
         if not is_last:
-            return np.full(self.count, 255, np.uint8)
-        self.x += total
-        errors, finite = abs(total - second), (abs(self.x) < np.inf).all(axis=1)
+            return np.full(len(x), 255, np.uint8)
+        x += total
+        errors, finite = abs(total - second), (abs(x) < np.inf).all(axis=1)
         errors = np.where(largest > errors, largest, errors)
         largest[:] = np.where(finite[:, np.newaxis], errors, largest)
-        self.columns[:, SUM : SECOND + 1] = 0.0
+        columns[:, SUM : SECOND + 1] = 0.0
         return _packed(finite)
 
 

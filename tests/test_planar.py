@@ -451,3 +451,27 @@ def test_equations_without_a_map_are_not_invertible():
     """x' = 2 x at eps = 1 has det A = 1 - eps = 0 everywhere."""
     assert kahan(field_of(lambda x: (2 * x[0], x[0] * x[1]), 2), 1).is_invertible is False
     assert kahan(field_of(lambda x: (2 * x[0], x[0] * x[1]), 2), 2).is_invertible is True
+
+
+def test_contractions_keep_their_orbits():
+    """Points of confined orbits, and some of the others, are images of each other under the map."""
+    field, eps = ZOO["Nahm, octahedral"]
+    map = kahan(field, eps)
+    on_lines = {
+        "3*x1 - 8*x2 + 4 = 0": (4, 2),
+        "3*x1 + 12*x2 + 4 = 0": (4, F(-4, 3)),
+        "5*x1 - 4 = 0": (F(4, 5), 2),
+    }
+    for each in planar_entropy(map).contractions:
+        points = [(F(x, z), F(y, z)) for x, y, z in each.orbit]
+        assert len(points) == each.length
+        assert points[0] == map(on_lines[each.curve])
+        assert [map(x) for x in points[:-1]] == points[1:]
+        with pytest.raises(ZeroDivisionError):
+            map(points[-1])
+    quartic = planar_entropy(kahan(QUARTIC, THIRD))
+    assert [len(each.orbit) for each in quartic.contractions if not each.length] == [13, 13]
+    assert all(each.orbit == () for each in planar_entropy(kahan(QUARTIC)).contractions)
+    # A point that is fixed is there once.
+    generic = planar_entropy(kahan(*ZOO["Lotka-Volterra"]))
+    assert all(len({*each.orbit}) == len(each.orbit) > 0 for each in generic.contractions)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from itertools import islice
 from typing import Any
 
 import flint
@@ -94,11 +95,8 @@ def _why_never_on_a_line(plane: Plane, number: int) -> str:
 
 
 def _why_never_at_number(plane: Plane, number: int) -> str:
-    orbit = [_image_of_line(plane, number)]
-    for _ in range(_STEPS):
-        x = _image(plane, orbit[-1])
-        if x is None or max(map(abs, x)).bit_length() > _BITS:
-            break
+    orbit: list[tuple[int, ...]] = []
+    for x in islice(_images_of_line(plane, number), 1 + _STEPS):
         if x in orbit:
             return f"never, since the orbit is periodic, of period {len(orbit) - orbit.index(x)}"
         orbit.append(x)
@@ -109,6 +107,25 @@ def _why_never_at_number(plane: Plane, number: int) -> str:
                 which = "an invariant line" if period == 1 else f"{period} lines that are permuted"
                 return f"never, since the orbit is on {which}, with a Moebius transformation"
     return ""
+
+
+def orbit_of_line(plane: Plane, number: int, length: int | None) -> tuple[tuple[int, ...], ...]:
+    """Return the first points to which a line with rational coefficients goes, without repetition.
+
+    At most `length` points, or some. Other curves, and a symbolic eps, have none.
+    """
+    if plane.symbolic or plane.degrees[number] != 1:
+        return ()
+    points = islice(_images_of_line(plane, number), length or 1 + _STEPS)
+    return tuple(dict.fromkeys(points))
+
+
+def _images_of_line(plane: Plane, number: int) -> Iterator[tuple[int, ...]]:
+    """Yield the points to which a line goes, up to one without an image."""
+    x: tuple[int, ...] | None = _image_of_line(plane, number)
+    while x is not None and max(map(abs, x)).bit_length() <= _BITS:
+        yield x
+        x = _image(plane, x)
 
 
 def _image_of_line(plane: Plane, number: int) -> tuple[int, ...]:

@@ -20,7 +20,7 @@ from .contracted import Passage, Plane, passages_across
 from .growth import agreed_degrees, check_degrees, rational_series
 from .maps import RationalMap, check_map
 from .monomials import degrees_of_monomials, exponents_of_monomials
-from .never_confined import why_never
+from .never_confined import orbit_of_line, why_never
 from .polynomials import determinant
 from .tasks import Task
 
@@ -38,7 +38,9 @@ class Contraction:
 
     Conjugate curves are one, and `count` is their number. If the singularity is confined,
     `length` is the number of points from the image of the curve to the last one without an image;
-    else None. `how` says how this was decided, and `proved` whether it is a proof.
+    else None. `how` says how this was decided, and `proved` whether it is a proof. `orbit` are the
+    points, in homogeneous coordinates (x1, x2, 1) times an integer: up to one without an image, or
+    the first ones; without repetition. It is empty for conjugate curves and if eps is symbolic.
     """
 
     curve: str
@@ -46,6 +48,7 @@ class Contraction:
     length: int | None
     proved: bool
     how: str
+    orbit: tuple[tuple[int, ...], ...] = ()
 
     def __str__(self) -> str:
         points = "1 point" if self.length == 1 else f"{self.length} points"
@@ -246,7 +249,8 @@ def _contraction(plane: Plane, number: int, passage: Passage) -> Contraction:
         how = reason if exact else f"{reason}; orders modulo two primes, at random points"
     else:
         exact, how = False, f"not confined within {_STEPS} steps"
-    return Contraction(plane.text(number), plane.count(number), length, exact, how)
+    orbit = orbit_of_line(plane, number, length)
+    return Contraction(plane.text(number), plane.count(number), length, exact, how, orbit)
 
 
 # The curve that the j-th iterate maps onto a contracted curve C has the degree s_j. It is a factor

@@ -219,7 +219,7 @@ def test_columns_are_orthonormalised_in_time(rng, linear, eps, tolerance):
 @pytest.mark.compiled
 @pytest.mark.parametrize("by_jacobian", [False, True])
 def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian):
-    """Its answer is ignored."""
+    """All stand at the same step; False ends the run, with means over the steps done."""
     if by_jacobian:
         record = vars(sf.maps.MAPS["Kahan"])
         monkeypatch.setitem(record, "growth", derivatives.growth_by_jacobian)
@@ -227,17 +227,29 @@ def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian
     family = sf.QuadraticField.from_function(lambda x, a: (x[1], -a * x[0]), 2, a=[1, 0, 2] * 30)
     starts, seen = rng.normal(size=(90, 2)), []
 
+    def exponents(steps, progress=None):
+        return sf.lyapunov_exponents(family, starts, 0.1, steps, transient=5, progress=progress)
+
     def progress(done, total):
         seen.append((done, total))
-        return False
 
-    found = sf.lyapunov_exponents(family, starts, 0.1, 40, transient=5, progress=progress)
-    np.testing.assert_array_equal(
-        found, sf.lyapunov_exponents(family, starts, 0.1, 40, transient=5)
-    )
+    np.testing.assert_array_equal(exponents(40, progress), exponents(40))
     assert seen == sorted(seen)
     assert len(seen) > 3
     assert seen[-1] == (45, 45)
-    assert sf.lyapunov_exponents(family, np.empty((0, 1, 2)), 0.1, 4, progress=progress).size == 0
+    for least in (3, 9, 45):
+        reached = []
+
+        def until(done, total, least=least, reached=reached):
+            reached.append(done)
+            return done < least
+
+        found = exponents(40, until)
+        if reached[-1] <= 5:
+            assert np.isnan(found).all()
+        else:  # compiled runs take one more step
+            steps = {min(reached[-1] - 5 + more, 40) for more in (0, 1)}
+            assert any(np.array_equal(found, exponents(each)) for each in steps)
+    assert sf.lyapunov_exponents(family, np.empty((0, 1, 2)), 0.1, 4).size == 0
     with pytest.raises(TypeError, match=r"^progress must be True"):
         sf.lyapunov_exponents(family, starts, 0.1, 40, progress=len)

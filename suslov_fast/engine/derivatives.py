@@ -80,28 +80,56 @@ class Growth(NamedTuple):
     of_det: FloatArray  # (B,), of log(abs(det DPhi))
     status: NDArray[np.int8]  # (B,)
     failed_at: NDArray[np.int64]  # (B,)
+    steps: int  # of the sums: fewer than asked for if `report` ended the run, or 0
+
+
+class _Part(NamedTuple):
+    """Some trajectories with the same operations of a step, and their sums so far."""
+
+    where: Any  # their indices
+    arguments: Any  # of `tangent.growth`, and what these need to stay alive
+    x: FloatArray
+    carry: FloatArray
+    sums: tuple[NDArray[Any], ...]  # the arrays of `Growth`
+    cost: int  # operations of a step
 
 
 def growth(problem: Problem, steps: int, transient: int, report: Report | None = None) -> Growth:
     """Return the sums of Kahan's map over `steps` steps after a transient.
 
-    Tangent vectors go through the transient, too. `report` is called with the number of steps done,
-    the mean over all trajectories.
+    Tangent vectors go through the transient, too. With `report` all trajectories stand at the same
+    step whenever it is called with this number; if it returns False, the sums end there.
     """
-    start, done = flat_arrays(problem.omega, problem.batch), 0
+    start = flat_arrays(problem.omega, problem.batch)
+    whole, done = _no_sums(*start.shape), steps
+    ends = transient, transient + steps
+    parts = _parts(problem, start)
+    for together in [[*parts]] if report is not None else ([part] for part in parts):
+        done = _grow(together, ends, problem.threads, report)
+        for part in together:
+            for array, of_part in zip(whole, part.sums, strict=True):
+                array[part.where] = of_part
+    sums, of_det, status, failed_at = whole
+    sums[(status < 0) | (done == 0)] = np.nan
+    if not any(steps.notes_poles for steps in problem.map.methods.values()):
+        status[status > 0] = 0  # maps in three dimensions have no such status
+    return Growth(sums, of_det, status, failed_at, done)
 
-    def count(steps_of_all: int) -> None:
-        nonlocal done
-        done += steps_of_all
-        if report is not None:
-            report(done // len(start))
 
-    whole: Any = _no_growth(len(start), start.shape[1])
+def _no_sums(B: int, D: int) -> Any:
+    """Return the arrays of `Growth` for trajectories that have taken no step."""
+    return np.zeros((B, D)), np.zeros(B), np.zeros(B, np.int8), np.full(B, -1)
+
+
+def _parts(problem: Problem, start: FloatArray) -> Iterator[_Part]:
+    """Divide a batch into parts.
+
+    A call takes few trajectories through about 64 steps, not many through few, because it reads and
+    writes D**2 numbers for each trajectory.
+    """
+    D = start.shape[1]
     for where, (scheme, *parameters) in groups_of_alike(problem):
         states, cost = start[where], tangent.operations_of(scheme)
-        of_group: Any = _no_growth(*states.shape)
-        # A call takes few trajectories through about 64 steps, not many through few, because it
-        # reads and writes D**2 numbers for each trajectory.
         block = 64 * (problem.threads or available())
         width = max(block, _STRETCH // (64 * cost) // block * block)
         width = max(min(len(states), width, _STRETCH // cost), 1)
@@ -109,47 +137,41 @@ def growth(problem: Problem, steps: int, transient: int, report: Report | None =
             part = slice(begin, begin + width)
             x = states[part]
             values, eps = _of_part(part, *parameters)
-            arguments, _kept_alive = tangent.arguments_of(scheme, values, eps, len(x))
-            of_part = Growth(*(array[part] for array in of_group))
-            ends = transient, transient + steps
-            _grow(arguments, x, of_part, ends, cost, problem.threads, count)
-        for k, array in enumerate(of_group):
-            whole[k][where] = array
-    if not any(steps.notes_poles for steps in problem.map.methods.values()):
-        whole.status[whole.status > 0] = 0  # maps in three dimensions have no such status
-    growth: Growth = whole
-    return growth
-
-
-def _no_growth(B: int, D: int) -> Growth:
-    """Return sums of 0 for trajectories that have not failed."""
-    return Growth(np.zeros((B, D)), np.zeros(B), np.zeros(B, np.int8), np.full(B, -1))
+            arguments = tangent.arguments_of(scheme, values, eps, len(x))
+            carry, sums = np.empty((len(x), 2 * D + D * D + 3)), _no_sums(*x.shape)
+            yield _Part(part if where is ALL else where[part], arguments, x, carry, sums, cost)
 
 
 def _grow(
-    arguments: Any,
-    x: FloatArray,
-    growth: Growth,
-    ends: tuple[int, int],
-    cost: int,
-    threads: int | None,
-    count: Callable[[int], None],
-) -> None:
-    """Write the sums of trajectories over the steps from the first end to the second to `growth`.
+    parts: list[_Part], ends: tuple[int, int], threads: int | None, report: Report | None
+) -> int:
+    """Add the steps from the first end to the second to the sums of some parts.
 
-    After each call of the kernel, `count` takes the number of its steps, of all trajectories.
+    Return the number of steps, which is smaller if `report` ended the run.
     """
-    (B, D), n = x.shape, 0
-    carry, length = np.empty((B, 2 * D + D * D + 3)), max(_STRETCH // (cost * max(B, 1)), 1)
+
+    def take(start: int, stop: int, last: int) -> None:
+        for part in parts:
+            # An operation is 1/20 of a step of the 3D map.
+            work, arrays = part.cost * len(part.x) * (stop - start) // 20, (part.x, part.carry)
+            span = start, stop, last
+            call_kernel(tangent.growth, work, threads, part.arguments[0], *arrays, span, *part.sums)
+
+    length = max(_STRETCH // max(sum(part.cost * len(part.x) for part in parts), 1), 1)
+    n, (transient, end) = 0, ends
     for last in ends:
-        growth.sums[:], growth.of_det[:] = 0.0, 0.0  # those over the transient do not count
+        for part in parts:  # sums over the transient do not count
+            part.sums[0][:], part.sums[1][:] = 0.0, 0.0
         while n < last:
-            span = n, min(n + length, last), last
-            work = cost * B * (span[1] - n) // 20  # an operation is 1/20 of a step of the 3D map
-            call_kernel(tangent.growth, work, threads, arguments, x, carry, span, *growth)
-            count(B * (span[1] - n))
-            n = span[1]
-    growth.sums[growth.status < 0] = np.nan
+            until = min(n + length, last)
+            take(n, until, last)
+            n = until
+            if report is not None and not report(n):
+                if transient < n < end:  # one more step, after which all logarithms are taken
+                    take(n, n + 1, n + 1)
+                    n += 1
+                return max(n - transient, 0)
+    return n - transient
 
 
 def growth_by_jacobian(
@@ -176,6 +198,9 @@ def growth_by_jacobian(
             n += 1
             if n == transient:
                 sums, of_det = np.zeros((B, D)), np.zeros(B)
-        if report is not None:
-            report(n)
-    return Growth(sums, of_det, status, failed_at)
+        if report is not None and not report(n):
+            break
+    done = max(n - transient, 0)
+    if done == 0:
+        sums[:] = np.nan
+    return Growth(sums, of_det, status, failed_at, done)

@@ -328,7 +328,8 @@ def lyapunov_exponents(
         mean has no error of order 1 / steps.
     progress : bool or callable, optional
         True shows a bar (needs tqdm); a callable is called as ``progress(done, transient +
-        steps)``, with the mean over the batch of the steps done. Its result is ignored.
+        steps)``, and ends the run if it returns False: exponents are then means over the steps
+        done, or NaN if the transient was not over.
 
     Returns
     -------
@@ -359,8 +360,12 @@ def lyapunov_exponents(
         # The last one follows from the determinant and the others, if all steps are invertible.
         sums[:, -1] = np.where(others == -np.inf, sums[:, -1], of_det - others)
     sums[np.isnan(sums).any(axis=1)] = np.nan
-    exponents = -np.sort(-sums / steps, axis=1).reshape((*checked.batch, body.dimension))
+    exponents = -np.sort(-sums / max(growth.steps, 1), axis=1).reshape(
+        (*checked.batch, body.dimension)
+    )
     told = (each.reshape(checked.batch) for each in (growth.status, growth.failed_at))
     methods = checked.map.methods
     report_poles(checked, methods.get(checked.method, next(iter(methods.values()))), *told)
+    if growth.steps == 0:  # `progress` ended the run in its transient
+        return exponents
     return mask_and_warn(checked, exponents, poles=True)

@@ -5,11 +5,16 @@ import dataclasses
 import inspect
 import itertools
 import json
+import math
+import os
 import pickle
 import re
+import subprocess
+import sys
 import warnings
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 from unittest import mock
 
@@ -26,9 +31,11 @@ from suslov_fast import compiled, ensemble, iterate, maps
 from suslov_fast.command import main
 from suslov_fast.core import cache, one_step
 from suslov_fast.core.numba import kernel
+from suslov_fast.core.stages import Stages
 from suslov_fast.engine import threads
 from suslov_fast.engine.problem import check
 from suslov_fast.maps import KAHAN, Formula, Steps, by_field
+from suslov_fast.maps.methods import field_in
 
 HENON = sf.QuadraticField.from_hamiltonian(
     lambda x: sum(each**2 for each in x) / 2 + x[0] ** 2 * x[1] - x[1] ** 3 / 3, 4
@@ -743,16 +750,188 @@ def test_a_broken_kernel_breaks_the_contract(right, wrong, item):
         contract.try_steps(problem, steps)
 
 
+def promise(monkeypatch, record):
+    """Have the promises test a record, as its only kind "new 0"."""
+    monkeypatch.setitem(maps.MAPS, record.name, record)
+    monkeypatch.setitem(promises.RECORDS, "new 0", record)
+    monkeypatch.setitem(promises.KINDS, "new 0", record.random[0])
+    sample = record.random[0](np.random.default_rng(0), ())
+    monkeypatch.setitem(promises.SAMPLES, "new 0", sample)
+
+
+def slow_fields(rng, shape):
+    """Random fields whose steps are near the identity at eps = 1/4."""
+    field = maps.MAPS["Kahan"].random[0](rng, shape)
+    return sf.QuadraticField(1e-3 * np.asarray(field.quadratic, float))
+
+
+@pytest.mark.parametrize("random", [own.MIDPOINT.random[0], slow_fields])
 @pytest.mark.parametrize("of_kahan", [True, False])
-def test_promises_compare_a_jacobian_with_the_steps(rng, monkeypatch, of_kahan):
+def test_promises_compare_a_jacobian_with_the_steps(rng, monkeypatch, of_kahan, random):
     """That of Kahan's map is of order eps**3 beside that of the midpoint rule."""
     jacobian = KAHAN["jacobian"] if of_kahan else Formula(of_midpoint)
-    record = dataclasses.replace(own.MIDPOINT, name="with", formulas={"jacobian": jacobian})
-    monkeypatch.setitem(promises.RECORDS, "with 0", record)
-    monkeypatch.setitem(promises.KINDS, "with 0", record.random[0])
-    monkeypatch.setitem(promises.SAMPLES, "with 0", record.random[0](rng, ()))
+    changes = {"name": "new", "formulas": {"jacobian": jacobian}, "random": (random,)}
+    promise(monkeypatch, dataclasses.replace(own.MIDPOINT, **changes))
     with pytest.raises(AssertionError) if of_kahan else contextlib.nullcontext():
-        promises.test_the_jacobian_is_that_of_the_steps(rng, "with 0")
+        promises.test_the_jacobian_is_that_of_the_steps(rng, "new 0")
+
+
+# The maps of the page for authors, as a module, without the runs of the page.
+PAGE = Path(__file__).parents[1] / "docs" / "howto" / "discretization.md"
+_section = PAGE.read_text(encoding="utf-8").partition("## A discretization of your own")[2]
+MODULE = "import numpy as np\nfrom suslov_fast import QuadraticField\n" + "\n".join(
+    re.sub(r"\n(run|change|print)\b.*", "", block)
+    for block in re.findall(r"```python\n(.*?)```", _section, re.DOTALL)
+)
+DIVERGING = """
+class Strong(QuadraticField):
+    pass
+
+random = maps.MAPS["Kahan"].random[0]
+maps.register(replace(
+    maps.MAPS["implicit midpoint"], name="strong", body=Strong, methods={"auto": maps.FIELD},
+    random=(lambda rng, shape: Strong(300 * np.asarray(random(rng, shape).quadratic, float)),),
+))
+"""
+
+
+@pytest.mark.compiled
+def test_the_maps_of_the_page_keep_the_promises(tmp_path):
+    """In a module of one's own; and a map whose random orbits diverge."""
+    (tmp_path / "my_maps.py").write_text(MODULE + DIVERGING, encoding="utf-8")
+    tests = Path(__file__).with_name("test_promises.py")
+    words = "implicit or trapezoidal or strong and (seldom or order or loop)"
+    given = ["-q", "-x", "-p", "no:cacheprovider", tests, "--maps", "my_maps", "-k", words]
+    places = os.pathsep.join(map(str, [tmp_path, tests.parent, *sys.path]))
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *given],
+        env=os.environ | {"PYTHONPATH": places}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    assert int(re.search(r"(\d+) passed", done.stdout)[1]) > 20
+
+
+def of_the_page(right, wrong):
+    """The record of the trapezoidal rule of the page, with a slip."""
+    assert MODULE.count(right) == 1
+    names = {}
+    exec(MODULE.replace(right, wrong), names)
+    return names["maps"].MAPS["trapezoidal rule"]
+
+
+@pytest.mark.compiled
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        ("out[:] = x + eps * f", "out[:] = x + eps * work[D : 2 * D]", "remember no other step"),
+        ("work=lambda D: D * D + 2 * D", "work=lambda D: D * D + D", "stay within its arrays"),
+        ("    out[:] = x + eps * f\n", "    out[:] = x + eps * f\n    values[0] *= 2\n", "its row"),
+        ("    out[:] = x + eps * f\n", "    out[:] = x + eps * f\n    x[:] = out\n", "not to x"),
+    ],
+)
+def test_slips_in_the_step_of_the_page_are_refused(right, wrong, words):
+    record = of_the_page(right, wrong)
+    family = sf.QuadraticField.from_function(lambda x, a: (a * x[0] * x[1], -x[0]), 2, a=[1, 2])
+    with pytest.raises(ValueError, match=rf"^step must.*{words}"):
+        iterate(family, [0.3, 0.4], 0.1, 3, method=next(iter(record.methods)))
+
+
+@pytest.mark.compiled
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(
+    ("right", "wrong", "order"),
+    [
+        ("residual[:] = x + eps / 2 *", "residual[:] = x + 1.0001 * eps / 2 *", 0),
+        ("(f + residual)", "(2 * residual)", 1),  # implicit Euler
+        ("(f + residual)", "(0.9999 * f + 1.0001 * residual)", 1),
+    ],
+)
+def test_slips_in_the_order_of_the_step_of_the_page_are_measured(
+    rng, monkeypatch, right, wrong, order
+):
+    promise(monkeypatch, of_the_page(right, wrong))
+    with pytest.raises(AssertionError, match=rf"order 2, and a step of .* has order -?{order}"):
+        promises.test_the_order_of_steps(rng, "new 0")
+
+
+def test_slopes_and_solutions_for_steps_of_ones_own(rng):
+    """Beside the field itself, its Jacobian by `matrix`, and NumPy; with rows of any size."""
+    field, x = HENON, START[0]
+    f, derivative = np.empty(4), np.full((4, 4), np.nan)
+    maps.slope_at(x, *field.terms, f, derivative)
+    np.testing.assert_allclose(f, sf.vector_field(field, x), rtol=1e-15)
+    np.testing.assert_allclose(derivative, 2 * (np.eye(4) - sf.matrix(field, x, 1.0)), atol=1e-15)
+    for D in (1, 2, 5, 9):
+        A, y = rng.normal(size=(D, D)), rng.normal(size=D)
+        A *= 10.0 ** rng.uniform(-100, 100, (D, 1))
+        b = A @ y
+        assert maps.solve(A.copy(), b) == sf.Status.OK
+        np.testing.assert_allclose(b, y, rtol=1e-10)
+    for A, status in (
+        ([[1.0, 2], [2, 4]], sf.Status.SINGULAR),
+        ([[0.0, 0], [0, 4]], sf.Status.SINGULAR),
+        ([[np.nan, np.nan], [0, 4]], sf.Status.NONFINITE),
+        ([[1.0, np.inf], [0, 4]], sf.Status.NONFINITE),
+        ([[1e-300, 0], [0, 1.0]], sf.Status.NONFINITE),
+    ):
+        assert maps.solve(np.array(A), np.array([1e300, 1.0])) == status
+
+
+def composition(fractions, order):
+    """A record of a method by its numbers."""
+    changes = {"methods": {"new": field_in(Stages(fractions))}, "stages": Stages(fractions)}
+    changes |= {"name": "new", "order": order}
+    return dataclasses.replace(maps.MAPS["Kahan, order 4"], **changes)
+
+
+def changed_by(off, *places):
+    """The fractions of order 6 with some of them off, the middle one such that the sum is 1."""
+    fractions = np.array(maps.MAPS["Kahan, order 6"].stages.fractions)
+    for k in places:
+        fractions[[k, -1 - k]] += off
+    fractions[6] += 1.0 - math.fsum(fractions)
+    return (*fractions.tolist(),)
+
+
+# As published, 10th order with 35 stages: Sofroniou and Spaletta (2005), up to the middle one.
+TEN = [
+    0.078795722521686419263907679337684, 0.31309610341510852776481247192647,
+    0.027918383235078066109520273275299, -0.22959284159390709415121339679655,
+    0.13096206107716486317465685927961, -0.26973340565451071434460973222411,
+    0.074973343155891435666137105641410, 0.11199342399981020488957508073640,
+    0.36613344954622675119314812353150, -0.39910563013603589787862981058340,
+    0.10308739852747107731580277001372, 0.41143087395589023782070411897608,
+    -0.0048663605831352617621956593099771, -0.39203335370863990644808193642610,
+    0.051942502962449647037182904015976, 0.050665090759924496335874344156866,
+    0.049674370639729879054568800279461, 0.049317735759594537917680008339338,
+]  # fmt: skip
+
+
+@pytest.mark.compiled
+def test_a_method_of_an_order_of_its_own_is_its_numbers(rng, monkeypatch):
+    promise(monkeypatch, composition((*TEN, *TEN[-2::-1]), 10))
+    promises.test_the_order_of_steps(rng, "new 0")
+    promises.test_the_order_of_a_composition("new 0")
+
+
+@pytest.mark.parametrize(
+    ("fractions", "order"),
+    [
+        (changed_by(1e-4, 1), 6),
+        (changed_by(1e-6, 3), 6),
+        (changed_by(0.0), 4),
+        (changed_by(0.0), 8),
+        ((*changed_by(0.0)[:6], 0.3992, *changed_by(0.0)[:6]), 6),
+    ],
+)
+def test_promises_measure_the_order(rng, monkeypatch, fractions, order):
+    promise(monkeypatch, composition(fractions, order))
+    with pytest.raises(AssertionError, match=f"the record says order {order}, and a step of 'new'"):
+        promises.test_the_order_of_steps(rng, "new 0")
+    if order != 4:  # all conditions of order 4 hold
+        with pytest.raises(AssertionError):
+            promises.test_the_order_of_a_composition("new 0")
 
 
 def test_records_whose_formulas_are_all_conserved_and_families_without_members():

@@ -165,8 +165,9 @@ def _try_in_python(kernel: Any, arguments: Any, omega0: FloatArray) -> None:
         try:
             with np.errstate(all="ignore"):
                 kernel.step.py_func(x, out, arguments[-1][0], work, *row)
-        except IndexError as error:
-            outside = str(error) if "out of" in str(error) else ""
+        except (IndexError, ValueError) as error:  # an index, or a slice shorter than its name says
+            is_of_arrays = "out of" in str(error) or "shape" in str(error)
+            outside = str(error) if is_of_arrays else ""
         except Exception:  # not every compiled function runs as Python
             return
         if any((array[k] != _GUARD).any() for array in memory for k in _GUARDED):

@@ -93,7 +93,8 @@ def test_a_part_of_a_step_counts_for_the_step(rng, order):
             x = iterate(*given, 1, on_singular="ignore").final
         steps.append(parts)
     good = run.status >= 0
-    assert (run.failed_at[good] == beyond(np.array(steps)[:, good])).all()
+    first = beyond(np.array(steps)[:, good], changed(field, run.x)[:, good])
+    assert (run.failed_at[good] == first).all()
     assert len({*run.status[good]}) == 2
 
 
@@ -537,6 +538,36 @@ def test_signs_agree_for_all_ways_to_compute(rng, tmp_path):
 
 
 @quiet
+@pytest.mark.parametrize("method", ["order4", "extrapolated"])
+@pytest.mark.parametrize("has_code", [True, False])
+def test_signs_are_compared_over_whole_steps(rng, monkeypatch, method, has_code):
+    """Before and after all stages; a component that changes its sign twice in a step keeps it."""
+    if not has_code:
+        monkeypatch.setattr("suslov_fast.core.steps_field.code_of", lambda *a, **k: None)
+    fields = QuadraticField.from_function(lambda x, s: (-60 * x[0], s - 60 * x[1]), 2, s=[0.0, 1.0])
+    x = rng.uniform(0.5, 1, (13, 2, 2))
+    for eps in (0.12, 0.2):
+        run = iterate(fields, x, eps, 9, method=method)
+        step = sf.multipliers(QuadraticField([[[0]]], [[-60]]), [0.0], eps, method=method)[0].real
+        found = run.first_pole[:, 0]
+        if step < 0:
+            assert (found == 1).all()
+        elif method == "extrapolated":
+            assert (found == -1).all()
+        assert (run.first_pole[0] == iterate(fields, x[0], eps, 9, method=method).first_pole).all()
+        cut = iterate(fields, x, eps, 1, method=method).extend(8)
+        assert cut == run
+    prey = iterate(
+        PREY, rng.uniform(0.05, 4, (40, 2)), 0.25, 60, method=method, on_singular="ignore"
+    )
+    first = beyond(changed(PREY, prey.x))
+    by_sign = prey._carry[0] < 0
+    assert (prey.first_pole[by_sign] == first[by_sign]).all()
+    assert ((first == -1) | (prey.first_pole >= 0) & (prey.first_pole <= first)).all()
+    assert (first >= 0).any() or method == "extrapolated"
+
+
+@quiet
 def test_components_of_one_sign_are_those_of_the_member(rng):
     """Of a family some members have a source, and their components may change their signs."""
     source = np.array([0.0, 0.3] * 10)
@@ -557,6 +588,18 @@ def test_zeros_and_negative_components_keep_their_signs(rng):
     assert abs(iterate(fading, [[-1.0], [1.0]], 1.0, 400).final).max() < 1e-300
     tiny = QuadraticField([[[0]]], [[-3]])
     assert iterate(tiny, [[-1e-300], [1e-300]], 1.0, 1).first_pole.tolist() == [1, 1]
+
+
+def test_modes_that_decay_fast_look_like_poles_to_steps_backwards():
+    """States by order 8 are right, because each stage multiplies by a factor near -1."""
+    run, (message,) = told(iterate, DECAY, [1.0], 0.01, 5, method="order8")
+    assert "decays" in message
+    assert "may be right" in message
+    assert "escapes" not in message
+    assert run.first_pole == 1
+    for method in ("auto", "extrapolated"):  # which multiply by a negative factor
+        (message,) = told(iterate, DECAY, [1.0], 0.01, 5, method=method)[1]
+        assert message.endswith("eps is too long" + SIGN)
 
 
 @quiet

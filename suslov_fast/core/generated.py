@@ -4,52 +4,20 @@ A list (`operations.Step`) becomes straight-line code for a line of W lanes, in 
 steps. Its values stay in registers, and are those of `operations.evaluate`, to the bit.
 """
 
-from typing import NamedTuple
-
-import numpy as np
-
 from .careful import CHANGED
-from .machine_code import Text, pointer
+from .generated_stages import (
+    SLOT,
+    CodeArguments,
+    call_careful,
+    end_column,
+    end_composition,
+    marks_of,
+    others,
+    state_of,
+)
+from .machine_code import Text
 
 WIDTH = 8  # lanes of a line
-
-
-class CodeArguments(NamedTuple):
-    """The integers of an array that the code of `text_of_steps` takes."""
-
-    x: int  # address of the states (lines, D, W)
-    lines: int
-    block: int  # lines of a block, which takes all steps before the next block begins
-    steps: int  # of all stages
-    # Address of three numbers of 8 bytes for each stage: the address of its `Step.table`, (n,) or
-    # (lines, n, W), and its `weights_of`.
-    plan: int
-    stages: int
-    columns: int  # address of the rows of columns (lines, ROWS, D, W), 0 for compositions
-    first_row: int  # address of the first saved states
-    row_bytes: int  # from one saved row to the next
-    first_until: int  # steps before the one that makes the first saved state
-    between: int  # steps between those that make two saved states
-    trajectories: int
-    marks: int  # address of bits of lanes (2, lines): that have ended; passed a pole or ended
-    careful: int  # address of `careful.careful`, 0 if it is not ready
-    careful_arguments: int  # address of its array
-    kept: int  # address of memory for values that later pieces of a long list need
-    # Where the code is. It returns when the budget is spent, and goes on there in the next call.
-    budget: int  # calls of `careful` that are left
-    line: int  # the first of a block
-    n: int  # the next step
-    stage: int  # of this step
-    until: int  # steps before the next one that makes a saved state
-    row: int  # address of the next saved states
-
-
-SLOT = CodeArguments(*range(len(CodeArguments._fields)))  # places in the array
-
-# Rows of columns: the state before an extrapolated step, sums with both weights, and the largest
-# estimated error of a step so far, NaN before the first.
-BASE, SUM, SECOND, LARGEST = range(4)
-ROWS = 4
 
 
 def text_of_extrapolated_steps(*arguments):
@@ -57,7 +25,12 @@ def text_of_extrapolated_steps(*arguments):
     return text_of_steps(*arguments, in_columns=True)
 
 
-def text_of_steps(step, name, W, for_each, align, in_columns=False):
+def text_of_compositions(*arguments):
+    """Return the text of `text_of_steps` for whole steps of several stages that tell signs."""
+    return text_of_steps(*arguments, tells_signs=True)
+
+
+def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=False):
     """Return the text of i64 name(arguments): steps of lines of W lanes, see `CodeArguments`.
 
     It returns 1; or 0 at a step that needs `careful` while that is not ready. The table is common
@@ -128,9 +101,9 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False):
     advanced = [text.select(accurate, *both) for both in zip(after_rare, x, strict=True)]
     for k in range(D):
         text.store(text.V, advanced[k], places[k])
-    passed = _marks(text, integer("add", arguments.marks, arguments.lines))
+    passed = marks_of(text, integer("add", arguments.marks, arguments.lines))
     good, negative = text.bits(accurate), text.bits(values[step.negative])
-    bad = _others(text, good, arguments.marks)
+    bad = others(text, good, arguments.marks)
     told = integer("and", good, integer("xor", passed, all_lanes))
     negative = integer("and", negative, told)
     if step.changed is not None:
@@ -144,7 +117,7 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False):
     text.label("unable")
     text.add("  ret i64 0")
     text.label("call")
-    solved = _call_careful(text, arguments, bad, negative, places)
+    solved = call_careful(text, arguments, bad, negative, places)
     text.jump("finish")
 
     text.label("finish")
@@ -153,11 +126,13 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False):
         ways = f"[ {after[k]}, %lines ], [ {advanced[k]}, %rare ], [ {solved[k]}, %call ]"
         text.add(f"  {final[k]} = phi {text.V} {ways}")
     if in_columns:
-        _columns(text, arguments, places, final, weights, is_last)
+        end_column(text, step, arguments, places, final, weights, is_last)
     else:
         for k in range(D):
             if step.after[k] != k:
                 text.store(text.V, final[k], places[k])
+        if tells_signs:
+            end_composition(text, step, arguments, places, final, is_last)
     if align:
         text.branch(saves, "save", "next")
         _save(text, state_of(D), D, arguments.trajectories, align)
@@ -198,107 +173,6 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False):
     text.store("i64", "%hi", text.plus("%arguments", 8 * SLOT.line))
     text.add("  ret i64 1")
     return text.finished()
-
-
-def state_of(D):
-    """Return the names of the components of a line after a stage."""
-    return [f"%state{k}" for k in range(D)]
-
-
-def _marks(text, marks):
-    """Return the bits of lanes of a line in an array of `marks`, given by its address."""
-    return text.new(f"zext i8 {text.load('i8', text.integer('add', marks, '%line'), 1)} to i64")
-
-
-def _others(text, bits, marks):
-    """Return the bits of lanes that are neither in `bits` nor have ended."""
-    both = text.integer("or", bits, _marks(text, marks))
-    return text.integer("xor", both, (1 << text.W) - 1)
-
-
-def _call_careful(text, arguments, bad, negative, places):
-    """Call `careful` for bits of lanes; return the state of the line after it."""
-    kind = "void (i64, i64, i64, i64, i64)"
-    function = text.new(f"inttoptr i64 {arguments.careful} to {pointer(kind)}")
-    line_arrays = f"i64 {arguments.careful_arguments}"
-    text.add(f"  call void {function}({line_arrays}, i64 %line, i64 {bad}, i64 {negative}, i64 %n)")
-    left = text.load("i64", text.plus("%arguments", 8 * SLOT.budget))
-    text.store("i64", text.integer("sub", left, 1), text.plus("%arguments", 8 * SLOT.budget))
-    return [text.load(text.V, place) for place in places]
-
-
-def _columns(text, arguments, places, final, weights, is_last):
-    """Add what follows a stage of an extrapolated step: the end of a column, or of the step.
-
-    The stage made the state `final` of a line. Then the line has `state_of`, and is stored.
-    """
-    V, D, size = text.V, len(final), 8 * text.W
-    text.branch(text.new(f"fcmp une double {weights[0]}, 0.0"), "column", "inside")
-
-    text.label("inside")
-    for value, place in zip(final, places, strict=True):
-        text.store(V, value, place)
-    text.jump("stored")
-
-    text.label("column")
-    line = text.integer("mul", "%line", ROWS * D * size)
-    line = text.integer("add", arguments.columns, line)
-    rows = [[text.plus(line, size * (row * D + k)) for k in range(D)] for row in range(ROWS)]
-    base = [text.load(V, place) for place in rows[BASE]]
-    changes = [text.operate("fsub", *both) for both in zip(final, base, strict=True)]
-    sums = []
-    for row, weight in zip((SUM, SECOND), weights, strict=True):
-        weight = weight if text.W == 1 else text.splat(weight, text.W)
-        terms = [text.operate("fmul", weight, change) for change in changes]
-        sums.append([
-            text.operate("fadd", text.load(V, place), term)
-            for place, term in zip(rows[row], terms, strict=True)
-        ])  # fmt: skip
-    text.branch(is_last, "last", "restart")
-
-    text.label("restart")
-    for k in range(D):
-        text.store(V, base[k], places[k])
-        text.store(V, sums[0][k], rows[SUM][k])
-        text.store(V, sums[1][k], rows[SECOND][k])
-    text.jump("stored")
-
-    text.label("last")
-    after = [text.operate("fadd", base[k], sums[0][k]) for k in range(D)]
-    errors = [text.absolute(text.operate("fsub", *both)) for both in zip(*sums, strict=True)]
-    infinite = text.constant(np.inf)
-    finite = [text.compare("olt", text.absolute(value), infinite) for value in after]
-    finite = text.joined("and", finite)
-    for value, place in zip(after, places, strict=True):
-        text.store(V, value, place)
-    text.branch(text.all_true(finite), "taken", "beyond", likely=True)
-    text.label("beyond")
-    lost = _others(text, text.bits(finite), arguments.marks)
-    text.branch(text.compare_integers("eq", lost, 0), "taken", "note")
-    text.label("note")  # `careful` notes that a state that is not finite has no next one
-    text.branch(text.compare_integers("eq", arguments.careful, 0), "unable", "lost")
-    text.label("lost")
-    nothing = _call_careful(text, arguments, lost, 0, places)
-    text.jump("taken")
-
-    text.label("taken")
-    for k in range(D):
-        ways = f"[ {after[k]}, %last ], [ {after[k]}, %beyond ], [ {nothing[k]}, %lost ]"
-        text.add(f"  %taken{k} = phi {V} {ways}")
-    for k in range(D):
-        largest = text.load(V, rows[LARGEST][k])
-        is_larger = text.compare("ogt", largest, errors[k])
-        error = text.select(is_larger, largest, errors[k])
-        text.store(V, text.select(finite, error, largest), rows[LARGEST][k])
-        text.store(V, f"%taken{k}", rows[BASE][k])
-        text.store(V, "zeroinitializer" if text.W > 1 else "0.0", rows[SUM][k])
-        text.store(V, "zeroinitializer" if text.W > 1 else "0.0", rows[SECOND][k])
-    text.jump("stored")
-
-    text.label("stored")
-    for k, state in enumerate(state_of(D)):
-        ways = f"[ {final[k]}, %inside ], [ {base[k]}, %restart ], [ %taken{k}, %taken ]"
-        text.add(f"  {state} = phi {V} {ways}")
 
 
 def _loader(text, step, for_each, state, table, kept):

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .careful import CHANGED, step_carefully
-from .generated import BASE
+from .generated_stages import BASE
 from .listed import JOINING, KINDS, programs_of
 from .machine_code import Text, call, code_of, pointer
 from .operations import OF_NUMBERS, Step
@@ -304,7 +304,8 @@ def take_listed(lines, address, arrays, start, steps, saved, until, between, aba
             bits = call(address, arguments)
             n += int(arguments[SLOT.n])
             stage = (n - 1) % len(weights)
-            if bits or weights[stage, 0]:
+            is_whole = lines.columns is not None and stage == len(weights) - 1
+            if bits or weights[stage, 0] or is_whole:
                 lines.x[line] = rows[:D]
                 if bits:
                     step_carefully(arrays, start, line, bits & 255, bits >> 8, n - 1)
@@ -314,6 +315,10 @@ def take_listed(lines, address, arrays, start, steps, saved, until, between, aba
                     bad = int(~(finite | ended[line])) & (2**W - 1)
                     if bad:
                         step_carefully(arrays, start, line, bad, 0, n - 1)
+                if is_whole:
+                    [told] = lines.changed(slice(line, line + 1))
+                    if told:
+                        step_carefully(arrays, start, line, 0, int(told) << CHANGED, n - 1)
                     lines.columns[line, BASE] = lines.x[line]
                 rows[:D] = lines.x[line]
             if n - 1 == saves_at:

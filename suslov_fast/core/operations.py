@@ -136,13 +136,15 @@ class Step:
     changed     true if a component that keeps its sign along the motion does not; a value of
                 `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
+    of_one_sign   components that keep their signs along the motion
+    keeps_signs   true if the operations are a whole step, so that they test these signs
     """
 
     good = accurate = negative = changed = factors = None  # without a plan
 
     def __init__(self, indices, D, carried=0, keeps_signs=False):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
-        self.of_one_sign = of_one_sign(indices) if keeps_signs else set()
+        self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
         values = self.values = Values(D + self.T + carried, range(D, D + self.T))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
@@ -169,8 +171,11 @@ class Step:
         parts = {k: emit("fabs", half) for k, half in halves.items()}
         limits = {k: emit("fmul", SMALL_PART, parts[k]) for k in halves}
         common = [emit("oge", sizes[k], limits[k]) for k in halves]
-        tests, of_one_sign = [*common, *self._good_pivots()], self.of_one_sign & {*halves}
-        for k in sorted(of_one_sign):
+        tests, tested = (
+            [*common, *self._good_pivots()],
+            self.of_one_sign if self.keeps_signs else (),
+        )
+        for k in sorted(tested):
             pair = emit("olt", k, 0.0), emit("oge", self.after[k], 0.0)
             tests.append(emit("xor", *pair))
         if halves:
@@ -199,7 +204,7 @@ class Step:
         self.negative = joined("xor", negative or [emit("olt", 1.0, 0.0)])
         changes = [
             emit("and", emit(first, k, 0.0), emit(second, self.after_rare[k], least))
-            for k in sorted(of_one_sign)
+            for k in sorted(tested)
             for first, second, least in (("olt", "ogt", SIGNIFICANT), ("ogt", "olt", -SIGNIFICANT))
         ]
         self.changed = joined("or", changes) if changes else None

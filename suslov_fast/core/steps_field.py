@@ -25,22 +25,12 @@ import numpy as np
 
 from .careful import CHANGED, ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
 from .codes import NONFINITE
-from .generated import (
-    BASE,
-    LARGEST,
-    ROWS,
-    SECOND,
-    SLOT,
-    SUM,
-    WIDTH,
-    CodeArguments,
-    text_of_extrapolated_steps,
-    text_of_steps,
-)
+from .generated import WIDTH, text_of_compositions, text_of_extrapolated_steps, text_of_steps
+from .generated_stages import BASE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
 from .listed_code import listed_code, take_listed
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
-from .operations import Step, evaluate, of_one_sign
+from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
 from .pool import in_parts
 from .stages import WHOLE, distinct, weights_of
 
@@ -113,7 +103,8 @@ class _Lines:
     marks     (2, lines), bits of lanes that have ended, and that have passed a pole or ended; lanes
               of no trajectory have ended
     notes     status, failed_at and the first state beyond a pole, of each trajectory
-    columns   (lines, ROWS, D, W), see `generated.ROWS`; None if steps are not extrapolated
+    columns   (lines, ROWS, D, W), see `generated_stages.ROWS`; None if steps are not extrapolated,
+              and no components have signs to compare over several stages
     """
 
     def __init__(self, arguments, states, notes, errors, W):
@@ -133,9 +124,12 @@ class _Lines:
             self.x.swapaxes(1, 2)[self._of_lanes(ended, False)] = np.nan
             self.marks[ENDED] = _packed(self._of_lanes(ended, True))
             self.marks[PASSED] = _packed(self._of_lanes(ended | (poles != 0.0), True))
-        if self.scheme.stages.columns:
+        step, stages = self.scheme
+        if stages.columns or (step.of_one_sign and len(stages.fractions) > 1):
             self.columns = np.zeros((self.count, ROWS, self.D, self.W))
-            self.columns[:, BASE], self.columns[:, LARGEST] = self.x, in_lines(errors.T, self.W)
+            self.columns[:, BASE] = self.x
+        if stages.columns:
+            self.columns[:, LARGEST] = in_lines(errors.T, self.W)
 
     def _of_lanes(self, truths, unused):
         """Return truth values of trajectories as (lines, W), `unused` for lanes of none."""
@@ -167,7 +161,10 @@ class _Lines:
                 take_listed(self, address, self._line_arrays(), start, steps, *rows, abandoned)
                 return True
         elif step.usual:
-            text_of = text_of_steps if self.columns is None else text_of_extrapolated_steps
+            text_of = text_of_steps
+            if self.columns is not None:
+                in_columns = self.scheme.stages.columns
+                text_of = text_of_extrapolated_steps if in_columns else text_of_compositions
             align = _alignment(saved, self.W, is_large)
             address = code_of(text_of, step, self.W, self.for_each, align)
         if address is None:
@@ -275,10 +272,24 @@ class _Lines:
                 bad = ~(finite | ended) & np.uint8(2**self.W - 1)
                 for line in np.flatnonzero(bad):
                     step_carefully(arrays, start, line, int(bad[line]), 0, n)
+            if self.columns is not None and stage == len(weights) - 1:
+                changed = self.changed()
+                for line in np.flatnonzero(changed):
+                    step_carefully(arrays, start, line, 0, int(changed[line]) << CHANGED, n)
                 self.columns[:, BASE] = self.x
             if n == until:
                 saved[row] = self.states()
                 row, until = row + 1, until + between + 1
+
+    def changed(self, of=slice(None)):
+        """Return the bits of lanes in which a component changed its sign over a whole step.
+
+        Lanes that have passed a pole or ended are left out. `of` is a slice of lines.
+        """
+        signs = sorted(self.scheme.step.of_one_sign)
+        base, x = self.columns[of, BASE][:, signs], self.x[of][:, signs]
+        rises, falls = (base < 0.0) & (x > SIGNIFICANT), (base > 0.0) & (x < -SIGNIFICANT)
+        return _packed((rises | falls).any(axis=1)) & ~self.marks[PASSED][of]
 
     def end_column(self, weights, is_last, of=slice(None)):
         """End a column, as the machine code does; return the bits of lanes with finite states.

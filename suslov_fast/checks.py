@@ -8,8 +8,11 @@ import re
 import sys
 import warnings
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
+from decimal import Decimal
 from fractions import Fraction
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -113,6 +116,9 @@ def within(name: str, value: Any, exponent: int) -> Any:
         return value
     array, low, high = np.asarray(value), 10.0**-exponent, 10.0**exponent
     size = abs(array[array != 0])
+    if size.dtype == object:
+        with suppress(OverflowError):  # floats are compared much faster than fractions
+            size = size.astype(np.float64)
     if len(bad := size[(size < low) | (size > high)]):
         expected = f"0, or have a modulus from 1e-{exponent} to 1e{exponent}"
         raise wrong(name, expected, f"{short(bad.tolist()[0])}: use other units")
@@ -155,6 +161,8 @@ def _floats(name: str, value: Any) -> FloatArray:
     """Return any array-like of real numbers as float64, including infinite ones and NaN."""
     if type(value) is np.ndarray and value.dtype is _FLOAT64:
         return value
+    if (array := _of_rows(value)) is not None:
+        return array
     refuse(name, value)
     try:
         array = np.asarray(value)
@@ -166,6 +174,20 @@ def _floats(name: str, value: Any) -> FloatArray:
     if array.dtype.kind not in "iuf":
         raise wrong(name, "hold real numbers", f"{short(value)} of dtype {array.dtype}", TypeError)
     return array if array.dtype is _FLOAT64 else array.astype(np.float64, copy=False)
+
+
+def _of_rows(value: Any) -> FloatArray | None:
+    """Return a long list of rows of floats as an array, else None.
+
+    It takes about as long as `np.array`, and says of what types the numbers are, too.
+    """
+    is_list = type(value) is list and len(value) > _FEW
+    if not is_list or not {list, tuple}.issuperset(map(type, value)):
+        return None
+    numbers, lengths = [*chain.from_iterable(value)], {*map(len, value)}
+    if len(lengths) > 1 or {*map(type, numbers)} != {float}:
+        return None
+    return np.array(numbers).reshape(len(value), -1)
 
 
 def _all_finite(name: str, array: FloatArray, allow_nan: bool) -> bool:
@@ -324,9 +346,19 @@ def kind_of(value: Any) -> str:
     return f"the class {value.__name__}" if isinstance(value, type) else type(value).__name__
 
 
+def spelled(number: Fraction) -> str:
+    """Return p/q where q is at most 1000, else a decimal of six digits; p has at most 20 digits."""
+    if number.denominator <= 1000 and abs(number.numerator) < 10**20:
+        return str(number)
+    try:
+        return f"{float(number):.6g}"
+    except OverflowError:
+        return f"{Decimal(number.numerator) / number.denominator:.6g}"
+
+
 def short(value: Any) -> str:
     """Return a value as text of at most 60 characters, for messages."""
-    text = " ".join(repr(value).split())
+    text = spelled(value) if isinstance(value, Fraction) else " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

@@ -60,7 +60,7 @@ def test_coefficients_of_a_function_are_exact():
     A = np.array([[0.1, 1], [-1, 0]])
     assert of_function(lambda x: A @ x, 2).linear.tolist() == [[F(0.1), 1], [-1, 0]]
     assert of_function(lambda x: A[0] * x[0] - x[1] * A[1], 2).linear[0, 0] == F(0.1)
-    assert of_function(lambda x: [np.vdot(x, x), np.dot(A, x)[0]], 2).quadratic[0, 1, 1] == 1
+    assert of_function(lambda x: [np.dot(x, x), np.dot(A, x)[0]], 2).quadratic[0, 1, 1] == 1
     halves = of_function(lambda x: x[0] / np.array([2.0, 4]) + x[1] / np.array(2.0), 2)
     assert halves.linear.tolist() == [[F(1, 2), F(1, 2)], [F(1, 4), F(1, 2)]]
     shifted = of_function(lambda x: [np.float32(0.1) - x[0] ** 2 / 3, +x[1] * np.int64(2)], 2)

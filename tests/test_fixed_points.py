@@ -103,13 +103,28 @@ def test_cases_that_are_refused():
         (sf.SuslovND([1, 2, 3], [0.1, 0.2, 0.3]), "infinitely many fixed points.* c I"),
         (QuadraticField.from_function(lambda x: (x[0] * x[1], x[0] * (x[1] - 1)), 2), "infinitely"),
     ]  # fmt: skip
-    rows = lambda x, a, b: (a * x[0], x[1] - b)  # noqa: E731
-    family = QuadraticField.from_function(rows, 2, a=[1.0, 2.0, 0.0], b=[1.0, 2.0, 3.0])
-    cases.append((family, r"infinitely many fixed points of member 2 \(a=0.0, b=3.0\): .*root"))
-    bodies = sf.Suslov3D([4, 2], 1, -0.5, -0.3)
-    grid = QuadraticField.from_function(rows, 2, a=[[1.0], [0.0]], b=[1.0, 2.0])
-    cases.append((grid, r"infinitely many fixed points of member \(1, 0\) \(a=0.0, b=1.0\)"))
-    cases.append((bodies, r"member 0 \(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3\)"))
     for field, message in cases:
         with pytest.raises(ValueError, match=f"field.*{message}"):
             fixed_points(field)
+
+
+def test_members_with_infinitely_many_fixed_points_are_none():
+    """One warning names them; the others keep their points and their multipliers."""
+    rows = lambda x, a, b: (a * x[0], x[1] - b)  # noqa: E731
+    family = QuadraticField.from_function(rows, 2, a=[1.0, 0.0, 2.0, 0.0], b=[1.0, 2.0, 3.0, 4.0])
+    message = r"fixed points of member 1 \(a=0.0, b=2.0\), of member 3 .*None.*root"
+    with pytest.warns(UserWarning, match=message) as told:
+        found = fixed_points(family)
+    assert len(told) == 1
+    assert [found[1], found[3]] == [None, None]
+    assert [found[0].tolist(), found[2].tolist()] == [[[0, 1]], [[0, 3]]]
+    rates = sf.multipliers(family, found, 0.1)
+    assert [rates[1], rates[3]] == [None, None]
+    np.testing.assert_array_equal(rates[2], sf.multipliers(family[2], [[0, 3]], 0.1))
+    grid = QuadraticField.from_function(rows, 2, a=[[1.0], [0.0]], b=[1.0, 2.0])
+    with pytest.warns(UserWarning, match=r"member \(1, 0\) \(a=0.0, b=1.0\)"):
+        found = fixed_points(grid)
+    assert (found[1, 0], found[1, 1], found[0, 1].tolist()) == (None, None, [[0, 2]])
+    bodies = sf.Suslov3D([4, 2], 1, -0.5, -0.3)
+    with pytest.warns(UserWarning, match=r"member 0 \(I1=4.0, I2=1.0, I13=-0.5, I23=-0.3\)"):
+        assert fixed_points(bodies) == [None, None]

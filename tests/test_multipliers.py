@@ -115,3 +115,18 @@ def test_states_whose_field_overflows_are_not_fixed():
             sf.multipliers(field, [size, size], 0.1)
     with pytest.raises(ValueError, match=r"^x: .*first: 1"):
         sf.multipliers(field, [[0.0, 0.0], [1e300, 1e300]], 0.1)
+
+
+def test_points_that_a_solver_found_are_fixed():
+    """scipy.optimize.root returns them off a component that is 0, where f has one term."""
+    field = sf.QuadraticField.from_function(
+        lambda x: (x[0] - x[0] ** 2 - x[0] * x[1], x[1] * (x[0] - 3)), 2
+    )
+    exact = sf.multipliers(field, [1.0, 0.0], 0.1)
+    for x in ([1.0, -8e-15], [1.0 + 3e-13, 1e-12]):
+        np.testing.assert_allclose(sf.multipliers(field, x, 0.1), exact, rtol=1e-11)
+    for x in ([1.0, 1e-6], [1e-12, 1e-12], [0.0, 1e-300]):
+        with pytest.raises(ValueError, match="not a fixed point"):
+            sf.multipliers(field, x, 0.1)
+    both = sf.multipliers(field, [[1.0, -8e-15], [np.nan, 1.0]], 0.1)
+    assert np.isnan(both).all(axis=-1).tolist() == [False, True]

@@ -223,7 +223,12 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         text = text.replace("'Variables'", "'tuple'")
         return f"{text}: x is a tuple; for arithmetic on all of it, np.array(x)"
     if "to unpack" in text:
-        return f"{text}: if {f_name} unpacks x, the dimension is {len(names)}"
+        wanted = re.search(r"expected (\d+)", text)
+        how = f": if {f_name} unpacks x, the dimension is {len(names)}"
+        if wanted and int(wanted[1]) != len(names):
+            given = f"{len(names)} variables were given, {', '.join(names)}"
+            how = f": {given}, and {wanted[1]} are unpacked"
+        return f"{text}{how}"
     return text
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from ..checks import OTHERS, common_shape, real_array, refuse, short, within, wrong
+from ..checks import OTHERS, common_shape, real_array, refuse, short, spelled, within, wrong
 from .columns import Column
 from .names import check_parameter, labels
 
@@ -25,6 +25,9 @@ _LARGEST_EXPONENT = 400  # of a decimal in a text; floats end at 1e308
 def exact(name: str, value: Any) -> Fraction:
     """Return a number of Python, NumPy or SymPy as a fraction; a float is exact as it is."""
     is_ratio = isinstance(value, Rational)
+    if isinstance(value, complex):
+        how = "split complex variables into real and imaginary parts"
+        raise wrong(name, "real numbers", f"{value}: {how}", TypeError)
     if isinstance(value, bool) or not (is_ratio or hasattr(value, "as_integer_ratio")):
         received = f"the {type(value).__name__} {short(value)}"
         raise wrong(name, "integers, fractions or floats", received, TypeError)
@@ -137,6 +140,9 @@ class NoPolynomial(TypeError):
         if f == "exponent":
             how = "the power becomes quadratic as a new variable"
             return f"has {of} in an exponent: {how}, because its derivative is a multiple of it"
+        if f == "conjugate":
+            how = "variables are real: split complex ones into real and imaginary parts"
+            return f"calls conjugate() of {of}: {how}, and write np.dot for np.vdot"
         if f in ("sin", "cos"):
             return f"calls {f}({of}): sin({of}) and cos({of}) can become variables"
         if f in _AS_VARIABLES:
@@ -180,6 +186,19 @@ class Polynomial(NDArrayOperatorsMixin):
             sums[tuple(sorted(indices))] += c
         self.terms = {indices: c for indices, c in sums.items() if c}
 
+    def _plus(self, terms: Mapping[tuple[int, ...], Fraction]) -> Polynomial:
+        """Return the sum with other terms; adding few to many takes hardly longer than a copy."""
+        sums = self.terms.copy()
+        for indices, c in terms.items():
+            total = sums.get(indices, 0) + c
+            if total:
+                sums[indices] = total
+            else:
+                del sums[indices]
+        result = object.__new__(Polynomial)
+        result.terms = sums
+        return result
+
     @classmethod
     def of(cls, value: Any) -> Polynomial:
         """Return a polynomial unchanged; a number is a constant, a column a variable."""
@@ -197,7 +216,11 @@ class Polynomial(NDArrayOperatorsMixin):
             return operands[0] * self.of(operands[1]).inverse()
         if operation not in _ARITHMETIC:
             raise NoPolynomial(operation.__name__, self)
-        return Polynomial(_ARITHMETIC[operation](*(self.of(each).terms for each in operands)))
+        polynomials = [self.of(each) for each in operands]
+        if operation is np.add:
+            few, many = sorted(polynomials, key=lambda polynomial: len(polynomial.terms))
+            return many._plus(few.terms)
+        return Polynomial(_ARITHMETIC[operation](*(each.terms for each in polynomials)))
 
     def __truediv__(self, number: Any) -> Any:
         if isinstance(number, np.ndarray):
@@ -226,8 +249,7 @@ class Polynomial(NDArrayOperatorsMixin):
         return math.prod([self] * int(power))
 
     def conjugate(self) -> Polynomial:
-        """Return the polynomial itself, because variables are real; products in NumPy call this."""
-        return self
+        raise NoPolynomial("conjugate", self)
 
     if not TYPE_CHECKING:
 
@@ -252,7 +274,7 @@ class Polynomial(NDArrayOperatorsMixin):
         text = ""
         for indices, c in sorted(self.terms.items(), key=lambda term: (-len(term[0]), term[0])):
             size = abs(c)
-            number = str(plain(size) if size.denominator > 2**20 else size)
+            number = spelled(size)
             factors = [] if indices and size == 1 else [number]
             for i in dict.fromkeys(indices):
                 power = indices.count(i)

@@ -68,7 +68,11 @@ def traced(
     floats, rounded once. Otherwise they are None for a Hamiltonian, and follow from H and K.
     """
     if not callable(f):
-        raise wrong(argument, "a function of x, a tuple of the variables", short(f), TypeError)
+        how = ""
+        if hasattr(f, "free_symbols"):
+            how = ": pass sympy.lambdify([names], list(expressions))"
+        expected = "a function of x, a tuple of the variables"
+        raise wrong(argument, expected, f"{short(f)}{how}", TypeError)
     f = getattr(f, "py_func", f)  # the Python function, if Numba compiled f
     maker = f"QuadraticField.{'from_function' if K is None else 'from_hamiltonian'}"
     check_arguments(argument, f, names, parameters, maker)
@@ -165,7 +169,13 @@ def _monomials(polynomial: Polynomial, D: int, degree: int) -> dict[tuple[int, .
 
 def _components(result: Any, D: int) -> Any:
     """Return the result of f, if it has D components."""
+    if hasattr(result, "free_symbols"):
+        how = "make a function of them, sympy.lambdify([names], list(expressions)), and pass that"
+        raise TypeError(f"must return polynomials of x, not expressions of SymPy: {how}")
     is_sequence = isinstance(result, (tuple, list, np.ndarray))
+    if isinstance(result, np.ndarray) and result.shape == (D, 1):
+        how = "flatten it, as in QuadraticField.from_function(lambda x: f(x).ravel(), …)"
+        raise ValueError(f"must return {D} components, not an array of shape ({D}, 1): {how}")
     if not is_sequence or len(result) != D:
         received = f"{short(result)}: return a tuple of {D}"
         if is_sequence:
@@ -205,7 +215,12 @@ def _terms_of(value: Any, name: str, call: _Call, row: tuple[int, ...] = ()) -> 
     try:
         terms = Polynomial.of(value).terms
     except TypeError:
-        raise TypeError(f"{name} must be a polynomial, not {short(value)}") from None
+        how = ""
+        if hasattr(value, "free_symbols"):
+            how = ": pass sympy.lambdify([names], list(expressions)), a function of x"
+        if isinstance(value, (complex, np.complexfloating)):
+            how = ": split complex variables into real and imaginary parts"
+        raise TypeError(f"{name} must be a polynomial, not {short(value)}{how}") from None
     if max(map(len, terms), default=0) > call.degree:
         how = f"with more variables it may become quadratic, see {page(CUBIC)}"
         raise ValueError(f"{name} has degree {max(map(len, terms))}: {how}")

@@ -196,8 +196,9 @@ def multipliers(
     Raises
     ------
     ValueError
-        If f(x) is not 0: a component exceeds 1e-8 of the sum of the moduli of its terms. Use
-        :func:`jacobian` at other states.
+        If f(x) is not 0: a component exceeds 1e-8 of the sum of the moduli of its terms, and no
+        fixed point lies within 1e-8 of max |x| by a step of Newton's method. Use :func:`jacobian`
+        at other states.
 
     Examples
     --------
@@ -209,7 +210,7 @@ def multipliers(
     map_of(body, method).require("multipliers", body)
     # The result of `fixed_points` for a family: a list, or an array of objects.
     is_list = isinstance(points, list) and len(body.shape) == 1 and len(points) > 0
-    if is_list and all(isinstance(a, np.ndarray) and a.ndim == 2 for a in points):
+    if is_list and all(a is None or (isinstance(a, np.ndarray) and a.ndim == 2) for a in points):
         if len(points) != len(body):
             raise wrong("x", f"a list of {len(body)} arrays, one for each member", len(points))
         in_list: OneOrEach = _of_each_member(body, points, eps, method)
@@ -225,7 +226,7 @@ def multipliers(
     return of_all
 
 
-def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike, method: str) -> Any:
+def _of_each_member(family: Any, points: list[Any], eps: ArrayLike, method: str) -> Any:
     """Return a list with the multipliers (k, D) at the points of each member of a family."""
     step = np.asarray(real_number("eps", eps))
     if common_shape({"body": family.shape, "eps": step.shape}) != family.shape:
@@ -233,6 +234,9 @@ def _of_each_member(family: Any, points: list[FloatArray], eps: ArrayLike, metho
     steps = np.broadcast_to(step, family.shape)
     values = []
     for x, index in zip(points, np.ndindex(family.shape), strict=True):
+        if x is None:  # infinitely many fixed points
+            values.append(None)
+            continue
         member, name = family[index], index if len(index) > 1 else index[0]
         of_member = problem("multipliers", member, x, steps[index], method=method, name="x")
         values.append(_multipliers(of_member, family._of_member(name)))
@@ -271,9 +275,23 @@ def _slopes_at_fixed_points(checked: Problem, member: str) -> FloatArray:
     np.add.at(slopes, (i, j), np.moveaxis(right, -1, 0))
     np.add.at(slopes, (i, k), np.moveaxis(left, -1, 0))
     f, sizes = np.moveaxis(f, 0, -1), np.moveaxis(sizes, 0, -1)
-    is_fixed = (abs(f) <= _FIXED * sizes) & (sizes < np.inf)
-    _refuse_moving(checked, ~is_fixed & ~np.isnan(x), member)
-    return np.moveaxis(slopes[:, :D], (0, 1), (-2, -1))
+    derivative = np.moveaxis(slopes[:, :D], (0, 1), (-2, -1))
+    moves = ~((abs(f) <= _FIXED * sizes) & (sizes < np.inf)) & ~np.isnan(x)
+    if moves.any():
+        moves &= ~_is_near_fixed_point(f, sizes, derivative, x)[..., np.newaxis]
+    _refuse_moving(checked, moves, member)
+    return derivative
+
+
+def _is_near_fixed_point(f: Any, sizes: Any, slopes: Any, x: Any) -> Any:
+    """Return (...) whether f' d = f has a small solution d: what a solver of f = 0 returns."""
+    known = np.isfinite(slopes).all(axis=(-2, -1)) & np.isfinite(f).all(axis=-1)
+    slopes, f = np.where(known[..., np.newaxis, np.newaxis], slopes, 0.0), f[..., np.newaxis]
+    f = np.where(known[..., np.newaxis, np.newaxis], f, 0.0)
+    d = np.linalg.pinv(slopes, rcond=1e-13) @ f
+    residual, x = abs(slopes @ d - f)[..., 0], np.broadcast_to(x, sizes.shape)
+    is_small = abs(d[..., 0]).max(axis=-1) <= _FIXED * abs(x).max(axis=-1)
+    return known & is_small & (residual <= _FIXED * sizes).all(axis=-1)
 
 
 def _jacobian_at_fixed_points(checked: Problem, member: str) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..bodies.base import Body
 from ..bodies.field import QuadraticField
-from ..checks import FloatArray, OneOrEach, extra, wrong
+from ..checks import FloatArray, OneOrEach, extra, warn, wrong
 from ..keywords import public
 
 try:
@@ -23,6 +23,7 @@ except ImportError:  # not needed for one variable
 Points = set[tuple[float, ...]]
 
 _BEYOND = "scipy.optimize.root(lambda x: vector_field(field, x), x0) finds one near x0"
+_SHOWN = 10  # members with infinitely many fixed points that a warning names
 # Bits of the first computation of coordinates, and bits that must be right before rounding.
 _BITS, _LEAST_BITS = 192, 100
 
@@ -47,13 +48,15 @@ def fixed_points(field: Body, /) -> OneOrEach:
         list, with several an array of objects of its shape: ``points[i, j]`` is the array of a
         member. If a member has as many points as the one before it (to the left, or above at the
         beginning of a row), its points are in the order of those, by the least sum of distances.
+        A member with infinitely many is None, with one warning that names these members.
 
     Raises
     ------
     ValueError
-        If there are more than 3 variables, or infinitely many fixed points, as for all Suslov
-        bodies: the message describes their steady states. For D = 3, curves of complex fixed points
-        count, even without real points, such as the intersection of two ellipsoids.
+        If there are more than 3 variables, or infinitely many fixed points of a single field, as
+        for all Suslov bodies: the message describes their steady states. For D = 3, curves of
+        complex fixed points count, even without real points, such as the intersection of two
+        ellipsoids.
 
     Examples
     --------
@@ -80,11 +83,17 @@ def _in_order(family: Any, passed: Any) -> Any:
     for index in np.ndindex(family.shape):
         points = _points_of(family[index], passed, index)
         axis = max((k for k, i in enumerate(index) if i), default=None)
-        if axis is not None:
+        if axis is not None and points is not None:
             before = ordered[tuple(i - (k == axis) for k, i in enumerate(index))]
-            if len(points) == len(before):
+            if before is not None and len(points) == len(before):
                 points = _continuing(before, points)
         ordered[index] = points
+    infinite = [i for i in np.ndindex(family.shape) if ordered[i] is None]
+    if infinite:
+        names = [passed._of_member(i if len(i) > 1 else i[0]) for i in infinite[:_SHOWN]]
+        names += [f" and {len(infinite) - _SHOWN} more"] * (len(infinite) > _SHOWN)
+        text = f"infinitely many fixed points{','.join(names)}"
+        warn(f"{text}; None stands in their place: {_what_to_do(passed)}")
     return [*ordered] if ordered.ndim == 1 else ordered
 
 
@@ -95,13 +104,19 @@ def _points_of(field: Any, passed: Any, index: tuple[int, ...] = ()) -> Any:
         extra("flint", "algebra")
     points = _roots(field) if field.dimension == 1 else _real_zeros(field.components)
     if points is None:
-        how = f"its steady states are {passed._steady}" if passed._steady else _BEYOND
-        raise ValueError(f"field: infinitely many fixed points{passed._of_member(i)}: {how}")
+        if passed.shape:
+            return None
+        raise ValueError(f"field: infinitely many fixed points: {_what_to_do(passed)}")
     array = np.array(sorted(points), np.float64).reshape(-1, field.dimension)
     if np.isinf(array).any():
         where = f"fixed points{passed._of_member(i)} are beyond the range of float64"
         raise ValueError(f"field: {where}: use other units")
     return array
+
+
+def _what_to_do(passed: Any) -> str:
+    """Return the steady states of a body, or how to find some of a field."""
+    return f"its steady states are {passed._steady}" if passed._steady else _BEYOND
 
 
 def _continuing(before: FloatArray, points: FloatArray) -> FloatArray:

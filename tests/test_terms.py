@@ -1,0 +1,281 @@
+"""Fields as lists of terms: what they cost, round trips, and tables that are made on demand."""
+
+import json
+import pickle
+import subprocess
+import sys
+from fractions import Fraction as F
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast import QuadraticField
+
+of_terms, of_function = QuadraticField.from_terms, QuadraticField.from_function
+
+
+def lattice(D):
+    """Lorenz's atmosphere model, in terms and as a function."""
+    i, one = np.arange(D), np.full(D, D)
+    products = [[*i, *i], [*(i - 1) % D] * 2, [*(i + 1) % D, *(i - 2) % D]]
+    indices = np.hstack([products, [i, i, one], [i, one, one]])
+    return indices, np.repeat([1, -1, -1, 8], D)
+
+
+def f_of_lattice(x):
+    D = len(x)
+    return [(x[(i + 1) % D] - x[i - 2]) * x[i - 1] - x[i] + 8 for i in range(D)]
+
+
+def value(x, indices, values):
+    """The sum of terms at a state, term by term."""
+    y, f = [*x, 1], [0] * len(x)
+    for i, j, k, v in zip(*indices.tolist(), values.tolist(), strict=True):
+        f[i] += v * y[j] * y[k]
+    return f
+
+
+def random_terms(rng, D, T, batch=()):
+    """Terms in any order, many of them repeated, with the factors in any order."""
+    indices = np.array([rng.integers(0, D, T), *rng.integers(0, D + 1, (2, T))])
+    return indices, rng.integers(-9, 10, (*batch, T)).astype(float)
+
+
+def test_terms_are_sorted_and_unique(rng):
+    for D, T in ((1, 7), (4, 200), (30, 50)):
+        field = of_terms(*random_terms(rng, D, T), D)
+        indices, values = field.terms
+        assert indices.T.tolist() == sorted(
+            {*map(tuple, indices.T.tolist())} and indices.T.tolist()
+        )
+        assert len({*map(tuple, indices.T.tolist())}) == len(values)
+        assert (indices[1] <= indices[2]).all()
+        assert values.all()
+        with pytest.raises(ValueError, match="read-only"):
+            values[:] = 1.0
+
+
+@pytest.mark.parametrize("batch", [(), (3,), (2, 3)])
+def test_repeated_terms_are_added_in_any_order(rng, batch):
+    D, T = 4, 60
+    indices, values = random_terms(rng, D, T, batch)
+    field, order = of_terms(indices, values, D), rng.permutation(T)
+    turned = indices[[0, 2, 1]][:, order]
+    assert of_terms(turned, values[..., order], D) == field
+    halves = of_terms(
+        np.hstack([indices, turned]), np.concatenate([values, values[..., order]], -1) / 2, D
+    )
+    assert halves == field
+    x = rng.integers(-5, 6, D)
+    for member in np.ndindex(batch):
+        single = field[member] if batch else field
+        assert [*single([*map(int, x)])] == value(x, indices, values[member])
+        assert single(x.astype(float)).tolist() == value(x, indices, values[member])
+
+
+def test_a_field_is_its_terms_and_its_tables(rng):
+    for field in (
+        of_terms(*random_terms(rng, 5, 80), 5),
+        of_terms(*random_terms(rng, 3, 30, (4,)), 3),
+    ):
+        twins = [
+            QuadraticField(field.quadratic, field.linear, field.constant),
+            of_terms(*field.terms, field.dimension),
+            QuadraticField.from_dict(json.loads(json.dumps(field.to_dict()))),
+            pickle.loads(pickle.dumps(field)),
+        ]
+        for twin in twins:
+            assert twin == field
+            assert hash(twin) == hash(field)
+            assert all(map(np.array_equal, twin.terms, field.terms))
+        assert field != of_terms(*field.terms, field.dimension + 1)
+        x = rng.normal(size=(5, *np.ones_like(field.shape), field.dimension))
+        assert (sf.step(field, x, 0.01) == sf.step(twins[0], x, 0.01)).all()
+
+
+def test_linear_terms_and_constants_are_added():
+    sparse = pytest.importorskip("scipy.sparse")
+    D = 6
+    A = np.diag(np.arange(1.0, D), 1) - 0.25 * np.eye(D)
+    indices, values = [[0, 2], [0, 1], [1, D]], [F(1, 3), 2]
+    whole = of_terms(indices, values, "a b c d e f", linear=A, constant=np.arange(D))
+    for kind in (sparse.csr_matrix, sparse.coo_array, sparse.csc_array):
+        assert of_terms(indices, values, D, linear=kind(A), constant=range(D)) == whole
+    assert whole.linear[2, 1] == 2
+    assert (whole.linear - A)[[0, 3, 5]].tolist() == [[0] * D] * 3
+    assert whole.quadratic[0, 0, 1] == F(1, 6)
+    assert whole.constant.tolist() == [*range(D)]
+    assert whole.names == tuple("abcdef")
+    assert of_terms(np.zeros((3, 0), int), [], 2, linear=[[[1.0, 0], [0, 2]]] * 3).shape == (3,)
+
+
+def test_exact_numbers_stay_exact():
+    third = of_terms([[0, 0], [0, 0], [0, 0]], [F(1, 3), F(1, 3)], 1)
+    assert third([F(1, 2)]) == (F(1, 6),)
+    sums = of_terms([[0, 0], [0, 0], [0, 0]], [0.1, 0.2], 1)  # not the double 0.1 + 0.2
+    assert sums([1]) == (F(0.1) + F(0.2),)
+    assert of_terms([[0], [0], [1]], [2**70 + 1], 1)([1]) == (2**70 + 1,)
+
+
+def test_a_hamiltonian_by_terms_has_its_field():
+    """x' = K grad H, with the gradient from differences of H at exact states."""
+    D, scipy_sparse = 8, pytest.importorskip("scipy.sparse")
+
+    def H(x):
+        return sum(a * a for a in x) / 2 + sum(x[i - 1] * x[i] ** 2 for i in range(D)) * F(2, 7) + 3
+
+    K = np.eye(D, k=1, dtype=int) - np.eye(D, k=-1, dtype=int)
+    field = QuadraticField.from_hamiltonian(H, D, K)
+    assert QuadraticField.from_hamiltonian(H, D, scipy_sparse.csr_array(K)) == field
+    assert QuadraticField.from_dict(json.loads(json.dumps(field.to_dict()))) == field
+    assert (field.K == K).all()
+    x, h = [F(k * k - 9, 5) for k in range(D)], F(1, 2)
+
+    def slope(i):  # exact for cubic polynomials, by Richardson's extrapolation
+        d = [
+            (H([*x[:i], x[i] + s, *x[i + 1 :]]) - H([*x[:i], x[i] - s, *x[i + 1 :]])) / (2 * s)
+            for s in (h, 2 * h)
+        ]
+        return (4 * d[0] - d[1]) / 3
+
+    gradient = [slope(i) for i in range(D)]
+    assert [*field(x)] == [sum(int(K[i, j]) * gradient[j] for j in range(D)) for i in range(D)]
+    assert field.H(x) == H(x)
+    y = np.array([*map(float, x), 1.0])
+    tensor = field.H.tensor.astype(float)
+    assert np.einsum("ijk,i,j,k", tensor, y, y, y) == pytest.approx(float(H(x)), rel=1e-13)
+
+
+BAD = [
+    (lambda: of_terms([[0], [0], [3]], [1], 2), ValueError, r"indices.*\[0, 0, 3\] in term 0"),
+    (lambda: of_terms([[2], [0], [0]], [1], 2), ValueError, "indices.*i from 0 to 1"),
+    (lambda: of_terms([[0, 0], [0, -1], [0, 0]], [1, 1], 2), ValueError, "indices.* in term 1"),
+    (lambda: of_terms([[0, 0, 0], [0, 0, 1]], [1, 1], 2), ValueError, "transpose"),
+    (lambda: of_terms([[0], [0]], [1], 2), ValueError, r"indices must have the shape \(3, T\)"),
+    (lambda: of_terms([[0.0], [0], [0]], [1], 2), TypeError, "indices must hold integers"),
+    (lambda: of_terms([[0], [0], [0]], [1, 2], 2), ValueError, "values.*one for each term"),
+    (lambda: of_terms([[0], [0], [0]], 1.0, 2), ValueError, "values"),
+    (lambda: of_terms([[0], [0], [0]], ["a"], 2), TypeError, "values"),
+    (lambda: of_terms([[0], [0], [0]], [np.nan], 2), ValueError, "values"),
+    (lambda: of_terms([[0], [0], [0]], [1e70], 2), ValueError, "values.*other units"),
+    (lambda: of_terms([[0], [0], [0]], [[1e70]], 2), ValueError, "values.*other units"),
+    (lambda: of_terms([[], [], []], [], 0), ValueError, "dimension"),
+    (lambda: of_terms([[], [], []], [], "u u"), ValueError, "dimension"),
+    (lambda: of_terms([[], [], []], [], 2, linear=np.eye(3)), ValueError, "linear"),
+    (lambda: of_terms([[], [], []], [], 2, constant=[1]), ValueError, "constant"),
+    (lambda: of_terms([[0], [0], [0]], [[1]] * 3, 2, constant=[[1, 2]] * 2),
+     ValueError, "values.*constant"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "error", "match"), BAD)
+def test_bad_terms(call, error, match):
+    with pytest.raises(error, match=match):
+        call()
+
+
+def test_tables_that_do_not_fit_are_refused_with_their_size():
+    field = of_terms(*lattice(1024), 1024)
+    with pytest.raises(MemoryError, match="quadratic would need 8,589,934,592 bytes"):
+        _ = field.quadratic
+    assert field.linear.shape == (1024, 1024)
+    small = of_terms(*lattice(8), 8)
+    assert small.quadratic[3, 2, 4] == small.quadratic[3, 4, 2] == F(1, 2)
+
+
+def test_many_variables_cost_their_terms(rng):
+    """In a process of its own, whose memory is limited to far less than a table."""
+    D = 1024
+    field = of_function(f_of_lattice, D)
+    assert field == of_terms(*lattice(D), D)
+    assert repr(field).endswith("...)")
+    x = rng.normal(size=(2, D))
+    expected = np.array([f_of_lattice(row) for row in x])
+    np.testing.assert_allclose(sf.vector_field(field, x), expected, atol=1e-12)
+    np.testing.assert_allclose(field(x), expected, atol=1e-12)
+    code = (
+        "import resource, sys, json, pickle, suslov_fast as sf, numpy as np\n"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "D = 2048\n"
+        "f = lambda x: [(x[(i + 1) % D] - x[i - 2]) * x[i - 1] - x[i] + 8 for i in range(D)]\n"
+        "field = sf.QuadraticField.from_function(f, D)\n"
+        "same = sf.QuadraticField.from_dict(json.loads(json.dumps(field.to_dict())))\n"
+        "assert same == field == pickle.loads(pickle.dumps(field)) and hash(same) == hash(field)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)\n"
+    )
+    if sys.platform == "linux":
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        assert int(done.stdout) < 2**17  # KiB; a table of 2048 variables has 64 GiB
+
+
+def test_datasets_and_stores_hold_columns_of_terms(tmp_path):
+    pytest.importorskip("zarr")
+    indices = [[0, 1, 1], [1, 0, 2], [2, 2, 2]]
+    values = np.array([[1.0, 2, 3], [4, 0, 5], [6, 7, 8]])
+    family = of_terms(indices, values, "u v")
+    run = sf.iterate(family, [0.1, 0.2], 0.01, 3)
+    stored = sf.ensemble(family, [0.1, 0.2], 0.01, 3, store=tmp_path / "s.zarr")
+    for data in (run.to_xarray(), stored):
+        assert data.linear_2.values.tolist() == [[1, 0], [4, 0], [6, 0]]
+        assert data.linear_1.values.tolist() == [[0, 2], [0, 0], [0, 7]]
+        assert data.constant.values.tolist() == [[0, 3], [0, 5], [0, 8]]
+        assert not {"linear_3", "quadratic_1_1", "terms-values"} & {*data.variables, *data.dims}
+        assert data.linear_1.attrs["long_name"] == "coefficient of u"
+    nothing = of_terms(np.zeros((3, 0), int), [], 2)
+    assert sf.iterate(nothing, [0.1, 0.2], 0.01, 3).to_xarray().constant.values.tolist() == [0, 0]
+
+
+def test_equations_are_readable():
+    J = np.array([[0.3, 0.1, 0.2], [0.1, 0.7, 0.3], [0.2, 0.3, 0.9]])
+    I = np.linalg.inv(J)
+    text = repr(of_function(lambda w: J @ np.cross(I @ np.array(w), np.array(w)), "p q r"))
+    assert max(map(len, text.replace("*", " ").replace("^", " ").split())) < 20
+    field = of_function(lambda w: ((0.3 - w[0]) / 3, F(7, 1000) * w[1] + F(1, 1001)), "u v")
+    assert repr(field) == "QuadraticField(u' = -1/3*u + 0.1, v' = 7/1000*v + 0.000999001)"
+    with pytest.raises(ValueError, match=r"not [\d.e+]{1,30}: use other units"):
+        of_function(lambda x: (F(28948022309123456789012345, 3) ** 4 * x[0],), 1)
+
+
+def test_what_sympy_and_complex_variables_need():
+    sympy = pytest.importorskip("sympy")
+    names = sympy.symbols("x y z")
+    x, y, z = names
+    rows = [10 * (y - x), x * (28 - z) - y, x * y - 3 * z]
+    f = sympy.lambdify([names], sympy.Matrix(rows))
+    with pytest.raises(ValueError, match=r"\(3, 1\): .* f\(x\)\.ravel\(\)"):
+        of_function(f, 3)
+    field = of_function(lambda x: f(x).ravel(), 3)
+    assert field == of_function(sympy.lambdify([names], rows), 3)
+    for given in (sympy.Matrix(rows), lambda _: rows, lambda _: sympy.Matrix(rows)):
+        with pytest.raises(TypeError, match=r"sympy\.lambdify\(\[names\], list\(expressions\)\)"):
+            of_function(given, 3)
+    for g in (
+        lambda a: (1j * a[0], a[1]), lambda a: (a[0].conjugate(), a[1]), lambda a: (1j, a[1]),
+    ):  # fmt: skip
+        with pytest.raises(TypeError, match="into real and imaginary parts"):
+            of_function(g, 2)
+
+
+def test_names_that_do_not_fit_what_f_unpacks():
+    def uvw(state):
+        u, v, w = state
+        return u, v, w
+
+    with pytest.raises(ValueError, match="2 variables were given, u, v, and 3 are unpacked"):
+        of_function(uvw, "u v")
+
+
+def test_long_lists_of_states_are_those_of_arrays(rng):
+    field, x = of_terms(*lattice(4), 4), rng.normal(size=(200, 4))
+    expected = sf.step(field, x, 0.01)
+    for rows in (x.tolist(), [*map(tuple, x.tolist())]):
+        assert (sf.step(field, rows, 0.01) == expected).all()
+        rows[150] = [True, 0.0, 0.0, 0.0]
+        with pytest.raises(TypeError, match="bool"):
+            sf.step(field, rows, 0.01)
+        rows[150] = [0.0, 0.0, 0.0]
+        with pytest.raises(ValueError, match="rows of equal length"):
+            sf.step(field, rows, 0.01)

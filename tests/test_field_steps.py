@@ -397,7 +397,7 @@ def test_a_run_returns_to_python_between_steps_by_solve(rng, monkeypatch):
         options = {"save_every": 3, "method": method, "on_singular": "ignore"}
         whole = sf.iterate(*args, **options)
         with monkeypatch.context() as patch:
-            patch.setattr("suslov_fast.core.steps_field.SOLVED", 1)
+            patch.setattr("suslov_fast.core.steps_field.CAREFUL_TIME", 1)
             assert sf.iterate(*args, **options) == whole
     assert (whole.status != 0).any()
 

@@ -464,7 +464,7 @@ def with_steps(**changes):
         (
             changed(),
             ValueError,
-            "methods.*must be none of auto, .*, order8, midpoint",
+            "methods.*must be none of auto, .*, order8, .*midpoint",
         ),
         (changed(body=int), TypeError, "body "),
         (changed(variable="y"), ValueError, "variable "),
@@ -492,7 +492,7 @@ def with_steps(**changes):
         (with_steps(serves=("animate",)), ValueError, "serves"),
         (with_steps(plane=len), TypeError, "plane"),
         (with_steps(growth="jacobian"), TypeError, "growth must be a function, or None"),
-        (with_steps(rates=1.0), TypeError, "rates must be a function, or None"),
+        (with_steps(eigenvalues=1.0), TypeError, "eigenvalues must be a function, or None"),
         (with_steps(formulas={"zzz": Formula(len)}), ValueError, "formulas.*one of .*energy, "),
         (with_steps(conserved="energy"), ValueError, "conserved "),
         (with_steps(conserved=("jacobian",)), ValueError, "conserved.*vector_field, energy"),

@@ -35,8 +35,8 @@ from .pool import in_parts
 from .stages import WHOLE, distinct, weights_of
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
-SOLVED = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
-FEW = 256  # steps of lines, which are prepared for `careful` only when they need it
+CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
+SHORT_RUN = 256  # steps of lines, which are prepared for `careful` only when they need it
 PLANS = 32  # patterns of terms whose lists of operations are kept
 
 
@@ -148,8 +148,8 @@ class _Lines:
     def take(self, start, stop, saved, every, is_large, abandoned, again=False):
         """Take the steps from state `start` to state `stop`; save states at multiples of `every`.
 
-        Return False if a step needs `careful`, but it is not compiled, or there are FEW steps: then
-        the steps must be taken again. End early if there is something in `abandoned`.
+        Return False if a step needs `careful`, but it is not compiled, or a run is short: then the
+        steps must be taken again. End early if there is something in `abandoned`.
         """
         step, stages = self.scheme.step, len(self.scheme.stages.fractions)
         address, until = None, every - start % every if every else 0
@@ -170,10 +170,10 @@ class _Lines:
         if address is None:
             self._take_in_numpy(start, (stop - start) * stages, *rows)
             return True
-        is_ready = careful.is_compiled and (again or self.count * (stop - start) > FEW)
+        is_ready = careful.is_compiled and (again or self.count * (stop - start) > SHORT_RUN)
         steps = (stop - start) * stages
         arguments, _kept_alive = self._code_arguments(start, steps, *rows, is_ready)
-        budget = max(SOLVED // (self.W * (self.D**3 + 200)), 1)
+        budget = max(CAREFUL_TIME // (self.W * (self.D**3 + 200)), 1)
         while arguments[SLOT.line] < self.count and not abandoned:
             arguments[SLOT.budget] = budget
             if not call(address, arguments):

@@ -17,14 +17,14 @@ from ..engine.derivatives import Growth, growth, growth_by_jacobian
 from ..engine.problem import Problem, check
 from ..engine.stretches import Report, Steps, check_steps
 from ..engine.trial import check_parameters
-from .formulas import INSTEAD, KAHAN, PARTS, SERVED, Formula, Plane, check_formulas, rates
+from .formulas import INSTEAD, KAHAN, PARTS, SERVED, Formula, Plane, check_formulas, eigenvalues
 from .methods import with_notes
 
 # The methods of the package; `str` stands for those that `maps.register` adds.
 Method = Literal["auto", "gauss", "rank2", "order4", "order6", "order8", "extrapolated"] | str
 
 
-Rates = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
+Eigenvalues = Callable[[Problem, FloatArray], NDArray[Any]]  # returns eigenvalues of f'
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,11 +76,11 @@ class Map:
         ``growth(problem, steps, transient, report)`` returns the `Growth` of `engine.derivatives`,
         for `lyapunov_exponents`. By default that of Kahan's map if ``"jacobian"`` is that of
         `KAHAN`, else that of products of ``"jacobian"``.
-    rates : callable or None
-        ``rates(problem, slopes)`` returns the eigenvalues (..., D) of f', the `slopes` (..., D, D),
-        at steady states, from which the `multipliers` of Kahan's map follow. By default those of a
-        field if ``"jacobian"`` is that of `KAHAN`; else `multipliers` are the eigenvalues of
-        ``"jacobian"``.
+    eigenvalues : callable or None
+        ``eigenvalues(problem, slopes)`` returns those of f', the `slopes` (..., D, D), at steady
+        states, as an array (..., D) from which the `multipliers` of Kahan's map follow. By default
+        those of a field if ``"jacobian"`` is that of `KAHAN`; else `multipliers` are the
+        eigenvalues of ``"jacobian"``.
     serves : tuple of str
         Public functions that the map supports without a formula, among "plot_phase",
         "animate_body", "explore", "frame" of `compiled`, and "scattering_angle".
@@ -142,7 +142,7 @@ class Map:
     attitude: Literal["axial", "in_rows"] | None = None
     plane: Plane | None = None
     growth: Callable[[Problem, int, int, Report | None], Growth] | None = None
-    rates: Rates | None = None
+    eigenvalues: Eigenvalues | None = None
     serves: tuple[str, ...] = ()
     variable: str = "omega"
     meaning: str = "angular velocity"
@@ -152,7 +152,7 @@ class Map:
 
     @property
     def has_jacobian_of_kahan(self) -> bool:
-        """True if "jacobian" is that of Kahan's map; `growth` and `rates` then are, by default."""
+        """True if "jacobian" is that of Kahan's map; so are `growth`, `eigenvalues` by default."""
         return self.formulas.get("jacobian") is KAHAN["jacobian"]
 
     def find_growth(
@@ -163,9 +163,9 @@ class Map:
         return (self.growth or default)(problem, steps, transient, report)
 
     @property
-    def known_rates(self) -> Rates | None:
-        """`rates` or its default; None if eigenvalues of "jacobian" are used instead."""
-        return self.rates or (rates if self.has_jacobian_of_kahan else None)
+    def known_eigenvalues(self) -> Eigenvalues | None:
+        """`eigenvalues` or its default; None if eigenvalues of "jacobian" are used instead."""
+        return self.eigenvalues or (eigenvalues if self.has_jacobian_of_kahan else None)
 
     def has(self, name: str) -> bool:
         """Return whether the map supports a public function, at least for some bodies."""
@@ -272,7 +272,7 @@ def register(record: Map) -> None:
         checks.one_of("attitude", record.attitude, ["axial", "in_rows"])
     if record.plane is not None:
         checks.instance("plane", record.plane, Plane)
-    for name, part in (("growth", record.growth), ("rates", record.rates)):
+    for name, part in (("growth", record.growth), ("eigenvalues", record.eigenvalues)):
         if part is not None and not callable(part):
             raise checks.wrong(name, "a function, or None", repr(part), TypeError)
     if not {*record.serves} <= {*SERVED}:

@@ -102,7 +102,7 @@ def _modified_energy(problem: Problem) -> FloatArray:
     return values_by_terms(quantities_field.cubic_form, problem, terms, states_after(problem))
 
 
-def rates(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
+def eigenvalues(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
     """Return the eigenvalues (..., D) of f' (..., D, D) at steady states, for `multipliers`."""
     return np.linalg.eigvals(slopes).astype(complex)
 
@@ -124,17 +124,17 @@ OF_ORDER = {name: formula for name, formula in KAHAN.items() if name not in _NOT
 
 
 # ------------------------------------------------------------------------------ in three dimensions
-def rates_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
-    """Return eigenvalues as `rates` does; the one along a line of steady states is exactly 0."""
+def eigenvalues_of_gyrostat(problem: Problem, slopes: FloatArray) -> NDArray[Any]:
+    """As `eigenvalues`; the one along a line of steady states is exactly 0."""
     (I1, I2, _, _, k), x = problem.body.constants, problem.omega
     trace, at_rest = np.trace(slopes, axis1=-2, axis2=-1), (x == 0.0).all(axis=-1)
     root = np.where(at_rest, 2j * k / np.sqrt(I1 * I2), trace)[..., np.newaxis]
     return np.asarray(0.5 * (trace[..., np.newaxis] + root * [1.0, -1.0]))
 
 
-def rates_in_3d(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """Return eigenvalues as `rates` does; without a rotor they are real."""
-    return rates_of_gyrostat(problem, slopes).real
+def eigenvalues_in_3d(problem: Problem, slopes: FloatArray) -> FloatArray:
+    """As `eigenvalues`; without a rotor they are real."""
+    return eigenvalues_of_gyrostat(problem, slopes).real
 
 
 def whole_states(problem: Problem) -> FloatArray:
@@ -170,7 +170,7 @@ def _step_full(problem: Problem) -> Any:
     return quantities.step_full(*body.constants[:4], body.I3, problem.eps, problem.omega)
 
 
-SOLVED = Plane(lambda problem: (problem, lambda states: states))  # needs no reduction
+SOLVED_ALREADY = Plane(lambda problem: (problem, lambda states: states))  # needs no reduction
 
 GYROSTAT = {
     **KAHAN,
@@ -201,8 +201,8 @@ def _reaction_nd(problem: Problem) -> FloatArray:
     return values
 
 
-def rates_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
-    """Return eigenvalues as `rates` does: those of f' = (I.x) J**-1 P.
+def eigenvalues_nd(problem: Problem, slopes: FloatArray) -> FloatArray:
+    """As `eigenvalues`: those of f' = (I.x) J**-1 P.
 
     P projects onto the vectors orthogonal to I. The eigenvalues are I.x times the squares of the
     singular values of P J**-1/2, computed in this way because small singular values keep their

@@ -14,10 +14,10 @@ from .formulas import (
     KAHAN,
     OF_ORDER,
     SERVED,
-    SOLVED,
-    rates_in_3d,
-    rates_nd,
-    rates_of_gyrostat,
+    SOLVED_ALREADY,
+    eigenvalues_in_3d,
+    eigenvalues_nd,
+    eigenvalues_of_gyrostat,
 )
 from .methods import (
     COMPOSITIONS,
@@ -45,9 +45,9 @@ for _record in (
         pole=(Suslov3D(1, 1, 0.25, 0, 1.5), (4.0, -12.0)),
         conserved=("first_integral",),
         attitude="axial",
-        plane=SOLVED,
+        plane=SOLVED_ALREADY,
         growth=growth,
-        rates=rates_in_3d,
+        eigenvalues=eigenvalues_in_3d,
         serves=SERVED,
     ),
     Map(  # equation (15)
@@ -61,7 +61,7 @@ for _record in (
         conserved=("first_integral", "modified_energy"),
         attitude="in_rows",
         plane=IN_PLANE,
-        rates=rates_nd,
+        eigenvalues=eigenvalues_nd,
     ),
     Map(
         name="SuslovGyrostat",
@@ -75,9 +75,9 @@ for _record in (
         pole=(SuslovGyrostat(1, 1, 1, 0, 0.5), (1.0, -3.875)),
         conserved=("first_integral",),
         attitude="axial",
-        plane=SOLVED,
+        plane=SOLVED_ALREADY,
         growth=growth,
-        rates=rates_of_gyrostat,
+        eigenvalues=eigenvalues_of_gyrostat,
         serves=SERVED[:-1],
     ),
     Map(

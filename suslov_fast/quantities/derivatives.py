@@ -246,12 +246,14 @@ def _of_each_member(family: Any, points: list[Any], eps: ArrayLike, method: str)
 def _multipliers(checked: Problem, member: str = "") -> Any:
     """Return the multipliers (..., D); `member` is text for messages."""
     with np.errstate(all="ignore"):
-        rates = checked.map.known_rates
-        slopes = (_slopes_at_fixed_points if rates else _jacobian_at_fixed_points)(checked, member)
+        eigenvalues = checked.map.known_eigenvalues
+        slopes = (_slopes_at_fixed_points if eigenvalues else _jacobian_at_fixed_points)(
+            checked, member
+        )
         known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
         slopes = np.where(known[..., np.newaxis], slopes, 0.0)
-        if rates:
-            Y = 0.5 * np.asarray(checked.eps)[..., np.newaxis] * rates(checked, slopes)
+        if eigenvalues:
+            Y = 0.5 * np.asarray(checked.eps)[..., np.newaxis] * eigenvalues(checked, slopes)
             values = checked.map.stages.multiply(Y)
         else:
             values = np.linalg.eigvals(slopes).astype(complex)

@@ -24,7 +24,7 @@ _ROUNDING = 1e-14
 _INSTEAD = {
     "exact": "iterate",
     "limits": "iterate",
-    "flow": "vector_field with scipy.integrate.solve_ivp",
+    "flow": "flow(QuadraticField.of(body), ...)",
     "first_integral": "modified_energy",
     "criticality": "iterate, and compare with half the step size",
     "invariant_density": "the determinant of jacobian",

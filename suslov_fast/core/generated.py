@@ -41,7 +41,7 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     integer, size, all_lanes = text.integer, 8 * W, (1 << W) - 1
     (*before, usual), _ = step.pieces
     for k, piece in enumerate(before):
-        _piece(text, step, f"{name}_{k}", piece, for_each)
+        piece_function(text, step, f"{name}_{k}", piece, for_each)
     text.add(f"define i64 @{name}(i64 %arguments) #0 {{")
     text.label("entry")
     arguments = CodeArguments(*(text.load("i64", text.plus("%arguments", 8 * k)) for k in SLOT))
@@ -89,7 +89,7 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
 
     for k in range(len(before)):
         text.add(f"  call void @{name}_{k}(i64 {state}, i64 {table}, i64 {arguments.kept})")
-    load, values = _loader(text, step, for_each, state, table, arguments.kept), dict(enumerate(x))
+    load, values = loader(text, step, for_each, state, table, arguments.kept), dict(enumerate(x))
     text.carry_out(usual, values, load)
     after = [values[k] if k in values else load(k) for k in step.after]
     text.branch(text.all_true(values[step.good]), "finish", "rare", likely=True)
@@ -135,7 +135,7 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
             end_composition(text, step, arguments, places, final, is_last)
     if align:
         text.branch(saves, "save", "next")
-        _save(text, state_of(D), D, arguments.trajectories, align)
+        save(text, state_of(D), D, arguments.trajectories, align)
     else:
         text.jump("next")
 
@@ -175,7 +175,7 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     return text.finished()
 
 
-def _loader(text, step, for_each, state, table, kept):
+def loader(text, step, for_each, state, table, kept):
     """Return the function that loads a value: of the state, of an earlier piece, or of the table.
 
     `state`, `table` and `kept` are the addresses of their rows for one line.
@@ -195,11 +195,11 @@ def _loader(text, step, for_each, state, table, kept):
     return load
 
 
-def _piece(text, step, name, operations, for_each):
+def piece_function(text, step, name, operations, for_each):
     """Add a function that carries out a piece of the usual operations, for one line."""
     rows, values = step.pieces[1], {}
     text.add(f"define internal void @{name}(i64 %state, i64 %table, i64 %kept) #0 {{")
-    text.carry_out(operations, values, _loader(text, step, for_each, "%state", "%table", "%kept"))
+    text.carry_out(operations, values, loader(text, step, for_each, "%state", "%table", "%kept"))
     for _, number, _ in operations:
         if number in rows:
             text.store(text.V, values[number], text.plus("%kept", 8 * text.W * rows[number]))
@@ -207,7 +207,7 @@ def _piece(text, step, name, operations, for_each):
     text.add("}")
 
 
-def _save(text, states, D, trajectories, align):
+def save(text, states, D, trajectories, align):
     """Add the block `save`, which writes the states of a line to the row, one after the other."""
     new, integer, W = text.new, text.integer, text.W
     text.label("save")

@@ -9,6 +9,7 @@ import ctypes
 import itertools
 import threading
 import warnings
+from contextlib import contextmanager
 
 import numpy as np
 from llvmlite import binding
@@ -53,6 +54,7 @@ class Text:
 
     def label(self, name):
         self.lines.append(f"{name}:")
+        self.block = name
 
     def jump(self, label):
         self.add(f"  br label %{label}")
@@ -69,6 +71,20 @@ class Text:
     def store(self, kind, value, address, align=8, mark=""):
         pointed = self.new(f"inttoptr i64 {address} to {pointer(kind)}")
         self.add(f"  store {kind} {value}, {pointer(kind)} {pointed}, align {align}{mark}")
+
+    @contextmanager
+    def loop(self, name, count):
+        """Add a loop over 1 or more indices, whose body is the block of `with`."""
+        before, index = self.block, f"%{name}_index"
+        self.jump(name)
+        self.label(name)
+        self.add(f"  {index} = phi i64 [ 0, %{before} ], [ {index}1, %{name}_end ]")
+        yield index
+        self.jump(f"{name}_end")
+        self.label(f"{name}_end")
+        self.add(f"  {index}1 = add i64 {index}, 1")
+        self.branch(self.compare_integers("ult", f"{index}1", count), name, f"{name}_after")
+        self.label(f"{name}_after")
 
     # ------------------------------------------------------------------------------------ integers
     def integer(self, instruction, a, b):
@@ -97,6 +113,9 @@ class Text:
 
     def absolute(self, a):
         return self.new(f"call {self.V} @llvm.fabs.{self.suffix}({self.V} {a})")
+
+    def root(self, a):
+        return self.new(f"call {self.V} @llvm.sqrt.{self.suffix}({self.V} {a})")
 
     def compare(self, how, a, b):
         return self.new(f"fcmp {how} {self.V} {a}, {b}")
@@ -138,6 +157,8 @@ class Text:
                 names.append(values[operand])
             if instruction == "fabs":
                 name = self.absolute(names[0])
+            elif instruction == "sqrt":
+                name = self.root(names[0])
             elif instruction in ("max", "min"):
                 is_first = self.compare("ogt" if instruction == "max" else "olt", *names)
                 name = self.select(is_first, *names)

@@ -43,6 +43,7 @@ OF_NUMBERS = {
     "fmul": np.multiply,
     "fdiv": np.divide,
     "fabs": np.absolute,
+    "sqrt": np.sqrt,
     "select": np.where,
     "max": lambda a, b: np.where(a > b, a, b),
     "min": lambda a, b: np.where(a < b, a, b),
@@ -267,7 +268,7 @@ class Step:
         last = len(pieces) - 1
         needed = [(k, a) for k, piece in enumerate(pieces) for *_, of in piece for a in of]
         needed += [(last, a) for *_, of in self.rare for a in of]
-        needed += [(last, number) for number in (self.good, *self.after, *self.after_rare)]
+        needed += [(last, number) for number in (self.good, *self._results())]
         kept = dict.fromkeys(a for k, a in needed if isinstance(a, int) and piece_of.get(a, k) < k)
         return pieces, {number: row for row, number in enumerate(kept)}
 

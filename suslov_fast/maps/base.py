@@ -72,6 +72,8 @@ class Map:
         if they do not.
     plane : Plane or None
         How `exact`, `flow` and `limits` reduce a problem to a solved one in three dimensions.
+    integrates : bool
+        True if `flow` integrates the equations of motion to a tolerance, by `core.flow`.
     growth : callable or None
         ``growth(problem, steps, transient, report)`` returns the `Growth` of `engine.derivatives`,
         for `lyapunov_exponents`. By default that of Kahan's map if ``"jacobian"`` is that of
@@ -141,6 +143,7 @@ class Map:
     order: int = 2
     attitude: Literal["axial", "in_rows"] | None = None
     plane: Plane | None = None
+    integrates: bool = False
     growth: Callable[[Problem, int, int, Report | None], Growth] | None = None
     eigenvalues: Eigenvalues | None = None
     serves: tuple[str, ...] = ()

@@ -88,6 +88,7 @@ for _record in (
         formulas=KAHAN,
         random=(random_field,),
         pole=(QuadraticField([[[1]]]), (1.0,)),  # x' = x**2
+        integrates=True,
         conserved=("modified_energy",),
         variable="x",
         meaning="state",

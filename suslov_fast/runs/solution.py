@@ -10,14 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..bodies.classes import AnyBody
+from ..bodies.classes import AnyBody, BodyOrField
+from ..bodies.nd import NotIntegrableError
 from ..checks import FloatArray, real_number, require, warn, wrong
 from ..core import closed_form
 from ..engine.arguments import by_constants, flat_arrays
+from ..engine.problem import check
 from ..engine.status import SingularStepWarning
+from ..engine.stretches import Progress
 from ..engine.threads import call_kernel
 from ..keywords import public
-from ..maps import problem
+from ..maps import map_of, problem
+from .motion import checked_tolerance, motion
 
 # States per call of the kernel: Python handles Ctrl-C between two calls.
 _SLICE = 2**21
@@ -81,34 +85,59 @@ def exact(
 
 @public
 def flow(
-    body: AnyBody, omega0: ArrayLike, /, time: ArrayLike, *, threads: int | None = None
+    body: BodyOrField,
+    omega0: ArrayLike,
+    /,
+    time: ArrayLike,
+    *,
+    rtol: float | None = None,
+    threads: int | None = None,
+    progress: Progress = None,
 ) -> FloatArray:
-    """Return the continuous motion at given times, the exact solution of equation (2) of the paper.
+    """Return the continuous motion at given times: exact for bodies, to a tolerance for fields.
+
+    For a body this is the exact solution of equation (2) of the paper. For a field it is the
+    solution of x' = f(x) by extrapolated steps of order 10, whose lengths each trajectory chooses
+    by its own estimate of the error. Stiff fields are solved by the same steps.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND or SuslovGyrostat
-        Any body in three dimensions; in n dimensions an integrable one.
-    omega0, threads
-        As in :func:`iterate`.
+    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
+        Any body in three dimensions; in n dimensions an integrable one; a field, or a batch.
+    omega0 : array_like(float, shape=(..., D))
+        Initial states: angular velocities, or states x of a field.
     time : array_like(float, shape=() or (N,))
-        Times, positive or negative, in the unit of time of `omega0`.
+        Times in any order, positive or negative, in the unit of time of the states.
+    rtol : float, optional
+        For fields: a step is taken if its estimated error is below `rtol` times the largest modulus
+        that the component has had, but at least 1e-6 of that of the largest component, or below
+        what rounding allows. From 1e-13 to 1e-2, by default 1e-9. Components whose units are
+        further apart than 1e6 need other units.
+    threads : int, optional
+        As in :func:`iterate`. Bits depend neither on threads nor on the batch.
+    progress : bool or callable, optional
+        For fields: called as ``progress(done, total)`` with numbers of times. If it returns False,
+        the states at later times are NaN.
 
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The angular velocities, in the unit of `omega0`.
+        The states, in the unit of `omega0`. A solution of a field that ends, because it escapes to
+        infinity, is NaN from there on, with one :class:`PoleWarning` that tells when. A state that
+        contains NaN gives NaN.
 
     Raises
     ------
     NotIntegrableError
-        If no solution is known for this body in n dimensions.
+        If no solution is known for this body: pass its field, :meth:`QuadraticField.of`.
+    TypeError, ValueError
+        If an argument is out of range, or `rtol` is given for a body.
 
     Examples
     --------
     How far is the map from the motion at time 5, and does half the step size give a quarter of it?
 
-    >>> from suslov_fast import Suslov3D, exact, flow
+    >>> from suslov_fast import QuadraticField, Suslov3D, exact, flow
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> motion = flow(body, [1.0, 0.5], time=5.0)
     >>> motion.round(6)
@@ -117,8 +146,32 @@ def flow(
     ...     print(abs(exact(body, [1.0, 0.5], eps, n) - motion).max().round(6))
     0.000632
     0.000158
+
+    The predators and prey of Lotka and Volterra, for three rates, at two times:
+
+    >>> family = QuadraticField.from_function(
+    ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
+    ... )
+    >>> flow(family, [1.0, 0.5], [5.0, 10.0]).shape
+    (2, 3, 2)
     """
-    return _states_at("flow", body, omega0, 0.0, "time", time, threads)
+    map = map_of(body)
+    if not map.integrates:
+        for name, value in (("rtol", rtol), ("progress", progress)):
+            if value is not None:
+                received = f"a {type(body).__name__}, whose solution is exact"
+                how = "pass it for fields alone"
+                raise TypeError(f"{name} needs a field, not {received}: {how}")
+        if map.plane is None:
+            raise NotIntegrableError(
+                f"flow has no exact solution for a {type(body).__name__}: "
+                "use flow(QuadraticField.of(body), ...)"
+            )
+        return _states_at("flow", body, omega0, 0.0, "time", time, threads)
+    times, tolerance = _checked_times("time", time), checked_tolerance(rtol)
+    start = check(map, body, omega0, 0.0, threads, name="x0")
+    states = motion(start, times.reshape(-1), tolerance, progress)
+    return states.reshape(*times.shape, *states.shape[1:])
 
 
 @public
@@ -162,6 +215,14 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatAr
     return from_plane(minus), from_plane(plus)
 
 
+def _checked_times(name: str, value: Any) -> FloatArray:
+    """Return a number, or an array of one axis."""
+    times = np.asarray(real_number(name, value))
+    if times.ndim > 1:
+        raise wrong(name, "a number or a 1-D array", f"an array of shape {times.shape}")
+    return times
+
+
 def _states_at(
     function: str, body: Any, omega0: Any, eps: Any, name: str, value: Any, threads: int | None
 ) -> FloatArray:
@@ -169,9 +230,7 @@ def _states_at(
 
     `name` is that of the argument `value`: "n" for the map, "time" for the flow.
     """
-    times = np.asarray(real_number(name, value))
-    if times.ndim > 1:
-        raise wrong(name, "a number or a 1-D array", f"an array of shape {times.shape}")
+    times = _checked_times(name, value)
     start = problem(function, body, omega0, eps, threads, name="omega0")
     plane, from_plane = start.map.plane.reduce(start)
     batch, threads, flat_times = plane.batch, plane.threads, times.reshape(-1)

@@ -1,0 +1,233 @@
+"""The motion of fields at given times, to a tolerance: `tolerance` has the equations.
+
+Trajectories are in lines of W lanes, whose rows hold all that their steps need
+(`generated_flow.Rows`). Machine code takes the steps; where it is impossible, NumPy does, with the
+same bits. A field without a plan of elimination takes its stages by `careful.solve_lane`.
+"""
+
+import functools
+
+import numpy as np
+
+from .careful import solve_lane
+from .codes import OK
+from .generated import WIDTH
+from .generated_flow import SLOT, FlowArguments, rows_of, text_of_flow
+from .machine_code import call, code_of
+from .numba import Kernel, function
+from .operations import evaluate
+from .pool import in_parts
+from .stages import extrapolation, weights_of
+from .steps_field import in_lines
+from .tolerance import rates, stage_of
+
+COLUMNS = 2, 4, 6, 8, 10
+ACTIVE = 2**15  # bytes of the rows of lines that are taken side by side
+BUDGET = 2**21  # steps of lines times operations of a stage, after which Python handles Ctrl-C
+
+
+@functools.lru_cache
+def plan_of(direction):
+    """Return the columns (k, 4) of `generated_flow.Column`, for time forward or backward."""
+    stages = extrapolation(*COLUMNS)
+    weights, plan = weights_of(stages), np.empty((len(COLUMNS), 4))
+    plan.view(np.int64)[:, 0] = COLUMNS
+    plan[:, 1] = direction * 0.5 / np.array(COLUMNS)
+    plan[:, 2:] = weights[weights[:, 0] != 0.0]
+    return plan
+
+
+@function
+def solve_stages(indices, halves, rows, D, least):
+    """Take a stage of all lanes by elimination with pivoting.
+
+    The lines are rows[line, row, lane], whose first D rows are the states; halves (lines, T, W).
+    The row `least` becomes -1 where there is no next state, or the step was from det A < 0.
+    """
+    system, units, x = np.empty((D, D + 1, 1)), np.empty((2, D)), np.empty(D)
+    half = np.empty(halves.shape[1])
+    for line in range(len(rows)):
+        for l in range(rows.shape[2]):
+            for t in range(len(half)):
+                half[t] = halves[line, t, l]
+            for i in range(D):
+                x[i] = rows[line, i, l]
+            status, negative = solve_lane(indices, half, x, system, units)
+            for i in range(D):
+                rows[line, i, l] = x[i]
+            if status != OK or negative:
+                rows[line, least, l] = -1.0
+
+
+class Motion:
+    """Trajectories x0 (B, D) of fields with one pattern of terms, in lines of lanes.
+
+    values      (1 or B, T), of the terms
+    direction   1 or -1, forward or backward in time
+    last        modulus of the last time, the length of the first step of a state at rest
+    """
+
+    def __init__(self, indices, values, x0, rtol, direction, last):
+        self.B, self.D = x0.shape
+        W = min(1 << (self.B - 1).bit_length(), 4) if self.B <= WIDTH else WIDTH
+        self.step, self.W = stage_of(np.ascontiguousarray(indices, np.int64).tobytes(), self.D), W
+        self.places, self.rtol = rows_of(self.step), np.array([rtol])
+        self.plan, self.for_each = plan_of(direction), len(values) > 1
+        x = in_lines(x0, W)
+        self.values = in_lines(values, W) if self.for_each else values.reshape(1, -1, 1)
+        self.rows = np.zeros((len(x), self.places.size, W))
+        with np.errstate(all="ignore"):
+            first = self._first_lengths(x, last)
+        for place, values in (
+            (self.places.base, np.where(first > 0.0, x.swapaxes(0, 1), np.nan).swapaxes(0, 1)),
+            (self.places.largest, abs(x)),
+            (self.places.wanted, first),
+            (self.places.first, first),
+        ):
+            values = values.reshape(len(x), -1, W)
+            self.rows[:, place : place + values.shape[1]] = values
+
+    def _first_lengths(self, x, last):
+        """Return the lengths of first steps (lines, W), 0 where f(x) is not finite."""
+        f = abs(rates(self.step.indices, self.D, x.swapaxes(0, 1), self.values.swapaxes(0, 1)))
+        f, size = f.max(axis=0, initial=0.0), abs(x).max(axis=1)
+        length = np.where((f > 0.0) & (size > 0.0), 0.125 * size / f, last)
+        return np.where(np.isfinite(f + size), np.minimum(length, last), 0.0)
+
+    def ends(self):
+        """Return which trajectories have ended, and the moduli of their times (B,) each."""
+        time, wanted = (
+            self.rows[:, place].reshape(-1)[: self.B]
+            for place in (self.places.time, self.places.wanted)
+        )
+        return wanted == 0.0, time
+
+    def advance(self, times, out, abandoned=()):
+        """Write the states at later times (n,), ascending moduli, to out (n, B, D)."""
+        address = (
+            code_of(text_of_flow, self.step, self.W, self.for_each) if self.step.usual else None
+        )
+        if address is None:
+            self._advance_in_numpy(times, out)
+            return
+        arguments, _kept_alive = self._arguments(times, out)
+        budget = max(BUDGET // len(self.step.usual), 1)
+        while not abandoned:
+            arguments[SLOT.budget] = budget
+            if call(address, arguments):
+                break
+
+    def _arguments(self, times, out):
+        """Return the arguments of machine code, and what has to stay alive while it runs."""
+        lines = len(self.rows)
+        most = min(max(ACTIVE // self.rows[0].nbytes, 4), lines)
+        active, place = np.arange(most), np.zeros(lines, np.int64)
+        kept = np.empty(len(self.step.pieces[1]) * self.W)
+        times = np.ascontiguousarray(times)
+        arguments = FlowArguments(
+            rows=self.rows.ctypes.data,
+            lines=lines,
+            values=self.values.ctypes.data,
+            plan=self.plan.ctypes.data,
+            columns=len(self.plan),
+            times=times.ctypes.data,
+            count=len(times),
+            states=out.ctypes.data,
+            state_bytes=out.strides[0],
+            trajectories=self.B,
+            rtol=self.rtol.ctypes.data,
+            kept=kept.ctypes.data,
+            place=place.ctypes.data,
+            active=active.ctypes.data,
+            taking=most,
+            next=most,
+            budget=0,
+        )
+        return np.array(arguments, np.int64), (kept, active, place, times)
+
+    def _advance_in_numpy(self, times, out):
+        """Take the same steps by NumPy: the reference, where there is no machine code."""
+        for end, states in zip(times, out, strict=True):
+            while True:
+                time, wanted = self.rows[:, self.places.time], self.rows[:, self.places.wanted]
+                if ((time == end) | (wanted == 0.0)).all():
+                    break
+                self._step_to(end)
+            base = self.rows[:, self.places.base : self.places.base + self.D]
+            states[:] = base.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
+
+    def _step_to(self, end):
+        """Take one step of all lanes, at most to a time."""
+        rows, places, D = self.rows.swapaxes(0, 1), self.places, self.D
+        x, base, total, second = (
+            rows[first : first + D]
+            for first in (places.x, places.base, places.total, places.second)
+        )
+        rest, wanted = end - rows[places.time], rows[places.wanted]
+        taken = rows[places.taken] = np.where(wanted < rest, wanted, rest)
+        total[:], second[:], rows[places.least] = 0.0, 0.0, 1.0
+        values = self.values.swapaxes(0, 1)
+        for (_, scale, weight, without), n in zip(self.plan, COLUMNS, strict=True):
+            halves = scale * taken * values
+            x[:] = base
+            for _ in range(n):
+                self._take_stage(rows, halves)
+            change = x - base
+            total += weight * change
+            second += without * change
+        choice = self.step.choice
+        found = dict(enumerate([*rows[places.base : places.base + 4 * D], *values]))
+        scalars = [rows[k] for k in range(places.time, places.least + 1)]
+        found.update(enumerate([*scalars, end, self.rtol[0]], len(found)))
+        evaluate(choice.operations, found)
+        results = [found[number] for number in choice.results]
+        base[:] = results[:D]
+        rows[places.largest : places.largest + D] = results[D : 2 * D]
+        rows[places.time], rows[places.wanted] = results[2 * D :]
+
+    def _take_stage(self, rows, halves):
+        """Take a stage of all lanes; halves are h v of the terms (T, lines, W)."""
+        step, least = self.step, rows[self.places.least]
+        if not step.usual:
+            own = np.ascontiguousarray(
+                np.broadcast_to(halves.swapaxes(0, 1), (len(self.rows), *halves.shape[:1], self.W))
+            )
+            solve_stages(step.indices, own, self.rows, self.D, self.places.least)
+            return
+        found = dict(enumerate([*rows[: self.D], *halves]))
+        evaluate(step.fixed, found)
+        evaluate(step.usual, found)
+        lower = found[step.least]
+        least[:] = np.where(lower < least, lower, least)
+        rows[: self.D] = [found[number] for number in step.after]
+
+
+class FlowKernel(Kernel):
+    """The kernel that advances each `Motion` of a list to times, and writes to its array."""
+
+    def __init__(self):
+        self.py_func = _advance
+
+    def __call__(self, motions, times, outs, abandoned=()):
+        with np.errstate(all="ignore"):  # each thread has its own
+            for motion, out in zip(motions, outs, strict=True):
+                _advance(motion, times, out, abandoned)
+
+    def serial(self, motions, times, outs):
+        self(motions, times, outs)
+
+    def parallel(self, threads, motions, times, outs):
+        abandoned = []
+
+        def take(part):
+            self(motions[part::threads], times, outs[part::threads], abandoned)
+
+        in_parts(threads, take, abandoned)
+
+
+def _advance(motion, times, out, abandoned):
+    if not abandoned:
+        motion.advance(times, out, abandoned)
+
+
+flow_kernel = FlowKernel()

@@ -1,0 +1,123 @@
+"""The motion of a field at given times, to a tolerance: `flow` of fields."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .. import checks
+from ..checks import FloatArray, first_index, require, spell, wrong
+from ..core.flow import Motion, flow_kernel
+from ..engine.arguments import ALL, alike, by_field, flat_arrays
+from ..engine.problem import Problem
+from ..engine.status import PoleWarning
+from ..engine.stretches import Progress, Report, reporter
+from ..engine.threads import available, call_kernel
+
+DEFAULT, LEAST, MOST = 1e-9, 1e-13, 1e-2
+# Trajectories of a `Motion`, and steps of the map for one, by which threads are chosen.
+_CHUNK, _USUAL = 2**12, 600
+
+
+def checked_tolerance(rtol: Any) -> float:
+    """Return `rtol`, or its default for None."""
+    if rtol is None:
+        return DEFAULT
+    number = checks.real_number("rtol", rtol)
+    if not isinstance(number, float) or not LEAST <= number <= MOST:
+        raise wrong("rtol", f"a number from {LEAST:g} to {MOST:g}", checks.short(rtol))
+    return number
+
+
+def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress) -> FloatArray:
+    """Return the states (N, ..., D) at times (N,), NaN where a solution has ended."""
+    x0, D = flat_arrays(problem.omega, problem.batch), problem.body.dimension
+    require(8 * (len(times) + 8) * x0.size, "compute fewer states at a time")
+    states = np.full((len(times), *x0.shape), np.nan)
+    ended, ends = np.zeros(len(x0), bool), np.zeros(len(x0))
+    states[times == 0.0] = np.where(np.isnan(x0).any(axis=1, keepdims=True), np.nan, x0)
+    done = int(np.count_nonzero(times == 0.0))
+    with reporter(progress, len(times)) as report:
+        goes_on = True
+        for direction in (1, -1):
+            later, where = np.unique(
+                direction * times[direction * times > 0.0], return_inverse=True
+            )
+            if not len(later) or not goes_on:
+                continue
+            rows = np.flatnonzero(direction * times > 0.0)
+            count = np.bincount(where)
+
+            def told(row: int, count: Any = count, before: int = done) -> bool:
+                return report is None or report(before + int(count[:row].sum()))
+
+            found, now_ended, at = _in_direction(
+                problem, x0, later, direction, rtol, told if report else None
+            )
+            states[rows] = found[where]
+            ends = np.where(now_ended & ~ended, direction * at, ends)
+            ended |= now_ended
+            done += int(count.sum())
+            goes_on = not np.isnan(found[-1]).all() or report is None
+    _warn_of_ends(ended & ~np.isnan(x0).any(axis=1), ends, problem.batch)
+    return states.reshape(len(times), *problem.batch, D)
+
+
+def _in_direction(
+    problem: Problem,
+    x0: FloatArray,
+    times: FloatArray,
+    direction: int,
+    rtol: float,
+    told: Report | None,
+) -> tuple[FloatArray, Any, FloatArray]:
+    """Return states at ascending moduli of times, which solutions have ended, and when."""
+    indices, values, eps = by_field(problem.body, 1.0, problem.batch)
+    out, groups = np.full((len(times), *x0.shape), np.nan), []
+    motions: list[Any] = []
+    outs: list[FloatArray] = []
+    threads = problem.threads or available()
+    for where, own, v, _ in alike(indices, values, eps):
+        x = x0[where]
+        states = out if where is ALL else np.full((len(times), *x.shape), np.nan)
+        size = min(max(-(-len(x) // (8 * threads)) * 8, 8), _CHUNK)
+        parts = [slice(first, min(first + size, len(x))) for first in range(0, len(x), size)]
+        for part in parts:
+            of_part = v[part] if len(v) > 1 else v
+            motions.append(Motion(own, of_part, x[part], rtol, direction, times[-1]))
+            outs.append(states[:, part])
+        groups.append((where, states, len(parts)))
+    cost = sum(m.B * max(len(m.step.usual), m.D**3) for m in motions) // 10
+    if told is None:
+        call_kernel(flow_kernel, cost * _USUAL, problem.threads, motions, times, outs)
+    else:
+        for k in range(len(times)):
+            at_once = [each[k : k + 1] for each in outs]
+            work = cost * _USUAL // len(times)
+            call_kernel(flow_kernel, work, problem.threads, motions, times[k : k + 1], at_once)
+            if not told(k + 1):
+                break
+    ended, ends = np.zeros(len(x0), bool), np.zeros(len(x0))
+    left = iter(motions)
+    for where, states, count in groups:
+        of_parts = [next(left).ends() for _ in range(count)]
+        if of_parts:
+            ended[where], ends[where] = (
+                np.concatenate(each) for each in zip(*of_parts, strict=True)
+            )
+        if where is not ALL:
+            out[:, where] = states
+    return out, ended, ends
+
+
+def _warn_of_ends(ended: Any, ends: FloatArray, batch: tuple[int, ...]) -> None:
+    """Warn of solutions that end, with the index and the time of the first."""
+    if ended.any():
+        first = first_index(ended.reshape(batch))
+        time = ends[int(np.argmax(ended))]
+        checks.warn(
+            f"{np.count_nonzero(ended)} of {ended.size} solutions end, and are NaN from there on; "
+            f"first: {spell(first)} near t = {time:.9g}",
+            PoleWarning,
+        )

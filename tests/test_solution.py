@@ -126,6 +126,8 @@ def test_bodies_without_a_closed_form(call):
         sf.NotIntegrableError, match=r"body 1,.* use (iterate|flow\(QuadraticField\.of)"
     ):
         call(body, [0.3, 0.9, -0.6], *eps, *n)
+    if call is sf.flow:  # which integrates fields
+        return
     field = sf.QuadraticField([[[1]]])
     with pytest.raises(TypeError, match=r"^body must"):
         call(field, [0.3], *eps, *n)

@@ -20,7 +20,8 @@ DOCS = Path(__file__).resolve().parent
 IMAGES = DOCS / "images"
 SCRIPTS = {path.stem: path for path in sorted((DOCS / "examples").glob("*.py"))}
 PAGES = {
-    name: DOCS / "howto" / f"{name}.md" for name in ("afternoon", "crossings", "families", "cubic")
+    name: DOCS / "howto" / f"{name}.md"
+    for name in ("equations", "afternoon", "crossings", "families", "cubic")
 }
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

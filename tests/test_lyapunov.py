@@ -74,7 +74,7 @@ def test_tangent_vectors_go_through_the_transient(rng):
 
 def test_a_line_without_machine_code_ends_when_no_lane_is_left(monkeypatch):
     """As of dense fields of 26 variables. One start is NaN, and one reaches a pole."""
-    monkeypatch.setattr("suslov_fast.core.tangent.LARGE", 0)
+    monkeypatch.setattr("suslov_fast.core.tangent.MOST", 0)
     square = sf.QuadraticField([[[1.0]]])
     with pytest.warns(sf.SingularStepWarning):
         assert np.isnan(sf.lyapunov_exponents(square, [[np.nan], [2.0]], 0.5, 40)).all()

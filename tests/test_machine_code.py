@@ -3,19 +3,30 @@
 import functools
 import os
 import pickle
+import re
 import weakref
 
 import children
 import numpy as np
 import pytest
+from llvmlite import binding
 
 import suslov_fast as sf
-from suslov_fast.core import careful, field_system, machine_code, operations, steps_field, tangent
+from suslov_fast.core import (
+    careful,
+    field_system,
+    generated,
+    machine_code,
+    operations,
+    steps_field,
+    tangent,
+)
 from suslov_fast.core import numba as core_numba
-from suslov_fast.core.generated_tangent import text_of_orthonormalise
+from suslov_fast.core.generated_tangent import text_of_orthonormalise, text_of_tangent
 from suslov_fast.engine import derivatives, stretches
 
 pytestmark = pytest.mark.compiled
+SLOW = pytest.mark.slow
 
 
 def of_a(x, a):
@@ -119,6 +130,7 @@ def test_a_long_list_is_divided(rng, monkeypatch, anew, batch):
     x0 = rng.normal(size=(batch, 6))
     args = field, x0, np.full(batch, 0.02), 20
     whole = sf.iterate(*args, on_singular="ignore")
+    monkeypatch.setattr(operations, "WHOLE", 50)
     monkeypatch.setattr(operations, "PIECE", 50)
     monkeypatch.setattr(machine_code, "_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
@@ -284,6 +296,26 @@ assert (run(2) == expected).all()
 def test_a_child_of_a_parent_that_ran_fields_in_threads():
     """It has none of their threads, and neither hangs nor computes other bits."""
     children.run(FORK, timeout=120)
+
+
+@pytest.mark.parametrize("W", [1, 8])
+@pytest.mark.parametrize("D", [6, 13, *(pytest.param(D, marks=SLOW) for D in (9, 10, 18, 19, 20))])
+@pytest.mark.parametrize("text_of", [generated.text_of_steps, text_of_tangent])
+def test_frames(text_of, D, W):
+    """No code takes 256 KB of a stack: a thread may have 512 KB. Dense fields, any x86-64."""
+    indices = [(i, j, k) for i in range(D) for j in range(D + 1) for k in range(j, D + 1)]
+    step = steps_field.scheme_of(np.transpose(indices), D).step
+    if text_of is text_of_tangent:
+        step = tangent._tangent_of(step.indices.tobytes(), D)
+    binding.initialize_all_targets()
+    binding.initialize_all_asmprinters()
+    target = binding.Target.from_triple("x86_64-unknown-linux-gnu")
+    level = 2 if len(step.usual) < machine_code.MANY else 0
+    machine = target.create_target_machine(cpu="x86-64", features="", opt=level)
+    code = machine.emit_assembly(binding.parse_assembly(text_of(step, "f", W, False, 64)))
+    # The last function calls the others, one after the other.
+    *pieces, last = map(int, re.findall(r"sub[lq]?\s+\$(\d+), %rsp", code))
+    assert 0 < last + max(pieces, default=0) < 2**18
 
 
 POOL = """

@@ -3,6 +3,7 @@
 `operations.Tangent` has the operations of a step; `tangent` takes the steps that they cannot take.
 """
 
+from .generated import loader, piece_function
 from .machine_code import Text
 
 # Rows of a line: the state; the numbers below; the products of the lengths of D columns; columns.
@@ -37,16 +38,22 @@ def columns_of(D, W):
 
 
 def text_of_tangent(tangent, name, W, for_each, _):
-    """Return the text of i64 name(line, table, ignored, steps): steps of one line with its columns.
+    """Return the text of i64 name(line, table, kept, ignored, steps): steps of a line with columns.
 
-    Columns q become -DPhi q. The code returns the number of steps with bits of lanes, see STEP. It
-    stops after a step with such bits, and before a step that is not accurate. Bits in `ignored`
-    mark lanes that do not stop it.
+    Columns q become -DPhi q. `kept` is memory for values that later pieces of a long list need. The
+    code returns the number of steps with bits of lanes, see STEP. It stops after a step with such
+    bits, and before a step that is not accurate. Bits in `ignored` mark lanes that do not stop it.
     """
     text, D, size, all_lanes = Text(W), tangent.D, 8 * W, (1 << W) - 1
     new, integer, V = text.new, text.integer, text.V
     at_once, room = columns_of(D, W)
-    text.add(f"define i64 @{name}(i64 %line, i64 %table, i64 %ignored, i64 %steps) #0 {{")
+    (*before, usual), _ = tangent.pieces
+    if W > 1 and before:  # a long list: its columns at once would need as much of a stack
+        at_once = 1
+    for k, piece in enumerate(before):
+        piece_function(text, tangent, f"{name}_{k}", piece, for_each)
+    arguments = "i64 %line, i64 %table, i64 %kept, i64 %ignored, i64 %steps"
+    text.add(f"define i64 @{name}({arguments}) #0 {{")
     text.label("entry")
     places = [text.plus("%line", size * i) for i in range(2 * D + LENGTHS)]
     text.jump("step")
@@ -57,24 +64,21 @@ def text_of_tangent(tangent, name, W, for_each, _):
     values = {i: text.load(V, places[i]) for i in range(D)}
     values |= dict(enumerate(carried, D + tangent.T))
 
-    def of_table(number):
-        address = text.plus("%table", (size if for_each else 8) * tangent.places[number])
-        return (
-            text.load(V, address)
-            if for_each or W == 1
-            else text.splat(text.load("double", address), W)
-        )
-
-    text.carry_out(tangent.usual, values, of_table)
-    for _, _, operands in tangent.columns:
-        for number in operands:
-            if isinstance(number, int) and number in tangent.values.fixed and number not in values:
-                values[number] = of_table(number)
+    for k in range(len(before)):
+        text.add(f"  call void @{name}_{k}(i64 %line, i64 %table, i64 %kept)")
+    load = loader(text, tangent, for_each, "%line", "%table", "%kept")
+    text.carry_out(usual, values, load)
+    of_columns = {*tangent.column, *(number for _, number, _ in tangent.columns)}
+    operands = (number for *_, operands in tangent.columns for number in operands)
+    results = [*tangent.after, *tangent.scaled]
+    for number in dict.fromkeys([*operands, *results]):
+        if isinstance(number, int) and number not in of_columns and number not in values:
+            values[number] = load(number)
     text.branch(text.all_true(values[tangent.good]), "columns", "rare", likely=True)
 
     text.label("rare")
     rare = dict(values)
-    text.carry_out(tangent.rare, rare, of_table)
+    text.carry_out(tangent.rare, rare, load)
     others = integer("xor", "%ignored", all_lanes)
     accurate, derived = text.bits(rare[tangent.accurate]), text.bits(rare[tangent.derived])
     negative = integer("and", integer("and", accurate, text.bits(rare[tangent.negative])), others)

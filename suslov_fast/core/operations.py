@@ -31,8 +31,10 @@ from .planned_elimination import Factors, Matrix, elimination_order, work_of
 # A state has lost digits if one component falls below SMALL_PART of half its increment, or if all
 # components fall below LARGE_PART of theirs.
 SMALL_PART, LARGE_PART = 2.0**-10, 2.0**-4
-PIECE = 4000  # operations of a function
 SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
+# A list of more than WHOLE operations is divided into functions of PIECE operations. Where LLVM
+# does not optimise, each value for eight lanes takes 64 bytes of a stack.
+WHOLE, PIECE = 4000, 1000
 MOST = 36_000  # products of elimination and terms, above which a plan takes longer than it saves
 
 # Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
@@ -255,15 +257,16 @@ class Step:
 
     @functools.cached_property
     def pieces(self):
-        """The usual operations, PIECE at a time, and a row for each value that a later piece needs.
+        """The usual operations in pieces, and a row for each value that a later piece needs.
 
         One function for all would take more memory of a stack than a thread has. All tests are in
         the last piece, because rows hold numbers and no truth values.
         """
         usual = enumerate(self.usual)
         tests = (k for k, (instruction, *_) in usual if instruction in OF_TRUTH_VALUES)
-        first = range(0, max(next(tests, len(self.usual)), 1), PIECE)
-        pieces = [self.usual[k : k + PIECE] for k in first[:-1]] + [self.usual[first[-1] :]]
+        length = PIECE if len(self.usual) > WHOLE else WHOLE
+        first = range(0, max(next(tests, len(self.usual)), 1), length)
+        pieces = [self.usual[k : k + length] for k in first[:-1]] + [self.usual[first[-1] :]]
         piece_of = {number: k for k, piece in enumerate(pieces) for _, number, _ in piece}
         last = len(pieces) - 1
         needed = [(k, a) for k, piece in enumerate(pieces) for *_, of in piece for a in of]

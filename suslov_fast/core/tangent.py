@@ -45,12 +45,13 @@ from .generated_tangent import (
     text_of_tangent,
 )
 from .llvm import call_code, for_size, uncounted
-from .machine_code import LARGE, code_of
+from .machine_code import code_of
 from .numba import function, inlined, kernel, lesser, share
 from .operations import Tangent
 from .stages import distinct, weights_of
 from .steps_field import Scheme, scheme_of, tables_of
 
+MOST = 40_000  # operations, above which compiling takes longer than most runs
 INTERVAL = 16  # steps, after which columns are orthonormalised at the latest
 _NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` needs D alone
 
@@ -62,6 +63,7 @@ class Arguments(NamedTuple):
     orthonormalise: int  # address of the code of `text_of_orthonormalise`, 0 if there is none
     W: int
     room: int  # see `columns_of`
+    kept: int  # rows for values that later pieces of a long list need
     indices: Any  # (3, T)
     table: Any  # (fractions, 1 or lines, n, 1 or W)
     halves: Any  # (1 or lines, T, 1 or W)
@@ -80,12 +82,12 @@ def arguments_of(scheme, values, eps, count):
     (step, stages), fractions = scheme, scheme.stages.fractions
     tangent, W = _tangent_of(step.indices.tobytes(), step.D), WIDTH if count > 1 else 1
     halves, table = tables_of(Scheme(tangent, stages), values, eps, W)
-    room, address, size = columns_of(tangent.D, W)[1], None, len(tangent.usual + tangent.columns)
-    if 0 < size < LARGE:
-        address = code_of(text_of_tangent, tangent, W, halves.shape[2] > 1)
+    room, is_each, address = columns_of(tangent.D, W)[1], halves.shape[2] > 1, None
+    if 0 < len(tangent.usual + tangent.columns) < MOST:
+        address = code_of(text_of_tangent, tangent, W, is_each)
     codes = address, code_of(text_of_orthonormalise, scheme_of(_NO_TERMS, step.D).step, W)
     of_stages = np.array(fractions), distinct(fractions)[1], weights_of(stages)[:, 0].copy()
-    fixed = W, room, step.indices, table, halves, *of_stages
+    fixed = W, room, len(tangent.pieces[1]), step.indices, table, halves, *of_stages
     return Arguments(*(int(code or 0) for code in codes), *fixed), codes
 
 
@@ -101,6 +103,7 @@ class Memory(NamedTuple):
     """The memory of a thread: the rows of a line, and all that steps by `solve` need."""
 
     line: Any  # (2 D + LENGTHS + D room, W), see `generated_tangent`
+    kept: Any  # (kept, W)
     before: Any  # (W, D), states before the step
     columns: Any  # (W, D, D)
     products: Any  # (W, 2), NEAR_1 and FAR_FROM_1 before the step
@@ -118,7 +121,7 @@ def memory_of(arguments, D):
     T, W = arguments.indices.shape[1], arguments.W
     return Memory(
         np.empty((2 * D + LENGTHS + D * arguments.room, W)),
-        np.empty((W, D)), np.empty((W, D, D)), np.empty((W, 2)),
+        np.empty((arguments.kept, W)), np.empty((W, D)), np.empty((W, D, D)), np.empty((W, 2)),
         np.zeros(W, np.int64), np.empty((T,)), np.empty((D,)),
         np.empty((D, D + 1, 1)), np.empty((D, 2 * D, 1)), np.empty((2, D)),
     )  # fmt: skip
@@ -161,9 +164,10 @@ def take_steps(arguments, memory, place, stage, ignored, steps):
     """
     line, all_lanes, address = memory.line, (1 << arguments.W) - 1, arguments.step
     table = arguments.table[arguments.tables[stage], place % arguments.table.shape[1]].ctypes.data
+    kept = memory.kept.ctypes.data
     code = np.int64(all_lanes & ~ignored) << STEP  # all need `solve`, without machine code
     if address != 0:
-        code = call_code(address, (line.ctypes.data, table, ignored, steps))
+        code = call_code(address, (line.ctypes.data, table, kept, ignored, steps))
     elif code == 0:  # all lanes have ended
         code = steps
     taken, step = code & ((1 << STEP) - 1), (code >> STEP) & all_lanes
@@ -172,9 +176,8 @@ def take_steps(arguments, memory, place, stage, ignored, steps):
         copy_lanes(arguments, memory, solved)
         code = np.int64(0)
         if address != 0:  # the other lanes take this step, too
-            code = call_code(
-                address, (line.ctypes.data, table, np.int64(ignored | solved), np.int64(1))
-            )
+            others = np.int64(ignored | solved)
+            code = call_code(address, (line.ctypes.data, table, kept, others, np.int64(1)))
         negative |= (code >> NEGATIVE) & all_lanes
         negative |= solve_lanes(arguments, memory, place, stage, step, solved)
         taken += 1

@@ -1,0 +1,128 @@
+"""Machine code of random lists of operations carries out what NumPy does, to the bit."""
+
+import numpy as np
+import pytest
+
+import suslov_fast as sf
+from suslov_fast.core import machine_code, operations, steps_field
+from suslov_fast.core.careful import careful
+from suslov_fast.core.stages import Stages
+
+pytestmark = pytest.mark.compiled
+
+ARITHMETIC = ["fadd", "fsub", "fmul", "fdiv", "fabs", "max", "min"]
+COMPARISONS = ["olt", "ogt", "oge", "oeq"]
+CONSTANTS = [0.0, -0.0, 1.0, -1.5, 1e-300, np.inf, np.nan]
+STAGES = [(1.0,), (0.5, -0.25, 0.75)]
+
+
+class RandomStep(operations.Step):
+    """A list that no field has: it takes states, constants and parameters in any order."""
+
+    def __init__(self, rng, D, T, length):
+        self.indices, self.D, self.T = rng.integers(0, D, (3, T)), D, T
+        values = self.values = operations.Values(D + T, range(D, D + T))
+        numbers, truths = [*range(D + T)], []
+        emit = values.emit
+
+        def operand():
+            is_constant = rng.random() < 0.1
+            return float(rng.choice(CONSTANTS)) if is_constant else int(rng.choice(numbers))
+
+        def extend(count, kinds):
+            for kind in rng.choice(kinds, count):
+                if kind in COMPARISONS:
+                    truths.append(emit(str(kind), operand(), operand()))
+                elif kind in ("and", "or", "xor"):
+                    truths.append(emit(str(kind), *map(int, rng.choice(truths, 2))))
+                elif kind == "select":
+                    numbers.append(emit("select", int(rng.choice(truths)), operand(), operand()))
+                else:
+                    operands = [operand() for _ in range(1 if kind == "fabs" else 2)]
+                    numbers.append(emit(str(kind), *operands))
+
+        extend(length, ARITHMETIC)
+        extend(4, COMPARISONS)
+        extend(length // 2, [*ARITHMETIC, *COMPARISONS, "and", "or", "xor", "select"])
+        self.after = [int(n) for n in rng.choice(numbers, D)]
+        # Now and then all lanes are good, often some.
+        self.good = emit("or", int(rng.choice(truths)), int(rng.choice(truths)))
+        first = len(values.operations)
+        extend(length // 3, [*ARITHMETIC, *COMPARISONS, "and", "or", "xor", "select"])
+        # As in a step, both are the same where `good` is true.
+        self.after_rare = [emit("select", self.good, k, operand()) for k in self.after]
+        self.accurate, self.negative = emit("olt", 0.0, 1.0), emit("olt", 1.0, 0.0)
+        self.rare = values.operations[first:]
+        self._separate_fixed()
+
+
+def reference(step, x, halves, fractions, steps):
+    """Carry out the list by NumPy, stage by stage; return all states (steps + 1, B, D)."""
+    states = [x]
+    for _ in range(steps):
+        for fraction in fractions:
+            values = dict(enumerate([*x.T, *(fraction * halves).T]))
+            with np.errstate(all="ignore"):
+                for part in (step.fixed, step.usual, step.rare):
+                    operations.evaluate(part, values)
+            x = np.transpose([np.broadcast_to(values[k], len(x)) for k in step.after_rare])
+        states.append(x)
+    return np.array(states)
+
+
+def same_bits(found, expected):
+    """Return whether numbers are equal, with their signs, or both are NaN."""
+    same = (found == expected) & (np.signbit(found) == np.signbit(expected))
+    return (same | (np.isnan(found) & np.isnan(expected))).all()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
+    """For lists in one piece and in several, lanes with parameters of their own, any alignment."""
+    rng = np.random.default_rng(seed)
+    monkeypatch.setattr(machine_code, "_codes", {})
+    if seed % 3 == 0:
+        monkeypatch.setattr(operations, "WHOLE", 20)
+        monkeypatch.setattr(operations, "PIECE", 20)
+    D, T, steps, stages = 1 + seed // 2 % 4, 1 + seed % 3, 3, STAGES[seed // 4 % 2]
+    step = RandomStep(rng, D, T, 60)
+    assert (len(step.pieces[0]) > 1) == (seed % 3 == 0)
+    W, B = (1, 2, 4, 8)[seed % 4], (13, 16, 24)[seed % 3] if seed % 4 else 1
+    scheme = steps_field.Scheme(step, Stages(stages))
+    for every in (0, 1, 2):
+        for count in (1, B):  # rows of parameters
+            x = rng.normal(size=(B, D)) * 10.0 ** rng.integers(-3, 4, (B, D))
+            x[rng.random(x.shape) < 0.1] = rng.choice(CONSTANTS)
+            values, eps = rng.normal(size=(count, T)), rng.uniform(0.1, 1.0, count)
+            notes = np.zeros(B, np.int8), np.zeros(B, np.int64), np.zeros(B)
+            lines = steps_field._Lines((scheme, values, eps), x, notes, np.zeros((D, B)), W)
+            memory = np.empty((steps + 2) * B * D + 16)
+            shift = -(memory.ctypes.data // 8) % 8 + (0, 1, 2)[(seed + count) % 3]
+            rows = steps // every if every else 0
+            saved = memory[shift : shift + rows * B * D].reshape(rows, B, D)
+            assert lines.take(0, steps, saved, every, True, ())
+            halves = 0.5 * eps[:, None] * values
+            states = reference(step, x, halves, stages, steps)
+            assert same_bits(lines.states(), states[-1])
+            assert same_bits(saved, states[every::every] if every else states[:0])
+    kinds = {each[3:6] for each in machine_code._codes}
+    assert {W} == {each[0] for each in kinds}
+    assert len(kinds) >= (2 if B == 1 else 4)
+    assert None not in machine_code._codes.values()
+
+
+def test_steps_by_elimination_pause(monkeypatch):
+    """So that Python hears Ctrl-C: the code returns when it has made as many calls as it may."""
+    calls, usual = [], steps_field.call
+
+    def count(*arguments):
+        calls.append(usual(*arguments))
+        return calls[-1]
+
+    field, x0 = sf.QuadraticField([[[1.0]]]), np.full((3000, 1), 2.0)
+    careful.compile()
+    expected = sf.iterate(field, x0, 0.5, 20, on_singular="ignore")
+    monkeypatch.setattr(steps_field, "call", count)
+    monkeypatch.setattr(steps_field, "SOLVED", 1)
+    assert sf.iterate(field, x0, 0.5, 20, on_singular="ignore", threads=1) == expected
+    assert len(calls) > 1

@@ -21,6 +21,7 @@ class RandomStep(operations.Step):
 
     def __init__(self, rng, D, T, length):
         self.indices, self.D, self.T = rng.integers(0, D, (3, T)), D, T
+        self.of_one_sign = ()
         values = self.values = operations.Values(D + T, range(D, D + T))
         numbers, truths = [*range(D + T)], []
         emit = values.emit
@@ -123,6 +124,6 @@ def test_steps_by_elimination_pause(monkeypatch):
     careful.compile()
     expected = sf.iterate(field, x0, 0.5, 20, on_singular="ignore")
     monkeypatch.setattr(steps_field, "call", count)
-    monkeypatch.setattr(steps_field, "SOLVED", 1)
+    monkeypatch.setattr(steps_field, "CAREFUL_TIME", 1)
     assert sf.iterate(field, x0, 0.5, 20, on_singular="ignore", threads=1) == expected
     assert len(calls) > 1

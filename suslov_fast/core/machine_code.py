@@ -19,7 +19,6 @@ from .numba import advice_on_numba
 from .operations import OF_TRUTH_VALUES
 
 MANY = 4000  # operations, above which compiling takes longer than it saves: see `listed`
-LARGE = 40_000  # operations, above which one function needs too much stack
 # Codes that are kept, beside those that last. Each takes two memory mappings; Linux grants 65,530
 # to a process, and LLVM ends the process where it gets none.
 MOST_CODES = 4096

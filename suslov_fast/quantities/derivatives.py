@@ -247,9 +247,8 @@ def _multipliers(checked: Problem, member: str = "") -> Any:
     """Return the multipliers (..., D); `member` is text for messages."""
     with np.errstate(all="ignore"):
         eigenvalues = checked.map.known_eigenvalues
-        slopes = (_slopes_at_fixed_points if eigenvalues else _jacobian_at_fixed_points)(
-            checked, member
-        )
+        slopes_at = _slopes_at_fixed_points if eigenvalues else _jacobian_at_fixed_points
+        slopes = slopes_at(checked, member)
         known = np.asarray(np.isfinite(slopes).all(axis=(-2, -1)))[..., np.newaxis]
         slopes = np.where(known[..., np.newaxis], slopes, 0.0)
         if eigenvalues:

@@ -62,7 +62,7 @@ class _FieldOfTerms(Body):
             _labels=names,
         )
 
-    def _with(self, parts: Mapping[str, Any]) -> _FieldOfTerms:
+    def _with(self, parts: Mapping[str, Any]) -> Any:
         return self._of({**parts, NAMES: self.names})
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -53,7 +53,7 @@ def fractions(values: Any) -> Any:
     """Return an array of floats or fractions as fractions."""
     if values.dtype == object:
         return values
-    found = np.empty(values.shape, object)
+    found: Any = np.empty(values.shape, object)
     found.flat = [*map(Fraction, values.ravel().tolist())]
     return found
 
@@ -149,9 +149,9 @@ def values_at(terms: Terms, x: Any, names: Sequence[str], degree: int) -> Any:
     return sums
 
 
-def rows_of(terms: Terms, D: int) -> list[dict[tuple[int, int], Any]]:
+def rows_of(terms: Terms, D: int) -> list[dict[tuple[int, ...], Any]]:
     """Return the exact terms of each component of a single field: {(j, k): value}, in order."""
-    rows: list[dict[tuple[int, int], Any]] = [{} for _ in range(D)]
+    rows: list[dict[tuple[int, ...], Any]] = [{} for _ in range(D)]
     for (i, j, k), v in sorted(terms.exact.members()):
         rows[i][j, k] = v
     return rows

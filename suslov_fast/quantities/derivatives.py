@@ -232,7 +232,7 @@ def _of_each_member(family: Any, points: list[Any], eps: ArrayLike, method: str)
     if common_shape({"body": family.shape, "eps": step.shape}) != family.shape:
         raise wrong("eps", f"a number, or one for each of {len(points)} members", step.shape)
     steps = np.broadcast_to(step, family.shape)
-    values = []
+    values: list[Any] = []
     for x, index in zip(points, np.ndindex(family.shape), strict=True):
         if x is None:  # infinitely many fixed points
             values.append(None)

@@ -95,7 +95,8 @@ def columns_of(data: Any) -> dict[str, tuple[str, Any]]:
     """
     if _INDICES not in data:
         return {}
-    labels, columns = data["component"].values.tolist(), {"constant": ("1", [])}
+    labels = data["component"].values.tolist()
+    columns: dict[str, tuple[str, Any]] = {"constant": ("1", [])}
     for t, (_, *factors) in enumerate(data[_INDICES].values.T.tolist()):
         places = [k for k in factors if k < len(labels)]
         kind = ("constant", "linear", "quadratic")[len(places)]

@@ -47,7 +47,8 @@ def in_decimals(body: Any) -> QuadraticField:
         parts[name] = decimals(parts[name])[()]
     if H_VALUES in parts:
         parts[MATRIX] = np.vstack([parts[MATRIX][:2], decimals(parts[MATRIX][2])])
-    return body._with(parts)
+    field: QuadraticField = body._with(parts)
+    return field
 
 
 def note_on_floats(body: Any, eps: Any) -> list[str]:

@@ -114,16 +114,18 @@ def as_columns(data: Any) -> Any:
     if not columns:
         return data
     Variable, D = extra("xarray", "xarray").Variable, data.sizes["component"]
-    values, rows = data[_VALUES].variable, data[_INDICES].values[0]
+    values, rows = data[_VALUES], data[_INDICES].values[0]
+    # Dask's for a family in a store; those of a single field are few.
+    dims, array = (
+        (*values.dims[:-1], "component"),
+        values.data if values.ndim > 1 else values.values,
+    )
+    array = np.concatenate([array, np.zeros((*array.shape[:-1], 1))], axis=-1)
     for name, (monomial, terms) in columns.items():
-        term_of = np.full(D, -1)
+        term_of = np.full(D, array.shape[-1] - 1)  # the 0 at the end
         term_of[rows[terms]] = terms
-        column = Variable("component", np.zeros(D))
-        if terms:
-            picked = values.isel({_OF_TERMS[1]: Variable("component", term_of)})
-            column = picked.where(Variable("component", term_of >= 0), 0.0)
-        column.attrs = {"long_name": f"coefficient of {monomial}"}
-        coordinates[name] = column
+        meaning = {"long_name": f"coefficient of {monomial}"}
+        coordinates[name] = Variable(dims, array[..., term_of], meaning)
     return data.drop_vars([_INDICES, _VALUES]).assign_coords(coordinates)
 
 

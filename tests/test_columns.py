@@ -114,3 +114,54 @@ def test_files_whose_poles_contradict_statuses_are_refused(tmp_path):
         np.savez(tmp_path / "run.npz", **found | {"first_pole": first_pole})
         with pytest.raises(ValueError, match="first_pole"):
             sf.Trajectories.load(tmp_path / "run.npz")
+
+
+# ----------------------------------------------------------------------- users' functions of states
+def rounded(x):
+    return np.sign(x[..., 0]).astype(int)
+
+
+def is_positive(x):
+    return x[..., 0] > 0
+
+
+def masked(x):
+    return np.ma.masked_less(x[..., 0], 0.5)
+
+
+def unordered(x):
+    return x[..., 0] + 1j
+
+
+def of_one(x):
+    return x[..., 0].sum()
+
+
+@pytest.mark.parametrize("function", [rounded, is_positive])
+def test_functions_are_nan_at_states_that_do_not_exist(tmp_path, function):
+    """Integers and truth values too: from a pole on, and for starts that are NaN."""
+    field, starts = sf.QuadraticField([[[1.0]]]), [[1.0], [-0.25], [np.nan]]
+    data = sf.ensemble(
+        *(field, starts, 1.0, 2), save_every=1, store=tmp_path / "a.zarr", functions={"f": function}
+    )
+    with np.errstate(invalid="ignore"):
+        expected = np.where(np.isnan(data.x[..., 0]), np.nan, function(data.x.to_numpy()))
+    assert np.isnan(expected).sum() == 5
+    np.testing.assert_array_equal(data.f, expected)
+
+
+@pytest.mark.parametrize(
+    ("function", "error", "match"),
+    [
+        (masked, TypeError, r"functions\['f'\] .* masked array: return NaN"),
+        (unordered, TypeError, r"functions\['f'\] .*complex"),
+        (of_one, ValueError, r"functions\['f'\] .*\(3,\) *|functions\['f'\] .* for states"),
+    ],
+)
+def test_functions_without_real_values_are_refused(tmp_path, function, error, match):
+    arguments = sf.QuadraticField([[[1.0]]]), [[0.1]], 0.1, 2
+    with pytest.raises(error, match=match):
+        sf.ensemble(*arguments, store=tmp_path / "a.zarr", functions={"f": function})
+    assert not (tmp_path / "a.zarr").exists()
+    with pytest.raises(error, match="surface "):
+        sf.crossings(*arguments, function)

@@ -229,7 +229,7 @@ BAD = [
     *[({"functions": {name: radius}}, ValueError, "functions") for name in ("omega", "time")],
     ({"functions": {"r": np.sin}}, TypeError, "functions.*r"),
     ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
-    ({"functions": {"r": lambda x: x[..., 0] * 1j}}, ValueError, "functions.*r"),
+    ({"functions": {"r": lambda x: x[..., 0] * 1j}}, TypeError, "functions.*r"),
     ({"omega0": RandomStarts(10**15, 1)}, OSError, r"[\d,]{9,} bytes are free, .* [\d,]{20,}"),
     ({"store": None}, TypeError, "store"),
     ({"client": 5}, TypeError, "client"), ({"progress": 5}, TypeError, "progress"),

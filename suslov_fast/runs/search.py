@@ -20,6 +20,7 @@ from ..core.sign_changes import sort_by_orbit, write_crossings
 from ..engine.arguments import flat_parameter
 from ..engine.status import Status
 from ..engine.stretches import March, Report
+from .functions import values_at
 from .refine import crossing_fractions
 
 # Numbers in a piece, which fits into the caches.
@@ -108,24 +109,8 @@ class Search:
                 raise
             kind = IndexError if isinstance(error, IndexError) else ValueError
             raise kind(f"surface must take {_LAST}: {error}") from error
-        if isinstance(returned, np.ma.MaskedArray):
-            how = "return NaN where there is no value, for example by values.filled(np.nan)"
-            raise wrong(
-                "surface", "have real numbers as values", f"a masked array: {how}", TypeError
-            )
-        values = np.asarray(returned)
-        if values.dtype.kind == "b":
-            how = "pass the difference, not the comparison"
-            raise wrong("surface", "have real numbers as values", f"bool: {how}", TypeError)
-        if values.dtype.kind not in "iuf":
-            raise wrong("surface", "have real numbers as values", f"{values.dtype}", TypeError)
-        if values.shape != states.shape[:-1]:
-            received = f"values {values.shape} for states {states.shape}"
-            expected = f"have a value for each state, (...) for states (..., D), with {_LAST}"
-            raise wrong("surface", expected, received)
-        values = np.ascontiguousarray(values, np.float64)
-        if self.march.n == 0 or (self.march.status < 0).any():
-            values = np.where(np.isnan(states[..., 0]), np.nan, values)
+        exist = self.march.n > 0 and (self.march.status >= 0).all()
+        values = values_at("surface", states, returned, all_exist=bool(exist))
         return values.reshape(len(states), -1)
 
     def run(self, transient: int, end: int, report: Report | None) -> None:

@@ -17,6 +17,7 @@ from ..engine.random_starts import RandomStarts
 from ..engine.stretches import March
 from . import stores
 from .columns import of_runs
+from .functions import values_at
 from .metadata import Tile
 
 # Tiles that are queued per thread of a Dask worker.
@@ -116,13 +117,9 @@ def _compute(tile: Problem, options: Options, where: Where, arrays: Any) -> bool
 
 def checked_values(name: str, function: Any, states: FloatArray) -> Any:
     """Return the values of a user's function for states (..., D), real numbers (...)."""
-    values = np.asarray(function(states))
-    if values.shape != states.shape[:-1] or values.dtype.kind not in "buif":
-        expected = (
-            f"have real values of shape {states.shape[:-1]} for states of shape {states.shape}"
-        )
-        raise wrong(f"functions[{name!r}]", expected, f"{values.dtype} of shape {values.shape}")
-    return values
+    with np.errstate(over="ignore", invalid="ignore"):  # states may be NaN
+        returned = function(states)
+    return values_at(f"functions[{name!r}]", states, returned, truths=True)
 
 
 def _problem_of(whole: Problem, where: Where) -> Problem:

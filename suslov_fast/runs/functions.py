@@ -1,0 +1,36 @@
+"""Values of users' functions of states: surfaces of crossings, functions of stores."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..checks import FloatArray, wrong
+
+
+def values_at(
+    name: str, states: FloatArray, returned: Any, *, truths: bool = False, all_exist: bool = False
+) -> FloatArray:
+    """Return what a function of states (..., D) returned as real numbers (...), after checks.
+
+    They are NaN at states that are NaN, because a function with integer values returns numbers
+    there; with `all_exist` the caller knows that there are none. Errors call the function `name`;
+    truth values are numbers only with `truths`.
+    """
+    if isinstance(returned, np.ma.MaskedArray):
+        how = "return NaN where there is no value, for example by values.filled(np.nan)"
+        raise wrong(name, "have real numbers as values", f"a masked array: {how}", TypeError)
+    values = np.asarray(returned)
+    if values.dtype.kind == "b" and not truths:
+        how = "pass the difference, not the comparison"
+        raise wrong(name, "have real numbers as values", f"bool: {how}", TypeError)
+    if values.dtype.kind not in "biuf":
+        raise wrong(name, "have real numbers as values", f"{values.dtype}", TypeError)
+    if values.shape != states.shape[:-1]:
+        received = f"values {values.shape} for states {states.shape}"
+        last = "components on the last axis, as x[..., 2]"
+        expected = f"have a value for each state, (...) for states (..., D), with {last}"
+        raise wrong(name, expected, received)
+    values = np.ascontiguousarray(values, np.float64)
+    return values if all_exist else np.where(np.isnan(states[..., 0]), np.nan, values)

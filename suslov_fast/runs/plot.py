@@ -36,7 +36,7 @@ _MOST_DOTS = 20_000
 # Most dots that vector formats hold one by one; more are an image there.
 _MOST_VECTORS = 10_000
 # Most dots on lines, because more hide the lines.
-_MOST_ON_LINES = 2000
+_MOST_ON_LINES, _MOST_OVER_TIME = 2000, 200
 # Most states joined by lines.
 _MOST_JOINED = 100_000
 # Where not all states can be drawn: least number of states of an orbit, if it has so many; most
@@ -106,7 +106,8 @@ def plot_run(run: Any, components: Any, lines: bool | None, color: Any, title: A
         lines = is_whole and (_are_near(pieces) or _TIME in chosen)
     if not lines:
         pieces, orbits = states, np.arange(B)
-    drawn, count = _draw(axes, pieces, colours, orbits, lines)
+    most = _MOST_OVER_TIME if _TIME in chosen else _MOST_ON_LINES
+    drawn, count = _draw(axes, pieces, colours, orbits, lines, most)
     colours.explain(axes, drawn)
     _label(axes, run, chosen)
     N = int(run.n[-1])
@@ -257,9 +258,12 @@ def _are_near(pieces: FloatArray) -> bool:
 
 
 def _draw(
-    axes: Any, pieces: FloatArray, colours: _Colours, orbits: NDArray[Any], lines: bool
+    axes: Any, pieces: FloatArray, colours: _Colours, orbits: NDArray[Any], lines: bool, most: int
 ) -> tuple[Any, int]:
-    """Draw pieces (n, pieces, c) of orbits; return the coloured artist and the number of states."""
+    """Draw pieces (n, pieces, c) of orbits; return the coloured artist and the number of states.
+
+    Lines have dots at the states if there are at most so many.
+    """
     n, count = len(pieces), pieces[..., 0].size
     drawn = None
     if lines:
@@ -276,7 +280,7 @@ def _draw(
         else:
             axes.add_collection3d(drawn, autolim=False)
             axes.auto_scale_xyz(*pieces.reshape(-1, 3).T)
-    if not lines or count <= _MOST_ON_LINES:
+    if not lines or count <= most:
         size = 4.0 if lines else None
         drawn, count = _dots(
             axes, pieces.reshape(-1, pieces.shape[-1]), colours, np.tile(orbits, n), size

@@ -177,8 +177,23 @@ def test_dense_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     field, x0 = sf.QuadraticField.from_function(of_a, 3, a=1), rng.normal(size=(9, 3))
     hamiltonian = sf.QuadraticField.from_hamiltonian(lambda x: x[0] ** 3 / 3 + x[0] * x[1] ** 2, 2)
 
+    lattice = sf.QuadraticField.from_function(volterra, 5)
+    populations = abs(rng.normal(size=(9, 5))) * np.geomspace(0.1, 30.0, 9)[:, None]
+    populations[4] = np.nan
+
     def found():
+        run = sf.iterate(lattice, populations, 0.2, 60, on_singular="ignore")
+        assert {*run.status} == {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
+        for k in (0, 4, 8):
+            alone = sf.iterate(lattice, populations[k], 0.2, 60, on_singular="ignore")
+            np.testing.assert_array_equal(alone.x, run.x[:, k])
+            assert (alone.status, alone.failed_at) == (run.status[k], run.failed_at[k])
+        accurate = sf.iterate(field, x0, 0.02, 5, method="extrapolated", save_every=2)
         return [
+            run.status,
+            run.failed_at,
+            accurate.x,
+            accurate.final,
             sf.iterate(field, x0, 0.02, 30).x,
             sf.iterate(field, x0, 0.01, 10, method="order4").x,
             sf.jacobian(field, x0, 0.02),

@@ -4,12 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .careful import CHANGED, step_carefully
-from .generated_stages import BASE
+from .careful import CHANGED
 from .listed import JOINING, KINDS, programs_of
 from .machine_code import Text, call, code_of, pointer
 from .operations import OF_NUMBERS, Step
-from .stages import distinct, weights_of
 
 
 class ListArguments(NamedTuple):
@@ -275,15 +273,11 @@ def listed_code(W, for_each):
     return code_of(text_of_listed_steps, _ANY, W, for_each)
 
 
-def take_listed(lines, address, arrays, start, steps, saved, until, between, abandoned):
-    """Take so many stages of all lines, with `listed_code`; save states.
-
-    The arguments are those of `_Lines.take` and of `CodeArguments`, `arrays` those of `careful`.
-    """
-    (step, stages), W, D = lines.scheme, lines.W, lines.D
-    programs, (ended, passed), weights = programs_of(step), lines.marks, weights_of(stages)
+def taker_of(lines, address):
+    """Return the function that takes steps of a line with `listed_code`, see `in_calls`."""
+    step, W, D = lines.scheme.step, lines.W, lines.D
+    programs, (ended, passed) = programs_of(step), lines.marks
     table = with_constants(lines.table, programs.constants)
-    places, at_once = distinct(stages.fractions)[1], _stages_at_once(stages, steps)
     rows, addresses = _aligned(programs.rows, W), []
     for program in (programs.usual, programs.rare):
         heads, of_runs = program.runs
@@ -291,52 +285,17 @@ def take_listed(lines, address, arrays, start, steps, saved, until, between, aba
     changed = 0 if step.changed is None else 2
     arguments = ListArguments(rows.ctypes.data, 0, *addresses, changed, D, 0, 0, 0, 0)
     arguments = np.array(arguments, np.int64)
-    for line in range(lines.count):
-        rows[:D], n, row, saves_at = lines.x[line], 0, 0, until
-        of_line, lanes = line % table.shape[1], slice(line * W, min((line + 1) * W, lines.B))
-        while n < steps and not abandoned:
-            most = min(at_once[n % len(weights)], steps - n)
-            if saves_at >= 0:
-                most = min(most, saves_at - n + 1)
-            arguments[SLOT.table] = table[places[n % len(weights)], of_line].ctypes.data
-            arguments[SLOT.ended], arguments[SLOT.passed] = ended[line], passed[line]
-            arguments[SLOT.steps] = most
-            bits = call(address, arguments)
-            n += int(arguments[SLOT.n])
-            stage = (n - 1) % len(weights)
-            is_whole = lines.columns is not None and stage == len(weights) - 1
-            if bits or weights[stage, 0] or is_whole:
-                lines.x[line] = rows[:D]
-                if bits:
-                    step_carefully(arrays, start, line, bits & 255, bits >> 8, n - 1)
-                if weights[stage, 0]:
-                    of = slice(line, line + 1)
-                    [finite] = lines.end_column(weights[stage], stage == len(weights) - 1, of)
-                    bad = int(~(finite | ended[line])) & (2**W - 1)
-                    if bad:
-                        step_carefully(arrays, start, line, bad, 0, n - 1)
-                if is_whole:
-                    [told] = lines.changed(slice(line, line + 1))
-                    if told:
-                        step_carefully(arrays, start, line, 0, int(told) << CHANGED, n - 1)
-                    lines.columns[line, BASE] = lines.x[line]
-                rows[:D] = lines.x[line]
-            if n - 1 == saves_at:
-                saved[row, lanes] = rows[:D].T[: lanes.stop - lanes.start]
-                row, saves_at = row + 1, saves_at + between + 1
+
+    def take(line, place, most):
+        rows[:D] = lines.x[line]
+        arguments[SLOT.table] = table[place, line % table.shape[1]].ctypes.data
+        arguments[SLOT.ended], arguments[SLOT.passed] = ended[line], passed[line]
+        arguments[SLOT.steps] = most
+        bits = call(address, arguments)
         lines.x[line] = rows[:D]
+        return int(arguments[SLOT.n]), bits
 
-
-def _stages_at_once(stages, steps):
-    """Return, for each stage, how many have its fraction from there to the end of a column."""
-    fractions, columns = stages.fractions, weights_of(stages)[:, 0]
-    if len(fractions) == 1:
-        return [steps]
-    counts = [1] * len(fractions)
-    for k in range(len(fractions) - 2, -1, -1):
-        if fractions[k] == fractions[k + 1] and not columns[k]:
-            counts[k] += counts[k + 1]
-    return counts
+    return take
 
 
 def with_constants(table, constants):

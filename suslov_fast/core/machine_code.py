@@ -273,3 +273,11 @@ _CALL = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
 def call(address, array):
     """Call the code at an address with the address of an array; return its integer."""
     return _CALL(address)(array.ctypes.data)
+
+
+_PROCEDURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 5)
+
+
+def call_procedure(address, array, *integers):
+    """Call code that returns nothing with the address of an array and four integers."""
+    _PROCEDURE(address)(array.ctypes.data, *integers)

@@ -35,7 +35,10 @@ SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
 # A list of more than WHOLE operations is divided into functions of PIECE operations. Where LLVM
 # does not optimise, each value for eight lanes takes 64 bytes of a stack.
 WHOLE, PIECE = 4000, 1000
-MOST = 36_000  # products of elimination and terms, above which a plan takes longer than it saves
+# A field has a plan unless more than MOST terms and products of elimination depend on the state,
+# because elimination without a plan is faster then, or more than LONGEST products in all, because
+# planning takes long.
+MOST, LONGEST = 36_000, 400_000
 
 # Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
 # second operand where one of them is NaN.
@@ -153,7 +156,9 @@ class Step:
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
         order, right = elimination_order(matrix.pattern, D), {}
-        if work_of(matrix.pattern, order) + self.T > MOST:
+        varying = {*matrix.products, *matrix.early}
+        work, of_state = work_of(matrix.pattern, order, varying)
+        if of_state + sum(indices[2] < D) > MOST or work > LONGEST:
             return
         self.factors = Factors(matrix, order, right)
         for k in reversed(order):

@@ -219,7 +219,24 @@ def filled(pattern, order):
     return before, after
 
 
-def work_of(pattern, order):
-    """Return the number of products in elimination."""
+def work_of(pattern, order, varying):
+    """Return the number of products in elimination, and of those that depend on the state.
+
+    `varying` has the places of entries that do.
+    """
     before, after = filled(pattern, order)
-    return sum(len(after[k]) for i in order for k in before[i])
+    below, rows, count, of_state = defaultdict(list), defaultdict(set), 0, 0
+    for i in order:
+        for k in before[i]:
+            below[k].append(i)
+    for i, j in varying:
+        rows[i].add(j)
+    for k in order:
+        later = {*after[k]}
+        upper = rows[k] & later
+        for i in below[k]:
+            # The multiplier depends on the state if its entry or the pivot does.
+            changed = later if k in rows[i] or k in rows[k] else upper
+            rows[i] |= changed
+            count, of_state = count + len(later), of_state + len(changed)
+    return count, of_state

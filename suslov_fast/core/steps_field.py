@@ -22,12 +22,14 @@ import functools
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import config
 
 from .careful import CHANGED, ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
 from .codes import NONFINITE
 from .generated import WIDTH, text_of_compositions, text_of_extrapolated_steps, text_of_steps
 from .generated_stages import BASE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
-from .listed_code import listed_code, take_listed
+from .in_calls import dense_taker_of, in_calls
+from .listed_code import listed_code, taker_of
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
 from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
@@ -154,13 +156,13 @@ class _Lines:
         step, stages = self.scheme.step, len(self.scheme.stages.fractions)
         address, until = None, every - start % every if every else 0
         rows = saved, until * stages - 1, every * stages - 1
-        if len(step.usual) > MANY:
-            address = listed_code(self.W, self.for_each)
-            if address is not None:
+        if not MANY >= len(step.usual) > 0:
+            take = self._taker()
+            if take is not None:
                 steps = (stop - start) * stages
-                take_listed(self, address, self._line_arrays(), start, steps, *rows, abandoned)
+                in_calls(self, take, self._line_arrays(), start, steps, *rows, abandoned)
                 return True
-        elif step.usual:
+        else:
             text_of = text_of_steps
             if self.columns is not None:
                 in_columns = self.scheme.stages.columns
@@ -179,6 +181,13 @@ class _Lines:
             if not call(address, arguments):
                 return False
         return True
+
+    def _taker(self):
+        """Return the function for `in_calls`: of a long list, or of a field without a plan."""
+        if not self.scheme.step.usual:
+            return None if config.DISABLE_JIT else dense_taker_of(self)
+        address = listed_code(self.W, self.for_each)
+        return None if address is None else taker_of(self, address)
 
     def _line_arrays(self):
         """Return the arrays for `careful`."""

@@ -1,0 +1,89 @@
+"""Steps of fields of many variables: Python calls for a line of lanes, many stages at a time."""
+
+import numpy as np
+
+from .careful import CHANGED, arguments_of, careful
+from .dense import dense_steps, spans_of
+from .generated_stages import BASE
+from .machine_code import call_procedure
+from .stages import distinct, weights_of
+
+
+def in_calls(lines, take, arrays, start, steps, saved, until, between, abandoned):
+    """Take so many stages of all lines; save states.
+
+    take(line, place, most) takes up to `most` stages of a line with the fraction of eps at `place`
+    of `distinct`, and returns how many it took, with bits of lanes: bad + 256 negative, as of
+    `step_carefully`, in the last. Other arguments are those of `_Lines.take` and `CodeArguments`;
+    `arrays` are those of `careful`.
+    """
+    stages, W, own = lines.scheme.stages, lines.W, arguments_of(arrays, start)
+    weights, places = weights_of(stages), distinct(stages.fractions)[1]
+    at_once, ended = _stages_at_once(stages, steps), lines.marks[0]
+    for line in range(lines.count):
+        n, row, saves_at = 0, 0, until
+        lanes = slice(line * W, min((line + 1) * W, lines.B))
+        while n < steps and not abandoned:
+            stage = n % len(weights)
+            most = min(at_once[stage], steps - n)
+            if saves_at >= 0:
+                most = min(most, saves_at - n + 1)
+            taken, bits = take(line, places[stage], most)
+            n += taken
+            stage = (n - 1) % len(weights)
+            if bits:
+                call_procedure(careful.address, own, line, bits & 255, bits >> 8, n - 1)
+            is_whole = lines.columns is not None and stage == len(weights) - 1
+            if weights[stage, 0]:
+                of = slice(line, line + 1)
+                [finite] = lines.end_column(weights[stage], stage == len(weights) - 1, of)
+                bad = int(~(finite | ended[line])) & (2**W - 1)
+                if bad:
+                    call_procedure(careful.address, own, line, bad, 0, n - 1)
+            if is_whole:
+                [told] = lines.changed(slice(line, line + 1))
+                if told:
+                    call_procedure(careful.address, own, line, 0, int(told) << CHANGED, n - 1)
+                lines.columns[line, BASE] = lines.x[line]
+            if n - 1 == saves_at:
+                saved[row, lanes] = lines.x[line].T[: lanes.stop - lanes.start]
+                row, saves_at = row + 1, saves_at + between + 1
+
+
+def _stages_at_once(stages, steps):
+    """Return, for each stage, how many have its fraction from there to the end of a column."""
+    fractions, columns = stages.fractions, weights_of(stages)[:, 0]
+    if len(fractions) == 1:
+        return [steps]
+    counts = [1] * len(fractions)
+    for k in range(len(fractions) - 2, -1, -1):
+        if fractions[k] == fractions[k + 1] and not columns[k]:
+            counts[k] += counts[k + 1]
+    return counts
+
+
+def dense_taker_of(lines):
+    """Return the function that takes steps of a line without a plan, see `in_calls`."""
+    (step, stages), W, D = lines.scheme, lines.W, lines.D
+    field, (ended, passed) = spans_of(step), lines.marks
+    fractions, kept = distinct(stages.fractions)[0], {}
+    memory = np.empty((W, D, D + 1)), np.empty((W, D + 1))
+    tells_signs, taken = int(len(stages.fractions) == 1), np.zeros(2, np.int64)
+
+    def take(line, place, most):
+        of_line = line % len(lines.halves)
+        if (of_line, place) not in kept:
+            if lines.for_each:
+                kept.clear()  # a line takes all steps before the next one does
+            half = fractions[place] * lines.halves[of_line]
+            coefficients = np.ascontiguousarray(
+                (field.weights[:, np.newaxis] * half[field.terms]).T
+            )
+            kept[of_line, place] = coefficients, half
+        marks = int(ended[line]), int(passed[line]), tells_signs
+        taken[:] = most, 0
+        given = field, *kept[of_line, place], marks
+        dense_steps.serial(*given, lines.x[line], memory, taken)
+        return map(int, taken)
+
+    return take

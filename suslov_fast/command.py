@@ -172,14 +172,15 @@ def _check_method(options: argparse.Namespace, body: Any, eps: Any) -> None:
         if not advice:
             raise
         path = str(options.body)
-        source = f"body_from_dict(json.loads(Path({path!r}).read_text()))"
+        source = f"body_from_dict(json.loads(Path({path!r}).read_bytes()))"
         source = source if options.body else repr(body)
-        code = f"print(json.dumps(QuadraticField.of({source}).to_dict()))"
+        field = f"QuadraticField.of({source})"
+        code = f"Path('field.json').write_text(json.dumps({field}.to_dict()))"
         imports = "import json; from pathlib import Path; from suslov_fast import *"
-        make = f'python -c "{imports}; {code}" > field.json'
+        make = f'python -c "{imports}; {code}"'
         then = f"suslov-fast run --body field.json --eps {eps} --method {method}"
         raise ValueError(
-            f"{text}; the field of this body has {methods}: {make} && {then}"
+            f"{text}; the field of this body has {methods}: {make}, and then {then}"
         ) from None
 
 

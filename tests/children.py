@@ -7,8 +7,11 @@ import textwrap
 from pathlib import Path
 
 import pytest
+from numba import config
 
 HERE = Path(__file__).parent
+# The number of threads of a parallel call where there are two, else the default.
+TWO_THREADS = 2 if config.NUMBA_NUM_THREADS > 1 else None
 LAYERS = ("omp", "tbb", "workqueue")
 
 SETUP = """
@@ -25,10 +28,12 @@ def attempt(code, *arguments, timeout=300, **environment):
     """Run a child: code, which may be indented, or the script at a path; kill it if it hangs.
 
     It imports the package that is installed, compiled before, and not one in the current folder.
+    Numba has two threads there.
     """
     what = [code] if isinstance(code, Path) else ["-c", textwrap.dedent(code)]
     return subprocess.run(
-        [sys.executable, *map(str, [*what, *arguments])], env=os.environ | environment,
+        [sys.executable, *map(str, [*what, *arguments])],
+        env=os.environ | {"NUMBA_NUM_THREADS": "2"} | environment,
         stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout, cwd=HERE,
     )  # fmt: skip
 

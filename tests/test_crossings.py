@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 
 import suslov_fast as sf
 from suslov_fast.engine import threads
@@ -180,7 +181,7 @@ def test_bits_do_not_depend_on_pieces_threads_and_batch(rng, monkeypatch):
     monkeypatch.setattr(threads, "CROSSOVER", 0)
     many = rng.normal((1, 1, 20), size=(300, 3))
     one = sf.crossings(LORENZ, many, 1 / 64, 200, surface, threads=1)
-    assert sf.crossings(LORENZ, many, 1 / 64, 200, surface, threads=2) == one
+    assert sf.crossings(LORENZ, many, 1 / 64, 200, surface, threads=TWO_THREADS) == one
 
 
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")

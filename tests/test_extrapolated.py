@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 from test_orders import FLOWS, LORENZ, SQUARE, motion
 
 import suslov_fast as sf
@@ -201,7 +202,7 @@ def test_bits_do_not_depend_on_batch_cuts_and_threads(rng, monkeypatch, tmp_path
     assert (loaded.local_error == first.local_error).all()
     assert (loaded.extend(27).local_error == error).all()
     monkeypatch.setattr(threads, "CROSSOVER", 0)
-    several = sf.iterate(LORENZ, x, 1 / 8, 40, method=METHOD, threads=2)
+    several = sf.iterate(LORENZ, x, 1 / 8, 40, method=METHOD, threads=TWO_THREADS)
     assert several == run
     assert (several.local_error == error).all()
 

@@ -194,6 +194,7 @@ def test_parts_of_killed_processes_are_deleted(path):
     """Those of processes that live are not: they hold a lock."""
     left = path.with_name(".run.npz.0123abcd.part")
     left.write_bytes(b"half")
+    os.utime(left, (0, 0))
     other = path.with_name(".other.npz.0123abcd.part")
     other.touch()
     new, file = storage._partial(path)

@@ -246,7 +246,9 @@ def test_old_codes_are_freed_but_not_those_in_use(rng, monkeypatch, anew):
 def test_an_interrupt_while_careful_steps_are_compiled(monkeypatch, batch):
     """Ctrl-C ends the run, in whichever thread it arrives, and later runs are as before."""
     field = sf.QuadraticField([[[1.0]]])
-    run = functools.partial(sf.iterate, field, np.full((batch, 1), 2.0), 0.5, 2000, threads=2)
+    run = functools.partial(
+        sf.iterate, field, np.full((batch, 1), 2.0), 0.5, 2000, threads=children.TWO_THREADS
+    )
     expected = run(on_singular="ignore")
     assert (expected.status == sf.Status.SINGULAR).all()
     fresh = core_numba.CFunction(careful.careful.signature, careful.careful.py_func)

@@ -7,6 +7,7 @@ import mpmath
 import numba
 import numpy as np
 import pytest
+from children import TWO_THREADS
 
 import suslov_fast as sf
 from suslov_fast import PoleWarning, SingularStepWarning, Status, compiled
@@ -326,7 +327,7 @@ def test_bits_do_not_depend_on_batch_cuts_and_threads(method, rng, monkeypatch, 
     assert loaded == first
     assert loaded.extend(37) == run
     monkeypatch.setattr(threads, "CROSSOVER", 0)
-    several = sf.iterate(LORENZ, x, 1 / 32, 60, method=method, threads=2)
+    several = sf.iterate(LORENZ, x, 1 / 32, 60, method=method, threads=TWO_THREADS)
     assert (several.x == run.x).all()
 
 

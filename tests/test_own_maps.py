@@ -79,7 +79,7 @@ def test_cuts_threads_and_batches_change_no_bit(monkeypatch):
     alone = iterate(HENON, START[1], 0.1, 40, method="midpoint")
     np.testing.assert_array_equal(alone.x, whole.x[:, 1])
     monkeypatch.setattr(threads, "CROSSOVER", 0)
-    assert midpoint(threads=2) == whole
+    assert midpoint(threads=children.TWO_THREADS) == whole
 
 
 def counting(x, out, eps, work, values):
@@ -222,9 +222,9 @@ def test_an_exception_of_a_step_ends_the_run(monkeypatch):
 
     body = counter(raises)
     monkeypatch.setattr(threads, "CROSSOVER", 0)
-    assert iterate(body, np.full((20, 1), 0.3), 0.1, 3, threads=2).ok
+    assert iterate(body, np.full((20, 1), 0.3), 0.1, 3, threads=children.TWO_THREADS).ok
     with pytest.raises(ValueError, match="seven"):
-        iterate(body, [[0.3]] * 9 + [[7.0]] + [[0.3]] * 9, 0.1, 3, threads=2)
+        iterate(body, [[0.3]] * 9 + [[7.0]] + [[0.3]] * 9, 0.1, 3, threads=children.TWO_THREADS)
 
 
 @pytest.mark.compiled

@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 
 import suslov_fast as sf
 from suslov_fast import PoleWarning, QuadraticField, Status, SuslovND, compiled, iterate, matrix
@@ -257,7 +258,7 @@ def test_statuses_do_not_depend_on_cuts_batches_and_threads(rng):
         given = body, x, eps
         whole = iterate(*given, 40, on_singular="ignore")
         assert {*whole.status} >= {Status.PASSED_POLE, Status.OK}
-        for threads in (1, 2):
+        for threads in (1, TWO_THREADS):
             assert iterate(*given, 40, threads=threads, on_singular="ignore") == whole
         few = iterate(*given, 40, save_every=None, on_singular="ignore")
         reported = iterate(*given, 40, on_singular="ignore", progress=lambda done, steps: None)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import contract
 import numpy as np
 import pytest
+from children import TWO_THREADS
 from numba import config
 from scipy.integrate import solve_ivp
 
@@ -218,7 +219,7 @@ def test_threads_and_stretches(rng, monkeypatch, name, kind):
     row, problem = ROWS[name], sample(rng, kind, name=name)
     alone = list(row.values(*problem, threads=1))
     monkeypatch.setattr(threads, "CROSSOVER", 0)
-    same(alone, row.values(*problem, threads=2))
+    same(alone, row.values(*problem, threads=TWO_THREADS))
     for module, name in ((stretches, "_STRETCH"), (stretches, "_TURNING"), (solution, "_SLICE")):
         monkeypatch.setattr(module, name, 2**6)
     same(alone, row.values(*problem))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from children import TWO_THREADS
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -141,7 +142,7 @@ def test_a_surface_without_values_within_a_step():
 def test_bits_depend_on_no_cut(rng, monkeypatch, tmp_path, method):
     """Threads, pieces, batches, `extend`, files."""
     starts, arguments = rng.uniform(-0.25, 0.25, (9, 4)), {"method": method, "direction": 0}
-    whole = sf.crossings(HENON_HEILES, starts, 1 / 8, 200, plane, threads=2, **arguments)
+    whole = sf.crossings(HENON_HEILES, starts, 1 / 8, 200, plane, threads=TWO_THREADS, **arguments)
     assert whole == sf.crossings(HENON_HEILES, starts, 1 / 8, 200, plane, threads=1, **arguments)
     half = sf.crossings(HENON_HEILES, starts, 1 / 8, 77, plane, **arguments)
     assert half.extend(123) == whole

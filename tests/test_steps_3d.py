@@ -6,6 +6,7 @@ from typing import NamedTuple
 import naive
 import numpy as np
 import pytest
+from children import TWO_THREADS
 from numba import config
 from test_promises import same
 
@@ -177,7 +178,7 @@ def test_large_outputs(mixture, size):
     n, parts = np.arange(1800), np.array_split(np.arange(size), 3)
     few = [[each[part] for each in whole] for part in parts]
     states = np.concatenate([run(*each, 1800).states for each in few], 1)
-    for threads in (1, 2):
+    for threads in (1, TWO_THREADS):
         saved = sf.iterate(*whole, 1800, threads=threads, on_singular="ignore").states
         same([saved], [states])
     same([sf.exact(*whole, n)], [np.concatenate([sf.exact(*each, n) for each in few], 1)])

@@ -7,6 +7,7 @@ import math
 import os
 import secrets
 import shutil
+import time
 import zipfile
 from collections.abc import Mapping
 from contextlib import suppress
@@ -115,12 +116,17 @@ def _rename(part: Path, target: Path) -> None:
 def _partial(target: Path) -> tuple[Path, Any]:
     """Return a new file beside `target`, locked; delete those that killed processes left there.
 
-    The files of living processes are locked; on Windows, nobody can delete an open file.
+    The files of living processes are locked. Windows has no such locks, but deletes no open file;
+    processes close theirs just before they rename it, so those younger than a minute stay there.
     """
     for left in target.parent.glob(f".{escape(target.name)}.*.part"):
-        with suppress(OSError), open(left, "rb+") as old:
-            _lock(old)
-            left.unlink()
+        with suppress(OSError):
+            if os.name != "nt":
+                with open(left, "rb+") as old:
+                    _lock(old)
+                    left.unlink()
+            elif time.time() - left.stat().st_mtime > 60.0:
+                left.unlink()
     while True:
         part = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
         file = open(part, "xb")  # noqa: SIM115  (closed by the caller)

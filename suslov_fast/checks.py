@@ -347,8 +347,8 @@ def kind_of(value: Any) -> str:
 
 
 def spelled(number: Fraction) -> str:
-    """Return p/q where q is at most 1000, else a decimal of six digits; p has at most 20 digits."""
-    if number.denominator <= 1000 and abs(number.numerator) < 10**20:
+    """Return p/q of at most 20 digits where q is at most 1000, else a decimal of six digits."""
+    if number.denominator <= 1000 and abs(number.numerator) < 10**17:
         return str(number)
     try:
         return f"{float(number):.6g}"

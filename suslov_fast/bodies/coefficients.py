@@ -30,7 +30,7 @@ def entries(name: str, array: Any) -> Entries:
     elif np.isfinite(values).all():
         values = values.astype(np.float64)
     else:
-        exact(name, values[~np.isfinite(values)][0])
+        exact(name, values[~np.isfinite(values)].tolist()[0])
     return np.array(where, np.int64).reshape(array.ndim, -1), within(name, values, OTHERS)
 
 

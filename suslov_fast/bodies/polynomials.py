@@ -37,7 +37,7 @@ def exact(name: str, value: Any) -> Fraction:
         ratio = (value.numerator, value.denominator) if is_ratio else value.as_integer_ratio()
         return Fraction(*map(int, ratio))
     except (OverflowError, ValueError):
-        raise wrong(name, "finite, and in the range of float64", value) from None
+        raise wrong(name, "finite, and in the range of float64", short(value)) from None
 
 
 def as_given(name: str, value: Any) -> Any:

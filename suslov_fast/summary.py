@@ -20,11 +20,12 @@ def facts_in(path: Path) -> dict[str, Any]:
         attributes = data.attrs.items()
         facts = {name: _value(text) for name, text in attributes if name not in _NAMES_OF_ARRAYS}
         try:
-            status = data.status.to_numpy()
+            status, first_pole = data.status.to_numpy(), data.first_pole.to_numpy()
         except ValueError as error:
             advice = "delete it, and the same run computes its tile anew"
-            raise ValueError(f"a chunk of status is damaged ({error}): {advice}") from error
-        return {**facts, **_counts(status)}
+            text = f"a chunk of status or first_pole is damaged ({error})"
+            raise ValueError(f"{text}: {advice}") from error
+        return {**facts, **_counts(status, first_pole)}
     result = result_in(path)
     if isinstance(result, sf.Crossings):
         return _facts_of_crossings(result)
@@ -67,17 +68,19 @@ def _common_facts(result: Any) -> dict[str, Any]:
     return {
         "body": repr(result.body) if result.body.shape else result.body.to_dict(),
         "eps": result.eps if isinstance(result.eps, float) else f"{result.eps.size} values",
-        **_counts(result.status),
+        **_counts(result.status, result.first_pole),
         "steps": result.steps,
         "map": result.map.name,
     }
 
 
-def _counts(status: Any) -> dict[str, Any]:
-    """Return the number of trajectories, and the number with each status."""
+def _counts(status: Any, first_pole: Any) -> dict[str, Any]:
+    """Return the number of trajectories, with each status, and failed after a pole, if any."""
     codes = {code.name: int(code) for code in sf.Status} | {"PENDING": -128}
     counts = {name: int((status == code).sum()) for name, code in codes.items()}
-    return {"trajectories": status.size, "status": {k: n for k, n in counts.items() if n}}
+    facts = {"trajectories": status.size, "status": {k: n for k, n in counts.items() if n}}
+    hidden = int(((status < 0) & (first_pole >= 0)).sum())
+    return {**facts, "failed_after_a_pole": hidden} if hidden else facts
 
 
 def _drift(run: Any, start: Any) -> dict[str, float]:

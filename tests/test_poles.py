@@ -503,6 +503,7 @@ def test_a_failure_does_not_hide_the_pole_before_it():
     assert run.first_pole.tolist() == [17] * 3
     assert run.valid.sum(axis=0).tolist() == [17] * 3
     assert abs(run.x[run.valid]).max() < 60
+    assert repr(run).endswith("failed: 3 of 3, passed a pole: 3)")
     assert (
         iterate(PREY, [0.05, 0.05], 0.1, 1000, save_every=10, on_singular="ignore").valid.sum() == 2
     )
@@ -615,3 +616,34 @@ def test_steps_of_users_loops_tell_changes_of_sign():
     system, x = compiled.system(DECAY, 0.01), np.ones(1)
     for _ in range(3):  # in place
         assert compiled.step_system(system, x, x, compiled.work(system)) == Status.PASSED_POLE
+
+
+@quiet
+def test_summaries_count_poles_before_failures(tmp_path):
+    from suslov_fast.summary import facts_in
+
+    given = PREY, [[0.05, 0.05], [4.5, 5.0]], 0.1
+    iterate(*given, 200, on_singular="ignore").save(tmp_path / "a.npz")
+    points = sf.crossings(*given, 200, lambda x: x[..., 0] - 4, on_singular="ignore")
+    points.save(tmp_path / "b.npz")
+    assert sf.Crossings.load(tmp_path / "b.npz") == points
+    sf.ensemble(*given, 200, store=tmp_path / "c.zarr")
+    for name in ("a.npz", "b.npz", "c.zarr"):
+        facts = facts_in(tmp_path / name)
+        assert facts["status"] == {"OK": 1, "SINGULAR": 1}
+        assert facts["failed_after_a_pole"] == 1
+
+
+def test_stiff_decay_with_sources_is_not_told():
+    """Robertson's reaction; at t = 40 the first component is 0.7158270688 (Hairer and Wanner)."""
+    reaction = QuadraticField.from_function(
+        lambda y: (
+            -0.04 * y[0] + 1e4 * y[1] * y[2],
+            0.04 * y[0] - 1e4 * y[1] * y[2] - 3e7 * y[1] ** 2,
+            3e7 * y[1] ** 2,
+        ),
+        3,
+    )
+    run, messages = told(iterate, reaction, [1.0, 0.0, 0.0], 1.0, 40)
+    assert (run.status, messages) == (Status.OK, [])
+    assert abs(run.final[0] - 0.992) < 1e-3  # as the page says

@@ -154,9 +154,9 @@ def first_beyond(failed_at: NDArray[np.int64], first_pole: NDArray[np.int64]) ->
     return np.where(first < 0, np.iinfo(np.int64).max, first)
 
 
-def count_in_words(status: NDArray[np.int8]) -> str:
+def count_in_words(status: NDArray[np.int8], first_pole: NDArray[np.int64]) -> str:
     """Return in words how many trajectories failed, and how many passed a pole, if any."""
-    passed = np.count_nonzero(status == Status.PASSED_POLE)
+    passed = np.count_nonzero(first_pole >= 0)
     text = f"failed: {np.count_nonzero(status < 0)} of {status.size}"
     return f"{text}, passed a pole: {passed}" if passed else text
 

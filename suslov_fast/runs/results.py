@@ -143,7 +143,7 @@ def in_short(result: Any) -> str:
     """Return the step sizes and the number of failures of a result, as text."""
     low, high = np.min(result.eps, initial=np.inf), np.max(result.eps, initial=-np.inf)
     eps = f"{low:g} ... {high:g}" if low < high else f"{low:g}"
-    return f"eps: {eps}, {count_in_words(result.status)}"
+    return f"eps: {eps}, {count_in_words(result.status, result.first_pole)}"
 
 
 def _equal(a: Any, b: Any) -> bool:

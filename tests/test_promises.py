@@ -19,6 +19,7 @@ from numba import config
 from scipy.integrate import solve_ivp
 
 import suslov_fast as sf
+from suslov_fast.bodies.field_of_terms import SHARED
 from suslov_fast.engine import stretches, threads
 from suslov_fast.engine.problem import check
 from suslov_fast.maps import MAPS
@@ -172,11 +173,12 @@ def sample(rng, kind, body=(SIZE,), omega=(SIZE,), eps=(SIZE,), name="iterate"):
 
 def part(body, index, batch):
     """The members of a batch with an index."""
-    parts = {}
-    for name, value in body._arrays.items():
-        own = np.shape(value)[np.ndim(value) - body._axes.get(name, 0) :]
-        parts[name] = np.broadcast_to(value, (*batch, *own))[index]
-    return type(body)(**parts)
+    parts = dict(body._parts)
+    for name, value in parts.items():
+        if np.asarray(value).dtype.kind in "iufO" and name not in SHARED:
+            own = np.shape(value)[np.ndim(value) - body._axes.get(name, 0) :]
+            parts[name] = np.broadcast_to(value, (*batch, *own))[index]
+    return body._with(parts)
 
 
 def same(first, second):

@@ -43,8 +43,11 @@ def short(numbers):
 
 
 def problem(body, omega, eps):
-    values = {name: short(value) for name, value in body._arrays.items()}
-    return type(body)(**values), short(omega), short(eps)
+    parts = dict(body._parts)
+    for name, value in parts.items():
+        if np.asarray(value).dtype.kind == "f":
+            parts[name] = short(value)
+    return body._with(parts), short(omega), short(eps)
 
 
 def all_hashes():

@@ -19,7 +19,7 @@ from .operations import evaluate
 from .pool import in_parts
 from .stages import extrapolation, weights_of
 from .steps_field import in_lines
-from .tolerance import rates, stage_of
+from .tolerance import stage_of
 
 COLUMNS = 2, 4, 6, 8, 10
 ACTIVE = 2**15  # bytes of the rows of lines that are taken side by side
@@ -89,7 +89,7 @@ class Motion:
 
     def _first_lengths(self, x, last):
         """Return the lengths of first steps (lines, W), 0 where f(x) is not finite."""
-        f = abs(rates(self.step.indices, self.D, x.swapaxes(0, 1), self.values.swapaxes(0, 1)))
+        f = abs(self.step.rates(x.swapaxes(0, 1), self.values.swapaxes(0, 1)))
         f, size = f.max(axis=0, initial=0.0), abs(x).max(axis=1)
         length = np.where((f > 0.0) & (size > 0.0), 0.125 * size / f, last)
         return np.where(np.isfinite(f + size), np.minimum(length, last), 0.0)

@@ -41,6 +41,15 @@ class Stage(Step):
     def __init__(self, indices, D):
         super().__init__(indices, D)
         self.choice = Choice(indices, D)
+        self._values = Values(D + self.T, ())
+        f = Matrix(indices, D, self._values, range(D), range(D, D + self.T))
+        self._rates = [f.right_side(k) for k in range(D)]
+
+    def rates(self, x, v):
+        """Return f(x) (D, ...) of states (D, ...), with the bits that a single state has."""
+        found = dict(enumerate([*x, *v]))
+        evaluate(self._values.operations, found)
+        return np.array([0.0 * x[0] if n is None else found[n] + 0.0 * x[0] for n in self._rates])
 
     def _add_tests(self, halves):
         pivots = [self.factors.pivot[k] for k in sorted(self.factors.pivot)]
@@ -117,14 +126,3 @@ class Choice:
         moduli = [emit("select", good, sizes[k], largest[k]) for k in range(D)]
         self.results = [*states, *moduli, later, emit("select", ended, 0.0, length)]
         self.operations = values.operations
-
-
-def rates(indices, D, x, v):
-    """Return f(x) (D, ...) of states (D, ...), with the bits that a single state has."""
-    T = indices.shape[1]
-    values = Values(D + T, ())
-    f = Matrix(indices, D, values, range(D), range(D, D + T))
-    numbers = [f.right_side(k) for k in range(D)]
-    found = dict(enumerate([*x, *v]))
-    evaluate(values.operations, found)
-    return np.array([np.zeros_like(x[0]) if n is None else found[n] + 0.0 * x[0] for n in numbers])

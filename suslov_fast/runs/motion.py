@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -35,32 +36,31 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
     x0, D = flat_arrays(problem.omega, problem.batch), problem.body.dimension
     require(8 * (len(times) + 8) * x0.size, "compute fewer states at a time")
     states = np.full((len(times), *x0.shape), np.nan)
-    ended, ends = np.zeros(len(x0), bool), np.zeros(len(x0))
-    states[times == 0.0] = np.where(np.isnan(x0).any(axis=1, keepdims=True), np.nan, x0)
+    undefined, ended, ends = np.isnan(x0).any(axis=1), np.zeros(len(x0), bool), np.zeros(len(x0))
+    states[times == 0.0] = np.where(undefined[:, np.newaxis], np.nan, x0)
     done = int(np.count_nonzero(times == 0.0))
+    goes_on = True
+
+    def told(count: int) -> bool:
+        """Report that so many more times are done; return whether to go on."""
+        nonlocal done, goes_on
+        done += count
+        goes_on = report is None or report(done)
+        return goes_on
+
     with reporter(progress, len(times)) as report:
-        goes_on = True
         for direction in (1, -1):
-            later, where = np.unique(
-                direction * times[direction * times > 0.0], return_inverse=True
-            )
-            if not len(later) or not goes_on:
-                continue
             rows = np.flatnonzero(direction * times > 0.0)
-            count = np.bincount(where)
-
-            def told(row: int, count: Any = count, before: int = done) -> bool:
-                return report is None or report(before + int(count[:row].sum()))
-
-            found, now_ended, at = _in_direction(
-                problem, x0, later, direction, rtol, told if report else None
-            )
+            if not rows.size or not goes_on:
+                continue
+            later, where = np.unique(abs(times[rows]), return_inverse=True)
+            counts = np.bincount(where).tolist() if report else []
+            arguments = problem, x0, later, direction, rtol
+            found, now_ended, at = _in_direction(*arguments, counts, told)
             states[rows] = found[where]
             ends = np.where(now_ended & ~ended, direction * at, ends)
             ended |= now_ended
-            done += int(count.sum())
-            goes_on = not np.isnan(found[-1]).all() or report is None
-    _warn_of_ends(ended & ~np.isnan(x0).any(axis=1), ends, problem.batch)
+    _warn_of_ends(ended & ~undefined, ends, problem.batch)
     return states.reshape(len(times), *problem.batch, D)
 
 
@@ -70,9 +70,14 @@ def _in_direction(
     times: FloatArray,
     direction: int,
     rtol: float,
-    told: Report | None,
+    counts: Sequence[int],
+    told: Report,
 ) -> tuple[FloatArray, Any, FloatArray]:
-    """Return states at ascending moduli of times, which solutions have ended, and when."""
+    """Return states at ascending moduli of times, which solutions have ended, and when.
+
+    With `counts`, all trajectories reach a time before the next one, and `told` takes its count; if
+    it returns False, states at later times are NaN.
+    """
     indices, values, eps = by_field(problem.body, 1.0, problem.batch)
     out, groups = np.full((len(times), *x0.shape), np.nan), []
     motions: list[Any] = []
@@ -89,14 +94,13 @@ def _in_direction(
             outs.append(states[:, part])
         groups.append((where, states, len(parts)))
     cost = sum(m.B * max(len(m.step.usual), m.D**3) for m in motions) // 10
-    if told is None:
+    if not counts:
         call_kernel(flow_kernel, cost * _USUAL, problem.threads, motions, times, outs)
     else:
-        for k in range(len(times)):
-            at_once = [each[k : k + 1] for each in outs]
-            work = cost * _USUAL // len(times)
+        for k, count in enumerate(counts):
+            at_once, work = [each[k : k + 1] for each in outs], cost * _USUAL // len(times)
             call_kernel(flow_kernel, work, problem.threads, motions, times[k : k + 1], at_once)
-            if not told(k + 1):
+            if not told(count):
                 break
     ended, ends = np.zeros(len(x0), bool), np.zeros(len(x0))
     left = iter(motions)

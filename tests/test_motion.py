@@ -1,0 +1,337 @@
+"""`flow` of fields: the solution of the differential equation to a tolerance."""
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from test_orders import FLOWS, HENON_HEILES, LORENZ, SQUARE, motion
+
+import suslov_fast as sf
+from suslov_fast import PoleWarning, QuadraticField, flow
+from suslov_fast.core import flow as core_flow
+from suslov_fast.engine import threads
+
+
+def of(f, dimension, **parameters):
+    return QuadraticField.from_function(f, dimension, **parameters)
+
+
+SQUARES = of(lambda z: (z[0] ** 2 - z[1] ** 2, 2 * z[0] * z[1]), 2)  # z' = z**2
+
+
+def robertson(x):
+    slow, back, fast = 0.04 * x[0], 1e4 * x[1] * x[2], 3e7 * x[1] ** 2
+    return back - slow, slow - back - fast, fast
+
+
+def hires(y, k=280):
+    pair = k * y[5] * y[7]
+    return (
+        -1.71 * y[0] + 0.43 * y[1] + 8.32 * y[2] + 0.0007,
+        1.71 * y[0] - 8.75 * y[1],
+        -10.03 * y[2] + 0.43 * y[3] + 0.035 * y[4],
+        8.32 * y[1] + 1.71 * y[2] - 1.12 * y[3],
+        -1.745 * y[4] + 0.43 * y[5] + 0.43 * y[6],
+        -pair + 0.69 * y[3] + 1.71 * y[4] - 0.43 * y[5] + 0.69 * y[6],
+        pair - 1.81 * y[6],
+        -pair + 1.81 * y[6],
+    )
+
+
+HIRES = [1, 0, 0, 0, 0, 0, 0, 0.0057]
+# At t = 321.8122, from the test set for initial value problems.
+HIRES_END = [
+    0.7371312573325668e-3, 0.1442485726316185e-3, 0.5888729740967575e-4, 0.1175651343283149e-2,
+    0.2386356198831331e-2, 0.6238968252742796e-2, 0.2849998395185769e-2, 0.2850001604814231e-2,
+]  # fmt: skip
+
+
+def oregonator(y):
+    s, q, w = 77.27, 8.375e-6, 0.161
+    return (
+        s * (y[1] - y[0] * y[1] + y[0] - q * y[0] ** 2),
+        (-y[1] - y[0] * y[1] + y[2]) / s,
+        w * (y[0] - y[2]),
+    )
+
+
+def chain(n, alpha=0.25):
+    """Masses between springs, with fixed ends."""
+
+    def f(x):
+        q, p = [0, *x[:n], 0], x[n:]
+        d = [q[i + 1] - q[i] for i in range(n + 1)]
+        force = [each + alpha * each**2 for each in d]
+        return [*p, *(force[i + 1] - force[i] for i in range(n))]
+
+    return of(f, 2 * n)
+
+
+def ring(n, alpha=0.25):
+    """The same without ends."""
+
+    def f(x):
+        d = [x[(i + 1) % n] - x[i] for i in range(n)]
+        force = [each + alpha * each**2 for each in d]
+        return [*x[n:], *(force[i] - force[i - 1] for i in range(n))]
+
+    return of(f, 2 * n)
+
+
+def by_scipy(field, start, time, method="DOP853"):
+    run = solve_ivp(
+        lambda t, y: sf.vector_field(field, y), (0, time), start, method, rtol=1e-13, atol=1e-16
+    )
+    return run.y[:, -1]
+
+
+# -------------------------------------------------------------------------------------- accuracy
+@pytest.mark.parametrize("name", FLOWS)
+def test_series(name):
+    """Against power series in long doubles; forward and back."""
+    field, start, time = FLOWS[name]
+    end, largest = motion(name).astype(float), abs(motion(name)).max()
+    errors = [
+        abs(flow(field, start, time, rtol=rtol) - end).max() / largest
+        for rtol in (1e-4, 1e-6, 1e-9, 1e-12)
+    ]
+    factor = 3e3 if name == "Lorenz" else 20
+    assert (np.array(errors) < factor * np.array([1e-4, 1e-6, 1e-9, 1e-12])).all(), errors
+    assert errors[3] < errors[2] < errors[1] < errors[0]
+    back = flow(field, end, -time, rtol=1e-12)
+    assert abs(back - start).max() < (1e-5 if name == "Lorenz" else 1e-10)
+
+
+def test_henon_heiles(rng):
+    x = rng.uniform(-0.25, 0.25, (16, 4))
+    wanted = np.array([by_scipy(HENON_HEILES, each, 20.0) for each in x])
+    for rtol in (1e-6, 1e-9, 1e-12):
+        assert abs(flow(HENON_HEILES, x, 20.0, rtol=rtol) - wanted).max() < 10 * rtol + 1e-12
+
+
+def test_a_periodic_orbit_of_lorenz_returns():
+    """The orbit AB, with the printed period."""
+    guess = [-13.763610682134, -19.578751942452, 27.0]
+    period = 1.558652210716175
+    default = flow(LORENZ, guess, period)
+    assert abs(default - guess).max() < 1e-6
+    exact = flow(LORENZ, guess, period, rtol=1e-13)
+    assert abs(exact - guess).max() < 1e-10
+
+
+def test_exact_solutions_of_bodies(rng):
+    start, times = rng.normal(size=(40, 2)), [-20.0, 20.0, 3.0]
+    for body in (sf.Suslov3D(4, 1, -0.5, -0.3), sf.SuslovGyrostat(2, 1, -0.5, -0.3, 0.1)):
+        found = flow(QuadraticField.of(body), start, times)
+        assert abs(found - flow(body, start, times)).max() < 1e-8
+
+
+def test_components_reached_through_others():
+    ramp = of(lambda x: [*x[1:], 1], 12)
+    found = flow(ramp, np.zeros(12), 1.0)
+    factorials = np.cumprod(np.arange(1.0, 13))[::-1]
+    assert abs(found - 1 / factorials).max() < 1e-9
+    lattice, kicked = ring(12), np.zeros(24)
+    kicked[12] = 1.0
+    assert abs(flow(lattice, kicked, 2.0) - by_scipy(lattice, kicked, 2.0)).max() < 1e-8
+
+    def epidemic(x):
+        """Susceptible, eight exposed stages, infected."""
+        new, *rest = 2 * x[0] * x[9], *(4 * each for each in x[1:9])
+        return [-new, *(a - b for a, b in zip([new, *rest], rest, strict=False)), rest[-1] - x[9]]
+
+    field, start = of(epidemic, 10), [1.0, *[0] * 8, 1e-3]
+    assert abs(flow(field, start, 10.0) - by_scipy(field, start, 10.0)).max() < 1e-8
+
+
+@pytest.mark.parametrize("shift", [1.0, 0.1, 1e6])
+def test_a_chain_displaced_uniformly_stays(shift):
+    displaced = np.zeros(24)
+    displaced[:12] = shift
+    assert abs(flow(ring(12), displaced, 5.0) - displaced).max() < 1e-9 * shift
+
+
+# ---------------------------------------------------------------------------------------- stiff
+def test_hires():
+    field = of(hires, 8)
+    for rtol, bound in ((1e-4, 1e-3), (1e-6, 3e-6), (1e-8, 2e-8)):
+        found = flow(field, HIRES, 321.8122, rtol=rtol)
+        assert abs(found / HIRES_END - 1).max() < bound
+
+
+def test_robertson():
+    field = of(robertson, 3)
+    found = flow(field, [1, 0, 0], [0.0, 40.0, 4e5], rtol=1e-6)
+    wanted = [0.7158270687193941, 9.185534764557338e-06, 0.2841637457458131]
+    assert abs(found[1] - wanted).max() < 1e-8
+    assert abs(found[1] / wanted - 1).max() < 1e-4
+    # By Radau at 1e-12.
+    assert abs(found[2, [0, 2]] - [4.93829e-3, 0.9950617]).max() < 1e-5
+    assert abs(found.sum(axis=1) - 1).max() < 1e-12
+
+
+def test_oregonator():
+    found = flow(of(oregonator, 3), [1, 2, 3], 360.0, rtol=1e-6)
+    wanted = [0.1000814870318523e1, 0.1228178521549917e4, 0.1320554942846706e3]
+    assert abs(found / wanted - 1).max() < 4e-3
+
+
+def test_batches_of_rates():
+    """Each member takes its own steps; with the bits of a single field."""
+    rates = np.geomspace(28, 2800, 19)
+    family = of(hires, 8, k=rates)
+    found = flow(family, HIRES, 321.8122, rtol=1e-6)
+    assert abs(found[9] / HIRES_END - 1).max() < 3e-6
+    for k in (0, 7, 18):
+        assert (flow(family[k], HIRES, 321.8122, rtol=1e-6) == found[k]).all()
+
+
+def test_fast_decay():
+    found = flow(of(lambda x, a: (-a * x[0],), 1, a=np.logspace(-1, 9, 41)), [1.0], [0.1, 1.0])
+    wanted = np.exp(-np.outer([0.1, 1.0], np.logspace(-1, 9, 41)))
+    assert abs(found[..., 0] - wanted).max() < 2e-9
+
+
+# ------------------------------------------------------------------------------------------ ends
+@pytest.mark.parametrize(
+    ("field", "start", "end"),
+    [
+        (SQUARE, [1.0], 1.0),
+        (SQUARES, [1.0, 0.0], 1.0),
+        (of(lambda x: (1 + x[0] ** 2,), 1), [0.0], np.pi / 2),
+        (of(lambda x: (x[0] ** 2, x[1] ** 2), 2), [1.0, 1.0], 1.0),
+        (of(lambda x: (-(x[0] ** 2),), 1), [4.0], -0.25),
+    ],
+)
+def test_solutions_that_end(field, start, end):
+    times = np.array([0.5, 0.99, 1.01, 2.0]) * end
+    with pytest.warns(PoleWarning, match="1 of 1 solutions end") as record:
+        found = flow(field, start, times)
+    [told] = re.findall(r"near t = (\S+)$", str(record[0].message))
+    assert abs(float(told) - end) < 1e-6
+    assert np.isfinite(found[:2]).all()
+    assert np.isnan(found[2:]).all()
+
+
+def test_a_solution_that_passes_a_pole_by_does_not_end():
+    z = 1 + 0.1j
+    found = flow(SQUARES, [z.real, z.imag], [1.0, 2.0])
+    exact = z / (1 - z * np.array([1.0, 2.0]))
+    assert abs(found - np.stack([exact.real, exact.imag], axis=-1)).max() < 1e-7
+
+
+def test_one_warning_names_the_first():
+    start = np.array([[-1.0], [0.5], [1.0], [np.nan], [0.1]])
+    with pytest.warns(PoleWarning, match=r"2 of 5 solutions end.* first: 1 near t = 2$") as record:
+        found = flow(SQUARE, start, [3.0, 0.0])
+    assert len(record) == 1
+    assert np.isnan(found[0, :, 0]).tolist() == [False, True, True, True, False]
+    assert np.isnan(found[1, :, 0]).tolist() == [False, False, False, True, False]
+    with pytest.warns(PoleWarning, match="1 of 1 solutions end"):
+        assert np.isnan(flow(SQUARE, [1e200], 1.0)).all()  # f overflows at the start
+
+
+# --------------------------------------------------------------------------------------- contract
+def test_times(rng):
+    x = rng.normal(size=(2, 3, 4)) / 8
+    times = [3.0, -1.0, 0.0, 3.0, 0.5, -2.0, -1.0]
+    found = flow(HENON_HEILES, x, times)
+    assert found.shape == (7, 2, 3, 4)
+    assert (found[0] == found[3]).all()
+    assert (found[1] == found[6]).all()
+    assert (found[2] == x).all()
+    for time, states in zip(times, found, strict=True):
+        alone = flow(HENON_HEILES, x, time)
+        assert alone.shape == (2, 3, 4)
+        assert abs(alone - states).max() < 1e-8
+    assert flow(HENON_HEILES, x, []).shape == (0, 2, 3, 4)
+    assert flow(HENON_HEILES, x[:0], [1.0]).shape == (1, 0, 3, 4)
+
+
+def test_bits_do_not_depend_on_batch_and_threads(rng, monkeypatch):
+    a = np.array([0.0, 1.0, 0.3, -0.2, 0.5] * 12)
+    family = of(lambda x, a: (x[1] - a * x[0] * x[2], -x[0] + x[0] * x[1], a - x[2]), 3, a=a)
+    cases = (
+        (LORENZ, rng.normal(size=(60, 3)) * 8 + [0, 0, 25]),
+        (family, rng.normal(size=(60, 3)) / 9),
+    )
+    for field, x in cases:
+        whole = flow(field, x, [0.3, 1.0])
+        for part in (slice(0, 1), slice(3, 5), slice(7, 12), slice(20, 60), slice(None, None, -1)):
+            own = field[part] if field.shape else field
+            assert (flow(own, x[part], [0.3, 1.0]) == whole[:, part]).all()
+        with monkeypatch.context() as patch:
+            patch.setattr(threads, "CROSSOVER", 0)
+            assert (flow(field, x, [0.3, 1.0], threads=2) == whole).all()
+            patch.setattr(core_flow, "BUDGET", 1)  # a pause after each step
+            assert (flow(field, x, [0.3, 1.0]) == whole).all()
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_numpy_takes_the_same_steps(rng, monkeypatch):
+    cases = (
+        (LORENZ, rng.normal(size=(11, 3)) * 8 + [0, 0, 25], [0.1, 0.5, -0.1]),
+        (SQUARE, [[1.0], [-1.0], [np.nan], [1e200]], [0.5, 2.0]),
+        (of(robertson, 3), [1.0, 0, 0], [40.0]),
+    )
+    expected = [flow(*case) for case in cases]
+    monkeypatch.setattr(core_flow, "code_of", lambda *arguments, **options: None)
+    for case, wanted in zip(cases, expected, strict=True):
+        np.testing.assert_array_equal(flow(*case), wanted)
+
+
+def test_a_field_without_a_plan(rng, monkeypatch):
+    """By elimination with pivoting, to rounding."""
+    start = np.array([[1.0, 1, 20], [3, -2, 25]])
+    wanted = flow(LORENZ, start, 0.5)
+    monkeypatch.setattr("suslov_fast.core.operations.MOST", 0)
+    core_flow.stage_of.cache_clear()
+    try:
+        found = flow(LORENZ, start, 0.5)
+        with pytest.warns(PoleWarning):
+            assert np.isnan(flow(SQUARE, [1.0], 2.0)).all()
+    finally:
+        core_flow.stage_of.cache_clear()
+    assert abs(found - wanted).max() < 1e-7
+
+
+def test_progress():
+    seen = []
+
+    def stop(done, total):
+        seen.append((done, total))
+        return done < 4
+
+    times = [0.0, 1.0, 1.0, 2.0, 3.0, -1.0]
+    found = flow(HENON_HEILES, [[0.1, 0, 0, 0.2], [0, 0.1, 0.1, 0]], times, progress=stop)
+    assert seen == [(3, 6), (4, 6)]
+    assert np.isnan(found).all(axis=(1, 2)).tolist() == [False, False, False, False, True, True]
+    whole = flow(HENON_HEILES, [[0.1, 0, 0, 0.2], [0, 0.1, 0.1, 0]], times)
+    assert (found[:4] == whole[:4]).all()
+
+
+def test_bad_input():
+    body = sf.Suslov3D(4, 1, -0.5, -0.3)
+    for rtol in (0, 1e-14, 0.1, np.nan, [1e-6, 1e-7]):
+        with pytest.raises(ValueError, match=r"^rtol must be"):
+            flow(SQUARE, [1.0], 1.0, rtol=rtol)
+    with pytest.raises(TypeError, match="rtol needs a field"):
+        flow(body, [1, 0.5], 1.0, rtol=1e-9)
+    with pytest.raises(TypeError, match="progress needs a field"):
+        flow(body, [1, 0.5], 1.0, progress=True)
+    for time in (np.inf, np.nan, [[1.0]]):
+        with pytest.raises(ValueError, match=r"^time must"):
+            flow(SQUARE, [1.0], time)
+    with pytest.raises(ValueError, match=r"^x must"):
+        flow(SQUARE, [1.0, 2.0], 1.0)
+    with pytest.raises(sf.NotIntegrableError, match=r"flow\(QuadraticField\.of\(body\)"):
+        flow(sf.SuslovND([1.0, 2, 3], [0.1, 0.2, 0.3]), [1, 1, 1], 1.0)
+
+
+def test_no_warning_for_ordinary_motion():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        flow(LORENZ, [1.0, 1, 20], [1.0, -0.1])
+        flow(of(lambda x: (0 * x[0],), 1), [1.0], 3.0)

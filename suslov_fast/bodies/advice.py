@@ -26,12 +26,24 @@ _NUMBERED = re.compile(r"[A-Za-z]+_?\d+")
 _WITH_RATES = re.compile(r"([pvd]_?)?[xyz](_?dot)?")
 _RUNS = "xyzw", "xyzuvw", "xyuv", "xv", "uvw", "qp", "pq", "XYZW", "UVW"
 CUBIC = "howto/cubic"
-# Errors of Python and NumPy where a function treats a number as an array.
-_OF_ARRAYS = re.compile(
-    "'(float|int)' object is not|non-iterable (float|int)|'(float|int)' has no len|"
-    "for @: '(float|int)'|"
-    "not have enough dimensions"
-)
+# What errors of Python, NumPy and Numba say; a test raises each.
+TEXTS = {
+    "array of a number": "'(float|int)' object is not|non-iterable (float|int)|"
+    "'(float|int)' has no len|for @: '(float|int)'|not have enough dimensions",
+    "product of a number": "@|matmul",
+    "linear algebra of symbols": "ufunc '(solve|inv|lstsq|det|qr|eig|svd)",
+    "function of math": "must be real number, not",
+    "time is None": "NoneType",
+    "number of a symbol": "Polynomial",
+    "tuple as an array": "'Variables'|tuple indices|can't multiply sequence",
+    "unpacking": "to unpack",
+    "argument of Numba": "compute fingerprint",
+}
+
+
+def says(text: str, what: str) -> bool:
+    """Return whether the text of an error is one of TEXTS."""
+    return re.search(TEXTS[what], text) is not None
 
 
 def is_state(name: str) -> bool:
@@ -198,31 +210,31 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
     if _is_of_numba(error):
         how = "call the Python function that it was made of, g.py_func(*x) in place of g(*x)"
         return f"{f_name} calls a function compiled by Numba, which takes no symbols: {how}"
-    if "NoneType" in text:
+    if says(text, "time is None"):
         how = f"make time a variable, whose derivative is 1, see {page(CUBIC)}"
         return f"{text}: if None stands for t, the right-hand side depends on t: {how}"
-    if is_family and _OF_ARRAYS.search(text):
+    if is_family and says(text, "array of a number"):
         how = "pass each number by its own name, such as sigma=10, rho=28"
-        if "@" in text or "matmul" in text:
+        if says(text, "product of a number"):
             how = "a constant matrix belongs inside f, and is no parameter"
         return f"{text}: an array is a family, of which f gets one number at a time: {how}"
-    if re.search(r"ufunc '(solve|inv|lstsq|det|qr|eig|svd)", text):
+    if says(text, "linear algebra of symbols"):
         how = "compute the inverse of a constant matrix before, and multiply by it"
         return (
             f"numpy.linalg cannot compute with symbols ({text}): {how}, as in Inverse @ np.array(x)"
         )
-    if "must be real number, not" in text:  # raised by functions of math
+    if says(text, "function of math"):
         how = "x holds symbols, which functions of math do not take"
         return f"{text}: {how}; exp, tanh, sin and cos can become variables, see {page(CUBIC)}"
-    if "Polynomial" in text:
+    if says(text, "number of a symbol"):
         how = "x holds symbols: no if or float of them, and no arrays of floats to fill"
         return f"{text}: {how}; see {page(CUBIC)}"
     if len(names) == 1 and len(names[0]) > 1 and re.search("to unpack|but the dimension", text):
         return f"{text}: {names[0]!r} is one name, write {' '.join(names[0])!r} for {len(names[0])}"
-    if re.search("'Variables'|tuple indices|can't multiply sequence", text):
+    if says(text, "tuple as an array"):
         text = text.replace("'Variables'", "'tuple'")
         return f"{text}: x is a tuple; for arithmetic on all of it, np.array(x)"
-    if "to unpack" in text:
+    if says(text, "unpacking"):
         wanted = re.search(r"expected (\d+)", text)
         how = f": if {f_name} unpacks x, the dimension is {len(names)}"
         if wanted and int(wanted[1]) != len(names):
@@ -233,4 +245,4 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
 
 
 def _is_of_numba(error: Exception) -> bool:
-    return type(error).__module__.startswith("numba") or "compute fingerprint" in str(error)
+    return type(error).__module__.startswith("numba") or says(str(error), "argument of Numba")

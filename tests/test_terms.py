@@ -123,7 +123,8 @@ def test_a_hamiltonian_by_terms_has_its_field():
     D, scipy_sparse = 8, pytest.importorskip("scipy.sparse")
 
     def H(x):
-        return sum(a * a for a in x) / 2 + sum(x[i - 1] * x[i] ** 2 for i in range(D)) * F(2, 7) + 3
+        cubes = sum(x[i - 1] * x[i] ** 2 for i in range(D)) + x[3] ** 3 - x[0] * x[3] * x[6]
+        return sum(a * a for a in x) / 2 + cubes * F(2, 7) + 3
 
     K = np.eye(D, k=1, dtype=int) - np.eye(D, k=-1, dtype=int)
     field = QuadraticField.from_hamiltonian(H, D, K)

@@ -150,7 +150,7 @@ FIELDS = [
     (field(lambda x: (math.cos(None), 1)), TypeError, "depends on t: make time a variable"),
     (field(lambda x: np.linalg.solve(ID[:2, :2], x)), TypeError, "inverse of a constant matrix"),
     (field(lambda x: (x[0] / 0, 1)), ValueError, "division by zero"),
-    (field(lambda x: [a for a, b, c in [x]]), ValueError, "unpack .* dimension is 2"),
+    (field(lambda x: [a for a, b, c in [x]]), ValueError, "unpack .* 2 variables were given, x1, x2, and 3"),
     (field(lambda x: (None, 1)), TypeError, "f: x1' must be a polynomial.* None"),
     (field(lambda x: (x[0] if x[0] == 0 else 1, x[1])), TypeError, "f"),
     (field(lambda x: (x[0] and 1, x[1])), TypeError, "f"),

@@ -44,7 +44,7 @@ STEPPED = (FIELD, [1.0, 0.0], 0.1, 10)
         (RUN.extend, (), "n", "pass steps="),
         (RUN.save, (), "filename", "pass path="),
     ],
-    ids=str,
+    ids=lambda value: value if isinstance(value, str) else getattr(value, "__name__", ""),
 )
 def test_unknown_keywords(function, arguments, keyword, answer):
     with pytest.raises(TypeError, match=answer):

@@ -157,7 +157,7 @@ def end_column(text, step, arguments, places, final, weights, is_last):
 def end_composition(text, step, arguments, places, final, is_last):
     """Add what follows a stage of a composition that tells changes of signs over whole steps."""
     D, size = len(final), 8 * text.W
-    text.branch(is_last, "ended", "stored")
+    text.branch(text.new(f"xor i1 {is_last}, true"), "stored", "ended", likely=True)
     text.label("ended")
     line = text.integer("mul", "%line", ROWS * D * size)
     line = text.integer("add", arguments.columns, line)

@@ -264,7 +264,8 @@ class Trajectories(Result):
         All states of a trajectory with the status SUPERCRITICAL are valid.
         """
         n = self.n.reshape(-1, *(1,) * self.status.ndim)
-        return n < first_beyond(self.failed_at, self.first_pole)
+        valid: NDArray[np.bool_] = n < first_beyond(self.failed_at, self.first_pole)
+        return valid
 
     first_integral = _quantity("first_integral")
     energy = _quantity("energy")

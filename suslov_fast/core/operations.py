@@ -35,10 +35,10 @@ SIGNIFICANT = 2.0**-1000  # rounding may change the signs of smaller components
 # A list of more than WHOLE operations is divided into functions of PIECE operations. Where LLVM
 # does not optimise, each value for eight lanes takes 64 bytes of a stack.
 WHOLE, PIECE = 4000, 1000
-# A field has a plan unless more than MOST terms and products of elimination depend on the state,
-# because elimination without a plan is faster then, or more than LONGEST products in all, because
-# planning takes long.
-MOST, LONGEST = 36_000, 400_000
+# A field has a plan unless more terms and products of elimination depend on the state than MOST,
+# and than a part of those of a dense matrix, because elimination without a plan is faster then; or
+# unless there are more than LONGEST products in all, because planning takes long.
+MOST, PART_OF_DENSE, LONGEST = 36_000, 1 / 24, 1_000_000
 
 # Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
 # second operand where one of them is NaN.
@@ -158,7 +158,8 @@ class Step:
         order, right = elimination_order(matrix.pattern, D), {}
         varying = {*matrix.products, *matrix.early}
         work, of_state = work_of(matrix.pattern, order, varying)
-        if of_state + sum(indices[2] < D) > MOST or work > LONGEST:
+        of_state += int((indices[2] < D).sum())
+        if of_state > max(MOST, PART_OF_DENSE * D**3) or work > LONGEST:
             return
         self.factors = Factors(matrix, order, right)
         for k in reversed(order):

@@ -141,6 +141,29 @@ def test_a_long_list_is_divided(rng, monkeypatch, anew, batch):
     assert sf.iterate(*args, on_singular="ignore") == whole
 
 
+@pytest.mark.parametrize("method", ["auto", "order4", "extrapolated"])
+def test_a_short_run_of_one_orbit_has_the_bits_of_a_batch(rng, method):
+    """Also where a step needs pivoting, passes a pole, or continues beyond one, in any cuts."""
+    lattice = sf.QuadraticField.from_function(volterra, 5)
+    chain = sf.QuadraticField.from_function(of_a, 3, a=1)
+    met = set()
+    for field, scale, eps in ((lattice, 9.0, 0.3), (chain, 30.0, 0.2)):
+        x0 = abs(rng.normal(scale=scale, size=(12, field.dimension)))
+        x0[3] = np.nan
+        given = {"method": method, "save_every": 3, "on_singular": "ignore"}
+        run = sf.iterate(field, x0, eps, 20, **given)
+        met |= {*run.status.tolist()}
+        for k in range(len(x0)):
+            for cut in (20, 7):
+                alone = sf.iterate(field, x0[k], eps, cut, **given)
+                if cut < 20:
+                    alone = alone.extend(20 - cut, on_singular="ignore")
+                np.testing.assert_array_equal(alone.x, run.x[:, k])
+                np.testing.assert_array_equal(alone.final, run.final[k])
+                assert (alone.status, alone.failed_at) == (run.status[k], run.failed_at[k])
+    assert met >= {sf.Status.OK, sf.Status.PASSED_POLE, sf.Status.NONFINITE}
+
+
 @pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
 def test_the_loop_over_a_long_list_computes_the_same_bits(rng, monkeypatch):
     """Of steps that are good, near a pole, beyond one, and of NaN; and of rare and dense lanes."""

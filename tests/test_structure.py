@@ -146,6 +146,7 @@ def test_the_core_is_pure_numerics():
                 "numba",
                 "collections",
                 "functools",
+                "array",
                 "heapq",
                 "itertools",
             }

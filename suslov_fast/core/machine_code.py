@@ -251,6 +251,7 @@ def _compile(text, name, level, lasts):
     finally:
         engine.remove_module(module)
     address.engine = engine
+    address.call = _CALL(address)  # takes the address of an array; made once, for small calls
     return address
 
 
@@ -272,7 +273,7 @@ _CALL = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)
 
 def call(address, array):
     """Call the code at an address with the address of an array; return its integer."""
-    return _CALL(address)(array.ctypes.data)
+    return address.call(array.ctypes.data)
 
 
 _PROCEDURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 5)

@@ -19,6 +19,7 @@ States are in lines of W lanes, x[line, component, lane]. After a failure a traj
 """
 
 import functools
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,12 +35,12 @@ from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
 from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
 from .pool import in_parts
+from .single_orbit import PLANS, common_table, plan_of, take_one
 from .stages import WHOLE, distinct, weights_of
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
 CAREFUL_TIME = 5 * 10**7  # nanoseconds of `careful` steps, after which Python handles Ctrl-C
 SHORT_RUN = 256  # steps of lines, which are prepared for `careful` only when they need it
-PLANS = 32  # patterns of terms whose lists of operations are kept
 
 
 class Scheme(NamedTuple):
@@ -56,9 +57,14 @@ def _step_of(places, D, is_whole):
 
 def scheme_of(indices, D, stages=WHOLE):
     """Return the scheme for fields with terms at these indices (3, T)."""
-    is_whole = len(stages.fractions) == 1 and bool(of_one_sign(indices))
-    step = _step_of(np.ascontiguousarray(indices, np.int64).tobytes(), D, is_whole)
-    return Scheme(step, stages)
+    places = np.ascontiguousarray(indices, np.int64).tobytes()
+    is_whole = len(stages.fractions) == 1 and _has_signs(places)
+    return Scheme(_step_of(places, D, is_whole), stages)
+
+
+@functools.lru_cache(PLANS)
+def _has_signs(places):
+    return bool(of_one_sign(np.frombuffer(places, np.int64).reshape(3, -1)))
 
 
 # ------------------------------------------------------------------------------------------- lines
@@ -76,20 +82,12 @@ def tables_of(scheme, values, eps, W):
     trajectories have the same field.
     """
     step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
-    halves = 0.5 * eps[:, np.newaxis] * values
-    if len(halves) == 1:
-        return halves[:, :, np.newaxis], _common_table(*scheme, halves.tobytes())
-    halves = in_lines(halves, W)
+    if len(eps) == len(values) == 1:
+        return common_table(*scheme, eps.tobytes(), values.tobytes())
+    halves = in_lines(0.5 * eps[:, np.newaxis] * values, W)
     fractions = fractions[:, np.newaxis, np.newaxis]
     table = step.table_of(np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions)
     return halves, np.ascontiguousarray(np.moveaxis(table, 0, 2))
-
-
-@functools.lru_cache(PLANS)  # because it takes long beside a few steps
-def _common_table(step, stages, halves):
-    """Return the table (fractions, 1, n, 1) of one field, from the bytes of its halves."""
-    table = step.table_of(np.outer(np.frombuffer(halves), distinct(stages.fractions)[0]))
-    return np.ascontiguousarray(table.T)[:, np.newaxis, :, np.newaxis]
 
 
 def _packed(truths):
@@ -208,7 +206,7 @@ class _Lines:
         blocks = -(-8 * self.x.size // 2**15)
         block = -(-self.count // min(blocks, -(-self.count // 4)))
         first_row, columns = saved.ctypes.data, self.columns
-        plan = self._plan()
+        plan = plan_of(self.scheme.stages, self.table)
         arguments = CodeArguments(
             x=self.x.ctypes.data,
             lines=self.count,
@@ -234,15 +232,6 @@ class _Lines:
             row=first_row,
         )
         return np.array(arguments, np.int64), (kept, arrays, own, plan)
-
-    def _plan(self):
-        """Return the plan (stages, 3) of `CodeArguments`."""
-        stages, table = self.scheme.stages, self.table
-        plan = np.empty((len(stages.fractions), 3))
-        places = distinct(stages.fractions)[1]
-        plan[:, 1:] = weights_of(stages)
-        plan.view(np.int64)[:, 0] = table.ctypes.data + table.strides[0] * places
-        return plan
 
     def _carry_out(self, stage):
         """Carry out the operations of a stage where that is accurate.
@@ -373,6 +362,8 @@ def _iterate_part(
         if steps[0] == 0:
             _note_undefined(states, notes)
             errors[:] = np.nan
+        if W == 1 and take_one(own, states, notes[0], final[chunk], steps, saved[:, chunk]):
+            continue
         lines = _Lines(own, states, notes, errors, W)
         _take_steps(lines, states, errors, steps, saved[:, chunk], is_large, abandoned)
         final[chunk] = lines.states()
@@ -384,7 +375,9 @@ def _note_undefined(states, notes):
     """Note which trajectories begin with NaN, and that none has passed a pole."""
     status, failed_at, poles = notes
     poles[:] = 0.0
-    if not np.isfinite(states.sum()):  # a sum takes a tenth of the time of the next line
+    # A sum takes a tenth of the time of `isnan`; that of few numbers is faster in Python.
+    total = sum(states.ravel().tolist()) if states.size <= 64 else states.sum()
+    if not math.isfinite(total):
         undefined = np.isnan(states).any(axis=1)
         status[undefined], failed_at[undefined] = NONFINITE, 0
 

@@ -57,6 +57,8 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
 def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
     """Return the arguments of kernels that take the field of a body: its terms, and eps."""
     indices, values = body._terms
+    if not body.shape:  # for speed in small calls
+        return indices, values[np.newaxis], flat_parameter(eps, batch)
     return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
 
 
@@ -71,8 +73,7 @@ def alike(
     The operations of a step, and so its rounding errors, depend on which terms are zero. Without
     groups, the bits of a trajectory would depend on the fields of others.
     """
-    nonzero = values != 0.0
-    if len(values) == 1 or nonzero.all():
+    if len(values) == 1 or (nonzero := values != 0.0).all():
         yield ALL, indices, values, eps
         return
     patterns, which = np.unique(nonzero, axis=0, return_inverse=True)

@@ -1,0 +1,84 @@
+"""Short runs of one orbit of a field, without NumPy's objects: users call `step` in loops.
+
+What a run prepares beside its state, its code, tables and arguments, is kept from call to call.
+"""
+
+import functools
+from array import array
+
+import numpy as np
+
+from .generated import text_of_steps
+from .generated_stages import SLOT, CodeArguments
+from .machine_code import MANY, code_of
+from .stages import distinct, weights_of
+
+PLANS = 32  # of fields, whose tables are kept
+SHORT = 256  # steps of a short run
+
+
+@functools.lru_cache(PLANS)  # because it takes long beside a few steps
+def common_table(step, stages, eps, values):
+    """Return the halves and the table (fractions, 1, n, 1) of one field, from bytes of numbers."""
+    halves = 0.5 * np.frombuffer(eps) * np.frombuffer(values)
+    table = step.table_of(np.outer(halves, distinct(stages.fractions)[0]))
+    return halves[np.newaxis, :, np.newaxis], np.ascontiguousarray(table.T)[
+        :, np.newaxis, :, np.newaxis
+    ]
+
+
+def plan_of(stages, table):
+    """Return the plan (stages, 3) of `CodeArguments`."""
+    plan = np.empty((len(stages.fractions), 3))
+    plan[:, 1:] = weights_of(stages)
+    places = distinct(stages.fractions)[1]
+    plan.view(np.int64)[:, 0] = table.ctypes.data + table.strides[0] * places
+    return plan
+
+
+@functools.lru_cache(PLANS)
+def _prepared(step, stages, eps, values, saves):
+    """Return code and arguments for one orbit, and what has to stay alive; None if it has none."""
+    has_columns = stages.columns or (step.of_one_sign and len(stages.fractions) > 1)
+    if has_columns or not 0 < len(step.usual) <= MANY:
+        return None
+    address = code_of(text_of_steps, step, 1, False, 8 if saves else 0)
+    if address is None:
+        return None
+    table = common_table(step, stages, eps, values)[1]
+    plan = plan_of(stages, table)
+    numbers = dict.fromkeys(CodeArguments._fields, 0) | {
+        "lines": 1, "block": 1, "plan": plan.ctypes.data, "stages": len(plan), "trajectories": 1,
+        "budget": 1,
+    }  # fmt: skip
+    marks = 0  # after the arguments
+    return address, array("q", [*CodeArguments(**numbers), marks]), (table, plan)
+
+
+def take_one(arguments, state, status, final, steps, saved):
+    """Take the steps of a short run of one orbit; return False if others have to take them."""
+    ((step, stages), values, eps), (start, stop, every, row) = arguments, steps
+    if not 0 < stop - start <= SHORT or status.item():
+        return False
+    found = _prepared(step, stages, eps.tobytes(), values.tobytes(), every > 0)
+    if found is None:
+        return False
+    (address, template, _), count = found, len(stages.fractions)
+    x, numbers = array("d", state[0].tolist()), template[:]
+    at, _ = numbers.buffer_info()
+    numbers[SLOT.x], _ = x.buffer_info()
+    numbers[SLOT.marks], numbers[SLOT.steps] = at + 8 * len(SLOT), (stop - start) * count
+    numbers[SLOT.first_until] = numbers[SLOT.until] = -1
+    if every:
+        if start == 0:
+            saved[row] = state
+            row += 1
+        numbers[SLOT.first_until] = numbers[SLOT.until] = (every - start % every) * count - 1
+        numbers[SLOT.between] = every * count - 1
+        if row < len(saved):
+            numbers[SLOT.first_row] = numbers[SLOT.row] = saved.ctypes.data + row * saved.strides[0]
+            numbers[SLOT.row_bytes] = saved.strides[0]
+    if not address.call(at):  # a step needs `careful`
+        return False
+    final[0] = x
+    return True

@@ -208,6 +208,8 @@ AT_ERRORS = {
     "order4": (OURS, "", work.by_order, "order4", {1e-3: 22, 1e-6: 123, 1e-9: 687}),
     "order6": (OURS, "", work.by_order, "order6", {1e-3: 13, 1e-6: 34, 1e-9: 104}),
     "order8": (OURS, "", work.by_order, "order8", {1e-3: 10, 1e-6: 20, 1e-9: 44}),
+    "extrapolated": (OURS, "", work.by_order, "extrapolated", {1e-3: 5, 1e-6: 10, 1e-9: 18}),
+    "flow": (OURS, "`flow`", work.by_flow, None, {1e-3: 3e-4, 1e-6: 1e-6, 1e-9: 3e-9}),
     "heyoka": (
         OTHERS,
         "heyoka, Taylor integrator, 16 at once",

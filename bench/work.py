@@ -193,6 +193,12 @@ def by_order(method, count):
     return lambda x: suslov_fast.iterate(run[0], x, *run[1:], **options).final
 
 
+def by_flow(tolerance):
+    """A function of starts, by `flow` with a tolerance, on one thread."""
+    run = problem.sparse_field(4), TIME_OF_MOTIONS
+    return lambda x: suslov_fast.flow(run[0], x, run[1], rtol=tolerance, threads=1)
+
+
 def at_equal_error(function, argument, below, size):
     """Motions of Hénon and Heiles whose largest error is below a bound; `function(argument)` makes
     a function of their starts. In place of an error it has 0, or by how much the bound is exceeded.

@@ -96,6 +96,8 @@ class PoleWarning(RuntimeWarning):
     and belong to the motion only where the orbit does not use the eigenvector of mu. Orders 4 to 8
     contain steps backwards, which also tell of modes that decay fast.
 
+    :func:`flow` of a field warns of solutions that end, and tells when the first does.
+
     Examples
     --------
     The solution x = 1 / (1 - t) of x' = x**2 escapes to infinity at t = 1:

@@ -19,7 +19,7 @@ from pathlib import Path
 from threading import RLock
 from types import ModuleType
 
-__version__ = "0.8.0"
+__version__ = "0.9.0"
 
 # The imports in `__init__.pyi` are the list of public names; by the loader, because the package may
 # be in an archive.

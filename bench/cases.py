@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import problem
 import work
 from formulas import EPS, Formulas
 from limits import copy, divisions, new_memory, stores
@@ -197,6 +198,37 @@ for table, batch in (("one orbit of a field", 1), ("eight orbits of a field", 8)
             steps = 600_000 // n // batch
             arguments = work.fields, function, partial(sparse_field, n), batch, steps, reference
             add(table, key, OURS, label, *arguments, x=n, one_thread=True)
+
+
+def many_variables(function, f, D, batch, steps, reference, size):
+    """Steps of a lattice, or of a dense field if f is None."""
+    D = size(D, 16)
+    field = partial(dense_field, D) if f is None else partial(problem.lattice, f, D)
+    return work.fields(function, field, batch, steps, reference, size)
+
+
+SPSOLVE, RUNGE_KUTTA = "many.by_sparse", "many.by_runge_kutta"
+for table, batch in (("many variables", 64), ("one orbit of many variables", 1)):
+    for key, f, dimensions in (
+        ("lorenz-96", problem.lorenz_96, (16, 64, 128, 512, 1024, 2048)),
+        ("korteweg-de-vries", problem.korteweg_de_vries, (64, 256, 1024)),
+        ("fput", problem.fermi_pasta_ulam_tsingou, (64, 256, 1024)),
+        ("volterra", problem.volterra_chain, (64, 256, 1024)),
+        ("grid", problem.fisher_on_a_grid, (64, 256)),
+        ("dense", None, (48, 64)),
+    ):
+        for n in dimensions:
+            steps, reference = max(200_000 // n // batch, 2), SPSOLVE if n <= 256 else None
+            arguments, more = (f, n, batch, steps), {"x": n, "one_thread": True}
+            add(table, key, OURS, f"`iterate`, {key}", many_variables, last_field, *arguments,
+                reference, **more)  # fmt: skip
+            for name, label, function in (
+                ("spsolve", "SciPy, `sparse.linalg.spsolve`", SPSOLVE),
+                ("rk4", "Numba, order 4 of Runge and Kutta", RUNGE_KUTTA),
+            ):
+                if key == "lorenz-96" and batch == 1:
+                    peer = many_variables, function, f, n, 1, 2, None
+                    add(table, name, OTHERS, f"{label}, {key}", *peer, **more)
 for n, batch in ((3, 16_384), (4, 16_384), (12, 4096)):
     arguments = work.saved_states_of_field, n, batch, 101
     add("saved states of fields", "iterate", OURS, OUT, *arguments, x=n)

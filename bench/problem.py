@@ -5,6 +5,7 @@ states are random.
 """
 
 import functools
+import itertools
 
 import formulas
 import numpy as np
@@ -40,6 +41,49 @@ def sparse_field(D):
     if D == 4:
         return QuadraticField.from_hamiltonian(henon_heiles, D)
     return QuadraticField.from_function(lorenz_system if D == 3 else volterra_chain, D)
+
+
+def lorenz_96(x):
+    return [x[i - 1] * (x[(i + 1) % len(x)] - x[i - 2]) - x[i] + 8 for i in range(len(x))]
+
+
+def korteweg_de_vries(u):
+    D, h = len(u), 1.0
+
+    def at(i):
+        return u[i % D]
+
+    return [
+        -(at(i + 1) - at(i - 1)) * (at(i + 1) + at(i) + at(i - 1)) / h
+        - (at(i + 2) - 2 * at(i + 1) + 2 * at(i - 1) - at(i - 2)) / (2 * h**3)
+        for i in range(D)
+    ]
+
+
+def fermi_pasta_ulam_tsingou(x):
+    """Particles with a quadratic force between fixed ends: positions, then momenta."""
+    q, p = [0, *x[: len(x) // 2], 0], x[len(x) // 2 :]
+    springs = [b - a + (b - a) ** 2 / 4 for a, b in itertools.pairwise(q)]
+    return [*p, *(b - a for a, b in itertools.pairwise(springs))]
+
+
+def fisher_on_a_grid(u):
+    n = round(len(u) ** 0.5)
+
+    def at(i, j):
+        return u[n * (i % n) + j % n]
+
+    return [
+        at(i + 1, j) + at(i - 1, j) + at(i, j + 1) + at(i, j - 1) - 4 * at(i, j)
+        + at(i, j) * (1 - at(i, j))
+        for i in range(n)
+        for j in range(n)
+    ]  # fmt: skip
+
+
+@functools.cache
+def lattice(f, D):
+    return QuadraticField.from_function(f, D)
 
 
 @functools.cache

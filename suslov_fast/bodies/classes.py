@@ -7,17 +7,18 @@ from ..checks import instance, wrong
 from ..keywords import public
 from .base import Body
 from .field import QuadraticField
+from .lifted import LiftedField
 from .nd import SuslovND
 from .rigid import Suslov3D, SuslovGyrostat
 
 AnyBody = Suslov3D | SuslovND | SuslovGyrostat
 BodyIn3D = Suslov3D | SuslovGyrostat  # whose states are (Omega1, Omega2)
-BodyOrField = AnyBody | QuadraticField
+BodyOrField = AnyBody | QuadraticField | LiftedField
 
 
 def class_named(name: Any) -> type[Any]:
     """Return the class of bodies with this name; those of the package come first."""
-    classes: list[Any] = [Suslov3D, SuslovND, SuslovGyrostat, QuadraticField, Body]
+    classes: list[Any] = [Suslov3D, SuslovND, SuslovGyrostat, QuadraticField, LiftedField, Body]
     for class_ in classes:  # the list grows meanwhile, until it has all descendants
         classes.extend(class_.__subclasses__())
     kinds: dict[Any, type[Any]] = {}

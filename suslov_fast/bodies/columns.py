@@ -107,7 +107,7 @@ def rounded(terms: Terms, symbols: Sequence[Symbol]) -> Any:
     if single is not None and not single.is_inverse and _is_power(c):
         values = float(c) * single.values  # exact, and the case of most coefficients
     else:
-        values = exact_values(terms, symbols).astype(np.float64)
+        values = np.asarray(exact_values(terms, symbols)).astype(np.float64)
     return _checked(values) + 0.0  # no -0.0
 
 

@@ -83,6 +83,7 @@ class LineArrays(NamedTuple):
     poles: Any  # (B,), the first state beyond a pole, negative if a change of sign told it
     marks: Any  # (2, lines), bits of lanes that have ended, and that have passed a pole or ended
     memory: Any  # (D (D + 4) + T,)
+    tells: Any  # (1,), 1 if stages tell poles and signs; those of lifted fields do not
 
 
 @function
@@ -107,8 +108,9 @@ def step_carefully(arrays, first, line, bad, negative, n):
                 state[j] = arrays.x[line, j, l]
             for t in range(T):
                 half[t] = fraction * halves[line % len(halves), t, l % halves.shape[2]]
-            status, beyond = solve_lane(arrays.indices, half, state, system, units)
-            if stages == 1:
+            status, negative_here = solve_lane(arrays.indices, half, state, system, units)
+            beyond = negative_here if arrays.tells[0] else beyond
+            if stages == 1 and arrays.tells[0]:
                 changed = changes_sign(arrays.indices, arrays.x[line, :, l], state)
             for j in range(D):
                 arrays.x[line, j, l] = state[j]
@@ -168,5 +170,6 @@ def careful(address, line, bad, negative, n):
         _array(a[PLACE.poles], (B,), np.float64),
         _array(a[PLACE.marks], (2, count), np.uint8),
         _array(a[PLACE.memory], (D * (D + 4) + T,), np.float64),
+        _array(a[PLACE.tells], (1,), np.int64),
     )
     step_carefully(lines, a[PLACE.first], line, bad, negative, n)

@@ -8,6 +8,7 @@ from .careful import CHANGED
 from .generated_stages import (
     SLOT,
     CodeArguments,
+    add_lift,
     call_careful,
     end_column,
     end_composition,
@@ -15,6 +16,7 @@ from .generated_stages import (
     others,
     state_of,
 )
+from .lift import LiftedStep
 from .machine_code import Text
 
 WIDTH = 8  # lanes of a line
@@ -38,6 +40,8 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     past the caches if that is more than 8; 0 means that none are saved.
     """
     text, D = Text(W), step.D
+    is_lifted = isinstance(step, LiftedStep)
+    given = step.lift[0].given if is_lifted else D
     integer, size, all_lanes = text.integer, 8 * W, (1 << W) - 1
     (*before, usual), _ = step.pieces
     for k, piece in enumerate(before):
@@ -60,7 +64,8 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     less = text.compare_integers("ult", end, arguments.lines)
     text.add(f"  %hi = select i1 {less}, i64 {end}, i64 {arguments.lines}")
     single = [
-        text.load(text.V, text.plus(arguments.x, size * i)) for i in range(D if W == 1 else 0)
+        text.load(text.V, text.plus(arguments.x, size * i))
+        for i in range(D if W == 1 and not is_lifted else 0)
     ]
     text.jump("steps")
 
@@ -82,10 +87,14 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     text.add("  %line = phi i64 [ %lo, %steps ], [ %line1, %next ]")
     state = integer("add", arguments.x, integer("mul", "%line", D * size))
     places = [text.plus(state, size * i) for i in range(D)]
-    x = [f"%x{i}" if W == 1 else text.load(text.V, place) for i, place in enumerate(places)]
     table = common_table
     if for_each:
         table = integer("add", table, integer("mul", "%line", len(step.table) * size))
+    if is_lifted:
+        in_rows = in_columns or tells_signs
+        load = loader(text, step, for_each, state, table, arguments.kept)
+        add_lift(text, step, arguments, places, load, in_rows)
+    x = [f"%x{i}" if single else text.load(text.V, place) for i, place in enumerate(places)]
 
     for k in range(len(before)):
         text.add(f"  call void @{name}_{k}(i64 {state}, i64 {table}, i64 {arguments.kept})")
@@ -122,8 +131,9 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
 
     text.label("finish")
     final = [f"%final{k}" for k in range(D)] if in_columns else state_of(D)
+    begin = "lifted" if is_lifted else "lines"
     for k in range(D):
-        ways = f"[ {after[k]}, %lines ], [ {advanced[k]}, %rare ], [ {solved[k]}, %call ]"
+        ways = f"[ {after[k]}, %{begin} ], [ {advanced[k]}, %rare ], [ {solved[k]}, %call ]"
         text.add(f"  {final[k]} = phi {text.V} {ways}")
     if in_columns:
         end_column(text, step, arguments, places, final, weights, is_last)
@@ -135,7 +145,7 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
             end_composition(text, step, arguments, places, final, is_last)
     if align:
         text.branch(saves, "save", "next")
-        save(text, state_of(D), D, arguments.trajectories, align)
+        save(text, state_of(D)[:given], given, arguments.trajectories, align)
     else:
         text.jump("next")
 

@@ -77,6 +77,36 @@ def call_careful(text, arguments, bad, negative, places):
     return [text.load(text.V, place) for place in places]
 
 
+def add_lift(text, step, arguments, places, load, has_columns):
+    """Add what comes before the first stage of a whole step of a lifted field.
+
+    It writes the added words of a line, and tells `careful` of lanes with det(1 - h f') < 0. The
+    block `lifted` is open after it.
+    """
+    V, D, given = text.V, step.D, step.lift[0].given
+    text.branch(text.compare_integers("eq", "%stage", 0), "lift", "lifted")
+    text.label("lift")
+    values = {i: text.load(V, places[i]) for i in range(given)}
+    text.carry_out(step.prologue, values, load)
+    words = [values[n] if n in values else load(n) for n in step.lifted]
+    for word, place in zip(words, places[given:], strict=True):
+        text.store(V, word, place)
+    if has_columns:
+        line = text.integer("mul", "%line", ROWS * D * 8 * text.W)
+        line = text.integer("add", arguments.columns, line)
+        for k, word in enumerate(words, given):
+            text.store(V, word, text.plus(line, 8 * text.W * (BASE * D + k)))
+    passed = text.integer("add", arguments.marks, arguments.lines)
+    turned = text.integer("and", text.bits(values[step.turned]), others(text, 0, passed))
+    text.branch(text.compare_integers("eq", turned, 0), "lifted", "turned")
+    text.label("turned")
+    text.branch(text.compare_integers("eq", arguments.careful, 0), "unable", "turning")
+    text.label("turning")
+    call_careful(text, arguments, 0, turned, places)
+    text.jump("lifted")
+    text.label("lifted")
+
+
 def end_column(text, step, arguments, places, final, weights, is_last):
     """Add what follows a stage of an extrapolated step: the end of a column, or of the step.
 

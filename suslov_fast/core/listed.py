@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .operations import OF_NUMBERS, OF_TRUTH_VALUES
+from .operations import OF_LIBRARY, OF_NUMBERS, OF_TRUTH_VALUES
 
 # An operation is (instruction, kinds of its operands): "r" is a row, "t" a number of the table.
 # "sum" is a start, if there is one, plus products; its length is their number, 0 if above SHORT.
@@ -24,7 +24,8 @@ KINDS = [
     *((f"sum{n}", start + pair) for n in range(SHORT + 1) for start in ("", "r", "t")
       for pair in ("rr", "tr")),
     *((instruction, a + b) for instruction in (*OF_NUMBERS, *OF_TRUTH_VALUES)
-      if instruction not in ("fmul", "fabs", "select", *JOINING) for a, b in product("rt", "rt")),
+      if instruction not in ("fmul", "fabs", "select", "sqrt", *OF_LIBRARY, *JOINING)
+      for a, b in product("rt", "rt")),
     *((instruction, "rr") for instruction in JOINING),
     *(("select", "r" + a + b) for a, b in product("rt", "rt")),
     ("fabs", "r"),

@@ -16,7 +16,7 @@ from llvmlite import binding
 from numba import config
 
 from .numba import advice_on_numba
-from .operations import OF_TRUTH_VALUES
+from .operations import OF_LIBRARY, OF_TRUTH_VALUES
 
 MANY = 4000  # operations, above which compiling takes longer than it saves: see `listed`
 # Codes that are kept, beside those that last. Each takes two memory mappings; Linux grants 65,530
@@ -37,7 +37,7 @@ class Text:
 
     def __init__(self, W, target=None):
         self.W, self.target = W, target or self
-        self.lines, self.count = [], 0
+        self.lines, self.count, self.declared = [], 0, set()
         self.V = f"<{W} x double>" if W > 1 else "double"
         self.M = f"<{W} x i1>" if W > 1 else "i1"
         self.suffix = f"v{W}f64" if W > 1 else "f64"
@@ -167,14 +167,31 @@ class Text:
                 name = self.new(f"{instruction} {M} {names[0]}, {names[1]}")
             elif instruction in OF_TRUTH_VALUES:
                 name = self.compare(instruction, *names)
+            elif instruction in OF_LIBRARY:
+                name = self.call_library(instruction, names)
             else:
                 name = self.operate(instruction, *names)
             values[number] = name
 
+    def call_library(self, function, operands):
+        """Call a function of the C library for each lane."""
+        kinds = ", ".join(["double"] * len(operands))
+        self.target.declared.add(f"declare double @{function}({kinds})")
+        if self.W == 1:
+            numbers = ", ".join(f"double {operand}" for operand in operands)
+            return self.new(f"call double @{function}({numbers})")
+        result = "undef"
+        for l in range(self.W):
+            of_lane = [self.new(f"extractelement {self.V} {a}, i32 {l}") for a in operands]
+            numbers = ", ".join(f"double {number}" for number in of_lane)
+            number = self.new(f"call double @{function}({numbers})")
+            result = self.new(f"insertelement {self.V} {result}, double {number}, i32 {l}")
+        return result
+
     def finished(self):
         """Return the text with the end of the function and all that it refers to."""
         return "\n".join([
-            *self.lines, "}",
+            *self.lines, "}", *sorted(self.declared),
             f"declare {self.V} @llvm.fabs.{self.suffix}({self.V})",
             f"declare {self.V} @llvm.sqrt.{self.suffix}({self.V})",
             # Lines are whole registers also where LLVM prefers narrower ones.
@@ -202,7 +219,8 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
     """
     if config.DISABLE_JIT:
         return None
-    key = text_of, step.indices.tobytes(), step.D, W, for_each, align, lasts
+    lift = getattr(step, "lift", None)
+    key = text_of, step.indices.tobytes(), step.D, lift, W, for_each, align, lasts
     with _lock:
         if key not in _codes:
             _free_old()

@@ -23,6 +23,7 @@ tests, two of them divisions.
 """
 
 import functools
+import math
 
 import numpy as np
 
@@ -40,6 +41,32 @@ WHOLE, PIECE = 4000, 1000
 # unless there are more than LONGEST products in all, because planning takes long.
 MOST, PART_OF_DENSE, LONGEST = 36_000, 1 / 24, 1_000_000
 
+
+def _of_library(function):
+    """Return a function of Python's `math`, that is of the C library, for arrays of numbers."""
+
+    def of_number(*numbers):
+        try:
+            return function(*numbers)
+        except OverflowError:
+            return math.inf
+        except ValueError:
+            return math.nan
+
+    def of_arrays(*arrays):
+        columns = np.broadcast_arrays(*arrays)
+        rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
+        values = [of_number(*row) for row in rows]
+        return np.array(values, np.float64).reshape(columns[0].shape)
+
+    return of_arrays
+
+
+# Functions of the C library, by their names there, which a lane calls alone.
+OF_LIBRARY = {
+    name: _of_library(getattr(math, name))
+    for name in "exp log sin cos tan sinh cosh tanh atan pow cbrt".split()
+}
 # Instructions by their names in LLVM. "max" and "min" are a comparison and a `select` there: the
 # second operand where one of them is NaN.
 OF_NUMBERS = {
@@ -52,6 +79,7 @@ OF_NUMBERS = {
     "select": np.where,
     "max": lambda a, b: np.where(a > b, a, b),
     "min": lambda a, b: np.where(a < b, a, b),
+    **OF_LIBRARY,
 }
 OF_TRUTH_VALUES = {
     "olt": np.less,
@@ -151,7 +179,7 @@ class Step:
     def __init__(self, indices, D, carried=0, keeps_signs=False):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
         self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
-        values = self.values = Values(D + self.T + carried, range(D, D + self.T))
+        values = self.values = Values(D + self.T + carried, self._fixed_values())
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
@@ -169,6 +197,10 @@ class Step:
             self.after[k] = values.emit("fadd", k, values.emit("fmul", 2.0, half))
         self._add_tests(halves)
         self._separate_fixed()
+
+    def _fixed_values(self):
+        """Return the numbers of the values of parameters that are given."""
+        return range(self.D, self.D + self.T)
 
     def _add_tests(self, halves):
         """Add the tests that increments do not cancel the state, and that pivots are not small.
@@ -282,7 +314,10 @@ class Step:
         return pieces, {number: row for row, number in enumerate(kept)}
 
     def table_of(self, halves):
-        """Return the values of the table (n, ...), for h v of the terms (T, ...)."""
+        """Return the values of the table (n, ...), for h v of the terms (T, ...).
+
+        After them come values that do not depend on h, if there are any.
+        """
         values = dict(enumerate(halves, self.D))
         with np.errstate(all="ignore"):  # a pivot of parameters alone may be 0
             evaluate(self.fixed, values)

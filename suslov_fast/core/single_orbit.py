@@ -10,6 +10,7 @@ import numpy as np
 
 from .generated import text_of_steps
 from .generated_stages import SLOT, CodeArguments
+from .lift import LiftedStep
 from .machine_code import MANY, code_of
 from .stages import distinct, weights_of
 
@@ -20,8 +21,10 @@ SHORT = 256  # steps of a short run
 @functools.lru_cache(PLANS)  # because it takes long beside a few steps
 def common_table(step, stages, eps, values):
     """Return the halves and the table (fractions, 1, n, 1) of one field, from bytes of numbers."""
-    halves = 0.5 * np.frombuffer(eps) * np.frombuffer(values)
-    table = step.table_of(np.outer(halves, distinct(stages.fractions)[0]))
+    values, fractions = np.frombuffer(values), distinct(stages.fractions)[0]
+    halves = 0.5 * np.frombuffer(eps) * values[: step.T]
+    others = np.outer(values[step.T :], np.ones(len(fractions)))  # of a lift
+    table = step.table_of(np.concatenate([np.outer(halves, fractions), others]))
     return halves[np.newaxis, :, np.newaxis], np.ascontiguousarray(table.T)[
         :, np.newaxis, :, np.newaxis
     ]
@@ -40,7 +43,7 @@ def plan_of(stages, table):
 def _prepared(step, stages, eps, values, saves):
     """Return code and arguments for one orbit, and what has to stay alive; None if it has none."""
     has_columns = stages.columns or (step.of_one_sign and len(stages.fractions) > 1)
-    if has_columns or not 0 < len(step.usual) <= MANY:
+    if has_columns or not 0 < len(step.usual) <= MANY or isinstance(step, LiftedStep):
         return None
     address = code_of(text_of_steps, step, 1, False, 8 if saves else 0)
     if address is None:

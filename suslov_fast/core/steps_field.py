@@ -30,12 +30,14 @@ from .codes import NONFINITE
 from .generated import WIDTH, text_of_compositions, text_of_extrapolated_steps, text_of_steps
 from .generated_stages import BASE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
 from .in_calls import dense_taker_of, in_calls
+from .lift import LiftedStep
+from .lines import in_lines, tables_of
 from .listed_code import listed_code, taker_of
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
 from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
 from .pool import in_parts
-from .single_orbit import PLANS, common_table, plan_of, take_one
+from .single_orbit import PLANS, plan_of, take_one
 from .stages import WHOLE, distinct, weights_of
 
 CHUNK = 2**13  # trajectories that are copied into lines at once
@@ -67,29 +69,19 @@ def _has_signs(places):
     return bool(of_one_sign(np.frombuffer(places, np.int64).reshape(3, -1)))
 
 
+@functools.lru_cache(PLANS)
+def _lifted_step_of(places, D, lift, longest):
+    return LiftedStep(np.frombuffer(places, np.int64).reshape(3, -1), D, lift, longest)
+
+
+def lifted_scheme_of(indices, D, lift, stages):
+    """Return the scheme for lifted fields of D words with terms at these indices (3, T)."""
+    longest = max(map(abs, stages.fractions)) / stages.fractions[0]
+    places = np.ascontiguousarray(indices, np.int64).tobytes()
+    return Scheme(_lifted_step_of(places, D, lift, longest), stages)
+
+
 # ------------------------------------------------------------------------------------------- lines
-def in_lines(rows, W):
-    """Return rows (B, n) as lines (-, n, W); lanes without a row repeat the last one."""
-    missing = -len(rows) % W
-    padded = np.concatenate([rows, rows[-1:].repeat(missing, axis=0)]) if missing else rows
-    return padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2).copy()
-
-
-def tables_of(scheme, values, eps, W):
-    """Return eps / 2 times the values (lines, T, W), and `Step.table` (fractions, lines, n, W).
-
-    The fractions are those of `distinct`. The shapes are (1, T, 1) and (fractions, 1, n, 1) if all
-    trajectories have the same field.
-    """
-    step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
-    if len(eps) == len(values) == 1:
-        return common_table(*scheme, eps.tobytes(), values.tobytes())
-    halves = in_lines(0.5 * eps[:, np.newaxis] * values, W)
-    fractions = fractions[:, np.newaxis, np.newaxis]
-    table = step.table_of(np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions)
-    return halves, np.ascontiguousarray(np.moveaxis(table, 0, 2))
-
-
 def _packed(truths):
     """Return truth values (lines, W) as bits, a number for each line."""
     return np.packbits(truths, axis=1, bitorder="little")[:, 0]
@@ -109,7 +101,8 @@ class _Lines:
 
     def __init__(self, arguments, states, notes, errors, W):
         (self.scheme, *parameters), self.notes, self.W = arguments, notes, W
-        self.B, self.count, self.D = len(states), -(-len(states) // W), states.shape[1]
+        self.B, self.count = len(states), -(-len(states) // W)
+        self.D, self.given = self.scheme.step.D, states.shape[1]
         self.halves, self.table = tables_of(self.scheme, *parameters, W)
         self.for_each, self.columns = self.halves.shape[2] > 1, None
         self.marks = np.zeros((2, self.count), np.uint8)
@@ -117,7 +110,7 @@ class _Lines:
 
     def start_from(self, states, errors):
         """Set the states, to NaN where trajectories have ended, and the largest errors (D, B)."""
-        self.x = in_lines(states, self.W)
+        self.x = in_lines(self._padded(states), self.W)
         status, _, poles = self.notes
         if status.any() or self.count * self.W > self.B:
             ended = status < 0
@@ -125,11 +118,16 @@ class _Lines:
             self.marks[ENDED] = _packed(self._of_lanes(ended, True))
             self.marks[PASSED] = _packed(self._of_lanes(ended | (poles != 0.0), True))
         step, stages = self.scheme
-        if stages.columns or (step.of_one_sign and len(stages.fractions) > 1):
+        if stages.columns or (step.of_one_sign and not step.keeps_signs):
             self.columns = np.zeros((self.count, ROWS, self.D, self.W))
             self.columns[:, BASE] = self.x
         if stages.columns:
-            self.columns[:, LARGEST] = in_lines(errors.T, self.W)
+            self.columns[:, LARGEST] = in_lines(self._padded(errors.T), self.W)
+
+    def _padded(self, rows):
+        """Return rows (B, given) with the words of a lifted field, whose lift comes later."""
+        missing = self.D - self.given
+        return np.hstack([rows, np.zeros((len(rows), missing))]) if missing else rows
 
     def _of_lanes(self, truths, unused):
         """Return truth values of trajectories as (lines, W), `unused` for lanes of none."""
@@ -138,8 +136,8 @@ class _Lines:
         return padded.reshape(self.count, self.W)
 
     def rows(self, lines):
-        """Return the rows (B, D) of lines (-, D, W), such as the states."""
-        return lines.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
+        """Return the rows (B, given) of lines (-, D, W), such as the states."""
+        return lines.swapaxes(1, 2).reshape(-1, self.D)[: self.B, : self.given]
 
     def states(self):
         """Return the states (B, D)."""
@@ -154,13 +152,13 @@ class _Lines:
         step, stages = self.scheme.step, len(self.scheme.stages.fractions)
         address, until = None, every - start % every if every else 0
         rows = saved, until * stages - 1, every * stages - 1
-        if not MANY >= len(step.usual) > 0:
+        if not MANY >= len(step.usual) > 0 and not isinstance(step, LiftedStep):
             take = self._taker()
             if take is not None:
                 steps = (stop - start) * stages
                 in_calls(self, take, self._line_arrays(), start, steps, *rows, abandoned)
                 return True
-        else:
+        elif step.usual:
             text_of = text_of_steps
             if self.columns is not None:
                 in_columns = self.scheme.stages.columns
@@ -193,6 +191,7 @@ class _Lines:
         return LineArrays(
             self.x, self.halves, np.array(stages.fractions), step.indices, *self.notes, self.marks,
             np.empty(self.D * (self.D + 4) + step.T),
+            np.array([not isinstance(step, LiftedStep)], np.int64),
         )  # fmt: skip
 
     def _code_arguments(self, start, steps, saved, until, between, is_ready):
@@ -233,6 +232,20 @@ class _Lines:
         )
         return np.array(arguments, np.int64), (kept, arrays, own, plan)
 
+    def _lift(self, arrays, start, n):
+        """Compute the words of a lifted field from the states, by NumPy; tell poles."""
+        step, values = self.scheme.step, dict(enumerate(self.x[:, : self.given].swapaxes(0, 1)))
+        table = self.table[distinct(self.scheme.stages.fractions)[1][0]].swapaxes(0, 1)
+        values.update(zip(step.table, table, strict=True))
+        evaluate(step.prologue, values)
+        for k, number in enumerate(step.lifted, self.given):
+            self.x[:, k] = values[number]
+        if self.columns is not None:
+            self.columns[:, BASE, self.given :] = self.x[:, self.given :]
+        turned = _packed(np.broadcast_to(values[step.turned], (self.count, self.W)))
+        for line in np.flatnonzero(turned := turned & ~self.marks[PASSED]):
+            step_carefully(arrays, start, line, 0, int(turned[line]), n)
+
     def _carry_out(self, stage):
         """Carry out the operations of a stage where that is accurate.
 
@@ -256,6 +269,8 @@ class _Lines:
         weights = weights_of(self.scheme.stages)
         for n in range(steps):
             stage = n % len(weights)
+            if stage == 0 and self.given < self.D:
+                self._lift(arrays, start, n)
             if self.scheme.step.usual:
                 accurate, negative, changed = self._carry_out(stage)
             else:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray
 from ..core.field_system import FieldSystem, system_of
 from ..core.stages import WHOLE, Stages
-from ..core.steps_field import scheme_of
+from ..core.steps_field import lifted_scheme_of, scheme_of
 from ..core.steps_nd import FAR_FROM_0, NDSystem
 
 
@@ -109,6 +109,38 @@ def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
     (step, stages), values, eps = arguments
     for where, *of_group in alike(step.indices, values, eps):
         yield where, arguments if where is ALL else with_scheme(D, stages, *of_group)
+
+
+def by_lift(stages: Stages) -> Callable[..., Any]:
+    """Return `by_scheme` for whole steps of lifted fields, made of these stages."""
+
+    def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
+        (indices, values), lift = body.lifted._terms, body._structure.lift
+        if not lift.words:  # a quadratic field
+            return with_scheme(body.dimension, stages, *by_field(body.lifted, eps, batch))
+        shape = np.broadcast_shapes(values.shape[:-1], body._numbers.shape[:-1])
+        parts = [np.broadcast_to(a, (*shape, a.shape[-1])) for a in (values, body._numbers)]
+        values = flat_parameter(np.concatenate(parts, axis=-1), batch, 1)
+        scheme = lifted_scheme_of(indices, body.lifted.dimension, lift, stages)
+        return scheme, values, flat_parameter(eps, batch)
+
+    return by_scheme
+
+
+def by_zeros_of_lift(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
+    """Group trajectories of lifted fields by the zeros of their terms."""
+    (step, stages), values, eps = arguments
+    if not hasattr(step, "lift"):
+        yield from by_zeros(D, arguments)
+        return
+    T, (lift, _) = step.T, step.lift
+    for where, indices, own, of_group in alike(step.indices, values[:, :T], eps):
+        if where is ALL:
+            yield where, arguments
+            continue
+        others = values[where, T:] if len(values) > 1 else values[:, T:]
+        scheme = lifted_scheme_of(indices, step.D, lift, stages)
+        yield where, (scheme, np.hstack([own, others]), of_group)
 
 
 def nd_system(body: Any, eps: float) -> NDSystem:

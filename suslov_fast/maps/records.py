@@ -1,9 +1,11 @@
 """The records of the maps of the package, which are registered on import."""
 
 from ..bodies.field import QuadraticField
+from ..bodies.lifted import LiftedField
 from ..bodies.nd import SuslovND
 from ..bodies.rigid import Suslov3D, SuslovGyrostat
-from ..bodies.samples import random_3d, random_field, random_nd, random_with_I3
+from ..bodies.samples import random_3d, random_field, random_lifted, random_nd, random_with_I3
+from ..core.stages import WHOLE
 from ..engine.derivatives import growth, growth_by_jacobian
 from .base import Map, register
 from .formulas import (
@@ -12,6 +14,7 @@ from .formulas import (
     IN_ND,
     IN_PLANE,
     KAHAN,
+    LIFTED,
     OF_ORDER,
     SERVED,
     SOLVED_ALREADY,
@@ -29,6 +32,7 @@ from .methods import (
     STEPS_ND,
     STEPS_WITH_ROTOR,
     field_in,
+    lifted_in,
 )
 
 for _record in (
@@ -124,6 +128,31 @@ for _record in (
         growth=growth_by_jacobian,
         variable="x",
         meaning="state",
+    ),
+    *(
+        Map(
+            name=f"Lifted, {method}",
+            title=title,
+            body=LiftedField,
+            methods={method: lifted_in(stages)},
+            formulas=LIFTED,
+            random=(random_lifted,),
+            pole=None,
+            conserved=("energy",),
+            stages=stages,
+            order=order,
+            growth=growth_by_jacobian,
+            variable="x",
+            meaning="state",
+        )
+        for method, stages, order, title in (
+            ("auto", WHOLE, 2, "Kahan map of a lifted field"),
+            *(
+                (f"order{n}", stages, n, f"Composition of Kahan maps of a lifted field, order {n}")
+                for n, stages in COMPOSITIONS.items()
+            ),
+            ("extrapolated", EXTRAPOLATION, 10, "Extrapolated Kahan map of a lifted field"),
+        )
     ),
 ):
     register(_record)

@@ -1,0 +1,417 @@
+"""Fields whose right-hand side is smooth and not quadratic: `LiftedField`."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .. import checks
+from ..checks import FloatArray
+from .base import Body, frozen, summary
+from .coefficients import structure
+from .definitions import Definitions
+from .equations import value_of
+from .expressions import as_polynomial, state_of
+from .field import QuadraticField
+from .field_of_terms import parts_of
+from .letters import Parameter
+from .lift import Lift, polynomial_at, slopes_of, values_of
+from .lifting import TooMany, gradient, lifted
+from .names import variables
+from .polynomials import Polynomial, named, to_lists
+from .smooth import traced
+from .structure import Numbers, SmoothHamiltonian, Structure, added_words, free_names, terms_of
+from .terms import collected
+
+NUMBERS, VALUES = "coefficients of definitions", "values of the lifted field"
+STRUCTURE, NAMES = "structure", "names of variables"
+
+
+@dataclass(frozen=True, eq=False, repr=False, init=False)
+class LiftedField(Body):
+    """A field with a smooth right-hand side, ``x' = f(x)``, that need not be quadratic.
+
+    Variables are added until all derivatives are quadratic: u = 1 / (1 + x) has the derivative
+    -u**2 x'. A step computes the added variables from the state, takes one whole step of the method
+    for the field in all variables, and keeps the state. So it has the order of the method for the
+    equations as given. It has no exact inverse, and what Kahan's map of a quadratic field conserves
+    is not conserved. Make it by :meth:`from_function` or :meth:`from_hamiltonian`.
+
+    Attributes
+    ----------
+    dimension, names : int, tuple of str
+        The number of given variables, D, and their names.
+    lifted : QuadraticField
+        The field in all M variables.
+    added : dict of str to str
+        Names and definitions of the added variables.
+    H, K : SmoothHamiltonian and ndarray(shape=(D, D)), or None
+        The Hamiltonian of :meth:`from_hamiltonian`, a function of a state, and its matrix.
+    parameters : dict
+        Named parameters, which are coordinates of datasets and stores. ``==`` ignores them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from suslov_fast import LiftedField, iterate
+    >>> pendulum = LiftedField.from_function(lambda x: (x[1], -np.sin(x[0])), "q p")
+    >>> pendulum, pendulum.added
+    (LiftedField(q' = p, p' = -sin(q)), {'u1': 'sin(q)', 'u2': 'cos(q)'})
+    >>> iterate(pendulum, [2.5, 0.0], eps=0.5, steps=40, method="order8").x[-1].round(3)
+    array([2.372, 0.408])
+    """
+
+    _axes: ClassVar[Any] = {NUMBERS: 1, VALUES: 1}
+    _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
+    _called: ClassVar[str] = "a lifted field"
+    _instead: ClassVar[str] = ", which has none; see its attribute lifted"
+
+    names: tuple[str, ...]
+    H: SmoothHamiltonian | None
+    _structure: Structure
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        raise TypeError("LiftedField: use LiftedField.from_function(f, dimension)")
+
+    def _take(self, parts: Mapping[str, Any]) -> None:
+        names, shared = parts[NAMES], parts[STRUCTURE]
+        kept = {n: frozen(a) for n, a in parts.items() if n not in (NAMES, STRUCTURE)}
+        vars(self).update(
+            _parts=kept,
+            _structure=shared,
+            _coordinates=tuple(name for name in kept if name not in self._axes),
+            dimension=len(names),
+            names=names,
+            _labels=names,
+            H=None if shared.H is None else SmoothHamiltonian(self),
+        )
+
+    def _with(self, parts: Mapping[str, Any]) -> LiftedField:
+        return self._of({**parts, NAMES: self.names, STRUCTURE: self._structure})
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._of, ({**self._parts, NAMES: self.names, STRUCTURE: self._structure},)
+
+    @property
+    def _arrays(self) -> dict[str, FloatArray]:
+        return {name: np.asarray(a, np.float64) for name, a in self.parameters.items()}
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        return self._structure.key, *super()._key
+
+    @property
+    def _described(self) -> dict[str, Any]:
+        arrays = {"numbers": self._numbers, "values": np.asarray(self._parts[VALUES], np.float64)}
+        texts = {"names": ", ".join(self.names), "equations": "; ".join(self._structure.equations)}
+        texts["definitions"] = "; ".join(f"{n} = {t}" for n, t in self._structure.texts)
+        return arrays | self._arrays | texts
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The named parameters of the function: numbers as they were given, and arrays."""
+        return {name: self._parts[name] for name in self._coordinates}
+
+    @property
+    def _numbers(self) -> FloatArray:
+        return np.asarray(self._parts[NUMBERS], np.float64)
+
+    _may_escape = True
+
+    def field(self) -> Any:
+        """Refuse: the equations are not quadratic in the given variables."""
+        raise TypeError("body: the equations of a LiftedField are not quadratic: use its lifted")
+
+    @property
+    def _terms(self) -> Any:
+        return self.lifted._terms
+
+    @property
+    def added(self) -> dict[str, str]:
+        """Names and definitions of the added variables."""
+        return dict(self._structure.added)
+
+    @cached_property
+    def lifted(self) -> QuadraticField:
+        """The quadratic field in all variables, whose first D are those of the state."""
+        names = (*self.names, *self.added)
+        indices = np.array(self._structure.indices, np.int64).reshape(-1, 3).T
+        terms = collected(indices, np.asarray(self._parts[VALUES]), len(names), 2)
+        return QuadraticField._of(parts_of(terms, names))
+
+    @property
+    def K(self) -> Any:
+        """The matrix of a Hamiltonian field; None for other fields."""
+        if self._structure.K is None:
+            return None
+        matrix = np.zeros((self.dimension, self.dimension))
+        for i, j, value in self._structure.K:
+            matrix[i, j] = value
+        return matrix
+
+    def lift(self, x: Any) -> FloatArray:
+        """Return all variables (..., M) at states x (..., D).
+
+        Examples
+        --------
+        >>> from suslov_fast import LiftedField
+        >>> field = LiftedField.from_function(lambda x: (1 / (1 + x[0]),), "x")
+        >>> field.added, field.lift([[1.0], [3.0]])
+        ({'u1': '1/(x + 1)', 'u2': 'u1**2'}, array([[1.    , 0.5   , 0.25  ],
+               [3.    , 0.25  , 0.0625]]))
+        """
+        return self._lift(checks.states("x", x, self.names))
+
+    def _lift(self, x: FloatArray) -> FloatArray:
+        lift, numbers = self._structure.lift, self._numbers
+        values = values_of(lift, numbers, x)
+        with np.errstate(all="ignore"):
+            words = [np.prod([values[i] for i in word], axis=0) for word in lift.words]
+        columns: Any = np.broadcast_arrays(*values[: lift.given], *words)
+        return np.asarray(np.stack(columns, axis=-1))
+
+    def _slopes(self, x: FloatArray) -> FloatArray:
+        """Return the derivatives (..., M, D) of all variables by the state."""
+        return slopes_of(self._structure.lift, self._numbers, x)
+
+    def _energy(self, x: FloatArray) -> Any:
+        values = values_of(self._structure.lift, self._numbers, x)
+        with np.errstate(all="ignore"):
+            energy = polynomial_at(self._structure.H or (), self._numbers, values)
+            return energy + 0.0 * x.sum(axis=-1)
+
+    def __call__(self, x: Any) -> FloatArray:
+        """Return f(x), floats (..., D)."""
+        z: FloatArray = np.asarray(self.lifted(self.lift(x)), np.float64)
+        return z[..., : self.dimension]
+
+    # ---------------------------------------------------------------------------------- from f or H
+    @classmethod
+    def from_function(
+        cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any
+    ) -> LiftedField:
+        """Return the field ``x' = f(x, **parameters)``, or a family of fields.
+
+        Parameters
+        ----------
+        f : callable
+            Maps a tuple x of D variables to D smooth expressions: + - * /, powers with a constant
+            exponent, and NumPy's exp, log, sqrt, sin, cos, tan, sinh, cosh, tanh, arctan, square,
+            power, reciprocal, hypot, cbrt, exp2, expm1, log2, log10 and log1p. The result of
+            SymPy's `lambdify` is such a function.
+        dimension : int, str or sequence of str
+            The number of variables, D, or their names, such as ``"u v w"``.
+        **parameters : float or array_like(float, shape=(...))
+            Named parameters of f; arrays broadcast, and make a batch of fields.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`QuadraticField.from_function`; also if f calls a function that is not smooth
+            or has no rule, or more than 200 variables would be needed.
+
+        Examples
+        --------
+        >>> from suslov_fast import LiftedField
+        >>> def predator_prey(x, K):
+        ...     N, P = x
+        ...     return N * (1 - N / K) - N * P / (1 + N), N * P / (1 + N) - P / 3
+        >>> field = LiftedField.from_function(predator_prey, "N P", K=4.0)
+        >>> field.added
+        {'u1': '1/(N + 1)', 'u2': 'P*u1**2', 'u3': 'P*u1'}
+        >>> family = LiftedField.from_function(predator_prey, "N P", K=[2.0, 3.0, 4.0])
+        >>> family.shape, len(family.sel(K=slice(3, None)))
+        ((3,), 2)
+        """
+        names = variables("dimension", dimension)
+        values = named(parameters, names)
+        definitions, columns = cls._start(names, values)
+        rows = traced("f", f, definitions, columns, f"{cls.__name__}.from_function")
+        return cls._made(definitions, values, rows, None, None)
+
+    @classmethod
+    def from_hamiltonian(
+        cls,
+        H: Callable[..., Any],
+        /,
+        dimension: int | str | Sequence[str],
+        K: Any = None,
+        **parameters: Any,
+    ) -> LiftedField:
+        """Return the Hamiltonian field ``x' = K grad H(x, **parameters)``.
+
+        Steps do not conserve H, nor a modified energy: :func:`energy` varies with their error.
+
+        Parameters
+        ----------
+        H : callable
+            Maps a tuple x of D variables to a smooth expression, see :meth:`from_function`.
+        K : array_like(shape=(D, D)), optional
+            A constant antisymmetric matrix; by default D is even, and K is the canonical matrix of
+            coordinates and momenta, x = (q1, ..., qm, p1, ..., pm).
+        dimension, **parameters
+            As in :meth:`from_function`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`from_function`; also if K is not antisymmetric, or D odd without K.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from suslov_fast import LiftedField, energy
+        >>> pendulum = LiftedField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - np.cos(x[0]), "q p")
+        >>> pendulum
+        LiftedField(q' = p, p' = -sin(q), H = 1/2*p**2 - cos(q))
+        >>> float(energy(pendulum, [0.0, 1.0]))
+        -0.5
+        """
+        names = variables("dimension", dimension)
+        values = named(parameters, names)
+        matrix = structure(K, len(names))
+        definitions, columns = cls._start(names, values)
+        [energy] = traced("H", H, definitions, columns, f"{cls.__name__}.from_hamiltonian")
+        return cls._made(definitions, values, None, energy, matrix)
+
+    @staticmethod
+    def _start(
+        names: Sequence[str], values: Mapping[str, Any], all_columns: Sequence[str] = ()
+    ) -> tuple[Definitions, dict[str, Any]]:
+        """Return definitions, and the parameters as f is called with them."""
+        definitions = Definitions(names)
+        columns = {
+            name: Parameter(np.asarray(a, np.float64), definitions, name)
+            if np.ndim(a) or name in all_columns
+            else a
+            for name, a in values.items()
+        }
+        return definitions, columns
+
+    @classmethod
+    def _made(
+        cls,
+        definitions: Definitions,
+        values: Mapping[str, Any],
+        rows: Sequence[Polynomial] | None,
+        energy: Polynomial | None,
+        matrix: Any,
+    ) -> LiftedField:
+        """Return the field of traced equations, or of an energy and its matrix."""
+        names = definitions.names
+        taken = {*names, *values}
+        used = free_names(len(definitions.list), taken)
+        places = range(definitions.D, definitions.D + len(definitions.list))
+        texts = [
+            (name, definitions.text_of_definition(i, used[: i - definitions.D]))
+            for name, i in zip(used, places, strict=True)
+        ]
+        if rows is None:
+            assert energy is not None
+            slopes = gradient(definitions, energy)
+            rows = [Polynomial([])] * definitions.D
+            for i, j, c in matrix.T:
+                rows[i] = rows[i] + slopes[j] * Polynomial([((), Fraction(c))])
+        signs = tuple(
+            i for i, row in enumerate(rows) if row.terms and all(i in m for m in row.terms)
+        )
+        try:
+            found = lifted(definitions, rows)
+        except TooMany as error:
+            raise ValueError(f"f: {error}") from None
+        except OverflowError:
+            raise ValueError("f: coefficients leave the range of float64") from None
+        numbers = Numbers(definitions, values)
+        lift = Lift(
+            given=len(names),
+            definitions=tuple(numbers.definition(each) for each in definitions.list),
+            words=found.words[len(names) :],
+            signs=signs,
+            coefficients=0,
+        )
+        terms_of_H = None if energy is None else numbers.polynomial(energy)
+        lift = lift._replace(coefficients=len(numbers.list))
+        indices, coefficients = terms_of(found, numbers)
+        shared = Structure(
+            lift=lift,
+            indices=indices,
+            H=terms_of_H,
+            K=None if matrix is None else tuple((int(i), int(j), c) for i, j, c in matrix.T),
+            added=added_words(definitions, found, taken),
+            texts=tuple(texts),
+            equations=()
+            if energy is not None
+            else tuple(definitions.text(row, used) for row in rows),
+            shown=tuple(definitions.text(row) for row in rows),
+            energy="" if energy is None else definitions.text(energy, used),
+            shown_energy="" if energy is None else definitions.text(energy),
+        )
+        parts = {NUMBERS: numbers.stacked(numbers.list, True), VALUES: coefficients}
+        return cls._of({**parts, **values, NAMES: names, STRUCTURE: shared})
+
+    # ----------------------------------------------------------------------------------------- text
+    def __repr__(self) -> str:
+        if self.shape:
+            values = [summary(name, each) for name, each in self.parameters.items()]
+            parts = [f"variables {' '.join(self.names)}", *values]
+            return f"<LiftedField of shape {self.shape}: {', '.join(parts)}>"
+        shown = zip(self.names, self._structure.shown, strict=True)
+        equations = [f"{name}' = {text}" for name, text in shown]
+        equations += [] if self.H is None else [f"H = {self.H}"]
+        short = textwrap.shorten(", ".join(equations), 300, placeholder=" ...")
+        return f"LiftedField({short})"
+
+    def to_dict(self) -> dict[str, Any]:
+        shared = self._structure
+        found: dict[str, Any] = {"body": type(self).__name__, "names": [*self.names]}
+        found |= {"definitions": dict(shared.texts)} if shared.texts else {}
+        if shared.K is None:
+            found["equations"] = [*shared.equations]
+        else:
+            i, j, values = map(list, zip(*shared.K, strict=True)) if shared.K else ([], [], [])
+            K = {"indices": [i, j], "values": to_lists(np.array(values, object))}
+            found |= {"H": shared.energy, "K": K}
+        return found | ({"parameters": to_lists(self.parameters)} if self.parameters else {})
+
+    @classmethod
+    def _read(
+        cls,
+        names: Any,
+        equations: Any = None,
+        definitions: Any = None,
+        H: Any = None,
+        K: Any = None,
+        parameters: Any = None,
+    ) -> LiftedField:
+        names = variables("names", names)
+        checks.instance("parameters", parameters or {}, Mapping)
+        checks.instance("definitions", definitions or {}, Mapping)
+        values = named(parameters or {}, names)
+        texts: Mapping[str, Any] = definitions or {}
+        rows = [H] if H is not None else equations
+        if not isinstance(rows, (list, tuple)) or (H is None and len(rows) != len(names)):
+            raise checks.wrong("equations", f"a list of {len(names)} texts", checks.short(rows))
+        if (H is None) == (equations is None):
+            raise ValueError("the parameters must hold either equations or H")
+        # Members of families keep their parameters as letters.
+        found, columns = cls._start(names, values, [*values])
+        known = dict(zip(names, state_of(found), strict=True)) | columns
+        for k, (name, text) in enumerate(texts.items()):
+            known[name] = value_of(text, known)
+            if len(found.list) <= k:
+                raise ValueError(f"definitions: {checks.short(text)} adds no variable")
+        polynomials = []
+        for row in rows:
+            try:
+                polynomials.append(as_polynomial(value_of(row, known)))
+            except (TypeError, ZeroDivisionError) as error:
+                raise ValueError(f"equations: {checks.short(row)}: {error}") from None
+        if H is None:
+            return cls._made(found, values, polynomials, None, None)
+        return cls._made(found, values, None, polynomials[0], structure(K, len(names)))

@@ -1,0 +1,343 @@
+"""A quadratic field in more variables from the equations of a smooth one: lifting.
+
+The right-hand sides are polynomials in the state and in added variables u = g(p) (`expressions`).
+Three steps make all derivatives quadratic:
+
+1. The chain rule gives u' as a polynomial, with g' in terms of u: (e^p)' = e^p p', and for
+   u = 1/p u' = -u**2 p'.
+2. Products are reduced by relations between variables: u lead(p) = 1 - u (p - lead(p)) for u = 1/p,
+   with the leading monomial of p, and the like for roots.
+3. Words, which are products of variables, are added until each derivative of a word is a sum of
+   products of two words: always for the missing product of least degree, and of the ways to write
+   it as a product of two words one that leaves the fewest products missing.
+
+A polynomial is here a dict from monomials, sorted tuples of indices, to fractions. Symbols of
+parameters have negative indices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from fractions import Fraction
+from itertools import combinations_with_replacement
+from typing import NamedTuple
+
+from .definitions import HALF, ONE, Definitions, number, variable
+from .polynomials import Polynomial
+
+MOST = 200  # variables
+HIGHEST = 16  # degree of a product that is looked for
+WORK = 200_000  # products looked at, a few seconds
+
+Monomial = tuple[int, ...]
+Terms = dict[Monomial, Fraction]
+
+
+class TooMany(ValueError):
+    """More than MOST variables would be needed."""
+
+
+class Lifted(NamedTuple):
+    """The variables of a lifted field, as products of definitions, and their derivatives.
+
+    words   products of variables of the state and of added ones, those of the state first
+    terms   for each word the terms of its derivative: places j <= k of two words, of which the
+            number of words stands for 1, and coefficients as polynomials in the symbols
+    """
+
+    words: tuple[Monomial, ...]
+    terms: tuple[tuple[tuple[int, int, Terms], ...], ...]
+
+
+def lifted(definitions: Definitions, equations: Sequence[Polynomial]) -> Lifted:
+    """Return the words that make the equations quadratic."""
+    rates = _rates(definitions, equations)
+    algebra = _Algebra(definitions, rates)
+    needed = [*range(definitions.D)]
+    for i in needed:  # the list grows
+        needed += sorted({j for m in algebra.rates[i] for j in m if j >= 0} - {*needed})
+    words: list[Monomial] = [(i,) for i in sorted(needed)]
+    return _quadratic(definitions, algebra, words)
+
+
+def rate(definitions: Definitions, i: int, of: dict[int, Polynomial]) -> Polynomial:
+    """Return the derivative in time of the added variable i, by those of its argument."""
+    function, p, exponent = definitions.list[i - definitions.D]
+    u, dp = variable(i), derivative(p, of)
+    if function == "inverse":
+        slope = -u * u
+    elif function == "root":
+        slope = -HALF * u * definitions.inverse(p)
+    elif function == "power":
+        slope = exponent * u * definitions.inverse(p)
+    elif function == "cbrt":
+        slope = Fraction(1, 3) * u * definitions.inverse(p)
+    elif function == "log":
+        slope = definitions.inverse(p)
+    elif function == "arctan":
+        slope = definitions.inverse(p * p + ONE)
+    elif function == "exp":
+        slope = u
+    elif function in ("tan", "tanh"):
+        slope = ONE + u * u if function == "tan" else ONE - u * u
+    else:
+        other = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}[function]
+        slope = definitions.added(other, p)
+        if function == "cos":
+            slope = -slope
+    result: Polynomial = slope * dp
+    return result
+
+
+def derivative(p: Polynomial, of: dict[int, Polynomial]) -> Polynomial:
+    """Return the derivative in time of a polynomial, by those of its variables."""
+    variables = sorted({i for m in p.terms for i in m if i >= 0})
+    return sum((partial(p, i) * of[i] for i in variables if of[i].terms), number(0))
+
+
+def partial(p: Polynomial, i: int) -> Polynomial:
+    """Return the derivative of a polynomial by variable i."""
+    return Polynomial(
+        ((*m[:k], *m[k + 1 :]), c)
+        for m, c in p.terms.items()
+        for k, each in enumerate(m)
+        if each == i
+    )
+
+
+def gradient(definitions: Definitions, p: Polynomial) -> list[Polynomial]:
+    """Return the derivatives of a polynomial by the variables of the state, by the chain rule."""
+    slopes, D = [], definitions.D
+    for j in range(D):
+        of = {i: number(int(i == j)) for i in range(D)}
+        for i in range(D, D + len(definitions.list)):
+            of[i] = rate(definitions, i, of) if _depends(definitions, i, of) else number(0)
+        slopes.append(derivative(p, of))
+    return slopes
+
+
+def _depends(definitions: Definitions, i: int, of: dict[int, Polynomial]) -> bool:
+    """Return whether the argument of an added variable has a derivative other than 0."""
+    p = definitions.list[i - definitions.D].argument
+    return any(of[j].terms for m in p.terms for j in m if j >= 0)
+
+
+def _rates(definitions: Definitions, equations: Sequence[Polynomial]) -> list[Terms]:
+    """Return the derivatives in time of all variables; some may be added meanwhile."""
+    of = dict(enumerate(equations))
+    for i in range(definitions.D, definitions.D + MOST):
+        if i == definitions.D + len(definitions.list):
+            break
+        definition = definitions.list[i - definitions.D]
+        for j in sorted({j for m in definition.argument.terms for j in m if j > i}):
+            of[j] = rate(definitions, j, of)  # added by the chain rule, for an argument
+        of[i] = rate(definitions, i, of)
+    return [of[i].terms for i in range(definitions.D + len(definitions.list))]
+
+
+# ----------------------------------------------------------------------------------------- algebra
+def _merged(a: Monomial, b: Monomial) -> Monomial:
+    return tuple(sorted(a + b))
+
+
+def _without(m: Monomial, part: Monomial) -> Monomial | None:
+    """Return m / part; None if it is no monomial."""
+    rest, k = [], 0
+    for i in m:
+        if k < len(part) and part[k] == i:
+            k += 1
+        elif k < len(part) and part[k] < i:
+            return None
+        else:
+            rest.append(i)
+    return tuple(rest) if k == len(part) else None
+
+
+def _order(m: Monomial) -> tuple[int, Monomial]:
+    """A key for monomials: by degree, then those with the earlier variables first."""
+    return len(m), tuple(-i for i in m)
+
+
+class _Algebra:
+    """Monomials of the variables, reduced by the relations between them."""
+
+    def __init__(self, definitions: Definitions, rates: Iterable[Terms]) -> None:
+        self._inverse_of = definitions.inverse_of
+        self._normal: dict[Monomial, Terms] = {}
+        self._derivatives: dict[Monomial, Terms] = {}
+        self.rules = [*self._relations(definitions)]
+        self.rates = [self.reduced(each) for each in rates]
+
+    def _relations(self, definitions: Definitions) -> Iterator[tuple[Monomial, Terms]]:
+        """Yield monomials, each with a polynomial of lower order that equals it."""
+        for k, (function, p, _) in enumerate(definitions.list):
+            u = (definitions.D + k,)
+            if function == "root":
+                inverse = definitions.inverse(p)
+                yield u + u, inverse.terms
+            if function != "inverse":
+                continue
+            leads = sorted(self._leads(p), key=_order, reverse=True)
+            if not leads:
+                continue
+            lead = leads[0]
+            scale = self._inverse_coefficient(p, lead)
+            terms: Terms = {scale[0]: scale[1]}
+            for m, c in p.terms.items():
+                if tuple(i for i in m if i >= 0) != lead:
+                    key = self.cancelled(_merged(_merged(m, u), scale[0]))
+                    terms[key] = terms.get(key, Fraction(0)) - c * scale[1]
+            yield _merged(lead, u), {m: c for m, c in terms.items() if c}
+
+    def _leads(self, p: Polynomial) -> list[Monomial]:
+        """Return the leading monomial, without symbols, if its coefficient is one term."""
+        parts = [tuple(i for i in m if i >= 0) for m in p.terms]
+        highest = max(parts, key=_order)
+        if parts.count(highest) > 1:
+            return []
+        [m] = [m for m, part in zip(p.terms, parts, strict=True) if part == highest]
+        is_known = all(i >= 0 or i in self._inverse_of for i in m)
+        return [highest] if is_known else []
+
+    def _inverse_coefficient(self, p: Polynomial, lead: Monomial) -> tuple[Monomial, Fraction]:
+        [m] = [m for m in p.terms if tuple(i for i in m if i >= 0) == lead]
+        symbols = tuple(sorted(self._inverse_of[i] for i in m if i < 0))
+        return symbols, 1 / p.terms[m]
+
+    def cancelled(self, m: Monomial) -> Monomial:
+        """Return a monomial without products of a symbol and its inverse."""
+        if not m or m[0] >= 0 or not self._inverse_of:
+            return m
+        rest = [*m]
+        for i in m:
+            if i < 0 and i in rest and (j := self._inverse_of.get(i)) in rest:
+                rest.remove(i)
+                rest.remove(j)
+        return tuple(rest)
+
+    def reduced(self, terms: Terms) -> Terms:
+        """Return a polynomial reduced by the relations."""
+        result: Terms = {}
+        for m, c in terms.items():
+            for n, d in self._normal_form(m).items():
+                result[n] = result.get(n, 0) + c * d
+        return {m: c for m, c in result.items() if c}
+
+    def _normal_form(self, m: Monomial) -> Terms:
+        if m not in self._normal:
+            n = self.cancelled(m)
+            for lead, replacement in self.rules:
+                rest = _without(n, lead)
+                if rest is not None:
+                    self._normal[m] = self.reduced(
+                        {_merged(rest, r): c for r, c in replacement.items()}
+                    )
+                    break
+            else:
+                self._normal[m] = {n: Fraction(1)}
+        return self._normal[m]
+
+    def derivative(self, word: Monomial) -> Terms:
+        """Return the derivative in time of a product of variables."""
+        if word not in self._derivatives:
+            terms: Terms = {}
+            for k, i in enumerate(word):
+                rest = word[:k] + word[k + 1 :]
+                for m, c in self.rates[i].items():
+                    n = _merged(rest, m)
+                    terms[n] = terms.get(n, 0) + c
+            self._derivatives[word] = self.reduced(terms)
+        return self._derivatives[word]
+
+    def products(self, word: Monomial) -> set[Monomial]:
+        """Return the monomials, without symbols, in the derivative of a word."""
+        return {tuple(i for i in m if i >= 0) for m in self.derivative(word)}
+
+
+# ----------------------------------------------------------------------------------- quadratization
+def _quadratic(definitions: Definitions, algebra: _Algebra, words: list[Monomial]) -> Lifted:
+    """Add words until the derivatives of all are quadratic in them; of two ways the shorter."""
+    by_degree = _closed(algebra, words, lambda left: sum(len(m) - 2 for m in left), MOST)
+    most = MOST if by_degree is None else len(by_degree) - 1
+    closed = _closed(algebra, words, len, most) or by_degree
+    if closed is None:
+        missing = sorted({m for w in words for m in algebra.products(w) if len(m) > 2}, key=_order)
+        products = ", ".join(definitions.text(Polynomial([(m, Fraction(1))])) for m in missing[:3])
+        raise TooMany(
+            f"more than {MOST} variables would be needed, from {len(words)} and products such as "
+            f"{products}"
+        )
+    return _with_places(algebra, closed)
+
+
+def _closed(
+    algebra: _Algebra,
+    words: Sequence[Monomial],
+    measure: Callable[[set[Monomial]], int],
+    most: int,
+) -> list[Monomial] | None:
+    """Return words whose derivatives are quadratic in them; None if there are more than `most`.
+
+    `measure` says how far from that a set of missing products is.
+    """
+    words = [*words]
+    pairs = {_merged(a, b) for a, b in combinations_with_replacement([(), *words], 2)}
+    missing = {m for word in words for m in algebra.products(word)} - pairs
+    work = 0
+    while missing:
+        target = min(missing, key=lambda m: (len(m), tuple(-i for i in m)))
+        if len(words) >= most or len(target) > HIGHEST or work > WORK:
+            return None
+        best = None
+        for fresh in _ways(target, words):
+            more = pairs.union(*({_merged(a, b) for a in ((), *words, *fresh)} for b in fresh))
+            left = missing - more
+            for word in fresh:
+                left |= algebra.products(word) - more
+            work += len(left)
+            size = measure(left) + 2 * len(fresh), max(map(len, fresh)), sum(map(len, fresh))
+            if best is None or (*size, fresh) < best[0]:
+                best = (*size, fresh), fresh, more, left
+        assert best is not None
+        words += best[1]
+        pairs, missing = best[2:]
+    return words
+
+
+def _ways(target: Monomial, words: Sequence[Monomial]) -> Iterator[list[Monomial]]:
+    """Yield the words to add so that a monomial is a product of two words."""
+    for part in sorted(_parts(target), key=lambda m: (len(m), m)):
+        rest = _without(target, part)
+        assert rest is not None
+        if len(part) >= len(rest):
+            fresh = [w for w in dict.fromkeys((part, rest)) if w not in words and len(w) > 1]
+            yield [target] if part == target else fresh
+
+
+def _parts(m: Monomial) -> set[Monomial]:
+    """Return all monomials that divide m."""
+    parts: set[Monomial] = {()}
+    for i in m:
+        parts |= {(*part, i) for part in parts}
+    return parts
+
+
+def _with_places(algebra: _Algebra, words: Sequence[Monomial]) -> Lifted:
+    """Return the words with their derivatives as sums of products of two words."""
+    M = len(words)
+    places: dict[Monomial, tuple[int, int]] = {}
+    for k in range(M + 1):
+        for j in range(k + 1):
+            places.setdefault(_merged(words[j], words[k] if k < M else ()) if j < M else (), (j, k))
+    for j, word in enumerate(words):  # a word itself, rather than a product
+        places[word] = j, M
+    terms = []
+    for word in words:
+        sums: dict[tuple[int, int], Terms] = {}
+        for m, c in algebra.derivative(word).items():
+            symbols = tuple(i for i in m if i < 0)
+            place = places[tuple(i for i in m if i >= 0)]
+            of_place = sums.setdefault(place, {})
+            of_place[symbols] = of_place.get(symbols, 0) + c
+        terms.append(tuple((j, k, sums[j, k]) for j, k in sorted(sums)))
+    return Lifted(tuple(words), tuple(terms))

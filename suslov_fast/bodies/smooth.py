@@ -1,0 +1,116 @@
+"""Calls of functions of users with expressions, for `LiftedField`, and errors in their words."""
+
+from __future__ import annotations
+
+import re
+import traceback
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..checks import short, wrong
+from .advice import arguments_of, check_arguments, explained, name_of, prefixed
+from .columns import Refused
+from .definitions import Definitions
+from .expressions import FUNCTIONS, NotSmooth, as_polynomial, state_of
+from .names import TIME
+from .polynomials import Polynomial
+from .tracing import Variables, _components
+
+# Functions of `math` with another name in NumPy.
+_OF_MATH = {"atan": "arctan", "pow": "power"}
+
+
+def traced(
+    argument: str, f: Any, definitions: Definitions, parameters: Mapping[str, Any], maker: str
+) -> list[Polynomial]:
+    """Return the components of f, or [H], as polynomials in the state and added variables."""
+    names = definitions.names
+    if not callable(f):
+        how = ""
+        if hasattr(f, "free_symbols"):
+            how = ": pass sympy.lambdify([names], list(expressions))"
+        expected = "a function of x, a tuple of the variables"
+        raise wrong(argument, expected, f"{short(f)}{how}", TypeError)
+    f = getattr(f, "py_func", f)
+    f_name = name_of(f, argument)
+    _check_time(argument, f, f_name, names, maker)
+    check_arguments(argument, f, names, parameters, maker)
+    is_family = any(hasattr(each, "values") for each in parameters.values())
+    state: Any = state_of(definitions)
+    try:
+        result = f(Variables(state), **parameters)
+    except NotSmooth as error:
+        raise TypeError(f"{argument}: {f_name} {error.in_words(names)}") from None
+    except Refused as error:
+        how = "make one field for each value"
+        raise TypeError(f"{argument}: {f_name} {error or 'needs single values'}: {how}") from None
+    except Exception as error:  # raised by f
+        cause = _of_math(error) or explained(error, f_name, names, is_family)
+        is_value = isinstance(error, (ValueError, IndexError, ArithmeticError))
+        is_usual = is_value or isinstance(error, (TypeError, AttributeError))
+        if not is_usual and cause == " ".join(str(error).split()):
+            raise
+        kind = ValueError if is_value else TypeError
+        raise kind(prefixed(argument, cause)) from (error if is_usual else None)
+    try:
+        parts = [result] if argument == "H" else _components(result, len(names))
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{argument}: {error}") from None
+    labels = [f_name] if argument == "H" else [f"{name}'" for name in names]
+    return [_polynomial(*pair, argument) for pair in zip(parts, labels, strict=True)]
+
+
+def _polynomial(value: Any, name: str, argument: str) -> Polynomial:
+    try:
+        return as_polynomial(value)
+    except (TypeError, Refused):
+        how = ""
+        if isinstance(value, complex):
+            how = ": split complex variables into real and imaginary parts"
+        raise TypeError(
+            f"{argument}: {name} must be an expression of x, not {short(value)}{how}"
+        ) from None
+
+
+def _of_math(error: Exception) -> str:
+    """Return what to write in place of a function of `math`; "" for other errors."""
+    text = str(error)
+    if "must be real number, not" not in text and "float() argument" not in text:
+        return ""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    line = (last.line or "").strip()
+    found = re.search(r"\bmath\.(\w+)\(", _segment(last) or line) or re.search(
+        r"\b(\w+)\(", _segment(last)
+    )
+    if found is None:
+        return "functions of math take no symbols: write those of NumPy, such as np.exp(x)"
+    name = _OF_MATH.get(found[1], found[1])
+    if name not in FUNCTIONS:
+        return f"{found[1]} has no rule; those with one are {', '.join(FUNCTIONS)}"
+    call = re.sub(rf"(math\.)?\b{found[1]}\(", f"np.{name}(", _segment(last) or found[0])
+    return f"{found[0]}…) of math takes no symbols: write np.{name}, as in {call}"
+
+
+def _segment(frame: Any) -> str:
+    """Return the part of the line of a frame that raised."""
+    line, begin, end = frame.line or "", getattr(frame, "colno", None), frame.end_colno
+    if begin is None or end is None or frame.lineno != frame.end_lineno:
+        return line
+    original = frame._original_line if hasattr(frame, "_original_line") else line
+    return str(original)[begin:end]
+
+
+def _check_time(argument: str, f: Any, f_name: str, names: Sequence[str], maker: str) -> None:
+    """Say how to make time a variable, for a function f(t, y) or f(y, t)."""
+    arguments = arguments_of(f)
+    if len(arguments) != 2 or len(TIME & {*arguments}) != 1:
+        return
+    state = "s[-1], s[:-1]" if arguments[0] in TIME else "s[:-1], s[-1]"
+    own = [name for name in names if name not in TIME]
+    time = next(name for name in arguments if name in TIME)
+    call = f'{maker}(lambda s: (*{f_name}({state}), 1), "{" ".join([*own, time])}")'
+    received = f"{f_name}({', '.join(arguments)})"
+    raise TypeError(
+        f"{argument} must take the state alone, as one tuple, not {received}: "
+        f"make time a variable with the derivative 1, {call}"
+    )

@@ -1,0 +1,186 @@
+"""A whole step of a lifted field: added variables from the state, stages, and the state again.
+
+The state x (`given` components) is a part of M words, which are products of the variables: x and
+added ones u = g(p), with polynomials p of the variables before. At the first stage of a whole step
+all words are computed from x. Then the stages are those of the field of the words, and what the
+other words become does not matter.
+
+The pivots of the lifted field tell nothing of the motion. Poles are told by the sign of
+det(1 - h f'(x)) of the equations as given, at the state from which a whole step is taken, with h
+half of the longest sub-step: h f' = N dwords/dx, with the rows of N that belong to x.
+"""
+
+from .operations import Step
+from .planned_elimination import Matrix
+
+ONE = -1  # the place of a coefficient 1
+
+
+class LiftedStep(Step):
+    """The operations of a stage of the lifted field, and those of its first stage before it.
+
+    Values 0 to M - 1 are the words, the next T are h v of the terms, and after them come the
+    coefficients of the lift.
+
+    lift        a `bodies.lift.Lift`, and the longest stage over the first
+    prologue    operations at the first stage of a whole step
+    lifted      values of the prologue: the words after the state
+    turned      true if det(1 - h f'(x)) of the equations as given is negative
+    """
+
+    def __init__(self, indices, D, lift, longest):
+        self.lift, self.prologue, self.lifted, self.turned = (lift, longest), [], [], None
+        super().__init__(indices, D, carried=lift.coefficients)
+        self.of_one_sign = {*lift.signs}
+        if self.factors is None:
+            self._separate_fixed()
+
+    def _fixed_values(self):
+        return range(self.D, self.D + self.T + self.lift[0].coefficients)
+
+    def _add_tests(self, halves):
+        super()._add_tests(halves)
+        self.negative = self.values.emit("olt", 1.0, 0.0)
+        self.rare.append(self.values.operations[-1])
+
+    def _separate_fixed(self):
+        values, first = self.values, len(self.values.operations)
+        self._add_prologue()
+        own = {number for _, number, _ in values.operations[first:]}
+        super()._separate_fixed()
+        self.prologue = [operation for operation in self.usual if operation[1] in own]
+        self.usual = [operation for operation in self.usual if operation[1] not in own]
+
+    def _results(self):
+        return [*super()._results(), *self.lifted]
+
+    def _add_prologue(self):
+        lift, longest = self.lift
+        emit, first = self.values.emit, self.D + self.T
+        variables = _Variables(self.values, lift, first)
+        words = [variables.product(word) for word in lift.words]
+        self.lifted = [number for number, _ in words]
+        slopes = [{i: 1.0} for i in range(lift.given)] + [slope for _, slope in words]
+        numbers = [*range(lift.given), *self.lifted]
+        matrix = Matrix(self.indices, self.D, self.values, numbers, range(self.D, first))
+        rows = [{} for _ in range(lift.given)]  # of h f'
+        for i, j in sorted(place for place in matrix.pattern if place[0] < lift.given):
+            entry, _ = matrix.entry(i, j)
+            variables.add_multiple(rows[i], entry, slopes[j])
+        for row in rows:
+            for j in row:
+                if longest != 1.0:
+                    row[j] = emit("fmul", longest, row[j])
+        pivots = []
+        for k, row in enumerate(rows):  # elimination in h f', as in `planned_elimination`
+            if k not in row:
+                pivots.append(1.0)
+            else:
+                pivots.append(emit("fsub", 1.0, row[k]))
+            for below in rows[k + 1 :]:
+                if k in below:
+                    factor = below[k]
+                    if pivots[k] != 1.0:
+                        factor = emit("fdiv", factor, pivots[k])
+                    for j in row:
+                        if j > k:
+                            product = emit("fmul", factor, row[j])
+                            below[j] = emit("fadd", below[j], product) if j in below else product
+        tests = [emit("olt", pivot, 0.0) for pivot in pivots]
+        self.turned = self.values.joined("xor", tests)
+
+
+class _Variables:
+    """Values of variables, and their derivatives by the components of the state, as operations."""
+
+    def __init__(self, values, lift, first):
+        self.values, self.emit, self.first = values, values.emit, first
+        self.numbers = [*range(lift.given)]
+        self.slopes = [{i: 1.0} for i in range(lift.given)]
+        for definition in lift.definitions:
+            number, slope = self._variable(*definition)
+            self.numbers.append(number)
+            self.slopes.append(slope)
+
+    def _coefficient(self, place):
+        return 1.0 if place == ONE else self.first + place
+
+    def times(self, a, b):
+        """Return the value a b; a constant 1 needs no operation."""
+        if a == 1.0 and isinstance(a, float):
+            return b
+        if b == 1.0 and isinstance(b, float):
+            return a
+        return self.emit("fmul", a, b)
+
+    def add_multiple(self, slope, factor, other):
+        """Add a multiple of a derivative to the derivative `slope`."""
+        for j, value in other.items():
+            product = self.times(factor, value)
+            slope[j] = self.emit("fadd", slope[j], product) if j in slope else product
+
+    def product(self, word):
+        """Return a product of variables, and its derivative."""
+        number, slope = self.numbers[word[0]], self.slopes[word[0]]
+        for i in word[1:]:
+            following = {}
+            self.add_multiple(following, self.numbers[i], slope)
+            self.add_multiple(following, number, self.slopes[i])
+            number, slope = self.times(number, self.numbers[i]), following
+        return number, slope
+
+    def polynomial(self, terms):
+        """Return the value of a polynomial, and its derivative."""
+        total, slope = None, {}
+        for place, variables in terms:
+            number, c = self._coefficient(place), self._coefficient(place)
+            if variables:
+                product, of_product = self.product(variables)
+                number = self.times(c, product)
+                self.add_multiple(slope, c, of_product)
+            total = number if total is None else self.emit("fadd", total, number)
+        return total, slope
+
+    def _variable(self, function, terms, exponent):
+        """Return the value g(p), and its derivative g'(p) p'."""
+        p, of_p = self.polynomial(terms)
+        u, factor = self._function(function, p, exponent)
+        slope = {}
+        self.add_multiple(slope, factor, of_p)
+        return u, slope
+
+    def _function(self, function, p, exponent):
+        """Return the values g(p) and g'(p)."""
+        emit = self.emit
+        if function == "inverse":
+            u = emit("fdiv", 1.0, p)
+            return u, emit("fmul", -1.0, emit("fmul", u, u))
+        if function == "root":
+            u = emit("fdiv", 1.0, emit("sqrt", p))
+            return u, emit("fmul", -0.5, emit("fdiv", u, p))
+        if function == "power":
+            r = self._coefficient(exponent)
+            u = emit("pow", p, r)
+            return u, emit("fdiv", emit("fmul", r, u), p)
+        if function == "cbrt":
+            u = emit("cbrt", p)
+            return u, emit("fdiv", u, emit("fmul", 3.0, p))
+        u = emit(_OF_LIBRARY[function], p)
+        if function == "exp":
+            return u, u
+        if function == "log":
+            return u, emit("fdiv", 1.0, p)
+        if function == "arctan":
+            return u, emit("fdiv", 1.0, emit("fadd", 1.0, emit("fmul", p, p)))
+        if function in ("tan", "tanh"):
+            instruction = "fadd" if function == "tan" else "fsub"
+            return u, emit(instruction, 1.0, emit("fmul", u, u))
+        other = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}[function]
+        slope = emit(_OF_LIBRARY[other], p)
+        return u, emit("fmul", -1.0, slope) if function == "cos" else slope
+
+
+_OF_LIBRARY = {
+    **{name: name for name in ("exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh")},
+    "arctan": "atan",
+}

@@ -1,0 +1,39 @@
+"""Rows of trajectories as lines of lanes, and the tables of numbers that their steps take."""
+
+import numpy as np
+
+from .single_orbit import common_table
+from .stages import distinct
+
+
+def in_lines(rows, W):
+    """Return rows (B, n) as lines (-, n, W); lanes without a row repeat the last one."""
+    missing = -len(rows) % W
+    padded = np.concatenate([rows, rows[-1:].repeat(missing, axis=0)]) if missing else rows
+    return padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2).copy()
+
+
+def tables_of(scheme, values, eps, W):
+    """Return eps / 2 times the values (lines, T, W), and `Step.table` (fractions, lines, n, W).
+
+    The fractions are those of `distinct`. The shapes are (1, T, 1) and (fractions, 1, n, 1) if all
+    trajectories have the same field.
+    """
+    step, fractions = scheme.step, distinct(scheme.stages.fractions)[0]
+    if len(eps) == len(values) == 1:
+        return common_table(*scheme, eps.tobytes(), values.tobytes())
+    values, others = values[:, : step.T], values[:, step.T :]  # of a lift, which eps does not scale
+    halves = 0.5 * eps[:, np.newaxis] * values
+    if len(halves) < len(others):
+        halves = halves.repeat(len(others), axis=0)
+    halves, others = (
+        in_lines(halves, W),
+        in_lines(np.broadcast_to(others, (len(halves), others.shape[1])), W),
+    )
+    fractions = fractions[:, np.newaxis, np.newaxis]
+    halves_of = np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions
+    others_of = np.broadcast_to(
+        np.moveaxis(others, 1, 0)[:, np.newaxis], (others.shape[1], *halves_of.shape[1:])
+    )
+    table = step.table_of(np.concatenate([halves_of, others_of]))
+    return halves, np.ascontiguousarray(np.moveaxis(table, 0, 2))

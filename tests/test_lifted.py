@@ -1,0 +1,254 @@
+"""Fields whose right-hand side is smooth and not quadratic."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from suslov_fast import (
+    LiftedField,
+    QuadraticField,
+    Status,
+    body_from_dict,
+    energy,
+    iterate,
+    jacobian,
+    step,
+    vector_field,
+)
+
+S, C = np.sin, np.cos
+
+
+def kepler(x):
+    x, y, u, v = x
+    r3 = (x**2 + y**2) ** (-3 / 2)
+    return u, v, -x * r3, -y * r3
+
+
+def predator_prey(x, K=4):
+    N, P = x
+    return N * (1 - N / K) - N * P / (1 + N), N * P / (1 + N) - P / 3
+
+
+def double_pendulum(x):
+    a, b, c, d = x
+    below = 3 - C(2 * a - 2 * b)
+    first = -3 * S(a) - S(a - 2 * b) - 2 * S(a - b) * (d**2 + c**2 * C(a - b))
+    second = 2 * S(a - b) * (2 * c**2 + 2 * C(a) + d**2 * C(a - b))
+    return c, d, first / below, second / below
+
+
+def three_bodies(x, mu=0.0123):
+    x, y, u, v = x
+    first, second = (((x + a) ** 2 + y**2) ** 1.5 for a in (mu, mu - 1))
+    ax = x + 2 * v - (1 - mu) * (x + mu) / first - mu * (x - 1 + mu) / second
+    return u, v, ax, y - 2 * u - (1 - mu) * y / first - mu * y / second
+
+
+def toda(x):
+    q, p = x[:3], x[3:]
+    e = [np.exp(q[i - 1] - q[i]) for i in range(3)]
+    return *p, *(e[i] - e[(i + 1) % 3] for i in range(3))
+
+
+def repressilator(x):
+    m, p = x[:3], x[3:]
+    genes = (-m[i] + 216 / (1 + p[i - 1] ** 2) + 0.2 for i in range(3))
+    return *genes, *(-5 * (p[i] - m[i]) for i in range(3))
+
+
+def arrhenius(x):
+    rate = x[0] * np.exp(-1 / (1 + x[1]))
+    return -rate, rate - x[1] / 2
+
+
+def sitnikov(x):
+    return x[1], -x[0] / (x[0] ** 2 + (0.5 * (1 - 0.2 * C(x[2]))) ** 2) ** 1.5, 1
+
+
+def degree_six(x):
+    return x[2], x[3], -x[0] - 6 * x[0] ** 5 - 2 * x[0] * x[1] ** 4, -x[1] - 4 * x[1] ** 3
+
+
+# Equations, dimension, a state, and the most variables that the lifted field may have.
+FIELDS = {
+    "pendulum": (lambda x: (x[1], -S(x[0])), [2.5, 0.0], 4),
+    "kepler": (kepler, [0.4, 0.0, 0.0, 2.0], 14),
+    "predator and prey": (predator_prey, [1.0, 1.0], 6),
+    "hill": (lambda x: (2 / (1 + x[0] ** 4) - x[0],), [0.1], 8),
+    "brusselator": (
+        lambda x: (1 + x[0] ** 2 * x[1] - 4 * x[0], 3 * x[0] - x[0] ** 2 * x[1]),
+        [1.0, 1.0],
+        5,
+    ),
+    "double pendulum": (double_pendulum, [1.0, 0.5, 0.0, 0.0], 43),
+    "arrhenius": (arrhenius, [1.0, 0.0], 8),
+    "three bodies": (three_bodies, [0.5, 0.1, 0.2, 0.8], 80),
+    "toda": (toda, [0.1, 0.3, -0.2, 0.5, -0.1, 0.2], 9),
+    "repressilator": (repressilator, [1.0, 2.0, 3.0, 0.5, 0.4, 0.3], 24),
+    "sitnikov": (sitnikov, [0.5, 0.1, 0.0], 60),
+    "van der pol": (lambda x: (x[1], 10 * (1 - x[0] ** 2) * x[1] - x[0]), [2.0, 0.0], 3),
+    "degree 6": (degree_six, [0.1, 0.2, 0.3, 0.4], 10),
+    "hyperbolic": (lambda x: (np.tanh(x[1]), np.cosh(x[0] / 2) - np.sinh(x[0])), [0.4, 0.3], 20),
+    "logarithm": (lambda x: (-np.log1p(x[1] ** 2), np.log2(x[0] + 2)), [0.4, 0.3], 20),
+    "tangent": (lambda x: (np.tan(x[1] / 4), -np.arctan(x[0])), [0.4, 0.3], 20),
+    "roots": (lambda x: (np.cbrt(x[1] + 2), -(np.hypot(x[0], 1) ** 0.3)), [0.4, 0.3], 30),
+    "powers": (lambda x: (2 ** x[1], -(x[0] ** 2.3) + np.expm1(-x[1])), [0.4, 0.3], 20),
+}
+
+
+def field_of(name):
+    f, x, _ = FIELDS[name]
+    return LiftedField.from_function(f, len(x))
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_the_lifted_field_is_the_given_one_where_it_is_lifted(name):
+    f, x, most = FIELDS[name]
+    field = field_of(name)
+    assert field.lifted.dimension == len(x) + len(field.added) <= most
+    z, h = field.lift(x), 2.0**-20
+    np.testing.assert_allclose(field(x), f(x), rtol=1e-12)
+    np.testing.assert_allclose(vector_field(field, x), f(x), rtol=1e-12)
+    # The lifted rates are those of the added variables along the motion.
+    along = (field.lift(x + h * field(x)) - field.lift(x - h * field(x))) / (2 * h)
+    np.testing.assert_allclose(field.lifted(z), along, rtol=1e-6, atol=1e-8)
+
+
+ORDERS = {"auto": (2, 32), "order4": (4, 32), "order6": (6, 16), "order8": (8, 12)}
+
+
+@pytest.mark.parametrize("name", ["pendulum", "kepler", "predator and prey", "brusselator"])
+@pytest.mark.parametrize("method", [*ORDERS, "extrapolated"])
+def test_steps_have_the_order_of_the_method(name, method):
+    f, x, _ = FIELDS[name]
+    field, time = field_of(name), 2.0
+    exact = solve_ivp(lambda t, y: f(y), (0, time), x, "DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+    order, steps = ORDERS.get(method, (10, 8))
+    errors = []
+    for n in (steps, 2 * steps, 4 * steps):
+        run = iterate(field, x, time / n, n, save_every=None, method=method)
+        assert run.status == Status.OK
+        errors.append(abs(run.final - exact).max())
+    assert errors[-1] < 1e-12 or 2 ** (order - 0.7) < errors[1] / errors[2] < 2 ** (order + 3)
+
+
+@pytest.mark.parametrize("method", ["auto", "order6", "extrapolated"])
+def test_the_jacobian_is_that_of_differences(method):
+    for name in ("pendulum", "kepler", "roots", "powers"):
+        field, x = field_of(name), np.array(FIELDS[name][1])
+        h, ends = 1e-5, []
+        for sign in (1, -1):
+            ends.append(step(field, x + sign * h * np.eye(len(x)), 0.1, method=method))
+        slopes = ((ends[0] - ends[1]) / (2 * h)).T
+        np.testing.assert_allclose(jacobian(field, x, 0.1, method=method), slopes, atol=1e-8)
+
+
+def test_bits_depend_on_nothing_but_the_trajectory():
+    family = LiftedField.from_function(predator_prey, "N P", K=np.linspace(2, 4, 21))
+    starts = np.random.default_rng(3).uniform(0.3, 2, (21, 2))
+    for method in ("auto", "order4", "extrapolated"):
+        run = iterate(family, starts, 0.1, 30, method=method, threads=1)
+        for threads in (2,):
+            again = iterate(family, starts, 0.1, 30, method=method, threads=threads)
+            np.testing.assert_array_equal(again.x, run.x)
+        for k in (0, 7, 20):
+            alone = iterate(family[k], starts[k], 0.1, 11, method=method).extend(19)
+            np.testing.assert_array_equal(alone.x, run.x[:, k])
+        some = iterate(family[3:6], starts[3:6], 0.1, 30, method=method)
+        np.testing.assert_array_equal(some.x, run.x[:, 3:6])
+
+
+def test_a_quadratic_right_hand_side_has_the_bits_of_the_quadratic_field():
+    def lorenz(x):
+        return 10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]
+
+    lifted, quadratic = (kind.from_function(lorenz, 3) for kind in (LiftedField, QuadraticField))
+    assert lifted.added == {}
+    for method in ("auto", "order4"):
+        runs = [iterate(each, [1, 2, 3], 0.01, 50, method=method) for each in (lifted, quadratic)]
+        np.testing.assert_array_equal(runs[0].x, runs[1].x)
+
+
+def test_where_a_definition_has_no_value_a_trajectory_ends_alone():
+    inverse = LiftedField.from_function(lambda x: (1 / x[0],), "x")
+    run = iterate(inverse, [[0.0], [1.0], [-2.0]], 0.1, 10, on_singular="ignore")
+    assert run.status.tolist() == [Status.NONFINITE, 0, 0]
+    assert run.failed_at.tolist() == [1, -1, -1]
+    np.testing.assert_allclose(run.final[1:, 0], [math.sqrt(3), -math.sqrt(6)], rtol=1e-3)
+    logarithm = LiftedField.from_function(lambda x: (np.log(x[0]), np.sqrt(x[0])), 2)
+    run = iterate(logarithm, [[-1.0, 0.0], [2.0, 1.0]], 0.1, 5, on_singular="ignore")
+    assert run.status.tolist() == [Status.NONFINITE, 0]
+
+
+def test_poles_are_those_of_the_given_equations():
+    # det A of the lifted field is negative at nearly all of these states.
+    for eps in (1 / 8, 1 / 16):
+        assert iterate(field_of("hill"), [0.1], eps, 200).status == Status.OK
+    assert iterate(field_of("kepler"), [0.4, 0, 0, 2], 1 / 64, 800).status == Status.OK
+    # x' = x**2 + x / (1 + x**2) from 1 ends near t = 0.75.
+    blow_up = LiftedField.from_function(lambda x: (x[0] ** 2 + x[0] / (1 + x[0] ** 2),), "x")
+    run = iterate(blow_up, [1.0], 0.02, 80, on_singular="ignore")
+    assert 0.7 < run.first_pole * 0.02 < 0.95
+
+
+def test_positive_components_keep_their_signs_or_it_is_told():
+    field = LiftedField.from_function(lambda x: (-x[0] * (1 + 40 * x[0] / (1 + x[0])),), "x")
+    run = iterate(field, [3.0], 1.0, 3, on_singular="ignore")
+    assert (run.x < 0).any()
+    assert run.status == Status.PASSED_POLE
+
+
+def test_dictionaries_hold_the_equations_as_text():
+    family = LiftedField.from_function(predator_prey, "N P", K=[2.0, 3.0, 4.0])
+    hamiltonian = LiftedField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - C(x[0]), "q p")
+    for field in (family, family[1], hamiltonian, field_of("double pendulum"), field_of("kepler")):
+        again = body_from_dict(field.to_dict())
+        assert again == field
+        assert hash(again) == hash(field)
+        assert pickle.loads(pickle.dumps(field)) == field
+        np.testing.assert_array_equal(again.lifted.terms[1], field.lifted.terms[1])
+    assert float(energy(hamiltonian, [0.0, 1.0])) == -0.5
+    assert repr(hamiltonian) == "LiftedField(q' = p, p' = -sin(q), H = 1/2*p**2 - cos(q))"
+    assert family.to_dict()["equations"][1] == "N*P*u1 - 1/3*P"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["__import__('os')", "q.real", "[q]", "lambda: q", "eval(q)", "q if q else p", "z", "9**9**9"],
+)
+def test_texts_are_read_by_a_grammar_of_their_own(text):
+    saved = LiftedField.from_function(lambda x: (x[1], -S(x[0])), "q p").to_dict()
+    with pytest.raises(ValueError, match=r"equations: .*(not allowed|cannot be read)"):
+        LiftedField.from_dict(saved | {"equations": [text, "p"]})
+
+
+def two(f):
+    return lambda: LiftedField.from_function(f, "x y")
+
+
+def needs_too_many(x):
+    u = np.exp(S(x[0] * x[1]) * C(x[0] + x[1])) / (1 + x[0] ** 2 * x[1] ** 5) ** 0.7
+    return u + np.tanh(x[0] * x[1] ** 2), np.log(2 + x[0] ** 4 * np.cosh(x[1])) * np.hypot(u, x[0])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (two(lambda x: (abs(x[0]), x[1])), "calls abs of x: it is not smooth"),
+        (two(lambda x: (np.sign(x[0]), x[1])), "calls sign of x"),
+        (two(lambda x: (np.floor(x[0]), x[1])), "calls floor of x"),
+        (two(lambda x: (np.maximum(x[0], 0), x[1])), "calls maximum"),
+        (two(lambda x: (x[0] if x[0] > 0 else 0, x[1])), "compares x"),
+        (two(lambda x: (np.arctan2(x[0], x[1]), x[1])), r"np\.hypot"),
+        (two(lambda x: (math.exp(-x[0]), x[1])), r"write np\.exp, as in np\.exp\(-x\[0\]\)"),
+        (two(lambda t, y: (y[1], S(t))), r"\(\*f\(s\[-1\], s\[:-1\]\), 1\), \"x y t\""),
+        (two(needs_too_many), "more than 200 variables"),
+    ],
+)
+def test_what_has_no_rule_is_named_in_words_of_the_user(call, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        call()

@@ -70,7 +70,7 @@ class LiftedField(Body):
     _axes: ClassVar[Any] = {NUMBERS: 1, VALUES: 1}
     _texts: ClassVar[tuple[str, ...]] = ("names", "definitions", "equations", "H")
     _called: ClassVar[str] = "a lifted field"
-    _instead: ClassVar[str] = ", which has none; see its attribute lifted"
+    _instead: ClassVar[str] = ", whose steps conserve nothing: use energy, or its attribute lifted"
 
     names: tuple[str, ...]
     H: SmoothHamiltonian | None
@@ -110,6 +110,7 @@ class LiftedField(Body):
     def _described(self) -> dict[str, Any]:
         arrays = {"numbers": self._numbers, "values": np.asarray(self._parts[VALUES], np.float64)}
         texts = {"names": ", ".join(self.names), "equations": "; ".join(self._structure.equations)}
+        texts["H"] = self._structure.energy
         texts["definitions"] = "; ".join(f"{n} = {t}" for n, t in self._structure.texts)
         return arrays | self._arrays | texts
 
@@ -126,7 +127,8 @@ class LiftedField(Body):
 
     def field(self) -> Any:
         """Refuse: the equations are not quadratic in the given variables."""
-        raise TypeError("body: the equations of a LiftedField are not quadratic: use its lifted")
+        how = "its attribute lifted is a QuadraticField in more variables"
+        raise TypeError(f"body: the equations of a LiftedField are not quadratic: {how}")
 
     @property
     def _terms(self) -> Any:

@@ -25,10 +25,10 @@ from .elimination import LEAST_PIVOT
 from .operations import Step, Values, evaluate
 from .planned_elimination import Matrix
 
-_SMALLEST, _OF_ROUNDING, _SHORTEST = 2.0**-20, 2.0**-46, 2.0**-42
+SMALLEST, OF_ROUNDING, SHORTEST = 2.0**-20, 2.0**-46, 2.0**-42
 # With lengths that grow up to fourfold, a step sometimes misses a transient: HIRES loses 4000 rtol
 # at 1e-5. Up to threefold it loses 50 at most between 1e-4 and 1e-6.
-_SAFETY, _SHORTER, _LONGER, _REFUSED = 0.85, 0.2, 3.0, 0.5
+SAFETY, SHORTER, LONGER, REFUSED = 0.85, 0.2, 3.0, 0.5
 
 
 class Stage(Step):
@@ -89,14 +89,14 @@ class Choice:
         after = [emit("fadd", x[k], total[k]) for k in range(D)]
         errors = [emit("fabs", emit("fsub", total[k], second[k])) for k in range(D)]
         sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(D)]
-        floor = emit("fmul", _SMALLEST, joined("max", sizes))
+        floor = emit("fmul", SMALLEST, joined("max", sizes))
         sizes = [emit("max", size, floor) for size in sizes]
         terms = Matrix(
             indices, D, values,
             [emit("fabs", k) for k in x],
             [emit("fabs", 4 * D + k) for k in range(T)],
         )  # fmt: skip
-        rounding, ratios = emit("fmul", _OF_ROUNDING, taken), []
+        rounding, ratios = emit("fmul", OF_ROUNDING, taken), []
         for k in range(D):
             allowed, of_terms = emit("fmul", rtol, sizes[k]), terms.right_side(k)
             if of_terms is not None:
@@ -111,9 +111,9 @@ class Choice:
         root = emit("select", finite, rho, 1e30)
         for _ in range(3):
             root = emit("sqrt", root)
-        factor = emit("max", emit("fdiv", _SAFETY, root), _SHORTER)
-        factor = emit("min", factor, _LONGER)
-        factor = emit("select", good, factor, emit("min", factor, _REFUSED))
+        factor = emit("max", emit("fdiv", SAFETY, root), SHORTER)
+        factor = emit("min", factor, LONGER)
+        factor = emit("select", good, factor, emit("min", factor, REFUSED))
         length = emit("fmul", taken, factor)
         # A step that was cut at the end of time says nothing against the length wanted.
         is_cut = emit("and", good, emit("olt", taken, wanted))
@@ -121,7 +121,7 @@ class Choice:
         arrives = emit("oeq", taken, emit("fsub", end, t))
         later = emit("select", arrives, end, emit("fadd", t, taken))
         later = emit("select", good, later, t)
-        limit = emit("fmul", _SHORTEST, emit("max", later, first))
+        limit = emit("fmul", SHORTEST, emit("max", later, first))
         ended = emit("olt", length, limit)
         states = [emit("select", good, after[k], x[k]) for k in range(D)]
         states = [emit("select", ended, np.nan, state) for state in states]

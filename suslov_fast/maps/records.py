@@ -142,6 +142,7 @@ for _record in (
             stages=stages,
             order=order,
             growth=growth_by_jacobian,
+            integrates=method == "auto",
             variable="x",
             meaning="state",
         )

@@ -15,6 +15,7 @@ from ..engine.problem import Problem
 from ..engine.status import PoleWarning
 from ..engine.stretches import Progress, Report, reporter
 from ..engine.threads import available, call_kernel
+from . import lifted_motion
 
 DEFAULT, LEAST, MOST = 1e-9, 1e-13, 1e-2
 # Trajectories of a `Motion`, and steps of the map for one, by which threads are chosen.
@@ -56,7 +57,9 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
             later, where = np.unique(abs(times[rows]), return_inverse=True)
             counts = np.bincount(where).tolist() if report else []
             arguments = problem, x0, later, direction, rtol
-            found, now_ended, at = _in_direction(*arguments, counts, told)
+            is_lifted = hasattr(problem.body, "lifted")
+            solve = lifted_motion.in_direction if is_lifted else _in_direction
+            found, now_ended, at = solve(*arguments, counts, told)
             states[rows] = found[where]
             ends = np.where(now_ended & ~ended, direction * at, ends)
             ended |= now_ended

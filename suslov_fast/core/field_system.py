@@ -13,7 +13,7 @@ from .llvm import call_code, with_address
 from .machine_code import MANY, code_of
 from .numba import function
 from .stages import weights_of
-from .steps_field import scheme_of
+from .steps_field import column_stage_of, scheme_of
 
 
 @with_address
@@ -39,6 +39,8 @@ def system_of(indices, half, stages, D):
 def with_weights(indices, half, weights, D):
     """Return the system with these weights of stages."""
     step, text_of = scheme_of(indices, D).step, text_of_step
+    if weights[-1] != 0.0:  # the last column of an extrapolated step
+        step = column_stage_of(step.indices.tobytes(), D)
     table = np.ascontiguousarray(step.table_of(half.T).T)
     if len(step.usual) > MANY:
         text_of, constants = text_of_listed_step, programs_of(step).constants

@@ -219,8 +219,8 @@ def code_of(text_of, step, W=1, for_each=False, align=0, lasts=False):
     """
     if config.DISABLE_JIT:
         return None
-    lift = getattr(step, "lift", None)
-    key = text_of, step.indices.tobytes(), step.D, lift, W, for_each, align, lasts
+    kind = type(step), getattr(step, "lift", None)
+    key = text_of, step.indices.tobytes(), step.D, kind, W, for_each, align, lasts
     with _lock:
         if key not in _codes:
             _free_old()

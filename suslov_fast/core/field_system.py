@@ -12,8 +12,9 @@ from .listed_code import text_of_listed_step
 from .llvm import call_code, with_address
 from .machine_code import MANY, code_of
 from .numba import function
+from .operations import column_stage_of
 from .stages import weights_of
-from .steps_field import column_stage_of, scheme_of
+from .steps_field import scheme_of
 
 
 @with_address

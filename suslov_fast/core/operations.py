@@ -348,6 +348,12 @@ class ColumnStage(Step):
         self.rare = self.values.operations[first_rare:]
 
 
+@functools.lru_cache(32)
+def column_stage_of(places, D):
+    """Return the `ColumnStage` of fields with terms at these indices, given by their bytes."""
+    return ColumnStage(np.frombuffer(places, np.int64).reshape(3, -1), D)
+
+
 class Tangent(Step):
     """The operations of a step and of its derivative, which multiplies columns q.
 

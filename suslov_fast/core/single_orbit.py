@@ -43,7 +43,8 @@ def plan_of(stages, table):
 def _prepared(step, stages, eps, values, saves):
     """Return code and arguments for one orbit, and what has to stay alive; None if it has none."""
     has_columns = stages.columns or (step.of_one_sign and len(stages.fractions) > 1)
-    if has_columns or not 0 < len(step.usual) <= MANY or isinstance(step, LiftedStep):
+    is_long = not 0 < len(step.usual) <= MANY or step.pieces[1]
+    if has_columns or is_long or isinstance(step, LiftedStep):
         return None
     address = code_of(text_of_steps, step, 1, False, 8 if saves else 0)
     if address is None:

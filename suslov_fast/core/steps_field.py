@@ -35,7 +35,7 @@ from .lines import in_lines, tables_of
 from .listed_code import listed_code, taker_of
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
-from .operations import SIGNIFICANT, ColumnStage, Step, evaluate, of_one_sign
+from .operations import SIGNIFICANT, Step, column_stage_of, evaluate, of_one_sign
 from .pool import in_parts
 from .single_orbit import PLANS, plan_of, take_one
 from .stages import WHOLE, distinct, weights_of
@@ -55,12 +55,6 @@ class Scheme(NamedTuple):
 @functools.lru_cache(PLANS)
 def _step_of(places, D, is_whole):
     return Step(np.frombuffer(places, np.int64).reshape(3, -1), D, keeps_signs=is_whole)
-
-
-@functools.lru_cache(PLANS)
-def column_stage_of(places, D):
-    """Return the operations of a stage of an extrapolated step."""
-    return ColumnStage(np.frombuffer(places, np.int64).reshape(3, -1), D)
 
 
 def scheme_of(indices, D, stages=WHOLE):

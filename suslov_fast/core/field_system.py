@@ -6,13 +6,13 @@ import numpy as np
 
 from .careful import changes_sign, solve_lane
 from .codes import NONFINITE, OK, PASSED_POLE
+from .column_stage import column_stage_of
 from .generated import text_of_step
 from .listed import programs_of
 from .listed_code import text_of_listed_step
 from .llvm import call_code, with_address
 from .machine_code import MANY, code_of
 from .numba import function
-from .operations import column_stage_of
 from .stages import weights_of
 from .steps_field import scheme_of
 

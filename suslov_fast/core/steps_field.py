@@ -27,6 +27,7 @@ from numba import config
 
 from .careful import CHANGED, ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
 from .codes import NONFINITE
+from .column_stage import column_stage_of
 from .generated import WIDTH, text_of_compositions, text_of_extrapolated_steps, text_of_steps
 from .generated_stages import BASE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
 from .in_calls import dense_taker_of, in_calls
@@ -35,7 +36,7 @@ from .lines import in_lines, tables_of
 from .listed_code import listed_code, taker_of
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
-from .operations import SIGNIFICANT, Step, column_stage_of, evaluate, of_one_sign
+from .operations import SIGNIFICANT, Step, evaluate, of_one_sign
 from .pool import in_parts
 from .single_orbit import PLANS, plan_of, take_one
 from .stages import WHOLE, distinct, weights_of

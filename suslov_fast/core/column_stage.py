@@ -1,0 +1,34 @@
+"""A stage of an extrapolated step (`stages`) as a list of operations."""
+
+import functools
+
+import numpy as np
+
+from .operations import Step
+
+
+class ColumnStage(Step):
+    """The operations of a stage of an extrapolated step.
+
+    They do not test that increments keep the digits of small components: the ends of columns are
+    subtracted from the state before the step, which loses them.
+    """
+
+    def _add_tests(self, halves):
+        emit, joined = self.values.emit, self.values.joined
+        sizes, finite = [emit("fabs", self.after[k]) for k in halves], []
+        if sizes:
+            finite = [emit("olt", joined("fadd", sizes), np.inf)]
+        self.good = joined("and", [*finite, *self._good_pivots()])
+        first_rare = len(self.values.operations)
+        self.after_rare = [*self.after]
+        self.accurate = joined("and", [*self._accurate_pivots(), *finite])
+        negative = [emit("olt", pivot, 0.0) for pivot in self.factors.pivot.values()]
+        self.negative = joined("xor", negative or [emit("olt", 1.0, 0.0)])
+        self.rare = self.values.operations[first_rare:]
+
+
+@functools.lru_cache(32)
+def column_stage_of(places, D):
+    """Return the `ColumnStage` of fields with terms at these indices, given by their bytes."""
+    return ColumnStage(np.frombuffer(places, np.int64).reshape(3, -1), D)

@@ -21,7 +21,7 @@ IMAGES = DOCS / "images"
 SCRIPTS = {path.stem: path for path in sorted((DOCS / "examples").glob("*.py"))}
 PAGES = {
     name: DOCS / "howto" / f"{name}.md"
-    for name in ("equations", "figure", "afternoon", "crossings", "families", "cubic")
+    for name in ("equations", "figure", "afternoon", "crossings", "diagrams", "families", "cubic")
 }
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

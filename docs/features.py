@@ -1,4 +1,4 @@
-"""Write the table "Which function for which body" of the home page: `python docs/features.py`.
+"""Write the table "Which function for which body" of the reference: `python docs/features.py`.
 
 Methods and orientations are those of the record of a map; in the other cells the functions have
 been called for samples of the bodies, and what they return compared before and after steps.
@@ -15,7 +15,7 @@ import numpy as np
 import suslov_fast as sf
 from suslov_fast.maps import MAPS, map_of
 
-PAGE = Path(__file__).parent / "index.md"
+PAGE = Path(__file__).parent / "api.md"
 TABLE = re.compile(
     r"(?<=<!-- begin of the features -->\n\n).*?(?=\n\n<!-- end of the features)", re.S
 )
@@ -48,7 +48,7 @@ ROWS = (
     ),
     ("all fixed points, where there are finitely many", ("fixed_points",)),
     ("state n, limits and regime in closed form", ("exact", "limits", "criticality")),
-    ("the exact solution of the differential equation", ("flow",)),
+    ("the motion: in closed form for bodies, to a tolerance for fields", ("flow",)),
     ("", ("energy",)),
     ("", ("modified_energy",)),
     ("", ("first_integral",)),

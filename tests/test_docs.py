@@ -211,7 +211,7 @@ def test_the_tutorial_as_a_notebook(tmp_path):
 
 @pytest.mark.compiled
 def test_the_table_of_bodies():
-    """The home page has what `python docs/features.py` writes."""
+    """The reference has what `python docs/features.py` writes."""
     script = script_of("features")
     (shown,) = script.TABLE.findall(script.PAGE.read_text(encoding="utf-8"))
     assert shown == script.table()

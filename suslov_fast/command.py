@@ -344,17 +344,19 @@ def pictures(options: argparse.Namespace) -> None:
 
 
 def explore(options: argparse.Namespace) -> None:
-    """Vary a body, a step size and an initial state on a page in the browser, until Ctrl-C."""
+    """Vary a field or a body, a step size and starts on a page in the browser, until Ctrl-C."""
     import webbrowser
 
-    from .plots.explore.server import Server
+    from .plots.explore.server import Page
 
+    page = sf.explore(_body_in(options.body)) if options.body else Page("")
     with _about(f"--port {options.port}"):
-        server = Server(options.port)
+        server = page.serve(options.port)
+    url = page.address(server)
     with suppress(KeyboardInterrupt), server:
-        print(server.url, flush=True)
+        print(url, flush=True)
         if not options.no_browser:  # in a thread, because opening a browser may block
-            threading.Thread(target=webbrowser.open, args=[server.url], daemon=True).start()
+            threading.Thread(target=webbrowser.open, args=[url], daemon=True).start()
         server.serve_forever(poll_interval=0.1)
 
 

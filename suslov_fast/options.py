@@ -195,6 +195,7 @@ def _pictures(parser: Any) -> None:
 
 def _explore(parser: Any) -> None:
     add = parser.add_argument
+    add("--body", type=Path, metavar="FILE.json", help=_JSON)
     add(
         "--port",
         type=integer,

@@ -25,7 +25,7 @@ PRESETS = {
     name: Parameters(*json.loads(values))
     for name, values in re.findall(r'^  "(.*)": (\[.*\])', SCRIPT, re.MULTILINE)
 }
-PICTURE_1 = PRESETS["Paper, picture 1 (no rigid body)"]
+PICTURE_1 = PRESETS["Paper, figure 1 (no rigid body)"]
 POLE = PRESETS["A pole: no next state"]
 CASES = PRESETS | {
     "backwards": PICTURE_1._replace(eps=-0.2),
@@ -87,7 +87,7 @@ def test_numbers_equal_those_of_the_package(name):
     if name in PRESETS:
         assert found["ellipsoid"]["matter"] == ("no rigid body" not in name)
         assert np.abs(parameters[6:8]).max() < parameters.extent
-    if number := re.search(r"picture (\d)", name):
+    if number := re.search(r"figure (\d)", name):
         assert (body, parameters.eps, parameters.extent) == PICTURES[int(number[1])]
 
 
@@ -148,7 +148,7 @@ def test_the_page_is_served_and_refers_to_nothing_else(server):
     reply, body = ask(server, f"/scene?{query(POLE)}")
     assert (reply.status, reply.headers["Content-Type"]) == (200, "application/json")
     assert json.loads(body) == numbers(POLE)
-    left, found = ["/", "/style.css"], set()
+    left, found = ["/", "/field.html", "/style.css"], set()
     while left:
         found.add(path := left.pop())
         reply, body = ask(server, path)

@@ -15,6 +15,7 @@ from .base import MAPS as MAPS
 from .base import Map as Map
 from .base import Method as Method
 from .base import map_of as map_of
+from .base import methods_of as methods_of
 from .base import named as named
 from .base import problem as problem
 from .base import register as register

@@ -284,7 +284,7 @@ def register(record: Map) -> None:
     if not record.methods or (clashing := {*record.methods} & {*taken}):
         received = ", ".join(sorted(clashing)) if record.methods else "none"
         raise checks.wrong("methods", f"none of {', '.join(taken)}", received)
-    if "auto" not in {*record.methods, *_methods_of(record.body)}:
+    if "auto" not in {*record.methods, *methods_of(record.body)}:
         why = f"because {record.body.__name__} has no other map"
         raise ValueError(f"methods: name one of {', '.join(record.methods)} auto, {why}")
     for method, steps in record.methods.items():
@@ -306,7 +306,7 @@ def map_of(body: Any, method: str = "auto") -> Map:
     A class has the maps of its own records, and those of the classes that it derives from as long
     as it does not define equations of its own.
     """
-    by_method = _methods_of(type(body))
+    by_method = methods_of(type(body))
     if type(method) is str and method in by_method:
         return by_method[method]
     if not by_method:
@@ -315,13 +315,13 @@ def map_of(body: Any, method: str = "auto") -> Map:
         if isinstance(body, Body):
             received += ", a class without a record of its own: see maps.register"
         raise checks.wrong("body", checks.either([*dict.fromkeys(kinds)]), received, TypeError)
-    of_fields = ", ".join(repr(name) for name in _methods_of(QuadraticField) if name != "auto")
+    of_fields = ", ".join(repr(name) for name in methods_of(QuadraticField) if name != "auto")
     instead = f": QuadraticField.of(body) has the methods {of_fields}"
-    instead *= method in _methods_of(QuadraticField) or str(method).startswith("order")
+    instead *= method in methods_of(QuadraticField) or str(method).startswith("order")
     return by_method[checks.one_of("method", method, by_method, instead)]
 
 
-def _methods_of(kind: Any) -> dict[str, Map]:
+def methods_of(kind: Any) -> dict[str, Map]:
     """Return the maps of a class of bodies by the names of their methods."""
     return _by_method(kind, tuple(MAPS.values()))
 

@@ -7,17 +7,17 @@ from urllib.parse import quote
 import anywidget
 import traitlets
 
+from .fields import FieldScene
 from .scene import PAGE, answer
 
 _POLICY = """<head>
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:;
 script-src 'unsafe-inline' data:; style-src 'unsafe-inline'">"""
-_BEGIN = '<script type="module">import "main.js";</script>'
 
 
-def page_in_one_file() -> str:
-    """Return the page as one document that holds its style and modules, and may load nothing."""
-    html, style = ((PAGE / name).read_text("utf-8") for name in ("index.html", "style.css"))
+def page_in_one_file(name: str, main: str) -> str:
+    """Return a page as one document that holds its style and modules, and may load nothing."""
+    html, style = ((PAGE / each).read_text("utf-8") for each in (name, "style.css"))
     modules = {}
     for file in PAGE.iterdir():
         if not file.name.endswith(".js"):
@@ -28,7 +28,9 @@ def page_in_one_file() -> str:
     names = f'<script type="importmap">{json.dumps({"imports": modules})}</script>\n'
     for tag, text in {
         '<link rel="stylesheet" href="/style.css">': f"<style>\n{style}</style>",
-        '<script type="module" src="/main.js"></script>': names + _BEGIN,
+        f'<script type="module" src="/{main}"></script>': (
+            f'{names}<script type="module">import "{main}";</script>'
+        ),
         "<head>": _POLICY,
     }.items():
         html = html.replace(tag, text)
@@ -39,13 +41,15 @@ class Widget(anywidget.AnyWidget):  # type: ignore[misc]
     """The page; `query` holds its parameters, as in the address of `suslov-fast explore`."""
 
     _esm = (PAGE / "widget.js").read_text("utf-8")
-    _html = traitlets.Unicode(page_in_one_file()).tag(sync=True)
+    _html = traitlets.Unicode().tag(sync=True)
     # Seconds after which the page says that no kernel answers.
     _patience = traitlets.Int(10).tag(sync=True)
     query = traitlets.Unicode().tag(sync=True)
 
-    def __init__(self, query: str) -> None:
-        super().__init__(query=query)
+    def __init__(self, query: str, field: FieldScene | None) -> None:
+        page = ("field.html", "field.js") if field else ("index.html", "main.js")
+        super().__init__(query=query, _html=page_in_one_file(*page))
+        self._answer_to = field.answer if field else answer
         self.on_msg(self._answer)
 
     def __repr__(self) -> str:
@@ -55,4 +59,4 @@ class Widget(anywidget.AnyWidget):  # type: ignore[misc]
     def _answer(self, widget: Any, message: dict[str, Any], buffers: Any) -> None:
         """Confirm a message of the page, then send the numbers that it asks for."""
         self.send({"id": message["id"], "heard": True})
-        self.send({"id": message["id"], "value": answer(message["query"])})
+        self.send({"id": message["id"], "value": self._answer_to(message["query"])})

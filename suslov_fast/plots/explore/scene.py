@@ -3,6 +3,7 @@
 import math
 import re
 import warnings
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any, NamedTuple
@@ -25,7 +26,7 @@ from ..phase import Plane
 
 # Folder of the files of the page, which may be in an archive.
 PAGE: Traversable = files(__package__) / "page"
-_MOST_STEPS = 5000
+MOST_STEPS = 5000
 # Length of unbounded branches, see `Plane.level`: beyond the largest view.
 _REACH = 12.0
 # Levels of a portrait, and steps of its orbits on each side of their middle.
@@ -68,22 +69,26 @@ def parse_query(query: str) -> Parameters:
         except ValueError as error:
             raise wrong(name, "a number", repr(values[name])) from error
     steps = values["steps"]
-    if steps not in range(1, _MOST_STEPS + 1):
-        raise wrong("steps", f"an integer from 1 to {_MOST_STEPS}", f"{steps:g}")
+    if steps not in range(1, MOST_STEPS + 1):
+        raise wrong("steps", f"an integer from 1 to {MOST_STEPS}", f"{steps:g}")
     return Parameters(**values | {"steps": int(steps)})
 
 
 def answer(query: str) -> Any:
     """Return the numbers for a query; for a wrong one, a message and the names of its fields."""
+    return as_answer(lambda: _scene(parse_query(query)), Parameters._fields)
+
+
+def as_answer(scene: Callable[[], dict[str, Any]], names: Sequence[str]) -> dict[str, Any]:
+    """Return a scene for JSON; for a wrong one, a message and the `names` it begins with."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return _json_values(_scene(parse_query(query)))
+            return dict(_json_values(scene()))
     except (ValueError, ArithmeticError) as error:
         # Messages begin with the names of the wrong arguments.
-        names = re.split(": | must ", str(error), maxsplit=1)[0].split(", ")
-        fields = [name for name in names if name in Parameters._fields]
-        return {"error": str(error), "fields": fields}
+        found = re.split(": | must ", str(error), maxsplit=1)[0].split(", ")
+        return {"error": str(error), "fields": [name for name in found if name in names]}
 
 
 def _scene(parameters: Parameters) -> dict[str, Any]:

@@ -17,16 +17,18 @@ from urllib.parse import unquote, urlencode
 
 from numpy.typing import ArrayLike
 
-from ...bodies.classes import BodyIn3D
+from ...bodies.classes import BodyOrField
+from ...bodies.rigid import Suslov3D, SuslovGyrostat
 from ...checks import states, wrong
 from ...keywords import public
 from ...maps import map_of
+from .fields import FieldScene
 from .scene import PAGE, Parameters, answer, parse_query
 
 _ADDRESS = "127.0.0.1"
 _MOST = 32  # simultaneous requests; others wait
 _PATIENCE = 0.5  # seconds for a client to send or to receive, while others wait
-_FILES = {f"/{file.name}": file for file in PAGE.iterdir()} | {"/": PAGE / "index.html"}
+_FILES = {f"/{file.name}": file for file in PAGE.iterdir()}
 _TYPES = {".css": "text/css", ".html": "text/html", ".js": "text/javascript"}
 
 
@@ -38,13 +40,19 @@ class Server(ThreadingTCPServer):
     # Only on POSIX, where a second server on the same port is still an error.
     allow_reuse_address = os.name == "posix"
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, field: FieldScene | None = None) -> None:
+        self._field = field
+        self.files = _FILES | {"/": PAGE / ("field.html" if field else "index.html")}
         self._free = threading.Semaphore(_MOST)
         self._since: dict[Any, float] = {}  # times at which clients began to send or to receive
         self._is_closing = False
         super().__init__((_ADDRESS, port), _Handler)
         self.port = self.server_address[1]
         self.url = f"http://{_ADDRESS}:{self.port}/"
+
+    def answer(self, query: str) -> Any:
+        """Return the numbers for a query."""
+        return self._field.answer(query) if self._field else answer(query)
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Start a thread for a request when one is free; disconnect slow clients until then."""
@@ -109,9 +117,9 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(403)
         elif path == "/scene":
             self.server.compute_for(self.connection)
-            text = json.dumps(answer(query), allow_nan=False, separators=(",", ":"))
+            text = json.dumps(self.server.answer(query), allow_nan=False, separators=(",", ":"))
             self._send("application/json", text.encode())
-        elif file := _FILES.get(path):
+        elif file := self.server.files.get(path):
             self._send(_TYPES[os.path.splitext(file.name)[1]], file.read_bytes())
         else:
             self.send_error(400 if "\0" in unquote(path) else 404)
@@ -136,20 +144,28 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 class Page:
-    """The page of an orbit, which a notebook displays; see `explore`."""
+    """The page of orbits, which a notebook displays; see `explore`."""
 
-    def __init__(self, query: str) -> None:
-        self._query = query
+    def __init__(self, query: str, field: FieldScene | None = None) -> None:
+        self._query, self._field = query, field
         self._server: Server | None = None
         self._widget: Any = None
+
+    def serve(self, port: int) -> Server:
+        """Return a server of the page."""
+        return Server(port, self._field)
 
     @property
     def url(self) -> str:
         """The address of the page; its first use starts a server in a thread."""
         if self._server is None:
-            self._server = Server(0)
+            self._server = self.serve(0)
             threading.Thread(target=self._server.serve_forever, args=[0.1], daemon=True).start()
-        return f"{self._server.url}?{self._query}"
+        return self.address(self._server)
+
+    def address(self, server: Server) -> str:
+        """Return the address of the page at a server."""
+        return f"{server.url}?{self._query}" if self._query else server.url
 
     def close(self) -> None:
         """Stop serving the page."""
@@ -165,7 +181,7 @@ class Page:
         if find_spec("anywidget"):
             from .notebook import Widget
 
-            self._widget = self._widget or Widget(query=self._query)
+            self._widget = self._widget or Widget(self._query, self._field)
             return self._widget._repr_mimebundle_(**options)
         address = self.url.replace("&", "&amp;")
         frame = f'<iframe src="{address}" width="100%" height="860" style="border: 0"></iframe>'
@@ -174,21 +190,33 @@ class Page:
 
 @public
 def explore(
-    body: BodyIn3D, omega0: ArrayLike = (1.0, 0.5), /, eps: float = 0.1, steps: int = 300
+    field: BodyOrField | None = None,
+    x0: ArrayLike | None = None,
+    /,
+    eps: float | None = None,
+    steps: int | None = None,
+    method: str = "auto",
 ) -> Page:
-    """Return an interactive page for an orbit of a body: sliders, phase plane, the body in space.
+    """Return an interactive page of orbits: a plane of two components, sliders, statuses.
 
     A notebook displays it. With the extra `notebook` the kernel may run on another machine; without
     it this process serves the page, to browsers on this machine only.
 
+    For a field, the components of the plane are chosen on the page, and a click in the plane is a
+    start. A family has a slider for each of its axes, which moves along the values of the named
+    parameters there. For a body in three dimensions there are sliders for its moments, and the body
+    in space.
+
     Parameters
     ----------
-    body : Suslov3D or SuslovGyrostat
-        A single body.
-    omega0 : array_like(float, shape=(2,))
-        Initial angular velocity (Omega1, Omega2).
-    eps, steps : float, int
-        As in :func:`iterate`, with 1 to 5000 steps.
+    field : QuadraticField, SuslovND, Suslov3D or SuslovGyrostat, optional
+        A field or a family of fields, or a single body. Without it, a body in three dimensions.
+    x0 : array_like(float, shape=(D,)), optional
+        The start, (Omega1, Omega2) of a body in three dimensions; for a field also several, (B, D),
+        up to 20. By default (1, 0.5, 0.5, ...).
+    eps, steps, method : float, int, str
+        As in :func:`iterate`, with 1 to 5000 steps. By default 300 steps of 0.1 for a body in three
+        dimensions, else 2000 of 0.01; the method "auto".
 
     Returns
     -------
@@ -198,24 +226,38 @@ def explore(
     Raises
     ------
     ValueError
-        If a batch is passed, or too many steps.
+        If a batch of bodies in three dimensions is passed, or too many steps or starts.
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, explore
-    >>> page = explore(Suslov3D(I1=4, I2=2, I13=-0.5, I23=-0.3), [-0.9, 1.3], eps=0.2)
+    >>> import numpy as np
+    >>> from suslov_fast import QuadraticField, explore
+    >>> def lorenz(v, rho):
+    ...     x, y, z = v
+    ...     return 10 * (y - x), x * (rho - z) - y, x * y - 8 / 3 * z
+    >>> family = QuadraticField.from_function(lorenz, "x y z", rho=np.linspace(10, 30, 81))
+    >>> page = explore(family, [1, 1, 20], eps=0.01)
     >>> page  # in a notebook: the page itself  # doctest: +SKIP
     >>> page.url.startswith("http://127.0.0.1:")
     True
     >>> page.close()
     """
-    map_of(body).require("explore", body)
-    constants = body.constants
-    state = states("omega0", omega0, body._labels)
-    if body.shape or state.ndim != 1:
-        received = f"a body of shape {body.shape} and states of shape {state.shape}"
+    if field is None:
+        field = Suslov3D(4, 2, -0.5, -0.3)
+    if not isinstance(field, (Suslov3D, SuslovGyrostat)):
+        map_of(field)  # raises an error for anything else
+        eps, steps = 0.01 if eps is None else eps, 2000 if steps is None else steps
+        scene = FieldScene(field, x0, eps, steps, method)
+        return Page(scene.query, scene)
+    if method != "auto":
+        raise wrong("method", '"auto" for a body in three dimensions', repr(method))
+    constants = field.constants
+    state = states("omega0", (1.0, 0.5) if x0 is None else x0, field._labels)
+    if field.shape or state.ndim != 1:
+        received = f"a body of shape {field.shape} and states of shape {state.shape}"
         raise wrong("body, omega0", "a single body and a single state", received)
     extent = 1.5 * float(abs(state).max()) or 1.0
+    eps, steps = 0.1 if eps is None else eps, 300 if steps is None else steps
     parameters = *map(float, constants), eps, *state.tolist(), steps, extent
     query = urlencode(Parameters(*parameters)._asdict())
     parse_query(query)  # raises an error if a number is wrong

@@ -1,51 +1,25 @@
 // The page: asks Python for numbers, draws them, and listens to the user. It computes no dynamics.
 
+import { asking, say } from "./asking.js";
 import { build, change, fromQuery, mark, setExtent } from "./controls.js";
 import { buildExport } from "./export.js";
+import { alone, csv } from "./figure.js";
 import { readColours } from "./pen.js";
 import { drawPlane, reach, view } from "./plane.js";
 import { buildPlayer, play, setMoment } from "./player.js";
 import { drawSpace, look } from "./space.js";
-import { byId, last, query, state } from "./state.js";
+import { byId, last, state } from "./state.js";
 import { fromHere } from "./transport.js";
 import { describe } from "./words.js";
 
 async function begin(transport) {
   readColours();
-  build({ ask: asking(transport), draw, remember: transport.remember });
+  build({ ask: asking(transport, receive, complain), draw, remember: transport.remember });
   buildPlayer(draw);
-  buildExport(transport.address);
+  buildExport(transport.address, { alone, csv });
   fromQuery(await transport.begin());
   listen();
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
-}
-
-// Returns the function that asks for new numbers; of calls during a request only the last counts.
-function asking(transport) {
-  let busy = false, again = false;
-  return async function ask() {
-    again = busy;
-    if (busy) return;
-    busy = true;
-    document.documentElement.dataset.busy = "";
-    const begun = Date.now();
-    const clock = setInterval(() => {
-      const { words, lost } = transport.waiting(Math.round((Date.now() - begun) / 1000));
-      if (lost) complain(words);
-      else say(words, true);
-    }, 1000);
-    try {
-      const found = await transport.scene(query());
-      if (found.error) complain(found.error, found.fields);
-      else receive(found);
-    } catch (error) {
-      complain(error.message);
-    }
-    clearInterval(clock);
-    busy = false;
-    if (again) ask();
-    else delete document.documentElement.dataset.busy;
-  };
 }
 
 function receive(found) {
@@ -67,13 +41,6 @@ function complain(message, fields = []) {
   // These texts describe other values.
   for (const id of ["status", "regime-text", "failure"]) byId(id).textContent = "";
   byId("regime-name").textContent = "No orbit";
-}
-
-function say(message, waiting = false) {
-  const place = byId("message");
-  place.textContent = message;
-  place.hidden = !message;
-  place.classList.toggle("waiting", waiting);
 }
 
 function draw() {

@@ -87,13 +87,19 @@ export function paintCross(pen, [x, y]) {
   stroke(pen, cross, colours.bad, 3.2);
 }
 
-// Draws the grid lines, and returns the labels, which lie outside the clipped frame.
-function paintGrid(pen, { x0, x1, y0, y1, scale, at, from }) {
-  const about = Math.min(70, (y1 - y0) / 5) / scale, power = 10 ** Math.floor(Math.log10(about));
+// Returns a round distance of grid lines, at least `about`, and how their values are written.
+export function grid(about) {
+  const power = 10 ** Math.floor(Math.log10(about));
   const step = power * [1, 2, 5, 10].find((each) => each * power >= about);
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   const far = Math.abs(Math.log10(step)) > 4;
   const named = (value) => (far ? value.toExponential(1) : value.toFixed(digits)).replaceAll("-", "−");
+  return { step, named };
+}
+
+// Draws the grid lines, and returns the labels, which lie outside the clipped frame.
+function paintGrid(pen, { x0, x1, y0, y1, scale, at, from }) {
+  const { step, named } = grid(Math.min(70, (y1 - y0) / 5) / scale);
   const [left, top] = from(x0, y0), [right, bottom] = from(x1, y1);
   const labels = [["Ω₁", (x0 + x1) / 2, y1 + 30, { font: MATH }], ["Ω₂", x0, y0 - 8, { font: MATH }]];
   for (let k = Math.ceil(left / step); k * step <= right; k++) {

@@ -9,10 +9,10 @@ const VALUES = {
   "t > 1: jumps": [1, 1, 0.25, 0, 0, 1, 2, -16, 60, 30],
   "A pole: no next state": [1, 1, 0.25, 0, 0, 1, 2, -9, 20, 14],
   "A rotor: periodic": [4, 2, -0.5, -0.3, 1, 0.2, 1.2, 0.6, 300, 4],
-  "Paper, picture 1 (no rigid body)": [4, 1, -0.5, -0.3, 0, 0.2, -0.8, 1.3, 300, 4],
-  "Paper, picture 2": [4, 3, -0.4, -0.2, 0, 0.2, -2.5, 5.5, 300, 10],
-  "Paper, picture 3": [4, 2, 0, -0.2, 0, 0.02, -60, 3, 300, 100],
-  "Paper, picture 4": [3, 3, -0.2, -0.2, 0, 1, -1.5, 1.4, 100, 3]
+  "Paper, figure 1 (no rigid body)": [4, 1, -0.5, -0.3, 0, 0.2, -0.8, 1.3, 300, 4],
+  "Paper, figure 2": [4, 3, -0.4, -0.2, 0, 0.2, -2.5, 5.5, 300, 10],
+  "Paper, figure 3": [4, 2, 0, -0.2, 0, 0.02, -60, 3, 300, 100],
+  "Paper, figure 4": [3, 3, -0.2, -0.2, 0, 1, -1.5, 1.4, 100, 3]
 };
 
 const named = (values) => Object.fromEntries(NAMES.map((name, k) => [name, values[k]]));

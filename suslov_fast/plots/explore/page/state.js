@@ -3,7 +3,7 @@
 export const state = {
   scene: null, // the numbers of the last answer
   values: {}, // texts of the fields, because a wrong value stays as the user wrote it
-  extent: 4, // the plane reaches from -extent to extent
+  extent: 4, // the plane reaches from -extent to extent; 0 on the page of a field
   shown: new Set(["F", "energy"]),
   moment: 0, // index of the current state of the body in space
   share: 0, // part of the way from this state to the next
@@ -25,6 +25,6 @@ export function short(value, digits = 6) {
 // Returns the query of the address: the values of all fields, and the view.
 export function query() {
   const { values, extent, shown } = state;
-  const view = { extent: Number(extent.toPrecision(6)), show: [...shown].join(" ") };
+  const view = extent && { extent: Number(extent.toPrecision(6)), show: [...shown].join(" ") };
   return new URLSearchParams({ ...values, ...view }).toString();
 }

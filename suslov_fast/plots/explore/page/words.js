@@ -36,9 +36,17 @@ export function describe() {
   const badge = byId("status"), { name, message, failed_at } = status;
   badge.textContent = badge.dataset.status = name;
   badge.title = message;
-  byId("failure").textContent = failed_at === null ? "" : `No state ${failed_at}: ${message}.`;
+  byId("failure").textContent = missing(status);
   byId("numbers").replaceChildren(...rows(numbers).flat());
   byId("matter").textContent = ellipsoid ? aboutEllipsoid(ellipsoid) : "";
+}
+
+// Returns why a state does not exist, or nothing where all do.
+export function missing({ name, failed_at }) {
+  if (failed_at === null) return "";
+  const why = name === "SINGULAR" ? `state ${failed_at - 1} lies on a pole of the map` :
+    "it is beyond the range of float64";
+  return `State ${failed_at} does not exist: ${why}.`;
 }
 
 function compared(t) {

@@ -1,0 +1,162 @@
+// The controls of the page of a field: plane, members of a family, steps, method and start.
+
+import { byId, short, state } from "./state.js";
+
+const MOST_ROWS = 12; // components of the start with a field of their own, besides those of the plane
+const inputs = {};
+let change;
+
+// Returns the starts, as rows of texts.
+export const read = () => state.values.starts.split(";").map((row) => row.split(","));
+
+// Returns the last start in the plane.
+export function components() {
+  const start = read().at(-1), { names } = state.field;
+  return [state.values.x, state.values.y].map((name) => Number(start[names.indexOf(name)]));
+}
+
+// Changes components of the last start.
+export function setComponents(changes, typed = null) {
+  const starts = read(), { names } = state.field;
+  for (const [name, value] of Object.entries(changes)) {
+    starts.at(-1)[names.indexOf(name)] = String(value);
+    if (name in inputs && name !== typed) inputs[name].value = value;
+  }
+  change({ starts: starts.map((row) => row.join(",")).join(";") });
+}
+
+// Takes over the values of an answer.
+export function put({ starts, member, ...values }) {
+  const rows = starts.map((row) => row.join(",")).join(";");
+  state.values = { ...values, starts: rows, member: member.join(",") };
+}
+
+export function build(changed) {
+  change = changed;
+  const { names, methods, axes, most } = state.field, { values } = state;
+  for (const [id, texts] of Object.entries({ x: names, y: names, method: methods })) {
+    byId(id).append(...texts.map((text) => new Option(text, text)));
+    byId(id).value = values[id];
+    byId(id).addEventListener("change", ({ target }) => {
+      change({ [id]: target.value });
+      if (id !== "method") buildStart();
+    });
+  }
+  byId("member-fields").hidden = !axes.length && !Object.keys(state.scene.values ?? {}).length;
+  axes.forEach((axis, k) => member(axis, k));
+  if (!axes.length) fixed(state.scene.values);
+  steps(most);
+  buildStart();
+}
+
+function row(name, says, place) {
+  const line = document.createElement("div");
+  line.className = "field";
+  const label = document.createElement("label"), slider = document.createElement("input");
+  Object.assign(label, { textContent: name, title: says, htmlFor: `${name}-slider` });
+  Object.assign(slider, { type: "range", id: `${name}-slider`, ariaLabel: says });
+  line.append(label, slider);
+  byId(place).append(line);
+  return { line, slider };
+}
+
+// The members along an axis of a family have these values of the parameters.
+function member({ count, parameters }, k) {
+  const name = Object.keys(parameters).join(", ") || `member ${k + 1}`;
+  const { line, slider } = row(name, name, "member-fields"), output = document.createElement("output");
+  line.append(output);
+  Object.assign(slider, { min: 0, max: count - 1, step: 1 });
+  slider.value = Number(state.values.member.split(",")[k]);
+  const tell = () => {
+    const found = Object.values(parameters).map((values) => short(values[slider.value], 5));
+    output.textContent = found.join(", ") || slider.value;
+  };
+  tell();
+  slider.addEventListener("input", () => {
+    const index = state.values.member.split(",");
+    index[k] = slider.value;
+    tell();
+    change({ member: index.join(",") });
+  });
+}
+
+// A single field has its numbers only: they are shown, and a hint on what varies them.
+function fixed(values) {
+  for (const [name, value] of Object.entries(values ?? {})) {
+    const line = document.createElement("p");
+    Object.assign(line, { className: "hint", textContent: `${name} = ${short(value)}` });
+    byId("member-fields").append(line);
+  }
+  const hint = document.createElement("p");
+  Object.assign(hint, { className: "hint", textContent: "A family, made with arrays of parameters, has a slider for each." });
+  byId("member-fields").append(hint);
+}
+
+const inputId = (name) => (state.field.names.includes(name) ? `start-${name}` : name);
+
+function number(id, says, place, { typed, slider }) {
+  const input = document.createElement("input");
+  Object.assign(input, { type: "number", id: inputId(id), step: "any", ariaLabel: says });
+  place.append(input);
+  inputs[id] = input;
+  input.addEventListener("input", () => typed(input.value));
+  if (slider) slider.ariaLabel = `${says}, slider`;
+  return input;
+}
+
+// The slider of eps is logarithmic, between a thousandth and ten times its first value.
+function steps(most) {
+  const { values } = state, eps = row("ε", "epsilon, step size", "step-fields");
+  const first = Number(values.eps) || 0.01, sign = Math.sign(first), middle = Math.log10(Math.abs(first));
+  Object.assign(eps.slider, { min: middle - 3, max: middle + 1, step: 0.01, value: middle });
+  const epsInput = number("eps", "epsilon, step size", eps.line, {
+    slider: eps.slider,
+    typed: (text) => {
+      if (Number(text)) eps.slider.value = Math.log10(Math.abs(Number(text)));
+      change({ eps: text });
+    },
+  });
+  epsInput.value = values.eps;
+  eps.slider.addEventListener("input", () => {
+    epsInput.value = Number((sign * 10 ** eps.slider.value).toPrecision(3));
+    change({ eps: epsInput.value });
+  });
+  const count = row("N", "N, number of steps", "step-fields");
+  Object.assign(count.slider, { min: 1, max: most.steps, step: 1, value: values.steps });
+  const countInput = number("steps", "N, number of steps", count.line, {
+    slider: count.slider,
+    typed: (text) => {
+      count.slider.value = text;
+      change({ steps: text });
+    },
+  });
+  countInput.value = values.steps;
+  count.slider.addEventListener("input", () => {
+    countInput.value = count.slider.value;
+    change({ steps: count.slider.value });
+  });
+}
+
+// Fields for the components of the last start: all, or those of the plane and the first ones.
+function buildStart() {
+  const { names } = state.field, { x, y } = state.values, start = read().at(-1);
+  const place = byId("start-fields");
+  for (const line of place.querySelectorAll(".choice")) line.remove();
+  for (const [k, name] of names.entries()) {
+    if (k >= MOST_ROWS && name !== x && name !== y) continue;
+    const line = document.createElement("label");
+    Object.assign(line, { className: "choice", textContent: name });
+    place.append(line);
+    number(name, `${name} at the start`, line, {
+      typed: (text) => setComponents({ [name]: text }, name),
+    }).value = start[k];
+  }
+}
+
+// Marks the fields that an error message names.
+export function mark(fields) {
+  for (const [name, input] of Object.entries(inputs)) {
+    input.parentElement.classList.toggle("wrong", fields.includes(name));
+    input.toggleAttribute("aria-invalid", fields.includes(name));
+  }
+}

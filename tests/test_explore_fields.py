@@ -1,0 +1,249 @@
+"""The page of `explore` for fields: its numbers, its messages, and its behaviour in a browser."""
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import urllib.request
+from urllib.parse import parse_qs, urlencode, urlsplit
+
+import numpy as np
+import pytest
+from browser import check_silence, pixels, settle, text
+
+import suslov_fast as sf
+
+
+def lorenz(state, sigma, rho):
+    x, y, z = state
+    return sigma * (y - x), x * (rho - z) - y, x * y - 8 / 3 * z
+
+
+RHO = np.linspace(10, 28, 10)
+FAMILY = sf.QuadraticField.from_function(lorenz, "x y z", sigma=np.array([[8.0], [10.0]]), rho=RHO)
+# u = tan t until t = pi / 2.
+TANGENT = sf.QuadraticField.from_function(lambda v: (1 + v[0] ** 2, v[0] * v[1]), "u w")
+SQUARE = sf.QuadraticField([[[1.0]]])  # no next state where eps x = 1
+
+
+def scene(field, query="", x0=None, **arguments):
+    page = sf.explore(field, x0, **arguments)
+    return json.loads(json.dumps(page._field.answer(query or page._query), allow_nan=False))
+
+
+def rows(found, size=2):
+    return np.array([[np.nan] * size if row is None else row for row in found])
+
+
+@pytest.mark.parametrize("method", ["auto", "order4", "extrapolated"])
+def test_orbits_equal_those_of_iterate(method):
+    query = urlencode(
+        {"x": "z", "y": "x", "starts": "1,1,20;0.5,0,9", "eps": 0.02, "steps": 50}
+        | {"method": method, "member": "1,9"}
+    )
+    found, names = scene(FAMILY, query), {}
+    exec(found["python"], names)
+    run = names["run"]
+    assert names["field"] == FAMILY[1, 9]
+    assert run.method == method
+    assert run.states.shape == (51, 2, 3)
+    for k, orbit in enumerate(found["orbits"]):
+        np.testing.assert_array_equal(rows(orbit["states"]), run.x[:, k][:, [2, 0]])
+        assert (orbit["status"], orbit["valid"], orbit["first_pole"]) == ("OK", 51, -1)
+    assert found["values"] == {"sigma": 10.0, "rho": 28.0}
+    axes = found["field"]["axes"]
+    assert axes[0] == {"count": 2, "parameters": {"sigma": [8.0, 10.0]}}
+    assert axes[1] == {"count": 10, "parameters": {"rho": RHO.tolist()}}
+    assert {"auto", "order4", "order6", "order8", "extrapolated"} <= {*found["field"]["methods"]}
+
+
+def test_poles_and_ends():
+    orbit = scene(TANGENT, eps=0.05, steps=100)["orbits"][0]
+    start = np.arctan(1.0)
+    at = 0.05 * orbit["first_pole"]
+    assert orbit["status"] == "PASSED_POLE"
+    assert orbit["failed_at"] is None
+    assert np.pi / 2 - start < at < np.pi / 2 - start + 0.15
+    assert orbit["valid"] == orbit["first_pole"]
+    orbit = scene(SQUARE, eps=1.0, steps=3)["orbits"][0]
+    assert (orbit["status"], orbit["failed_at"], orbit["valid"]) == ("SINGULAR", 1, 1)
+    assert orbit["states"][1] is None
+    assert orbit["final"] is None
+
+
+def test_energy():
+    spring = sf.QuadraticField.from_hamiltonian(lambda q: (q[0] ** 2 + q[1] ** 2) / 2, "q p")
+    orbit = scene(spring, x0=[3.0, 4.0])["orbits"][0]
+    assert orbit["energy"] == 12.5
+    assert orbit["change"] < 1e-12
+
+
+@pytest.mark.slow
+def test_other_bodies():
+    body = sf.SuslovND(J=[1, 2, 3], I=[0.4, -0.7, 0.5])
+    assert scene(body)["orbits"][0]["status"] == "OK"
+
+
+def test_no_field_is_the_first_page():
+    assert sf.explore()._query.startswith("I1=4.0")
+
+
+@pytest.mark.parametrize(
+    ("query", "message", "fields"),
+    [
+        ("eps=a", "eps must be a number, not 'a'", ["eps"]),
+        ("steps=5001", "steps must be an integer from 1 to 5000, not 5001", ["steps"]),
+        ("steps=2.5", "steps must be an integer from 1 to 5000, not 2.5", ["steps"]),
+        ("starts=1,2", "starts must be 3 numbers for each start, not 1,2", ["starts"]),
+        ("starts=1,b,2", "y must be a number, not 'b'", ["y"]),
+        ("x=v", "x must be ", ["x"]),
+        ("method=rk4", "method must be ", ["method"]),
+        ("member=1", "member must be the index of one of shape (2, 10), not (1,)", ["member"]),
+        ("member=0,10", "member must be the index of one of", ["member"]),
+        ("other=1", "parameters must be each of x, y, starts", []),
+        ("eps=1&eps=2", "parameters must be each of", []),
+    ],
+)
+def test_bad_values_are_answered_with_a_message(query, message, fields):
+    found = scene(FAMILY, query)
+    assert found["error"].startswith(message)
+    assert found["fields"] == fields
+    assert found["field"]["names"] == ["x", "y", "z"]
+
+
+def test_bad_arguments():
+    for arguments, message in (
+        ({"x0": [1.0, 2.0]}, "x0 must"),
+        ({"eps": np.nan}, "eps must"),
+        ({"steps": 10**6}, "steps must be an integer from 1 to 5000"),
+        ({"method": "rank2"}, "method must be"),
+        ({"x0": np.ones((21, 3))}, "starts must be at most 20 states, not 21"),
+    ):
+        x0 = arguments.pop("x0", None)
+        with pytest.raises((ValueError, TypeError), match=message.replace("(", r"\(")):
+            sf.explore(FAMILY, x0, **arguments)
+    with pytest.raises(TypeError, match="body must be"):
+        sf.explore("lorenz")
+    with pytest.raises(ValueError, match="method must be"):
+        sf.explore(sf.Suslov3D(4, 2, -0.5, -0.3), method="order4")
+
+
+@pytest.mark.parametrize("field", [FAMILY, sf.Suslov3D(5, 2, -0.5, -0.3)])
+def test_the_command(field, tmp_path):
+    path = tmp_path / "field.json"
+    path.write_text(json.dumps(field.to_dict()))
+    words = [sys.executable, "-m", "suslov_fast", "explore", "--no-browser", "--body", str(path)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=os.environ) as process:
+        try:
+            url = process.stdout.readline().strip()
+            with urllib.request.urlopen(url, timeout=60) as reply:
+                html = reply.read().decode()
+        finally:
+            process.terminate()
+    names = parse_qs(urlsplit(url).query)
+    if field is FAMILY:
+        assert "field.js" in html
+        assert names["member"] == ["0,0"]
+    else:
+        assert "main.js" in html
+        assert names["I1"] == ["5.0"]
+
+
+@pytest.fixture
+def page(browser):
+    """The page of the family; afterwards, check that it logged no error."""
+    with contextlib.closing(sf.explore(FAMILY, [1, 1, 20], steps=300)) as shown:
+        browser.look(1280, 800)
+        browser.events.clear()
+        browser.open("about:blank")
+        browser.open(shown.url)
+        settle(browser)
+        load = "import('/{0}.js').then((found) => void Object.assign(window, found))"
+        for module in ("state", "field_plane", "field_controls"):
+            browser.value(load.format(module))
+        yield browser
+        check_silence(browser, shown._server.url)
+
+
+def change(browser, field, value, event="input"):
+    place = f"document.getElementById({field!r})"
+    then = f"{place}.dispatchEvent(new Event({event!r}, {{bubbles: true}}))"
+    browser.value(f"{place}.value = {str(value)!r}; {then}")
+    settle(browser)
+
+
+def test_controls(page):
+    before = pixels(page)
+    change(page, "rho-slider", 9)
+    assert page.value("[state.scene.values.rho, byId('rho-slider').nextSibling.value]") == [
+        28,
+        "28",
+    ]
+    change(page, "y", "z", "change")
+    assert page.value("state.scene.parameters.y") == "z"
+    assert pixels(page) != before
+    change(page, "method", "order4", "change")
+    change(page, "eps", "0.02")
+    change(page, "start-y", "2.5")
+    found = page.value("state.scene.parameters")
+    assert (found["method"], found["eps"], found["starts"]) == ("order4", 0.02, [[1, 2.5, 20]])
+    change(page, "eps", "")
+    assert text(page, "message").startswith("eps must")
+    assert text(page, "regime-name") == "No orbit"
+    change(page, "eps", "0.01")
+    assert page.value("byId('message').hidden") is True
+    page.wait("location.search.includes('order4') && location.search.includes('y=z')")
+    before = pixels(page)
+    page.open(page.value("location.href"))
+    settle(page)
+    assert pixels(page) == before
+
+
+def test_clicks_are_starts(page):
+    page.value("byId('keep').click()")
+    for k, point in enumerate([[1.5, 4.0], [4.0, 6.0]]):
+        x, y = page.value(
+            f"(({{x, y}}, [u, v]) => [x + u, y + v])"
+            f"(byId('plane').getBoundingClientRect(), at({point}))"
+        )
+        where = {"x": x, "y": y, "button": "left", "clickCount": 1}
+        page.call("Input.dispatchMouseEvent", type="mousePressed", buttons=1, **where)
+        page.call("Input.dispatchMouseEvent", type="mouseReleased", buttons=0, **where)
+        settle(page)
+        starts = page.value("state.scene.parameters.starts")
+        assert len(starts) == k + 2
+        assert starts[0] == [1, 1, 20]
+        assert starts[-1] == pytest.approx([*point, 20], abs=0.05)
+    page.value("byId('clear').click()")
+    settle(page)
+    assert len(page.value("state.scene.orbits")) == 1
+
+
+def test_exports(page, tmp_path):
+    page.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    for kind in ("csv", "svg", "png"):
+        page.value(f"byId('save-{kind}').click()")
+        page.wait(f"byId('copied').textContent === 'Saved suslov-orbit.{kind}'")
+        page.wait("new Promise((done) => setTimeout(() => done(true), 300))")
+    table = np.loadtxt(tmp_path / "suslov-orbit.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(table[:, 3:5], page.value("state.scene.orbits[0].states"))
+    assert "QuadraticField" in (tmp_path / "suslov-orbit.svg").read_text("utf-8")
+    assert (tmp_path / "suslov-orbit.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_poles_are_said_and_nothing_is_cut(browser, width):
+    for field, name, failure in (
+        (TANGENT, "Passed a pole", ""),
+        (SQUARE, "Ends at a pole", "State 1 does not exist: state 0 lies on a pole of the map."),
+    ):
+        eps, steps = (0.05, 100) if field is TANGENT else (1.0, 3)
+        with contextlib.closing(sf.explore(field, eps=eps, steps=steps)) as shown:
+            browser.look(width, 844)
+            browser.open("about:blank")
+            browser.open(shown.url)
+            settle(browser)
+            assert text(browser, "regime-name") == name
+            assert text(browser, "failure") == failure
+            assert browser.value("document.documentElement.scrollWidth") <= width

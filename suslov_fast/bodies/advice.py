@@ -25,7 +25,7 @@ _VECTOR = {"X", "Y", "Z", "U", "V", "W", "state", "states", "vec"}
 _NUMBERED = re.compile(r"[A-Za-z]+_?\d+")
 _WITH_RATES = re.compile(r"([pvd]_?)?[xyz](_?dot)?")
 _RUNS = "xyzw", "xyzuvw", "xyuv", "xv", "uvw", "qp", "pq", "XYZW", "UVW"
-CUBIC = "howto/cubic"
+CUBIC = "howto/smooth"
 # What errors of Python, NumPy and Numba say; a test raises each.
 TEXTS = {
     "array of a number": "'(float|int)' object is not|non-iterable (float|int)|"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from .columns import Column
-from .definitions import HALF, ONE, Definitions, number, variable
+from .definitions import HALF, ONE, Definitions, number, product, variable
 from .polynomials import Polynomial, exact
 
 
@@ -71,7 +71,7 @@ class Expression(NDArrayOperatorsMixin):
         self,
         polynomial: Polynomial,
         definitions: Definitions,
-        factors: Sequence[tuple[Polynomial, int]] = (),
+        factors: Sequence[tuple[Polynomial, Fraction | int]] = (),
     ) -> None:
         self.polynomial, self.definitions = polynomial, definitions
         self.factors = tuple(factors) or ((polynomial, 1),)
@@ -154,15 +154,14 @@ def _sum(sign: int) -> Callable[..., Expression]:
 def _product(a: Expression, b: Expression) -> Expression:
     # Factors are kept where one of the two is a power or a product of sums.
     factors = [(p, n) for each in (a, b) for p, n in each.factors if constant(p) != 1]
-    product = a.polynomial * b.polynomial
+    result = a.polynomial * b.polynomial
     is_sum = any(len(p.terms) > 1 for p, _ in factors)
-    return Expression(product, a.definitions, factors if is_sum else ())
+    return Expression(result, a.definitions, factors if is_sum else ())
 
 
 def _inverse(a: Expression) -> Expression:
-    inverses = ([a.definitions.inverse(p)] * n if n > 0 else [p] * -n for p, n in a.factors if n)
-    product = math.prod((q for row in inverses for q in row), start=ONE)
-    return Expression(product, a.definitions, [(p, -n) for p, n in a.factors])
+    parts = [a.definitions.power(p, number(-n)) for p, n in a.factors if n]
+    return Expression(product(parts), a.definitions, [(p, -n) for p, n in a.factors])
 
 
 def _quotient(a: Expression, b: Expression) -> Expression:
@@ -180,7 +179,9 @@ def _power(base: Expression, power: Expression) -> Expression:
             return _power(_inverse(base), Expression(number(-n), definitions))
         factors = [(q, k * n) for q, k in base.factors]
         return Expression(math.prod([p] * n, start=ONE), definitions, factors if n else ())
-    return Expression(definitions.power(p, exponent), definitions)
+    [(q, n), *others] = base.factors
+    factors = [(p, r)] if r is not None and q is p and n == 1 and not others else []
+    return Expression(definitions.power(p, exponent), definitions, factors)
 
 
 def _of_number(name: str, value: Fraction) -> Fraction:

@@ -128,7 +128,7 @@ def check_parameter(name: str, names: Collection[str]) -> None:
             f"parameters: {name!r} is not a valid name in Python: rename it, to rho for example"
         )
     if name in TIME:
-        how = f"fields have no time; to make it a variable see {page('howto/cubic')}"
+        how = f"fields have no time; to make it a variable see {page('howto/smooth')}"
         raise ValueError(f"parameters: {name!r}: {how}")
     if what := clash(name, names):
         how = f"rename it, to {free(name, names)} for example"

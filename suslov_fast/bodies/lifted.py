@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -174,7 +175,7 @@ class LiftedField(Body):
         lift, numbers = self._structure.lift, self._numbers
         values = values_of(lift, numbers, x)
         with np.errstate(all="ignore"):
-            words = [np.prod([values[i] for i in word], axis=0) for word in lift.words]
+            words = [math.prod(values[i] for i in word) for word in lift.words]
         columns: Any = np.broadcast_arrays(*values[: lift.given], *words)
         return np.asarray(np.stack(columns, axis=-1))
 

@@ -45,7 +45,7 @@ def random_lifted(rng: np.random.Generator, shape: tuple[int, ...]) -> LiftedFie
 
     def f(x: Any, a: float, b: float) -> Any:
         u, v = x
-        return a * np.sin(v) - u / (2 + v**2), b * np.exp(-u) - v
+        return a * np.sin(3 * v) - u / (1 + v**2), b * np.exp(-2 * u) - v
 
     a, b = rng.uniform(0.5, 1.5, (2, *shape))
     return LiftedField.from_function(

@@ -7,6 +7,7 @@ that the motion keeps.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -129,7 +130,7 @@ class _Group:
         columns = [*x.T]
         if hasattr(step, "lift"):
             variables = values_of(step.lift[0], values[:, step.T :], x)
-            columns += [np.prod([variables[k] for k in w], axis=0) for w in step.lift[0].words]
+            columns += [math.prod(variables[k] for k in w) for w in step.lift[0].words]
         columns.append(np.ones(len(x)))
         sums = np.zeros_like(x)
         for t, (row, j, k) in enumerate(step.indices.T.tolist()):

@@ -279,3 +279,17 @@ def needs_too_many(x):
 def test_what_has_no_rule_is_named_in_words_of_the_user(call, message):
     with pytest.raises((TypeError, ValueError), match=message):
         call()
+
+
+def pendulum_of(x, g):
+    return x[1], -g * S(x[0])
+
+
+def test_quadratic_fields_name_the_call_that_works():
+    with pytest.raises(TypeError) as caught:
+        QuadraticField.from_function(pendulum_of, "q p", g=9.8)
+    call = "LiftedField.from_function(pendulum_of, 'q p', g=9.8)"
+    assert call in str(caught.value)
+    assert repr(eval(call)) == "LiftedField(q' = p, p' = -9.8*sin(q))"
+    with pytest.raises(ValueError, match=r"degree 3: .*LiftedField\.from_function\(f, 1\)"):
+        QuadraticField.from_function(lambda x: (x[0] ** 3,), 1)

@@ -202,6 +202,17 @@ def _adapted(
     return f"pass {whole}" if parameters else f"pass {function}, as in {whole}"
 
 
+def lifted_call(f: Any, argument: str, names: Sequence[str], parameters: Mapping[str, Any]) -> str:
+    """Return the call that makes a `LiftedField` of a function f, or of a Hamiltonian."""
+    maker = "from_hamiltonian" if argument == "H" else "from_function"
+    size = len(names) if tuple(names) == labels(len(names)) else repr(" ".join(names))
+    values = (
+        f", {name}={value if isinstance(value, (int, float)) else name}"
+        for name, value in parameters.items()
+    )
+    return f"LiftedField.{maker}({name_of(f, argument)}, {size}{''.join(values)})"
+
+
 def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bool) -> str:
     """Return the cause, in words, of an error that f raised when it was called with polynomials."""
     text = " ".join(str(error).split())

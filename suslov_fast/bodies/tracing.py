@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import OTHERS, page, short, within, wrong
-from .advice import CUBIC, check_arguments, explained, name_of, prefixed
+from .advice import CUBIC, check_arguments, explained, lifted_call, name_of, prefixed
 from .columns import Column, Refused, Symbol, exact_values, rounded
 from .polynomials import Polynomial
 from .terms import Terms, collected
@@ -53,6 +53,11 @@ class _Call(NamedTuple):
     @property
     def shape(self) -> tuple[int, ...]:
         return np.broadcast_shapes(*map(np.shape, self.parameters.values()))
+
+    @property
+    def lifted(self) -> str:
+        """The call that makes a lifted field of f, for messages."""
+        return lifted_call(self.f, self.argument, self.names, self.parameters)
 
     def __call__(self, parameters: Mapping[str, Any]) -> Any:
         x = Variables(Polynomial([((i,), Fraction(1))]) for i in range(self.D))
@@ -191,6 +196,8 @@ def _member(call: _Call, parameters: Mapping[str, Any], is_family: bool) -> _Pla
         result = call(parameters)
     except Exception as error:  # raised by f
         cause = explained(error, f_name, call.names, is_family)
+        if hasattr(error, "in_words") and "no new variable" not in cause:
+            cause = cause.replace(", see ", f", as in {call.lifted}, see ")
         is_value = isinstance(error, (ValueError, IndexError, ArithmeticError))
         is_usual = is_value or isinstance(error, (TypeError, AttributeError))
         if not is_usual and cause == " ".join(str(error).split()):
@@ -222,7 +229,7 @@ def _terms_of(value: Any, name: str, call: _Call, row: tuple[int, ...] = ()) -> 
             how = ": split complex variables into real and imaginary parts"
         raise TypeError(f"{name} must be a polynomial, not {short(value)}{how}") from None
     if max(map(len, terms), default=0) > call.degree:
-        how = f"with more variables it may become quadratic, see {page(CUBIC)}"
+        how = f"with more variables it becomes quadratic, use {call.lifted}, see {page(CUBIC)}"
         raise ValueError(f"{name} has degree {max(map(len, terms))}: {how}")
     one = (call.D,) * call.degree
     return {(*row, *indices, *one[len(indices) :]): c for indices, c in terms.items()}

@@ -24,7 +24,7 @@ eye = [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation),
 
 u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
 sphere = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
-look = {"color": "0.95", "edgecolor": "0.85", "linewidth": 0.4, "alpha": 0.4, "shade": False}
+look = {"color": "0.97", "edgecolor": "0.9", "linewidth": 0.4, "alpha": 0.4, "shade": False}
 axes.plot_surface(*sphere, zorder=1, **look)
 for end, style, name in zip(rotation, ("--", "-"), ("first", "last"), strict=True):
     for sign in (1, -1):
@@ -36,6 +36,9 @@ front = axis @ eye > 0
 axes.scatter(*axis[~front].T, c=run.time[~front], s=3, alpha=0.6, zorder=0, vmin=0, vmax=18)
 path = axes.scatter(*axis[front].T, c=run.time[front], s=3, zorder=2, vmin=0, vmax=18)
 axes.set(xlabel="$x$", ylabel="$y$", zlabel="$z$")
+axes.grid(False)
+for each in (axes.xaxis, axes.yaxis, axes.zaxis):
+    each.pane.set_visible(False)  # the hidden half of an axis would be behind it
 figure.suptitle("path of the constrained axis in space, $I_3 = 3.7$")
 axes.set(xticks=[-1, 0, 1], yticks=[-1, 0, 1], zticks=[-1, 0, 1])
 axes.set_aspect("equal")  # after all artists, whose extent it uses

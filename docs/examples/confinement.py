@@ -54,23 +54,34 @@ LINES = {
 
 STYLES = ("C0", "C1", "C2"), ("-", "--", "-."), ("o", "^", "D")
 
-figure, panels = plt.subplots(1, 2, figsize=(8.4, 4.4), layout="constrained")
+figure, panels = plt.subplots(1, 2, figsize=(8.4, 5), layout="constrained")
 for ax, (name, map) in zip(panels, MAPS.items(), strict=True):
+    key = []
     for (first, second), colour, dash, dot in zip(LINES[name], *STYLES, strict=True):
         points, ends = orbit(map, map(first))
         assert points[0] == map(second)  # the line is contracted
         ends_of_line = [tuple(float(a) for a in x) for x in (first, second)]
-        ax.axline(*ends_of_line, color=colour, ls=dash, lw=1.2)
+        line = ax.axline(*ends_of_line, color=colour, ls=dash, lw=1.2)
         x, y = np.array(points, float).T
         ax.plot(x, y, ":", color=colour, lw=0.8)
-        ax.plot(x, y, dot, color=colour, ms=5)
+        (dots,) = ax.plot(x, y, dot, color=colour, ms=5)
+        key += [line, dots]
         for k in range(len(points) if ends else 2):
             ax.annotate(str(k + 1), (x[k], y[k]), (4, 4), textcoords="offset points", fontsize=7)
         if ends:
-            ax.plot(x[-1], y[-1], "s", color="black", ms=9, mfc="none")
+            (end,) = ax.plot(x[-1], y[-1], "s", color="black", ms=9, mfc="none")
     found = planar_entropy(map)
     lengths = ", ".join("not confined" if n is None else str(n) for n in found.lengths)
     ax.set_title(f"{name}\nlengths {lengths}; entropy {found.entropy:.6g}", fontsize=9)
     ax.set(xlabel="$x_1$", ylabel="$x_2$")
+names = [name for k in (1, 2, 3) for name in (f"contracted line {k}", "orbit of its point")]
+figure.legend(
+    [*key, end],
+    [*names, "no image: confined"],
+    loc="outside lower center",
+    ncols=4,
+    frameon=False,
+    fontsize=8,
+)
 panels[0].set(xlim=(-5, 5), ylim=(-2.6, 2.6))
 panels[1].set(xlim=(-9, 7), ylim=(-7, 7))

@@ -24,7 +24,8 @@ for k, (marker, name) in enumerate((("o", "larger exponent"), ("s", "smaller exp
     for chosen, fill, side in ((above, "full", "above"), (~above, "none", "below")):
         if chosen.any():
             look = {"marker": marker, "color": f"C{k}", "fillstyle": fill, "linestyle": "none"}
-            label = f"{name}, {side} its limit {expected[k]:.3f}"
+            limit = f"{expected[k]:.3f}".replace("-", "\N{MINUS SIGN}") if k else "0"
+            label = f"{name}, {side} its limit {limit}"
             axes.loglog(steps[chosen], abs(distance[chosen]), label=label, **look)
 axes.loglog(steps, 2 / steps, "--", color="crimson", label=r"$\propto 1/n$")
 axes.set(xlabel="steps $n$", ylabel=r"distance from the limit, $\epsilon = 0.2$")

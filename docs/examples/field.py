@@ -37,11 +37,14 @@ eps = 1 / 16
 starts = at_energy(1 / 8, np.linspace(-0.36, 0.6, 17), 0.0)
 section = crossings(henon_heiles, starts, eps, 40_000, lambda x: x[..., 0])
 chaotic = lyapunov_exponents(henon_heiles, starts, eps, 200_000)[:, 0] / eps > 0.01
+regular, chaos = [], []
 for k in range(len(starts)):
     points = section.of(k).states
     colour = "crimson" if chaotic[k] else plt.colormaps["viridis"](k / len(starts))
     mark, size = ("x", 2.5) if chaotic[k] else (".", 1.2)
     style = {"color": colour, "markersize": size, "markeredgewidth": 0.5}
-    axes[1].plot(points[:, 1], points[:, 3], mark, **style)
+    (chaos if chaotic[k] else regular)[:] = axes[1].plot(points[:, 1], points[:, 3], mark, **style)
 axes[1].set(xlabel="$q_2$", ylabel="$p_2$")
+names = "regular orbits", "chaotic orbits"
+axes[1].legend([*regular, *chaos], names, loc="lower right", markerscale=3, fontsize="x-small")
 axes[1].set_title("Hénon-Heiles system, section at $q_1 = 0$", fontsize="small")

@@ -71,17 +71,17 @@ for ax, (name, body) in zip(axes, BODIES.items(), strict=True):
         assert tuple(second_point(body, between, steady)) == step(x)
     print(f"{name}: the centre of the first involution is ({C[0]}, {C[1]})")
 
-    # Six steps. The lines of the first involution all meet in its centre, far away.
+    # Four steps. The lines of the first involution all meet in its centre, far away.
     levels = np.linspace(-4, 4, 200)
     X = np.array(np.meshgrid(levels, levels))
     P, Q = first_integral(body, X.astype(object))
-    ax.contour(*X, (P / Q).astype(float), levels=8, colors="0.85", linewidths=0.8)
+    ax.contour(*X, (P / Q).astype(float), levels=8, colors="0.8", linewidths=0.8)
     x = [Fraction(3), Fraction(-1, 5)]
-    for _ in range(6):
+    for _ in range(4):
         between, image = second_point(body, x, through(C, x)), step(x)
         first, second = np.array([(x, between), (between, image)], float)
-        (one,) = ax.plot(*first.T, "C0-", linewidth=1)
-        (two,) = ax.plot(*second.T, "C1--", linewidth=1)
+        (one,) = ax.plot(*first.T, "C0-", linewidth=1.2)
+        (two,) = ax.plot(*second.T, "C1--", linewidth=1.8)
         (dots,) = ax.plot(*first[0], "ko", markersize=4)
         x = image
     ax.set(title=name, xlabel=r"$\Omega_1$", aspect="equal")

@@ -24,11 +24,14 @@ x, y = np.moveaxis(to_xy(body, orbits.omega), -1, 0)
 
 figure, axes = plt.subplots(figsize=(6, 5), layout="constrained")
 t = np.broadcast_to(orbits.criticality()[0], x.shape)
-states = axes.scatter(eps * x / (2 * np.sqrt(a)), eps * y / (2 * a), c=t, s=8, vmin=0, vmax=1)
+X, Y = eps * x / (2 * np.sqrt(a)), eps * y / (2 * a)
+for k, marker in enumerate("os^vD<>PX*ph"):
+    style = {"marker": marker, "s": 14, "linewidths": 0, "vmin": 0, "vmax": 1}
+    states = axes.scatter(X[:, k], Y[:, k], c=t[:, k], **style)
 X, Y = np.meshgrid(np.linspace(-1.1, 1.1, 200), np.linspace(-1, 1, 200))
 level = np.sqrt((X**2 + Y**2) / (1 + X**2))
 lines = axes.contour(X, Y, level, levels=[0.2, 0.4, 0.6, 0.8], colors="gray", linewidths=0.6)
 axes.clabel(lines, fmt="$t = %g$", fontsize=7)
 axes.set(xlabel="$X$", ylabel="$Y$", xlim=(-1.1, 1.1), ylim=(-1, 1), aspect="equal")
-axes.set_title("orbits of twelve bodies with twelve step sizes")
+axes.set_title("orbits of twelve bodies (shape of the dots) with twelve step sizes", fontsize=10)
 figure.colorbar(states, label="criticality $t$")

@@ -72,14 +72,14 @@ def exponents(name, steps=50_000):
 
 # The figure. Axes show the middle of the orbits; some of them come close to poles.
 
-figure = plt.figure(figsize=(8.4, 10), layout="constrained")
+figure = plt.figure(figsize=(11, 13), layout="constrained")
 kinds = (
     ("integrable", list(ZOO)[:INTEGRABLE], 3),
     ("exponential growth of degrees", list(ZOO)[INTEGRABLE:], 2),
 )
 parts = figure.subfigures(2, 1, height_ratios=[3, 2], hspace=0.03)
 for part, (kind, names, rows) in zip(parts, kinds, strict=True):
-    part.suptitle(kind, fontsize=10, weight="bold")
+    part.suptitle(kind, fontsize=13, weight="bold")
     axes = [*part.subplots(rows, 5).flat]
     for ax in axes[len(names) :]:
         ax.set_axis_off()
@@ -98,8 +98,8 @@ for part, (kind, names, rows) in zip(parts, kinds, strict=True):
         if reach := REACH.get(name):
             left, bottom, right, top = -reach, -reach, reach, reach
         ax.set(xlim=(left, right), ylim=(bottom, top))
-        ax.tick_params(labelsize=5, length=2, pad=1)
-        ax.locator_params(nbins=4)
-        ax.set_xlabel(f"$x_{plane[0] + 1}$", fontsize=7, labelpad=0)
-        ax.set_ylabel(f"$x_{plane[1] + 1}$", fontsize=7, labelpad=0)
-        ax.set_title(f"{name}, ε = {eps}".replace("Zhukovsky", "Zh."), fontsize=6)
+        ax.tick_params(labelsize=8, length=2, pad=1)
+        ax.locator_params(nbins=3)
+        ax.set_xlabel(f"$x_{plane[0] + 1}$", fontsize=10, labelpad=0)
+        ax.set_ylabel(f"$x_{plane[1] + 1}$", fontsize=10, labelpad=0)
+        ax.set_title(f"{name}\nε = {eps}".replace("Zhukovsky", "Zh."), fontsize=9)

@@ -197,8 +197,8 @@ def multipliers(
     ------
     ValueError
         If f(x) is not 0: a component exceeds 1e-8 of the sum of the moduli of its terms, and no
-        fixed point lies within 1e-8 of max |x| by a step of Newton's method. Use :func:`jacobian`
-        at other states.
+        fixed point lies within 1e-8 of ``max abs(x)`` by a step of Newton's method. At other
+        states use :func:`jacobian`.
 
     Examples
     --------

@@ -163,7 +163,7 @@ for n, cubic in {2: 1, 4: 1, 8: 2, 16: 4, 32: 8, 64: 16, 128: 16}.items():
 exponents = lambda field, x, steps: sf.lyapunov_exponents(field, x, EPS_FIELD, steps)  # noqa: E731
 last_field = lambda field, x, steps: last_nd(field, x, EPS_FIELD, steps)  # noqa: E731
 BY_NUMPY, TAYLOR = "fields.in_numpy", "integrators.lorenz"
-WRITTEN = "C: explicit formulas for D = 3 and 4, Gaussian elimination otherwise"
+WRITTEN = "C: explicit formulas for D = 3 and 4, dense elimination otherwise"
 ALL = 3, 4, 12, 32
 for key, whose, label, function, part, reference, dimensions in (
     ("iterate", OURS, "`iterate`", last_field, 1, BY_NUMPY, ALL),

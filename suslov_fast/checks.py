@@ -53,8 +53,15 @@ def wrong(name: str, expected: str, received: object = None, error: Any = ValueE
     return error(f"{name} must {must}{instead}")
 
 
+# Titles of the pages that errors point to.
+_TITLES = {
+    "howto/body": "Start from your inertia tensor",
+    "howto/smooth": "Equations that are not quadratic",
+}
+
+
 def page(name: str) -> str:
-    """Return the address of a page of the documentation, such as "howto/cubic"."""
+    """Return the title of a page of the documentation, such as "howto/smooth", or its address."""
     from importlib.metadata import PackageNotFoundError, metadata  # here: this takes 30 ms
 
     try:
@@ -63,9 +70,9 @@ def page(name: str) -> str:
         links = []
     for link in links:
         kind, _, address = link.partition(", ")
-        if kind == "Documentation":
+        if kind == "Documentation" and "//example.org/" not in address:
             return f"{address}/{name}.html"
-    return f"the page {name} of the documentation"
+    return f'the page "{_TITLES[name]}" of the documentation'
 
 
 def extra(module: str, name: str) -> Any:
@@ -372,6 +379,15 @@ def spell(index: tuple[int, ...]) -> str:
     return f"{index}" if len(index) > 1 else f"{(*index, 0)[0]}"
 
 
+def in_units(nbytes: float) -> str:
+    """Return a number of bytes in words, such as "160 GB"."""
+    for unit in ("bytes", "kB", "MB", "GB"):
+        if nbytes < 999.5:
+            return f"{nbytes:.3g} {unit}"
+        nbytes /= 1000.0
+    return f"{nbytes:,.3g} TB" if nbytes < 999.5 else f"{nbytes:,.0f} TB"
+
+
 def require(nbytes: int, what_to_do: str) -> None:
     """Raise MemoryError if `nbytes` are not free: Linux would grant them and kill the process."""
     if nbytes <= _SMALL or not os.path.exists("/proc/meminfo"):
@@ -381,6 +397,5 @@ def require(nbytes: int, what_to_do: str) -> None:
     free = 1024 * int(match[1]) if match else math.inf
     if nbytes > free - _SMALL:
         raise MemoryError(
-            f"the arrays need {nbytes:,} bytes, and {free:,} bytes of memory are available: "
-            f"{what_to_do}"
+            f"the arrays need {in_units(nbytes)} of memory; {in_units(free)} are free: {what_to_do}"
         )

@@ -230,7 +230,7 @@ BAD = [
     ({"functions": {"r": np.sin}}, TypeError, "functions.*r"),
     ({"functions": {"r": lambda x: x.sum()}}, ValueError, "functions.*r"),
     ({"functions": {"r": lambda x: x[..., 0] * 1j}}, TypeError, "functions.*r"),
-    ({"omega0": RandomStarts(10**15, 1)}, OSError, r"[\d,]{9,} bytes are free, .* [\d,]{20,}"),
+    ({"omega0": RandomStarts(10**15, 1)}, OSError, r"[\d.]+ [MGT]B are free, .* [\d,]{5,} TB"),
     ({"store": None}, TypeError, "store"),
     ({"client": 5}, TypeError, "client"), ({"progress": 5}, TypeError, "progress"),
     (FIELD | {"attitude": True}, TypeError, "attitude"),

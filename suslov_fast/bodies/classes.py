@@ -32,7 +32,7 @@ def class_named(name: Any) -> type[Any]:
 
 
 @public
-def body_from_dict(parameters: Mapping[str, Any]) -> Any:
+def body_from_dict(parameters: Mapping[str, Any]) -> BodyOrField:
     """Return the body or field that a dictionary from `to_dict` describes.
 
     Parameters
@@ -61,4 +61,5 @@ def body_from_dict(parameters: Mapping[str, Any]) -> Any:
     instance("parameters", parameters, Mapping)
     if "body" not in parameters:
         raise wrong("parameters", "have an entry 'body', the name of the class", [*parameters])
-    return class_named(parameters["body"]).from_dict(parameters)
+    body: BodyOrField = class_named(parameters["body"]).from_dict(parameters)
+    return body

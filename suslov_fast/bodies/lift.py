@@ -54,7 +54,7 @@ def polynomial_at(terms: Any, coefficients: FloatArray, variables: list[Any]) ->
     """Return the value (...) of a polynomial at variables (..., each)."""
     total = 0.0
     for place, factors in terms:
-        product = 1.0 if place == ONE else coefficients[..., place]
+        product: Any = 1.0 if place == ONE else coefficients[..., place]
         for i in factors:
             product = product * variables[i]
         total = total + product

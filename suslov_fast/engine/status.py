@@ -1,14 +1,20 @@
 """Statuses of trajectories, and one warning or error for all trajectories that failed."""
 
+from __future__ import annotations
+
 import math
 from enum import IntEnum
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import first_index, spell, warn
 from ..core import codes
+
+if TYPE_CHECKING:
+    from ..runs.crossings import Crossings
+    from ..runs.trajectories import Trajectories
 
 OnSingular = Literal["warn", "raise", "ignore"]
 ON_SINGULAR = "warn", "raise", "ignore"
@@ -135,8 +141,11 @@ class SingularStepError(ArithmeticError):
     [0, -1]
     """
 
-    trajectories: Any = None
-    crossings: Any = None
+    if TYPE_CHECKING:
+        trajectories: Trajectories
+        crossings: Crossings
+    else:
+        trajectories = crossings = None
 
     def __init__(self, message: str, result: Any, name: str = "trajectories") -> None:
         super().__init__(message)
@@ -147,7 +156,7 @@ class SingularStepError(ArithmeticError):
         return type(self), (str(self), self.result, self.name)
 
 
-def first_beyond(failed_at: NDArray[np.int64], first_pole: NDArray[np.int64]) -> Any:
+def first_beyond(failed_at: NDArray[np.int64], first_pole: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the first state that does not belong to the motion, a number beyond all if none.
 
     A failure never comes before a pole that was passed.

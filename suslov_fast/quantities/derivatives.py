@@ -313,7 +313,10 @@ def _refuse_moving(checked: Problem, moves: Any, member: str) -> None:
         if checked.batch:
             where = spell(first_index(moves))
             text = f"{checked.name}: states{member} that are not fixed points, first: {where}"
-        raise ValueError(f"{text}: use jacobian for the derivative there")
+        raise ValueError(
+            f"{text}: use jacobian for the derivative there; "
+            "for a periodic orbit see periodic_orbit"
+        )
 
 
 @public

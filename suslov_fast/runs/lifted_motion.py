@@ -132,7 +132,7 @@ class _Group:
             variables = values_of(step.lift[0], values[:, step.T :], x)
             columns += [math.prod(variables[k] for k in w) for w in step.lift[0].words]
         columns.append(np.ones(len(x)))
-        sums = np.zeros_like(x)
+        sums: FloatArray = np.zeros_like(x)
         for t, (row, j, k) in enumerate(step.indices.T.tolist()):
             if row < x.shape[1]:
                 sums[:, row] += abs(values[:, t] * columns[j] * columns[k])

@@ -37,7 +37,8 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
     x0, D = flat_arrays(problem.omega, problem.batch), problem.body.dimension
     require(8 * (len(times) + 8) * x0.size, "compute fewer states at a time")
     states = np.full((len(times), *x0.shape), np.nan)
-    undefined, ended, ends = np.isnan(x0).any(axis=1), np.zeros(len(x0), bool), np.zeros(len(x0))
+    undefined = np.asarray(np.isnan(x0).any(axis=1))
+    ended, ends = np.zeros(len(x0), bool), np.zeros(len(x0))
     states[times == 0.0] = np.where(undefined[:, np.newaxis], np.nan, x0)
     done = int(np.count_nonzero(times == 0.0))
     goes_on = True

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..checks import first_index, wrong
+from ..checks import first_index, in_units, wrong
 from ..engine.random_starts import RandomStarts
 from ..engine.status import Status
 from . import access
@@ -208,7 +208,8 @@ def _check_new(store: Any, data: Any) -> None:
         raise wrong("store", "a new name or a store", f"{store} with {min(others)} in it")
     free = shutil.disk_usage(next(parent for parent in store.parents if parent.exists())).free
     if data.nbytes > free:
-        message = f"{free:,} bytes are free, the run takes {data.nbytes:,}: raise save_every"
+        sizes = in_units(free), in_units(data.nbytes)
+        message = f"{sizes[0]} are free, the run takes {sizes[1]}: raise save_every"
         raise OSError(errno.ENOSPC, message, str(store))
 
 

@@ -42,7 +42,17 @@ def _quantity(name: str) -> Callable[[Trajectories], FloatArray]:
 _QUANTITIES: set[str] = set()
 
 
-def _states(name: str, kind: str) -> Any:
+class _States(property):
+    """A property of states, whose type checkers would not see."""
+
+    if TYPE_CHECKING:
+
+        def __get__(  # type: ignore[override]
+            self, instance: Any, owner: type | None = None, /
+        ) -> FloatArray: ...
+
+
+def _states(name: str, kind: str) -> _States:
     """Return the property `omega` or `x`, which a run has if its map calls the states so."""
 
     def states(self: Trajectories) -> FloatArray:
@@ -50,7 +60,7 @@ def _states(name: str, kind: str) -> Any:
             raise AttributeError  # `__getattr__` words the message
         return self.states
 
-    return property(states, doc=f"The saved states of {kind}, shape (n_saved, ..., D).")
+    return _States(states, doc=f"The saved states of {kind}, shape (n_saved, ..., D).")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -209,12 +219,13 @@ class Trajectories(Result):
     def __len__(self) -> int:
         return len(self.states)
 
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: Any) -> FloatArray:
         if isinstance(index, str):
             labels = self.body._labels
             k = labels.index(index) if index in labels else "k"
             raise TypeError(f"run[{index!r}]: use run.{self.map.variable}[..., {k}]")
-        return self.states[index]
+        states: FloatArray = self.states[index]
+        return states
 
     def __iter__(self) -> Iterator[FloatArray]:
         return iter(self.states)

@@ -1,0 +1,49 @@
+"""What type checkers see of the names that users write, in strict mode."""
+
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+SEEN = """
+import numpy as np
+from numpy.typing import NDArray
+from typing import assert_type
+
+from suslov_fast import LiftedField, QuadraticField, SingularStepError, SuslovND, Trajectories
+from suslov_fast import Suslov3D, SuslovGyrostat, body_from_dict, iterate
+
+Floats = NDArray[np.float64]
+run = iterate(QuadraticField([[[1.0]]]), [1.0], 0.1, 5)
+assert_type(run, Trajectories)
+assert_type(run.x, Floats)
+assert_type(run.omega, Floats)
+assert_type(run.states, Floats)
+assert_type(run[0], Floats)
+assert_type(run.valid, NDArray[np.bool_])
+try:
+    iterate(QuadraticField([[[1.0]]]), [1.0], 0.1, 5, on_singular="raise")
+except SingularStepError as error:
+    assert_type(error.trajectories, Trajectories)
+body = body_from_dict({})
+assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | QuadraticField | LiftedField)
+run.no_such_name
+"""
+
+
+@pytest.mark.skipif(find_spec("mypy") is None, reason="mypy is not installed")
+@pytest.mark.slow
+def test_types_are_seen(tmp_path):
+    path = tmp_path / "seen.py"
+    path.write_text(SEEN)
+    root = Path(__file__).parents[1]
+    words = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent"]
+    words += ["--config-file", str(root / "pyproject.toml"), f"--cache-dir={tmp_path}", str(path)]
+    environment = {**os.environ, "MYPYPATH": str(root)}
+    told = subprocess.run(words, capture_output=True, text=True, env=environment, cwd=root)
+    errors = [line for line in told.stdout.splitlines() if "error" in line and "seen.py" in line]
+    assert len(errors) == 1, told.stdout + told.stderr
+    assert 'has no attribute "no_such_name"' in errors[0]

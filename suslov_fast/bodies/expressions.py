@@ -179,8 +179,8 @@ def _power(base: Expression, power: Expression) -> Expression:
             return _power(_inverse(base), Expression(number(-n), definitions))
         factors = [(q, k * n) for q, k in base.factors]
         return Expression(math.prod([p] * n, start=ONE), definitions, factors if n else ())
-    [(q, n), *others] = base.factors
-    factors = [(p, r)] if r is not None and q is p and n == 1 and not others else []
+    [(q, count), *others] = base.factors
+    factors = [(p, r)] if r is not None and q is p and count == 1 and not others else []
     return Expression(definitions.power(p, exponent), definitions, factors)
 
 

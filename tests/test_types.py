@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing import assert_type
 
-from suslov_fast import LiftedField, QuadraticField, SingularStepError, SuslovND, Trajectories
+from suslov_fast import LiftedField, QuadraticField, SuslovND, Trajectories
 from suslov_fast import Suslov3D, SuslovGyrostat, body_from_dict, iterate
 
 Floats = NDArray[np.float64]
@@ -24,10 +24,6 @@ assert_type(run.omega, Floats)
 assert_type(run.states, Floats)
 assert_type(run[0], Floats)
 assert_type(run.valid, NDArray[np.bool_])
-try:
-    iterate(QuadraticField([[[1.0]]]), [1.0], 0.1, 5, on_singular="raise")
-except SingularStepError as error:
-    assert_type(error.trajectories, Trajectories)
 body = body_from_dict({})
 assert_type(body, Suslov3D | SuslovND | SuslovGyrostat | QuadraticField | LiftedField)
 run.no_such_name

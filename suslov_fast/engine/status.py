@@ -1,20 +1,14 @@
 """Statuses of trajectories, and one warning or error for all trajectories that failed."""
 
-from __future__ import annotations
-
 import math
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import first_index, spell, warn
 from ..core import codes
-
-if TYPE_CHECKING:
-    from ..runs.crossings import Crossings
-    from ..runs.trajectories import Trajectories
 
 OnSingular = Literal["warn", "raise", "ignore"]
 ON_SINGULAR = "warn", "raise", "ignore"
@@ -141,11 +135,8 @@ class SingularStepError(ArithmeticError):
     [0, -1]
     """
 
-    if TYPE_CHECKING:
-        trajectories: Trajectories
-        crossings: Crossings
-    else:
-        trajectories = crossings = None
+    trajectories: Any = None
+    crossings: Any = None
 
     def __init__(self, message: str, result: Any, name: str = "trajectories") -> None:
         super().__init__(message)

@@ -20,7 +20,7 @@ from ..engine.threads import thread_count
 from ..keywords import nearest, public
 from ..maps import Map
 from .columns import of_runs
-from .results import INSTEAD_IN_RUNS, Result, in_short, read_only
+from .results import INSTEAD_IN_RUNS, Result, States, in_short, read_only
 
 if TYPE_CHECKING:
     import xarray
@@ -42,17 +42,7 @@ def _quantity(name: str) -> Callable[[Trajectories], FloatArray]:
 _QUANTITIES: set[str] = set()
 
 
-class _States(property):
-    """A property of states, whose type checkers would not see."""
-
-    if TYPE_CHECKING:
-
-        def __get__(  # type: ignore[override]
-            self, instance: Any, owner: type | None = None, /
-        ) -> FloatArray: ...
-
-
-def _states(name: str, kind: str) -> _States:
+def _states(name: str, kind: str) -> States:
     """Return the property `omega` or `x`, which a run has if its map calls the states so."""
 
     def states(self: Trajectories) -> FloatArray:
@@ -60,7 +50,7 @@ def _states(name: str, kind: str) -> _States:
             raise AttributeError  # `__getattr__` words the message
         return self.states
 
-    return _States(states, doc=f"The saved states of {kind}, shape (n_saved, ..., D).")
+    return States(states, doc=f"The saved states of {kind}, shape (n_saved, ..., D).")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -52,7 +52,7 @@ def values_of(lift: Lift, coefficients: FloatArray, x: FloatArray) -> list[Any]:
 
 def polynomial_at(terms: Any, coefficients: FloatArray, variables: list[Any]) -> Any:
     """Return the value (...) of a polynomial at variables (..., each)."""
-    total = 0.0
+    total: Any = 0.0
     for place, factors in terms:
         product: Any = 1.0 if place == ONE else coefficients[..., place]
         for i in factors:

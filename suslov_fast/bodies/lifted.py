@@ -127,8 +127,10 @@ class LiftedField(Body):
     _may_escape = True
 
     def field(self) -> Any:
-        """Refuse: the equations are not quadratic in the given variables."""
-        how = "its attribute lifted is a QuadraticField in more variables"
+        """Refuse, because the equations are not quadratic in the given variables."""
+        how = (
+            "its attribute lifted is, for report; fixed points: scipy.optimize.root of vector_field"
+        )
         raise TypeError(f"body: the equations of a LiftedField are not quadratic: {how}")
 
     @property
@@ -307,8 +309,7 @@ class LiftedField(Body):
         matrix: Any,
     ) -> LiftedField:
         """Return the field of traced equations, or of an energy and its matrix."""
-        names = definitions.names
-        taken = {*names, *values}
+        names, taken = definitions.names, {*definitions.names, *values}
         used = free_names(len(definitions.list), taken)
         places = range(definitions.D, definitions.D + len(definitions.list))
         texts = [
@@ -398,10 +399,10 @@ class LiftedField(Body):
         values = named(parameters or {}, names)
         texts: Mapping[str, Any] = definitions or {}
         rows = [H] if H is not None else equations
-        if not isinstance(rows, (list, tuple)) or (H is None and len(rows) != len(names)):
-            raise checks.wrong("equations", f"a list of {len(names)} texts", checks.short(rows))
-        if (H is None) == (equations is None):
-            raise ValueError("the parameters must hold either equations or H")
+        is_list = isinstance(rows, (list, tuple)) and (H is not None or len(rows) == len(names))
+        if not is_list or (H is None) == (equations is None):
+            expected = f"a list of {len(names)} texts, or left out beside H"
+            raise checks.wrong("equations", expected, checks.short(equations))
         # Members of families keep their parameters as letters.
         found, columns = cls._start(names, values, [*values])
         known = dict(zip(names, state_of(found), strict=True)) | columns

@@ -110,9 +110,10 @@ class LiftedField(Body):
     @property
     def _described(self) -> dict[str, Any]:
         arrays = {"numbers": self._numbers, "values": np.asarray(self._parts[VALUES], np.float64)}
-        texts = {"names": ", ".join(self.names), "equations": "; ".join(self._structure.equations)}
-        texts["H"] = self._structure.energy
-        texts["definitions"] = "; ".join(f"{n} = {t}" for n, t in self._structure.texts)
+        shared = self._structure
+        texts = {"names": ", ".join(self.names), "H": shared.energy}
+        texts["equations"] = "; ".join(shared.equations)
+        texts["definitions"] = "; ".join(f"{n} = {t}" for n, t in shared.texts)
         return arrays | self._arrays | texts
 
     @property
@@ -196,7 +197,6 @@ class LiftedField(Body):
         z: FloatArray = np.asarray(self.lifted(self.lift(x)), np.float64)
         return z[..., : self.dimension]
 
-    # ---------------------------------------------------------------------------------- from f or H
     @classmethod
     def from_function(
         cls, f: Callable[..., Any], /, dimension: int | str | Sequence[str], **parameters: Any

@@ -359,7 +359,6 @@ class LiftedField(Body):
         parts = {NUMBERS: numbers.stacked(numbers.list, True), VALUES: coefficients}
         return cls._of({**parts, **values, NAMES: names, STRUCTURE: shared})
 
-    # ----------------------------------------------------------------------------------------- text
     def __repr__(self) -> str:
         if self.shape:
             values = [summary(name, each) for name, each in self.parameters.items()]

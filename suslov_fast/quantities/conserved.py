@@ -31,7 +31,7 @@ def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(...))
-        In the unit of inertia times that of omega squared; for a field, in the unit of H.
+        Unit: inertia * omega**2; for a field, that of H.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatA
     """First integral F of the map of a body, which is constant along its orbits.
 
     F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2), x = I13 Omega1 + I23 Omega2 (+ k
-    for a gyrostat): Lemma 1 of the paper, equation (6). For n > 3, F is known if J I = b I and
+    for a gyrostat). For n > 3, F is known if J I = b I and
     J = a on the vectors orthogonal to I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times
     the length of the component of omega orthogonal to I.
 
@@ -65,7 +65,7 @@ def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatA
     Returns
     -------
     ndarray(float, shape=(...))
-        In the unit of omega squared over that of inertia.
+        Unit: omega**2 / inertia.
 
     Raises
     ------
@@ -73,6 +73,10 @@ def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatA
         If no F is known for the body. Its :func:`modified_energy` is nearly conserved.
     TypeError
         For a field: `suslov_fast.integrability.report` looks for its integrals.
+
+    Notes
+    -----
+    Lemma 1 of Dragovic and Gajic, arXiv:0807.2966.
 
     Examples
     --------
@@ -129,10 +133,9 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
 def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Criticality t, which decides whether an orbit of the map follows the continuous motion.
 
-    If -1 < t < 1, it does; otherwise it jumps across the line of steady states, and can meet a
-    pole: choose a smaller eps. t = eps sqrt(h / (I1 I2)) is constant along an orbit, where h is
-    the integral of equation (9) of the paper, I13**2 I2 + I23**2 I1 times the
-    :func:`first_integral`.
+    Keep ``|t| < 1``: otherwise the orbit jumps across the line of steady states, and can meet a
+    pole. t = eps sqrt(h / (I1 I2)) is constant along an orbit, where h is I13**2 I2 + I23**2 I1
+    times the :func:`first_integral`.
 
     Parameters
     ----------
@@ -212,9 +215,9 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
     Returns
     -------
     ndarray(float, shape=(...))
-        In three dimensions in the unit of 1 / omega over that of inertia to the third power, with
-        the sign of x, and infinite where x = 0. For n = 4 in the unit of 1 / omega squared. For a
-        field dimensionless, and infinite at poles.
+        For a field dimensionless, and infinite at poles. For a body in three dimensions the unit is
+        1 / (omega * inertia**3); the sign is that of x, and the density is infinite where x = 0.
+        For n = 4 the unit is 1 / omega**2.
 
     Raises
     ------
@@ -237,8 +240,7 @@ def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) ->
 def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
     """Coordinates x = I13 Omega1 + I23 Omega2 and y = I23 I1 Omega1 - I13 I2 Omega2 of a state.
 
-    These are equation (7) of the paper; (8) is the map in these coordinates. The steady states are
-    the line x = 0.
+    The steady states are the line x = 0.
 
     Parameters
     ----------
@@ -248,8 +250,7 @@ def to_xy(body: Suslov3D, omega: ArrayLike, /) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(..., 2))
-        x, in the unit of inertia times that of omega, and y, in the unit of inertia squared times
-        that of omega.
+        x, unit inertia * omega, and y, unit inertia**2 * omega.
 
     Raises
     ------
@@ -313,13 +314,11 @@ class ClosedForm(NamedTuple):
 
 @public
 def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedForm:
-    """Constants h, k1 and k2 of the closed form of an orbit, Section 4, and its criticality t.
+    """Constants h, k1 and k2 of the closed form of an orbit, and its criticality t.
 
     In the coordinates of :func:`to_xy`, with theta = k1 n eps + k2, state n of the orbit is
     x = sign(x_0) 2 sqrt(h I1 I2 / (I1 I2 - h eps**2)) / cosh(theta) and
-    y = 2 sqrt(h I1 I2) tanh(theta). :func:`exact` evaluates it. h is the integral of equation (9),
-    k1 = -(2 / eps) artanh t solves equation (12), and k2 is that of Theorem 1 for positive x, with
-    two corrections: the prefactor 2 sqrt(h I1 I2) and the denominator I23**2 I1 + I13**2 I2.
+    y = 2 sqrt(h I1 I2) tanh(theta), where k1 = -(2 / eps) artanh t. :func:`exact` evaluates it.
 
     Parameters
     ----------
@@ -329,7 +328,7 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
     Returns
     -------
     ClosedForm
-        Named tuple of arrays (...): h, in the unit of (I13 omega)**2; k1, in the unit of 1 / eps;
+        Named tuple of arrays (...): h, unit (inertia * omega)**2; k1, unit 1 / eps;
         k2, dimensionless; and t, the :func:`criticality`. k1 and k2 are NaN where t is not between
         -1 and 1. k2 is infinite on the line x = 0, and 0 at rest.
 
@@ -337,6 +336,12 @@ def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedF
     ------
     TypeError
         If the body is not a `Suslov3D`: use :func:`exact`.
+
+    Notes
+    -----
+    h is the integral of equation (9) of Dragovic and Gajic, arXiv:0807.2966; k1 solves equation
+    (12), and k2 is that of Theorem 1 for positive x, with two corrections: the prefactor
+    2 sqrt(h I1 I2) and the denominator I23**2 I1 + I13**2 I2.
 
     Examples
     --------

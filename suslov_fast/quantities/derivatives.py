@@ -33,8 +33,7 @@ _FIXED = 1e-8
 def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     """Time derivative of the state by the equations of motion.
 
-    These are equation (2) of the paper in three dimensions, (14) in n dimensions, and x' = f(x) for
-    a field.
+    For a field x' = f(x) this is f(x); for a body, the derivative of its angular velocity.
 
     Parameters
     ----------
@@ -44,7 +43,11 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(..., D))
-        In the unit of omega squared; for a field, in the unit of x over that of time.
+        Unit: that of x divided by that of time; for a body, omega**2.
+
+    Notes
+    -----
+    For bodies these are equations (2) and (14) of Dragovic and Gajic, arXiv:0807.2966.
 
     Examples
     --------
@@ -59,7 +62,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
 def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -> FloatArray:
     """Torque of the constraint, which keeps Omega3 at 0: its Lagrange multiplier lambda.
 
-    With x = I13 Omega1 + I23 Omega2, the third equation of (2) of the paper is
+    With x = I13 Omega1 + I23 Omega2, the equation of the third component is
     x' = lambda + (I1 - I2) Omega1 Omega2, and its discretization is
     (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
 
@@ -74,14 +77,17 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -
     Returns
     -------
     ndarray(float, shape=(...) or (..., n - 1, n - 1))
-        In the unit of inertia times that of omega squared. In n dimensions, the antisymmetric
-        matrix lambda_ij of equation (13). With eps, NaN and one :class:`SingularStepWarning` where
-        a state has no next state.
+        Unit: inertia * omega**2. In n dimensions, the antisymmetric matrix lambda_ij. With eps, NaN
+        and one :class:`SingularStepWarning` where a state has no next state.
 
     Raises
     ------
     TypeError
         For a field, which has no constraint.
+
+    Notes
+    -----
+    Equations (2) and (13) of Dragovic and Gajic, arXiv:0807.2966.
 
     Examples
     --------
@@ -98,7 +104,7 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
 
     A = 1 - (eps / 2) f'(omega), and A (omega_next - omega) = eps f(omega), where f is the
     :func:`vector_field`. The map has a pole where det A = 0. For a body without a rotor
-    A omega_next = omega: the paper inverts this A before equation (5), and in (16).
+    A omega_next = omega.
 
     Parameters
     ----------
@@ -336,8 +342,8 @@ def lyapunov_exponents(
 
     The derivatives of the map along an orbit are multiplied and decomposed as Q R, again and again
     before columns lose digits (Benettin's method); exponents are mean logarithms of the diagonals
-    of R. Their sum is the mean of ``log |det DPhi|``, to 1e-10 of the mean of its modulus or to
-    rounding of the exponents. They do not depend on other orbits of the batch.
+    of R. The sum equals the mean of ``log |det DPhi|`` (relative error 1e-10). The exponents of an
+    orbit are bit-identical whatever else is in the batch.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ def fixed_points(field: Body, /) -> OneOrEach:
     Returns
     -------
     ndarray(float, shape=(k, D)), or a list or an array of them
-        Each point once, rounded once, sorted by components. A batch with one axis gives a
+        Each point once, sorted by components. A batch with one axis gives a
         list, with several an array of objects of its shape: ``points[i, j]`` is the array of a
         member. If a member has as many points as the one before it (to the left, or above at the
         beginning of a row), its points are in the order of those, by the least sum of distances.

@@ -33,22 +33,25 @@ def step(
     """Return the next state: one step of the map of a body or a field.
 
     Kahan's method makes x' = f(x) linear in the next state: squares x_i**2 become x_i next_i,
-    products x_i x_j become (x_i next_j + next_i x_j) / 2, and x_i becomes (x_i + next_i) / 2. For
-    bodies this is equation (4) of the paper, or (15) in n dimensions. A step with -eps undoes a
-    step with eps.
+    products x_i x_j become (x_i next_j + next_i x_j) / 2, and x_i becomes (x_i + next_i) / 2. The
+    method is time-reversible: a step with -eps undoes one with eps.
 
     Parameters
     ----------
     body, eps, method, threads
         As in :func:`iterate`; a step in three dimensions always runs on one thread.
     omega : array_like(float, shape=(..., D))
-        Angular velocities, or the states x of a field.
+        States x of a field, or angular velocities of a body.
 
     Returns
     -------
     ndarray(float, shape=(..., D))
         The next states, in the unit of `omega`. A state that contains NaN gives NaN; so does a
         state on a pole of the map, with one :class:`SingularStepWarning`.
+
+    Notes
+    -----
+    For bodies these are equations (4) and (15) of Dragovic and Gajic, arXiv:0807.2966.
 
     Examples
     --------
@@ -89,9 +92,9 @@ def iterate(
 ) -> Trajectories:
     """Iterate the map of a body or a field: orbits from a batch of initial states.
 
-    One step is that of :func:`step`. The shapes of the body, of `eps` and of `omega0` without its
-    last axis broadcast to the batch shape ``...``. The bits of a trajectory depend neither on the
-    rest of the batch nor on `threads` or `save_every`.
+    The shapes of the field, of `eps` and of the initial states without their last axis broadcast
+    to the batch shape ``...``. A trajectory is bit-identical whatever else is in the batch, and for
+    any `threads` and `save_every`.
 
     Parameters
     ----------
@@ -169,7 +172,7 @@ def checked_counts(steps: int, save_every: int | None) -> tuple[int, int | None]
 def step_full(
     body: Suslov3D, omega: ArrayLike, /, eps: ArrayLike, I3: ArrayLike | None = None
 ) -> FloatArray:
-    """Return the next state of the scheme in three components, equation (3) of the paper.
+    """Return the next state of the scheme in three components.
 
     The constraint requires Omega3 = 0. The scheme itself only changes the sign of Omega3; where
     Omega3 is not 0, it has no limit for eps -> 0.

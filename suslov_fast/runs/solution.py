@@ -96,9 +96,9 @@ def flow(
 ) -> FloatArray:
     """Return the continuous motion at given times: exact for bodies, to a tolerance for fields.
 
-    For a body this is the exact solution of equation (2) of the paper. For a field it is the
-    solution of x' = f(x) by extrapolated steps of order 10, whose lengths each trajectory chooses
-    by its own estimate of the error. Stiff fields are solved by the same steps.
+    For a field it is the solution of x' = f(x) by extrapolated steps of order 10; each trajectory
+    chooses their lengths by its own estimate of the error. Stiff fields are solved by the same
+    steps. For a body it is the exact solution.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def flow(
 def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return the limits of an orbit of the map as n goes to minus and to plus infinity.
 
-    Proposition 2 in Section 4 of the paper: orbits go from one steady rotation to the opposite one.
+    Orbits go from one steady rotation to the opposite one.
 
     Parameters
     ----------

@@ -16,6 +16,7 @@ _SPAN = "pass eps= and steps=; a run ends at the time eps * steps"
 _DIGITS = (
     'pass method="extrapolated", or a smaller eps=; flow integrates fields to a tolerance rtol='
 )
+_CHOSEN = "steps are chosen from the tolerance rtol=; iterate has eps= and method="
 _AXES = "set it on the axes that plots return, such as ax.set_xlim(0, 1)"
 _ON_AXES = "xlim ylim xlabel ylabel figsize cmap alpha s lw linewidth label grid legend"
 
@@ -24,11 +25,12 @@ _ON_AXES = "xlim ylim xlabel ylabel figsize cmap alpha s lw linewidth label grid
 _ADVICE: dict[str, tuple[tuple[str, ...], str, str]] = {
     name: (arguments, sentence, other)
     for names, arguments, sentence, other in (
-        ("dt h step_size stepsize delta_t first_step max_step", ("eps",), "", ""),
+        ("dt h step_size stepsize delta_t first_step max_step", ("eps",), _CHOSEN, "rtol"),
+        ("eps steps", (), _CHOSEN, "rtol"),
         ("t time times t_eval tspan saveat ts", ("time",), _SPAN, "steps"),
         ("t_span T t_end tf t_final total_time tmax t0", ("time",), _SPAN, "steps"),
         ("tol rtol atol reltol abstol", ("rtol", "tol"), _DIGITS, "method"),
-        ("order integrator solver alg algorithm scheme", ("method",), "", ""),
+        ("method order integrator solver alg algorithm scheme", ("method",), _CHOSEN, "rtol"),
         ("n n_steps num_steps nsteps N iterations max_steps maxiter", ("steps", "n"), "", ""),
         ("x0 y0 u0 z0 X0 omega0 omega x state states ic", (), _STATES, "eps"),
         (

@@ -257,6 +257,12 @@ def two(f):
     return lambda: LiftedField.from_function(f, "x y")
 
 
+def fills_an_array(x):
+    derivative = np.zeros(2)
+    derivative[0] = x[1]
+    return derivative
+
+
 def needs_too_many(x):
     u = np.exp(S(x[0] * x[1]) * C(x[0] + x[1])) / (1 + x[0] ** 2 * x[1] ** 5) ** 0.7
     return u + np.tanh(x[0] * x[1] ** 2), np.log(2 + x[0] ** 4 * np.cosh(x[1])) * np.hypot(u, x[0])
@@ -272,6 +278,7 @@ def needs_too_many(x):
         (two(lambda x: (x[0] if x[0] > 0 else 0, x[1])), "compares x"),
         (two(lambda x: (np.arctan2(x[0], x[1]), x[1])), r"np\.hypot"),
         (two(lambda x: (math.exp(-x[0]), x[1])), r"write np\.exp, as in np\.exp\(-x\[0\]\)"),
+        (two(fills_an_array), r"derivative\[0\] = x\[1\]: an array of floats.* return a tuple"),
         (two(lambda t, y: (y[1], S(t))), r"\(\*f\(s\[-1\], s\[:-1\]\), 1\), \"x y t\""),
         (two(needs_too_many), "more than 200 variables"),
     ],

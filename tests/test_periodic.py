@@ -111,6 +111,11 @@ def test_the_middle_of_a_circle_is_no_orbit():
         sf.periodic_orbit(VOLTERRA, [1.0, 1.0 + 1e-9], 3.0, 20)
 
 
+def test_a_start_at_rest_is_no_orbit():
+    with pytest.raises(RuntimeError, match=r"found the equilibrium .*start or period = 3 is too"):
+        sf.periodic_orbit(LORENZ, [0, 0, 0], 3.0, 20)
+
+
 @pytest.mark.parametrize(
     ("start", "period"), [([1, 1, 20], 1.0), ([8.4, 8.4, 27.1], 0.7), ([1e200, 1, 1], 1.0)]
 )

@@ -355,8 +355,10 @@ def test_three_components_are_drawn_in_space():
     for components, ax in ((("x", "y"), ours), ((0, 1, 2), plt.figure().add_subplot())):
         with pytest.raises(TypeError, match="ax must be"):
             run.plot(components=components, ax=ax)
-    with pytest.raises(ValueError, match="two or three integers from 0 to 3, or names among x, y"):
-        run.plot("x")
+    assert run.plot(("x", "py", "y")).get_ylabel() == "$p_{y}$"
+    for wrong in ("x",), (("x",),), ("time", ("x", "y")):
+        with pytest.raises((TypeError, ValueError), match=r'x, y.*such as \("time", "x"\), not'):
+            run.plot(*wrong)
 
 
 def test_colours_of_matplotlib_and_titles():

@@ -174,7 +174,7 @@ FIELDS = [
     (field(lambda t, y: y), TypeError, r"f.*not f\(t, y\): pass lambda x: f\(None, x\),"),
     (field(lambda y, t: y), TypeError, r"f.*not f\(y, t\): pass lambda x: f\(x, None\),"),
     (field(lambda x, t=0: x), TypeError, r"f.* pass lambda x: f\(x, None\), .* forcing see .*Equations that are not quadratic"),
-    (field(lambda t, y, a: y, a=1), TypeError, r"f.*from_function\(lambda x, a: f\(None, x, a\), 2, a=a\)"),
+    (field(lambda t, y, a: y, a=1), TypeError, r"f.*from_function\(lambda x, a: f\(None, x, a\), 2, a=1\)"),
     (field(lambda t, y: y, y=28), TypeError, r"f.* pass lambda x: f\(None, x\)"),
     (field(lambda u, p, t: u), TypeError, r"f.* pass lambda x: f\(x, p, None\)"),
     (field(lambda x, y, z: (x, y, z), 3), TypeError, r"f.* pass lambda x: f\(\*x\)"),
@@ -285,8 +285,6 @@ STATES = [
 ]  # fmt: skip
 
 PLOTS = [
-    (lambda: sf.iterate(QuadraticField([[[1]]]), [0.1], 0.1, 3).plot(), ValueError, "components: .* run.time"),
-    (lambda: sf.iterate(FAMILY, [0.1], 0.1, 9).plot(), ValueError, "components"),
     (lambda: run()().plot(components=(0, 2)), ValueError, "components"),
     (lambda: sf.plot_phase(BODY, 10, 4), ValueError, "extent"),
     (lambda: sf.plot_phase(BODY, 0.2, 4, levels=0), ValueError, "levels"),

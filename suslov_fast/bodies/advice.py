@@ -197,19 +197,24 @@ def _adapted(
             passed.append(f"{name}={text}" if is_by_name else text)
     function = f"lambda {', '.join([state, *parameters.values()])}: {f_name}({', '.join(passed)})"
     size = D if tuple(names) == labels(D) else repr(" ".join(names))
-    values = (f", {new}={name if name in given else '…'}" for name, new in parameters.items())
+    values = (f", {new}={_value(name, given, '…')}" for name, new in parameters.items())
     whole = f"{maker}({function}, {size}{''.join(values)})" if maker else function
     return f"pass {whole}" if parameters else f"pass {function}, as in {whole}"
+
+
+def _value(name: str, given: Mapping[str, Any], missing: str = "") -> Any:
+    """Return what to pass for a parameter: its number, else a variable of its name."""
+    if name not in given:
+        return missing
+    value = given[name]
+    return value if isinstance(value, (int, float)) else name
 
 
 def lifted_call(f: Any, argument: str, names: Sequence[str], parameters: Mapping[str, Any]) -> str:
     """Return the call that makes a `LiftedField` of a function f, or of a Hamiltonian."""
     maker = "from_hamiltonian" if argument == "H" else "from_function"
     size = len(names) if tuple(names) == labels(len(names)) else repr(" ".join(names))
-    values = (
-        f", {name}={value if isinstance(value, (int, float)) else name}"
-        for name, value in parameters.items()
-    )
+    values = (f", {name}={_value(name, parameters)}" for name in parameters)
     return f"LiftedField.{maker}({name_of(f, argument)}, {size}{''.join(values)})"
 
 
@@ -239,7 +244,7 @@ def explained(error: Exception, f_name: str, names: Sequence[str], is_family: bo
         return f"{text}: {how}; exp, tanh, sin and cos can become variables, see {page(CUBIC)}"
     if says(text, "number of a symbol"):
         how = "x holds symbols: no if or float of them, and no arrays of floats to fill"
-        return f"{text}: {how}; see {page(CUBIC)}"
+        return f"{text}: {how}: return a tuple of expressions; see {page(CUBIC)}"
     if len(names) == 1 and len(names[0]) > 1 and re.search("to unpack|but the dimension", text):
         return f"{text}: {names[0]!r} is one name, write {' '.join(names[0])!r} for {len(names[0])}"
     if says(text, "tuple as an array"):

@@ -79,6 +79,9 @@ def _of_math(error: Exception) -> str:
         return ""
     last = traceback.extract_tb(error.__traceback__)[-1]
     line = (last.line or "").strip()
+    if re.fullmatch(r"\w+\[.*\]", _segment(last)):  # the target of an assignment
+        how = "return a tuple, or fill np.zeros(D, dtype=object)"
+        return f"{line}: an array of floats takes no symbols: {how}"
     found = re.search(r"\bmath\.(\w+)\(", _segment(last) or line) or re.search(
         r"\b(\w+)\(", _segment(last)
     )

@@ -303,7 +303,8 @@ def _add_functions(data: Any, functions: Functions) -> dict[str, str]:
             sources[name] = inspect.getsource(function)
         except (TypeError, OSError) as error:
             received = f"{name}: {function!r}"
-            raise wrong("functions", "functions with a source", received, TypeError) from error
+            must = "functions with a source, as in a file or a notebook, which identifies the run"
+            raise wrong("functions", must, received, TypeError) from error
         # A trial call, so that a wrong function is an error before anything is stored.
         checked_values(name, function, np.full((3, data.sizes["component"]), 0.5))
         shape = data.sizes["n"], *data.status.shape

@@ -207,7 +207,7 @@ class _Shooting:
                 break
         period = self.eps * self.steps
         size = abs(self.x).max()
-        if abs(vector_field(self.field, self.x)).max() * period < _AT_REST * size:
+        if abs(vector_field(self.field, self.x)).max() * period <= _AT_REST * size:
             found = f"the equilibrium {short(self.x)}"
         elif not self.residual <= tol:
             found = f"no orbit: the residual {self.residual:.1e} exceeds tol = {tol:g}"

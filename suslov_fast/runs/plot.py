@@ -143,6 +143,7 @@ def _components(run: Any, components: Any) -> list[int]:
     if last == 0 and components == (0, 1):  # the only component, over time
         return [_TIME, 0]
     expected = f"two or three integers from 0 to {last}, or names among {', '.join(names)}"
+    expected += f', such as ("time", "{labels[0]}")'
     given = components if isinstance(components, (tuple, list)) else ()
     if len(given) not in (2, 3) or any(isinstance(k, str) and k not in names for k in given):
         raise wrong("components", expected, short(components))

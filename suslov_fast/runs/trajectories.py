@@ -278,7 +278,7 @@ class Trajectories(Result):
     @public
     def plot(
         self,
-        *names: int | str,
+        *names: int | str | Sequence[int | str],
         components: Sequence[int | str] = (0, 1),
         lines: bool | None = None,
         color: Any = None,
@@ -290,7 +290,7 @@ class Trajectories(Result):
         Parameters
         ----------
         *names : int or str
-            The components, ``run.plot("time", "x1")``, in place of `components`.
+            The components, ``run.plot("time", "x1")`` or one tuple, in place of `components`.
         components : sequence of int or str
             Two or three indices or labels, such as ``("x1", "x3")``; "time" is n * eps. Three are
             drawn in space.
@@ -320,7 +320,8 @@ class Trajectories(Result):
         """
         from . import plot  # which imports Matplotlib
 
-        return plot.plot_run(self, names or components, lines, color, title, ax)
+        chosen = names[0] if len(names) == 1 else names or components
+        return plot.plot_run(self, chosen, lines, color, title, ax)
 
     @public
     def to_xarray(

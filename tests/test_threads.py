@@ -112,27 +112,27 @@ def test_a_child_of_a_parent_that_is_in_a_cached_property():
     code = """
         import os, signal, threading, warnings
         import suslov_fast as sf
-        from suslov_fast.bodies import field
+        from suslov_fast.bodies import rigid
         warnings.simplefilter("ignore", DeprecationWarning)
-        first, second = (sf.QuadraticField([[[number]]]) for number in (1.0, 2.0))
-        is_inside, is_over, sparse = threading.Event(), threading.Event(), field.sparse
-        def wait(*arguments):
+        first, second = (sf.Suslov3D(number, 2, -0.5, -0.3) for number in (3, 4))
+        is_inside, is_over, exact = threading.Event(), threading.Event(), rigid.Fraction
+        def wait(number):
             is_inside.set()
             is_over.wait()
-            return sparse(*arguments)
-        field.sparse = wait
-        thread = threading.Thread(target=lambda: first.terms)
+            return exact(number)
+        rigid.Fraction = wait
+        thread = threading.Thread(target=lambda: first._field)
         thread.start()
         is_inside.wait()
         child = os.fork()
         if child == 0:
             signal.alarm(20)
-            field.sparse = sparse
-            os._exit(len(second.terms))
+            rigid.Fraction = exact
+            os._exit(second._field.dimension)
         status = os.waitpid(child, 0)[1]
         is_over.set()
         thread.join()
-        print(os.waitstatus_to_exitcode(status), len(first.terms))
+        print(os.waitstatus_to_exitcode(status), first._field.dimension)
     """
     assert children.run(code).split() == ["2", "2"]
 

@@ -192,7 +192,7 @@ def test_parameters_and_names_of_the_user_as_coordinates():
 def test_contents_of_a_dataset():
     run = run_of("turning")
     data = run.to_xarray()
-    names = "omega n time eps status failed_at final attitude component I1 I2 I13 I23"
+    names = "omega n time eps status failed_at first_pole final attitude component I1 I2 I13 I23"
     assert set(data.variables) == set(names.split())
     assert (data.attrs["method"], data.attrs["save_every"]) == ("auto", 5)
     assert data.omega.dims == ("n", "trajectory", "component")

@@ -15,7 +15,8 @@ The files, in an order in which each uses only those before it:
 - `maps`, `kahan`: birational maps, and the Kahan maps of fields. `zoo`: examples.
 - `tasks`: the queue of a search. `growth`: degrees of iterates.
 - `reducible`: reducible polynomials of a space. `contracted`, `confinement`, `never_confined`,
-  `planar`: the entropy of maps of the plane, from the curves that they contract.
+  `monomials`, `planar`: the entropy of maps of the plane, from the curves that they contract, and
+  of monomial maps.
 - `relations`: linear relations along orbits. `implicit`: integrals by them, without a formula.
   `locus`: parameters with more of them.
 - `darboux`: Darboux polynomials of a cofactor, and cofactors. `invariants`: integrals and measures

@@ -194,6 +194,20 @@ def test_fast_decay():
     assert abs(found[..., 0] - wanted).max() < 2e-9
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7, 1e-9])
+def test_fast_modes_that_begin_away_from_their_equilibrium(rtol):
+    """Extrapolated steps multiply very fast modes by almost 1, so an estimate does not see them."""
+    found = flow(of(lambda x: (1 - 1e9 * x[0],), 1), [0.0], [1e2, 1e4], rtol=rtol)
+    assert abs(1e9 * found - 1).max() < rtol
+    found = flow(of(lambda x: (-x[0], x[0] - 1e7 * x[1]), 2), [1.0, 0.0], 1.0, rtol=rtol)
+    assert abs(found - np.exp(-1) * np.array([1.0, 1 / (1e7 - 1)])).max() < rtol * 1e-2
+    follower = of(lambda x: (-x[1], x[0], -1e6 * (x[2] - x[0]) - x[1]), 3)
+    start = np.ones((5, 3)) * [1.0, 0.0, 1.0]
+    start[:, 2] += np.geomspace(1e-8, 1e-2, 5)
+    found = flow(follower, start, 5.0, rtol=rtol)
+    assert abs(found - [np.cos(5), np.sin(5), np.cos(5)]).max() < 20 * rtol
+
+
 # ------------------------------------------------------------------------------------------ ends
 @pytest.mark.parametrize(
     ("field", "start", "end"),

@@ -6,6 +6,7 @@ same bits. A field without a plan of elimination takes its stages by `careful.so
 """
 
 import functools
+from math import comb
 
 import numpy as np
 
@@ -22,6 +23,10 @@ from .steps_field import in_lines
 from .tolerance import stage_of
 
 COLUMNS = 2, 4, 6, 8, 10
+# Factors of x_1 - x_0, ..., x_n - x_0 in the difference of order n of the longest column.
+LONGEST = COLUMNS[-1]
+DIFFERENCE = np.array([(-1) ** k * comb(LONGEST, k) / 2**LONGEST for k in range(1, LONGEST + 1)])
+SMALLEST_FIRST = 2.0**-60  # part of the first length at which a trajectory at time 0 may end
 ACTIVE = 2**15  # bytes of the rows of lines that are taken side by side
 BUDGET = 2**21  # steps of lines times operations of a stage, after which Python handles Ctrl-C
 
@@ -82,7 +87,7 @@ class Motion:
             (self.places.base, np.where(first > 0.0, x.swapaxes(0, 1), np.nan).swapaxes(0, 1)),
             (self.places.largest, abs(x)),
             (self.places.wanted, first),
-            (self.places.first, first),
+            (self.places.first, SMALLEST_FIRST * first),  # a fast mode may begin at rest
         ):
             values = values.reshape(len(x), -1, W)
             self.rows[:, place : place + values.shape[1]] = values
@@ -130,6 +135,7 @@ class Motion:
             values=self.values.ctypes.data,
             plan=self.plan.ctypes.data,
             columns=len(self.plan),
+            difference=DIFFERENCE.ctypes.data,
             times=times.ctypes.data,
             count=len(times),
             states=out.ctypes.data,
@@ -170,8 +176,10 @@ class Motion:
         for (_, scale, weight, without), n in zip(self.plan, COLUMNS, strict=True):
             halves = scale * taken * values
             x[:] = base
-            for _ in range(n):
+            for k in range(n):
                 self._take_stage(rows, halves)
+                if n == LONGEST:
+                    second += DIFFERENCE[k] * (x - base)
             change = x - base
             total += weight * change
             second += without * change

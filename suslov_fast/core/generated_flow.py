@@ -19,6 +19,7 @@ class FlowArguments(NamedTuple):
     values: int  # address of the values v of the terms, (T,) or (lines, T, W)
     plan: int  # address of a `Column` for each column: four numbers of 8 bytes
     columns: int
+    difference: int  # address of the factors of the states of the last column in `Rows.second`
     times: int  # address of the times, ascending moduli
     count: int  # of times
     states: int  # address of the states at these times (count, trajectories, D)
@@ -56,12 +57,12 @@ class Rows(NamedTuple):
     x: int  # of a stage (D)
     base: int  # the state before the step (D)
     total: int  # sum of weights times ends of columns (D)
-    second: int  # the same without the shortest column (D)
+    second: int  # the same without the shortest column, less the difference of the last one (D)
     largest: int  # moduli so far (D)
     time: int
     wanted: int  # length of the next step, 0 if the trajectory has ended
     taken: int  # length of this step
-    first: int  # length of the first step
+    first: int  # time that limits lengths until the first step is taken
     least: int  # least pivot of this step
     table: int  # `Step.table`
     size: int  # number of all rows
@@ -157,7 +158,9 @@ def text_of_flow(step, name, W, for_each, _):
             for x, base in zip(numbers(line, rows.x), numbers(line, rows.base), strict=True):
                 text.store(V, text.load(V, base), x)
 
-        with text.loop("stage", stages), text.loop("each", "%taking") as k:
+        is_last = text.compare_integers("eq", integer("add", c, 1), of.columns)
+
+        def stage(k):
             line = line_at(active(k))
             table = text.plus(line, size * rows.table)
             for n in range(len(before)):
@@ -173,6 +176,22 @@ def text_of_flow(step, name, W, for_each, _):
             for n, value, x in zip(step.after, after, numbers(line, rows.x), strict=True):
                 if n >= D:
                     text.store(V, value, x)
+
+        with text.loop("stage", stages) as number_of_stage:
+            with text.loop("each", "%taking") as k:
+                stage(k)
+            text.branch(is_last, "of_last", "of_all")
+            text.label("of_last")
+            factor = scalar(at(of.difference, number_of_stage))
+            with text.loop("differ", "%taking") as k:
+                line = line_at(active(k))
+                for n in range(D):
+                    change = text.operate("fsub", row(line, rows.x + n), row(line, rows.base + n))
+                    term = text.operate("fmul", factor, change)
+                    term = text.operate("fadd", row(line, rows.second + n), term)
+                    text.store(V, term, text.plus(line, size * (rows.second + n)))
+            text.jump("of_all")
+            text.label("of_all")
 
         with text.loop("sum", "%taking") as k:
             line = line_at(active(k))

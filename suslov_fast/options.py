@@ -25,6 +25,14 @@ PARAMETERS = {
     "I": "n - 1 products of inertia I_in of a body in n dimensions",
 }
 _JSON = "a body or a field, saved by json.dump(body.to_dict(), file); - is standard input"
+# What Python calls an option of the command, or other packages do.
+_OTHERS = {
+    **dict.fromkeys(("dt", "h"), "eps"),
+    **dict.fromkeys(("x0", "y0", "u0"), "omega0"),
+    **dict.fromkeys(("t", "t_span", "time"), "steps"),
+    **dict.fromkeys(("field", "system"), "body"),
+    "overwrite": "force",
+}
 _FORCE = "replace an existing file"
 
 
@@ -39,7 +47,8 @@ class _Parser(argparse.ArgumentParser):
         for action in self._actions:
             for name in (*action.option_strings, *map(str, action.choices or ())):
                 names[name.strip("-").lower()] = name
-        close = get_close_matches((unknown[1] or unknown[2]).lower(), names, 1) if unknown else []
+        word = (unknown[1] or unknown[2]).lower() if unknown else ""
+        close = get_close_matches(_OTHERS.get(word, word), names, 1) if word else []
         super().error(f"{message}; did you mean {names[close[0]]}?" if close else message)
 
 

@@ -284,6 +284,9 @@ MISTAKES = """
 2 | | required: COMMAND
 2 | rum | invalid choice: 'rum' .* did you mean run?
 2 | run --stpes 3 | unrecognized arguments: --stpes 3; did you mean --steps?
+2 | run --dt 3 | --dt 3; did you mean --eps?
+2 | run --x0 1,2 | --x0 1,2; did you mean --omega0?
+2 | run --overwrite | --overwrite; did you mean --force?
 2 | run --i1 3 | --i1 3; did you mean --I1?
 2 | run --steps 1.5 | --steps: '1.5' is no integer
 2 | run --omega0 1,x | --omega0: '1,x' is no list of numbers

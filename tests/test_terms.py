@@ -250,7 +250,7 @@ def test_what_sympy_and_complex_variables_need():
         of_function(f, 3)
     field = of_function(lambda x: f(x).ravel(), 3)
     assert field == of_function(sympy.lambdify([names], rows), 3)
-    for given in (sympy.Matrix(rows), lambda _: rows, lambda _: sympy.Matrix(rows)):
+    for given in (rows, sympy.Matrix(rows), lambda _: rows, lambda _: sympy.Matrix(rows)):
         with pytest.raises(TypeError, match=r"sympy\.lambdify\(\[names\], list\(expressions\)\)"):
             of_function(given, 3)
     for g in (

@@ -252,7 +252,9 @@ def test_times_in_place_of_a_step_size_are_noticed(more):
         sf.crossings(BODY, STARTS[0], times, 100, lambda x: x[..., 0])
     with pytest.warns(UserWarning, match=how):
         sf.lyapunov_exponents(BODY, STARTS[0], times, 100)
-    for eps in (times + 0.1, times**2, times[::-1], times[:50], np.linspace(0, 0.5, 6)):
+    with pytest.warns(UserWarning, match=how):
+        sf.iterate(BODY, STARTS[0], times, 1000)  # whatever the number of steps
+    for eps in (times + 0.1, times**2, times[::-1], times[1:], np.linspace(0, 0.5, 6)):
         sf.iterate(BODY, STARTS[0], eps, 100 if eps.size != 6 else 5)
 
 

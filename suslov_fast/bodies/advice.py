@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from keyword import iskeyword
 from typing import Any
 
-from ..checks import page
+from ..checks import page, short, wrong
 from .names import TIME, clash, free, labels
 
 # Usual names of an array of parameters, of a state or a component, and of a state as a whole in
@@ -77,6 +77,18 @@ def name_of(f: Any, argument: str) -> str:
     """Return the name of a function, or `argument` if it has none, as a lambda."""
     name = getattr(f, "__name__", "")
     return name if name.isidentifier() and not iskeyword(name) else argument
+
+
+def check_callable(argument: str, f: Any) -> None:
+    """Raise TypeError unless f is a function; of expressions of SymPy one is made by lambdify."""
+    if callable(f):
+        return
+    each = f if isinstance(f, (list, tuple)) else [f]
+    how = ""
+    if any(hasattr(expression, "free_symbols") for expression in each):
+        how = ": pass sympy.lambdify([names], list(expressions))"
+    expected = "a function of x, a tuple of the variables"
+    raise wrong(argument, expected, f"{short(f)}{how}", TypeError)
 
 
 def check_arguments(

@@ -7,8 +7,8 @@ import traceback
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..checks import short, wrong
-from .advice import arguments_of, check_arguments, explained, name_of, prefixed
+from ..checks import short
+from .advice import arguments_of, check_arguments, check_callable, explained, name_of, prefixed
 from .columns import Refused
 from .definitions import Definitions
 from .expressions import FUNCTIONS, NotSmooth, as_polynomial, state_of
@@ -25,12 +25,7 @@ def traced(
 ) -> list[Polynomial]:
     """Return the components of f, or [H], as polynomials in the state and added variables."""
     names = definitions.names
-    if not callable(f):
-        how = ""
-        if hasattr(f, "free_symbols"):
-            how = ": pass sympy.lambdify([names], list(expressions))"
-        expected = "a function of x, a tuple of the variables"
-        raise wrong(argument, expected, f"{short(f)}{how}", TypeError)
+    check_callable(argument, f)
     f = getattr(f, "py_func", f)
     f_name = name_of(f, argument)
     _check_time(argument, f, f_name, names, maker)

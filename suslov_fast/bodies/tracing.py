@@ -14,8 +14,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import OTHERS, page, short, within, wrong
-from .advice import CUBIC, check_arguments, explained, lifted_call, name_of, prefixed
+from ..checks import OTHERS, page, short, within
+from .advice import (
+    CUBIC,
+    check_arguments,
+    check_callable,
+    explained,
+    lifted_call,
+    name_of,
+    prefixed,
+)
 from .columns import Column, Refused, Symbol, exact_values, rounded
 from .polynomials import Polynomial
 from .terms import Terms, collected
@@ -72,12 +80,7 @@ def traced(
     Values are fractions, unless one call of f was enough for a family: then those of the field are
     floats, rounded once. Otherwise they are None for a Hamiltonian, and follow from H and K.
     """
-    if not callable(f):
-        how = ""
-        if hasattr(f, "free_symbols"):
-            how = ": pass sympy.lambdify([names], list(expressions))"
-        expected = "a function of x, a tuple of the variables"
-        raise wrong(argument, expected, f"{short(f)}{how}", TypeError)
+    check_callable(argument, f)
     f = getattr(f, "py_func", f)  # the Python function, if Numba compiled f
     maker = f"QuadraticField.{'from_function' if K is None else 'from_hamiltonian'}"
     check_arguments(argument, f, names, parameters, maker)

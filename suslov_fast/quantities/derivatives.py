@@ -380,7 +380,7 @@ def lyapunov_exponents(
     """
     checked = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)
-    warn_of_times(checked, steps)
+    warn_of_times(checked)
     with reporter(progress, transient + steps) as report, np.errstate(all="ignore"):
         growth = checked.map.find_growth(checked, steps, transient, report)
         sums, of_det = growth.sums, growth.of_det

@@ -133,7 +133,7 @@ def ensemble(
     functions = functions or {}
     checks.instance("functions", functions, Mapping)
     steps, save_every = checked_counts(steps, save_every)
-    warn_of_times(whole, steps)
+    warn_of_times(whole)
     options = method, steps, save_every, functions
     whole, store = whole._replace(omega=omega0, batch=batch), stores.resolved(store)
     data = _template(whole, options, dims, coords)

@@ -101,7 +101,7 @@ def crossings(
     one_of("on_singular", on_singular, ON_SINGULAR)
     reports = reporter(progress, transient + steps)
     check_surface(surface)
-    warn_of_times(problem, steps)
+    warn_of_times(problem)
     if type(problem.eps) is not float:  # copied, because the result keeps it
         problem = problem._replace(eps=np.array(problem.eps))
     search = Search(March(problem, method), surface, direction, most)

@@ -40,10 +40,10 @@ Surface = Callable[[FloatArray], ArrayLike]
 
 def check_surface(surface: Any) -> None:
     """Raise an error unless this is a function of one argument, without attributes of SciPy."""
+    expected = "a function of the states alone, such as lambda x: x[..., 2] - 27"
     if not callable(surface):
-        raise wrong("surface", "a function of states", checks.kind_of(surface), TypeError)
+        raise wrong("surface", expected, checks.kind_of(surface), TypeError)
     if len(needed := arguments_of(surface)) > 1:
-        expected = "a function of the states alone, such as lambda x: x[..., 2] - 27"
         raise wrong("surface", expected, f"one of {', '.join(needed)}", TypeError)
     names = [name for name in ("terminal", "direction") if hasattr(surface, name)]
     if names:  # the surface is an event of `solve_ivp`

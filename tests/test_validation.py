@@ -521,3 +521,12 @@ def test_body_and_state_are_positional_only(name, function):
 def test_signatures_are_short(name, function):
     """`help(iterate)` begins with a signature that a reader can take in."""
     assert len(str(inspect.signature(function))) <= 600, name
+
+
+def test_boxes_of_random_starts():
+    for low, high, message in (
+        (1, 1, "below high"),
+        (-1.7e308, 1.7e308, "less than 1.8e308 apart"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            sf.RandomStarts(3, low=low, high=high)

@@ -72,6 +72,10 @@ class RandomStarts:
             raise wrong("low and high", "numbers, or one for each component", received)
         if not (low < high).all():
             raise wrong("low", f"below high, {high.tolist()}", low.tolist())
+        with np.errstate(over="ignore"):
+            if not np.isfinite(high - low).all():
+                expected = "less than 1.8e308 apart"
+                raise wrong("low and high", expected, f"{low.tolist()} and {high.tolist()}")
         # As tuples, because a set of starts is hashable.
         for name, ends in (("low", low), ("high", high)):
             vars(self)[name] = tuple(ends.tolist()) if ends.ndim else float(ends)

@@ -101,7 +101,8 @@ def test_page(path, folder, tmp_path, monkeypatch):
             run(code, path.name, names)
     if path.stem in script_of("draw").PAGES:
         figures = [plt.figure(number) for number in plt.get_fignums()]
-        sizes = [tuple((100 * each.get_size_inches()).round()) for each in figures]
+        dpi = script_of("draw").DPI
+        sizes = [tuple((dpi * each.get_size_inches()).round()) for each in figures]
         assert sizes == sizes_of_pictures(path.stem)
 
 

@@ -363,6 +363,11 @@ def spelled(number: Fraction) -> str:
         return f"{Decimal(number.numerator) / number.denominator:.6g}"
 
 
+def brief(expression: str) -> str:
+    """Return an expression for readers, where long fractions are rounded to six digits."""
+    return re.sub(r"\d{4,}/\d{4,}", lambda found: spelled(Fraction(found[0])), expression)
+
+
 def short(value: Any) -> str:
     """Return a value as text of at most 60 characters, for messages."""
     text = spelled(value) if isinstance(value, Fraction) else " ".join(repr(value).split())

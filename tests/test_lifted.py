@@ -257,6 +257,14 @@ def two(f):
     return lambda: LiftedField.from_function(f, "x y")
 
 
+def test_long_fractions_are_rounded_for_readers_alone():
+    mu = 0.012277471
+    field = LiftedField.from_function(lambda x: (1 / np.sqrt((x[0] + mu) ** 2 + 1),), "x")
+    assert "1.00015" in repr(field)
+    assert "1.00015" in field.added["u1"]
+    assert body_from_dict(field.to_dict()) == field
+
+
 def fills_an_array(x):
     derivative = np.zeros(2)
     derivative[0] = x[1]

@@ -352,9 +352,9 @@ class LiftedField(Body):
             equations=()
             if energy is not None
             else tuple(definitions.text(row, used) for row in rows),
-            shown=tuple(definitions.text(row) for row in rows),
+            shown=tuple(checks.brief(definitions.text(row)) for row in rows),
             energy="" if energy is None else definitions.text(energy, used),
-            shown_energy="" if energy is None else definitions.text(energy),
+            shown_energy="" if energy is None else checks.brief(definitions.text(energy)),
         )
         parts = {NUMBERS: numbers.stacked(numbers.list, True), VALUES: coefficients}
         return cls._of({**parts, **values, NAMES: names, STRUCTURE: shared})

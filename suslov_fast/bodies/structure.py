@@ -132,5 +132,5 @@ def added_words(
             named_variables[word[0] - D] = name
         else:
             text = definitions.text(Polynomial([(word, Fraction(1))]), named_variables)
-        found_words.append((name, text))
+        found_words.append((name, checks.brief(text)))
     return tuple(found_words)

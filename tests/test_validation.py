@@ -510,7 +510,7 @@ FUNCTIONS = [
 def test_body_and_state_are_positional_only(name, function):
     """A state is omega for a body and x for a field: no name of the argument would fit both."""
     for parameter in inspect.signature(function).parameters.values():
-        is_first = parameter.name in {"body", "field", "omega", "omega0", "x", "xy"}
+        is_first = parameter.name in {"body", "field", "omega", "omega0", "x", "x0", "xy"}
         assert is_first == (parameter.kind == parameter.POSITIONAL_ONLY), parameter
     if name == "suslov_fast.iterate":
         with pytest.raises(TypeError, match="the second argument, without a name"):

@@ -106,7 +106,7 @@ def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
             states = reference(step, x, halves, stages, steps)
             assert same_bits(lines.states(), states[-1])
             assert same_bits(saved, states[every::every] if every else states[:0])
-    kinds = {each[3:6] for each in machine_code._codes}
+    kinds = {each[4:7] for each in machine_code._codes}
     assert {W} == {each[0] for each in kinds}
     assert len(kinds) >= (2 if B == 1 else 4)
     assert None not in machine_code._codes.values()

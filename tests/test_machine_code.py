@@ -46,7 +46,12 @@ def anew(monkeypatch):
     """Forget all plans and all machine code."""
     monkeypatch.setattr(machine_code, "_codes", {})
     monkeypatch.setattr(machine_code, "_engines", {})
-    for module, name in ((steps_field, "_step_of"), (tangent, "_tangent_of")):
+    caches = (
+        (steps_field, "_step_of"),
+        (steps_field, "column_stage_of"),
+        (tangent, "_tangent_of"),
+    )
+    for module, name in caches:
         plan = functools.cache(getattr(module, name).__wrapped__)
         monkeypatch.setattr(module, name, plan)
 
@@ -228,7 +233,12 @@ def test_dense_fields_that_are_too_large_to_plan(rng, monkeypatch, anew):
     planned = found()
     monkeypatch.setattr(operations, "MOST", -1)
     monkeypatch.setattr(machine_code, "_codes", {})
-    for module, name in ((steps_field, "_step_of"), (tangent, "_tangent_of")):
+    caches = (
+        (steps_field, "_step_of"),
+        (steps_field, "column_stage_of"),
+        (tangent, "_tangent_of"),
+    )
+    for module, name in caches:
         monkeypatch.setattr(module, name, functools.cache(getattr(module, name).__wrapped__))
     assert not steps_field.scheme_of(field.terms[0], 3).step.usual
     for one, other in zip(found(), planned, strict=True):
@@ -386,7 +396,7 @@ def test_an_error_of_the_generator_is_not_one_of_llvm(monkeypatch, anew):
 
     monkeypatch.setattr(steps_field, "text_of_steps", slip)
     with pytest.raises(KeyError, match="no such value"):
-        sf.iterate(sf.QuadraticField.from_function(of_a, 3, a=1), np.ones(3), 0.02, 10)
+        sf.iterate(sf.QuadraticField.from_function(of_a, 3, a=1), np.ones((9, 3)), 0.02, 10)
 
 
 def test_a_signal_handler_that_compiles_while_old_codes_are_freed(monkeypatch, anew):

@@ -303,7 +303,7 @@ MISTAKES = """
 1 | run --J 1,-2 --I 1,1 --eps 1 | J must be positive, not -2
 1 | run --trajectories 0 | --trajectories must .* 0
 1 | run --trajectories 1e12 --steps 9 | memory
-1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* [MGT]B are free
+1 | run --trajectories 1e12 -o o.zarr | o.zarr: .* B are free
 1 | run --threads 100000 | --threads:
 1 | run --method order9 | method must be 'auto', not 'order9' .* field of this body has the methods
 1 | run --body missing.json --eps 1 | missing.json: No such file

@@ -495,8 +495,8 @@ def test_all_is_imported_from_an_archive(tmp_path):
         assert sf.__file__.startswith(sys.argv[1])
         body = sf.Suslov3D(4, 2, -0.5, -0.3)
         print(sf.energy(body, [1.0, 0.5]), cache._digest())
-        from suslov_fast.plots.explore.server import _FILES
-        assert b"<html" in _FILES["/"].read_bytes()
+        from suslov_fast.plots.explore.server import PAGE
+        assert b"<html" in (PAGE / "index.html").read_bytes()
     """
     places = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path), "HOME": str(tmp_path)}
     found = children.run(code, archive, **places)

@@ -53,6 +53,8 @@ def problem(body, omega, eps):
 def all_hashes():
     found = {}
     for kind, options in OPTIONS:
+        if kind.startswith("Lifted"):  # exp and sin are those of the C library
+            continue
         given = problem(*hard(np.random.default_rng(1), kind))
         for save_every in (1, None):
             run = sf.iterate(*given, 60, save_every=save_every, on_singular="ignore", **options)

@@ -13,7 +13,7 @@ ONE = -1
 
 
 class Lift(NamedTuple):
-    """How words follow from a state; see `bodies.lifting`. It can be hashed.
+    """The definitions of words by a state; see `bodies.lifting`. It can be hashed.
 
     given         components of the state
     coefficients  number of coefficients

@@ -17,7 +17,7 @@ from .polynomials import Polynomial
 
 
 class Structure(NamedTuple):
-    """What all members of a family share."""
+    """The parts that all members of a family share."""
 
     lift: Lift
     indices: tuple[tuple[int, int, int], ...]  # of the terms of the lifted field
@@ -32,7 +32,7 @@ class Structure(NamedTuple):
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What == compares: the texts do not matter."""
+        """The parts that == compares: the texts do not matter."""
         return self.lift, self.indices, self.H, self.K
 
 

@@ -195,7 +195,7 @@ class March:
 
     @property
     def told_by_signs(self) -> Any:
-        """Whether a change of sign, and not det A < 0, told the pole of each trajectory."""
+        """True where a change of sign, and not det A < 0, told the pole of each trajectory."""
         if not self.steps.notes_poles:
             return False
         by_signs: NDArray[np.bool_] = self.carry[0].reshape(self.problem.batch) < 0

@@ -34,12 +34,12 @@ class Column(NamedTuple):
 
     @property
     def is_public(self) -> bool:
-        """Whether datasets and stores have the column."""
+        """True if datasets and stores have the column."""
         return not self.name.startswith(_PRIVATE)
 
     @property
     def is_saved(self) -> bool:
-        """Whether it has a row for each saved state; others have one for all steps."""
+        """True if it has a row for each saved state; others have one for all steps."""
         return self.axes.startswith("n ")
 
 

@@ -17,7 +17,7 @@ _MOST_STARTS = 20
 
 
 class View(NamedTuple):
-    """What the page shows; names and texts as in its address."""
+    """The parts of the page; names and texts as in its address."""
 
     x: str  # names of the components of the plane
     y: str

@@ -9,12 +9,10 @@ from scipy.integrate import solve_ivp
 
 from suslov_fast import (
     LiftedField,
-    PoleWarning,
     QuadraticField,
     Status,
     body_from_dict,
     energy,
-    flow,
     iterate,
     jacobian,
     step,
@@ -149,28 +147,6 @@ def test_the_jacobian_is_that_of_differences(method):
         np.testing.assert_allclose(jacobian(field, x, 0.1, method=method), slopes, atol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("name", "time"),
-    [("pendulum", 20.0), ("kepler", 2 * np.pi), ("brusselator", 20.0), ("arrhenius", 10.0)],
-)
-def test_the_motion_has_its_tolerance(name, time):
-    f, x, _ = FIELDS[name]
-    exact = solve_ivp(lambda t, y: f(y), (0, time), x, "DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
-    for rtol in (1e-6, 1e-9):
-        found = flow(field_of(name), x, [time / 2, time], rtol=rtol)[-1]
-        assert abs(found - exact).max() < 200 * rtol
-
-
-def test_stiff_motions_and_motions_that_end():
-    stiff = LiftedField.from_function(lambda x: (x[1], 1000 * (1 - x[0] ** 2) * x[1] - x[0]), "x v")
-    # The value of the test set for initial value problems (Mazzia and Magherini), at T = 2000.
-    assert abs(flow(stiff, [2.0, 0.0], 2000.0, rtol=1e-8)[0] - 1.706167732170469) < 1e-6
-    falling = LiftedField.from_function(lambda x: (-1 / x[0],), "x")  # sqrt(1 - 2 t)
-    with pytest.warns(PoleWarning, match="1 of 1 solutions end.* near t = 0.5"):
-        states = flow(falling, [1.0], [0.1, 0.4, 0.6])
-    np.testing.assert_allclose(states[:, 0], [0.8**0.5, 0.2**0.5, np.nan], rtol=1e-9)
-
-
 def test_bits_depend_on_nothing_but_the_trajectory():
     family = LiftedField.from_function(predator_prey, "N P", K=np.linspace(2, 4, 21))
     starts = np.random.default_rng(3).uniform(0.3, 2, (21, 2))
@@ -184,9 +160,6 @@ def test_bits_depend_on_nothing_but_the_trajectory():
             np.testing.assert_array_equal(alone.x, run.x[:, k])
         some = iterate(family[3:6], starts[3:6], 0.1, 30, method=method)
         np.testing.assert_array_equal(some.x, run.x[:, 3:6])
-
-    motion = flow(family, starts, [-1.0, 2.0, 5.0], rtol=1e-6)
-    np.testing.assert_array_equal(flow(family[5], starts[5], [2.0, 5.0], rtol=1e-6), motion[1:, 5])
 
 
 def test_a_quadratic_right_hand_side_has_the_bits_of_the_quadratic_field():

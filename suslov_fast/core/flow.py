@@ -20,7 +20,6 @@ from .operations import evaluate
 from .pool import in_parts
 from .stages import extrapolation, weights_of
 from .steps_field import in_lines
-from .tolerance import stage_of
 
 COLUMNS = 2, 4, 6, 8, 10
 # Factors of x_1 - x_0, ..., x_n - x_0 in the difference of order n of the longest column.
@@ -43,11 +42,12 @@ def plan_of(direction):
 
 
 @function
-def solve_stages(indices, halves, rows, D, least):
+def solve_stages(indices, halves, rows, D, least, tells):
     """Take a stage of all lanes by elimination with pivoting.
 
     The lines are rows[line, row, lane], whose first D rows are the states; halves (lines, T, W).
-    The row `least` becomes -1 where there is no next state, or the step was from det A < 0.
+    The row `least` becomes -1 where there is no next state, or the step was from det A < 0 and that
+    `tells` of a pole.
     """
     system, units, x = np.empty((D, D + 1, 1)), np.empty((2, D)), np.empty(D)
     half = np.empty(halves.shape[1])
@@ -60,22 +60,22 @@ def solve_stages(indices, halves, rows, D, least):
             status, negative = solve_lane(indices, half, x, system, units)
             for i in range(D):
                 rows[line, i, l] = x[i]
-            if status != OK or negative:
+            if status != OK or (negative and tells):
                 rows[line, least, l] = -1.0
 
 
 class Motion:
-    """Trajectories x0 (B, D) of fields with one pattern of terms, in lines of lanes.
+    """Trajectories x0 (B, n) of fields with one `tolerance.Stage`, in lines of lanes.
 
-    values      (1 or B, T), of the terms
+    values      (1 or B, parameters), of the terms and of the lift
     direction   1 or -1, forward or backward in time
     last        modulus of the last time, the length of the first step of a state at rest
     """
 
-    def __init__(self, indices, values, x0, rtol, direction, last):
-        self.B, self.D = x0.shape
+    def __init__(self, step, values, x0, rtol, direction, last):
+        self.B, self.given = x0.shape
         W = min(1 << (self.B - 1).bit_length(), 4) if self.B <= WIDTH else WIDTH
-        self.step, self.W = stage_of(np.ascontiguousarray(indices, np.int64).tobytes(), self.D), W
+        self.step, self.W = step, W
         self.places, self.rtol = rows_of(self.step), np.array([rtol])
         self.plan, self.for_each = plan_of(direction), len(values) > 1
         x = in_lines(x0, W)
@@ -159,55 +159,65 @@ class Motion:
                 if ((time == end) | (wanted == 0.0)).all():
                     break
                 self._step_to(end)
-            base = self.rows[:, self.places.base : self.places.base + self.D]
-            states[:] = base.swapaxes(1, 2).reshape(-1, self.D)[: self.B]
+            base = self.rows[:, self.places.base : self.places.base + self.given]
+            states[:] = base.swapaxes(1, 2).reshape(-1, self.given)[: self.B]
 
     def _step_to(self, end):
         """Take one step of all lanes, at most to a time."""
-        rows, places, D = self.rows.swapaxes(0, 1), self.places, self.D
-        x, base, total, second = (
-            rows[first : first + D]
-            for first in (places.x, places.base, places.total, places.second)
+        rows, places, (D, n) = self.rows.swapaxes(0, 1), self.places, (self.step.D, self.given)
+        words, all_base = rows[places.x : places.x + D], rows[places.base : places.base + D]
+        x, base, total, second, largest = (
+            rows[first : first + n]
+            for first in (places.x, places.base, places.total, places.second, places.largest)
         )
         rest, wanted = end - rows[places.time], rows[places.wanted]
         taken = rows[places.taken] = np.where(wanted < rest, wanted, rest)
         total[:], second[:], rows[places.least] = 0.0, 0.0, 1.0
         values = self.values.swapaxes(0, 1)
-        for (_, scale, weight, without), n in zip(self.plan, COLUMNS, strict=True):
-            halves = scale * taken * values
-            x[:] = base
-            for k in range(n):
+        for (_, scale, weight, without), stages in zip(self.plan, COLUMNS, strict=True):
+            halves = self._scaled(scale * taken, values)
+            if stages == COLUMNS[0] and self.step.lift is not None:
+                all_base[n:], rows[places.least] = self.step.words(base, halves)
+            words[:] = all_base
+            for k in range(stages):
                 self._take_stage(rows, halves)
-                if n == LONGEST:
+                if stages == LONGEST:
                     second += DIFFERENCE[k] * (x - base)
             change = x - base
             total += weight * change
             second += without * change
         choice = self.step.choice
-        found = dict(enumerate([*rows[places.base : places.base + 4 * D], *values]))
+        inputs = [*all_base, *total, *second, *largest, *values[: self.step.T]]
+        found = dict(enumerate(inputs))
         scalars = [rows[k] for k in range(places.time, places.least + 1)]
         found.update(enumerate([*scalars, end, self.rtol[0]], len(found)))
         evaluate(choice.operations, found)
         results = [found[number] for number in choice.results]
-        base[:] = results[:D]
-        rows[places.largest : places.largest + D] = results[D : 2 * D]
-        rows[places.time], rows[places.wanted] = results[2 * D :]
+        base[:], largest[:] = results[:n], results[n : 2 * n]
+        rows[places.time], rows[places.wanted] = results[2 * n :]
+
+    def _scaled(self, half, values):
+        """Return h v of the terms, and the coefficients of the lift."""
+        T = self.step.T
+        return [*half * values[:T], *values[T:]]
 
     def _take_stage(self, rows, halves):
-        """Take a stage of all lanes; halves are h v of the terms (T, lines, W)."""
+        """Take a stage of all lanes; halves are those of `_scaled`."""
         step, least = self.step, rows[self.places.least]
         if not step.usual:
-            own = np.ascontiguousarray(
-                np.broadcast_to(halves.swapaxes(0, 1), (len(self.rows), *halves.shape[:1], self.W))
-            )
-            solve_stages(step.indices, own, self.rows, self.D, self.places.least)
+            own = np.empty((len(self.rows), step.T, self.W))
+            for t in range(step.T):
+                own[:, t] = halves[t]
+            is_told = self.places.least, step.lift is None
+            solve_stages(step.indices, own, self.rows, step.D, *is_told)
             return
-        found = dict(enumerate([*rows[: self.D], *halves]))
+        found = dict(enumerate([*rows[: step.D], *halves]))
         evaluate(step.fixed, found)
         evaluate(step.usual, found)
-        lower = found[step.least]
-        least[:] = np.where(lower < least, lower, least)
-        rows[: self.D] = [found[number] for number in step.after]
+        if step.lift is None:
+            lower = found[step.least]
+            least[:] = np.where(lower < least, lower, least)
+        rows[: step.D] = [found[number] for number in step.after]
 
 
 class FlowKernel(Kernel):

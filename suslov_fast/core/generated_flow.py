@@ -56,9 +56,9 @@ class Rows(NamedTuple):
 
     x: int  # of a stage (D)
     base: int  # the state before the step (D)
-    total: int  # sum of weights times ends of columns (D)
-    second: int  # the same without the shortest column, less the difference of the last one (D)
-    largest: int  # moduli so far (D)
+    total: int  # sum of weights times ends of columns (n, the `given` components)
+    second: int  # the same without the shortest column, less the difference of the last one (n)
+    largest: int  # moduli so far (n)
     time: int
     wanted: int  # length of the next step, 0 if the trajectory has ended
     taken: int  # length of this step
@@ -70,13 +70,13 @@ class Rows(NamedTuple):
 
 def rows_of(step):
     """Return the rows for the lists of a `tolerance.Stage`."""
-    first = [k * step.D for k in range(6)]
+    first = [0, step.D, *(2 * step.D + k * step.given for k in range(4))]
     return Rows(*first, *range(first[-1] + 1, first[-1] + 6), first[-1] + 5 + len(step.table))
 
 
 def text_of_flow(step, name, W, for_each, _):
     """Return the text of i64 name(arguments), see `FlowArguments`."""
-    text, D, size = Text(W), step.D, 8 * W
+    text, D, given, size = Text(W), step.D, step.given, 8 * W
     integer, V, rows = text.integer, text.V, rows_of(step)
     (*before, usual), _ = step.pieces
     for k, piece in enumerate(before):
@@ -142,10 +142,11 @@ def text_of_flow(step, name, W, for_each, _):
             half = text.operate("fmul", scale, taken)
             values, of_line = {}, of.values
             if for_each:
-                of_line = integer("add", of.values, integer("mul", number, size * step.T))
+                of_line = integer("add", of.values, integer("mul", number, size * step.parameters))
 
             def half_of(number, of_line=of_line, half=half):
-                return text.operate("fmul", half, value_of(number - D, of_line))
+                value = value_of(number - D, of_line)
+                return value if number >= D + step.T else text.operate("fmul", half, value)
 
             def value_of(t, of_line):
                 address = text.plus(of_line, (size if for_each else 8) * t)
@@ -155,6 +156,8 @@ def text_of_flow(step, name, W, for_each, _):
             for number, offset in step.places.items():
                 value = values[number] if number in values else half_of(number)
                 text.store(V, value, text.plus(line, size * (rows.table + offset)))
+            if step.lift is not None:
+                begin_step(text, step, is_first, line, dict(values), half_of)
             for x, base in zip(numbers(line, rows.x), numbers(line, rows.base), strict=True):
                 text.store(V, text.load(V, base), x)
 
@@ -168,11 +171,12 @@ def text_of_flow(step, name, W, for_each, _):
             load, values = loader(text, step, True, line, table, of.kept), {}
             text.carry_out(usual, values, load)
             after = [values[n] if n in values else load(n) for n in step.after]
-            least = values[step.least] if step.least in values else load(step.least)
-            so_far = row(line, rows.least)
-            is_less = text.compare("olt", least, so_far)
-            least = text.select(is_less, least, so_far)
-            text.store(V, least, text.plus(line, size * rows.least))
+            if step.lift is None:
+                least = values[step.least] if step.least in values else load(step.least)
+                so_far = row(line, rows.least)
+                is_less = text.compare("olt", least, so_far)
+                least = text.select(is_less, least, so_far)
+                text.store(V, least, text.plus(line, size * rows.least))
             for n, value, x in zip(step.after, after, numbers(line, rows.x), strict=True):
                 if n >= D:
                     text.store(V, value, x)
@@ -185,7 +189,7 @@ def text_of_flow(step, name, W, for_each, _):
             factor = scalar(at(of.difference, number_of_stage))
             with text.loop("differ", "%taking") as k:
                 line = line_at(active(k))
-                for n in range(D):
+                for n in range(given):
                     change = text.operate("fsub", row(line, rows.x + n), row(line, rows.base + n))
                     term = text.operate("fmul", factor, change)
                     term = text.operate("fadd", row(line, rows.second + n), term)
@@ -195,7 +199,7 @@ def text_of_flow(step, name, W, for_each, _):
 
         with text.loop("sum", "%taking") as k:
             line = line_at(active(k))
-            for n in range(D):
+            for n in range(given):
                 change = text.operate("fsub", row(line, rows.x + n), row(line, rows.base + n))
                 for first, factor in ((rows.total, weight), (rows.second, second)):
                     so_far = from_0(row(line, first + n), zero)
@@ -210,11 +214,12 @@ def text_of_flow(step, name, W, for_each, _):
     text.add(f"  %kept = phi i64 [ 0, %{before_choice} ], [ %kept1, %chosen ]")
     number = active("%k")
     line, place = line_at(number), text.load("i64", at(of.place, number))
-    inputs = [*range(rows.base, rows.base + 4 * D), *[None] * step.T]
+    first_value = D + 3 * given
+    inputs = [*range(rows.base, rows.base + first_value), *[None] * step.T]
     inputs += [rows.time, rows.wanted, rows.taken, rows.first, rows.least]
     of_line = of.values
     if for_each:
-        of_line = integer("add", of.values, integer("mul", number, size * step.T))
+        of_line = integer("add", of.values, integer("mul", number, size * step.parameters))
 
     def load(n):
         if n == len(inputs):
@@ -223,12 +228,13 @@ def text_of_flow(step, name, W, for_each, _):
             return scalar(of.rtol)
         if inputs[n] is not None:
             return row(line, inputs[n])
-        address = text.plus(of_line, (size if for_each else 8) * (n - 4 * D))
+        address = text.plus(of_line, (size if for_each else 8) * (n - first_value))
         return text.load(V, address) if for_each else scalar(address)
 
     values, choice = {}, step.choice
     text.carry_out(choice.operations, values, load)
-    places = numbers(line, rows.base) + numbers(line, rows.largest) + numbers(line, rows.time, 2)
+    places = numbers(line, rows.base, given) + numbers(line, rows.largest, given)
+    places += numbers(line, rows.time, 2)
     for n, address in zip(choice.results, places, strict=True):
         text.store(V, values[n], address)
     text.jump("check")
@@ -244,9 +250,9 @@ def text_of_flow(step, name, W, for_each, _):
     text.label("reached")
     row_at = integer("add", of.states, integer("mul", "%place", of.state_bytes))
     text.add(f"  %row = add i64 {row_at}, 0")
-    states = [text.load(V, address) for address in numbers(line, rows.base)]
+    states = [text.load(V, address) for address in numbers(line, rows.base, given)]
     text.jump("save")
-    save(text, states, D, of.trajectories, 8)
+    save(text, states, given, of.trajectories, 8)
     text.label("next")
     text.add("  %place1 = add i64 %place, 1")
     text.branch(text.compare_integers("ult", "%place1", of.count), "another", "finished")
@@ -277,3 +283,28 @@ def text_of_flow(step, name, W, for_each, _):
     text.store("i64", 0, text.plus("%arguments", 8 * SLOT.taking))
     text.add("  ret i64 1")
     return text.finished()
+
+
+def begin_step(text, step, is_first, line, values, half_of):
+    """Add the beginning of a step of a lifted field: words of the state, and the least pivot.
+
+    `values` and `half_of` are those of parameters alone.
+    """
+    rows, given = rows_of(step), step.given
+
+    def address(row):
+        return text.plus(line, 8 * text.W * row)
+
+    def load(number):
+        is_state = number < given
+        return text.load(text.V, address(rows.base + number)) if is_state else half_of(number)
+
+    text.branch(is_first, "lift", "lifted")
+    text.label("lift")
+    text.carry_out(step.prologue, values, load)
+    for k, number in enumerate(step.lifted, given):
+        value = values[number] if number in values else load(number)
+        text.store(text.V, value, address(rows.base + k))
+    text.store(text.V, values[step.least], address(rows.least))
+    text.jump("lifted")
+    text.label("lifted")

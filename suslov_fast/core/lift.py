@@ -16,8 +16,8 @@ from .planned_elimination import Matrix
 ONE = -1  # the place of a coefficient 1
 
 
-class LiftedStep(Step):
-    """The operations of a stage of the lifted field, and those of its first stage before it.
+class Lifting:
+    """What makes a step of the field of all words a step of the given equations; see `LiftedStep`.
 
     Values 0 to M - 1 are the words, the next T are h v of the terms, and after them come the
     coefficients of the lift.
@@ -25,23 +25,16 @@ class LiftedStep(Step):
     lift        a `bodies.lift.Lift`, and the longest stage over the first
     prologue    operations at the first stage of a whole step
     lifted      values of the prologue: the words after the state
-    turned      true if det(1 - h f'(x)) of the equations as given is negative
     """
 
-    def __init__(self, indices, D, lift, longest):
-        self.lift, self.prologue, self.lifted, self.turned = (lift, longest), [], [], None
-        super().__init__(indices, D, carried=lift.coefficients)
-        self.of_one_sign = {*lift.signs}
+    def __init__(self, indices, D, lift, longest=1.0):
+        self.lift, self.prologue, self.lifted = (lift, longest), [], []
+        super().__init__(indices, D, lift.coefficients)
         if self.factors is None:
             self._separate_fixed()
 
-    def _fixed_values(self):
-        return range(self.D, self.D + self.T + self.lift[0].coefficients)
-
-    def _add_tests(self, halves):
-        super()._add_tests(halves)
-        self.negative = self.values.emit("olt", 1.0, 0.0)
-        self.rare.append(self.values.operations[-1])
+    given = property(lambda self: self.lift[0].given)
+    parameters = property(lambda self: self.T + self.lift[0].coefficients)
 
     def _separate_fixed(self):
         values, first = self.values, len(self.values.operations)
@@ -50,9 +43,6 @@ class LiftedStep(Step):
         super()._separate_fixed()
         self.prologue = [operation for operation in self.usual if operation[1] in own]
         self.usual = [operation for operation in self.usual if operation[1] not in own]
-
-    def _results(self):
-        return [*super()._results(), *self.lifted]
 
     def _add_prologue(self):
         lift, longest = self.lift
@@ -86,8 +76,32 @@ class LiftedStep(Step):
                         if j > k:
                             product = emit("fmul", factor, row[j])
                             below[j] = emit("fadd", below[j], product) if j in below else product
-        tests = [emit("olt", pivot, 0.0) for pivot in pivots]
-        self.turned = self.values.joined("xor", tests)
+        self._test_pivots(pivots)
+
+
+class LiftedStep(Lifting, Step):
+    """The operations of a stage of the lifted field, and those of its first stage before it.
+
+    turned      true if det(1 - h f'(x)) of the equations as given is negative
+    """
+
+    turned = None
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.of_one_sign = {*self.lift[0].signs}
+
+    def _add_tests(self, halves):
+        super()._add_tests(halves)
+        self.negative = self.values.emit("olt", 1.0, 0.0)
+        self.rare.append(self.values.operations[-1])
+
+    def _test_pivots(self, pivots):
+        emit = self.values.emit
+        self.turned = self.values.joined("xor", [emit("olt", pivot, 0.0) for pivot in pivots])
+
+    def _results(self):
+        return [*super()._results(), *self.lifted]
 
 
 class _Variables:

@@ -170,16 +170,20 @@ class Step:
     changed     true if a component that keeps its sign along the motion does not; a value of
                 `rare`, None if there is no such component or `keeps_signs` is false
     factors     `Factors` of 1 - N(x)
+    lift        None; of lifted fields see `lift.Lifting`, as for the next two
+    given       the number of components of the state
+    parameters  the number of values of a field
     of_one_sign   components that keep their signs along the motion
     keeps_signs   true if the operations are a whole step, so that they test these signs
     """
 
     good = accurate = negative = changed = factors = None  # without a plan
+    lift = None
 
     def __init__(self, indices, D, carried=0, keeps_signs=False):
         self.indices, self.D, self.T = indices, D, indices.shape[1]
         self.of_one_sign, self.keeps_signs = of_one_sign(indices), keeps_signs
-        values = self.values = Values(D + self.T + carried, self._fixed_values())
+        values = self.values = Values(D + self.T + carried, range(D, D + self.parameters))
         self.fixed, self.table, self.usual, self.rare = [], [], [], []
         self.after, self.after_rare, self.places = [*range(D)], [*range(D)], {}
         matrix = self.matrix = Matrix(indices, D, values, range(D), range(D, D + self.T))
@@ -198,9 +202,8 @@ class Step:
         self._add_tests(halves)
         self._separate_fixed()
 
-    def _fixed_values(self):
-        """Return the numbers of the values of parameters that are given."""
-        return range(self.D, self.D + self.T)
+    given = property(lambda self: self.D)
+    parameters = property(lambda self: self.T)
 
     def _add_tests(self, halves):
         """Add the tests that increments do not cancel the state, and that pivots are not small.

@@ -58,9 +58,12 @@ def _step_of(places, D, is_whole):
     return Step(np.frombuffer(places, np.int64).reshape(3, -1), D, keeps_signs=is_whole)
 
 
-def scheme_of(indices, D, stages=WHOLE):
-    """Return the scheme for fields with terms at these indices (3, T)."""
+def scheme_of(indices, D, stages=WHOLE, lift=None):
+    """Return the scheme for fields of D words with terms at these indices (3, T)."""
     places = np.ascontiguousarray(indices, np.int64).tobytes()
+    if lift is not None:
+        longest = max(map(abs, stages.fractions)) / stages.fractions[0]
+        return Scheme(_lifted_step_of(places, D, lift, longest), stages)
     if stages.columns:
         return Scheme(column_stage_of(places, D), stages)
     is_whole = len(stages.fractions) == 1 and _has_signs(places)
@@ -75,13 +78,6 @@ def _has_signs(places):
 @functools.lru_cache(PLANS)
 def _lifted_step_of(places, D, lift, longest):
     return LiftedStep(np.frombuffer(places, np.int64).reshape(3, -1), D, lift, longest)
-
-
-def lifted_scheme_of(indices, D, lift, stages):
-    """Return the scheme for lifted fields of D words with terms at these indices (3, T)."""
-    longest = max(map(abs, stages.fractions)) / stages.fractions[0]
-    places = np.ascontiguousarray(indices, np.int64).tobytes()
-    return Scheme(_lifted_step_of(places, D, lift, longest), stages)
 
 
 # ------------------------------------------------------------------------------------------- lines

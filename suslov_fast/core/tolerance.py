@@ -16,6 +16,10 @@ LEAST_PIVOT: Kahan's map is exact for x' = x**2, so beyond a pole all columns ag
 1 with h, so this only shortens steps, and stages need no other test: what rounding does to a stage
 the estimate sees.
 
+A lifted field begins each step with the words of its state, and ends it with the state alone. Its
+pivots are those of 1 - (h/4) f' of the equations as given, at the beginning. A step that changes a
+sign which the motion keeps is not taken, because a population below 0 would leave the solution.
+
 A trajectory ends where h falls below 2**-42 of the time, or far below its first length at time 0;
 it then has the length 0. With the length 0 a step changes nothing.
 """
@@ -25,6 +29,7 @@ import functools
 import numpy as np
 
 from .elimination import LEAST_PIVOT
+from .lift import Lifting
 from .operations import Step, Values, evaluate
 from .planned_elimination import Matrix
 
@@ -43,12 +48,12 @@ class Stage(Step):
 
     least = None  # without a plan
 
-    def __init__(self, indices, D):
-        super().__init__(indices, D)
-        self.choice = Choice(indices, D)
+    def __init__(self, indices, D, carried=0):
+        super().__init__(indices, D, carried)
+        self.choice = Choice(indices, D, self.given, self.lift[0].signs if self.lift else ())
         self._values = Values(D + self.T, ())
         f = Matrix(indices, D, self._values, range(D), range(D, D + self.T))
-        self._rates = [f.right_side(k) for k in range(D)]
+        self._rates = [f.right_side(k) for k in range(self.given)]
 
     def rates(self, x, v):
         """Return f(x) (D, ...) of states (D, ...), with the bits that a single state has."""
@@ -57,59 +62,91 @@ class Stage(Step):
         return np.array([0.0 * x[0] if n is None else found[n] + 0.0 * x[0] for n in self._rates])
 
     def _add_tests(self, halves):
-        pivots = [self.factors.pivot[k] for k in sorted(self.factors.pivot)]
-        self.least = self.values.joined("min", pivots) if pivots else self._one()
+        self._test_pivots([self.factors.pivot[k] for k in sorted(self.factors.pivot)])
 
-    def _one(self):
-        return self.values.emit("fadd", 1.0, 0.0)
+    def _test_pivots(self, pivots):
+        one = [] if pivots else [self.values.emit("fadd", 1.0, 0.0)]
+        self.least = self.values.joined("min", pivots or one)
 
     def _results(self):
         return [*self.after, self.least]
 
 
+class LiftedStage(Lifting, Stage):
+    """The operations of a stage of a lifted field; the least pivot is a value of the prologue."""
+
+    def _add_tests(self, halves):
+        pass
+
+    def rates(self, x, v):
+        return super().rates([*x, *self.words(x, v)[0]], v[: self.T])
+
+    def words(self, x, halves):
+        """Return the words after the state (n, ...) of states x (given, ...), and the least pivot.
+
+        After h v of the terms `halves` has the coefficients of the lift.
+        """
+        found = dict(enumerate(x)) | dict(enumerate(halves, self.D))
+        evaluate(self.fixed, found)
+        evaluate(self.prologue, found)
+        return [found[number] for number in self.lifted], found[self.least]
+
+    def _results(self):
+        return [*super()._results(), *self.lifted]
+
+
 @functools.lru_cache(32)
-def stage_of(places, D):
-    """Return the `Stage` of fields with terms at these indices, given by their bytes."""
-    return Stage(np.frombuffer(places, np.int64).reshape(3, -1), D)
+def _stage_of(places, D, *lift):
+    kind = LiftedStage if lift else Stage
+    return kind(np.frombuffer(places, np.int64).reshape(3, -1), D, *lift)
+
+
+def stage_of(indices, D, lift=None):
+    """Return the `Stage` of fields of D words with terms at these indices (3, T)."""
+    places = np.ascontiguousarray(indices, np.int64).tobytes()
+    return _stage_of(places, D) if lift is None else _stage_of(places, D, lift)
 
 
 class Choice:
     """The operations at the end of a step: the next state, time and length.
 
-    Values are given by `inputs`, in this order: the state x, x_next - x, the same without the
-    shortest column, the largest moduli so far (D each), the values v of the terms (T), and t, the
-    length wanted, the length taken, the first length, the least pivot, the end of time, and rtol.
+    Values are given in this order: the state x, of n components, with the words after it (D);
+    x_next - x, the same without the shortest column, and the largest moduli so far (n each); the
+    values v of the terms (T); t, the length wanted, the length taken, the first length, the least
+    pivot, the end of time, and rtol. `signs` has the components that keep their signs.
 
-    results   numbers of the next state and the largest moduli (D each), t and the length
+    results   numbers of the next state and the largest moduli (n each), t and the length
     """
 
-    def __init__(self, indices, D):
-        self.D, T = D, indices.shape[1]
-        values = Values(4 * D + T + 7, ())
+    def __init__(self, indices, D, n, signs):
+        T, first_value = indices.shape[1], D + 3 * n
+        values = Values(first_value + T + 7, ())
         emit, joined = values.emit, values.joined
-        x, total, second, largest = (range(k * D, k * D + D) for k in range(4))
-        t, wanted, taken, first, least, end, rtol = range(4 * D + T, 4 * D + T + 7)
-        after = [emit("fadd", x[k], total[k]) for k in range(D)]
-        errors = [emit("fabs", emit("fsub", total[k], second[k])) for k in range(D)]
-        sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(D)]
+        x, (total, second, largest) = range(D), (range(k, k + n) for k in range(D, first_value, n))
+        t, wanted, taken, first, least, end, rtol = range(first_value + T, first_value + T + 7)
+        after = [emit("fadd", x[k], total[k]) for k in range(n)]
+        errors = [emit("fabs", emit("fsub", total[k], second[k])) for k in range(n)]
+        sizes = [emit("max", emit("fabs", after[k]), largest[k]) for k in range(n)]
         floor = emit("fmul", SMALLEST, joined("max", sizes))
         sizes = [emit("max", size, floor) for size in sizes]
+        [of_state] = np.nonzero(indices[0] < n)
         terms = Matrix(
-            indices, D, values,
+            indices[:, of_state], D, values,
             [emit("fabs", k) for k in x],
-            [emit("fabs", 4 * D + k) for k in range(T)],
+            [emit("fabs", first_value + k) for k in of_state.tolist()],
         )  # fmt: skip
         rounding, ratios = emit("fmul", OF_ROUNDING, taken), []
-        for k in range(D):
+        for k in range(n):
             allowed, of_terms = emit("fmul", rtol, sizes[k]), terms.right_side(k)
             if of_terms is not None:
                 allowed = emit("max", emit("fmul", rounding, of_terms), allowed)
             ratio = emit("fdiv", errors[k], allowed)
             ratios.append(emit("select", emit("oeq", errors[k], 0.0), 0.0, ratio))
         rho = joined("max", ratios)
-        numbers = [emit("fabs", after[k]) for k in range(D)] + errors
+        numbers = [emit("fabs", after[k]) for k in range(n)] + errors
         finite = joined("and", [emit("olt", number, np.inf) for number in numbers])
         good = [finite, emit("oge", 1.0, rho), emit("ogt", least, LEAST_PIVOT)]
+        good += [emit("oge", emit("fmul", x[k], after[k]), 0.0) for k in signs]
         good = joined("and", good)
         root = emit("select", finite, rho, 1e30)
         for _ in range(3):
@@ -118,16 +155,18 @@ class Choice:
         factor = emit("min", factor, LONGER)
         factor = emit("select", good, factor, emit("min", factor, REFUSED))
         length = emit("fmul", taken, factor)
-        # A step that was cut at the end of time says nothing against the length wanted.
-        is_cut = emit("and", good, emit("olt", taken, wanted))
+        # A step that was cut at the end of time says nothing against the length wanted, and one of
+        # length 0 nothing at all, even if f has no value at x.
+        is_cut = emit("or", good, emit("oeq", taken, 0.0))
+        is_cut = emit("and", is_cut, emit("olt", taken, wanted))
         length = emit("select", is_cut, wanted, length)
         arrives = emit("oeq", taken, emit("fsub", end, t))
         later = emit("select", arrives, end, emit("fadd", t, taken))
         later = emit("select", good, later, t)
         limit = emit("fmul", SHORTEST, emit("max", later, first))
         ended = emit("olt", length, limit)
-        states = [emit("select", good, after[k], x[k]) for k in range(D)]
+        states = [emit("select", good, after[k], x[k]) for k in range(n)]
         states = [emit("select", ended, np.nan, state) for state in states]
-        moduli = [emit("select", good, sizes[k], largest[k]) for k in range(D)]
+        moduli = [emit("select", good, sizes[k], largest[k]) for k in range(n)]
         self.results = [*states, *moduli, later, emit("select", ended, 0.0, length)]
         self.operations = values.operations

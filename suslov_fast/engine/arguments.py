@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..checks import FloatArray
 from ..core.field_system import FieldSystem, system_of
 from ..core.stages import WHOLE, Stages
-from ..core.steps_field import lifted_scheme_of, scheme_of
+from ..core.steps_field import scheme_of
 from ..core.steps_nd import FAR_FROM_0, NDSystem
 
 
@@ -55,8 +55,16 @@ def by_constants(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> 
 
 
 def by_field(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Arguments:
-    """Return the arguments of kernels that take the field of a body: its terms, and eps."""
+    """Return the arguments of kernels that take the field of a body: its terms, and eps.
+
+    After the values of the terms come the coefficients of a lift, if there are any.
+    """
     indices, values = body._terms
+    if lift_of(body) is not None:
+        numbers = body._numbers
+        shape = np.broadcast_shapes(values.shape[:-1], numbers.shape[:-1])
+        parts = [np.broadcast_to(a, (*shape, a.shape[-1])) for a in (values, numbers)]
+        values = np.concatenate(parts, axis=-1)
     if not body.shape:  # for speed in small calls
         return indices, values[np.newaxis], flat_parameter(eps, batch)
     return indices, flat_parameter(values, batch, 1), flat_parameter(eps, batch)
@@ -73,74 +81,60 @@ def alike(
     The operations of a step, and so its rounding errors, depend on which terms are zero. Without
     groups, the bits of a trajectory would depend on the fields of others.
     """
-    if len(values) == 1 or (nonzero := values != 0.0).all():
+    T = indices.shape[1]
+    if len(values) == 1 or (nonzero := values[:, :T] != 0.0).all():
         yield ALL, indices, values, eps
         return
     patterns, which = np.unique(nonzero, axis=0, return_inverse=True)
+    others = np.ones(values.shape[1] - T, bool)  # coefficients of a lift
     for k, pattern in enumerate(patterns):
         [where] = np.nonzero(which.ravel() == k)
-        terms = [np.ascontiguousarray(a[:, pattern]) for a in (indices, values[where])]
+        columns = (indices, pattern), (values[where], np.append(pattern, others))
+        terms = [np.ascontiguousarray(a[:, kept]) for a, kept in columns]
         yield where, terms[0], terms[1], eps[where] if len(eps) > 1 else eps
 
 
 def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
     """Return the arguments of the kernel of fields: the operations of a step, values and eps."""
-    return with_scheme(body.dimension, WHOLE, *by_field(body, eps, batch))
+    return with_scheme(body, WHOLE, *by_field(body, eps, batch))
 
 
 def in_stages(stages: Stages) -> Callable[..., Any]:
     """Return `by_scheme` for steps made of these stages."""
 
     def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
-        return with_scheme(body.dimension, stages, *by_field(body, eps, batch))
+        return with_scheme(body, stages, *by_field(body, eps, batch))
 
     return by_scheme
 
 
 def with_scheme(
-    D: int, stages: Stages, indices: NDArray[Any], values: FloatArray, eps: FloatArray
+    body: Any, stages: Stages, indices: NDArray[Any], values: FloatArray, eps: FloatArray
 ) -> Any:
     """Return arguments with the operations of a step in place of the indices of its terms."""
-    return scheme_of(indices, D, stages), values, eps
+    return scheme_of(indices, words_of(body), stages, lift_of(body)), values, eps
+
+
+def lift_of(body: Any) -> Any:
+    """Return the `Lift` of a lifted field; None for other bodies, and if no variable is added."""
+    lift = body._structure.lift if hasattr(body, "lifted") else None
+    return lift if lift is not None and lift.words else None
+
+
+def words_of(body: Any) -> int:
+    """Return the number of variables of the field of a body, those of a lift included."""
+    return int(body.lifted.dimension if hasattr(body, "lifted") else body.dimension)
 
 
 def by_zeros(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
     """Group trajectories as `alike` does, with arguments as of `by_scheme`."""
     (step, stages), values, eps = arguments
     for where, *of_group in alike(step.indices, values, eps):
-        yield where, arguments if where is ALL else with_scheme(D, stages, *of_group)
-
-
-def by_lift(stages: Stages) -> Callable[..., Any]:
-    """Return `by_scheme` for whole steps of lifted fields, made of these stages."""
-
-    def by_scheme(body: Any, eps: float | FloatArray, batch: tuple[int, ...]) -> Any:
-        (indices, values), lift = body.lifted._terms, body._structure.lift
-        if not lift.words:  # a quadratic field
-            return with_scheme(body.dimension, stages, *by_field(body.lifted, eps, batch))
-        shape = np.broadcast_shapes(values.shape[:-1], body._numbers.shape[:-1])
-        parts = [np.broadcast_to(a, (*shape, a.shape[-1])) for a in (values, body._numbers)]
-        values = flat_parameter(np.concatenate(parts, axis=-1), batch, 1)
-        scheme = lifted_scheme_of(indices, body.lifted.dimension, lift, stages)
-        return scheme, values, flat_parameter(eps, batch)
-
-    return by_scheme
-
-
-def by_zeros_of_lift(D: int, arguments: Any) -> Iterator[tuple[Any, Any]]:
-    """Group trajectories of lifted fields by the zeros of their terms."""
-    (step, stages), values, eps = arguments
-    if not hasattr(step, "lift"):
-        yield from by_zeros(D, arguments)
-        return
-    T, (lift, _) = step.T, step.lift
-    for where, indices, own, of_group in alike(step.indices, values[:, :T], eps):
         if where is ALL:
             yield where, arguments
             continue
-        others = values[where, T:] if len(values) > 1 else values[:, T:]
-        scheme = lifted_scheme_of(indices, step.D, lift, stages)
-        yield where, (scheme, np.hstack([own, others]), of_group)
+        lift = None if step.lift is None else step.lift[0]
+        yield where, (scheme_of(of_group[0], step.D, stages, lift), *of_group[1:])
 
 
 def nd_system(body: Any, eps: float) -> NDSystem:

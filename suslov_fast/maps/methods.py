@@ -10,10 +10,8 @@ from ..core.numba import Kernel
 from ..core.stages import Stages, extrapolation
 from ..engine.arguments import (
     by_constants,
-    by_lift,
     by_scheme,
     by_zeros,
-    by_zeros_of_lift,
     field_system,
     in_stages,
     nd_system,
@@ -99,9 +97,7 @@ def field_in(stages: Stages) -> Steps:
 
 def lifted_in(stages: Stages) -> Steps:
     """Return the whole steps of lifted fields that consist of these stages."""
-    return field_in(stages)._replace(
-        arguments=by_lift(stages), system=None, divide=by_zeros_of_lift
-    )
+    return field_in(stages)._replace(system=None)
 
 
 # ---------------------------------------------------------------------- steps of other authors

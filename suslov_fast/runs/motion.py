@@ -10,12 +10,12 @@ import numpy as np
 from .. import checks
 from ..checks import FloatArray, first_index, require, spell, wrong
 from ..core.flow import Motion, flow_kernel
-from ..engine.arguments import ALL, alike, by_field, flat_arrays
+from ..core.tolerance import stage_of
+from ..engine.arguments import ALL, alike, by_field, flat_arrays, lift_of, words_of
 from ..engine.problem import Problem
 from ..engine.status import PoleWarning
 from ..engine.stretches import Progress, Report, reporter
 from ..engine.threads import available, call_kernel
-from . import lifted_motion
 
 DEFAULT, LEAST, MOST = 1e-9, 1e-13, 1e-2
 # Trajectories of a `Motion`, and steps of the map for one, by which threads are chosen.
@@ -58,9 +58,7 @@ def motion(problem: Problem, times: FloatArray, rtol: float, progress: Progress)
             later, where = np.unique(abs(times[rows]), return_inverse=True)
             counts = np.bincount(where).tolist() if report else []
             arguments = problem, x0, later, direction, rtol
-            is_lifted = hasattr(problem.body, "lifted")
-            solve = lifted_motion.in_direction if is_lifted else _in_direction
-            found, now_ended, at = solve(*arguments, counts, told)
+            found, now_ended, at = _in_direction(*arguments, counts, told)
             states[rows] = found[where]
             ends = np.where(now_ended & ~ended, direction * at, ends)
             ended |= now_ended
@@ -87,17 +85,18 @@ def _in_direction(
     motions: list[Any] = []
     outs: list[FloatArray] = []
     threads = problem.threads or available()
+    words, lift = words_of(problem.body), lift_of(problem.body)
     for where, own, v, _ in alike(indices, values, eps):
-        x = x0[where]
+        step, x = stage_of(own, words, lift), x0[where]
         states = out if where is ALL else np.full((len(times), *x.shape), np.nan)
         size = min(max(-(-len(x) // (8 * threads)) * 8, 8), _CHUNK)
         parts = [slice(first, min(first + size, len(x))) for first in range(0, len(x), size)]
         for part in parts:
             of_part = v[part] if len(v) > 1 else v
-            motions.append(Motion(own, of_part, x[part], rtol, direction, times[-1]))
+            motions.append(Motion(step, of_part, x[part], rtol, direction, times[-1]))
             outs.append(states[:, part])
         groups.append((where, states, len(parts)))
-    cost = sum(m.B * max(len(m.step.usual), m.D**3) for m in motions) // 10
+    cost = sum(m.B * max(len(m.step.usual), m.step.D**3) for m in motions) // 10
     if not counts:
         call_kernel(flow_kernel, cost * _USUAL, problem.threads, motions, times, outs)
     else:

@@ -1,0 +1,215 @@
+"""`flow` of lifted fields, by the steps that quadratic fields take."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import expi
+
+from suslov_fast import LiftedField, PoleWarning, flow
+from suslov_fast.core import flow as core_flow
+from suslov_fast.core import tolerance
+from suslov_fast.engine import threads
+
+S, E = np.sin, np.exp
+
+
+def kepler(x):
+    x, y, u, v = x
+    r3 = (x**2 + y**2) ** (-3 / 2)
+    return u, v, -x * r3, -y * r3
+
+
+def predator_prey(x, K=4.0, m=1 / 3):
+    N, P = x
+    return N * (1 - N / K) - N * P / (1 + N), N * P / (1 + N) - m * P
+
+
+def van_der_pol(x, mu=1000):
+    return x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]
+
+
+def brusselator(x):
+    return 1 + x[0] ** 2 * x[1] - 4 * x[0], 3 * x[0] - x[0] ** 2 * x[1]
+
+
+def arrhenius(x):
+    rate = x[0] * E(-1 / (1 + x[1]))
+    return -rate, rate - x[1] / 2
+
+
+def of(f, dimension, **parameters):
+    return LiftedField.from_function(f, dimension, **parameters)
+
+
+def solution(f, x, times, method="DOP853"):
+    """Return states by SciPy."""
+    options = {"rtol": 1e-13, "atol": 1e-15}
+    return solve_ivp(lambda t, y: f(y), (0, times[-1]), x, method, times, **options).y.T
+
+
+# ---------------------------------------------------------------------------------------- accuracy
+@pytest.mark.parametrize(
+    ("f", "start", "time"),
+    [
+        (lambda x: (x[1], -S(x[0])), [2.5, 0.0], 20.0),
+        (kepler, [0.4, 0.0, 0.0, 2.0], 2 * np.pi),
+        (predator_prey, [1.0, 1.0], 50.0),
+        (brusselator, [1.0, 1.0], 20.0),
+        (arrhenius, [1.0, 0.0], 10.0),
+        (lambda x: (2 / (1 + x[0] ** 4) - x[0],), [0.1], 10.0),
+        (
+            lambda x: (np.tanh(x[1]), -((x[0] ** 2 + 1) ** 0.3) * np.log1p(x[0] ** 2)),
+            [0.4, 1.3],
+            5.0,
+        ),
+    ],
+)
+def test_solutions_have_their_tolerance(f, start, time):
+    exact = solution(f, start, [time / 2, time])
+    for rtol in (1e-6, 1e-9, 1e-12):
+        found = flow(of(f, len(start)), start, [time / 2, time], rtol=rtol)
+        assert abs(found - exact).max() < 100 * rtol
+
+
+def test_the_pendulum_swings_back_and_forth():
+    field = of(lambda x: (x[1], -S(x[0])), 2)
+    there = flow(field, [2.5, 0.1], 7.0, rtol=1e-12)
+    assert abs(flow(field, there, -7.0, rtol=1e-12) - [2.5, 0.1]).max() < 1e-10
+
+
+@pytest.mark.parametrize(("rtol", "error"), [(1e-6, 5e-6), (1e-8, 1e-7), (1e-12, 5e-11)])
+def test_stiff_relaxation(rtol, error):
+    field = of(van_der_pol, "x v")
+    found = flow(field, [2.0, 0.0], np.arange(1.0, 12) * 200, rtol=rtol)
+    # Test set for initial value problems (Mazzia and Magherini), whose time is 1000 times shorter.
+    assert abs(found[-2, 0] - 1.706167732170469) < error
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("rate", [1e3, 1e6, 1e9])
+def test_fast_modes_that_begin_away_from_their_equilibrium(rtol, rate):
+    """Extrapolated steps multiply very fast modes by almost 1, so an estimate does not see them."""
+    field = of(lambda x: (rate * (1 - x[0]), -E(-x[1])), "x y")  # y = log(e - t)
+    times = np.array([0.1, 1.0, 1e5, 1e9]) / 1e9
+    found = flow(field, [0.0, 1.0], [*times, 1.0, 2.0], rtol=rtol)
+    wanted = -np.expm1(-rate * np.array([*times, 1.0, 2.0]))
+    assert abs(found[:, 0] - wanted).max() < 2 * rtol
+    assert abs(found[-2:, 1] - np.log(np.e - np.array([1.0, 2.0]))).max() < 20 * rtol
+
+
+def test_populations_stay_positive():
+    field = of(lambda x: (x[0] * (1 - x[1]), x[1] * (x[0] - 1) / (1 + 1e-6 * x[0])), "x y")
+    times = np.linspace(0, 60, 301)[1:]
+    found = flow(field, [20.0, 20.0], times, rtol=1e-6)
+    assert (found > 0).all()
+    exact = np.exp(solution_of_logarithms(times))
+    assert exact.min() < 1e-14
+    assert abs(found - exact).max() < 0.1
+
+
+def solution_of_logarithms(times):
+    def f(z):
+        x, y = np.exp(z)
+        return 1 - y, (x - 1) / (1 + 1e-6 * x)
+
+    return solution(f, np.log([20.0, 20.0]), times)
+
+
+# -------------------------------------------------------------------------------------------- ends
+@pytest.mark.parametrize(
+    ("f", "start", "end"),
+    [
+        (lambda x: (E(x[0]),), [1.0], np.exp(-1)),  # x = -log(e**-1 - t)
+        (lambda x: (-E(-x[0]),), [1.0], np.e),  # y = log(e - t)
+        (lambda x: (-1 / x[0],), [1.0], 0.5),  # sqrt(1 - 2 t)
+        (lambda x: (-np.sqrt(x[0]) / x[0],), [1.0], 2 / 3),
+        (lambda x: (1 + x[0] ** 4,), [0.0], np.pi / 8**0.5),
+        (lambda x: (np.log(x[0]),), [0.5], -expi(np.log(0.5))),
+    ],
+)
+def test_solutions_that_end(f, start, end):
+    field = of(f, 1)
+    times = np.array([0.5, 0.99, 1.01, 2.0]) * end
+    with pytest.warns(PoleWarning, match="1 of 1 solutions end") as record:
+        found = flow(field, start, times)
+    [told] = re.findall(r"near t = (\S+)$", str(record[0].message))
+    assert abs(float(told) - end) < 1e-6
+    np.testing.assert_allclose(found[:2], solution(f, start, times[:2]), rtol=1e-7)
+    assert np.isnan(found[2:]).all()
+
+
+def test_only_solutions_that_end_are_nan():
+    field = of(lambda x: (E(x[0]),), 1)
+    start = np.array([[1.0], [-1.0], [np.nan], [0.0], [800.0]])
+    with pytest.warns(PoleWarning, match="3 of 5 solutions end.* first: 0 near t = 0.36787944"):
+        found = flow(field, start, [2.0])[0, :, 0]
+    assert np.isnan(found).tolist() == [True, False, True, True, True]
+    assert abs(found[1] + np.log(np.e - 2)) < 1e-8
+
+
+def test_a_state_without_rates_waits_for_others():
+    """The last state before the end of a solution is the same beside others that go on."""
+    field, times = of(lambda x: (-1 / x[0],), 1), [0.5 - 1e-13, 0.5, 0.6]
+    with pytest.warns(PoleWarning):
+        alone = flow(field, [1.0], times)
+    with pytest.warns(PoleWarning):
+        together = flow(field, [[1.0], [2.0], [5.0]], times)
+    np.testing.assert_array_equal(together[:, 0], alone)
+
+
+# ---------------------------------------------------------------------------------------- contract
+def cases(rng):
+    K = np.array([2.0, 4.0, 3.0, 2.5, 3.5] * 12)
+    m = np.where(np.arange(60) % 7, 1 / 3, 0.0)  # with other terms
+    family = of(predator_prey, "N P", K=K, m=m)
+    powers = of(lambda x, h: (x[0] * (1 - x[0] ** h), E(-x[1])), 2, h=np.linspace(0.5, 3, 60))
+    starts = rng.uniform(0.3, 2, (60, 2))
+    return (family, starts), (of(lambda x: (x[1], -S(x[0])), 2), starts), (powers, starts)
+
+
+def test_bits_do_not_depend_on_batch_and_threads(rng, monkeypatch):
+    for field, x in cases(rng):
+        whole = flow(field, x, [0.3, 2.0])
+        for part in (slice(0, 1), slice(3, 5), slice(7, 12), slice(20, 60), slice(None, None, -1)):
+            own = field[part] if field.shape else field
+            assert (flow(own, x[part], [0.3, 2.0]) == whole[:, part]).all()
+        with monkeypatch.context() as patch:
+            patch.setattr(threads, "CROSSOVER", 0)
+            assert (flow(field, x, [0.3, 2.0], threads=2) == whole).all()
+            patch.setattr(core_flow, "BUDGET", 1)  # a pause after each step
+            assert (flow(field, x, [0.3, 2.0]) == whole).all()
+
+
+def test_families_have_the_solutions_of_their_members(rng):
+    (family, x), *_ = cases(rng)
+    found = flow(family, x, [5.0], rtol=1e-10)[0]
+    for k in (0, 1, 7, 59):
+        K, m = (family.parameters[name][k] for name in "Km")
+        exact = solution(lambda z, K=K, m=m: predator_prey(z, K, m), x[k], [5.0])
+        assert abs(found[k] - exact[0]).max() < 1e-8
+
+
+@pytest.mark.filterwarnings("ignore::suslov_fast.PoleWarning")
+def test_numpy_takes_the_same_steps(rng, monkeypatch):
+    field = of(lambda x: (E(x[0] - x[1]), -np.sqrt(x[1])), 2)
+    starts = np.array([[-1.0, 1.0], [0.5, 2.0], [0.0, -1.0], [3.0, 1e-3], [np.nan, 1.0]])
+    some = [(field, starts, [0.5, 1.5]), *((each[:9], x[:9], [1.0]) for each, x in cases(rng)[::2])]
+    expected = [flow(*case) for case in some]
+    monkeypatch.setattr(core_flow, "code_of", lambda *arguments, **options: None)
+    for case, wanted in zip(some, expected, strict=True):
+        np.testing.assert_array_equal(flow(*case), wanted)
+
+
+def test_a_field_without_a_plan(monkeypatch):
+    """By elimination with pivoting, to rounding."""
+    field, start = of(predator_prey, 2), [1.0, 1.0]
+    wanted = flow(field, start, 5.0)
+    monkeypatch.setattr("suslov_fast.core.operations.MOST", 0)
+    tolerance._stage_of.cache_clear()
+    try:
+        found = flow(field, start, 5.0)
+    finally:
+        tolerance._stage_of.cache_clear()
+    assert abs(found - wanted).max() < 1e-7

@@ -1,10 +1,12 @@
 """Machine code of random lists of operations carries out what NumPy does, to the bit."""
 
+import weakref
+
 import numpy as np
 import pytest
 
 import suslov_fast as sf
-from suslov_fast.core import machine_code, operations, steps_field
+from suslov_fast.core import listed, listed_code, machine_code, operations, steps_field
 from suslov_fast.core.careful import careful
 from suslov_fast.core.stages import Stages
 
@@ -110,6 +112,25 @@ def test_the_code_of_steps_does_what_numpy_does(monkeypatch, seed):
     assert {W} == {each[0] for each in kinds}
     assert len(kinds) >= (2 if B == 1 else 4)
     assert None not in machine_code._codes.values()
+
+
+def test_the_arrays_of_a_long_list_live_as_long_as_its_steps():
+    """Of threads that begin at once, `programs_of` keeps the arrays of one alone."""
+    field = sf.QuadraticField.from_function(
+        lambda x: (x[1] * x[2], x[0] - x[1], x[0] ** 2 - x[2]), 3
+    )
+    indices, values = field.terms
+    scheme, x = steps_field.scheme_of(indices, 3), np.full((8, 3), 0.5)
+    notes = np.zeros(8, np.int8), np.zeros(8, np.int64), np.zeros(8)
+    given = scheme, np.atleast_2d(values), np.array([0.1])
+    lines = steps_field._Lines(given, x, notes, np.zeros((3, 8)), 8)
+    take = listed_code.taker_of(lines, listed_code.listed_code(8, False))
+    heads = weakref.ref(listed.programs_of(scheme.step).usual.runs.heads)
+    listed.programs_of.cache_clear()
+    assert heads() is not None
+    taken, bits = take(0, 0, 5)
+    assert (taken, bits) == (5, 0)
+    assert (lines.states() == sf.iterate(field, x, 0.1, 5).final).all()
 
 
 def test_steps_by_elimination_pause(monkeypatch):

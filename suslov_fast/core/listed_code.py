@@ -286,7 +286,8 @@ def taker_of(lines, address):
     arguments = ListArguments(rows.ctypes.data, 0, *addresses, changed, D, 0, 0, 0, 0)
     arguments = np.array(arguments, np.int64)
 
-    def take(line, place, most):
+    # `programs_of` may forget them, and does not keep those of all threads that begin at once.
+    def take(line, place, most, _kept_alive=programs):
         rows[:D] = lines.x[line]
         arguments[SLOT.table] = table[place, line % table.shape[1]].ctypes.data
         arguments[SLOT.ended], arguments[SLOT.passed] = ended[line], passed[line]

@@ -596,10 +596,10 @@ PAPERS = {
 }
 
 
-LONG = [pytest.param(name, marks=pytest.mark.slow) for name in ("Ishii", "Lagrange")]
+LONG = [pytest.param(name, marks=pytest.mark.slow) for name in ("Euler", "Ishii", "Lagrange")]
 
 
-@pytest.mark.parametrize("name", ["Euler", "Suslov", "gyrostat", "Lotka-Volterra", *LONG])
+@pytest.mark.parametrize("name", ["Suslov", "gyrostat", "Lotka-Volterra", *LONG])
 def test_formulas_in_eps(name):
     field, degree, integrals, density = PAPERS[name]
     found = report(field, degree=degree)
@@ -686,7 +686,7 @@ def test_texts_of_products_and_long_formulas():
     assert len(str(found.integrals[0])) > 150
 
 
-@pytest.mark.parametrize("eps", [EPS, None])
+@pytest.mark.parametrize("eps", [EPS, pytest.param(None, marks=pytest.mark.slow)])
 def test_names_of_variables(eps):
     """Formulas, relations and symmetries are those of x1, x2, x3 under other names."""
     names = "S", "ω_1", "x"
@@ -785,6 +785,7 @@ def test_decimals():
     assert_holds(found)
 
 
+@pytest.mark.slow
 def test_a_report_that_is_cut_short(monkeypatch, tmp_path):
     (tmp_path / "random.py").write_text("1 / 0")  # the current folder may hold anything
     monkeypatch.chdir(tmp_path)
@@ -846,7 +847,7 @@ def test_a_larger_degree_shows_no_less(given):
         assert len(both) == len(more.integrals)
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("field", [EULER, CYCLE, ISHII])
 def test_a_permutation_of_the_variables(field):
     """Reports of the same field in other variables show as much, of the same degrees."""
@@ -904,6 +905,7 @@ def test_products_of_cofactors_before_larger_candidates(map, degree, integrals):
     assert_holds(found)
 
 
+@pytest.mark.slow
 def test_what_reports_print_of_several_possibilities():
     """Polynomials that factor; products of polynomials are left out."""
     assert str(report(LYNESS).integrals[0]) == "(x1 + 1)*(x2 + 1)*(x1 + x2 + 3)/(x1*x2)"
@@ -1014,6 +1016,7 @@ def test_a_line_twice_and_three_conics():
 TETRAHEDRAL = field_of(lambda x: (x[0] ** 2 - x[1] ** 2, -2 * x[0] * x[1]), 2)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("field", [TETRAHEDRAL, EULER, CYCLE])
 def test_a_polynomial_has_one_sign_in_a_report(field):
     """It is that of the limit for eps to 0."""
@@ -1053,7 +1056,7 @@ def test_formulas_of_papers():
     }
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.slow
 @pytest.mark.parametrize("field", [EULER, CYCLE, CUBIC, ISHII, ZOO["Nambu"][0]])
 def test_symbolic_eps_and_number_print_the_same(field):
     """And the limit for eps to 0 is an integral of the field."""
@@ -1165,6 +1168,7 @@ def test_a_search_that_cannot_be_interrupted(monkeypatch):
         report(CYCLE, EPS, time_limit=1000)
 
 
+@pytest.mark.slow
 def test_ctrl_c_without_a_limit(monkeypatch):
     """A long search goes on in another process, from which Ctrl-C does not have to wait."""
     from suslov_fast.integrability import process

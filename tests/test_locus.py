@@ -89,7 +89,7 @@ def counted(map, degree):
         ),
         (henon_heiles, 3, 0, {F(1): 2}),
         (rotors, 3, 4, {F(0): 8}),
-        (so4, 2, 2, {F(2, 5): 13, F(1): 7, F(2): 7, F(5): 13}),
+        pytest.param(so4, 2, 2, {F(2, 5): 13, F(1): 7, F(2): 7, F(5): 13}, marks=pytest.mark.slow),
     ],
 )
 def test_known_loci(f, degree, generic, values):
@@ -137,6 +137,7 @@ def test_algebraic_values():
         }
 
 
+@pytest.mark.slow
 def test_rational_maps():
     def todd(a):
         return rational_map(lambda x: (x[1], x[2], (1 + x[1] + a * x[2]) / x[0]), 3)

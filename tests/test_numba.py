@@ -129,6 +129,7 @@ def cached(folder, name="*"):
     return sorted((folder / "package" / "core" / "__pycache__").glob(pattern))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variable", ["NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK"])
 def test_settings_of_numba(folder, variable):
     """Interpreted, and with checks of bounds, the results are the same, and nothing is cached."""
@@ -141,6 +142,7 @@ def test_settings_of_numba(folder, variable):
     assert "IndexError" in done.stderr
 
 
+@pytest.mark.slow
 def test_later_processes_compile_edited_and_damaged_functions_only(folder):
     assert call(folder, *RESULTS) == 0
     assert call(folder, *RESULTS) == 5
@@ -352,6 +354,7 @@ def compiled(function):
     return numba.njit(lambda *arguments: function(*arguments))
 
 
+@pytest.mark.slow
 def test_every_kind_can_be_called_at_a_prompt(rng):
     """Formulas, functions, kernels and universal functions: compiled, and as Python functions.
 

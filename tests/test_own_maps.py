@@ -798,6 +798,7 @@ maps.register(replace(
 
 
 @pytest.mark.compiled
+@pytest.mark.slow
 def test_the_maps_of_the_page_keep_the_promises(tmp_path):
     """In a module of one's own; and a map whose random orbits diverge."""
     (tmp_path / "my_maps.py").write_text(MODULE + DIVERGING, encoding="utf-8")
@@ -822,7 +823,7 @@ def of_the_page(right, wrong):
 
 
 @pytest.mark.compiled
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("right", "wrong", "words"),
     [

@@ -238,6 +238,7 @@ def test_a_wrong_passage_is_no_proof():
         assert never_confined.why_never(plane, number, longer) == ""
 
 
+@pytest.mark.slow
 def test_reports_list_it_beside_the_growth(monkeypatch):
     field, eps = ZOO["Suslov body"]
     found = report(field, eps, 2)

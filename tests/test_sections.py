@@ -30,8 +30,9 @@ def plane(x):
     return x[..., 0]
 
 
-@pytest.mark.parametrize("direction", [1, -1, 0])
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("direction", [1, -1, 0])
 def test_points_have_the_digits_of_the_states(method, direction):
     """The error of points is at most 10 times that of the states; DOP853 is the reference."""
     eps = LENGTHS[map_of(HENON_HEILES, method).order]

@@ -70,7 +70,7 @@ def _is_periodic_modulo(residues: PlaneModulo, number: int, passage: Passage) ->
         if point in visited:
             return True
         visited.add(point)
-        x = [value_at(F, x) for F in residues.forms]
+        x = [F(*point) for F in residues.forms]
     return False
 
 

@@ -216,6 +216,45 @@ def test_columns_are_orthonormalised_in_time(rng, linear, eps, tolerance):
         np.testing.assert_allclose(found[k], exponents_by_qr(field, x[k], eps, 40), atol=tolerance)
 
 
+def ring(x):
+    return [x[k - 1] * (x[(k + 1) % len(x)] - x[k - 2]) - x[k] + 8 for k in range(len(x))]
+
+
+def everything(x):
+    """All products, as of a Galerkin system."""
+    total = sum(x)
+    return [(k % 3 - 1) * x[k] * total / len(x) - x[k] + x[k - 1] for k in range(len(x))]
+
+
+def in_a_cascade(x):
+    """Rates from -1 to -150, and a growing component: columns grow apart within a step."""
+    return [x[k - 1] * x[k] / 8 - (1 + 3 * k) * x[k] + 1 for k in range(len(x) - 1)] + [9 * x[-1]]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("f", "D", "size", "tolerance"),
+    [(ring, 100, 8.0, 1e-12), (everything, 48, 0.5, 1e-12), (in_a_cascade, 50, 0.1, 1e-10)],
+)
+def test_many_variables(rng, monkeypatch, f, D, size, tolerance):
+    """Loops in place of lists: as NumPy's QR of each derivative; bits over batches and cuts."""
+    monkeypatch.setattr("suslov_fast.core.tangent.MOST", 1000)
+    field, x = sf.QuadraticField.from_function(f, D), size + 0.1 * rng.normal(size=(3, D))
+    for method in ("auto", "order4"):
+        slopes = sf.jacobian(field, x[0], 1 / 64, method=method)
+        for k in (0, D // 2, D - 1):
+            nearby = x[0] + 1e-6 * np.outer([1, -1], np.eye(D)[k])
+            above, below = sf.step(field, nearby, 1 / 64, method=method)
+            np.testing.assert_allclose(slopes[:, k], (above - below) / 2e-6, atol=1e-7)
+    found = sf.lyapunov_exponents(field, x, 1 / 64, 40)
+    np.testing.assert_allclose(found[0], exponents_by_qr(field, x[0], 1 / 64, 40), atol=tolerance)
+    dets = np.linalg.slogdet(sf.jacobian(field, sf.iterate(field, x[1], 1 / 64, 39).x, 1 / 64))[1]
+    assert found[1].sum() == pytest.approx(dets.mean(), rel=1e-10)
+    np.testing.assert_array_equal(sf.lyapunov_exponents(field, x[2], 1 / 64, 40), found[2])
+    monkeypatch.setattr(derivatives, "_STRETCH", 1)  # a call for each step
+    np.testing.assert_array_equal(sf.lyapunov_exponents(field, x, 1 / 64, 40), found)
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize("by_jacobian", [False, True])
 def test_progress_counts_steps_of_all_trajectories(rng, monkeypatch, by_jacobian):

@@ -21,7 +21,9 @@ import functools
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import config
 
+from . import sparse
 from .careful import fill_system, solve_lane
 from .codes import NONFINITE, OK, PASSED_POLE
 from .elimination import determinant_of, solve
@@ -51,7 +53,7 @@ from .operations import Tangent
 from .stages import distinct, weights_of
 from .steps_field import Scheme, scheme_of, tables_of
 
-MOST = 40_000  # operations, above which compiling takes longer than most runs
+MOST = 4000  # operations of a step, above which the loops of `sparse` are faster
 INTERVAL = 16  # steps, after which columns are orthonormalised at the latest
 _NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` needs D alone
 
@@ -59,11 +61,12 @@ _NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` n
 class Arguments(NamedTuple):
     """The arguments of `growth` and `jacobians` for trajectories in lines of W lanes."""
 
-    step: int  # address of the code of `text_of_tangent`, 0 if there is none
-    orthonormalise: int  # address of the code of `text_of_orthonormalise`, 0 if there is none
+    step: int  # address of the code of `text_of_tangent` or `sparse`, 0 if there is none
+    orthonormalise: int  # address of the code of `text_of_orthonormalise` or `sparse`, or 0
+    plan: int  # address of a `sparse.Plan`, 0 for the other code
     W: int
     room: int  # see `columns_of`
-    kept: int  # rows for values that later pieces of a long list need
+    kept: int  # rows for values that later pieces of a long list need, or for `sparse`
     indices: Any  # (3, T)
     table: Any  # (fractions, 1 or lines, n, 1 or W)
     halves: Any  # (1 or lines, T, 1 or W)
@@ -77,23 +80,40 @@ def _tangent_of(places, D):
     return Tangent(np.frombuffer(places, np.int64).reshape(3, -1), D)
 
 
+def _is_long(step):
+    """Return whether the loops of `sparse` take the steps of a field with columns."""
+    return not 0 < len(step.usual) <= MOST and not config.DISABLE_JIT
+
+
 def arguments_of(scheme, values, eps, count):
     """Return the arguments of the kernels for `count` trajectories, and what has to stay alive."""
     (step, stages), fractions = scheme, scheme.stages.fractions
+    of_stages = np.array(fractions), distinct(fractions)[1], weights_of(stages)[:, 0].copy()
+    if _is_long(step):
+        halves = (0.5 * eps[:, np.newaxis] * values)[..., np.newaxis]
+        table = distinct(fractions)[0][:, np.newaxis, np.newaxis, np.newaxis] * halves
+        pattern, room = sparse.pattern_of(step.indices.tobytes(), step.D), sparse.width_of(step.D)
+        plan = sparse.plan_of(pattern, step.T, room)
+        kept = sparse.kept_for(pattern, room)
+        fixed = 1, room, kept, step.indices, table, halves, *of_stages
+        codes = sparse.take_steps.address, sparse.orthonormalise.address, plan.ctypes.data
+        return Arguments(*codes, *fixed), (pattern, plan)
     tangent, W = _tangent_of(step.indices.tobytes(), step.D), WIDTH if count > 1 else 1
     halves, table = tables_of(Scheme(tangent, stages), values, eps, W)
     room, is_each, address = columns_of(tangent.D, W)[1], halves.shape[2] > 1, None
-    if 0 < len(tangent.usual + tangent.columns) < MOST:
+    if tangent.usual:
         address = code_of(text_of_tangent, tangent, W, is_each)
     codes = address, code_of(text_of_orthonormalise, scheme_of(_NO_TERMS, step.D).step, W)
-    of_stages = np.array(fractions), distinct(fractions)[1], weights_of(stages)[:, 0].copy()
     fixed = W, room, len(tangent.pieces[1]), step.indices, table, halves, *of_stages
-    return Arguments(*(int(code or 0) for code in codes), *fixed), codes
+    return Arguments(*(int(code or 0) for code in codes), 0, *fixed), codes
 
 
 def operations_of(scheme):
     """Return the number of operations of a step, its derivative, and orthonormal columns."""
     step, D = scheme.step, scheme.step.D
+    if _is_long(step):
+        pattern = sparse.pattern_of(step.indices.tobytes(), D)
+        return D * (len(pattern.columns) + len(pattern.given)) + D**3 // 4
     tangent = _tangent_of(step.indices.tobytes(), D)
     return len(tangent.usual) + D * len(tangent.columns) + D**3 // 4
 
@@ -167,7 +187,7 @@ def take_steps(arguments, memory, place, stage, ignored, steps):
     kept = memory.kept.ctypes.data
     code = np.int64(all_lanes & ~ignored) << STEP  # all need `solve`, without machine code
     if address != 0:
-        code = call_code(address, (line.ctypes.data, table, kept, ignored, steps))
+        code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, ignored, steps))
     elif code == 0:  # all lanes have ended
         code = steps
     taken, step = code & ((1 << STEP) - 1), (code >> STEP) & all_lanes
@@ -177,7 +197,8 @@ def take_steps(arguments, memory, place, stage, ignored, steps):
         code = np.int64(0)
         if address != 0:  # the other lanes take this step, too
             others = np.int64(ignored | solved)
-            code = call_code(address, (line.ctypes.data, table, kept, others, np.int64(1)))
+            one = others, np.int64(1)
+            code = call_code(address, (line.ctypes.data, table, kept, arguments.plan, *one))
         negative |= (code >> NEGATIVE) & all_lanes
         negative |= solve_lanes(arguments, memory, place, stage, step, solved)
         taken += 1
@@ -349,7 +370,8 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
             if due:
                 if arguments.orthonormalise != 0:
                     addresses = line[first:].ctypes.data, line[D:].ctypes.data
-                    call_code(arguments.orthonormalise, (*addresses, np.int64(due)))
+                    memory_of_code = memory.kept.ctypes.data, arguments.plan
+                    call_code(arguments.orthonormalise, (*addresses, due, *memory_of_code))
                 else:
                     orthonormalise(line[first:], line[D : 2 * D + LENGTHS], arguments.room, due)
             if is_last or due | outside:

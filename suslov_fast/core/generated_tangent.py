@@ -41,9 +41,9 @@ def text_of_tangent(tangent, name, W, for_each, _):
     """Return the text of i64 name(line, table, kept, plan, ignored, steps): steps of a line.
 
     Columns q become -DPhi q. `kept` is memory for values that later pieces of a long list need;
-    `plan` is for `sparse` alone. The code returns the number of steps with bits of lanes, see STEP.
-    It stops after a step with such bits, and before a step that is not accurate. Bits in `ignored`
-    mark lanes that do not stop it.
+    `plan` is for `sparse_tangent`. The code returns the number of steps with bits of lanes, see
+    STEP. It stops after a step with such bits, and before a step that is not accurate. Bits in
+    `ignored` mark lanes that do not stop it.
     """
     text, D, size, all_lanes = Text(W), tangent.D, 8 * W, (1 << W) - 1
     new, integer, V = text.new, text.integer, text.V
@@ -182,16 +182,18 @@ def _columns(text, tangent, values, last, at_once, room):
 
 
 def text_of_orthonormalise(step, name, W, *_):
-    """Return the text of i64 name(columns, carried, due, ...): `tangent.orthonormalise` for a line.
+    """Return the text of i64 name(columns, carried, due, ...): `lengths.orthonormalise` for a line.
 
     The code takes the addresses of the columns and of VOLUME, and bits of lanes; it returns 0. It
     depends on D alone.
     """
-    # With `tangent.orthonormalise` instead, exponents take 1.05 to 1.65 times as long. Its loops
+    # With `lengths.orthonormalise` instead, exponents take 1.05 to 1.65 times as long. Its loops
     # over lanes are no SIMD, because the compiler does not know that rows do not overlap.
     text, D, size = Text(W), step.D, 8 * W
     new, integer, V, room = text.new, text.integer, text.V, columns_of(D, W)[1]
-    arguments = "i64 %columns, i64 %carried, i64 %due, i64 %kept, i64 %plan"  # two of `sparse`
+    arguments = (
+        "i64 %columns, i64 %carried, i64 %due, i64 %kept, i64 %plan"  # two of `sparse_tangent`
+    )
     text.add(f"define i64 @{name}({arguments}) #0 {{")
     text.label("entry")
     due = new(f"trunc i64 %due to i{W}")

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import config
 
-from . import sparse
+from . import sparse_tangent
 from .careful import fill_system, solve_lane
 from .codes import NONFINITE, OK, PASSED_POLE
 from .elimination import determinant_of, solve
@@ -32,12 +32,8 @@ from .generated_tangent import (
     DERIVATIVE,
     DUE,
     FAR_FROM_1,
-    LARGEST_LENGTH,
-    LEAST_LENGTH,
     LENGTHS,
     NEAR_1,
-    NEAR_1_LARGEST,
-    NEAR_1_LEAST,
     NEGATIVE,
     OUTSIDE,
     STEP,
@@ -46,6 +42,7 @@ from .generated_tangent import (
     text_of_orthonormalise,
     text_of_tangent,
 )
+from .lengths import orthonormalise, take_logarithms
 from .llvm import call_code, for_size, uncounted
 from .machine_code import code_of
 from .numba import function, inlined, kernel, lesser, share
@@ -53,7 +50,7 @@ from .operations import Tangent
 from .stages import distinct, weights_of
 from .steps_field import Scheme, scheme_of, tables_of
 
-MOST = 4000  # operations of a step, above which the loops of `sparse` are faster
+MOST = 4000  # operations of a step, above which the loops of `sparse_tangent` are faster
 INTERVAL = 16  # steps, after which columns are orthonormalised at the latest
 _NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` needs D alone
 
@@ -61,12 +58,12 @@ _NO_TERMS = np.empty((3, 0), np.int64)  # of a field: `text_of_orthonormalise` n
 class Arguments(NamedTuple):
     """The arguments of `growth` and `jacobians` for trajectories in lines of W lanes."""
 
-    step: int  # address of the code of `text_of_tangent` or `sparse`, 0 if there is none
-    orthonormalise: int  # address of the code of `text_of_orthonormalise` or `sparse`, or 0
-    plan: int  # address of a `sparse.Plan`, 0 for the other code
+    step: int  # address of the code of `text_of_tangent` or `sparse_tangent`, or 0
+    orthonormalise: int  # address of the code of `text_of_orthonormalise`, likewise
+    plan: int  # address of a `sparse_tangent.Plan`, 0 for the other code
     W: int
     room: int  # see `columns_of`
-    kept: int  # rows for values that later pieces of a long list need, or for `sparse`
+    kept: int  # rows for values that later pieces of a long list need, or for `sparse_tangent`
     indices: Any  # (3, T)
     table: Any  # (fractions, 1 or lines, n, 1 or W)
     halves: Any  # (1 or lines, T, 1 or W)
@@ -81,7 +78,7 @@ def _tangent_of(places, D):
 
 
 def _is_long(step):
-    """Return whether the loops of `sparse` take the steps of a field with columns."""
+    """Return whether the loops of `sparse_tangent` take the steps of a field with columns."""
     return not 0 < len(step.usual) <= MOST and not config.DISABLE_JIT
 
 
@@ -90,14 +87,8 @@ def arguments_of(scheme, values, eps, count):
     (step, stages), fractions = scheme, scheme.stages.fractions
     of_stages = np.array(fractions), distinct(fractions)[1], weights_of(stages)[:, 0].copy()
     if _is_long(step):
-        halves = (0.5 * eps[:, np.newaxis] * values)[..., np.newaxis]
-        table = distinct(fractions)[0][:, np.newaxis, np.newaxis, np.newaxis] * halves
-        pattern, room = sparse.pattern_of(step.indices.tobytes(), step.D), sparse.width_of(step.D)
-        plan = sparse.plan_of(pattern, step.T, room)
-        kept = sparse.kept_for(pattern, room)
-        fixed = 1, room, kept, step.indices, table, halves, *of_stages
-        codes = sparse.take_steps.address, sparse.orthonormalise.address, plan.ctypes.data
-        return Arguments(*codes, *fixed), (pattern, plan)
+        fixed, kept = sparse_tangent.arguments_of(step, values, eps, distinct(fractions)[0])
+        return Arguments(*fixed, *of_stages), kept
     tangent, W = _tangent_of(step.indices.tobytes(), step.D), WIDTH if count > 1 else 1
     halves, table = tables_of(Scheme(tangent, stages), values, eps, W)
     room, is_each, address = columns_of(tangent.D, W)[1], halves.shape[2] > 1, None
@@ -112,8 +103,7 @@ def operations_of(scheme):
     """Return the number of operations of a step, its derivative, and orthonormal columns."""
     step, D = scheme.step, scheme.step.D
     if _is_long(step):
-        pattern = sparse.pattern_of(step.indices.tobytes(), D)
-        return D * (len(pattern.columns) + len(pattern.given)) + D**3 // 4
+        return sparse_tangent.operations_of(step) + D**3 // 4
     tangent = _tangent_of(step.indices.tobytes(), D)
     return len(tangent.usual) + D * len(tangent.columns) + D**3 // 4
 
@@ -386,51 +376,3 @@ def growth(part, parts, arguments, x0, carry, span, sums, of_det, status, failed
                     carry[k, D + D * i + r] = line[first + i * arguments.room + r, l]
             for j in range(LENGTHS + D):
                 carry[k, D + D * D + j] = line[D + j, l]
-
-
-@function
-def orthonormalise(q, g, room, due):
-    """Orthonormalise the columns q[i room + r, lane] of the lanes in `due` (modified Gram-Schmidt).
-
-    The products of lengths in g are multiplied by the lengths. VOLUME becomes 1; or 0 if a column
-    is 0, because then it does not show how the other columns grow.
-    """
-    for_size()
-    D = len(g) - LENGTHS
-    for l in range(q.shape[1]):
-        if (due >> l) & 1 == 0:
-            continue
-        g[VOLUME, l] = 1.0
-        for r in range(D):
-            product = 0.0
-            for i in range(D):
-                product += q[i * room, l] * q[i * room + r, l]
-            for s in range(r):
-                part, product = product, 0.0
-                for i in range(D):
-                    x = q[i * room + r, l] - part * q[i * room + s, l]
-                    q[i * room + r, l] = x
-                    product += q[i * room + s + 1, l] * x
-            length = np.sqrt(product)  # now that of column r with itself
-            g[LENGTHS + r, l] *= length
-            g[VOLUME, l] *= 0.0 if length == 0.0 else 1.0
-            inverse = 0.0 if length == 0.0 else 1.0 / length
-            for i in range(D):
-                q[i * room + r, l] *= inverse
-
-
-@function
-def take_logarithms(g, sums, of_det, begin, of_all):
-    """Add the logarithms of products that leave their range, or of all, and begin new products."""
-    for_size()
-    for row in range(NEAR_1, len(g)):
-        near = row == NEAR_1
-        low, high = (NEAR_1_LEAST, NEAR_1_LARGEST) if near else (LEAST_LENGTH, LARGEST_LENGTH)
-        for l in range(lesser(g.shape[1], len(of_det) - begin)):
-            if of_all or g[row, l] <= low or g[row, l] >= high:
-                logarithm = np.log1p(g[row, l]) if near else np.log(g[row, l])
-                g[row, l] = 0.0 if near else 1.0
-                if row < LENGTHS:
-                    of_det[begin + l] += logarithm
-                else:
-                    sums[begin + l, row - LENGTHS] += logarithm

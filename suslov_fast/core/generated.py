@@ -20,6 +20,7 @@ from .lift import LiftedStep
 from .machine_code import Text
 
 WIDTH = 8  # lanes of a line
+OF_HALVES = 2  # a value of `for_each`: the code computes the tables of stages
 
 
 def text_of_extrapolated_steps(*arguments):
@@ -36,8 +37,9 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     """Return the text of i64 name(arguments): steps of lines of W lanes, see `CodeArguments`.
 
     It returns 1; or 0 at a step that needs `careful` while that is not ready. The table is common
-    to all lanes, or `for_each` of them. Saved states begin at multiples of `align` bytes, and go
-    past the caches if that is more than 8; 0 means that none are saved.
+    to all lanes, or `for_each` of them, or made of their h v at each stage. Saved states begin at
+    multiples of `align` bytes, and go past the caches if that is more than 8; 0 means that none are
+    saved.
     """
     text, D = Text(W), step.D
     is_lifted = isinstance(step, LiftedStep)
@@ -76,7 +78,7 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     for i, component in enumerate(single):
         text.add(f"  %x{i} = phi {text.V} [ {component}, %blocks ], [ %state{i}, %more ]")
     saves = text.compare_integers("eq", "%until", 0)
-    plan = integer("add", arguments.plan, integer("mul", "%stage", 24))
+    plan = integer("add", arguments.plan, integer("mul", "%stage", 32))
     common_table = text.load("i64", plan)
     next_stage = integer("add", "%stage", 1)
     is_last = text.compare_integers("eq", next_stage, arguments.stages)
@@ -87,9 +89,9 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     text.add("  %line = phi i64 [ %lo, %steps ], [ %line1, %next ]")
     state = integer("add", arguments.x, integer("mul", "%line", D * size))
     places = [text.plus(state, size * i) for i in range(D)]
-    table = common_table
+    table, numbers = common_table, step.T if for_each == OF_HALVES else len(step.table)
     if for_each:
-        table = integer("add", table, integer("mul", "%line", len(step.table) * size))
+        table = integer("add", table, integer("mul", "%line", numbers * size))
     if is_lifted:
         in_rows = in_columns or tells_signs
         load = loader(text, step, for_each, state, table, arguments.kept)
@@ -98,7 +100,10 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
 
     for k in range(len(before)):
         text.add(f"  call void @{name}_{k}(i64 {state}, i64 {table}, i64 {arguments.kept})")
-    load, values = loader(text, step, for_each, state, table, arguments.kept), dict(enumerate(x))
+    fixed, values = {}, dict(enumerate(x))
+    if for_each == OF_HALVES:
+        add_table(text, step, table, text.load("double", text.plus(plan, 24)), fixed)
+    load = loader(text, step, for_each, state, table, arguments.kept, fixed)
     text.carry_out(usual, values, load)
     after = [values[k] if k in values else load(k) for k in step.after]
     text.branch(text.all_true(values[step.good]), "finish", "rare", likely=True)
@@ -185,14 +190,34 @@ def text_of_steps(step, name, W, for_each, align, in_columns=False, tells_signs=
     return text.finished()
 
 
-def loader(text, step, for_each, state, table, kept):
+def add_table(text, step, halves, fraction, fixed):
+    """Compute the numbers of `Step.table` into the dict `fixed`.
+
+    `halves` is the address of h v for one line, `fraction` the one of a stage.
+    """
+    fraction = fraction if text.W == 1 else text.splat(fraction, text.W)
+
+    def half_of(number):
+        half = text.load(text.V, text.plus(halves, 8 * text.W * (number - step.D)))
+        return text.operate("fmul", half, fraction)
+
+    text.carry_out(step.fixed, fixed, half_of)
+    for number in step.table:
+        if number not in fixed:
+            fixed[number] = half_of(number)
+
+
+def loader(text, step, for_each, state, table, kept, fixed=()):
     """Return the function that loads a value: of the state, of an earlier piece, or of the table.
 
-    `state`, `table` and `kept` are the addresses of their rows for one line.
+    `state`, `table` and `kept` are the addresses of their rows for one line. Values in the dict
+    `fixed` are there already.
     """
     rows, size = step.pieces[1], 8 * text.W
 
     def load(number):
+        if number in fixed:
+            return fixed[number]
         if number < step.D:
             return text.load(text.V, text.plus(state, size * number))
         if number in rows:

@@ -19,8 +19,8 @@ class CodeArguments(NamedTuple):
     lines: int
     block: int  # lines of a block, which takes all steps before the next block begins
     steps: int  # of all stages
-    # Address of three numbers of 8 bytes for each stage: the address of its `Step.table`, (n,) or
-    # (lines, n, W), and its `weights_of`.
+    # Address of four numbers of 8 bytes for each stage: the address of its `Step.table`, (n,) or
+    # (lines, n, W), or of h v (lines, T, W) of a whole step; its `weights_of`; its fraction.
     plan: int
     stages: int
     columns: int  # address of the rows of columns (lines, ROWS, D, W), 0 for compositions

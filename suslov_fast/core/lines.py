@@ -13,6 +13,11 @@ def in_lines(rows, W):
     return padded.reshape(len(padded) // W, W, rows.shape[1]).swapaxes(1, 2).copy()
 
 
+def halves_of(values, eps, W):
+    """Return eps / 2 times the values (lines, T, W)."""
+    return in_lines(0.5 * eps[:, np.newaxis] * values, W)
+
+
 def tables_of(scheme, values, eps, W):
     """Return eps / 2 times the values (lines, T, W), and `Step.table` (fractions, lines, n, W).
 
@@ -23,17 +28,12 @@ def tables_of(scheme, values, eps, W):
     if len(eps) == len(values) == 1:
         return common_table(*scheme, eps.tobytes(), values.tobytes())
     values, others = values[:, : step.T], values[:, step.T :]  # of a lift, which eps does not scale
-    halves = 0.5 * eps[:, np.newaxis] * values
-    if len(halves) < len(others):
-        halves = halves.repeat(len(others), axis=0)
-    halves, others = (
-        in_lines(halves, W),
-        in_lines(np.broadcast_to(others, (len(halves), others.shape[1])), W),
-    )
+    halves = halves_of(values, eps, W)
+    others = in_lines(np.broadcast_to(others, (max(len(eps), len(others)), others.shape[1])), W)
     fractions = fractions[:, np.newaxis, np.newaxis]
-    halves_of = np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions
+    of_stages = np.moveaxis(halves, 1, 0)[:, np.newaxis] * fractions
     others_of = np.broadcast_to(
-        np.moveaxis(others, 1, 0)[:, np.newaxis], (others.shape[1], *halves_of.shape[1:])
+        np.moveaxis(others, 1, 0)[:, np.newaxis], (others.shape[1], *of_stages.shape[1:])
     )
-    table = step.table_of(np.concatenate([halves_of, others_of]))
+    table = step.table_of(np.concatenate([of_stages, others_of]))
     return halves, np.ascontiguousarray(np.moveaxis(table, 0, 2))

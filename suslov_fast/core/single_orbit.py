@@ -30,12 +30,15 @@ def common_table(step, stages, eps, values):
     ]
 
 
-def plan_of(stages, table):
-    """Return the plan (stages, 3) of `CodeArguments`."""
-    plan = np.empty((len(stages.fractions), 3))
-    plan[:, 1:] = weights_of(stages)
-    places = distinct(stages.fractions)[1]
-    plan.view(np.int64)[:, 0] = table.ctypes.data + table.strides[0] * places
+def plan_of(stages, table, halves=None):
+    """Return the plan (stages, 4) of `CodeArguments`, with the halves h v if there is no table."""
+    plan = np.empty((len(stages.fractions), 4))
+    plan[:, 1:3], plan[:, 3] = weights_of(stages), stages.fractions
+    if table is None:
+        plan.view(np.int64)[:, 0] = halves.ctypes.data
+    else:
+        places = distinct(stages.fractions)[1]
+        plan.view(np.int64)[:, 0] = table.ctypes.data + table.strides[0] * places
     return plan
 
 

@@ -28,11 +28,17 @@ from numba import config
 from .careful import CHANGED, ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
 from .codes import NONFINITE
 from .column_stage import column_stage_of
-from .generated import WIDTH, text_of_compositions, text_of_extrapolated_steps, text_of_steps
+from .generated import (
+    OF_HALVES,
+    WIDTH,
+    text_of_compositions,
+    text_of_extrapolated_steps,
+    text_of_steps,
+)
 from .generated_stages import BASE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
 from .in_calls import dense_taker_of, in_calls
 from .lift import LiftedStep
-from .lines import in_lines, tables_of
+from .lines import halves_of, in_lines, tables_of
 from .listed_code import listed_code, taker_of
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
@@ -102,10 +108,25 @@ class _Lines:
         (self.scheme, *parameters), self.notes, self.W = arguments, notes, W
         self.B, self.count = len(states), -(-len(states) // W)
         self.D, self.given = self.scheme.step.D, states.shape[1]
-        self.halves, self.table = tables_of(self.scheme, *parameters, W)
-        self.for_each, self.columns = self.halves.shape[2] > 1, None
+        self.for_each, self.columns = max(map(len, parameters)) > 1, None
+        self.parameters = parameters
+        if self.for_each and self._computes_tables():
+            self.for_each, self.halves = OF_HALVES, halves_of(*parameters, W)
+        else:
+            self.halves, self.table = tables_of(self.scheme, *parameters, W)
         self.marks = np.zeros((2, self.count), np.uint8)
         self.start_from(states, errors)
+
+    def _computes_tables(self):
+        """Return whether machine code computes the tables of stages, which takes less memory."""
+        step, stages = self.scheme
+        is_long = not 0 < len(step.usual) <= MANY or isinstance(step, LiftedStep)
+        return len(stages.fractions) > 1 and not is_long and not config.DISABLE_JIT
+
+    @functools.cached_property
+    def table(self):
+        """The values of `Step.table` (fractions, lines, n, W), where they are not given."""
+        return tables_of(self.scheme, *self.parameters, self.W)[1]
 
     def start_from(self, states, errors):
         """Set the states, to NaN where trajectories have ended, and the largest errors (D, B)."""
@@ -204,7 +225,8 @@ class _Lines:
         blocks = -(-8 * self.x.size // 2**15)
         block = -(-self.count // min(blocks, -(-self.count // 4)))
         first_row, columns = saved.ctypes.data, self.columns
-        plan = plan_of(self.scheme.stages, self.table)
+        table = None if self.for_each == OF_HALVES else self.table
+        plan = plan_of(self.scheme.stages, table, self.halves)
         arguments = CodeArguments(
             x=self.x.ctypes.data,
             lines=self.count,

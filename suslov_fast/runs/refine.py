@@ -19,6 +19,10 @@ from ..checks import FloatArray
 
 _ROUNDS = 20
 _WIDTH = 2.0**-50  # of a bracket, relative to the step, at which a crossing is found
+# Interpolation has found a crossing where the product of its last two changes is below _PRODUCT,
+# because the next change is smaller than that: if the last is a small part of the one before it, so
+# that s is smooth there, or if both are rounding.
+_PRODUCT, _SMALL, _ROUNDING = 2.0**-54, 2.0**-8, 2.0**-40
 
 Values = Callable[[NDArray[np.int64], FloatArray], FloatArray]
 
@@ -32,33 +36,35 @@ def crossing_fractions(
     steps of some crossings, `first` is where they are asked first, and `at_start` and `at_end` are
     the values at both ends of the steps. A value that is NaN counts as one beyond the crossing.
     """
-    # a is the newest point, b the other end of the bracket, c the point before: rows x and s(x).
-    left, right = (
-        np.array([np.zeros(len(first)), at_start]),
-        np.array([np.ones(len(first)), at_end]),
-    )
     is_beyond = (at_start >= 0.0) != (at_end >= 0.0)
-    a, b, c = right.copy(), left.copy(), right.copy()
-    x, left_to_do = first.copy(), np.flatnonzero((at_start != 0.0) & (at_end != 0.0) & is_beyond)
-    for _ in range(_ROUNDS):
-        if not left_to_do.size:
-            break
-        k = left_to_do
-        with np.errstate(all="ignore"):
-            values = values_at(k, x[k])
-            values = np.where(np.isnan(values), np.copysign(np.inf, at_end[k]), values)
-            is_same = (values >= 0.0) == (a[1, k] >= 0.0)
-            c[:, k] = np.where(is_same, a[:, k], b[:, k])
-            b[:, k] = np.where(is_same, b[:, k], a[:, k])
-            a[:, k] = x[k], values
-            x[k] = _next(a[:, k], b[:, k], c[:, k])
-        is_found = (abs(a[0, k] - b[0, k]) <= _WIDTH) | (values == 0.0)
-        left_to_do = k[~is_found]
-    fractions: FloatArray = np.where(abs(a[1]) <= abs(b[1]), a[0], b[0])
+    k = np.flatnonzero((at_start != 0.0) & (at_end != 0.0) & is_beyond)
+    fractions = np.where(abs(at_end) <= abs(at_start), 1.0, 0.0)
+    # a is the newest point, b the other end of the bracket, c the point before: rows x and s(x).
+    x, (start, end) = first[k], (at_start[k], at_end[k])
+    a = c = np.array([np.ones(len(k)), end])
+    b = np.array([np.zeros(len(k)), start])
+    with np.errstate(all="ignore"):
+        for _ in range(_ROUNDS):
+            if not k.size:
+                break
+            values = values_at(k, x)
+            values = np.where(np.isnan(values), np.copysign(np.inf, end), values)
+            is_same = (values >= 0.0) == (a[1] >= 0.0)
+            c, b = np.where(is_same, a, b), np.where(is_same, b, a)
+            a, x = np.array([x, values]), _next((x, values), b, c)
+            change, before = abs(x - a[0]), abs(a[0] - c[0])
+            is_smooth = (change <= _SMALL * before) | (before <= _ROUNDING)
+            is_there = (change * before <= _PRODUCT) & is_smooth & (values != 0.0)
+            best = np.where(abs(a[1]) <= abs(b[1]), a[0], b[0])
+            fractions[k] = np.where(is_there, x, best)
+            left = ~is_there & (abs(a[0] - b[0]) > _WIDTH) & (values != 0.0)
+            if not left.all():
+                k, x, end = k[left], x[left], end[left]
+                a, b, c = a[:, left], b[:, left], c[:, left]
     return fractions
 
 
-def _next(a: FloatArray, b: FloatArray, c: FloatArray) -> Any:
+def _next(a: Any, b: FloatArray, c: FloatArray) -> Any:
     """Return where to ask next in the brackets from a to b: by interpolation, or in the middle."""
     (xa, fa), (xb, fb), (xc, fc) = a, b, c
     xi, phi = (xa - xb) / (xc - xb), (fa - fb) / (fc - fb)

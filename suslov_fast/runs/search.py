@@ -23,8 +23,9 @@ from ..engine.stretches import March, Report
 from .functions import values_at
 from .refine import crossing_fractions
 
-# Numbers in a piece, which fits into the caches.
-_PIECE = 2**17
+# Numbers in a piece, which fits into the caches. Pieces are _LONGER if crossings are refined,
+# because each round of a refinement costs as much as many steps.
+_PIECE, _LONGER = 2**17, 8
 # Least number of states of each trajectory in a piece, unless these are more than _LARGE numbers,
 # because a call of a kernel costs as much as a few steps.
 _STATES, _LARGE = 48, 2**22
@@ -130,7 +131,8 @@ class Search:
             if n < transient:
                 self.last, n = None, march.n
         width = max(B * D, 1)
-        most = min(max(_PIECE // width, min(_STATES, _LARGE // width), 1), end - transient)
+        numbers = _PIECE * (_LONGER if self.is_refined else 1)
+        most = min(max(numbers // width, min(_STATES, _LARGE // width), 1), end - transient)
         require(8 * (most + 1) * B * (D + 1), "divide the batch")
         states = np.empty((most + 1, *self.batch, D))  # of a piece, and the last one before it
         states[0] = march.final

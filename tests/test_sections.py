@@ -107,7 +107,7 @@ def test_grazing_planes_lose_no_crossing(rng, method):
         is_above = surface(run.x) >= 0.0
         changes = is_above[1:].astype(int) - is_above[:-1] == direction
         assert len(points) == changes.sum() > 50
-        assert abs(surface(points.states)).max() < 1e-15
+        assert abs(surface(points.states)).max() < 4e-15  # rounding of a step
         slope = sf.vector_field(HENON_HEILES, points.states)[:, 0] * direction
         assert (slope > -1e-6).mean() > 0.95  # two more crossings within a step are rare
 

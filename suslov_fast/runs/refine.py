@@ -21,8 +21,8 @@ _ROUNDS = 20
 _WIDTH = 2.0**-50  # of a bracket, relative to the step, at which a crossing is found
 # Interpolation has found a crossing where the product of its last two changes is below _PRODUCT,
 # because the next change is smaller than that: if the last is a small part of the one before it, so
-# that s is smooth there, or if both are rounding.
-_PRODUCT, _SMALL, _ROUNDING = 2.0**-54, 2.0**-8, 2.0**-40
+# that s is smooth there, or if it is rounding.
+_PRODUCT, _SMALL, _ROUNDING = 2.0**-54, 2.0**-8, 2.0**-46
 
 Values = Callable[[NDArray[np.int64], FloatArray], FloatArray]
 
@@ -53,7 +53,7 @@ def crossing_fractions(
             c, b = np.where(is_same, a, b), np.where(is_same, b, a)
             a, x = np.array([x, values]), _next((x, values), b, c)
             change, before = abs(x - a[0]), abs(a[0] - c[0])
-            is_smooth = (change <= _SMALL * before) | (before <= _ROUNDING)
+            is_smooth = (change <= _SMALL * before) | (change <= _ROUNDING)
             is_there = (change * before <= _PRODUCT) & is_smooth & (values != 0.0)
             best = np.where(abs(a[1]) <= abs(b[1]), a[0], b[0])
             fractions[k] = np.where(is_there, x, best)

@@ -20,6 +20,7 @@ from .operations import evaluate
 from .pool import in_parts
 from .stages import extrapolation, weights_of
 from .steps_field import in_lines
+from .tolerance import REACH
 
 COLUMNS = 2, 4, 6, 8, 10
 # Factors of x_1 - x_0, ..., x_n - x_0 in the difference of order n of the longest column.
@@ -171,7 +172,7 @@ class Motion:
             for first in (places.x, places.base, places.total, places.second, places.largest)
         )
         rest, wanted = end - rows[places.time], rows[places.wanted]
-        taken = rows[places.taken] = np.where(wanted < rest, wanted, rest)
+        taken = rows[places.taken] = np.where(wanted < REACH * rest, wanted, rest)
         total[:], second[:], rows[places.least] = 0.0, 0.0, 1.0
         values = self.values.swapaxes(0, 1)
         for (_, scale, weight, without), stages in zip(self.plan, COLUMNS, strict=True):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from .generated import loader, piece_function, save
 from .machine_code import Text
+from .tolerance import REACH
 
 
 class FlowArguments(NamedTuple):
@@ -136,7 +137,8 @@ def text_of_flow(step, name, W, for_each, _):
             end = scalar(at(of.times, place))
             rest = text.operate("fsub", end, row(line, rows.time))
             wanted = row(line, rows.wanted)
-            taken = text.select(text.compare("olt", wanted, rest), wanted, rest)
+            reach = text.operate("fmul", text.constant(REACH), rest)
+            taken = text.select(text.compare("olt", wanted, reach), wanted, rest)
             text.store(V, taken, text.plus(line, size * rows.taken))
             text.store(V, from_0(row(line, rows.least), one), text.plus(line, size * rows.least))
             half = text.operate("fmul", scale, taken)

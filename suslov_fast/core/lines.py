@@ -1,7 +1,11 @@
 """Rows of trajectories as lines of lanes, and the tables of numbers that their steps take."""
 
+import math
+
 import numpy as np
 
+from .codes import NONFINITE
+from .generated import WIDTH
 from .single_orbit import common_table
 from .stages import distinct
 
@@ -37,3 +41,24 @@ def tables_of(scheme, values, eps, W):
     )
     table = step.table_of(np.concatenate([of_stages, others_of]))
     return halves, np.ascontiguousarray(np.moveaxis(table, 0, 2))
+
+
+def alignment(saved, W, is_large):
+    """Return the alignment of the lines of saved states, in bytes; 0 if none are saved."""
+    if not saved.size:
+        return 0
+    if not is_large or W < WIDTH:
+        return 8
+    bits = saved.ctypes.data | saved.strides[0]
+    return next(size for size in (64, 16, 8) if bits % size == 0)
+
+
+def note_undefined(states, notes):
+    """Note which trajectories begin with NaN, and that none has passed a pole."""
+    status, failed_at, poles = notes
+    poles[:] = 0.0
+    # A sum takes a tenth of the time of `isnan`; that of few numbers is faster in Python.
+    total = sum(states.ravel().tolist()) if states.size <= 64 else states.sum()
+    if not math.isfinite(total):
+        undefined = np.isnan(states).any(axis=1)
+        status[undefined], failed_at[undefined] = NONFINITE, 0

@@ -19,14 +19,12 @@ States are in lines of W lanes, x[line, component, lane]. After a failure a traj
 """
 
 import functools
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import config
 
 from .careful import CHANGED, ENDED, PASSED, LineArrays, arguments_of, careful, step_carefully
-from .codes import NONFINITE
 from .column_stage import column_stage_of
 from .generated import (
     OF_HALVES,
@@ -38,7 +36,7 @@ from .generated import (
 from .generated_stages import BASE, LARGEST, ROWS, SECOND, SLOT, SUM, CodeArguments
 from .in_calls import dense_taker_of, in_calls
 from .lift import LiftedStep
-from .lines import halves_of, in_lines, tables_of
+from .lines import alignment, halves_of, in_lines, note_undefined, tables_of
 from .listed_code import listed_code, taker_of
 from .machine_code import MANY, call, code_of
 from .numba import STREAM_FROM, Kernel
@@ -183,7 +181,7 @@ class _Lines:
             if self.columns is not None:
                 in_columns = self.scheme.stages.columns
                 text_of = text_of_extrapolated_steps if in_columns else text_of_compositions
-            align = _alignment(saved, self.W, is_large)
+            align = alignment(saved, self.W, is_large)
             address = code_of(text_of, step, self.W, self.for_each, align)
         if address is None:
             self._take_in_numpy(start, (stop - start) * stages, *rows)
@@ -346,16 +344,6 @@ class _Lines:
         return _packed(finite)
 
 
-def _alignment(saved, W, is_large):
-    """Return the alignment of the lines of saved states, in bytes; 0 if none are saved."""
-    if not saved.size:
-        return 0
-    if not is_large or W < WIDTH:
-        return 8
-    bits = saved.ctypes.data | saved.strides[0]
-    return next(size for size in (64, 16, 8) if bits % size == 0)
-
-
 class FieldSteps(Kernel):
     """The kernel of steps of fields, which calls the machine code of the field."""
 
@@ -396,7 +384,7 @@ def _iterate_part(
         states, errors = starts[chunk], carry[1:, chunk]
         notes = status[chunk], failed_at[chunk], carry[0, chunk]
         if steps[0] == 0:
-            _note_undefined(states, notes)
+            note_undefined(states, notes)
             errors[:] = np.nan
         if W == 1 and take_one(own, states, notes[0], final[chunk], steps, saved[:, chunk]):
             continue
@@ -405,17 +393,6 @@ def _iterate_part(
         final[chunk] = lines.states()
         if len(errors):
             errors[:] = lines.rows(lines.columns[:, LARGEST]).T
-
-
-def _note_undefined(states, notes):
-    """Note which trajectories begin with NaN, and that none has passed a pole."""
-    status, failed_at, poles = notes
-    poles[:] = 0.0
-    # A sum takes a tenth of the time of `isnan`; that of few numbers is faster in Python.
-    total = sum(states.ravel().tolist()) if states.size <= 64 else states.sum()
-    if not math.isfinite(total):
-        undefined = np.isnan(states).any(axis=1)
-        status[undefined], failed_at[undefined] = NONFINITE, 0
 
 
 def _take_steps(lines, states, errors, steps, saved, is_large, abandoned):

@@ -14,7 +14,8 @@ is what rounding leaves of components that cancel. Powers are square roots, whic
 on every processor. A step is taken if rho <= 1 and the pivots of all its stages are above
 LEAST_PIVOT: Kahan's map is exact for x' = x**2, so beyond a pole all columns agree. Pivots tend to
 1 with h, so this only shortens steps, and stages need no other test: what rounding does to a stage
-the estimate sees.
+the estimate sees. A step that is refused for its estimate is taken again with h_next, one that is
+refused for a pivot with half of its length at most, because such an estimate means nothing.
 
 A lifted field begins each step with the words of its state, and ends it with the state alone. Its
 pivots are those of 1 - (h/4) f' of the equations as given, at the beginning. A step that changes a
@@ -37,6 +38,8 @@ SMALLEST, OF_ROUNDING, SHORTEST = 2.0**-20, 2.0**-46, 2.0**-42
 # With lengths that grow up to fourfold, a step sometimes misses a transient: HIRES loses 4000 rtol
 # at 1e-5. Up to threefold it loses 50 at most between 1e-4 and 1e-6.
 SAFETY, SHORTER, LONGER, REFUSED = 0.85, 0.2, 3.0, 0.5
+AT_FIRST = 10.0  # in place of LONGER for the first step, whose length is only a guess
+REACH = 0.92  # a step reaches the end of time if its length is this part of what is left
 
 
 class Stage(Step):
@@ -145,15 +148,17 @@ class Choice:
         rho = joined("max", ratios)
         numbers = [emit("fabs", after[k]) for k in range(n)] + errors
         finite = joined("and", [emit("olt", number, np.inf) for number in numbers])
-        good = [finite, emit("oge", 1.0, rho), emit("ogt", least, LEAST_PIVOT)]
-        good += [emit("oge", emit("fmul", x[k], after[k]), 0.0) for k in signs]
-        good = joined("and", good)
+        is_resolved = [emit("ogt", least, LEAST_PIVOT)]
+        is_resolved += [emit("oge", emit("fmul", x[k], after[k]), 0.0) for k in signs]
+        is_resolved = joined("and", is_resolved)
+        good = joined("and", [finite, emit("oge", 1.0, rho), is_resolved])
         root = emit("select", finite, rho, 1e30)
         for _ in range(3):
             root = emit("sqrt", root)
         factor = emit("max", emit("fdiv", SAFETY, root), SHORTER)
-        factor = emit("min", factor, LONGER)
-        factor = emit("select", good, factor, emit("min", factor, REFUSED))
+        longer = emit("select", emit("oeq", t, 0.0), AT_FIRST, LONGER)
+        factor = emit("min", factor, longer)
+        factor = emit("select", is_resolved, factor, emit("min", factor, REFUSED))
         length = emit("fmul", taken, factor)
         # A step that was cut at the end of time says nothing against the length wanted, and one of
         # length 0 nothing at all, even if f has no value at x.

@@ -18,10 +18,10 @@ from .evaluation import evaluate, mask_and_warn
 
 @public
 def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
-    """Energy of a body, half the sum of J_i Omega_i**2, or Hamiltonian H of a field.
+    """Hamiltonian H of a field, or energy of a body: half the sum of J_i Omega_i**2.
 
-    The continuous motion conserves it, the map only nearly: see :func:`modified_energy`. In three
-    dimensions J_1 and J_2 are I1 and I2.
+    The motion conserves it; along orbits of the map it varies by O(eps**2), because the map
+    conserves the :func:`modified_energy`. In three dimensions J_1 and J_2 are I1 and I2.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(...))
-        Unit: inertia * omega**2; for a field, that of H.
+        H; for a body, unit inertia * omega**2.
 
     Raises
     ------
@@ -40,10 +40,10 @@ def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, energy, iterate
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> energy(body, iterate(body, [1.0, 0.5], eps=0.2, steps=3).omega).round(4)
-    array([2.125 , 2.1248, 2.1246, 2.1244])
+    >>> from suslov_fast import QuadraticField, energy
+    >>> well = QuadraticField.from_hamiltonian(lambda x: x[1] ** 2 / 2 - x[0] + x[0] ** 3, 2)
+    >>> energy(well, [[0.5, 0.0], [0.0, 0.5]])
+    array([-0.375,  0.125])
     """
     return evaluate("energy", body, omega)
 
@@ -52,10 +52,10 @@ def energy(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
 def first_integral(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """First integral F of the map of a body, which is constant along its orbits.
 
-    F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2), x = I13 Omega1 + I23 Omega2 (+ k
-    for a gyrostat). For n > 3, F is known if J I = b I and
-    J = a on the vectors orthogonal to I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times
-    the length of the component of omega orthogonal to I.
+    In three dimensions F = (I1 Omega1**2 + I2 Omega2**2) / (4 I1 I2 + eps**2 x**2), with
+    x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat). For n > 3, F is known if J I = b I and J = a
+    on the vectors orthogonal to I: F = 2 E / (4 a b + eps**2 x**2), where x is ``|I|`` times the
+    length of the component of omega orthogonal to I.
 
     Parameters
     ----------
@@ -95,11 +95,11 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
     """Modified energy, which the map conserves and which tends to the energy as eps -> 0.
 
     For a field with a Hamiltonian H it is H + (eps / 3) grad H . A**-1 f, with the vector field f
-    and the :func:`matrix` A, and exactly conserved (Celledoni, McLachlan, Owren and Quispel,
-    arXiv:1209.1164). For a body it is E**2 / (E + eps**2 f.Jf / 8), with the :func:`energy` E:
-    exactly conserved wherever :func:`first_integral` is known (in three dimensions it is
-    2 I1 I2 F), and for other bodies up to an error of order eps**4. The methods of order 4, 6 and 8
-    do not conserve it, because they combine Kahan steps of several sizes.
+    and the :func:`matrix` A, and the map conserves it exactly. For a body it is
+    E**2 / (E + eps**2 f.Jf / 8), with the :func:`energy` E: exactly conserved where
+    :func:`first_integral` is known (in three dimensions it is 2 I1 I2 F), for other bodies up to
+    an error of order eps**4. Other methods than "auto" do not conserve it, because they combine
+    steps of several sizes.
 
     Parameters
     ----------
@@ -109,13 +109,17 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
     Returns
     -------
     ndarray(float, shape=(...))
-        In the unit of the :func:`energy`. NaN, with one :class:`SingularStepWarning`, where a state
-        of a field has no next state.
+        Unit: that of the :func:`energy`. NaN, with one :class:`SingularStepWarning`, for a state of
+        a field on a pole of the map.
 
     Raises
     ------
     TypeError
         If a field has no Hamiltonian.
+
+    Notes
+    -----
+    For fields: Celledoni, McLachlan, Owren and Quispel, arXiv:1209.1164.
 
     Examples
     --------
@@ -131,7 +135,7 @@ def modified_energy(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> F
 
 @public
 def criticality(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
-    """Criticality t, which decides whether an orbit of the map follows the continuous motion.
+    """Criticality t of a body, which decides whether an orbit of the map follows the motion.
 
     Keep ``|t| < 1``: otherwise the orbit jumps across the line of steady states, and can meet a
     pole. t = eps sqrt(h / (I1 I2)) is constant along an orbit, where h is I13**2 I2 + I23**2 I1
@@ -168,7 +172,7 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> Floa
 
     With e = eps / (2 sqrt(I1 I2)) and the :func:`criticality` e A, it is
     sign(k) arctan(e sqrt(k**2 - A**2)) / pi, and 0 where orbits go from one steady state to
-    another. The phase that turns is the argument of z / (1 - i e l), with
+    another. The angle counted is the argument of z / (1 - i e l), with
     z = sqrt(I1) Omega1 + i sqrt(I2) Omega2 and l = I13 Omega1 + I23 Omega2 + k; if abs(e) A < 1,
     Omega makes as many turns.
 
@@ -201,11 +205,12 @@ def rotation_number(body: BodyIn3D, omega: ArrayLike, /, eps: ArrayLike) -> Floa
 def invariant_density(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Density rho of an invariant measure: rho(omega_next) det(jacobian at omega) = rho(omega).
 
-    rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a gyrostat), and
-    1 / det A for a Hamiltonian field, with the :func:`matrix` A. In n dimensions rho is known for
-    n = 3, and for n = 4 with I along one axis: for I = (I1, 0, 0) it is
-    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). Methods of
-    order 4, 6 and 8 do not have these measures.
+    For a field with a Hamiltonian rho = 1 / det A, with the :func:`matrix` A. For a body in three
+    dimensions rho = 1 / (x (4 I1 I2 + eps**2 x**2)) with x = I13 Omega1 + I23 Omega2 (+ k for a
+    gyrostat). In n dimensions rho is known for n = 3, and for n = 4 with I along one axis: for
+    I = (I1, 0, 0) it is
+    1 / (w2 w3 (1 - (eps I1)**2 (J1 w1**2 - (J3 - J2) (w2**2 - w3**2)) / (4 J1 J2 J3))). Other
+    methods than "auto" do not have these measures.
 
     Parameters
     ----------
@@ -306,15 +311,15 @@ def from_xy(body: Suslov3D, xy: ArrayLike, /) -> FloatArray:
 class ClosedForm(NamedTuple):
     """Constants of a solution, as :func:`closed_form` returns them; each has the shape (...)."""
 
-    h: FloatArray  # integral of equation (9), in the unit of (I13 omega)**2
-    k1: FloatArray  # rate of equation (12), in the unit of 1 / eps
+    h: FloatArray  # integral of equation (9), unit (I13 omega)**2
+    k1: FloatArray  # rate of equation (12), unit 1 / eps
     k2: FloatArray  # phase of Theorem 1, dimensionless
     t: FloatArray  # criticality, dimensionless
 
 
 @public
 def closed_form(body: Suslov3D, omega0: ArrayLike, /, eps: ArrayLike) -> ClosedForm:
-    """Constants h, k1 and k2 of the closed form of an orbit, and its criticality t.
+    """Constants h, k1 and k2 of the closed form of an orbit of a body, and its criticality t.
 
     In the coordinates of :func:`to_xy`, with theta = k1 n eps + k2, state n of the orbit is
     x = sign(x_0) 2 sqrt(h I1 I2 / (I1 I2 - h eps**2)) / cosh(theta) and

@@ -31,9 +31,9 @@ _FIXED = 1e-8
 
 @public
 def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
-    """Time derivative of the state by the equations of motion.
+    """Right-hand side f(x) of the equations of motion x' = f(x).
 
-    For a field x' = f(x) this is f(x); for a body, the derivative of its angular velocity.
+    For a body, the time derivative of its angular velocity.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Unit: that of x divided by that of time; for a body, omega**2.
+        f(x), unit x / time; for a body, omega**2.
 
     Notes
     -----
@@ -51,18 +51,20 @@ def vector_field(body: BodyOrField, omega: ArrayLike, /) -> FloatArray:
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, vector_field
-    >>> vector_field(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5]).round(6)
-    array([ 0.08125, -0.65   ])
+    >>> from suslov_fast import QuadraticField, vector_field
+    >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> vector_field(field, [[1.0, 0.5], [2.0, 1.0]])
+    array([[0.5, 0. ],
+           [0. , 1. ]])
     """
     return evaluate("vector_field", body, omega)
 
 
 @public
 def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -> FloatArray:
-    """Torque of the constraint, which keeps Omega3 at 0: its Lagrange multiplier lambda.
+    """Torque of the constraint of a body: the Lagrange multiplier lambda that keeps Omega3 at 0.
 
-    With x = I13 Omega1 + I23 Omega2, the equation of the third component is
+    With x = I13 Omega1 + I23 Omega2, the third equation of motion is
     x' = lambda + (I1 - I2) Omega1 Omega2, and its discretization is
     (x_next - x) / eps = lambda + (I1 - I2) (Omega1 Omega2_next + Omega1_next Omega2) / 2.
 
@@ -78,7 +80,7 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -
     -------
     ndarray(float, shape=(...) or (..., n - 1, n - 1))
         Unit: inertia * omega**2. In n dimensions, the antisymmetric matrix lambda_ij. With eps, NaN
-        and one :class:`SingularStepWarning` where a state has no next state.
+        and one :class:`SingularStepWarning` for a state on a pole of the map.
 
     Raises
     ------
@@ -102,9 +104,8 @@ def reaction(body: AnyBody, omega: ArrayLike, /, eps: ArrayLike | None = None) -
 def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray:
     """Matrix A of the linear system that a step of Kahan's map solves.
 
-    A = 1 - (eps / 2) f'(omega), and A (omega_next - omega) = eps f(omega), where f is the
-    :func:`vector_field`. The map has a pole where det A = 0. For a body without a rotor
-    A omega_next = omega.
+    A = 1 - (eps / 2) f'(x), and A (x_next - x) = eps f(x), where f is the :func:`vector_field`. The
+    map has a pole where det A = 0. For a body without a rotor A x_next = x.
 
     Parameters
     ----------
@@ -118,10 +119,11 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, matrix, step
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> (matrix(body, [1.0, 0.5], eps=0.2) @ step(body, [1.0, 0.5], eps=0.2)).round(6)
-    array([1. , 0.5])
+    >>> from suslov_fast import QuadraticField, matrix
+    >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> matrix(field, [1.0, 0.5], eps=0.2)
+    array([[ 0.95,  0.1 ],
+           [-0.05,  1.  ]])
     """
     return evaluate("matrix", body, omega, eps)
 
@@ -130,27 +132,27 @@ def matrix(body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike) -> FloatArray
 def jacobian(
     body: BodyOrField, omega: ArrayLike, /, eps: ArrayLike, *, method: Method = "auto"
 ) -> FloatArray:
-    """Derivative of the map: row i, column j holds d(omega_next)_i / d(omega)_j.
+    """Derivative of the map: row i, column j holds the derivative of (x_next)_i by x_j.
 
-    It is A(omega; eps)**-1 A(omega_next; -eps), with the A of :func:`matrix`, for Kahan's map, the
-    product over all stages for the methods of order 4, 6 and 8, and the sum of w_n times the
-    products over columns of n stages for "extrapolated".
+    For Kahan's map it is A(x; eps)**-1 A(x_next; -eps), with the A of :func:`matrix`; for the
+    methods of order 4, 6 and 8 the product over all sub-steps; for "extrapolated" the sum of w_n
+    times the products over n sub-steps, with the weights w_n of the columns of n sub-steps.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single body or field, or a batch.
+    body : QuadraticField, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
+        A single field or body, or a batch.
     omega : array_like(float, shape=(..., D))
-        States: angular velocities, or states x of a field. NaN gives NaN.
+        States x of a field, or angular velocities of a body. NaN gives NaN.
     eps : array_like(float, shape=(...))
-        Step size: in seconds, if omega is in rad/s. A negative one steps back.
+        Step size in time; a negative one steps back.
     method : str
         As in :func:`iterate`.
 
     Returns
     -------
     ndarray(float, shape=(..., D, D))
-        Dimensionless. NaN, with one :class:`SingularStepWarning`, where a state has no next state.
+        NaN, with one :class:`SingularStepWarning`, for a state on a pole of the map.
 
     Raises
     ------
@@ -159,10 +161,11 @@ def jacobian(
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, jacobian
-    >>> jacobian(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [1.0, 0.5], eps=0.2).round(6)
-    array([[ 1.006511,  0.037232],
-           [-0.221645,  0.937189]])
+    >>> from suslov_fast import QuadraticField, jacobian
+    >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> jacobian(field, [1.0, 0.5], eps=0.2).round(6)
+    array([[ 1.093638, -0.221485],
+           [ 0.105205,  0.999397]])
     """
     return evaluate("jacobian", body, omega, eps, map=map_of(body, method))
 
@@ -176,41 +179,44 @@ def multipliers(
     *,
     method: Method = "auto",
 ) -> OneOrEach:
-    """Multipliers of fixed points: the eigenvalues of the derivative of the map, for stability.
+    """Multipliers of fixed points (equilibria): the eigenvalues of the derivative of the map.
 
-    A fixed point attracts if all moduli are below 1. Multipliers of Kahan's map are
+    A fixed point is stable if all moduli are below 1. Multipliers of Kahan's map are
     (1 + eps mu / 2) / (1 - eps mu / 2) for the eigenvalues mu of f', those of order 4, 6 and 8 the
-    products of these over all stages, and those of "extrapolated" the sum of w_n
-    ((1 + eps mu / (2 n)) / (1 - eps mu / (2 n)))**n over the columns n. In n dimensions mu = c s at
-    omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
+    products of these over all sub-steps, and those of "extrapolated" the sum of w_n
+    ((1 + eps mu / (2 n)) / (1 - eps mu / (2 n)))**n over the columns of n sub-steps. For a body in
+    n dimensions mu = c s at omega = c I, for s in the spectrum of ``J**-1 (|I|**2 Id - I I^T)``.
 
     Parameters
     ----------
     body, eps, method
         As in :func:`jacobian`.
     x : array_like(float, shape=(..., D))
-        Fixed points of the map: steady states of a body, zeros of a field. For a family also the
+        Fixed points of the map: zeros of a field, steady states of a body. For a family also the
         result of :func:`fixed_points`, with an array (k, D) for each member.
 
     Returns
     -------
     ndarray(float or complex, shape=(..., D)), or a list of them
-        Dimensionless, sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Floats
-        for a Suslov body, where 1 belongs to the line of steady states; complex for a gyrostat or
-        a field. Infinite at a pole. For a result of :func:`fixed_points`, arranged as that.
+        Sorted by decreasing modulus; in conjugate pairs Im > 0 comes first. Complex for a field or
+        a gyrostat; floats for other bodies, where 1 belongs to the line of steady states. Infinite
+        at a pole. If x is a result of :func:`fixed_points`, an array for each of its arrays.
 
     Raises
     ------
     ValueError
-        If f(x) is not 0: a component exceeds 1e-8 of the sum of the moduli of its terms, and no
-        fixed point lies within 1e-8 of ``max abs(x)`` by a step of Newton's method. At other
+        If x is not a fixed point: a component of f(x) exceeds 1e-8 of the sum of the moduli of its
+        terms, and a step of Newton's method moves x by more than 1e-8 of ``max abs(x)``. At other
         states use :func:`jacobian`.
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, multipliers
-    >>> multipliers(Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3), [-0.6, 1.0], eps=0.2).round(6)
-    array([1.062919, 1.      ])
+    A damped oscillator, whose equilibrium is stable:
+
+    >>> from suslov_fast import QuadraticField, multipliers
+    >>> field = QuadraticField.from_function(lambda x: (x[1], -x[0] - 0.1 * x[1]), "x v")
+    >>> abs(multipliers(field, [0.0, 0.0], eps=0.2)).round(6)
+    array([0.990148, 0.990148])
     """
     points: Any = x
     map_of(body, method).require("multipliers", body)
@@ -340,9 +346,9 @@ def lyapunov_exponents(
 ) -> FloatArray:
     """Lyapunov exponents of orbits over a finite number of steps; chaos shows as positive ones.
 
-    The derivatives of the map along an orbit are multiplied and decomposed as Q R, again and again
-    before columns lose digits (Benettin's method); exponents are mean logarithms of the diagonals
-    of R. The sum equals the mean of ``log |det DPhi|`` (relative error 1e-10). The exponents of an
+    The derivatives of the map along the orbit are multiplied, and decomposed as Q R before columns
+    lose digits (Benettin's method). The exponents are the mean logarithms of the diagonals of R.
+    Their sum equals the mean of ``log |det DPhi|`` (relative error 1e-10). The exponents of an
     orbit are bit-identical whatever else is in the batch.
 
     Parameters
@@ -352,19 +358,20 @@ def lyapunov_exponents(
     steps : int
         Number of steps averaged over, after the transient; 1 or more.
     transient : int
-        Number of steps before the mean begins. They align the tangent vectors, too, so that the
-        mean has no error of order 1 / steps.
+        Number of steps before averaging begins. They also align the tangent vectors; without them
+        the mean has an error of order 1 / steps.
     progress : bool or callable, optional
-        True shows a bar (needs tqdm); a callable is called as ``progress(done, transient +
-        steps)``, and ends the run if it returns False: exponents are then means over the steps
-        done, or NaN if the transient was not over.
+        True shows a bar (needs tqdm). A function is called as ``progress(done, transient +
+        steps)``; if it returns False, the exponents are means over the steps done, or NaN if the
+        transient was not over.
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        Exponents per step, dimensionless, the largest first; divide by eps for rates. -inf if a
-        step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails. After
-        a step over a pole (one :class:`PoleWarning`) they are exponents of the map alone.
+        Exponents per step, the largest first; divide by eps for exponents per unit time. -inf if a
+        step is not invertible; NaN, with one :class:`SingularStepWarning`, if an orbit fails. If an
+        orbit passed a pole (one :class:`PoleWarning`), they are those of the map, not of the
+        motion.
 
     Raises
     ------
@@ -373,10 +380,17 @@ def lyapunov_exponents(
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, lyapunov_exponents
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> lyapunov_exponents(body, [1.0, 0.5], eps=0.2, steps=100_000).round(4)
-    array([ 0.    , -0.0805])
+    The Lorenz system, whose largest exponent is about 0.906 per unit time:
+
+    >>> from suslov_fast import QuadraticField, lyapunov_exponents
+    >>> lorenz = QuadraticField.from_function(
+    ...     lambda x: (10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]),
+    ...     "x y z",
+    ... )
+    >>> eps = 1 / 128
+    >>> exponents = lyapunov_exponents(lorenz, [1, 1, 20], eps, 50_000, transient=2000) / eps
+    >>> exponents.round(1)
+    array([  0.9,   0. , -14.6])
     """
     checked = problem("lyapunov_exponents", body, omega0, eps, threads, method, name="omega0")
     steps, transient = integer("steps", steps, 1), integer("transient", transient, 0)

@@ -30,7 +30,7 @@ def step(
     method: Method = "auto",
     threads: int | None = None,
 ) -> FloatArray:
-    """Return the next state: one step of the map of a body or a field.
+    """Return the next state: one step of the map of a field or a body.
 
     Kahan's method makes x' = f(x) linear in the next state: squares x_i**2 become x_i next_i,
     products x_i x_j become (x_i next_j + next_i x_j) / 2, and x_i becomes (x_i + next_i) / 2. The
@@ -39,15 +39,15 @@ def step(
     Parameters
     ----------
     body, eps, method, threads
-        As in :func:`iterate`; a step in three dimensions always runs on one thread.
+        As in :func:`iterate`; a step of a body in three dimensions always runs on one thread.
     omega : array_like(float, shape=(..., D))
         States x of a field, or angular velocities of a body.
 
     Returns
     -------
     ndarray(float, shape=(..., D))
-        The next states, in the unit of `omega`. A state that contains NaN gives NaN; so does a
-        state on a pole of the map, with one :class:`SingularStepWarning`.
+        The next states. NaN for a state that contains NaN; NaN, with one
+        :class:`SingularStepWarning`, for a state on a pole of the map.
 
     Notes
     -----
@@ -55,12 +55,12 @@ def step(
 
     Examples
     --------
-    >>> from suslov_fast import Suslov3D, step
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> later = step(body, [1.0, 0.5], eps=0.2)
+    >>> from suslov_fast import QuadraticField, step
+    >>> field = QuadraticField.from_function(lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), 2)
+    >>> later = step(field, [1.0, 0.5], eps=0.2)
     >>> later.round(6)
-    array([1.013781, 0.372248])
-    >>> step(body, later, eps=-0.2).round(6)
+    array([1.104712, 0.505236])
+    >>> step(field, later, eps=-0.2).round(6)
     array([1. , 0.5])
     """
     map = map_of(body, method)
@@ -90,7 +90,7 @@ def iterate(
     on_singular: OnSingular = "warn",
     progress: Progress = None,
 ) -> Trajectories:
-    """Iterate the map of a body or a field: orbits from a batch of initial states.
+    """Iterate the map of a field or a body: orbits from a batch of initial states.
 
     The shapes of the field, of `eps` and of the initial states without their last axis broadcast
     to the batch shape ``...``. A trajectory is bit-identical whatever else is in the batch, and for
@@ -98,14 +98,14 @@ def iterate(
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        A single body or field, or a batch of them.
+    body : QuadraticField, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
+        A single field or body, or a batch.
     omega0 : array_like(float, shape=(..., D)) or RandomStarts
-        Initial states: angular velocities (Omega1, Omega2), the n - 1 components Omega_in, or
-        states x of a field. A state that contains NaN has failed at step 0.
+        Initial states: states x of a field; angular velocities (Omega1, Omega2) of a body in three
+        dimensions, its n - 1 components Omega_in in n. A state that contains NaN fails at step 0.
     eps : array_like(float, shape=(...))
-        Step size, in the unit of time of the states, 0 or with a modulus from 1e-50 to 1e50.
-        Negative step sizes run backwards in time, by the inverse map.
+        Step size in time, 0 or between 1e-50 and 1e50 in modulus. A negative one runs backwards in
+        time, by the inverse map.
     steps : int
         Number of steps, 0 or more.
     save_every : int or None
@@ -114,14 +114,15 @@ def iterate(
         "auto" is Kahan's method, of order 2. For fields "order4", "order6" and "order8" compose 7,
         13 and 21 of its steps: more digits for the same work, but quantities that the map conserves
         vary. "extrapolated" combines 30 of its steps to order 10: the most digits for the same
-        work, and an estimate of the error (`Trajectories.local_error`); fast decay of any speed
-        stays bounded, and there is no exact inverse. In n dimensions "gauss" eliminates the matrix
-        A at every step; "auto", also called "rank2", uses that A is diagonal plus rank two, and
-        eliminates only where digits would be lost.
+        work, and an estimate of the error (`Trajectories.local_error`); modes that decay fast stay
+        bounded at any step size, and there is no exact inverse. For bodies in n dimensions "gauss"
+        eliminates the matrix A at every step; "auto", also called "rank2", uses that A is diagonal
+        plus rank two, and eliminates only where digits would be lost.
     attitude : bool or array_like(float, shape=(..., n, n))
-        True, or rotation matrices at state 0, to compute the orientation as well: :func:`attitude`.
+        True, or rotation matrices at state 0, to compute the orientation of a body as well:
+        :func:`attitude`.
     out : ndarray(float64, shape=(n_saved, ..., D)), optional
-        C-contiguous array to hold the saved states, in place of a new one.
+        C-contiguous array that receives the saved states, in place of a new one.
     threads : int, optional
         Number of threads; by default Numba's.
     on_singular : {"warn", "raise", "ignore"}
@@ -135,21 +136,21 @@ def iterate(
     Returns
     -------
     Trajectories
-        The saved states and the status of each trajectory. After a pole, where no next state
-        exists, states are NaN; :func:`exact` continues beyond.
+        The saved states and the status of each trajectory. After a state on a pole, which has no
+        next one, states are NaN; for bodies :func:`exact` continues beyond.
 
     Examples
     --------
-    Where are 1000 orbits after 400 steps, and is the first integral still the same?
+    Where are 1000 populations of predators and prey after 400 steps?
 
-    >>> from suslov_fast import RandomStarts, Suslov3D, iterate
-    >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
-    >>> run = iterate(body, RandomStarts(1000, extent=2.0), eps=0.2, steps=400, save_every=100)
-    >>> run.omega.shape, run.ok
-    ((5, 1000, 2), True)
-    >>> F = run.first_integral()
-    >>> bool(abs(F / F[0] - 1).max() < 1e-12)
-    True
+    >>> from suslov_fast import QuadraticField, RandomStarts, iterate
+    >>> field = QuadraticField.from_function(
+    ...     lambda x: (x[0] - x[0] * x[1], x[0] * x[1] - x[1]), "prey predator"
+    ... )
+    >>> starts = RandomStarts(1000, low=0.5, high=1.5)
+    >>> run = iterate(field, starts, eps=1 / 32, steps=400, save_every=100)
+    >>> run.x.shape, run.ok, run.final.mean(axis=0).round(2)
+    ((5, 1000, 2), True, array([0.99, 1.02]))
     """
     map = map_of(body, method)
     problem = check(map, body, omega0, eps, threads, name="omega0", attitude=attitude)
@@ -184,13 +185,13 @@ def step_full(
     omega : array_like(float, shape=(..., 3))
         Angular velocities (Omega1, Omega2, Omega3).
     I3 : array_like(float, shape=(...)), optional
-        Third moment of inertia, positive, in the unit of I1; by default that of the body.
+        Third moment of inertia, positive; by default that of the body.
 
     Returns
     -------
     ndarray(float, shape=(..., 3))
-        The next states, in the unit of `omega`. A state that contains NaN gives NaN; so does a
-        state on a pole of the map, with one :class:`SingularStepWarning`.
+        The next states. NaN for a state that contains NaN; NaN, with one
+        :class:`SingularStepWarning`, for a state on a pole of the map.
 
     Raises
     ------

@@ -41,8 +41,7 @@ def exact(
 ) -> FloatArray:
     """Return any state of an orbit of the map by its closed form, at the same cost for every n.
 
-    The formula is Theorem 1 of Dragovic and Gajic, arXiv:0807.2966, corrected, and extended to
-    t >= 1 and to the gyrostat; t is :func:`criticality`.
+    The map is that of a body; t below is its :func:`criticality`.
 
     Parameters
     ----------
@@ -57,8 +56,8 @@ def exact(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states, in the unit of `omega0`. NaN with a `RuntimeWarning` for ``|n| > 2**53`` or n
-        that is not an integer, if t >= 1, and where the dimensionless X, Y or K exceeds 1e8 (then
+        The states. If t >= 1, they are NaN, with a `RuntimeWarning`, for ``|n| > 2**53`` and for n
+        that is not an integer; and for any t where the dimensionless X, Y or K exceeds 1e8 (then
         use :func:`iterate`). Beyond a pole of the map, where :func:`iterate` stops, the formula
         continues; only the state directly after the pole is NaN, with a
         :class:`SingularStepWarning`.
@@ -67,6 +66,11 @@ def exact(
     ------
     NotIntegrableError
         If no closed form is known for this body in n dimensions.
+
+    Notes
+    -----
+    The formula is Theorem 1 of Dragovic and Gajic, arXiv:0807.2966, with two corrections
+    (:func:`closed_form`), extended to t >= 1 and to the gyrostat.
 
     Examples
     --------
@@ -94,27 +98,28 @@ def flow(
     threads: int | None = None,
     progress: Progress = None,
 ) -> FloatArray:
-    """Return the continuous motion at given times: exact for bodies, to a tolerance for fields.
+    """Return the solution of the equations of motion at given times, starting at time 0.
 
-    For a field it is the solution of x' = f(x) by extrapolated steps of order 10; each trajectory
-    chooses their lengths by its own estimate of the error. Stiff fields are solved by the same
-    steps. For a body it is the exact solution.
+    For a field x' = f(x) it is computed to a tolerance, by extrapolated steps of order 10. Each
+    trajectory chooses the lengths of its steps by its own estimate of the error. Stiff fields are
+    solved by the same steps. For a body the solution is exact.
 
     Parameters
     ----------
-    body : Suslov3D, SuslovND, SuslovGyrostat or QuadraticField
-        Any body in three dimensions; in n dimensions an integrable one; a field, or a batch.
+    body : QuadraticField, LiftedField, Suslov3D, SuslovGyrostat or SuslovND
+        A single field or body, or a batch; a body in n dimensions must be integrable.
     omega0 : array_like(float, shape=(..., D))
-        Initial states: angular velocities, or states x of a field.
+        Initial states: states x of a field, or angular velocities.
     time : array_like(float, shape=() or (N,))
-        Times in any order, positive or negative, in the unit of time of the states.
+        Times in any order, positive or negative.
     rtol : float, optional
-        For fields: a step is taken if its estimated error is below `rtol` times the largest modulus
-        that the component has had, but at least 1e-6 of that of the largest component, or below
-        what rounding allows. From 1e-13 to 1e-2, by default 1e-9. Components whose units are
-        further apart than 1e6 need other units.
+        Tolerance for fields, from 1e-13 to 1e-2, by default 1e-9. In each component the estimated
+        error of a step stays below `rtol` times the largest modulus that this component has had on
+        the trajectory (a component smaller than 1e-6 of the largest one counts as that large), or
+        below what rounding allows. So there is no absolute tolerance: scale components that differ
+        by more than a factor 1e6.
     threads : int, optional
-        As in :func:`iterate`. Bits depend neither on threads nor on the batch.
+        As in :func:`iterate`; a solution is bit-identical on any number of threads, in any batch.
     progress : bool or callable, optional
         For fields: called as ``progress(done, total)`` with numbers of times. If it returns False,
         the states at later times are NaN.
@@ -122,9 +127,8 @@ def flow(
     Returns
     -------
     ndarray(float, shape=(..., D) or (N, ..., D))
-        The states, in the unit of `omega0`. A solution of a field that ends, because it escapes to
-        infinity, is NaN from there on, with one :class:`PoleWarning` that tells when. A state that
-        contains NaN gives NaN.
+        The states. A solution of a field that ends, because it escapes to infinity, is NaN from
+        there on, with one :class:`PoleWarning` that tells when. NaN for a state that contains NaN.
 
     Raises
     ------
@@ -135,9 +139,18 @@ def flow(
 
     Examples
     --------
-    How far is the map from the motion at time 5, and does half the step size give a quarter of it?
+    Predators and prey (Lotka-Volterra) for three rates, at two times:
 
     >>> from suslov_fast import QuadraticField, Suslov3D, exact, flow
+    >>> family = QuadraticField.from_function(
+    ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
+    ... )
+    >>> flow(family, [1.0, 0.5], [5.0, 10.0]).shape
+    (2, 3, 2)
+
+    How large is the error of the map of a body at time 5, and does half the step size give a
+    quarter of it?
+
     >>> body = Suslov3D(I1=4, I2=1, I13=-0.5, I23=-0.3)
     >>> motion = flow(body, [1.0, 0.5], time=5.0)
     >>> motion.round(6)
@@ -146,14 +159,6 @@ def flow(
     ...     print(abs(exact(body, [1.0, 0.5], eps, n) - motion).max().round(6))
     0.000632
     0.000158
-
-    The predators and prey of Lotka and Volterra, for three rates, at two times:
-
-    >>> family = QuadraticField.from_function(
-    ...     lambda x, a: (x[0] - x[0] * x[1], a * (x[0] * x[1] - x[1])), "u v", a=[0.5, 1, 2]
-    ... )
-    >>> flow(family, [1.0, 0.5], [5.0, 10.0]).shape
-    (2, 3, 2)
     """
     map = map_of(body)
     if not map.integrates:
@@ -188,8 +193,8 @@ def limits(body: AnyBody, omega0: ArrayLike, /, eps: ArrayLike) -> tuple[FloatAr
     Returns
     -------
     omega_minus, omega_plus : ndarray(float, shape=(..., D))
-        Angular velocities, in the unit of `omega0`: opposite points of the line I13 Omega1 + I23
-        Omega2 = 0; for a gyrostat, points of the line I13 Omega1 + I23 Omega2 = -k. Orbits continue
+        Angular velocities: opposite points of the line I13 Omega1 + I23 Omega2 = 0; for a
+        gyrostat, points of the line I13 Omega1 + I23 Omega2 = -k. Orbits continue
         beyond poles, and a fixed point is its own limit. NaN for an orbit of a gyrostat on a closed
         curve, for a state that contains NaN, and for the one state of a body at which the map or
         its inverse is undefined.
